@@ -32,10 +32,10 @@ from rsoconsole.tracking.initiation.acquisition import (
 from rsoconsole.tracking.joint import TrackCandidates
 
 ANOTHER_OBJECT_NIS = 100.0
-"""What the operator chooses ten sigmas from the prediction is another object: it begins again."""
+"""NIS from which on the operator's choice is another object, and begins a new track."""
 
 ALONE_FOR_S = 100.0
-"""How long the motions of preset ``adaptive`` are believed without an orbit: three frames or so."""
+"""Longest coast of preset ``adaptive`` by its own motions, without an orbit: three frames or so."""
 
 _ABSENT = ("no detection", "nothing fits")
 """Misses that say that it was not there."""

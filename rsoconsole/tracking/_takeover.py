@@ -24,17 +24,17 @@ from rsoconsole.tracking.initiation.acquisition import track_through
 from rsoconsole.tracking.initiation.chains import agree
 
 SURE_ODDS = 100.0
-"""To one, from which on what does not fit takes over."""
+"""Odds to one from which on a rival takes over."""
 MIN_RIVAL_FRAMES = 3
-"""Frames in which it must have been seen."""
+"""Least number of frames of a rival that takes over."""
 MANOEUVRE_PROBABILITY = 0.002
-"""Chance that a prediction breaks, of one frame: a manoeuvre."""
+"""Probability of a manoeuvre in one frame."""
 WRONG_PAIR_PROBABILITY = 0.05
-"""Chance that the two streaks that began a track are not one object, while nothing has met it."""
+"""Probability that a track's first two streaks are of two objects, while no third fits it."""
 UNDETECTED = 0.1
-"""Chance that what is in the field and hidden by nothing is not detected."""
+"""Probability that an object in the field that nothing hides is not detected."""
 OTHERS_A_DEG2 = 0.04
-"""Other objects in a square degree that move as much alike: a crowded part of the belt has them."""
+"""Density of other objects with a like motion, per square degree: a crowded part of the belt."""
 _BROKEN_ARCSEC = 60.0
 """Scale of the distance to where it reappears; far away it falls with the cube."""
 _MOST = 8

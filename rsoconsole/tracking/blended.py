@@ -25,7 +25,7 @@ from rsoconsole.tracking.joint import Assignment, TrackCandidates
 WIDTHS = 2.5
 """Distance, in widths of a star, below which two streaks beside each other are found as one."""
 USUAL_WIDTH_ARCSEC = 3.5
-"""Of a star, where nobody measured it."""
+"""Full width of a star at half maximum, where it was not measured."""
 _LIGHT_SIGMA = 0.5
 """Of where across the pair the streak lies, in its distance: the same in every frame, so that a
 uniform law's 0.29 would be believed too much after some."""

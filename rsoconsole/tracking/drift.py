@@ -18,7 +18,7 @@ from rsoconsole.records import FloatArray
 from rsoconsole.sky import IntArray, wrap_180
 
 SAME_SLEW_ARCSEC = 10.0
-"""The mount has been sent elsewhere where its own word changes by more than that."""
+"""Largest change of the mount's reported direction within one slew."""
 FLIP_DEG = 90.0
 MIN_FRAMES = 5
 MIN_HOURS = 0.05

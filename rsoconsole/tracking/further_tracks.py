@@ -43,7 +43,7 @@ _OUTSIDE_S = 300.0
 
 
 MANY = 6
-"""Tracks, of which more cost too much for all work to be done on each in each frame."""
+"""Most tracks that all keep the full grid of filters: more would cost too much time a frame."""
 
 
 def with_fewer_filters(before: Following) -> Following:

@@ -35,9 +35,9 @@ from rsoconsole.tracking.filters.estimator import Update
 from rsoconsole.tracking.filters.sky_path import Plane
 
 DETECTION_PROBABILITY = 0.9
-"""Chance that what is in the field is detected."""
+"""Probability that an object in the field is detected."""
 STRANGERS_ARCSEC2 = 1e-6
-"""Streaks in a square arcsec that move like a track and are not it: a crowded slot."""
+"""Density of other streaks that move like a track, per square arcsec: a crowded slot."""
 _FREEDOM = 4.0
 """Degrees of freedom of the law by which ways err."""
 _ANCHORS = 3

@@ -29,7 +29,7 @@ LARGE_SLEW_DEG = 10.0
 MAX_KEPT = 24
 
 Side = Literal["east", "west"] | None
-"""Of the pier, where the telescope is; None where the mount does not tell."""
+"""Side of the pier on which the telescope is; None where the mount does not report it."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -18,7 +18,7 @@ from rsoconsole.tracking.association.following import (
 )
 
 MAX_DROPPED = 12
-"""Dropped tracks whose streaks are known: those dropped last."""
+"""Most dropped tracks whose streaks are recognised: those dropped last."""
 DROPPED = NotTaken(kind="dropped")
 
 

@@ -41,7 +41,7 @@ _OF_TWO_LINES = {
 """What an OMM may leave out, and SGP4 does without."""
 _MAX_ALPHA_5 = 339_999
 MAX_SETS = 200_000
-"""Everything ever catalogued three times over; of more every answer would take minutes."""
+"""Most element sets of one text: three times all ever catalogued; more would take minutes."""
 _SGP4_THEORIES = {"SGP4", "SGP/SGP4", "SGP"}
 
 
@@ -219,7 +219,7 @@ def _of_message(message: Mapping[str, Any], where: str) -> CatalogueEntry:
 
 
 LISTED = 8
-"""How many candidates an error names."""
+"""Number of candidates that an error names."""
 
 
 def find_object(entries: Sequence[CatalogueEntry], wanted: str) -> tuple[CatalogueEntry, ...]:

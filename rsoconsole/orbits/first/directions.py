@@ -151,7 +151,7 @@ def _whitening(cov: FloatArray) -> FloatArray:
 State = tuple[FloatArray, FloatArray]
 """Position (3,) km and velocity (3,) km/s at the epoch, along ICRS axes."""
 LOWEST_KM = 6_478.0
-"""No orbit that lasts comes nearer to the Earth's centre."""
+"""Lowest perigee of an orbit that lasts, from the Earth's centre."""
 _RADII_KM = np.geomspace(6_500.0, 400_000.0, 160)
 
 

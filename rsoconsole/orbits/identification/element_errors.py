@@ -108,7 +108,7 @@ def _by_terms(of: Callable[[float, float], float], a: Spread, b: Spread) -> Spre
 
 
 ASSUMED = ElementErrors(undisturbed=UNDISTURBED, manoeuvred=MANOEUVRED)
-"""As it is without any measurement."""
+"""Errors assumed without any measurement."""
 _CONTROLLED: dict[Regime, float] = {"GEO": 0.35, "MEO": 0.1, "LEO": 0.3, "HEO": 0.03}
 """Share of the catalogued objects that somebody steers."""
 _BETWEEN_MANOEUVRES_DAYS: dict[Regime, float] = {"GEO": 5.0, "MEO": 180.0, "LEO": 14.0, "HEO": 60.0}

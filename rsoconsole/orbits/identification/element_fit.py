@@ -26,7 +26,7 @@ from rsoconsole.orbits.identification.element_rows import ElementRow, groups_of
 from rsoconsole.records import FloatArray
 
 PRIOR_SIGMA = 0.7
-"""Of the logarithm of a factor."""
+"""One sigma of the logarithm of a factor, before any row."""
 _ALIKE = 0.3
 """Correlation of the errors of one object in different nights, by different elements: some
 objects are steered often, some low ones meet more air. Assumed."""

@@ -28,9 +28,9 @@ from rsoconsole.words import NS_PER_DAY
 
 GATE_SIGMAS = 3.0
 OLDEST_DAYS = 60.0
-"""Beyond it nothing is known of how elements err."""
+"""Oldest age of elements whose errors are known."""
 LOW_GATE_S = 60.0
-"""Low objects are sought at least so far along their path."""
+"""Smallest gate along the path of a low object."""
 MAX_GATE_S = 600.0
 _STRANGE_SHARE = 0.03
 _STRANGE_TIMES = 2.0

@@ -28,7 +28,7 @@ from rsoconsole.records import FloatArray
 from rsoconsole.sky import ARCSEC_RAD
 
 SURE = 20.0 / 21.0
-"""From this probability on: another choice is less than one twentieth as likely."""
+"""Probability of an identification: any other choice is less than one twentieth as likely."""
 WORTH_SAYING = 0.05
 _MAX_ASSIGNMENTS = 60
 _SEEN = 0.8

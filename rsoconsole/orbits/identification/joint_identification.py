@@ -33,7 +33,7 @@ from rsoconsole.records import FloatArray, Site
 from rsoconsole.words import NS_PER_S, called
 
 GAP_S = 600.0
-"""Nothing seen of a track for longer than that: it may have been lost meanwhile."""
+"""Longest gap within a track: after a longer one it may have been lost meanwhile."""
 
 
 def seen_at_once(tracks: Sequence[Sightings]) -> npt.NDArray[np.bool_]:

@@ -33,7 +33,7 @@ from rsoconsole.words import NS_PER_DAY, angle, called, clock
 Verdict = Literal["identified", "ambiguous", "unknown"]
 
 GATE_DEG = 0.2
-"""Further off no object is taken for what was seen, unless its elements are that vague."""
+"""Largest offset of an identified object, unless its elements are less certain than that."""
 SURE = 0.95
 """Probability from which on an object is called identified."""
 _CREDIBLE = 23.5

@@ -34,12 +34,12 @@ MU_SUN_KM3_S2 = 1.327_124_400_18e11
 MU_MOON_KM3_S2 = 4_902.800_066
 J2, J3, J4 = 1.082_626_68e-3, -2.532_656_48e-6, -1.619_621_59e-6
 C22, S22 = 1.574_536e-6, -9.038_68e-7
-"""Unnormalised."""
+"""Sectorial coefficients of degree and order 2, unnormalised."""
 EARTH_TURN_RAD_S = 7.292_115_146_706_979e-5
 SUN_PRESSURE_N_M2 = 4.56e-6
-"""At one astronomical unit."""
+"""Radiation pressure at one astronomical unit."""
 AREA_TO_MASS_M2_KG = 0.026
-"""Times the reflectivity coefficient: 0.02 m2/kg and 1.3, a usual geostationary satellite."""
+"""Area over mass times reflectivity of a usual geostationary satellite: 0.02 m2/kg and 1.3."""
 _KNOT_S = 3600
 _BLOCK_S = 6 * _KNOT_S
 _TOLERANCE = 1e-10
@@ -257,7 +257,7 @@ _come_down.terminal = True  # type: ignore[attr-defined]
 
 
 STEP_S = 20.0
-"""At 400 km a step is wrong by a tenth of a millimetre, and the curve between two by some."""
+"""Step of the zonal integration: at 400 km a tenth of a millimetre wrong, and between two some."""
 _State = tuple[float, float, float, float, float, float]
 
 

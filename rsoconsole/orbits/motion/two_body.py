@@ -18,7 +18,7 @@ from rsoconsole.orbits.motion._universal import (
 from rsoconsole.records import FloatArray
 
 MU_EARTH_KM3_S2 = 398_600.4418
-"""IERS Conventions 2010, without the atmosphere's share left out."""
+"""Gravitational parameter of the Earth with its atmosphere, IERS Conventions 2010."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -139,7 +139,7 @@ def expect_covered(found: NavigationFile, t_utc_ns: Sequence[int], source: str) 
 
 
 NODES, MIN_NODES = 10, 6
-"""Epochs of a polynomial, and of a short file: a metre at steps of 15 min."""
+"""Epochs of a polynomial, and least number of them: then a metre at steps of 15 min."""
 _HALF_S = 0.5
 _NEAREST_KM, _FARTHEST_KM = 6_400.0, 60_000.0
 _EPOCH = datetime(1970, 1, 1)  # noqa: DTZ001 -- a calendar, which of the time systems the file says

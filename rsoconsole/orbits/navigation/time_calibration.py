@@ -32,17 +32,17 @@ DRIFT_PRIOR_ARCSEC = 0.5
 """One sigma of what all stars of a night may be off together, stated: proper motions that are old
 or not known."""
 LINE_TIME_PRIOR_S = 300e-6
-"""One sigma: no camera reads a row in a millisecond."""
+"""One sigma of the line time before any measurement: no camera reads a row in a millisecond."""
 LINE_TIME_KNOWN_S = 10e-6
-"""A line time less sure than that is not found: the configured one stands."""
+"""Largest sigma of a line time that counts as found; else the configured one stands."""
 PLACE_PRIOR_ARCSEC = 0.05
-"""What a track is off by itself, stated: its orbit and the stars of its field."""
+"""One sigma of a track's own offset, stated: its orbit and the stars of its field."""
 PLACE_WIDTH = 2.0
-"""How many times as far off it may be, one sigma."""
+"""One sigma of a track's own offset over its stated size."""
 SCALE_PRIOR = 0.5
 """One sigma of how far off the scale of the measurements' own variances may be."""
 MIN_MEASUREMENTS = 6
-"""Measurements of a mode without which nothing is told of it."""
+"""Least number of measurements of a calibrated camera mode."""
 _TOO_FAR = 13.8
 """Of a measurement with two degrees of freedom: one good one in a thousand is farther."""
 _TAILS, _AS_GAUSSIAN = 4.0, 7.2

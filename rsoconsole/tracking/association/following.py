@@ -37,7 +37,7 @@ Choice = Literal["nearest", "most confident"]
 NO_DETECTION = Missed(kind="no detection")
 ONLY_CROSSING = Missed(kind="crossing")
 TRACKABLE_CLASSES = ("satellite", "undetermined")
-"""Classes of streaks that start a track; any other is told so, unless the operator chose it."""
+"""Classes of streaks that start a track; others do only by the operator's choice."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

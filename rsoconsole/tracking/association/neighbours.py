@@ -23,16 +23,16 @@ from rsoconsole.tracking.filters.agreement import motion_between
 from rsoconsole.tracking.filters.lqe import direction_icrs_deg, sky_covariance_arcsec2
 
 NEAREST_ARCSEC = 30.0
-"""Closer than that it is the same streak found twice."""
+"""Separation below which two detections are one streak found twice."""
 SIGMA_ARCSEC = 10.0
 DRIFT_ARCSEC_S = 1.0 / 60.0
-"""Neighbours of a slot swing past each other by some 0.05 deg in half a day."""
+"""Growth of a neighbour's sigma: in a slot they swing by some 0.05 deg in half a day."""
 UNSEEN_COST = 9.0
-"""Of something known that is not there, as much as a deviation of 3 sigma."""
+"""Cost of a known object that is not seen: as a deviation of 3 sigma."""
 UNKNOWN_COST = 9.0
-"""Of something seen with the same motion where nothing is known."""
+"""Cost of a streak with the same motion where no object is known."""
 MIN_MARGIN = 4.0
-"""By how much one identity must be better than the next: seven to one."""
+"""Margin of the best explanation over the next: seven to one."""
 KEPT_S = 7200.0
 MAX_KEPT = 8
 

@@ -22,7 +22,7 @@ BoolArray = npt.NDArray[np.bool_]
 _RATE_ARCSEC_S = 0.5
 """One sigma of how fast one may move against another before two frames have shown it."""
 OTHER_MOTION_ARCSEC_S = 3.0 * _RATE_ARCSEC_S
-"""Faster by their own rates they are no members of one slot: those rates are believed."""
+"""Relative rate from which on two are not of one slot, and their own rates are believed."""
 _ACCELERATION_Q = 1e-9
 """White acceleration of that, arcsec^2/s^3: relative orbits, and tangent planes that turn."""
 _MIN_ARCSEC = 0.5
@@ -120,7 +120,7 @@ class Place:
 
 
 NO_PATTERN = Pattern()
-"""Of a field with fewer than two tracks."""
+"""Pattern of a field with fewer than two tracks."""
 
 
 def pattern_after(

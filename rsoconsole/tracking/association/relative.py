@@ -21,9 +21,9 @@ from rsoconsole.sky import ARCSEC_RAD, IntArray
 from rsoconsole.words import NS_PER_S
 
 SIDEREAL_RAD_S = 7.292115e-5
-"""The Earth's turn: what stands over the ground moves by that over the stars."""
+"""Rotation rate of the Earth: that of a geostationary satellite over the stars."""
 LONGEST_HORIZON_S = 6 * 3600.0
-"""A quarter of that turn."""
+"""Longest horizon: a quarter of a rotation."""
 MIN_FRAMES = 3
 _SWINGS_ARCSEC = (10.0, 30.0, 100.0, 300.0, 1e3, 3e3, 1e4, 3e4, 1e5)
 _DRIFTS_ARCSEC_RAD = (10.0, 300.0, 1e4, 1e6)

@@ -71,7 +71,7 @@ class Grid:
 
 FINE = Grid(VARIANCE_SCALES, SCATTERS_S)
 COARSE = Grid(VARIANCE_SCALES[1::2], SCATTERS_S[1::2])
-"""For the many members of a group: every second one of both."""
+"""Grid of the many members of a group: every second scale and scatter."""
 _SCATTER_FALLS, _SCATTER_FALLS_KNOWN = 0.1, 0.5
 """Before anything is measured a scatter is as likely as it is small, to this power; the second
 where the shutter's own is calibrated, so that it is in the measurements' covariances already."""

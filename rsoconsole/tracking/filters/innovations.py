@@ -16,10 +16,10 @@ from statistics import NormalDist
 from typing import Literal
 
 NIS_BAND = (0.0506, 7.3778)
-"""Between these lie 95 % of the NIS of a sound filter with two degrees of freedom."""
+"""Bounds of 95 % of the NIS of a sound filter with two degrees of freedom."""
 WINDOW = 12
 MIN_UPDATES = 5
-"""Fewer NIS say nothing."""
+"""Least number of updates by which a filter is judged."""
 _MAX_STEPS = 60
 _ONE_SIDED = 0.5
 """Correlation of successive innovations from which on they run on one side."""

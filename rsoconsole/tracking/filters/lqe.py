@@ -22,12 +22,12 @@ from rsoconsole.sky import wrap_180, wrap_360
 
 ARCSEC_PER_DEG = 3600.0
 SIGMA_FLOOR_ARCSEC = 0.10
-"""No measurement is trusted beyond this, whatever its own covariance says."""
+"""Smallest sigma of a measurement, whatever its own covariance says."""
 SIGMA_CEILING_ARCSEC = 36_000.0
-"""Nor is any wider than this: beyond it numbers no longer invert, and the sky is no wider."""
+"""Largest sigma of a measurement: beyond it numbers no longer invert, and the sky is no wider."""
 _MIN_COS_DEC = 1e-3
 ADAPTED_SPAN_S = 120.0
-"""How far from its last measurement a track counts as calm as its innovations have shown it."""
+"""Span from the last measurement over which the adapted process noise holds."""
 NIS_AIM = 1.8
 _SAFE_FOR_ARCSEC = 2.0
 _SMALLEST_START = 0.1

@@ -20,7 +20,7 @@ from rsoconsole.sky import direction_to_unit, unit_to_direction
 
 ARCSEC_RAD = math.radians(1.0 / 3600.0)
 X, Y, VX, VY, ACCELERATION, TURN = range(6)
-"""Of a motion: place (arcsec), rate (arcsec/s), change of speed (arcsec/s^2), turn."""
+"""Indices of a motion: place (arcsec), rate (arcsec/s), change of speed (arcsec/s^2), turn."""
 _MIN_DEPTH = 0.05
 _SLOWEST_ARCSEC_S = 1e-6
 _STEPS = np.array([1.0, 1.0, 1e-3, 1e-3, 1e-6, 1e-3])

@@ -33,7 +33,7 @@ from rsoconsole.tracking.filters.agreement import (
 )
 
 REMEMBERED = 30
-"""Frames of which the excess is remembered."""
+"""Number of streaks whose excess and turn are kept."""
 _NONE_AT_FIRST = (0.0, 0.0)
 """As if two streaks had been as long as they should be: the centre does not follow the first."""
 _MIN_FOR_SCATTER = 4

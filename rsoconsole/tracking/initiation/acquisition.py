@@ -39,7 +39,7 @@ from rsoconsole.tracking.initiation import chains
 from rsoconsole.tracking.initiation.chains import Chain
 
 AS_GOOD_AS_CERTAIN = 0.9
-"""Confidence from which on how well its place is known says which of two to follow."""
+"""Confidence from which on the smaller position error decides which of two to follow."""
 
 
 REFUSED, NOT_CHOSEN = NotTaken(kind="refused"), NotTaken(kind="not chosen")

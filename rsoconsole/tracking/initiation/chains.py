@@ -35,7 +35,7 @@ from rsoconsole.tracking.filters.sky_path import Plane
 from rsoconsole.tracking.initiation.link import MotionPrior, Tracklet, link_points
 
 LOST_TOLERANCE = 0.4
-"""A streak may have lost, or gained, so much of its length."""
+"""Share of its length that a streak of a pair may lack, or have too much."""
 ACROSS_ARCSEC, ACROSS_SHARE, LENGTH_SHARE = 3.0, 0.02, 0.15
 """Sigma of a streak's direction, as displacement across it, and of its length."""
 BEND_DEG = 5.0
@@ -43,7 +43,7 @@ BEND_DEG = 5.0
 COMMON_ARCSEC, COMMON_SHARE = 10.0, 0.05
 """Sigma of the way from frame to frame that satellites of one field share."""
 ALONE_COST = 12.0
-"""Of one that goes a way of its own."""
+"""Cost of a pair with a motion of its own."""
 UNSURE_COST = 8.0
 """Of what a pair that goes a way of its own may be off by in all: its streaks' two directions and
 lengths by two sigmas each or so. One that is off by more is rather two objects, each seen once."""
@@ -204,11 +204,11 @@ def _student(sigmas: FloatArray) -> FloatArray:
 
 
 WINDOW = 5
-"""Frames, the present one among them."""
+"""Frames in which points wait, the present one among them."""
 BEGINS_AT = 0.9
 """Probability from which on a chain of points begins a track: it is not taken back."""
 CHANCE = 0.05
-"""As many as chance makes of them, at most."""
+"""Largest number of such chains that chance makes, for one to begin a track."""
 _ALIKE_SIGMAS, _SHARE = 3.0, 0.02
 """What is near, and what moves alike: number of sigma, and share of the speed."""
 _WIDER = 2.2
