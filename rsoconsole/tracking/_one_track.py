@@ -11,67 +11,53 @@ from rsoconsole.records import (
     TrackLost,
     TrackState,
 )
-from rsoconsole.tracking._takeover import (
-    INDISTINGUISHABLE,
-    Step,
-    is_in_field,
-    off_nis,
-    rejections,
-    updated_with,
-    with_rivals,
-)
+from rsoconsole.tracking._gates import INDISTINGUISHABLE, off_nis, rejections, track_updates
+from rsoconsole.tracking._takeover import Step, is_in_field, with_rivals
 from rsoconsole.tracking.association.following import (
-    NOTHING_SEEN,
+    NO_DETECTION,
     FollowSettings,
-    Seen,
-    Tracked,
+    FrameInput,
+    LiveTrack,
     not_followed,
     three_sigma_deg,
 )
-from rsoconsole.tracking.blended import Shared
+from rsoconsole.tracking.blended import SharedStreak
 from rsoconsole.tracking.filters import estimator
 from rsoconsole.tracking.initiation.acquisition import (
     NOT_CHOSEN,
-    beside,
-    excesses_with,
-    first_state,
-    half_turns_with,
+    neighbours_with,
+    new_track,
+    streaks_with,
 )
-from rsoconsole.tracking.joint import Weighed
+from rsoconsole.tracking.joint import TrackCandidates
 
 ANOTHER_OBJECT_NIS = 100.0
-"""What the operator chooses ten sigmas from the prediction is another object: it begins again."""
+"""NIS from which on the operator's choice is another object, and begins a new track."""
 
 ALONE_FOR_S = 100.0
-"""How long the motions of preset ``adaptive`` are believed without an orbit: three frames or so."""
+"""Longest coast of preset ``adaptive`` by its own motions, without an orbit: three frames or so."""
 
 _ABSENT = ("no detection", "nothing fits")
 """Misses that say that it was not there."""
 
 
 def stepped_track(
-    weighed: Weighed,
+    weighed: TrackCandidates,
     chosen: Measurement | None,
-    before: Tracked,
-    seen: Seen,
+    before: LiveTrack,
+    seen: FrameInput,
     settings: FollowSettings,
 ) -> Step:
     """A track after a frame of which it takes one measurement, or none."""
     predicted, updated, reasons = weighed.predicted, weighed.updated, weighed.reasons
     if chosen is not None:
-        others = {m: NotTaken(kind="another taken") for m in weighed.fitting if m is not chosen}
         state = updated[chosen].state
         by_filter = weighed.by_filter.get(chosen)
         if by_filter is not None and by_filter.kind == "NIS":
             state = replace(state, filter_nis=by_filter.nis)
-        rejected: tuple[FoldRecord, ...] = (
-            predicted,
-            state,
-            *rejections({**reasons, **others}, updated),
-        )
-        return _measured(state, before, chosen, seen, rejected)
+        return _measured(state, before, chosen, seen, _records(weighed, state, chosen))
     reason = seen.why_absent
-    if seen.measurements and reason == NOTHING_SEEN:
+    if seen.measurements and reason == NO_DETECTION:
         reason = Missed(kind="nothing fits")
     if reason.kind == "nothing fits" and INDISTINGUISHABLE in reasons.values():
         reason = replace(reason, kind="cannot be told apart")
@@ -85,33 +71,37 @@ def stepped_track(
     return with_rivals(step, before, predicted, reasons, is_absent, seen, settings)
 
 
-def shared_track(weighed: Weighed, own: Shared, before: Tracked, seen: Seen) -> Step:
+def shared_track(
+    weighed: TrackCandidates, own: SharedStreak, before: LiveTrack, seen: FrameInput
+) -> Step:
     """A track after a frame that could not show it apart from another."""
-    reasons = {m: why for m, why in weighed.reasons.items() if m is not own.streak}
-    others = {m: NotTaken(kind="another taken") for m in weighed.fitting if m is not own.streak}
-    rejected: tuple[FoldRecord, ...] = (
-        weighed.predicted,
-        own.updated,
-        *rejections({**reasons, **others}, weighed.updated),
-    )
-    return _measured(own.updated, before, own.taken, seen, rejected)
+    records = _records(weighed, own.updated, own.streak)
+    return _measured(own.updated, before, own.taken, seen, records)
+
+
+def _records(
+    weighed: TrackCandidates, updated: TrackState, streak: Measurement
+) -> tuple[FoldRecord, ...]:
+    """Prediction, update with a streak of the frame, and why its others were not taken."""
+    reasons = {m: why for m, why in weighed.reasons.items() if m is not streak}
+    reasons |= {m: NotTaken(kind="another taken") for m in weighed.fitting if m is not streak}
+    return (weighed.predicted, updated, *rejections(reasons, weighed.updated))
 
 
 def initiated_again(
-    step: Step, before: Tracked, track_id: int, seen: Seen, settings: FollowSettings
+    step: Step, before: LiveTrack, track_id: int, seen: FrameInput, settings: FollowSettings
 ) -> Step:
     """A new track takes the place of one that had gone astray."""
     found = step.reacquired
     assert found is not None
-    pair = (found.first, found.second)
-    fresh = first_state(pair, track_id, seen, settings, is_lead=before.track.is_lead)
+    fresh = new_track(found.pair, track_id, seen, settings, is_lead=before.track.is_lead)
     track = replace(fresh.track, replaces=before.track.track_id)
     fresh = replace(fresh, track=track, is_kept=before.is_kept)
     return Step(records=(*step.records, fresh.track), after=fresh, is_measured=True)
 
 
-def predicted_track(before: Tracked, seen: Seen, settings: FollowSettings) -> TrackState:
-    """Where the track is at a frame: after a while unseen, by the orbit of all that was seen.
+def predicted_track(before: LiveTrack, seen: FrameInput, settings: FollowSettings) -> TrackState:
+    """The track predicted to a frame: after a while unseen by the orbit of all measurements.
 
     No motion without an orbit predicts a long coast; preset ``tuned`` asks the orbit only where
     its own prediction fits nothing.
@@ -127,22 +117,18 @@ def predicted_track(before: Tracked, seen: Seen, settings: FollowSettings) -> Tr
 
 def _measured(
     track: TrackState,
-    before: Tracked,
+    before: LiveTrack,
     taken: Measurement,
-    seen: Seen,
+    seen: FrameInput,
     records: tuple[FoldRecord, ...],
 ) -> Step:
     """A track that has taken a measurement."""
-    neighbours = beside(before.neighbours, track, taken, seen)
-    excesses = excesses_with(before.excesses_arcsec, track, taken, seen)
-    half_turns = half_turns_with(before.half_turns_arcsec, track, taken, seen)
     after = replace(
         before,
         track=track,
         taken=taken,
-        neighbours=neighbours,
-        excesses_arcsec=excesses,
-        half_turns_arcsec=half_turns,
+        neighbours=neighbours_with(before.neighbours, track, taken, seen),
+        streaks=streaks_with(before.streaks, track, taken, seen),
         rivals=(),
         unexplained=0,
         ambiguous=0,
@@ -151,21 +137,21 @@ def _measured(
 
 
 def follow_chosen(
-    before: Tracked, chosen: Measurement, seen: Seen, settings: FollowSettings
+    before: LiveTrack, chosen: Measurement, seen: FrameInput, settings: FollowSettings
 ) -> Step:
-    """What the operator wants followed is taken whatever the gates say, or begins a new track."""
+    """Take the operator's choice whatever the gates say, or begin a new track with it."""
     predicted = estimator.predict(before.track, seen.t_mid_utc_ns, settings.filter, seen.frame_id)
     others = tuple(not_followed(m, NOT_CHOSEN) for m in seen.measurements if m != chosen)
-    updated = updated_with(predicted, chosen, before, seen, settings).state
+    updated = track_updates(predicted, (chosen,), before, seen, settings)[chosen].state
     if off_nis(updated, settings) > ANOTHER_OBJECT_NIS:
         return Step(records=(predicted, *others), after=None, begins_with=chosen)
     return _measured(updated, before, chosen, seen, (predicted, updated, *others))
 
 
 def _coast(  # noqa: PLR0917 -- one call, each argument a different thing
-    before: Tracked,
+    before: LiveTrack,
     predicted: TrackState,
-    seen: Seen,
+    seen: FrameInput,
     settings: FollowSettings,
     records: tuple[FoldRecord, ...],
     reason: Missed,

@@ -6,187 +6,60 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from rsoconsole.records import Cause, FoldRecord, Measurement, NotFollowed, NotTaken, TrackState
+from rsoconsole.tracking._gates import nis_of
 from rsoconsole.tracking.association.following import (
-    MAY_BE_FOLLOWED,
-    SURE_ODDS,
+    TRACKABLE_CLASSES,
     FollowSettings,
-    RivalFilter,
-    Seen,
-    Tracked,
-    after_miss,
+    FrameInput,
+    LiveTrack,
+    Rival,
     expected_motion,
-    not_followed,
-    odds,
     three_sigma_deg,
 )
-from rsoconsole.tracking.association.neighbours import MIN_MARGIN, Field, Neighbour, best_match
-from rsoconsole.tracking.association.pattern import learnt_error_arcsec
-from rsoconsole.tracking.filters import adaptive, estimator, lqe
-from rsoconsole.tracking.filters.agreement import (
-    BENT_TOLERANCE_DEG,
-    DIRECTION_TOLERANCE_DEG,
-    FLASHING_TOLERANCE,
-    LENGTH_TOLERANCE,
-    LONGER_TOLERANCE,
-    PART_TOLERANCE,
-    SHORTER_TOLERANCE,
-    Motion,
-    disagreement,
-    motion_between,
-)
-from rsoconsole.tracking.filters.estimator import Update
-from rsoconsole.tracking.filters.streak_length import StreakErrors, along_error_arcsec, shows_parts
-from rsoconsole.tracking.initiation import chains
-from rsoconsole.tracking.initiation.acquisition import errors_of, initiated
+from rsoconsole.tracking.association.neighbours import Field
+from rsoconsole.tracking.filters import estimator, lqe
+from rsoconsole.tracking.filters.agreement import SHORTER_TOLERANCE, disagreement, motion_between
+from rsoconsole.tracking.filters.streak_length import StreakErrors, along_error_arcsec
+from rsoconsole.tracking.initiation.acquisition import track_through
 from rsoconsole.tracking.initiation.chains import agree
 
-INDISTINGUISHABLE = NotTaken(kind="cannot be told apart")
-
-
-def updated_with(
-    predicted: TrackState, m: Measurement, before: Tracked, seen: Seen, settings: FollowSettings
-) -> Update:
-    """A measurement that a track may take, whose error its streak tells too."""
-    return all_updated_with(predicted, (m,), before, seen, settings)[m]
-
-
-def all_updated_with(
-    predicted: TrackState,
-    measured: tuple[Measurement, ...],
-    before: Tracked,
-    seen: Seen,
-    settings: FollowSettings,
-) -> dict[Measurement, Update]:
-    """``updated_with`` of several measurements."""
-    expected = expected_motion(predicted, seen.exposure_s)
-    history = before.excesses_arcsec, before.half_turns_arcsec
-    pairs = [(m, errors_of(m, expected, *history, settings)) for m in measured]
-    return estimator.all_weighed(predicted, pairs, settings.filter)
-
-
-def refusals(  # noqa: PLR0917 -- one call, each argument a different thing
-    predicted: TrackState,
-    expected: Motion,
-    updated: dict[Measurement, Update],
-    before: Tracked,
-    seen: Seen,
-    settings: FollowSettings,
-) -> dict[Measurement, NotTaken]:
-    """Which measurements do not belong to the track, and why: motion, position, neighbours."""
-    reasons: dict[Measurement, NotTaken] = {}
-    shares = (LENGTH_TOLERANCE, LENGTH_TOLERANCE)
-    if settings.filter.preset == "adaptive":
-        shares = (_most_missing(expected, before), LONGER_TOLERANCE)
-    bent_deg = BENT_TOLERANCE_DEG if chains.is_wide(settings) else DIRECTION_TOLERANCE_DEG
-    for measurement in updated:
-        mismatch = disagreement(measurement, expected, *shares, bent_deg)
-        reason = None if mismatch is None else NotTaken(kind="moves otherwise", mismatch=mismatch)
-        if reason is None and measurement.is_clipped:
-            reason = _too_far_for_clipped(measurement, predicted, expected)
-        if reason is not None:
-            reasons[measurement] = reason
-    alike = tuple(m for m in updated if m not in reasons and not m.is_clipped)
-    neighbours = before.neighbours
-    errors = tuple(learnt_error_arcsec(m, updated[m].state) for m in alike) if neighbours else ()
-    strangers = _strangers(alike, errors, predicted, expected, neighbours, seen, settings)
-    for measurement, update in updated.items():
-        if measurement in reasons:
-            continue
-        if lqe.is_gated_out(nis_of(update), settings.filter):
-            reasons[measurement] = NotTaken.by_gate(nis_of(update), settings.filter.gate_nis)
-        elif measurement in strangers:
-            reasons[measurement] = strangers[measurement]
-    return reasons
-
-
-def _most_missing(expected: Motion, before: Tracked) -> float:
-    """Which share of its length a streak of the track may lack."""
-    is_flashing = shows_parts(before.excesses_arcsec, expected.length_arcsec)
-    return FLASHING_TOLERANCE if is_flashing else PART_TOLERANCE
-
-
-def _strangers(  # noqa: PLR0917 -- one call, each argument a different thing
-    alike: tuple[Measurement, ...],
-    errors_arcsec: tuple[float, ...],
-    predicted: TrackState,
-    expected: Motion,
-    neighbours: tuple[Neighbour, ...],
-    seen: Seen,
-    settings: FollowSettings,
-) -> dict[Measurement, NotTaken]:
-    """Which of those that move alike are not what is followed, or may not be, and why."""
-    if not neighbours or not alike:
-        return {}
-    match = best_match(
-        alike,
-        predicted,
-        neighbours,
-        streak_arcsec=expected.length_arcsec,
-        field=seen.field,
-        errors_arcsec=errors_arcsec,
-    )
-    # The paper's bounds are wider than any slot: no position could ever meet a margin in them.
-    if settings.filter.preset != "paper" and match.margin < MIN_MARGIN:
-        return dict.fromkeys(alike, INDISTINGUISHABLE)
-    others = (m for m in alike if m is not match.measurement)
-    return dict.fromkeys(others, NotTaken(kind="neighbour"))
-
-
-def _too_far_for_clipped(
-    measurement: Measurement, predicted: TrackState, expected: Motion
-) -> NotTaken | None:
-    """Why the visible part of a streak cannot be the track's; None when it can.
-
-    Its own covariance says little along the streak, but its midpoint lies within half a streak
-    of the whole one's.
-    """
-    to = (measurement.ra_icrs_deg, measurement.dec_icrs_deg)
-    away = motion_between(*lqe.direction_icrs_deg(predicted), *to).length_arcsec
-    allowed = expected.length_arcsec / 2.0 + three_sigma_deg(predicted) * 3600.0
-    if away <= allowed:
-        return None
-    return NotTaken.clipped_and_far(away, allowed)
-
-
-def rejections(
-    reasons: dict[Measurement, NotTaken], updated: dict[Measurement, Update]
-) -> tuple[NotFollowed, ...]:
-    return tuple(not_followed(m, reason, updated[m].nis) for m, reason in reasons.items())
-
-
-def nis_of(update: TrackState | Update) -> float:
-    return update.nis or 0.0
-
-
-def off_nis(updated: TrackState, settings: FollowSettings) -> float:
-    """How far an innovation is off by the moments: a mixture allows for more."""
-    if settings.filter.preset != "adaptive" or updated.innovation_arcsec is None:
-        return nis_of(updated)
-    off = np.array(updated.innovation_arcsec)
-    return float(off @ np.linalg.solve(adaptive.innovation_covariance(updated), off))
-
-
+SURE_ODDS = 100.0
+"""Odds to one from which on a rival takes over."""
+MIN_RIVAL_FRAMES = 3
+"""Least number of frames of a rival that takes over."""
+MANOEUVRE_PROBABILITY = 0.002
+"""Probability of a manoeuvre in one frame."""
+WRONG_PAIR_PROBABILITY = 0.05
+"""Probability that a track's first two streaks are of two objects, while no third fits it."""
+UNDETECTED = 0.1
+"""Probability that an object in the field that nothing hides is not detected."""
+OTHERS_A_DEG2 = 0.04
+"""Density of other objects with a like motion, per square degree: a crowded part of the belt."""
+_BROKEN_ARCSEC = 60.0
+"""Scale of the distance to where it reappears; far away it falls with the cube."""
+_MOST = 8
+_MAX_MISSED = 6
+"""More frames without it say no more: what hides it may last."""
+_KEPT_S = 130.0
+"""Without another streak of it."""
 _MAX_UNFIT = 6
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Reacquired:
-    """What did not fit has turned out to be what is followed."""
+    """Measurements that did not fit and turned out to be the object that is followed."""
 
-    first: Measurement
-    second: Measurement
-    away_arcsec: float
-    """From where the track had it."""
-    frames: int
-    odds: float
+    pair: tuple[Measurement, Measurement]
+    """Its last two, which begin a track again."""
+    cause: Cause
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Step:
-    """What one frame makes of one track."""
+    """A track after one frame, with what goes on record."""
 
     records: tuple[FoldRecord, ...]
-    after: Tracked | None
+    after: LiveTrack | None
     """None where the track has ended."""
     is_measured: bool = False
     begins_with: Measurement | None = None
@@ -196,34 +69,28 @@ class Step:
 
 def with_rivals(  # noqa: PLR0917 -- one call, each argument a different thing
     step: Step,
-    before: Tracked,
+    before: LiveTrack,
     predicted: TrackState,
     reasons: dict[Measurement, NotTaken],
     is_absent: bool,
-    seen: Seen,
+    seen: FrameInput,
     settings: FollowSettings,
 ) -> Step:
     """A step that coasts, with what fits nothing but each other, and whether that takes over."""
     unfit = tuple(m for m, why in reasons.items() if why.kind in {"NIS", "moves otherwise"})
     # Of whatever class: what flashes looks like a chain of stars now and then.
     usable = tuple(m for m in unfit if not m.is_clipped)
-    t_utc_ns, frame_id = seen.t_mid_utc_ns, seen.frame_id
-    rival_filter = RivalFilter(
-        start=lambda first, second: _rival_track(first, second, seen, settings),
-        predict=lambda track: estimator.predict(track, t_utc_ns, settings.filter, frame_id),
-        update=lambda there, m: _rival_updated(there, m, seen, settings),
-    )
     # What the operator will not have is no rival either.
     known = () if seen.refused else before.rivals
-    rivals = after_miss(known, usable[:_MAX_UNFIT], t_utc_ns, rival_filter)
+    rivals = _rivals_after(known, usable[:_MAX_UNFIT], seen, settings)
     unexplained = before.unexplained + is_absent
     assert step.after is not None
     after = replace(step.after, rivals=rivals, unexplained=unexplained)
     likely = [
-        (odds(rival, predicted, unexplained), rival)
+        (rival_odds(rival, predicted, unexplained), rival)
         for rival in rivals
         if rival.measurements[-1].frame_id == seen.frame_id
-        and any(m.object_class in MAY_BE_FOLLOWED for m in rival.measurements)
+        and any(m.object_class in TRACKABLE_CLASSES for m in rival.measurements)
         # Two streaks alone may be of two objects: what stood beside them then says nothing.
         and not (
             before.track.innovations
@@ -236,12 +103,13 @@ def with_rivals(  # noqa: PLR0917 -- one call, each argument a different thing
         if chance >= SURE_ODDS:
             to = (last.ra_icrs_deg, last.dec_icrs_deg)
             away = motion_between(*lqe.direction_icrs_deg(predicted), *to)
+            detail = (
+                f"{away.length_arcsec:.0f} arcsec from the prediction:"
+                f" {len(rival.measurements)} frames agree, {min(chance, 1e6):.0f} to 1"
+            )
             found = Reacquired(
-                first=rival.measurements[-2],
-                second=last,
-                away_arcsec=away.length_arcsec,
-                frames=len(rival.measurements),
-                odds=chance,
+                pair=(rival.measurements[-2], last),
+                cause=Cause(kind="re-acquired", detail=detail),
             )
             others = tuple(
                 r for r in step.records if not isinstance(r, NotFollowed) or r.measurement != last
@@ -250,24 +118,87 @@ def with_rivals(  # noqa: PLR0917 -- one call, each argument a different thing
     return replace(step, after=after)
 
 
+def _rivals_after(
+    before: tuple[Rival, ...],
+    unfit: tuple[Measurement, ...],
+    seen: FrameInput,
+    settings: FollowSettings,
+) -> tuple[Rival, ...]:
+    """The rivals after a frame in which what is followed was not seen; the longest first."""
+    left, found = list(unfit), list[Rival]()
+    for rival in sorted(before, key=lambda each: -len(each.measurements)):
+        longer = _longer(rival, left, seen, settings)
+        if longer is not None:
+            left.remove(longer.measurements[-1])
+            found.append(longer)
+        elif (seen.t_mid_utc_ns - rival.measurements[-1].t_mid_utc_ns) / 1e9 <= _KEPT_S:
+            found.append(rival)
+    found += [Rival(measurements=(each,)) for each in left]
+    return tuple(sorted(found, key=lambda each: -len(each.measurements)))[:_MOST]
+
+
+def _longer(
+    rival: Rival, left: list[Measurement], seen: FrameInput, settings: FollowSettings
+) -> Rival | None:
+    """A rival with the best of the measurements that fit it; None where none does."""
+    fits: list[tuple[float, Measurement, TrackState]] = []
+    predicted = None
+    if rival.track is not None and left:
+        at = (seen.t_mid_utc_ns, settings.filter, seen.frame_id)
+        predicted = estimator.predict(rival.track, *at)
+    for each in left:
+        if predicted is None:
+            track = _rival_track(rival.measurements[-1], each, seen, settings)
+        else:
+            track = _rival_updated(predicted, each, seen, settings)
+        if track is not None:
+            fits.append((track.nis or 0.0, each, track))
+    if not fits:
+        return None
+    _, taken, track = min(fits, key=lambda fit: fit[0])
+    return Rival(measurements=(*rival.measurements, taken), track=track)
+
+
+def rival_odds(rival: Rival, predicted: TrackState, unexplained: int) -> float:
+    """Odds that a rival is the object that is followed, and not another one.
+
+    ``predicted``: where what is followed should be now; ``unexplained``: frames in which it was
+    not detected although nothing hid it.
+    """
+    if len(rival.measurements) < MIN_RIVAL_FRAMES:
+        return 0.0
+    last = rival.measurements[-1]
+    away = motion_between(
+        *lqe.direction_icrs_deg(predicted), last.ra_icrs_deg, last.dec_icrs_deg
+    ).length_arcsec
+    spread = lqe.sky_covariance_arcsec2(predicted)
+    scale2 = _BROKEN_ARCSEC**2 + math.sqrt(max(float(spread[0, 0] * spread[1, 1]), 0.0))
+    # Cauchy's density in two dimensions.
+    reappears = (1.0 + away**2 / scale2) ** -1.5 / (2.0 * math.pi * scale2)
+    another = OTHERS_A_DEG2 / 3600.0**2
+    missed = min(unexplained, _MAX_MISSED)
+    breaks = WRONG_PAIR_PROBABILITY if predicted.innovations == 0 else MANOEUVRE_PROBABILITY
+    return float(breaks * reappears / another * UNDETECTED**-missed)
+
+
 def _rival_track(
-    first: Measurement, second: Measurement, seen: Seen, settings: FollowSettings
+    first: Measurement, second: Measurement, seen: FrameInput, settings: FollowSettings
 ) -> TrackState | None:
     """A track through two measurements of different frames; None where they disagree."""
     if not agree(first, second, seen.exposure_s):
         return None
-    return initiated(first, second, 0, seen, settings)
+    return track_through(first, second, 0, seen, settings)
 
 
 def _rival_updated(
-    predicted: TrackState, m: Measurement, seen: Seen, settings: FollowSettings
+    predicted: TrackState, m: Measurement, seen: FrameInput, settings: FollowSettings
 ) -> TrackState | None:
     """A track that was predicted to a measurement after it; None where it does not fit."""
     expected = expected_motion(predicted, seen.exposure_s)
     if disagreement(m, expected, SHORTER_TOLERANCE) is not None:
         return None
     errors = StreakErrors(along_error_arcsec(m, expected))
-    update = estimator.weighed(predicted, m, settings.filter, errors)
+    update = estimator.candidate_update(predicted, m, settings.filter, errors)
     return None if lqe.is_gated_out(nis_of(update), settings.filter) else update.state
 
 
@@ -280,7 +211,7 @@ def is_in_field(predicted: TrackState, field: Field | None) -> bool:
     return bool(field.holds(np.array([ra_deg]), np.array([dec_deg]), inside_arcsec)[0])
 
 
-def is_neighbour(m: Measurement, tracked: Tracked) -> bool:
+def is_neighbour(m: Measurement, tracked: LiveTrack) -> bool:
     """Whether a measurement stands where a known neighbour of what is followed should.
 
     ``tracked`` as it was predicted to the measurement's frame.
@@ -292,14 +223,4 @@ def is_neighbour(m: Measurement, tracked: Tracked) -> bool:
         math.hypot(away.east_arcsec - n.east_arcsec, away.north_arcsec - n.north_arcsec)
         < 3.0 * n.sigma_arcsec(predicted.t_utc_ns) + spread_arcsec
         for n in tracked.neighbours
-    )
-
-
-def cause_of(found: Reacquired) -> Cause:
-    return Cause(
-        kind="re-acquired",
-        detail=(
-            f"{found.away_arcsec:.0f} arcsec from the prediction:"
-            f" {found.frames} frames agree, {min(found.odds, 1e6):.0f} to 1"
-        ),
     )

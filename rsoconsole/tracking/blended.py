@@ -15,17 +15,17 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from rsoconsole.records import FloatArray, Measurement, TrackState
-from rsoconsole.tracking.association.following import FollowSettings, Seen, expected_motion
+from rsoconsole.tracking.association.following import FollowSettings, FrameInput, expected_motion
 from rsoconsole.tracking.association.pattern import Pattern
 from rsoconsole.tracking.filters import estimator, lqe
 from rsoconsole.tracking.filters.agreement import streak_motion
 from rsoconsole.tracking.filters.sky_path import Plane
-from rsoconsole.tracking.joint import Assignment, Weighed
+from rsoconsole.tracking.joint import Assignment, TrackCandidates
 
 WIDTHS = 2.5
 """Distance, in widths of a star, below which two streaks beside each other are found as one."""
 USUAL_WIDTH_ARCSEC = 3.5
-"""Of a star, where nobody measured it."""
+"""Full width of a star at half maximum, where it was not measured."""
 _LIGHT_SIGMA = 0.5
 """Of where across the pair the streak lies, in its distance: the same in every frame, so that a
 uniform law's 0.29 would be believed too much after some."""
@@ -34,8 +34,8 @@ _APART_ARCSEC = 12.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Shared:
-    """What one track takes of a streak of two."""
+class SharedStreak:
+    """One track's part of a streak that is of two satellites."""
 
     streak: Measurement
     """As the frame shows it."""
@@ -44,19 +44,19 @@ class Shared:
     updated: TrackState
 
 
-def shared(
-    weighed: Sequence[Weighed],
+def shared_streaks(
+    weighed: Sequence[TrackCandidates],
     given: Assignment,
     pattern: Pattern,
-    seen: Seen,
+    seen: FrameInput,
     settings: FollowSettings,
-) -> dict[int, Shared]:
-    """By a track's place among ``weighed``, what it takes of a streak that is another's as well.
+) -> dict[int, SharedStreak]:
+    """Parts of streaks that are of two tracks, by a track's place among ``weighed``.
 
     Only where no frame could show both apart, one of the two is left without a streak, and the
     streak fits both as one of both.
     """
-    found: dict[int, Shared] = {}
+    found: dict[int, SharedStreak] = {}
     if None not in given.taken:
         return found
     tracks = [each.predicted.track_id for each in weighed]
@@ -89,7 +89,9 @@ def _axes(state: TrackState) -> tuple[FloatArray, FloatArray]:
     return along, np.array([-along[1], along[0]])
 
 
-def _is_one_streak(one: TrackState, way: FloatArray, covariance: FloatArray, seen: Seen) -> bool:
+def _is_one_streak(
+    one: TrackState, way: FloatArray, covariance: FloatArray, seen: FrameInput
+) -> bool:
     """Whether two so far from each other are found as one streak."""
     along, across = _axes(one)
     width = WIDTHS * (seen.star_width_arcsec or USUAL_WIDTH_ARCSEC)
@@ -103,9 +105,9 @@ def _of_both(
     m: Measurement,
     states: tuple[TrackState, TrackState],
     known: tuple[FloatArray, FloatArray],
-    seen: Seen,
+    seen: FrameInput,
     settings: FollowSettings,
-) -> tuple[Shared, Shared] | None:
+) -> tuple[SharedStreak, SharedStreak] | None:
     """What each of the two takes of a streak; None where it is not of both."""
     way, covariance = known
     along, across = _axes(states[0])
@@ -133,5 +135,7 @@ def _of_both(
         if lqe.is_gated_out(updated.nis or 0.0, settings.filter):
             return None
         with_ = states[1 - number].track_id
-        pieces.append(Shared(streak=m, taken=taken, updated=replace(updated, shared_with=with_)))
+        pieces.append(
+            SharedStreak(streak=m, taken=taken, updated=replace(updated, shared_with=with_))
+        )
     return pieces[0], pieces[1]

@@ -1,4 +1,4 @@
-"""How the telescope drifts while its mount tracks, and what that says of the polar axis. Pure.
+"""Drift of the telescope while its mount tracks, and the error of the polar axis. Pure.
 
 The plate says where the telescope looks, the mount where it believes to look; the difference
 changes while the mount tracks on. A polar axis that is off makes the declination drift: near the
@@ -18,7 +18,7 @@ from rsoconsole.records import FloatArray
 from rsoconsole.sky import IntArray, wrap_180
 
 SAME_SLEW_ARCSEC = 10.0
-"""The mount has been sent elsewhere where its own word changes by more than that."""
+"""Largest change of the mount's reported direction within one slew."""
 FLIP_DEG = 90.0
 MIN_FRAMES = 5
 MIN_HOURS = 0.05
@@ -31,7 +31,7 @@ Axis = Literal["azimuth", "altitude", "both"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Look:
+class SolvedPointing:
     """One solved frame."""
 
     t_utc_ns: int
@@ -52,7 +52,7 @@ class Rate:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Drift:
-    """What the last frames on one side of the pier came to."""
+    """Drift over the last frames on one side of the pier."""
 
     frames: int
     hours: float
@@ -65,7 +65,7 @@ class Drift:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PolarHint:
-    """What the drift in declination says of the polar axis at one hour angle."""
+    """Error of the polar axis by the drift in declination at one hour angle."""
 
     axis: Axis
     error_arcmin: float
@@ -74,7 +74,7 @@ class PolarHint:
     """Which way the axis is off; empty where that is too little, or does not show there."""
 
 
-def offsets_arcsec(looks: Sequence[Look]) -> FloatArray:
+def offsets_arcsec(looks: Sequence[SolvedPointing]) -> FloatArray:
     """(n, 2): east (on the sky) and north of the plate over the mount, arcsec."""
     mount = np.array([look.mount_icrs_deg for look in looks]).reshape(-1, 2)
     plate = np.array([look.plate_icrs_deg for look in looks]).reshape(-1, 2)
@@ -82,7 +82,7 @@ def offsets_arcsec(looks: Sequence[Look]) -> FloatArray:
     return np.asarray(3600.0 * np.stack([east, plate[:, 1] - mount[:, 1]], axis=1))
 
 
-def drift_of(looks: Sequence[Look]) -> Drift | None:
+def drift_of(looks: Sequence[SolvedPointing]) -> Drift | None:
     """The drift over the frames since the camera last turned; None where they are too few or short.
 
     Frames between which the mount was not sent elsewhere share one offset: the scatter of the slews
@@ -136,9 +136,9 @@ def polar_hint(drift: Drift, hour_angle_deg: float, latitude_deg: float) -> Pola
     return PolarHint(axis=axis, error_arcmin=error_arcmin, words=words)
 
 
-def _since_flip(looks: Sequence[Look]) -> list[Look]:
+def _since_flip(looks: Sequence[SolvedPointing]) -> list[SolvedPointing]:
     """The last frames, back to where the camera stood the other way round."""
-    recent: list[Look] = []
+    recent: list[SolvedPointing] = []
     for look in reversed(looks):
         if recent and abs(wrap_180(look.rotation_deg - recent[-1].rotation_deg)) > FLIP_DEG:
             break
@@ -146,7 +146,7 @@ def _since_flip(looks: Sequence[Look]) -> list[Look]:
     return recent[::-1]
 
 
-def _slews(looks: Sequence[Look]) -> IntArray:
+def _slews(looks: Sequence[SolvedPointing]) -> IntArray:
     """The number of the slew that each frame was taken after."""
     mount = np.array([look.mount_icrs_deg for look in looks])
     east = wrap_180(np.diff(mount[:, 0])) * np.cos(np.radians(mount[1:, 1]))

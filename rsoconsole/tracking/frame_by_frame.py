@@ -1,4 +1,4 @@
-"""From what each frame showed to what is followed: a fold over recorded inputs.
+"""Tracking frame by frame: a pure fold over recorded inputs.
 
 ``follow(before, seen, settings)`` is pure, so the engine, ``process``, what-if and a replay of a
 session all get the same track from the same inputs, bit for bit. States and their passages are
@@ -18,7 +18,8 @@ from rsoconsole.records import (
     StateChange,
     TrackState,
 )
-from rsoconsole.tracking import blended, further_tracks, track_words
+from rsoconsole.tracking import blended, further_tracks, track_decisions
+from rsoconsole.tracking._gates import INDISTINGUISHABLE, nis_of, refusals, track_updates
 from rsoconsole.tracking._one_track import (
     follow_chosen,
     initiated_again,
@@ -26,48 +27,41 @@ from rsoconsole.tracking._one_track import (
     shared_track,
     stepped_track,
 )
-from rsoconsole.tracking._takeover import (
-    INDISTINGUISHABLE,
-    Step,
-    all_updated_with,
-    cause_of,
-    nis_of,
-    refusals,
-)
+from rsoconsole.tracking._takeover import Step
 from rsoconsole.tracking.association import pattern as patterns
 from rsoconsole.tracking.association.following import (
-    CROSSED,
-    NOTHING_SEEN,
+    NO_DETECTION,
+    ONLY_CROSSING,
     Following,
     FollowSettings,
-    Seen,
-    Tracked,
+    FrameInput,
+    LiveTrack,
     expected_motion,
     not_followed,
-    of_track,
+    with_track_id,
 )
 from rsoconsole.tracking.association.pattern import Pattern, Place
 from rsoconsole.tracking.initiation import chains
 from rsoconsole.tracking.initiation.acquisition import REFUSED, acquire
-from rsoconsole.tracking.joint import Weighed, assigned
+from rsoconsole.tracking.joint import TrackCandidates, assign
 
 
 def follow(
-    before: Following, seen: Seen, settings: FollowSettings
+    before: Following, seen: FrameInput, settings: FollowSettings
 ) -> tuple[Following, tuple[FoldRecord, ...]]:
     """The next state, and what to put on the record, in order."""
     seen, crossings = _without_crossings(seen)
-    before = track_words.with_word(before, seen, settings)
+    before = track_decisions.with_decisions(before, seen, settings)
     if before.state not in ("TRACK", "COAST") or not before.tracks:
         steps = _steps_of_dropped(before, seen, settings)
-        dropped, said = track_words.gone_on(before.dropped, steps, seen)
-        after, records = acquire(before, track_words.without_taken(seen, steps), settings)
+        dropped, said = track_decisions.dropped_after(before.dropped, steps, seen)
+        after, records = acquire(before, track_decisions.without_taken(seen, steps), settings)
         after, records = replace(after, dropped=dropped), (*records, *said)
     else:
         after, records = _follow_tracks(before, seen, settings)
-    after, records = track_words.with_word_on_begun(after, records, seen)
-    records = track_words.as_kept(records, before, after)
-    records += of_track(crossings, before.track_id)
+    after, records = track_decisions.with_decisions_on_new(after, records, seen)
+    records = track_decisions.marked_kept(records, before, after)
+    records += with_track_id(crossings, before.track_id)
     if after.state != before.state and not any(isinstance(r, StateChange) for r in records):
         change = StateChange(
             frame_id=seen.frame_id,
@@ -86,7 +80,7 @@ def _as_recorded(record: FoldRecord) -> FoldRecord:
     return record
 
 
-def _without_crossings(seen: Seen) -> tuple[Seen, tuple[NotFollowed, ...]]:
+def _without_crossings(seen: FrameInput) -> tuple[FrameInput, tuple[NotFollowed, ...]]:
     """What the frame showed that has a place in time, and the rest as not taken.
 
     Where neither end is in the frame nobody knows when it was where: even the operator's choice
@@ -96,23 +90,23 @@ def _without_crossings(seen: Seen) -> tuple[Seen, tuple[NotFollowed, ...]]:
     if not crossings:
         return seen, ()
     rest = tuple(m for m in seen.measurements if not m.is_crossing)
-    is_all = not rest and seen.absence == NOTHING_SEEN
+    is_all = not rest and seen.absence == NO_DETECTION
     left = replace(
         seen,
         measurements=rest,
         chosen=None if seen.chosen in crossings else seen.chosen,
-        absence=CROSSED if is_all else seen.absence,
+        absence=ONLY_CROSSING if is_all else seen.absence,
     )
     return left, tuple(not_followed(m, NotTaken(kind="crossing")) for m in crossings)
 
 
 def _follow_tracks(
-    before: Following, seen: Seen, settings: FollowSettings
+    before: Following, seen: FrameInput, settings: FollowSettings
 ) -> tuple[Following, tuple[FoldRecord, ...]]:
     """All tracks of a frame, the lead first; where it ends, the next track leads."""
     is_joint = settings.filter.preset == "adaptive" and settings.choice == "nearest"
     if is_joint:
-        before = further_tracks.lightened(before)
+        before = further_tracks.with_fewer_filters(before)
     if seen.chosen is not None and is_joint and len(before.tracks) > 1:
         before, seen = _with_chosen_lead(before, seen, settings)
     if seen.chosen is None and is_joint:
@@ -120,9 +114,9 @@ def _follow_tracks(
     else:
         steps = _steps_in_turn(before, seen, settings)
         if before.dropped:
-            steps += _steps_of_dropped(before, track_words.without_taken(seen, steps), settings)
+            steps += _steps_of_dropped(before, track_decisions.without_taken(seen, steps), settings)
     of_dropped = steps[len(steps) - len(before.dropped) :]
-    dropped, of_those_dropped = track_words.gone_on(before.dropped, of_dropped, seen)
+    dropped, of_those_dropped = track_decisions.dropped_after(before.dropped, of_dropped, seen)
     if before.dropped:
         before = replace(before, dropped=dropped)
     records: tuple[FoldRecord, ...] = ()
@@ -131,17 +125,17 @@ def _follow_tracks(
         done = step
         if step.reacquired is not None:
             last_track_id += 1
-            causes += [cause_of(step.reacquired)] * (number == 0)
+            causes += [step.reacquired.cause] * (number == 0)
             done = initiated_again(step, each, last_track_id, seen, settings)
         ended.append(done)
         refused = seen.refused if number == 0 else ()
         said = (*done.records, *(not_followed(m, REFUSED) for m in refused))
-        records += of_track(said, each.track.track_id)
+        records += with_track_id(said, each.track.track_id)
         if done.begins_with is not None:
             return before.without_track("ACQUIRE", (done.begins_with,)), records
     after = replace(_led(before, tuple(ended)), last_track_id=last_track_id)
     if is_joint and seen.chosen is None and settings.filter.most_tracks > 1 and after.tracks:
-        after, records = further_tracks.joined_by_new(
+        after, records = further_tracks.with_new_tracks(
             before, after, [*ended, *of_dropped], records, seen, settings
         )
     if len(after.tracks) + len(after.dropped) > 1:
@@ -155,8 +149,8 @@ def _follow_tracks(
 
 
 def _with_chosen_lead(
-    before: Following, seen: Seen, settings: FollowSettings
-) -> tuple[Following, Seen]:
+    before: Following, seen: FrameInput, settings: FollowSettings
+) -> tuple[Following, FrameInput]:
     """Where one of several tracks takes what the operator wants followed, that one leads.
 
     Nothing else changes by it: no track ends, and each takes what it takes.
@@ -175,11 +169,11 @@ def _with_chosen_lead(
         if taken is not None and taken.measurement_id == wanted:
             tracks = before.tracks
             in_order = (tracks[number], *tracks[:number], *tracks[number + 1 :])
-            return replace(before, tracks=track_words.led_by_first(in_order)), unsaid
+            return replace(before, tracks=track_decisions.first_leads(in_order)), unsaid
     return before, seen
 
 
-def _pattern(before: Following, after: Following, seen: Seen) -> Pattern:
+def _pattern(before: Following, after: Following, seen: FrameInput) -> Pattern:
     """Where the tracks stand to each other after a frame."""
     tracks = (*after.tracks, *after.dropped)
     shown = {
@@ -193,10 +187,10 @@ def _pattern(before: Following, after: Following, seen: Seen) -> Pattern:
         and each.track.shared_with is None
     }
     alive = [each.track.track_id for each in tracks]
-    return patterns.after(before.pattern, alive, shown, seen.t_mid_utc_ns)
+    return patterns.pattern_after(before.pattern, alive, shown, seen.t_mid_utc_ns)
 
 
-def _steps_in_turn(before: Following, seen: Seen, settings: FollowSettings) -> list[Step]:
+def _steps_in_turn(before: Following, seen: FrameInput, settings: FollowSettings) -> list[Step]:
     """Each track in turn; what one has taken is none of the next ones'."""
     steps: list[Step] = []
     left = seen
@@ -216,15 +210,15 @@ def _steps_in_turn(before: Following, seen: Seen, settings: FollowSettings) -> l
     return steps
 
 
-def _steps_of_all(before: Following, seen: Seen, settings: FollowSettings) -> list[Step]:
+def _steps_of_all(before: Following, seen: FrameInput, settings: FollowSettings) -> list[Step]:
     """All tracks at once, then the dropped ones; what one has taken is none of the others'."""
     all_tracks = (*before.tracks, *before.dropped)
     alone = len(all_tracks) == 1
     # Where several are followed, neighbours are tracks themselves.
     tracks = [each if alone else replace(each, neighbours=()) for each in all_tracks]
     weighed = [_weighed(each, seen, settings) for each in tracks]
-    given = assigned(weighed, before.pattern)
-    of_two = blended.shared(weighed, given, before.pattern, seen, settings)
+    given = assign(weighed, before.pattern)
+    of_two = blended.shared_streaks(weighed, given, before.pattern, seen, settings)
     steps = []
     for number, (each, taken, unsure, track) in enumerate(
         zip(weighed, given.taken, given.is_ambiguous, all_tracks, strict=True)
@@ -235,7 +229,7 @@ def _steps_of_all(before: Following, seen: Seen, settings: FollowSettings) -> li
         of_others = {m for m in given.taken if m is not None and m is not taken}
         of_others |= {one.streak for one in of_two.values()}
         left = tuple(m for m in seen.measurements if m not in of_others)
-        own = Weighed(
+        own = TrackCandidates(
             predicted=each.predicted,
             updated={m: each.updated[m] for m in left if m in each.updated},
             reasons={m: why for m, why in each.reasons.items() if m not in of_others},
@@ -245,14 +239,14 @@ def _steps_of_all(before: Following, seen: Seen, settings: FollowSettings) -> li
             own = replace(own, reasons={**own.reasons, **unclear})
         step = stepped_track(own, taken, track, replace(seen, measurements=left), settings)
         steps.append(
-            step if track.track.is_lead else further_tracks.ended(step, track, seen, settings)
+            step if track.track.is_lead else further_tracks.with_ending(step, track, seen, settings)
         )
-    if not chains.is_wide(settings):
+    if not chains.uses_window(settings):
         return steps
     return further_tracks.without_ghost(steps, all_tracks, seen, settings)
 
 
-def _steps_of_dropped(before: Following, seen: Seen, settings: FollowSettings) -> list[Step]:
+def _steps_of_dropped(before: Following, seen: FrameInput, settings: FollowSettings) -> list[Step]:
     """What a frame shows of tracks that were dropped, asked alone."""
     if not before.dropped:
         return []
@@ -278,7 +272,7 @@ def _led(before: Following, steps: tuple[Step, ...]) -> Following:
 
 
 def _reason(
-    before: Following, after: Following, records: tuple[FoldRecord, ...], seen: Seen
+    before: Following, after: Following, records: tuple[FoldRecord, ...], seen: FrameInput
 ) -> Cause:
     if after.state == "TRACK":
         return Cause(kind="measured again" if before.state == "COAST" else "two frames agree")
@@ -289,7 +283,7 @@ def _reason(
     return Cause(kind="missed", missed=seen.why_absent if missed is None else missed.reason)
 
 
-def _weighed(before: Tracked, seen: Seen, settings: FollowSettings) -> Weighed:
+def _weighed(before: LiveTrack, seen: FrameInput, settings: FollowSettings) -> TrackCandidates:
     """What a frame may mean for a track: by its filter, or by its orbit where nothing fits that."""
     predicted = predicted_track(before, seen, settings)
     weighed = _weighed_by(predicted, before, seen, settings)
@@ -303,17 +297,17 @@ def _weighed(before: Tracked, seen: Seen, settings: FollowSettings) -> Weighed:
 
 
 def _weighed_by(
-    predicted: TrackState, before: Tracked, seen: Seen, settings: FollowSettings
-) -> Weighed:
+    predicted: TrackState, before: LiveTrack, seen: FrameInput, settings: FollowSettings
+) -> TrackCandidates:
     expected = expected_motion(predicted, seen.exposure_s)
     asked = seen.measurements
     if not predicted.is_lead and settings.filter.preset == "adaptive":
         asked = further_tracks.within_reach(asked, predicted)
-    updated = all_updated_with(predicted, asked, before, seen, settings)
+    updated = track_updates(predicted, asked, before, seen, settings)
     reasons: dict[Measurement, NotTaken] = {}
     if settings.choice == "nearest":  # the paper's rule asks for nothing but confidence
         reasons = refusals(predicted, expected, updated, before, seen, settings)
-    return Weighed(
+    return TrackCandidates(
         predicted=predicted,
         updated=updated,
         reasons=reasons,
@@ -321,7 +315,7 @@ def _weighed_by(
     )
 
 
-def _nearest(weighed: Weighed, settings: FollowSettings) -> Measurement | None:
+def _nearest(weighed: TrackCandidates, settings: FollowSettings) -> Measurement | None:
     """The measurement that a track takes when it is asked alone, of those that fit."""
     fitting = weighed.fitting
     if not fitting or settings.choice != "nearest":

@@ -1,4 +1,4 @@
-"""Every satellite in the field: what no track has taken may begin another one. Pure.
+"""Tracks beside the lead: what no track has taken may begin another one. Pure.
 
 Frames that agree on one motion begin it, as they do the first. On trial (``chains.trials``) it ends
 with its first miss, so that false streaks cost a frame or two, and its last streak may begin
@@ -15,11 +15,11 @@ import numpy as np
 from rsoconsole.records import FoldRecord, Measurement, Miss, NotFollowed, TrackLost, TrackState
 from rsoconsole.tracking._takeover import Step, is_neighbour
 from rsoconsole.tracking.association.following import (
-    MAY_BE_FOLLOWED,
+    TRACKABLE_CLASSES,
     Following,
     FollowSettings,
-    Seen,
-    Tracked,
+    FrameInput,
+    LiveTrack,
     expected_motion,
     three_sigma_deg,
 )
@@ -31,7 +31,7 @@ from rsoconsole.tracking.filters.agreement import (
     way_between,
 )
 from rsoconsole.tracking.initiation import chains
-from rsoconsole.tracking.initiation.acquisition import first_state
+from rsoconsole.tracking.initiation.acquisition import new_track
 
 UNSEEN_EACH = 2
 """Frames that nothing hides and that do not show a track, for each after its first: those of
@@ -43,11 +43,11 @@ _OUTSIDE_S = 300.0
 
 
 MANY = 6
-"""Tracks, of which more cost too much for all work to be done on each in each frame."""
+"""Most tracks that all keep the full grid of filters: more would cost too much time a frame."""
 
 
-def lightened(before: Following) -> Following:
-    """The same tracks; where there are many, those beside the lead go on by fewer filters."""
+def with_fewer_filters(before: Following) -> Following:
+    """The state with fewer filters for tracks beside the lead, where there are many."""
     if len(before.tracks) + len(before.dropped) <= MANY:
         return before
     lead, *others = before.tracks
@@ -58,14 +58,14 @@ def lightened(before: Following) -> Following:
     )
 
 
-def _lightened(one: Tracked) -> Tracked:
+def _lightened(one: LiveTrack) -> LiveTrack:
     return replace(one, track=adaptive.thinned(one.track))
 
 
 def within_reach(
     measurements: tuple[Measurement, ...], predicted: TrackState
 ) -> tuple[Measurement, ...]:
-    """Those that may be asked whether they are a track's: the others are far beyond any gate."""
+    """Measurements near enough to a prediction to be weighed; others are beyond any gate."""
     here = lqe.direction_icrs_deg(predicted)
     scatter_s = 0.0 if predicted.mixture is None else predicted.mixture.scatter_high_s
     reach_arcsec = _BEYOND_ARCSEC + _BEYOND_SIGMAS * (
@@ -84,7 +84,7 @@ def within_reach(
 
 
 def without_ghost(
-    steps: list[Step], tracks: Sequence[Tracked], seen: Seen, settings: FollowSettings
+    steps: list[Step], tracks: Sequence[LiveTrack], seen: FrameInput, settings: FollowSettings
 ) -> list[Step]:
     """Steps without a lead on trial that is missed where another track is confirmed: that leads.
 
@@ -99,10 +99,10 @@ def without_ghost(
     if after is None or not any(confirmed):
         return steps
     asked = replace(steps[0], after=replace(after, trial=max(after.trial, chains.ON_TRIAL)))
-    return [ended(asked, tracks[0], seen, settings), *steps[1:]]
+    return [with_ending(asked, tracks[0], seen, settings), *steps[1:]]
 
 
-def ended(step: Step, before: Tracked, seen: Seen, settings: FollowSettings) -> Step:
+def with_ending(step: Step, before: LiveTrack, seen: FrameInput, settings: FollowSettings) -> Step:
     """A step of one that does not lead: it ends on trial, seldom seen, and outside the field."""
     if step.after is None or step.is_measured:
         return step
@@ -110,12 +110,15 @@ def ended(step: Step, before: Tracked, seen: Seen, settings: FollowSettings) -> 
     track = step.after.track
     # What chance would hardly have made of points is no chance because one frame hides it.
     is_chain = before.taken is not None and streak_motion(before.taken) is None
+    is_seldom = not step.after.is_kept and step.after.unexplained > UNSEEN_EACH * (
+        track.innovations + 1
+    )
     outlives = before.is_kept or (is_chain and track.misses == 1)
     if step.after.is_on_trial and not outlives:
         lost = TrackLost(kind="not confirmed")
     elif _has_left(step.after, seen):
         lost = TrackLost(kind="left the field")
-    elif _is_seldom(step.after) and chains.is_wide(settings):
+    elif is_seldom and chains.uses_window(settings):
         lost = TrackLost(kind="seen too seldom", unseen_frames=step.after.unexplained)
     if lost is None:
         return step
@@ -126,18 +129,12 @@ def ended(step: Step, before: Tracked, seen: Seen, settings: FollowSettings) -> 
     return Step(records=records, after=None)
 
 
-def _is_confirmed(tracked: Tracked) -> bool:
+def _is_confirmed(tracked: LiveTrack) -> bool:
     """Whether it was measured after what it began with, and is no longer on trial."""
     return tracked.track.innovations >= max(tracked.trial, chains.ON_TRIAL)
 
 
-def _is_seldom(coasted: Tracked) -> bool:
-    """Whether it has been missed where it should have been seen more often than it was seen."""
-    most = UNSEEN_EACH * (coasted.track.innovations + 1)
-    return not coasted.is_kept and coasted.unexplained > most
-
-
-def _has_left(coasted: Tracked, seen: Seen) -> bool:
+def _has_left(coasted: LiveTrack, seen: FrameInput) -> bool:
     """Whether a track that a frame does not show has been outside the field for long."""
     if seen.field is None or coasted.taken is None:
         return False
@@ -147,14 +144,14 @@ def _has_left(coasted: Tracked, seen: Seen) -> bool:
     return not bool(holds[0]) and coasted_s > _OUTSIDE_S
 
 
-def begun(  # noqa: PLR0917 -- one call, each argument a different thing
+def begin_tracks(  # noqa: PLR0917 -- one call, each argument a different thing
     before: Following,
     usable: tuple[Measurement, ...],
-    alive: tuple[Tracked, ...],
+    alive: tuple[LiveTrack, ...],
     last_track_id: int,
-    seen: Seen,
+    seen: FrameInput,
     settings: FollowSettings,
-) -> tuple[tuple[Tracked, ...], set[Measurement]]:
+) -> tuple[tuple[LiveTrack, ...], set[Measurement]]:
     """Tracks through what frames agree on, the surest first, and all that they began with.
 
     ``alive``: the tracks that there are; together there are as many as the settings allow.
@@ -162,11 +159,11 @@ def begun(  # noqa: PLR0917 -- one call, each argument a different thing
     room = settings.filter.most_tracks - len(alive)
     if room <= 0 or not usable or not (before.candidates or before.earlier):
         return (), set()
-    agreed = chains.begun(before, usable, seen, settings, alive)
+    agreed = chains.found_chains(before, usable, seen, settings, alive)
     each = [(*agreed[last], last) for last in usable if last in agreed][:room]
     rates = [lqe.sky_rate_arcsec_s(one.track) for one in alive]
     tracks = tuple(
-        first_state(chain, last_track_id + number, seen, settings, is_lead=False, trial=trial)
+        new_track(chain, last_track_id + number, seen, settings, is_lead=False, trial=trial)
         for number, (chain, trial) in enumerate(
             zip(each, chains.trials(each, settings, rates), strict=True), 1
         )
@@ -174,14 +171,16 @@ def begun(  # noqa: PLR0917 -- one call, each argument a different thing
     return tracks, {m for chain in each for m in chain}
 
 
-def left_over(steps: list[Step], seen: Seen, settings: FollowSettings) -> tuple[Measurement, ...]:
-    """What may begin a track: nobody has taken it, and nobody waits for it.
+def free_measurements(
+    steps: list[Step], seen: FrameInput, settings: FollowSettings
+) -> tuple[Measurement, ...]:
+    """Measurements that may begin a track: none has taken them, and none waits for them.
 
     What a track that is missed may yet turn out to be (``takeover``) and what may be one of two
     tracks' is not free.
     """
-    taken = [s.after.taken for s in steps if s.is_measured and s.after is not None]
-    is_wide = chains.is_wide(settings)
+    taken = [s.after.taken for s in steps if s.is_measured and s.after and s.after.taken]
+    is_wide = chains.uses_window(settings)
     claimed = {m for step in steps for m in _waited_for(step, is_wide)}
     claimed |= {
         r.measurement
@@ -197,10 +196,11 @@ def left_over(steps: list[Step], seen: Seen, settings: FollowSettings) -> tuple[
         m
         for m in seen.measurements
         if not m.is_clipped
-        and m.object_class in MAY_BE_FOLLOWED
+        and m.object_class in TRACKABLE_CLASSES
         and m not in claimed
         and not any(
-            t is not None and (m.measurement_id == t.measurement_id or _is_same(m, t))
+            m.measurement_id == t.measurement_id
+            or way_between(m, t).length_arcsec < _SAME_STREAK_ARCSEC
             for t in taken
         )
     )
@@ -224,7 +224,7 @@ def _waited_for(step: Step, is_wide: bool) -> tuple[Measurement, ...]:
     )
 
 
-def _is_whole(refused: NotFollowed, step: Step, seen: Seen) -> bool:
+def _is_whole(refused: NotFollowed, step: Step, seen: FrameInput) -> bool:
     """Whether a streak beside the measurement of a track is as long: no part of the same."""
     if step.after is None:
         return False
@@ -232,38 +232,28 @@ def _is_whole(refused: NotFollowed, step: Step, seen: Seen) -> bool:
     return disagreement(refused.measurement, expected) is None
 
 
-def _is_same(m: Measurement, taken: Measurement) -> bool:
-    return way_between(m, taken).length_arcsec < _SAME_STREAK_ARCSEC
-
-
-def without_refusals_of(
-    records: tuple[FoldRecord, ...], tracks: tuple[Tracked, ...]
-) -> tuple[FoldRecord, ...]:
-    """What has begun a track is no longer refused by others."""
-    seconds = {each.taken for each in tracks}
-    return tuple(
-        r for r in records if not (isinstance(r, NotFollowed) and r.measurement in seconds)
-    )
-
-
-def joined_by_new(  # noqa: PLR0917 -- one call, each argument a different thing
+def with_new_tracks(  # noqa: PLR0917 -- one call, each argument a different thing
     before: Following,
     after: Following,
     steps: list[Step],
     records: tuple[FoldRecord, ...],
-    seen: Seen,
+    seen: FrameInput,
     settings: FollowSettings,
 ) -> tuple[Following, tuple[FoldRecord, ...]]:
-    """With the tracks that begin beside those that there are."""
-    free = left_over(steps, seen, settings)
-    if chains.is_wide(settings):
+    """State and records with the tracks that a frame begins beside the others."""
+    free = free_measurements(steps, seen, settings)
+    if chains.uses_window(settings):
         before = _with_given_back(before, steps)
-    found, used = begun(before, free, after.tracks, after.last_track_id, seen, settings)
-    remaining = without_refusals_of(records, found)
+    found, used = begin_tracks(before, free, after.tracks, after.last_track_id, seen, settings)
+    # What has begun a track is no longer refused by others.
+    seconds = {each.taken for each in found}
+    remaining = (
+        r for r in records if not (isinstance(r, NotFollowed) and r.measurement in seconds)
+    )
     return replace(
         after,
         candidates=tuple(m for m in free if m not in used),
-        earlier=chains.kept(before, used) if chains.is_wide(settings) else (),
+        earlier=chains.waiting_measurements(before, used) if chains.uses_window(settings) else (),
         tracks=(*after.tracks, *found),
         last_track_id=after.last_track_id + len(found),
     ), (*remaining, *(each.track for each in found))

@@ -19,11 +19,12 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from rsoconsole.records import FloatArray, Measurement, NotTaken, TrackState
-from rsoconsole.tracking._takeover import nis_of
-from rsoconsole.tracking.association.neighbours import NEAREST_ARCSEC, BoolArray
+from rsoconsole.tracking._gates import nis_of
+from rsoconsole.tracking.association.neighbours import MIN_MARGIN, NEAREST_ARCSEC
 from rsoconsole.tracking.association.pattern import (
     NO_PATTERN,
     OTHER_MOTION_ARCSEC_S,
+    BoolArray,
     Pattern,
     own_covariance,
 )
@@ -33,24 +34,21 @@ from rsoconsole.tracking.filters.bank_update import inverted
 from rsoconsole.tracking.filters.estimator import Update
 from rsoconsole.tracking.filters.sky_path import Plane
 
-DETECTED = 0.9
-"""Chance that what is in the field is detected."""
+DETECTION_PROBABILITY = 0.9
+"""Probability that an object in the field is detected."""
 STRANGERS_ARCSEC2 = 1e-6
-"""Streaks in a square arcsec that move like a track and are not it: a crowded slot."""
-MIN_MARGIN = 4.0
-"""By how much the likeliest explanation must be better than one without a track's streak: seven to
-one."""
+"""Density of other streaks that move like a track, per square arcsec: a crowded slot."""
 _FREEDOM = 4.0
 """Degrees of freedom of the law by which ways err."""
 _ANCHORS = 3
 """Streaks of each track that are held to be right in turn: the likeliest."""
-_AGAINST = 2.0 * math.log(2.0 * math.pi * STRANGERS_ARCSEC2 / DETECTED)
-_MISSED = -2.0 * math.log(1.0 - DETECTED)
+_AGAINST = 2.0 * math.log(2.0 * math.pi * STRANGERS_ARCSEC2 / DETECTION_PROBABILITY)
+_MISSED = -2.0 * math.log(1.0 - DETECTION_PROBABILITY)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Weighed:
-    """What a frame may mean for one track."""
+class TrackCandidates:
+    """Candidates of one track among a frame's measurements."""
 
     predicted: TrackState
     updated: dict[Measurement, Update]
@@ -64,13 +62,13 @@ class Weighed:
 
     @property
     def fitting(self) -> tuple[Measurement, ...]:
-        """Those that may."""
+        """Candidates that passed the gates."""
         return tuple(m for m in self.updated if m not in self.reasons)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Assignment:
-    """What each track takes."""
+    """Measurements assigned to the tracks."""
 
     taken: tuple[Measurement | None, ...]
     is_ambiguous: tuple[bool, ...]
@@ -105,7 +103,7 @@ class _Explanation:
     """Column of each track; from the number of streaks on: it was not seen."""
 
 
-def assigned(tracks: Sequence[Weighed], pattern: Pattern | None = None) -> Assignment:
+def assign(tracks: Sequence[TrackCandidates], pattern: Pattern | None = None) -> Assignment:
     """The likeliest way to give the frame's measurements to the tracks.
 
     ``pattern``: where they stood to each other in the frames before.
@@ -126,14 +124,16 @@ def assigned(tracks: Sequence[Weighed], pattern: Pattern | None = None) -> Assig
         if is_seen and len(tracks) > 1:  # one alone knows its neighbours by their pattern
             same = pairs.same[column]
             others = [e.cost for e in found if e.chosen[row] not in same]
-            others.append(_explained(_without(cost, row, same)).cost)
+            without = cost.copy()
+            without[row, list(same)] = np.inf
+            others.append(_explained(without).cost)
             unsure = min(others) - best.cost < MIN_MARGIN and not tracks[row].must_decide
         taken.append(pairs.columns[column] if is_seen and not unsure else None)
         is_ambiguous.append(unsure)
     return Assignment(taken=tuple(taken), is_ambiguous=tuple(is_ambiguous))
 
 
-def _pairs(tracks: Sequence[Weighed], pattern: Pattern) -> _Pairs:
+def _pairs(tracks: Sequence[TrackCandidates], pattern: Pattern) -> _Pairs:
     columns = list(dict.fromkeys(m for each in tracks for m in each.fitting))
     plane = Plane.at(*lqe.direction_icrs_deg(tracks[0].predicted))
     alone = np.full((len(tracks), len(columns)), np.nan)
@@ -149,7 +149,14 @@ def _pairs(tracks: Sequence[Weighed], pattern: Pattern) -> _Pairs:
     apart = np.linalg.norm(rates[:, None] - rates[None], axis=-1)
     return _Pairs(
         columns=columns,
-        same=[_same(columns, column) for column in range(len(columns))],
+        same=[
+            {
+                k
+                for k, m in enumerate(columns)
+                if way_between(each, m).length_arcsec < NEAREST_ARCSEC
+            }
+            for each in columns
+        ],
         alone=alone,
         places=np.array([plane.place_of(m.ra_icrs_deg, m.dec_icrs_deg) for m in columns]),
         own=own,
@@ -160,7 +167,7 @@ def _pairs(tracks: Sequence[Weighed], pattern: Pattern) -> _Pairs:
 
 
 def _ways(
-    tracks: Sequence[Weighed], pattern: Pattern, plane: Plane
+    tracks: Sequence[TrackCandidates], pattern: Pattern, plane: Plane
 ) -> tuple[FloatArray, FloatArray]:
     """Ways and their covariances between all tracks, by the pattern or by the predictions."""
     predicted = [each.predicted for each in tracks]
@@ -216,21 +223,6 @@ def _with_misses(cost: FloatArray, missed: float = _MISSED) -> FloatArray:
     unseen = np.full((rows, rows), np.inf)
     np.fill_diagonal(unseen, missed)
     return np.hstack([np.where(np.isnan(cost), np.inf, cost), unseen])
-
-
-def _same(columns: Sequence[Measurement], column: int) -> set[int]:
-    """The columns of one streak, which may have been found twice."""
-    return {k for k, m in enumerate(columns) if _apart_arcsec(columns[column], m) < NEAREST_ARCSEC}
-
-
-def _without(cost: FloatArray, row: int, same: set[int]) -> FloatArray:
-    other = cost.copy()
-    other[row, list(same)] = np.inf
-    return other
-
-
-def _apart_arcsec(one: Measurement, other: Measurement) -> float:
-    return way_between(one, other).length_arcsec
 
 
 def _explained(cost: FloatArray) -> _Explanation:

@@ -29,12 +29,12 @@ LARGE_SLEW_DEG = 10.0
 MAX_KEPT = 24
 
 Side = Literal["east", "west"] | None
-"""Of the pier, where the telescope is; None where the mount does not tell."""
+"""Side of the pier on which the telescope is; None where the mount does not report it."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PointingOffset:
-    """How far the telescope looks beside where it was sent, around one place of its axes."""
+    """Pointing offset around one position of the axes: solved minus commanded."""
 
     east_arcsec: float = 0.0
     """On the sky: hour angle times cos dec, the other way round."""
@@ -62,7 +62,7 @@ class PointingModel:
         return self.offsets[0] if self.offsets else NO_OFFSET
 
     def at(self, hour_angle_deg: float, declination_deg: float, pier_side: Side) -> PointingOffset:
-        """What is known for these axes; ``NO_OFFSET`` where nothing is.
+        """Offset for a position of the axes; ``NO_OFFSET`` where none is known.
 
         ``samples`` is 0 for the memory of a place to which the telescope has only just returned.
         """
@@ -72,7 +72,7 @@ class PointingModel:
         return near[0] if near[0] is self.offsets[0] else replace(near[0], samples=0)
 
     def with_last(self, offset: PointingOffset) -> "PointingModel":
-        """This one learnt last; it takes the place of what was known around it."""
+        """The model with this offset learnt last, in place of those around it."""
         near = self._near(offset.hour_angle_deg, offset.declination_deg, offset.pier_side)
         others = tuple(each for each in self.offsets if each not in near)
         return PointingModel(offsets=(offset, *others)[:MAX_KEPT])
@@ -91,7 +91,7 @@ class PointingModel:
         ]
 
 
-def observed(
+def with_solved_frame(
     before: PointingModel,
     *,
     commanded_ra_deg: float,
@@ -126,10 +126,10 @@ def observed(
     return before.with_last(after)
 
 
-def command_for(
+def pointing_command(
     offset: PointingOffset, ra_icrs_deg: float, dec_icrs_deg: float
 ) -> tuple[float, float]:
-    """Where to send the mount so that it looks at this ICRS direction."""
+    """Command (RA, Dec in degrees) that makes the telescope look at an ICRS direction."""
     if offset.east_arcsec == 0.0 and offset.north_arcsec == 0.0:
         return ra_icrs_deg, dec_icrs_deg
     ra, dec = radians(ra_icrs_deg), radians(dec_icrs_deg)

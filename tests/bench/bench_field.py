@@ -11,15 +11,15 @@ import time
 from collections import Counter
 
 import numpy as np
+from sgp4.api import SatrecArray
 
 from rsoconsole.orbits import (
     CatalogueEntry,
     FieldCatalogue,
-    array_of,
     match_field,
     nearest_in_epoch_of_each,
 )
-from rsoconsole.orbits.elements.sky_paths import Lookout
+from rsoconsole.orbits.elements.sky_paths import Observer
 from rsoconsole.sky import site_gcrs, unit_to_direction
 from rsoconsole.words import NS_PER_S
 from tests.truth.fields_of_truth import (
@@ -44,14 +44,14 @@ class Fields:
         self.t_utc_ns = DAY_UTC_NS + round(self.rng.uniform(0.0, 0.2) * 86_400) * NS_PER_S
         entries = nearest_in_epoch_of_each(entries, self.t_utc_ns)
         self.true = tuple(off_its_elements(each, self.t_utc_ns, self.rng) for each in entries)
-        self.satellites = array_of([each.record for each in self.true])
+        self.satellites = SatrecArray([each.record for each in self.true])
         self.asked_s: list[float] = []
 
     def run(self, side_deg: float = 1.5) -> Counter[str]:
         """One field's answers, by class of orbit and line."""
         rng, t = self.rng, self.t_utc_ns + round(self.rng.uniform(0.0, 600.0) * NS_PER_S)
         exposure_s = float(rng.choice([0.3, 1.0, 3.0, 10.0]))
-        seen = Lookout(SITE, t).seen(self.satellites, np.zeros(1))
+        seen = Observer(SITE, t).seen(self.satellites, np.zeros(1))
         up = seen.u[:, 0] @ (z := site_gcrs(SITE, np.array([t]))[0][0]) / np.linalg.norm(z) > 0.35
         is_low = seen.range_km[:, 0] < 3000.0
         wanted = np.flatnonzero(up & (is_low == (rng.random() < 0.5)))

@@ -15,12 +15,12 @@ import numpy as np
 
 from rsoconsole.orbits import (
     CatalogueEntry,
-    SeenBefore,
+    EarlierTrack,
     Sightings,
     attributable,
+    correlate_tracks,
     determine,
     parse_catalogue,
-    recognise,
 )
 from rsoconsole.orbits.identification.uncorrelated import log_density
 from rsoconsole.words import NS_PER_DAY, NS_PER_S
@@ -39,12 +39,12 @@ def seen_by_sgp4(
     return seen_off_elements(entry, np.zeros(6), SITE, t, random.normal(0.0, 1.0, (count, 2)))
 
 
-def kept_of(number: int, seen: Sightings) -> SeenBefore:
+def kept_of(number: int, seen: Sightings) -> EarlierTrack:
     """What the ledger keeps of a track."""
     t, ra, dec, rate, _ = attributable(seen)
     orbit = determine(seen)
     has_orbit = orbit is not None and orbit.label in ("free", "constrained by prior")
-    return SeenBefore(
+    return EarlierTrack(
         number=number,
         site=SITE,
         t_utc_ns=t,
@@ -77,7 +77,7 @@ def histories(minutes: float, pairs: int, random: np.random.Generator) -> None:
                 seen_by_sgp4(_nearest(own[n], later), later, minutes, random) for n in numbers
             ]
             for n, track in zip(numbers, tracks, strict=True):
-                (found,) = recognise([track], SITE, before)
+                (found,) = correlate_tracks([track], SITE, before)
                 known = [c for c, _ in found.candidates]
                 if found.number == n:
                     counts["right"] += 1
@@ -103,7 +103,7 @@ def others(minutes: float, gap_days: float, random: np.random.Generator) -> None
     pairs = inside = 0
     for each in again:
         track = seen_by_sgp4(each, later, minutes, random)
-        (found,) = recognise([track], SITE, before)
+        (found,) = correlate_tracks([track], SITE, before)
         if each.norad_id in numbers:
             tally["kept: right" if found.number == each.norad_id else "kept: not right"] += 1
             tally["kept: wrong"] += found.number not in (None, each.norad_id)

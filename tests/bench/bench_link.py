@@ -10,7 +10,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from rsoconsole.orbits import Alone, alone, probability_of
+from rsoconsole.orbits import TrackletOrbit, probability_of, tracklet_orbit
 from rsoconsole.orbits.determination.join import log_odds
 from rsoconsole.tracking import link_points
 from tests.tracking.test_link import FRAMES, KNOWN, annotated, spoilt, true_links
@@ -69,10 +69,12 @@ def nights(count: int, seed: int) -> None:
             ),
         )
         frames, sigma = int(random.choice([10, 20, 40])), float(random.choice([0.5, 1.0, 2.0]))
-        both: list[list[Alone]] = []
+        both: list[list[TrackletOrbit]] = []
         for since_s in (0.0, 86_400.0 + random.uniform(-3600.0, 3600.0)):
             t = instants(since_s, frames)
-            found = [alone(seen(x, t, sigma_arcsec=sigma, random=random), "geo") for x in pair]
+            found = [
+                tracklet_orbit(seen(x, t, sigma_arcsec=sigma, random=random), "geo") for x in pair
+            ]
             both.append([each for each in found if each is not None])
         claims += [
             (probability_of(log_odds(one, other)), m == n)

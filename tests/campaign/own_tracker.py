@@ -3,7 +3,7 @@
 from rsoconsole.config import Config
 from rsoconsole.pipeline.cycle.frame_fold import follow_settings
 from rsoconsole.records import FrameTaken, Missed
-from rsoconsole.tracking import Following, FollowSettings, Seen, follow
+from rsoconsole.tracking import Following, FollowSettings, FrameInput, follow
 from rsoconsole.tracking.filters import lqe
 from tests.campaign.slots import EXPOSURE_S, SITE, Night
 from tests.campaign.slots_judge import At
@@ -36,7 +36,7 @@ def followed(night: Night) -> list[list[At]]:
     """The tracks after each frame, without those that are on trial."""
     following, every_day, told = Following(), settings(), []
     for number, sight in enumerate(night.frames, 1):
-        seen = Seen(
+        seen = FrameInput(
             frame_id=number,
             t_mid_utc_ns=sight.t_utc_ns,
             exposure_s=EXPOSURE_S,

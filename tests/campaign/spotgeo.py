@@ -24,7 +24,7 @@ import numpy as np
 from rsoconsole.config import Config
 from rsoconsole.pipeline.cycle.frame_fold import follow_settings
 from rsoconsole.records import FloatArray, FrameTaken, Measurement, TrackState
-from rsoconsole.tracking import Following, FollowSettings, Plane, Seen, follow
+from rsoconsole.tracking import Following, FollowSettings, FrameInput, Plane, follow
 from tests.campaign.arguments import seeds_of
 from tests.campaign.rows_kept import complete, keep, parser_of, put_into_page, read
 from tests.makers import NS, T0_UTC_NS
@@ -86,7 +86,7 @@ def linked(points: Sequence[FloatArray]) -> set[tuple[Point, Point]]:
     """What the tracks hold together, from the records of the fold."""
     following, chains = Following(), defaultdict[int, list[Point]](list)
     for frame, shown in enumerate(points):
-        seen = Seen(
+        seen = FrameInput(
             frame_id=frame + 1,
             t_mid_utc_ns=T0_UTC_NS + round(frame * CADENCE_S * NS),
             exposure_s=EXPOSURE_S,

@@ -20,7 +20,7 @@ from rsoconsole.library.notebook.figures.draw_time import draw_confidence, draw_
 from rsoconsole.library.notebook.night.night import read_night, read_truth
 from rsoconsole.records import FrameTaken, Measurement
 from rsoconsole.session import BatchRecording
-from rsoconsole.tracking import Following, FollowSettings, Seen, follow
+from rsoconsole.tracking import Following, FollowSettings, FrameInput, follow
 from tests.cli.test_cli_frames import rsoconsole
 from tests.tiers import plain_first
 
@@ -75,7 +75,7 @@ def record(folder, *, preset="tuned", frames=FRAMES, is_seen=True):
         if is_seen and frame_id not in MISSED:
             stray = measurement(frame_id, north_arcsec=400.0, confidence=0.3)
             measured = (measurement(frame_id), stray)
-        seen = Seen(
+        seen = FrameInput(
             frame_id=frame_id,
             t_mid_utc_ns=T0 + 30 * frame_id * NS,
             exposure_s=10.0,

@@ -21,8 +21,8 @@ from rsoconsole.sky import iso_to_utc_ns
 from rsoconsole.tracking import (
     Following,
     FollowSettings,
+    FrameInput,
     Plane,
-    Seen,
     follow,
     sky_covariance_arcsec2,
 )
@@ -169,7 +169,7 @@ def night(name: str, frames: int, seed: int, scatter_s: float = 0.015, light: fl
     for k in range(frames):
         shown = streaks(name, k, frames, random, scatter_s=scatter_s, light=light)
         t_utc_ns = iso_to_utc_ns(PAIRS[name].start) + round(k * CADENCE_S * NS_PER_S)
-        seen = Seen(
+        seen = FrameInput(
             frame_id=k,
             t_mid_utc_ns=t_utc_ns,
             exposure_s=EXPOSURE_S,

@@ -14,7 +14,7 @@ from rsoconsole.library.formats.rows import MeasuredRow
 from rsoconsole.records import FrameTaken, Measurement, ObjectClass, Solution, Wcs
 from rsoconsole.session import SessionWriter
 from rsoconsole.sky import iso_to_utc_ns
-from rsoconsole.tracking import Following, FollowSettings, Seen, follow
+from rsoconsole.tracking import Following, FollowSettings, FrameInput, follow
 
 NS = 1_000_000_000
 T0 = iso_to_utc_ns("2023-06-23T05:30:00Z") + 123_456_789
@@ -117,7 +117,7 @@ def written_night(
         if frame_id not in MISSED:
             true = measurement(frame_id, is_clipped=frame_id in clipped)
             measured = (true, measurement(frame_id, STRAY_ARCSEC, confidence=0.3, y_px=120.5))
-        seen = Seen(
+        seen = FrameInput(
             frame_id=frame_id,
             t_mid_utc_ns=T0 + 30 * frame_id * NS,
             exposure_s=10.0,

@@ -15,7 +15,7 @@ from rsoconsole.orbits.elements.elements import checksum
 from rsoconsole.records import Measurement, Missed
 from rsoconsole.simulator import elements_path
 from rsoconsole.sky import Places
-from rsoconsole.tracking import Seen
+from rsoconsole.tracking import FrameInput
 from rsoconsole.words import NS_PER_S
 from tests.truth.seen_satellites import DAYTONA
 from tests.truth.sidereal import gmst_deg
@@ -95,7 +95,7 @@ def streak(
 
 def frames(
     count: int, shown: int = MEMBERS, *, scatter_s: float = 0.05, seed: int = 12
-) -> list[Seen]:
+) -> list[FrameInput]:
     """What ``count`` frames show of the first ``shown`` members; nine of ten after the second."""
     random = np.random.default_rng(seed)
     late_s = tuple(random.normal(0.0, scatter_s, count).tolist())
@@ -108,7 +108,7 @@ def frames(
             if k < 2 or shown == 1 or random.random() < 0.9
         )
         told.append(
-            Seen(
+            FrameInput(
                 frame_id=k,
                 t_mid_utc_ns=instant(k),
                 exposure_s=EXPOSURE_S,

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from sgp4.api import SatrecArray
 
 from rsoconsole.config import Config
 from rsoconsole.orbits import (
@@ -14,10 +15,9 @@ from rsoconsole.orbits import (
     FieldCatalogue,
     FieldMatch,
     Line,
-    array_of,
     match_field,
 )
-from rsoconsole.orbits.elements.sky_paths import Lookout
+from rsoconsole.orbits.elements.sky_paths import Observer
 from rsoconsole.pipeline import FieldFrame, FieldRun
 from rsoconsole.pipeline.field.field_points import Points
 from rsoconsole.records import Detection, FloatArray, Solution
@@ -47,13 +47,13 @@ def low() -> CatalogueEntry:
     zenith = site_gcrs(SITE, np.array([DAY_UTC_NS]))[0][0]
     while True:
         found = low_entry(rng, 41, DAY_UTC_NS)
-        seen = Lookout(SITE, DAY_UTC_NS).seen(array_of([found.record]), np.zeros(1))
+        seen = Observer(SITE, DAY_UTC_NS).seen(SatrecArray([found.record]), np.zeros(1))
         if seen.u[0, 0] @ zenith > 0.65 * np.linalg.norm(zenith):
             return found
 
 
 def looking_at(true: CatalogueEntry, exposure_s: float = EXPOSURE_S) -> Plate:
-    seen = Lookout(SITE, DAY_UTC_NS).seen(array_of([true.record]), np.zeros(1))
+    seen = Observer(SITE, DAY_UTC_NS).seen(SatrecArray([true.record]), np.zeros(1))
     ra, dec = (float(x) for x in unit_to_direction(seen.u[0, 0]))
     return plate_at(ra, dec, DAY_UTC_NS, exposure_s)
 
@@ -95,7 +95,7 @@ def test_beyond_its_gate_it_is_no_candidate(low):
 @pytest.mark.parametrize("exposure_s", [0.05, 10.0])
 def test_a_field_of_two_arcmin_is_not_stepped_over(low, exposure_s):
     true = behind(low, 3.37)
-    seen = Lookout(SITE, DAY_UTC_NS).seen(array_of([true.record]), np.zeros(1))
+    seen = Observer(SITE, DAY_UTC_NS).seen(SatrecArray([true.record]), np.zeros(1))
     ra, dec = (float(x) for x in unit_to_direction(seen.u[0, 0]))
     plate = plate_at(ra, dec, DAY_UTC_NS, exposure_s, 0.04)
     (candidate,) = FieldCatalogue([low]).candidates(plate.view)

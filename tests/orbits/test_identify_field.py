@@ -8,13 +8,14 @@ from typing import Any, NamedTuple
 import numpy as np
 import pytest
 from astropy.io import fits
+from sgp4.api import SatrecArray
 from sgp4.exporter import export_tle
 from typer.testing import CliRunner
 
 from rsoconsole.cli.app import app
 from rsoconsole.config import OpticsConfig
-from rsoconsole.orbits import CatalogueEntry, array_of, parse_catalogue
-from rsoconsole.orbits.elements.sky_paths import Lookout
+from rsoconsole.orbits import CatalogueEntry, parse_catalogue
+from rsoconsole.orbits.elements.sky_paths import Observer
 from rsoconsole.simulator import elements_path
 from rsoconsole.simulator.camera.truth import FrameTruth
 from rsoconsole.sky import separation_deg, unit_to_direction
@@ -66,7 +67,7 @@ def night(tmp_path_factory: pytest.TempPathFactory) -> Night:
     """Two geostationary objects and four low ones cross a frame of 4 s; five of 0.2 s follow."""
     folder = tmp_path_factory.mktemp("field")
     high = belt(SES_10, SES_17)
-    seen = Lookout(SITE, T_UTC_NS).seen(array_of([high[0].record]), np.zeros(1))
+    seen = Observer(SITE, T_UTC_NS).seen(SatrecArray([high[0].record]), np.zeros(1))
     ra, dec = (float(x) for x in unit_to_direction(seen.u[0, 0]))
     places = {901: (0.1, 0.12), 902: (-0.15, 0.15), 903: (0.08, -0.08), STRANGER: (-0.2, -0.15)}
     orbits = {

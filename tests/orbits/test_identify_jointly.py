@@ -10,7 +10,7 @@ from rsoconsole.orbits import (
     CatalogueEntry,
     Identification,
     Sightings,
-    compared_with,
+    compare_with_catalogue,
     identify_jointly,
     parse_catalogue,
 )
@@ -127,7 +127,7 @@ def test_many_alike_still_have_an_answer_and_it_is_the_best() -> None:
 def test_one_track_alone_has_the_name_that_it_had() -> None:
     (track,) = tracks(2)
     entries = catalogue(1, 2, 3)
-    by_itself = identification_alone(compared_with(track, DAYTONA, entries), GATE_DEG)
+    by_itself = identification_alone(compare_with_catalogue(track, DAYTONA, entries), GATE_DEG)
     assert identify_jointly([track], DAYTONA, entries) == (by_itself,)
 
 

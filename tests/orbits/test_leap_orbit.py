@@ -12,10 +12,10 @@ from rsoconsole.orbits import (
     LeapTrack,
     StreakEnds,
     Timing,
-    begin,
+    begin_leap_track,
+    leap_track_after_miss,
     passes_above,
-    unseen,
-    updated,
+    update_leap_track,
 )
 from rsoconsole.orbits.low import low_fit
 from rsoconsole.orbits.low.leap_track import in_sense_of
@@ -62,7 +62,7 @@ class Followed:
 def follow(one: LowPass, random: np.random.Generator) -> Followed:
     """Three leaps as quick as a mount goes, then so many that they are spread over the pass."""
     t = one.rise_utc_ns + 10 * NS_PER_S
-    first = begin(SITE, streak_of(one, t, random), TIMING)
+    first = begin_leap_track(SITE, streak_of(one, t, random), TIMING)
     assert first is not None
     track, sigmas, t_first = first, [], t
     last = one.set_utc_ns - 10 * NS_PER_S
@@ -70,7 +70,7 @@ def follow(one: LowPass, random: np.random.Generator) -> Followed:
     late = np.linspace(early[-1], last, LEAPS - 3)[1:].astype(np.int64).tolist()
     for t in [*early, *late]:
         place = track.ahead(t)
-        new = updated(track, streak_of(one, t, random))
+        new = update_leap_track(track, streak_of(one, t, random))
         assert new is not None, f"{one.norad_id} is refused {(t - t_first) / NS_PER_S:.0f} s on"
         if track.best.orbit is not None and place is not None:
             sigmas.append(sigmas_off(off_arcsec(one, place), place))
@@ -231,9 +231,9 @@ def test_an_end_beyond_the_rim_is_no_measurement_along(followed) -> None:
     each = followed[0]
     t = each.track.best.streaks[-1].t_mid_utc_ns - 30 * NS_PER_S
     earlier = [one for one in each.track.best.streaks if one.t_mid_utc_ns < t]
-    track = begin(SITE, earlier[0], TIMING)
+    track = begin_leap_track(SITE, earlier[0], TIMING)
     for one in earlier[1:]:
-        track = updated(track, one)
+        track = update_leap_track(track, one)
     whole = in_sense_of(streak_of(each.one, t, np.random.default_rng(2)), track.ahead(t))
     # The last third lies outside: the line ends at the rim.
     cut_ra = whole.ra_icrs_deg.copy()
@@ -248,8 +248,8 @@ def test_an_end_beyond_the_rim_is_no_measurement_along(followed) -> None:
         sigma_along_arcsec=np.array([0.4, UNSEEN_ARCSEC]),
         sigma_across_arcsec=whole.sigma_across_arcsec,
     )
-    assert begin(SITE, cut, TIMING) is None  # it has no rate
-    after = updated(track, cut)
+    assert begin_leap_track(SITE, cut, TIMING) is None  # it has no rate
+    after = update_leap_track(track, cut)
     assert after is not None
     place = after.ahead(t + 6 * NS_PER_S)
     assert sigmas_off(off_arcsec(each.one, place), place) < 3.5
@@ -269,8 +269,8 @@ def test_another_satellites_streak_is_refused(followed) -> None:
         sigma_along_arcsec=true.sigma_along_arcsec,
         sigma_across_arcsec=true.sigma_across_arcsec,
     )
-    assert updated(each.track, true) is not None
-    assert updated(each.track, aside) is None
+    assert update_leap_track(each.track, true) is not None
+    assert update_leap_track(each.track, aside) is None
 
 
 def test_a_frame_without_it_makes_the_other_sense_likelier() -> None:
@@ -278,14 +278,14 @@ def test_a_frame_without_it_makes_the_other_sense_likelier() -> None:
         one for one in low_passes(30) if 80.0 < np.degrees(one.satellite.record.inclo) < 99.0
     )
     t = polar.rise_utc_ns + 10 * NS_PER_S
-    track = begin(SITE, streak_of(polar, t, np.random.default_rng(6)), TIMING)
+    track = begin_leap_track(SITE, streak_of(polar, t, np.random.default_rng(6)), TIMING)
     before, later = track.best, t + 5 * NS_PER_S
     place = track.ahead(later)
     centre = (place.ra_icrs_deg, place.dec_icrs_deg)
-    track = unseen(track, later, centre, 0.6)
+    track = leap_track_after_miss(track, later, centre, 0.6)
     assert track.best.streaks[0] is not before.streaks[0]
     assert track.best.probability > 0.85
-    far = unseen(track, later, (centre[0], -centre[1]), 0.6)
+    far = leap_track_after_miss(track, later, (centre[0], -centre[1]), 0.6)
     assert far.best.probability == pytest.approx(track.best.probability)
 
 

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
-from rsoconsole.orbits import LeapTrack, SkyAhead, Timing, begin, updated
+from rsoconsole.orbits import LeapTrack, SkyAhead, Timing, begin_leap_track, update_leap_track
 from rsoconsole.sky import wrap_180
 from rsoconsole.words import NS_PER_S
 from tests.truth.low_passes import (
@@ -69,7 +69,7 @@ def course(
     middle = (one.rise_utc_ns + one.set_utc_ns) // 2
     half_s = min(0.5 * LEAPS * LEAP_S, (one.set_utc_ns - one.rise_utc_ns) / 2e9 - 5.0)
     t = (middle + NS_PER_S * np.linspace(-half_s, half_s, LEAPS)).astype(np.int64).tolist()
-    track = begin(SITE, streak_of(one, t[0], random, scatter_s=scatter_s), timing)
+    track = begin_leap_track(SITE, streak_of(one, t[0], random, scatter_s=scatter_s), timing)
     assert track is not None
     refused, sigmas = 0, []
     for n, at in enumerate(t[1:]):
@@ -84,7 +84,7 @@ def course(
             hidden=hidden if n % 4 == 3 else 0.0,
         )
         path = track.path(at - NS_PER_S, 4.0, step_s=1.0)
-        after = updated(track, streak)
+        after = update_leap_track(track, streak)
         if after is None:
             refused += 1
             continue

@@ -30,7 +30,7 @@ from rsoconsole.records import (
     Wcs,
 )
 from rsoconsole.sky import icrs_of_hour_angle, iso_to_utc_ns, slot_direction
-from rsoconsole.tracking import Following, Tracked
+from rsoconsole.tracking import Following, LiveTrack
 from rsoconsole.words import text
 
 NS = 1_000_000_000
@@ -252,7 +252,7 @@ def test_the_misses_of_a_night_are_named_and_a_second_run_says_the_same():
 
     def night() -> list[str]:
         cycle = Cycle(BlindReducer([200, 200, 200, 5, 200, 200]), Config())  # type: ignore[arg-type]
-        following = Following(state="TRACK", tracks=(Tracked(track=track(start_ns)),))
+        following = Following(state="TRACK", tracks=(LiveTrack(track=track(start_ns)),))
         reasons = []
         for number in range(1, 7):
             late_ns = 40 * MINUTE_NS if number == 6 else 0
@@ -265,7 +265,7 @@ def test_the_misses_of_a_night_are_named_and_a_second_run_says_the_same():
             )
             blocked = SlewRefusal.beyond("hour angle", 121.0, 120.0) if number == 5 else None
             # Bounds never end it here: only the words are looked at.
-            lead = (Tracked(track=track(start_ns)),)
+            lead = (LiveTrack(track=track(start_ns)),)
             following = dataclasses.replace(following, state="TRACK", tracks=lead)
             result = cycle.run(frame, following, blocked)
             reasons += [text(r.reason) for r in result.records if isinstance(r, Miss)]

@@ -14,7 +14,7 @@ from rsoconsole.pipeline.comparison.fixed_light import FixedLight, KnownStars, R
 from rsoconsole.records import BelowTau, Detections, Frame, NotAStreak, Solution, Wcs
 from rsoconsole.session import decode, encode
 from rsoconsole.sky import StarCatalogue, Stars
-from rsoconsole.tracking import MAY_BE_FOLLOWED
+from rsoconsole.tracking import TRACKABLE_CLASSES
 from rsoconsole.vision import (
     FEATURES,
     PRIOR,
@@ -132,7 +132,7 @@ def test_with_the_frame_before_they_are_a_chain_and_no_measurement(seed):
     assert "stars in a row" in text(rejected.reason)
     streak = rejected.detection
     assert streak.object_class == "star chain"
-    assert streak.object_class not in MAY_BE_FOLLOWED
+    assert streak.object_class not in TRACKABLE_CLASSES
     assert streak.class_probability > 0.95
     assert streak.confidence < 0.05
     assert found.absence == "no detection"

@@ -31,7 +31,7 @@ from rsoconsole.records import (
     TrackState,
 )
 from rsoconsole.session import SessionWriter
-from rsoconsole.tracking import Following, Tracked, follow
+from rsoconsole.tracking import Following, LiveTrack, follow
 from rsoconsole.tracking.filters import lqe
 from tests.makers import geo_measurement
 from tests.nights.made_up_night import taken
@@ -60,7 +60,7 @@ def begun(ids: tuple[int, ...] = (1, 2)) -> Following:
     for number, made in zip(ids, (lead, other), strict=False):
         state = lqe.initialise(made(1), made(2), SETTINGS.filter, track_id=number)
         state = dataclasses.replace(state, is_lead=number == ids[0])
-        tracks.append(Tracked(track=state, taken=made(2)))
+        tracks.append(LiveTrack(track=state, taken=made(2)))
     return Following(state="TRACK", tracks=tuple(tracks), last_track_id=max(ids))
 
 
@@ -150,7 +150,7 @@ def night_of_two() -> list[Record]:
             for k in (0, 1):
                 state = lqe.initialise(before[k], measured[k], SETTINGS.filter, track_id=k + 1)
                 state = dataclasses.replace(state, is_lead=k == 0)
-                tracks.append(Tracked(track=state, taken=measured[k]))
+                tracks.append(LiveTrack(track=state, taken=measured[k]))
             following = Following(state="TRACK", tracks=tuple(tracks), last_track_id=2)
             told: tuple[FoldRecord, ...] = tuple(each.track for each in tracks)
         else:

@@ -27,7 +27,7 @@ def test_the_judge_sees_a_tracker_that_takes_any_two_points_for_one_object(
 ) -> None:
     import numpy as np
 
-    monkeypatch.setattr(chains, "is_wide", lambda _: False)
+    monkeypatch.setattr(chains, "uses_window", lambda _: False)
     right = off = 0
     for number in range(12):
         sequence = annotated()[number]

@@ -11,7 +11,7 @@ from typer.testing import CliRunner
 from rsoconsole.cli.app import app
 from rsoconsole.config import Config
 from rsoconsole.engine.tasks.session_log import keep_uncorrelated, read_past
-from rsoconsole.orbits import ElementSet, attributable, recognise
+from rsoconsole.orbits import ElementSet, attributable, correlate_tracks
 from rsoconsole.pipeline import keep_night
 from rsoconsole.pipeline.orbits._naming import Naming
 from rsoconsole.records import Identified
@@ -246,14 +246,14 @@ def test_neighbours_in_the_belt_are_not_taken_for_one_another() -> None:
     for n, longitude in enumerate((-60.35, -59.65)):
         other = geostationary(90009, longitude, e=3e-4, i_deg=0.06)
         track = seen(other, instants(7.0 * DAY_S, 30), random=np.random.default_rng(5 + n))
-        (found,) = recognise([track], DAYTONA, before)
+        (found,) = correlate_tracks([track], DAYTONA, before)
         assert found.number is None
 
 
 def test_of_two_tracks_at_once_one_object_is_one() -> None:
     before = [kept_of(1, seen(STRANGER, instants(0.0, 30), random=np.random.default_rng(1)))]
     tracks = [seen(STRANGER, instants(DAY_S, 30), random=np.random.default_rng(n)) for n in (2, 3)]
-    found = recognise(tracks, DAYTONA, before)
+    found = correlate_tracks(tracks, DAYTONA, before)
     assert sum(each.number == 1 for each in found) <= 1
     assert sum(dict(each.candidates).get(1, 0.0) for each in found) <= 1.0 + 1e-6
 
@@ -280,7 +280,7 @@ def test_real_satellites_are_recognised_with_their_manoeuvres_and_no_other_is() 
         before = [kept_of(n, seen_by_sgp4(nearest(n, start), start, 20, random)) for n in numbers]
         for number in numbers:
             track = seen_by_sgp4(nearest(number, later), later, 20, random)
-            (found,) = recognise([track], SITE, before)
+            (found,) = correlate_tracks([track], SITE, before)
             assert found.number in (None, number)
             right += found.number == number
     assert right >= 14
@@ -291,4 +291,4 @@ def test_real_satellites_are_recognised_with_their_manoeuvres_and_no_other_is() 
     others = random.choice(np.array(up[1:], object), 60, replace=False)
     for each in others:
         track = seen_by_sgp4(each, start + NS_PER_DAY, 20, random)
-        assert recognise([track], SITE, before)[0].number is None
+        assert correlate_tracks([track], SITE, before)[0].number is None

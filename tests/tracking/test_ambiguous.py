@@ -6,7 +6,7 @@ import pytest
 
 from rsoconsole.config import FilterConfig
 from rsoconsole.records import Measurement, Miss, TrackState
-from rsoconsole.tracking import Following, FollowSettings, Seen, follow
+from rsoconsole.tracking import Following, FollowSettings, FrameInput, follow
 from tests.makers import NS, T0_UTC_NS, geo_measurement
 
 APART_DEG = 24.0 / 3600.0
@@ -30,7 +30,7 @@ def records(most_ambiguous: int) -> list:
             measurements = (shown(frame_id), shown(frame_id, 150.0 + APART_DEG))
         elif frame_id > BOTH + HIDDEN:  # between where each is believed to be
             measurements = (shown(frame_id, 150.0 + APART_DEG / 2.2),)
-        seen = Seen(
+        seen = FrameInput(
             frame_id=frame_id,
             t_mid_utc_ns=T0_UTC_NS + (frame_id - 1) * 30 * NS,
             exposure_s=10.0,

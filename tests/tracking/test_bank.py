@@ -113,7 +113,7 @@ def begun(first: Measurement, second: Measurement, *, is_shutter_known: bool = F
         first,
         second,
         ADAPTIVE,
-        bend=(told.mean, told.covariance),
+        bend=told,
         is_shutter_known=is_shutter_known,
     )
 

@@ -11,7 +11,7 @@ from rsoconsole.pipeline.cycle.track_assignment import TracksTaken
 from rsoconsole.records import Measurement, NotFollowed, TrackState
 from rsoconsole.tracking import Following, follow
 from rsoconsole.tracking.initiation import chains
-from rsoconsole.tracking.initiation.chains import UNPAIRED_COST, paired
+from rsoconsole.tracking.initiation.chains import UNPAIRED_COST, pairs_between
 from tests.makers import GEO_RATE_DEG_S, geo_measurement
 from tests.tracking.test_follow import SETTINGS, seen
 
@@ -40,7 +40,7 @@ def followed(
 def by_pairs() -> Iterator[None]:
     """As presets that ask two successive frames alone."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(chains, "is_wide", lambda _: False)
+        patch.setattr(chains, "uses_window", lambda _: False)
         yield
 
 
@@ -146,8 +146,8 @@ def test_one_right_pair_is_worth_more_than_two_wrong_ones():
     false_second = geo_measurement(2, ra_deg=150.0 - off)
     firsts, seconds = (a, false_first), (b, false_second)
     rate = 3600.0 * GEO_RATE_DEG_S * np.cos(np.radians(5.0))
-    assert len(paired(firsts, seconds, 10.0)) == 2
-    told = paired(firsts, seconds, 10.0, [(float(rate), 0.0)], unpaired=UNPAIRED_COST)
+    assert len(pairs_between(firsts, seconds, 10.0)) == 2
+    told = pairs_between(firsts, seconds, 10.0, [(float(rate), 0.0)], unpaired=UNPAIRED_COST)
     assert told == {b: a}
 
 

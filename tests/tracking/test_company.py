@@ -11,8 +11,8 @@ from rsoconsole.orbits import Satellite, parse_elements
 from rsoconsole.records import FoldRecord, Measurement, Missed, NotFollowed, TrackState
 from rsoconsole.simulator import elements_path
 from rsoconsole.sky import Places
-from rsoconsole.tracking import Following, FollowSettings, Seen, follow
-from rsoconsole.tracking.association.pattern import NO_PATTERN, Place, after
+from rsoconsole.tracking import Following, FollowSettings, FrameInput, follow
+from rsoconsole.tracking.association.pattern import NO_PATTERN, Place, pattern_after
 from tests.nights.slot_of_twelve import streak
 from tests.tracking.test_rivals import every_day
 from tests.truth.seen_satellites import DAYTONA
@@ -38,8 +38,8 @@ def places(late_s: tuple[float, ...]) -> dict[str, Places]:
     return {name: Satellite(known[name]).astrometric_place(DAYTONA, t) for name in SLOT}
 
 
-def seen(k: int, shown: list[Measurement]) -> Seen:
-    return Seen(
+def seen(k: int, shown: list[Measurement]) -> FrameInput:
+    return FrameInput(
         frame_id=k,
         t_mid_utc_ns=T0_UTC_NS + k * round(CADENCE_S * 1e9),
         exposure_s=EXPOSURE_S,
@@ -130,7 +130,7 @@ def test_the_way_from_one_to_another_knows_nothing_of_what_both_share() -> None:
             shown[track] = Place(
                 ra_icrs_deg=at[0], dec_icrs_deg=at[1], covariance=cov, rate_arcsec_s=np.zeros(2)
             )
-        pattern = after(pattern, (1, 2), shown, k * round(CADENCE_S * 1e9) + 1)
+        pattern = pattern_after(pattern, (1, 2), shown, k * round(CADENCE_S * 1e9) + 1)
     later_ns = 30 * round(CADENCE_S * 1e9) + 1
     known, ways, covariances = pattern.ways_between((1, 2, 3), later_ns)
     assert known.tolist() == [[False, True, False], [True, False, False], [False, False, False]]

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from rsoconsole.tracking import WINDOW, consistency, mean_band
-from rsoconsole.tracking.filters.innovations import LEAST
+from rsoconsole.tracking.filters.innovations import MIN_UPDATES
 
 
 def innovations(scale: float, count: int, seed: int, correlation: float = 0.0):
@@ -48,7 +48,7 @@ def test_the_words_count_what_lies_above_the_band():
 
 
 def test_a_few_updates_say_nothing():
-    judged = consistency([30.0] * (LEAST - 1))
+    judged = consistency([30.0] * (MIN_UPDATES - 1))
     assert judged.verdict == "too few"
     assert judged.mean == 30.0
     assert consistency([]).mean is None

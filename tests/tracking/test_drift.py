@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from rsoconsole.simulator.mount.mount_model import MountTraits, systematic_error_deg
-from rsoconsole.tracking import Look, drift_of, polar_hint
+from rsoconsole.tracking import SolvedPointing, drift_of, polar_hint
 
 NS_PER_S = 1_000_000_000
 SIDEREAL_DEG_S = 15.041 / 3600.0
@@ -21,7 +21,7 @@ def looks_of(
     slew_every: int = 3,
     dec_deg: float = -5.0,
     turn_deg_h: float = 0.0,
-) -> list[Look]:
+) -> list[SolvedPointing]:
     """Frames of a mount that tracks, is sent on every few frames, and misses by 15 arcsec."""
     rng = np.random.default_rng(1)
     traits = MountTraits(
@@ -45,7 +45,7 @@ def looks_of(
             dec_deg + north + miss[1] + noise[1],
         )
         looks.append(
-            Look(
+            SolvedPointing(
                 t_utc_ns=int(t_s * NS_PER_S),
                 mount_icrs_deg=(ra, dec_deg),
                 plate_icrs_deg=plate,
@@ -98,7 +98,7 @@ def test_a_field_that_turns_is_measured_through_north_and_since_the_flip():
     assert drift is not None
     assert drift.rotation_deg_h.value == pytest.approx(0.12, abs=0.001)
     before = [
-        Look(
+        SolvedPointing(
             t_utc_ns=look.t_utc_ns - 3600 * NS_PER_S,
             mount_icrs_deg=look.mount_icrs_deg,
             plate_icrs_deg=look.plate_icrs_deg,

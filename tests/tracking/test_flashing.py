@@ -7,7 +7,7 @@ import pytest
 
 from rsoconsole.config import FilterConfig
 from rsoconsole.records import Measurement, NotFollowed, TrackState
-from rsoconsole.tracking import Following, FollowSettings, Seen, follow
+from rsoconsole.tracking import Following, FollowSettings, FrameInput, follow
 from tests.makers import NS, T0_UTC_NS, geo_measurement
 
 LAST = 20
@@ -31,7 +31,7 @@ def records(shares: list[float], seed: int = 1) -> list:
     settings = FollowSettings(filter=FilterConfig(), half_field_deg=0.62)
     after, said = Following(), []
     for frame_id, share in enumerate(shares, 1):
-        seen = Seen(
+        seen = FrameInput(
             frame_id=frame_id,
             t_mid_utc_ns=T0_UTC_NS + (frame_id - 1) * 30 * NS,
             exposure_s=10.0,

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from rsoconsole.config import FilterConfig
 from rsoconsole.records import HiddenBy, Measurement, Miss, Missed, NotFollowed, StateChange
-from rsoconsole.tracking import Following, FollowSettings, Seen, follow
+from rsoconsole.tracking import Following, FollowSettings, FrameInput, follow
 from rsoconsole.tracking.initiation import chains
 from rsoconsole.words import text
 from tests.makers import GEO_RATE_DEG_S, NS, T0_UTC_NS, geo_measurement
@@ -17,8 +17,8 @@ from tests.makers import GEO_RATE_DEG_S, NS, T0_UTC_NS, geo_measurement
 SETTINGS = FollowSettings(filter=FilterConfig(), half_field_deg=0.62)
 
 
-def seen(frame_id: int, *measurements: Measurement, cadence_s: float = 30.0) -> Seen:
-    return Seen(
+def seen(frame_id: int, *measurements: Measurement, cadence_s: float = 30.0) -> FrameInput:
+    return FrameInput(
         frame_id=frame_id,
         t_mid_utc_ns=T0_UTC_NS + round((frame_id - 1) * cadence_s * NS),
         exposure_s=10.0,
@@ -26,7 +26,7 @@ def seen(frame_id: int, *measurements: Measurement, cadence_s: float = 30.0) -> 
     )
 
 
-def chosen(measurement: Measurement) -> Seen:
+def chosen(measurement: Measurement) -> FrameInput:
     """A frame with this measurement, which the operator wants followed."""
     sight = seen(measurement.frame_id, measurement)
     return dataclasses.replace(sight, chosen=measurement)
@@ -193,7 +193,7 @@ def test_drift_bends_a_whole_streak_at_the_right_place_and_it_is_taken(
     refused = [r.reason.kind for r in records if isinstance(r, NotFollowed)]
     assert refused == ([] if is_taken else ["moves otherwise"])
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(chains, "is_wide", lambda _: False)  # as the other presets
+        patch.setattr(chains, "uses_window", lambda _: False)  # as the other presets
         as_ever, _ = follow(following, seen(7, bent), SETTINGS)
     assert as_ever.state == "COAST"
 

@@ -10,13 +10,12 @@ from collections import Counter
 import numpy as np
 import pytest
 
-from rsoconsole.records import Measurement, NotTaken
-from rsoconsole.tracking import Following, Tracked, follow
-from rsoconsole.tracking._takeover import updated_with
+from rsoconsole.records import NotTaken
+from rsoconsole.tracking import Following, LiveTrack, follow
+from rsoconsole.tracking._gates import track_updates
 from rsoconsole.tracking.filters import estimator
-from rsoconsole.tracking.filters.estimator import Update
-from rsoconsole.tracking.initiation.acquisition import initiated
-from rsoconsole.tracking.joint import Weighed, assigned
+from rsoconsole.tracking.initiation.acquisition import track_through
+from rsoconsole.tracking.joint import TrackCandidates, assign
 from tests.tiers import plain_first
 from tests.tracking.test_rivals import FRAMES, NEAR_ARCSEC, every_day, seen, streak, truth
 
@@ -48,8 +47,8 @@ def night(
     settings, tracks = every_day(), []
     for number, name in enumerate(places, start=1):
         pair = frames[0][name], frames[1][name]
-        track = initiated(*pair, number, seen(1, *pair), settings)
-        tracks.append(Tracked(track=track, taken=pair[1]))
+        track = track_through(*pair, number, seen(1, *pair), settings)
+        tracks.append(LiveTrack(track=track, taken=pair[1]))
     following = Following(state="TRACK", tracks=tuple(tracks), last_track_id=len(tracks))
     found: Counter[str] = Counter()
     for k in range(2, FRAMES):
@@ -99,14 +98,12 @@ def weighed_of(names: tuple[str, ...], spacing_arcsec: float, shown: dict[str, f
     ]
     sight, told = seen(2, *streaks), []
     for name in names:
-        track = initiated(*pairs[name], 1, sight, settings)
-        before = Tracked(track=track, taken=pairs[name][1])
+        track = track_through(*pairs[name], 1, sight, settings)
+        before = LiveTrack(track=track, taken=pairs[name][1])
         predicted = estimator.predict(track, sight.t_mid_utc_ns, settings.filter, 2)
-        updated: dict[Measurement, Update] = {
-            m: updated_with(predicted, m, before, sight, settings) for m in sight.measurements
-        }
+        updated = track_updates(predicted, sight.measurements, before, sight, settings)
         reasons = {m: NotTaken.by_gate(s.nis, 11.83) for m, s in updated.items() if s.nis > 11.83}
-        told.append(Weighed(predicted=predicted, updated=updated, reasons=reasons))
+        told.append(TrackCandidates(predicted=predicted, updated=updated, reasons=reasons))
     return told
 
 
@@ -118,29 +115,29 @@ def test_the_whole_frame_decides_where_one_track_alone_would_take_the_wrong_one(
     """Both are late by more than half of their distance: alone ``b`` is nearer to ``a``'s."""
     tracks = weighed_of(("a", "b"), 30.0, {"a": 0.6, "b": 1.6})
     assert min(tracks[1].fitting, key=lambda m: tracks[1].updated[m].nis).measurement_id == "2-a"
-    assert names_of(assigned(tracks)) == ["a", "b"]
+    assert names_of(assign(tracks)) == ["a", "b"]
 
 
 def test_one_streak_between_two_tracks_is_nobodys():
     """Half way between both: an answer would be a guess."""
-    given = assigned(weighed_of(("a", "b"), 20.0, {"x": 0.5}))
+    given = assign(weighed_of(("a", "b"), 20.0, {"x": 0.5}))
     assert names_of(given) == [None, None]
     assert sorted(given.is_ambiguous) == [False, True]
 
 
 def test_one_streak_on_a_track_is_that_tracks():
-    given = assigned(weighed_of(("a", "b"), 90.0, {"x": 1.0}))
+    given = assign(weighed_of(("a", "b"), 90.0, {"x": 1.0}))
     assert names_of(given) == [None, "x"]
     assert given.is_ambiguous == (False, False)
 
 
 def test_a_streak_found_twice_is_still_one():
-    given = assigned(weighed_of(("a", "b"), 90.0, {"x": 0.0, "y": 0.01, "z": 1.0}))
+    given = assign(weighed_of(("a", "b"), 90.0, {"x": 0.0, "y": 0.01, "z": 1.0}))
     assert names_of(given)[1] == "z"
     assert names_of(given)[0] in {"x", "y"}
 
 
 def test_a_frame_without_anything_gives_nothing():
-    given = assigned(weighed_of(("a", "b"), 40.0, {}))
+    given = assign(weighed_of(("a", "b"), 40.0, {}))
     assert names_of(given) == [None, None]
     assert given.is_ambiguous == (False, False)

@@ -8,7 +8,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from rsoconsole.orbits import alone, probability_of
+from rsoconsole.orbits import probability_of, tracklet_orbit
 from rsoconsole.orbits.determination.join import log_odds
 from rsoconsole.records import FloatArray
 from rsoconsole.tracking import MotionPrior, link_points
@@ -138,7 +138,7 @@ def test_three_satellites_of_two_nights_two_of_them_in_one_slot_are_joined() -> 
         geostationary(90003, -95.0, e=1e-4, i_deg=2.0),
     )
     first, second = (
-        [alone(seen(each, instants(since), random=random), "geo") for each in sets]
+        [tracklet_orbit(seen(each, instants(since), random=random), "geo") for each in sets]
         for since in (0.0, NIGHT_S)
     )
     found = np.array([[probability_of(log_odds(a, b)) for b in second] for a in first])
@@ -148,7 +148,7 @@ def test_three_satellites_of_two_nights_two_of_them_in_one_slot_are_joined() -> 
 
 def test_a_satellite_that_was_not_there_the_night_before_is_joined_to_none() -> None:
     random = np.random.default_rng(10)
-    ours = alone(seen(geostationary(90001, -60.0), instants(0.0), random=random), "geo")
+    ours = tracklet_orbit(seen(geostationary(90001, -60.0), instants(0.0), random=random), "geo")
     other = geostationary(90002, -60.05, i_deg=0.2, node_deg=300.0)
-    new = alone(seen(other, instants(NIGHT_S), random=random), "geo")
+    new = tracklet_orbit(seen(other, instants(NIGHT_S), random=random), "geo")
     assert log_odds(ours, new) < -5.0

@@ -9,7 +9,7 @@ from rsoconsole.config import FilterConfig
 from rsoconsole.records import HiddenBy, Miss, Missed, NotFollowed, TrackState
 from rsoconsole.sky import tan_wcs
 from rsoconsole.tracking import Field, Following, FollowSettings, follow, sky_covariance_arcsec2
-from rsoconsole.tracking._takeover import INDISTINGUISHABLE
+from rsoconsole.tracking._gates import INDISTINGUISHABLE
 from rsoconsole.tracking.association.neighbours import (
     MIN_MARGIN,
     UNKNOWN_COST,
@@ -111,7 +111,7 @@ def test_after_a_long_coast_one_streak_alone_is_nobodys(monkeypatch, shift_deg, 
         text(INDISTINGUISHABLE),
     )
 
-    monkeypatch.setattr("rsoconsole.tracking._takeover.MIN_MARGIN", 0.0)
+    monkeypatch.setattr("rsoconsole.tracking._gates.MIN_MARGIN", 0.0)
     before, _, _ = after_a_coast(shift_deg, **shown)
     taken = {"target": "taken back", "neighbour": SWAPPED}[who]
     assert by_position == ("left alone" if before.state == "COAST" else taken)

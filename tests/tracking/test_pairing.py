@@ -6,7 +6,7 @@ import math
 import pytest
 
 from rsoconsole.records import Measurement
-from rsoconsole.tracking.initiation.chains import paired
+from rsoconsole.tracking.initiation.chains import pairs_between
 from tests.makers import geo_measurement
 
 EXPOSURE_S = 10.0
@@ -44,7 +44,7 @@ def bent(m: Measurement, angle_deg: float) -> Measurement:
 def test_members_of_a_slot_find_themselves_where_the_stars_drift(bent_deg):
     """A streak points to where its neighbour will be, but all have gone one way."""
     firsts, seconds = slot(1, 3, bent_deg), slot(2, 2, bent_deg)
-    found = paired(firsts, seconds, EXPOSURE_S)
+    found = pairs_between(firsts, seconds, EXPOSURE_S)
     assert [firsts.index(found[second]) for second in seconds] == [0, 1]
 
 
@@ -53,7 +53,7 @@ def test_one_of_another_orbit_finds_itself_too():
         geo_measurement(n, ra_deg=150.3, rate_dec_deg_s=0.003, rate_deg_s=0.002) for n in (1, 2)
     ]
     firsts, seconds = [*slot(1, 2), other[0]], [other[1], *slot(2, 2)]
-    found = paired(firsts, seconds, EXPOSURE_S)
+    found = pairs_between(firsts, seconds, EXPOSURE_S)
     assert [firsts.index(found[second]) for second in seconds] == [2, 0, 1]
 
 
@@ -62,4 +62,4 @@ def test_what_moves_otherwise_than_its_streak_says_is_no_pair():
     seconds = [
         dataclasses.replace(each, dec_icrs_deg=each.dec_icrs_deg + 0.1) for each in slot(2, 2)
     ]
-    assert paired(firsts, seconds, EXPOSURE_S) == {}
+    assert pairs_between(firsts, seconds, EXPOSURE_S) == {}

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from rsoconsole.simulator.mount.mount_model import MountModel
 from rsoconsole.sky import lst_deg, pier_side, separation_deg, wrap_180
-from rsoconsole.tracking import CLIP_ARCSEC, PointingModel, command_for, observed
+from rsoconsole.tracking import CLIP_ARCSEC, PointingModel, pointing_command, with_solved_frame
 from rsoconsole.tracking.pointing import LARGE_SLEW_DEG, NO_OFFSET
 from tests.tiers import plain_first
 
@@ -25,7 +25,7 @@ def seen(
     pier_side: str | None = "west",
 ) -> PointingModel:
     """The model after a frame whose centre lay so far beside the commanded place."""
-    return observed(
+    return with_solved_frame(
         model,
         commanded_ra_deg=RA_DEG,
         commanded_dec_deg=DEC_DEG,
@@ -51,7 +51,7 @@ def test_one_frame_is_enough_to_land_where_it_is_wanted(ra_deg, dec_deg, east_ar
         return (sent[0] + east_arcsec / 3600.0 / cos_dec) % 360.0, sent[1] + north_arcsec / 3600.0
 
     wanted = (ra_deg, dec_deg)
-    model = observed(
+    model = with_solved_frame(
         PointingModel(),
         commanded_ra_deg=ra_deg,
         commanded_dec_deg=dec_deg,
@@ -61,7 +61,7 @@ def test_one_frame_is_enough_to_land_where_it_is_wanted(ra_deg, dec_deg, east_ar
         declination_deg=dec_deg,
         pier_side="west",
     )
-    landed = looks(command_for(model.last, *wanted))
+    landed = looks(pointing_command(model.last, *wanted))
     # What is left grows with the square of the offset and towards the pole: 600" at 80 deg.
     assert separation_deg(*landed, *wanted) * 3600.0 < 15.0
 
@@ -126,7 +126,10 @@ def test_an_offset_never_grows_beyond_its_clip():
 
 
 def test_nothing_known_changes_nothing():
-    assert command_for(PointingModel().at(0.0, 0.0, "west"), RA_DEG, DEC_DEG) == (RA_DEG, DEC_DEG)
+    assert pointing_command(PointingModel().at(0.0, 0.0, "west"), RA_DEG, DEC_DEG) == (
+        RA_DEG,
+        DEC_DEG,
+    )
 
 
 def errors_arcmin(seed: int, places: list[tuple[float, float]]) -> list[float]:
@@ -144,12 +147,12 @@ def errors_arcmin(seed: int, places: list[tuple[float, float]]) -> list[float]:
     for hour_angle_deg, dec_deg in places:
         ra_deg = (float(lst_deg(-81.05, t_ns)) - hour_angle_deg) % 360.0
         offset = model.at(hour_angle_deg, dec_deg, pier_side(hour_angle_deg))
-        sent = command_for(offset, ra_deg, dec_deg)
+        sent = pointing_command(offset, ra_deg, dec_deg)
         mount.slew(*sent, t_ns)
         t_ns += 90_000_000_000
         looks = mount.boresight_date_deg(t_ns)
         errors.append(separation_deg(*looks, ra_deg, dec_deg) * 60.0)
-        model = observed(
+        model = with_solved_frame(
             model,
             commanded_ra_deg=sent[0],
             commanded_dec_deg=sent[1],

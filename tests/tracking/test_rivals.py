@@ -24,8 +24,9 @@ from rsoconsole.records import (
     StateChange,
     TrackState,
 )
-from rsoconsole.tracking import Following, FollowSettings, Plane, Seen, follow
-from rsoconsole.tracking.association.following import Rival, odds
+from rsoconsole.tracking import Following, FollowSettings, FrameInput, Plane, follow
+from rsoconsole.tracking._takeover import rival_odds
+from rsoconsole.tracking.association.following import Rival
 from rsoconsole.words import text
 from tests.tiers import plain_first
 from tests.tracking.test_bank import CADENCE_S, places_of
@@ -124,8 +125,8 @@ def streak(  # noqa: PLR0917 -- of whom, where it is, how it moves
     )
 
 
-def seen(k: int, *measurements: Measurement, absence: Missed | None = None) -> Seen:
-    return Seen(
+def seen(k: int, *measurements: Measurement, absence: Missed | None = None) -> FrameInput:
+    return FrameInput(
         frame_id=k,
         t_mid_utc_ns=instant(k),
         exposure_s=EXPOSURE_S,
@@ -281,8 +282,8 @@ def test_what_is_unseen_for_a_night_is_weighed_without_an_overflow() -> None:
         following, _ = follow(following, seen(k, shown), every_day())
     assert following.track is not None
     rival = Rival(measurements=three)
-    assert odds(rival, following.track, 10_000) == odds(rival, following.track, 10)
-    assert odds(rival, following.track, 0) < odds(rival, following.track, 3)
+    assert rival_odds(rival, following.track, 10_000) == rival_odds(rival, following.track, 10)
+    assert rival_odds(rival, following.track, 0) < rival_odds(rival, following.track, 3)
 
 
 def test_frames_that_say_nothing_are_no_evidence_against_it() -> None:

@@ -7,7 +7,7 @@ import pytest
 
 from rsoconsole.config import FilterConfig
 from rsoconsole.records import Measurement, NotFollowed, TrackState
-from rsoconsole.tracking import Following, FollowSettings, Motion, Seen, follow
+from rsoconsole.tracking import Following, FollowSettings, FrameInput, Motion, follow
 from rsoconsole.tracking.filters.streak_length import across_error_arcsec, half_turn_arcsec
 from rsoconsole.tracking.initiation import acquisition
 from tests.makers import NS, T0_UTC_NS, geo_measurement
@@ -39,7 +39,9 @@ def followed(streaks: list[Measurement]) -> list:
     after, records = Following(), []
     for m in streaks:
         t_utc_ns = T0_UTC_NS + (m.frame_id - 1) * 30 * NS
-        seen = Seen(frame_id=m.frame_id, t_mid_utc_ns=t_utc_ns, exposure_s=10.0, measurements=(m,))
+        seen = FrameInput(
+            frame_id=m.frame_id, t_mid_utc_ns=t_utc_ns, exposure_s=10.0, measurements=(m,)
+        )
         after, said = follow(after, seen, settings)
         records += said
     return records

@@ -10,7 +10,7 @@ from dataclasses import replace
 import pytest
 
 from rsoconsole.records import HiddenBy, Measurement, Miss, Missed, TrackState
-from rsoconsole.tracking import Following, Seen, follow
+from rsoconsole.tracking import Following, FrameInput, follow
 from rsoconsole.tracking.initiation.chains import APART_ON_TRIAL
 from tests.makers import GEO_RATE_DEG_S, NS, T0_UTC_NS, geo_measurement
 from tests.tracking.test_company import settings
@@ -34,8 +34,8 @@ def streak(k: int, way: Way) -> Measurement:
     )
 
 
-def seen(k: int, ways: Sequence[Way]) -> Seen:
-    return Seen(
+def seen(k: int, ways: Sequence[Way]) -> FrameInput:
+    return FrameInput(
         frame_id=k + 1,
         t_mid_utc_ns=T0_UTC_NS + 30 * k * NS,
         exposure_s=10.0,

@@ -17,7 +17,7 @@ from rsoconsole.orbits import (
     ElementErrors,
     ElementRow,
     Sightings,
-    compared_with,
+    compare_with_catalogue,
     manoeuvred_probability,
     parse_catalogue,
     places_of,
@@ -125,7 +125,7 @@ def row_by(
     errors: ElementErrors,
 ) -> ElementRow | None:
     """As the verb makes it; None where it is not surely named."""
-    compared = compared_with(seen, SITE, entries, gate_deg=GATE_DEG, errors=errors)
+    compared = compare_with_catalogue(seen, SITE, entries, gate_deg=GATE_DEG, errors=errors)
     return row_of(session, "1", compared, identification_alone(compared, GATE_DEG))
 
 

@@ -9,19 +9,18 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from sgp4.api import WGS72, Satrec
+from sgp4.api import WGS72, Satrec, SatrecArray
 
 from rsoconsole.orbits import (
     CatalogueEntry,
     FieldOfView,
     Line,
-    array_of,
     manoeuvred_probability,
     parse_catalogue,
     position_sigmas_km,
     regime_of,
 )
-from rsoconsole.orbits.elements.sky_paths import Exposure, Lookout, drawn
+from rsoconsole.orbits.elements.sky_paths import Exposure, Observer, streak_path
 from rsoconsole.orbits.identification.element_errors import MANOEUVRED, UNDISTURBED, Spread
 from rsoconsole.records import FloatArray, Site, Wcs
 from rsoconsole.sky import (
@@ -140,8 +139,8 @@ def passing(
         )
 
     def off(node: float, mean: float) -> FloatArray:
-        satellite = array_of([made(node, mean).record])
-        u = Lookout(SITE, t_utc_ns).seen(satellite, np.zeros(1)).u[0, 0]
+        satellite = SatrecArray([made(node, mean).record])
+        u = Observer(SITE, t_utc_ns).seen(satellite, np.zeros(1)).u[0, 0]
         side = np.cross([0.0, 0.0, 1.0], through)
         return np.array([u @ side, u @ np.cross(through, side)])
 
@@ -280,12 +279,12 @@ def line_of(plate: Plate, true: CatalogueEntry, rng: np.random.Generator) -> Lin
     """What the frame shows of an object, with the noise of a detection; None: nothing."""
     view = plate.view
     exposure = Exposure(view.site, view.t_mid_utc_ns, view.exposure_s)
-    three = exposure.three(array_of([true.record]), np.zeros(1))
+    three = exposure.three(SatrecArray([true.record]), np.zeros(1))
     if not all(np.all(np.isfinite(each.u)) for each in three):
         return None
     if not float(three[1].u[0, 0] @ view.centre) > math.cos(view.radius_rad + 0.35):
         return None
-    path = drawn(*(each.u[0, 0] for each in three), 801)
+    path = streak_path(*(each.u[0, 0] for each in three), 801)
     inside = np.flatnonzero(view.contains(path))
     if inside.size < 2:
         return None

@@ -7,10 +7,11 @@ from pathlib import Path
 
 import numpy as np
 from astropy.io import fits
+from sgp4.api import SatrecArray
 
 from rsoconsole.config import OpticsConfig
-from rsoconsole.orbits import CatalogueEntry, array_of
-from rsoconsole.orbits.elements.sky_paths import Exposure, drawn
+from rsoconsole.orbits import CatalogueEntry
+from rsoconsole.orbits.elements.sky_paths import Exposure, streak_path
 from rsoconsole.simulator import Scene, scenario_named
 from rsoconsole.simulator.camera.truth import FrameTruth
 from rsoconsole.simulator.nights.scenarios import ScenarioSatellite
@@ -49,13 +50,13 @@ def frames_in(
     """Frames in which at least two low and one high object should be seen; the truth of each, and
     which of its objects are low."""
     rng = np.random.default_rng(seed)
-    satellites = array_of([each.record for each in many.true])
+    satellites = SatrecArray([each.record for each in many.true])
     found: list[tuple[Path, FrameTruth, frozenset[int]]] = []
     for _ in range(_TRIED):
         t = DAY_UTC_NS + round(rng.uniform(1.2, 3.2) * 3600) * NS_PER_S
         three = Exposure(SITE, t, exposure_s).three(satellites, np.zeros(1))
         middle = three[1]
-        path = drawn(*(each.u[:, 0] for each in three), 9)
+        path = streak_path(*(each.u[:, 0] for each in three), 9)
         is_lit = lit_fraction(np.nan_to_num(middle.r_km[:, 0], nan=1.0), t) > 0.9
         is_low = middle.range_km[:, 0] < LOW_KM
         _, dec = unit_to_direction(middle.u[:, 0])
@@ -93,8 +94,8 @@ def _frame(
 ) -> tuple[Path, FrameTruth, frozenset[int]]:
     """Only what comes near the field is drawn. ``when``: middle and length of the exposure."""
     view = plate_at(*centre, *when, 3.0).view
-    three = Exposure(SITE, *when).three(array_of([e.record for e in many.true]), np.zeros(1))
-    path = drawn(*(each.u[:, 0] for each in three), 9)
+    three = Exposure(SITE, *when).three(SatrecArray([e.record for e in many.true]), np.zeros(1))
+    path = streak_path(*(each.u[:, 0] for each in three), 9)
     with np.errstate(invalid="ignore"):
         near = np.flatnonzero((path @ view.centre).max(axis=1) > math.cos(view.radius_rad))
     is_low = three[1].range_km[:, 0] < LOW_KM

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from rsoconsole.cli.words import output
-from rsoconsole.orbits import FEWEST, SYSTEMS, Estimated, ShutterTiming
+from rsoconsole.orbits import MIN_MEASUREMENTS, SYSTEMS, Estimate, ShutterTiming
 from rsoconsole.pipeline import FoundTiming, Mode, SeenSatellite
 from rsoconsole.words import counted, mode_words
 
@@ -84,7 +84,7 @@ def timing_lines(found: FoundTiming) -> Iterator[str]:
 
 def _mode_lines(timing: ShutterTiming | None) -> Iterator[str]:
     if timing is None:
-        yield f"  too few of its streaks: {FEWEST} are needed"
+        yield f"  too few of its streaks: {MIN_MEASUREMENTS} are needed"
         return
     yield f"  bias      {_ms(timing.bias_s)}  true mid-exposure of row 0 minus the header's"
     yield f"  scatter   {_ms(timing.scatter_s, sign='')}  from frame to frame"
@@ -149,10 +149,10 @@ def _satellites_words(satellites: Sequence[SeenSatellite]) -> str:
     return counted(len(satellites), "satellite") + (f" ({named})" if named else "")
 
 
-def _ms(value: Estimated, *, sign: str = "+") -> str:
+def _ms(value: Estimate, *, sign: str = "+") -> str:
     return f"{value.value * 1e3:{sign}8.1f} ± {value.sigma * 1e3:.1f} ms"
 
 
-def _arcsec(value: Estimated) -> str:
+def _arcsec(value: Estimate) -> str:
     decimals = 2 if value.sigma < 1.0 and not math.isnan(value.sigma) else 0
     return f"{value.value:+.{decimals}f} ± {value.sigma:.{decimals}f}″"

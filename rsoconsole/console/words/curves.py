@@ -7,7 +7,7 @@ from rsoconsole.console.drawing.plot import Ink, Line, value_plot
 from rsoconsole.console.words.panels import NEWEST, PlotWindow, axis_lines
 from rsoconsole.console.words.words import clipped, rule
 from rsoconsole.night import FRAME_FACTS, FrameFact, FrameRow, NightView
-from rsoconsole.tracking import Drift, Look, PolarHint, Rate, drift_of, offsets_arcsec
+from rsoconsole.tracking import Drift, PolarHint, Rate, SolvedPointing, drift_of, offsets_arcsec
 from rsoconsole.tracking import polar_hint as hint_of
 from rsoconsole.words import span
 
@@ -124,7 +124,7 @@ def alignment_lines(night: NightView, width: int, height: int) -> list[Line]:
     return [clipped(line, width) for line in lines][:height]
 
 
-def looks_of(rows: Sequence[FrameRow]) -> list[Look]:
+def looks_of(rows: Sequence[FrameRow]) -> list[SolvedPointing]:
     """The last solved frames with the mount's word and their plate's."""
     return [look for row in rows[-LOOKS:] if (look := _look(row)) is not None]
 
@@ -165,7 +165,7 @@ def _drift_words(drift: Drift) -> list[Line]:
     ]
 
 
-def _hint(night: NightView, looks: Sequence[Look], drift: Drift) -> list[Line] | None:
+def _hint(night: NightView, looks: Sequence[SolvedPointing], drift: Drift) -> list[Line] | None:
     if night.config is None:
         return None
     from rsoconsole.sky import hour_angle_icrs_deg
@@ -193,10 +193,10 @@ def hint_words(hint: PolarHint) -> list[str]:
     ]
 
 
-def _look(row: FrameRow) -> Look | None:
+def _look(row: FrameRow) -> SolvedPointing | None:
     if None in (row.t_utc_ns, row.mount_icrs_deg, row.plate_icrs_deg, row.rotation_deg):
         return None
-    return Look(
+    return SolvedPointing(
         t_utc_ns=row.t_utc_ns or 0,
         mount_icrs_deg=row.mount_icrs_deg or (0.0, 0.0),
         plate_icrs_deg=row.plate_icrs_deg or (0.0, 0.0),

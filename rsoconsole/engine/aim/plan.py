@@ -25,7 +25,7 @@ from rsoconsole.pipeline import (
 )
 from rsoconsole.records import Frame, SlewCommand, SlewRefusal, Solution, TrackState
 from rsoconsole.sky import Pose, hour_angle_jnow_deg, icrs_to_jnow, separation_deg, wrap_180
-from rsoconsole.tracking import Following, PointingModel, command_for, observed
+from rsoconsole.tracking import Following, PointingModel, pointing_command, with_solved_frame
 
 
 class Planner:
@@ -93,7 +93,7 @@ class Planner:
         here = (report.ra_icrs_deg, report.dec_icrs_deg)
         known = self._pointing.at(*self._axes(here, report.t_utc_ns), report.pier_side)
         back = replace(known, east_arcsec=-known.east_arcsec, north_arcsec=-known.north_arcsec)
-        return command_for(back, *here)
+        return pointing_command(back, *here)
 
     def _stands_at(self, report: MountReport) -> None:
         # On its way nobody knows where it will be.
@@ -371,7 +371,7 @@ class Planner:
         # The mount chooses its side when it is told, not when it arrives.
         ordered_utc_ns = planned_utc_ns if slew == planned else slew.t_aim_utc_ns
         side = self.side_at(to, ordered_utc_ns)
-        return command_for(self._pointing.at(*self._axes(to, slew.t_aim_utc_ns), side), *to)
+        return pointing_command(self._pointing.at(*self._axes(to, slew.t_aim_utc_ns), side), *to)
 
     def _axes(self, direction: Direction, t_utc_ns: int) -> Direction:
         """Hour angle and declination of date."""
@@ -408,7 +408,7 @@ class Planner:
         if self._commanded is None:
             return
         hour_angle_deg, declination_deg = self._axes(self._commanded, self._last_mid_utc_ns)
-        self._pointing = observed(
+        self._pointing = with_solved_frame(
             self._pointing,
             commanded_ra_deg=self._commanded[0],
             commanded_dec_deg=self._commanded[1],

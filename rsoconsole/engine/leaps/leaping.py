@@ -22,7 +22,13 @@ from rsoconsole.engine.leaps.awaiting import Awaiting, begun_words, leap_words
 from rsoconsole.engine.operator.by_hand import Parts
 from rsoconsole.engine.operator.handlers import Control
 from rsoconsole.instruments import MountReport
-from rsoconsole.orbits import LeapTrack, Timing, begin, unseen, updated
+from rsoconsole.orbits import (
+    LeapTrack,
+    Timing,
+    begin_leap_track,
+    leap_track_after_miss,
+    update_leap_track,
+)
 from rsoconsole.pipeline import (
     FrameStreak,
     Glance,
@@ -181,7 +187,7 @@ class Leaping:
         began_s = time.perf_counter()
         exposure = self._control.config.exposure
         for each in streaks_of(seen.detections, seen.solution, frame, exposure):
-            after = updated(track, each.ends) if each.ends.is_whole else None
+            after = update_leap_track(track, each.ends) if each.ends.is_whole else None
             now_ns = self._parts.instrument_controller.now_utc_ns()
             pose = self._parts.planner.pose(now_ns)
             if after is None or pose is None:
@@ -245,7 +251,7 @@ class Leaping:
                 self._begin(first, frame.frame_id)
             return
         for each in found:
-            after = updated(self.track, each.ends)
+            after = update_leap_track(self.track, each.ends)
             if after is not None:
                 self._note_leap(leap, "met", each)
                 self.track, self._misses = after, 0
@@ -261,7 +267,7 @@ class Leaping:
                 self._end("it has gone into the Earth's shadow")
                 return
             half_deg = min(self._control.config.optics.field_deg) / 2.0 * self._camera.share
-            self.track = unseen(self.track, t_mid_ns, centre, half_deg)
+            self.track = leap_track_after_miss(self.track, t_mid_ns, centre, half_deg)
         self._miss("it is not in the frame" if not found else "no streak of the frame is its")
 
     def _learn(self, leap: Leap | None, reduction: Reduction) -> None:
@@ -302,7 +308,7 @@ class Leaping:
                 self._parts.session_log.say("info", f"a low satellite that is not {awaited.name}")
                 continue
             ends = ends if known is None else known[1]
-            track = begin(self._site, ends, timing, is_turned=known is not None)
+            track = begin_leap_track(self._site, ends, timing, is_turned=known is not None)
             if track is None:
                 continue
             name = "" if awaited is None else awaited.name

@@ -9,7 +9,7 @@ from rsoconsole.engine.aim.instrument_controller import Ahead
 from rsoconsole.engine.aim.states import Authority
 from rsoconsole.pipeline import Shown, kept_until_utc_ns, tracks_inside
 from rsoconsole.records import Measurement
-from rsoconsole.tracking import ON_TRIAL, Following, Tracked
+from rsoconsole.tracking import ON_TRIAL, Following, LiveTrack
 
 NS_PER_S = 1_000_000_000
 
@@ -72,7 +72,7 @@ def tracks_now(
     )
 
 
-def _now(each: Tracked, shown_of: Callable[[int], Shown], now_utc_ns: int) -> TrackNow:
+def _now(each: LiveTrack, shown_of: Callable[[int], Shown], now_utc_ns: int) -> TrackNow:
     track, taken = each.track, each.taken
     is_on_trial = not track.is_lead and track.innovations < ON_TRIAL
     residual = None if track.misses else track.innovation_arcsec

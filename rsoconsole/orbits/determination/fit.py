@@ -45,7 +45,7 @@ _NO_NUMBERS = np.linalg.LinAlgError
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Prior:
-    """What is believed of the orbit before it is seen."""
+    """Prior belief in the size and roundness of an orbit."""
 
     sigma_e: float | None = None
     """Root mean square of the eccentricity: its vector lies about 0 in the plane of the orbit, each
@@ -169,7 +169,7 @@ class _Problem:
         return float(np.max(off / away)) / ARCSEC_RAD
 
     def staleness_arcsec(self, step: FloatArray, log_range: float) -> float:
-        """By how much a deviation kept over a step may be wrong, in order of magnitude."""
+        """Error of a deviation that is kept over a step, in order of magnitude, arcsec."""
         if self.deviation is None:
             return 0.0
         span_s = float(np.max(np.abs(self.seen.t_s)))
@@ -359,7 +359,7 @@ def _used(squares: FloatArray) -> BoolArray:
 
 
 def inverse_of_normal(normal: FloatArray) -> FloatArray:
-    """Of a normal matrix, scaled first; what is not determined comes out huge, not negative."""
+    """Inverse of a normal matrix, scaled first: what is not determined comes out huge."""
     if not np.all(np.isfinite(normal)):
         return np.full_like(normal, np.nan)
     scale = 1.0 / np.sqrt(np.maximum(np.diag(normal), 1e-300))

@@ -37,11 +37,11 @@ from rsoconsole.orbits.motion.two_body import axis_and_inclination
 
 MIN_SIGHTINGS = 3
 POINT_MASS_S = 900.0
-"""Up to so long an arc the Earth is a point: 0.02 arcsec at a geostationary satellite."""
+"""Longest arc for which the Earth is a point mass: 0.02 arcsec at a geostationary satellite."""
 _RIVAL = 9.0
-"""Two orbits whose sums of squares differ by less are told apart by nothing."""
+"""Difference of two sums of squares below which both orbits fit alike."""
 _HELPED = 2.0
-"""Where a prior narrows axis or eccentricity by more, the orbit is not left to the directions."""
+"""Factor by which a prior must narrow axis or eccentricity to be used."""
 _MAX_STARTS = 4
 _NEAR_A_REGIME = 1.4
 """Starts whose semi-major axes miss a regime by this factor do not belong to it."""
@@ -85,7 +85,7 @@ class _Found:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class _Asked:
-    """How an orbit is to be found."""
+    """Prior and forces of a determination."""
 
     prior: PriorName
     forces: Motion

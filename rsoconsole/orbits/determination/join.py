@@ -1,4 +1,4 @@
-"""Are two tracklets of one object? One orbit through both, against two of their own. Pure.
+"""Tracklets of one object: one orbit through all, against one for each. Pure.
 
 The answer is a ratio of evidences (MacKay 2003, Information Theory, Inference, and Learning
 Algorithms, 28): how well one orbit explains the directions of both, with what is left uncertain,
@@ -34,8 +34,8 @@ _HOPELESS = 2000.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Alone:
-    """What a tracklet tells by itself."""
+class TrackletOrbit:
+    """The orbit of a tracklet by itself, with its evidence."""
 
     seen: Sightings
     state: State
@@ -46,8 +46,8 @@ class Alone:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Joined:
-    """What one orbit makes of several tracklets."""
+class JointOrbit:
+    """One orbit through several tracklets, with its evidence."""
 
     state: State
     """At ``epoch_utc_ns``."""
@@ -58,17 +58,17 @@ class Joined:
     chi2: float
 
 
-def alone(seen: Sightings, prior: PriorName = "auto") -> Alone | None:
+def tracklet_orbit(seen: Sightings, prior: PriorName = "auto") -> TrackletOrbit | None:
     """A tracklet by itself; None where no orbit passes through it."""
     orbit = determine(seen, prior=prior)
     if orbit is None:
         return None
     population = population_of(orbit.r_km, orbit.v_km_s, orbit.prior)
-    found = through((seen,), (orbit.r_km, orbit.v_km_s), seen.epoch_utc_ns, population)
+    found = joint_orbit((seen,), (orbit.r_km, orbit.v_km_s), seen.epoch_utc_ns, population)
     return (
         None
         if found is None
-        else Alone(
+        else TrackletOrbit(
             seen=seen,
             state=found.state,
             population=population,
@@ -78,33 +78,32 @@ def alone(seen: Sightings, prior: PriorName = "auto") -> Alone | None:
     )
 
 
-def join(first: Alone, second: Alone) -> Joined | None:
-    """One orbit through both, begun from the longer; None where none comes near."""
+def log_odds(first: TrackletOrbit, second: TrackletOrbit) -> float:
+    """Logarithm of the odds that both are of one object; minus infinity where no orbit fits.
+
+    One orbit is sought through both, begun from the longer.
+    """
     longer, shorter = sorted((first, second), key=lambda each: _span_s(each.seen), reverse=True)
-    return through(
+    both = joint_orbit(
         (longer.seen, shorter.seen),
         longer.state,
         longer.seen.epoch_utc_ns,
         longer.population,
         worst_chi2=first.chi2 + second.chi2 + _HOPELESS,
     )
+    return _log_odds(first.population, both, first.log_evidence, second)
 
 
-def log_odds(first: Alone, second: Alone) -> float:
-    """That both are of one object, against a chance meeting; minus infinity where none fits."""
-    return _log_odds(first.population, join(first, second), first.log_evidence, second)
-
-
-def log_odds_of_more(start: Alone, used: Sequence[Sightings], more: Alone) -> float:
-    """That ``more`` is of the object of ``start`` and of what was joined to it already."""
+def log_odds_of_more(start: TrackletOrbit, used: Sequence[Sightings], more: TrackletOrbit) -> float:
+    """Logarithm of the odds that ``more`` is of the object of ``start`` and of ``used``."""
     if not used:
         return log_odds(start, more)
     parts = (start.seen, *used)
     epoch = start.seen.epoch_utc_ns
-    before = through(parts, start.state, epoch, start.population)
+    before = joint_orbit(parts, start.state, epoch, start.population)
     if before is None:
         return -float("inf")
-    both = through(
+    both = joint_orbit(
         (*parts, more.seen),
         before.state,
         before.epoch_utc_ns,
@@ -115,7 +114,7 @@ def log_odds_of_more(start: Alone, used: Sequence[Sightings], more: Alone) -> fl
 
 
 def _log_odds(
-    population: Population, both: Joined | None, log_evidence: float, more: Alone
+    population: Population, both: JointOrbit | None, log_evidence: float, more: TrackletOrbit
 ) -> float:
     if both is None:
         return -float("inf")
@@ -124,13 +123,13 @@ def _log_odds(
 
 
 def probability_of(log_odds: float) -> float:
-    """Of the same; 0 where nothing could be computed."""
+    """Probability of one object by log odds; 0 where those could not be computed."""
     from scipy.special import expit
 
     return float(np.nan_to_num(expit(log_odds)))
 
 
-def together(parts: Sequence[Sightings]) -> tuple[Sightings, FloatArray]:
+def merged_tracklets(parts: Sequence[Sightings]) -> tuple[Sightings, FloatArray]:
     """Several tracklets as one, in order of time, and which of them each direction (N,) is of."""
     which = np.concatenate([np.full(len(each), n) for n, each in enumerate(parts)])
     t = np.concatenate([each.t_utc_ns for each in parts])
@@ -147,7 +146,7 @@ def together(parts: Sequence[Sightings]) -> tuple[Sightings, FloatArray]:
 
 
 def common_error_arcsec(seen: Sightings) -> float:
-    """By how much all directions of one tracklet may be off together, by the span of all."""
+    """One sigma of what all directions of a tracklet are off together, by the span of all."""
     return float(np.hypot(STARS_ARCSEC, FORCES_ARCSEC_A_DAY * _span_s(seen) / 86_400.0))
 
 
@@ -155,20 +154,20 @@ def _span_s(seen: Sightings) -> float:
     return float(seen.t_s[-1] - seen.t_s[0])
 
 
-def through(
+def joint_orbit(
     parts: Sequence[Sightings],
     start: State,
     epoch_utc_ns: int,
     population: Population,
     worst_chi2: float = float("inf"),
-) -> Joined | None:
+) -> JointOrbit | None:
     """One orbit through all parts, from ``start``, a state at ``epoch_utc_ns``; with its evidence.
 
     Least squares; None where it leads nowhere, or leaves more than ``worst_chi2``.
     """
-    seen, which = together(parts)
+    seen, which = merged_tracklets(parts)
     forces = Forces(epoch_utc_ns=seen.epoch_utc_ns)
-    state = np.concatenate(carried(start, epoch_utc_ns, seen.epoch_utc_ns))
+    state = np.concatenate(state_at(start, epoch_utc_ns, seen.epoch_utc_ns))
     offset_arcsec = common_error_arcsec(seen)
     last = float("inf")
     for step in range(_STEPS):
@@ -196,7 +195,7 @@ def through(
     log_volume = 3.0 * np.log(2.0 * np.pi) - log_size / 2.0 + np.sum(np.log(scale))
     log_volume -= 2.0 * len(parts) * np.log(offset_arcsec)
     log_prior = log_prior_density(population, state, covariance)
-    return Joined(
+    return JointOrbit(
         state=(state[:3], state[3:]),
         covariance=covariance,
         epoch_utc_ns=seen.epoch_utc_ns,
@@ -205,7 +204,7 @@ def through(
     )
 
 
-def carried(start: State, from_utc_ns: int, to_utc_ns: int) -> State:
+def state_at(start: State, from_utc_ns: int, to_utc_ns: int) -> State:
     """A state at another instant."""
     since_s = np.array([(to_utc_ns - from_utc_ns) / NS_PER_S])
     r, v = Forces(epoch_utc_ns=from_utc_ns).states(*start, since_s)

@@ -28,12 +28,12 @@ from rsoconsole.sky import IntArray
 
 PriorName = Literal["auto", "none", "slot", "geo", "meo"]
 AUTOMATIC: tuple[PriorName, ...] = ("slot", "geo", "meo")
-"""Which regimes ``auto`` tries, in this order."""
+"""Regimes that ``auto`` tries, in this order."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Regime:
-    """Where orbits of a kind are, and what is believed of them."""
+    """A kind of orbit: its range of semi-major axes, and the prior for it."""
 
     words: str
     """The belief."""
@@ -45,7 +45,7 @@ class Regime:
 
     @property
     def dimensions(self) -> int:
-        """Of the belief."""
+        """Number of quantities that the prior constrains."""
         return 2 if self.prior.a_km is None else 3
 
     def holds(self, state: State) -> bool:
@@ -75,17 +75,17 @@ REGIMES: Mapping[str, Regime] = {
         highest_a_km=34_000.0,
     ),
 }
-"""By the names of priors."""
+"""Regimes by the names of their priors."""
 
 
 Label = Literal["free", "constrained by prior", "weak geometry", "not observable"]
 
 FREE_SIGMA_A_KM = 100.0
-"""More than that and a free orbit is not called one."""
+"""Largest sigma of the semi-major axis of an orbit labelled ``free``."""
 CONSTRAINED_SIGMA_A = 0.03
-"""Of the semi-major axis: more than that and a prior has not constrained it."""
+"""Largest relative sigma of the semi-major axis of an orbit labelled ``constrained by prior``."""
 WIDEST_RANGE = 0.3
-"""Relative sigma of the range from which on nothing is known of it."""
+"""Relative sigma of the range from which on an orbit is ``not observable``."""
 _SURPRISE = {2: 11.83, 3: 14.16}
 """Chi-square above which a prior of that dimension is contradicted: three sigma."""
 _MUCH = 2.5
@@ -103,7 +103,7 @@ def widened_covariance(found: Fit) -> FloatArray:
 
 
 def label_of(seen: Sightings, found: Fit, prior: PriorName, rivals: int) -> tuple[Label, str]:
-    """What the orbit may be called, and why, in words."""
+    """Label of an orbit, and the reason in words."""
     doubt = _doubt(seen, found, prior, rivals)
     if doubt is not None:
         return doubt
@@ -163,7 +163,7 @@ def sigma_of_e(state: State, covariance: FloatArray) -> float:
 
 
 GAP_S = 1800.0
-"""A pause so long ends a pass."""
+"""Pause between directions that ends a pass."""
 _SURE = 0.02
 """Sigma of a place over its distance from the Earth's centre: so sure, no turn is miscounted."""
 _STEP = 0.3

@@ -41,7 +41,7 @@ _OF_TWO_LINES = {
 """What an OMM may leave out, and SGP4 does without."""
 _MAX_ALPHA_5 = 339_999
 MAX_SETS = 200_000
-"""Everything ever catalogued three times over; of more every answer would take minutes."""
+"""Most element sets of one text: three times all ever catalogued; more would take minutes."""
 _SGP4_THEORIES = {"SGP4", "SGP/SGP4", "SGP"}
 
 
@@ -61,7 +61,7 @@ class CatalogueEntry:
 
     @property
     def eccentricity(self) -> float:
-        """As published."""
+        """Eccentricity as published."""
         return float(self.record.ecco)
 
 
@@ -113,10 +113,15 @@ def states_gcrs(
     failed, r_teme, v_teme = SatrecArray([each.record for each in entries]).sgp4(
         np.ascontiguousarray(jd_1), np.ascontiguousarray(jd_2)
     )
-    rotation = teme_to_gcrs_rotation(t)
-    is_good = (failed == 0)[..., None]
-    r = np.einsum("nij,mnj->mni", rotation, r_teme)
-    v = np.einsum("nij,mnj->mni", rotation, v_teme)
+    return _in_gcrs(t, failed, r_teme, v_teme)
+
+
+def _in_gcrs(
+    t_utc_ns: IntArray, failed: IntArray, r_teme: FloatArray, v_teme: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """What SGP4 gives (..., N, 3) along GCRS axes; NaN where it failed (..., N)."""
+    rotation, is_good = teme_to_gcrs_rotation(t_utc_ns), (failed == 0)[..., None]
+    r, v = (np.einsum("nij,...nj->...ni", rotation, each) for each in (r_teme, v_teme))
     return np.where(is_good, r, np.nan), np.where(is_good, v, np.nan)
 
 
@@ -214,7 +219,7 @@ def _of_message(message: Mapping[str, Any], where: str) -> CatalogueEntry:
 
 
 LISTED = 8
-"""How many candidates an error names."""
+"""Number of candidates that an error names."""
 
 
 def find_object(entries: Sequence[CatalogueEntry], wanted: str) -> tuple[CatalogueEntry, ...]:
@@ -281,7 +286,9 @@ class Satellite:
         """``standard_magnitude``: fully lit, at 36,000 km."""
         self.element_set = element_set
         self.standard_magnitude = standard_magnitude
-        self.record = _record_of(element_set)
+        if isinstance(element_set, ElementSet):
+            element_set = _of_lines(element_set)
+        self.record = element_set.record
         if self.record.error:
             raise OrbitError(
                 f"satellite {element_set.norad_id}: SGP4 refuses its elements "
@@ -295,11 +302,7 @@ class Satellite:
         failed, r_teme, v_teme = self.record.sgp4_array(
             np.ascontiguousarray(jd_1), np.ascontiguousarray(jd_2)
         )
-        rotation = teme_to_gcrs_rotation(t)
-        r = np.einsum("nij,nj->ni", rotation, r_teme)
-        v = np.einsum("nij,nj->ni", rotation, v_teme)
-        is_good = (failed == 0)[:, None]
-        return np.where(is_good, r, np.nan), np.where(is_good, v, np.nan)
+        return _in_gcrs(t, failed, r_teme, v_teme)
 
     def astrometric_place(self, site: Site, t_utc_ns: IntArray) -> Places:
         """Places, ranges and rates at instants (N,): what measured directions are compared to."""
@@ -310,15 +313,6 @@ class Satellite:
         lit = lit_fraction(places.position_gcrs_km, places.t_utc_ns)
         phase = phase_angle_deg(places.position_gcrs_km, places.site_gcrs_km, places.t_utc_ns)
         return magnitude(self.standard_magnitude, places.range_km, phase, lit)
-
-
-def _record_of(element_set: ElementSet | CatalogueEntry) -> Satrec:
-    if isinstance(element_set, CatalogueEntry):
-        return element_set.record
-    try:
-        return Satrec.twoline2rv(element_set.line_1, element_set.line_2)
-    except ValueError as error:
-        raise OrbitError(f"satellite {element_set.norad_id}: {error}; fetch it again") from error
 
 
 def magnitude(

@@ -13,7 +13,8 @@ from rsoconsole.base import OrbitError
 from rsoconsole.words import NS_PER_DAY
 
 _LINE_LENGTH = 69
-_ALPHA_5 = "ABCDEFGHJKLMNPQRSTUVWXYZ"
+ALPHA_5 = "ABCDEFGHJKLMNPQRSTUVWXYZ"
+"""First digits of catalogue numbers from 100,000 on: 10 is A, without I and O."""
 _WORTH = bytes(
     "0123456789".find(chr(c)) if c in b"0123456789" else c == ord("-") for c in range(256)
 )
@@ -108,8 +109,8 @@ def _check_line(line: str, where: str) -> None:
 
 def _norad_id(field: str, where: str) -> int:
     text = field.strip()
-    if text and text[0] in _ALPHA_5 and text[1:].isdigit() and len(text) == 5:
-        return (_ALPHA_5.index(text[0]) + 10) * 10_000 + int(text[1:])
+    if text and text[0] in ALPHA_5 and text[1:].isdigit() and len(text) == 5:
+        return (ALPHA_5.index(text[0]) + 10) * 10_000 + int(text[1:])
     if not text.isdigit():
         raise OrbitError(f"{where}: {field!r} is not a catalogue number")
     return int(text)

@@ -21,9 +21,33 @@ def omm(elements: MeanElements, *, created_utc_ns: int, form: Form = "kvn") -> s
     header = {"CREATION_DATE": _time(created_utc_ns), "ORIGINATOR": ORIGINATOR}
     comment = f"SGP4 elements fitted to directions, {elements.rms_arcsec:.2f} arcsec rms"
     parts = {
-        "metadata": _metadata(elements),
-        "meanElements": _mean(elements),
-        "tleParameters": _tle(elements),
+        "metadata": {
+            "OBJECT_NAME": " ".join(elements.name.split()) or "UNKNOWN",
+            "OBJECT_ID": elements.cospar or "UNKNOWN",
+            "CENTER_NAME": "EARTH",
+            "REF_FRAME": "TEME",
+            "TIME_SYSTEM": "UTC",
+            "MEAN_ELEMENT_THEORY": "SGP4",
+        },
+        "meanElements": {
+            "EPOCH": _time(elements.epoch_utc_ns),
+            "MEAN_MOTION": f"{elements.revolutions_a_day:.12f}",
+            "ECCENTRICITY": f"{elements.e:.12f}",
+            "INCLINATION": f"{elements.i_deg:.10f}",
+            "RA_OF_ASC_NODE": f"{elements.raan_deg:.10f}",
+            "ARG_OF_PERICENTER": f"{elements.argp_deg:.10f}",
+            "MEAN_ANOMALY": f"{elements.m_deg:.10f}",
+        },
+        "tleParameters": {
+            "EPHEMERIS_TYPE": "0",
+            "CLASSIFICATION_TYPE": "U",
+            "NORAD_CAT_ID": str(elements.norad_id),
+            "ELEMENT_SET_NO": "1",
+            "REV_AT_EPOCH": "0",
+            "BSTAR": f"{elements.bstar:.10g}",
+            "MEAN_MOTION_DOT": "0.0",
+            "MEAN_MOTION_DDOT": "0.0",
+        },
     }
     if form == "kvn":
         return _kvn(header, comment, parts)
@@ -33,42 +57,6 @@ def omm(elements: MeanElements, *, created_utc_ns: int, form: Form = "kvn") -> s
     for part in parts.values():
         flat |= part
     return json.dumps([{key: _plain(value) for key, value in flat.items()}], indent=1) + "\n"
-
-
-def _metadata(elements: MeanElements) -> dict[str, str]:
-    return {
-        "OBJECT_NAME": " ".join(elements.name.split()) or "UNKNOWN",
-        "OBJECT_ID": elements.cospar or "UNKNOWN",
-        "CENTER_NAME": "EARTH",
-        "REF_FRAME": "TEME",
-        "TIME_SYSTEM": "UTC",
-        "MEAN_ELEMENT_THEORY": "SGP4",
-    }
-
-
-def _mean(elements: MeanElements) -> dict[str, str]:
-    return {
-        "EPOCH": _time(elements.epoch_utc_ns),
-        "MEAN_MOTION": f"{elements.revolutions_a_day:.12f}",
-        "ECCENTRICITY": f"{elements.e:.12f}",
-        "INCLINATION": f"{elements.i_deg:.10f}",
-        "RA_OF_ASC_NODE": f"{elements.raan_deg:.10f}",
-        "ARG_OF_PERICENTER": f"{elements.argp_deg:.10f}",
-        "MEAN_ANOMALY": f"{elements.m_deg:.10f}",
-    }
-
-
-def _tle(elements: MeanElements) -> dict[str, str]:
-    return {
-        "EPHEMERIS_TYPE": "0",
-        "CLASSIFICATION_TYPE": "U",
-        "NORAD_CAT_ID": str(elements.norad_id),
-        "ELEMENT_SET_NO": "1",
-        "REV_AT_EPOCH": "0",
-        "BSTAR": f"{elements.bstar:.10g}",
-        "MEAN_MOTION_DOT": "0.0",
-        "MEAN_MOTION_DDOT": "0.0",
-    }
 
 
 _UNITS = {
@@ -94,7 +82,10 @@ def _kvn(header: dict[str, str], comment: str, parts: dict[str, dict[str, str]])
 
 def _xml(header: dict[str, str], comment: str, parts: dict[str, dict[str, str]]) -> str:
     def tags(part: dict[str, str]) -> str:
-        return "".join(f"<{key}{_unit(key)}>{escape(value)}</{key}>" for key, value in part.items())
+        units = {key: f' units="{_UNITS[key]}"' for key in part if key in _UNITS}
+        return "".join(
+            f"<{key}{units.get(key, '')}>{escape(value)}</{key}>" for key, value in part.items()
+        )
 
     return (
         '<?xml version="1.0" encoding="UTF-8"?>\n'
@@ -105,10 +96,6 @@ def _xml(header: dict[str, str], comment: str, parts: dict[str, dict[str, str]])
         f"<tleParameters>{tags(parts['tleParameters'])}</tleParameters>\n</data>\n"
         "</segment></body>\n</omm>\n"
     )
-
-
-def _unit(key: str) -> str:
-    return f' units="{_UNITS[key]}"' if key in _UNITS else ""
 
 
 def _plain(value: str) -> str | float | int:

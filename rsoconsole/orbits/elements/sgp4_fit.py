@@ -16,7 +16,7 @@ import numpy as np
 
 from rsoconsole.base import OrbitError
 from rsoconsole.orbits.determination.from_directions import Orbit
-from rsoconsole.orbits.elements.elements import ElementSet, checksum, parse_elements
+from rsoconsole.orbits.elements.elements import ALPHA_5, ElementSet, checksum, parse_elements
 from rsoconsole.orbits.first.directions import Sightings
 from rsoconsole.orbits.motion.two_body import elements_of, period_s
 from rsoconsole.records import FloatArray
@@ -46,8 +46,8 @@ _KNOWN_DRAG = 3.0
 class MeanElements:
     """Constants of SGP4 (TEME, WGS-72); degrees, revolutions a day."""
 
-    name: str
-    norad_id: int
+    name: str = "UNKNOWN"
+    norad_id: int = ANALYST_NUMBERS.start
     epoch_utc_ns: int
     revolutions_a_day: float
     e: float
@@ -57,7 +57,7 @@ class MeanElements:
     m_deg: float
     bstar: float
     """Per Earth radius; 0 where nothing is known of it."""
-    rms_arcsec: float
+    rms_arcsec: float = 0.0
     """Of the used directions, per axis."""
     cospar: str = ""
     """International designator, as ``2009-064A``; empty where nobody knows it."""
@@ -80,7 +80,7 @@ class MeanElements:
         return record
 
     def rounded(self) -> "MeanElements":
-        """As two lines can tell them; what the angles lose the anomaly makes good."""
+        """The elements to the digits of two lines; the mean anomaly makes up for the angles."""
         raan, argp = round(self.raan_deg, 4) % 360.0, round(self.argp_deg, 4) % 360.0
         anomaly = self.raan_deg + self.argp_deg + self.m_deg - raan - argp
         return replace(
@@ -134,7 +134,8 @@ def mean_elements(
         found = None if found is None else _solved(both, found, is_robust=True)
         if found is None:
             raise OrbitError("SGP4 follows no such orbit: no elements can be fitted to it")
-        if _may_show_drag(seen, frame):
+        is_low = 86_400.0 / frame.revolutions_a_day < _DRAG_PERIOD_S
+        if is_low and float(seen.t_s[-1] - seen.t_s[0]) > _DRAG_SPAN_S:
             dragged = _solved(both, np.append(found, 0.0), is_robust=True, known=_KNOWN_DRAG)
             found = found if dragged is None else dragged
         off = to_directions(found).reshape(-1, 2)[orbit.fit.is_used]
@@ -148,10 +149,9 @@ def _five_columns(norad_id: int) -> str:
     tens_of_thousands, rest = divmod(norad_id, 10_000)
     if tens_of_thousands < 10:
         return f"{norad_id:05d}"
-    letters = "ABCDEFGHJKLMNPQRSTUVWXYZ"
-    if tens_of_thousands - 10 >= len(letters):
+    if tens_of_thousands - 10 >= len(ALPHA_5):
         raise OrbitError(f"two lines have no room for catalogue number {norad_id}: write an OMM")
-    return f"{letters[tens_of_thousands - 10]}{rest:04d}"
+    return f"{ALPHA_5[tens_of_thousands - 10]}{rest:04d}"
 
 
 Residuals = Callable[[FloatArray], FloatArray]
@@ -195,8 +195,6 @@ class _Frame:
         change, k, h, q, p, longitude, *drag = (float(each) for each in unknowns)
         perigee, node = np.arctan2(h, k), np.arctan2(p, q)
         return MeanElements(
-            name="",
-            norad_id=ANALYST_NUMBERS.start,
             epoch_utc_ns=self.epoch_utc_ns,
             revolutions_a_day=self.revolutions_a_day * (1.0 + change),
             e=float(np.hypot(k, h)),
@@ -205,7 +203,6 @@ class _Frame:
             argp_deg=float(np.degrees(perigee - node) % 360.0),
             m_deg=float(np.degrees(longitude - perigee) % 360.0),
             bstar=drag[0] * _DRAG_UNIT if drag else 0.0,
-            rms_arcsec=0.0,
         )
 
     def states(
@@ -250,11 +247,6 @@ def _to_directions(seen: Sightings, frame: _Frame) -> Residuals:
         return seen.residuals_arcsec(r - v * tau_s[:, None]).ravel()
 
     return residuals
-
-
-def _may_show_drag(seen: Sightings, frame: _Frame) -> bool:
-    period = 86_400.0 / frame.revolutions_a_day
-    return period < _DRAG_PERIOD_S and float(seen.t_s[-1] - seen.t_s[0]) > _DRAG_SPAN_S
 
 
 def _solved(

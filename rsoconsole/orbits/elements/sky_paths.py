@@ -1,14 +1,13 @@
-"""Where objects are seen from a site if they run ahead of their elements or behind them. Pure.
+"""Paths of catalogued objects on the sky, ahead of their elements or behind them. Pure.
 
 An object that is ``ahead``, in seconds, is now where its elements put it that much later, seen
 from where the site is now. Unit vectors along ICRS axes; directions as a plate measures them.
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from sgp4.api import Satrec, SatrecArray
+from sgp4.api import SatrecArray
 
 from rsoconsole.records import FloatArray, Site
 from rsoconsole.sky import LIGHT_KM_S, earth_velocity_km_s, jd_utc, site_gcrs, teme_to_gcrs_rotation
@@ -16,7 +15,7 @@ from rsoconsole.words import NS_PER_S
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Seen:
+class ObjectPlaces:
     """M objects at L leads; arrays (M, L, ...), NaN where SGP4 fails."""
 
     u: FloatArray
@@ -31,7 +30,7 @@ class Seen:
     v_km_s: FloatArray
 
 
-class Lookout:
+class Observer:
     """A site at one instant."""
 
     def __init__(self, site: Site, t_utc_ns: int) -> None:
@@ -43,7 +42,7 @@ class Lookout:
         # What turns it in the seconds of a lead is 1e-9 of it.
         self._rotation = teme_to_gcrs_rotation(at)[0]
 
-    def seen(self, satellites: SatrecArray, lead_s: FloatArray) -> Seen:
+    def seen(self, satellites: SatrecArray, lead_s: FloatArray) -> ObjectPlaces:
         """Objects at leads (L,)."""
         t = self._t_utc_ns + np.rint(np.asarray(lead_s) * NS_PER_S).astype(np.int64)
         jd_1, jd_2 = jd_utc(t)
@@ -58,7 +57,7 @@ class Lookout:
         line = r - v * tau_s - self._site_km - self._earth_km_s * tau_s
         range_km = np.linalg.norm(line, axis=-1, keepdims=True)
         u = line / range_km
-        return Seen(
+        return ObjectPlaces(
             u=u,
             by_lead=_across(v, u) / range_km,
             by_time=_across(v - self._site_km_s, u) / range_km,
@@ -74,11 +73,13 @@ class Exposure:
     def __init__(self, site: Site, t_mid_utc_ns: int, exposure_s: float) -> None:
         self.t_mid_utc_ns, self.exposure_s = t_mid_utc_ns, exposure_s
         half_ns = round(exposure_s * NS_PER_S / 2.0)
-        self.middle = Lookout(site, t_mid_utc_ns)
-        self.opening = Lookout(site, t_mid_utc_ns - half_ns)
-        self.closing = Lookout(site, t_mid_utc_ns + half_ns)
+        self.middle = Observer(site, t_mid_utc_ns)
+        self.opening = Observer(site, t_mid_utc_ns - half_ns)
+        self.closing = Observer(site, t_mid_utc_ns + half_ns)
 
-    def three(self, satellites: SatrecArray, lead_s: FloatArray) -> tuple[Seen, Seen, Seen]:
+    def three(
+        self, satellites: SatrecArray, lead_s: FloatArray
+    ) -> tuple[ObjectPlaces, ObjectPlaces, ObjectPlaces]:
         """Objects at leads (L,): opening, middle, closing."""
         opening, middle, closing = (
             each.seen(satellites, lead_s) for each in (self.opening, self.middle, self.closing)
@@ -86,12 +87,9 @@ class Exposure:
         return opening, middle, closing
 
 
-def array_of(records: Sequence[Satrec]) -> SatrecArray:
-    """Objects for ``Lookout.seen``."""
-    return SatrecArray(list(records))
-
-
-def drawn(opening: FloatArray, middle: FloatArray, closing: FloatArray, parts: int) -> FloatArray:
+def streak_path(
+    opening: FloatArray, middle: FloatArray, closing: FloatArray, parts: int
+) -> FloatArray:
     """Unit vectors (..., parts, 3) at even steps of an exposure, by its three of (..., 3)."""
     at = np.linspace(-1.0, 1.0, parts)[:, None]
     before, now, after = (each[..., None, :] for each in (opening, middle, closing))

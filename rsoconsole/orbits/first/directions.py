@@ -83,7 +83,7 @@ class Sightings:
         return np.stack(slopes, axis=-2) / ARCSEC_RAD
 
     def of(self, chosen: npt.NDArray[Any]) -> "Sightings":
-        """Some of them, about the same epoch."""
+        """The chosen directions, about the same epoch."""
         arrays = {
             each.name: getattr(self, each.name)[chosen]
             for each in fields(self)
@@ -151,7 +151,7 @@ def _whitening(cov: FloatArray) -> FloatArray:
 State = tuple[FloatArray, FloatArray]
 """Position (3,) km and velocity (3,) km/s at the epoch, along ICRS axes."""
 LOWEST_KM = 6_478.0
-"""No orbit that lasts comes nearer to the Earth's centre."""
+"""Lowest perigee of an orbit that lasts, from the Earth's centre."""
 _RADII_KM = np.geomspace(6_500.0, 400_000.0, 160)
 
 
@@ -185,7 +185,7 @@ def _ends(seen: Sightings, inward: float) -> tuple[int, int]:
 
 
 def at_epoch(orbit: GoodingOrbit, lines: Lines) -> State:
-    """Of an orbit through three lines its state at the epoch of their times."""
+    """State of an orbit through three lines at the epoch of their times."""
     # The light of the middle line left so much earlier.
     since = -lines.t_s[1] + orbit.ranges_km[1] / LIGHT_KM_S
     return propagate(orbit.r_km, orbit.v_km_s, since)
@@ -244,7 +244,7 @@ def is_plausible(r: FloatArray, v: FloatArray) -> bool:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class LineOfSight:
-    """From a moving site towards where an object is thought to be."""
+    """A moving line of sight, and the six unknowns of an orbit fit relative to it."""
 
     site_km: FloatArray
     """(3,)"""

@@ -73,7 +73,7 @@ class _Searches:
     """(N,): against the third axis."""
 
     def of(self, chosen: npt.NDArray[Any]) -> "_Searches":
-        """Some of them."""
+        """The chosen searches."""
         return replace(self, is_retrograde=self.is_retrograde[chosen])
 
     def middle(self, ranges: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -1,4 +1,4 @@
-"""What orbits there are: how likely a given one is before it is seen. Pure.
+"""Prior densities of orbits: how likely one is before it is seen. Pure.
 
 Rough figures of the public catalogue of 2023, by regime; they enter as logarithms, and a factor of
 two in any of them moves a probability of 0.9 to 0.95.
@@ -25,10 +25,10 @@ class Population:
     """Of each component of the eccentricity vector."""
     inclination_deg: tuple[tuple[float, float], ...]
     """(share, sigma of each component of the inclination vector)"""
-    visible_rad: float
-    """Of mean longitude, from one site."""
     objects: float
     """Above the horizon of one site."""
+    visible_rad: float = 2.2
+    """Of mean longitude, from one site."""
 
 
 POPULATIONS: dict[str, Population] = {
@@ -36,21 +36,18 @@ POPULATIONS: dict[str, Population] = {
         a_km=((0.25, 42_165.9, 1.5), (0.4, 42_165.5, 10.0), (0.35, 42_165.0, 150.0)),
         sigma_e=2e-3,
         inclination_deg=((0.35, 0.1), (0.65, 6.0)),
-        visible_rad=2.2,
         objects=500.0,
     ),
     "meo": Population(
         a_km=((0.7, 26_560.0, 60.0), (0.3, 26_500.0, 2_000.0)),
         sigma_e=2e-2,
         inclination_deg=((1.0, 40.0),),
-        visible_rad=2.2,
         objects=60.0,
     ),
     "any": Population(
         a_km=((0.7, 7_200.0, 500.0), (0.3, 20_000.0, 10_000.0)),
         sigma_e=0.2,
         inclination_deg=((1.0, 60.0),),
-        visible_rad=2.2,
         objects=1_000.0,
     ),
 }
@@ -59,7 +56,7 @@ _MEO_KM = (18_000.0, 34_000.0)
 
 
 def population_of(r_km: FloatArray, v_km_s: FloatArray, prior: str) -> Population:
-    """By the prior under which an orbit was found, else by its size."""
+    """The population of an orbit: by the prior of its fit, else by its size."""
     if prior in POPULATIONS:
         return POPULATIONS[prior]
     a, k, h, *_ = equinoctial(np.concatenate([r_km, v_km_s]))
@@ -145,23 +142,17 @@ _ROUND, _ECCENTRIC_WEIGHT = 0.2, 0.2
 _EARTH_RAD_S = 7.292115e-5
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Bending:
-    """How a path changes: change of speed (arcsec/s^2) and turn for each length of path."""
-
-    mean: FloatArray
-    """(2,)"""
-    covariance: FloatArray
-    """(2, 2)"""
-
-
 def bending(
     site: Site,
     t_utc_ns: int,
     direction_icrs_deg: tuple[float, float],
     rate_arcsec_s: tuple[float, float],
-) -> Bending | None:
-    """What all orbits through a direction with a rate (east, north) say; None: there is none."""
+) -> tuple[FloatArray, FloatArray] | None:
+    """How the path of any orbit through a direction with a rate (east, north) bends.
+
+    Mean (2,) and covariance (2, 2) of change of speed (arcsec/s^2) and of turn for each length of
+    path; None: no orbit passes.
+    """
     ra = np.radians(direction_icrs_deg[0])
     towards = direction_to_unit(*direction_icrs_deg)
     east = np.array([-np.sin(ra), np.cos(ra), 0.0])
@@ -187,7 +178,7 @@ def bending(
     weight = weight / weight.sum()
     mean = weight @ bending
     off = bending - mean
-    return Bending(mean=mean, covariance=(off * weight[:, None]).T @ off)
+    return mean, (off * weight[:, None]).T @ off
 
 
 def _weight(r_km: FloatArray, v_km_s: FloatArray) -> FloatArray:

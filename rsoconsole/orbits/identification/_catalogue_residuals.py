@@ -47,7 +47,7 @@ class Comparison:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class _Seen:
+class _ExpectedPlaces:
     """M objects as they should be seen at N instants; unit vectors and rates (M, N, ...)."""
 
     towards: FloatArray
@@ -65,34 +65,29 @@ def compare(
     entries: Sequence[CatalogueEntry],
     errors: ElementErrors = ASSUMED,
 ) -> Comparison:
-    """Every entry against the directions. Entries that SGP4 cannot carry there are left out."""
+    """Compare every entry with the directions; entries at which SGP4 fails are left out."""
     beside_ns = round(_BESIDE_S * NS_PER_S)
     about = seen.epoch_utc_ns + np.array([-beside_ns, 0, beside_ns])
     expected = _expected(entries, site, np.concatenate([seen.t_utc_ns, about]))
     is_good = np.all(np.isfinite(expected.towards), axis=(1, 2))
     expected = _some(expected, is_good)
+    followed = tuple(each for each, good in zip(entries, is_good, strict=True) if good)
     offsets, covariance, misfit = _offsets(seen, expected)
     widening = max(1.0, float(np.min(misfit))) if misfit.size else 1.0
     middle = len(seen) + 1
     return Comparison(
-        entries=tuple(each for each, good in zip(entries, is_good, strict=True) if good),
+        entries=followed,
         offsets=offsets,
         covariance=covariance * widening,
         by_errors=_by_errors(expected, len(seen))[:, : offsets.shape[1]],
         rate_arcsec_s=expected.rate_rad_s[:, middle] / ARCSEC_RAD,
         range_km=expected.range_km[:, middle],
-        mean_motion_rad_s=np.array(
-            [
-                each.record.no_kozai / 60.0
-                for each, good in zip(entries, is_good, strict=True)
-                if good
-            ]
-        ),
+        mean_motion_rad_s=np.array([each.record.no_kozai / 60.0 for each in followed]),
         errors=errors,
     )
 
 
-def _expected(entries: Sequence[CatalogueEntry], site: Site, t_utc_ns: IntArray) -> _Seen:
+def _expected(entries: Sequence[CatalogueEntry], site: Site, t_utc_ns: IntArray) -> _ExpectedPlaces:
     """As ``sky.places.astrometric_places``; in the light's time the motion is straight to a mm."""
     r, v = states_gcrs(entries, t_utc_ns)
     site_km, site_km_s = site_gcrs(site, t_utc_ns)
@@ -108,7 +103,7 @@ def _expected(entries: Sequence[CatalogueEntry], site: Site, t_utc_ns: IntArray)
     turn = (u_rate - np.sum(u_rate * towards, axis=-1, keepdims=True) * towards) / range_km
     rate = np.maximum(np.linalg.norm(turn, axis=-1, keepdims=True), _SLOWEST_RAD_S)
     along = turn / rate
-    return _Seen(
+    return _ExpectedPlaces(
         towards=towards,
         along=along,
         across=np.cross(towards, along),
@@ -119,11 +114,15 @@ def _expected(entries: Sequence[CatalogueEntry], site: Site, t_utc_ns: IntArray)
     )
 
 
-def _some(expected: _Seen, chosen: npt.NDArray[np.bool_]) -> _Seen:
-    return _Seen(**{each.name: getattr(expected, each.name)[chosen] for each in fields(_Seen)})
+def _some(expected: _ExpectedPlaces, chosen: npt.NDArray[np.bool_]) -> _ExpectedPlaces:
+    return _ExpectedPlaces(
+        **{each.name: getattr(expected, each.name)[chosen] for each in fields(_ExpectedPlaces)}
+    )
 
 
-def _offsets(seen: Sightings, expected: _Seen) -> tuple[FloatArray, FloatArray, FloatArray]:
+def _offsets(
+    seen: Sightings, expected: _ExpectedPlaces
+) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Offsets (M, D) at the middle with covariance (M, D, D), and chi2 a degree of freedom (M,)."""
     count, middle = len(seen), len(seen) + 1
     axes = np.stack([expected.along, expected.across], axis=-2)[:, :count]
@@ -158,7 +157,7 @@ def _arc(start: FloatArray, end: FloatArray) -> FloatArray:
     return np.asarray(aside / np.maximum(sine, 1e-300) * np.arctan2(sine, cosine))
 
 
-def _by_errors(expected: _Seen, count: int) -> FloatArray:
+def _by_errors(expected: _ExpectedPlaces, count: int) -> FloatArray:
     """(M, 4, 6) what errors (radial, along, across; their rates) of the state do to the offsets."""
     before, at, after = (
         _moved_by(expected, count + n, since_s)
@@ -171,7 +170,7 @@ def _by_errors(expected: _Seen, count: int) -> FloatArray:
     return np.concatenate([at, (after - before) / (2.0 * _BESIDE_S)], axis=1)
 
 
-def _moved_by(expected: _Seen, place: int, since_s: float) -> FloatArray:
+def _moved_by(expected: _ExpectedPlaces, place: int, since_s: float) -> FloatArray:
     """(M, 2, 6) along and across in arcsec at one instant, so long after the middle."""
     r, v = expected.r_km[:, place], expected.v_km_s[:, place]
     radial = r / np.linalg.norm(r, axis=-1, keepdims=True)

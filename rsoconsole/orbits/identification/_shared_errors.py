@@ -30,37 +30,19 @@ _LEAST = 1e-300
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Case:
-    """How what elements are off is shared: factors of the variances of ``element_errors``."""
+    """How errors of elements are shared: factors of the variances of ``element_errors``."""
 
     probability: float
-    shared_undisturbed: float
-    shared_moved: float
-    own_undisturbed: float
-    own_moved: float
+    shared_undisturbed: float = 0.0
+    shared_moved: float = 0.0
+    own_undisturbed: float = 1.0
+    own_moved: float = 1.0
 
 
 CASES = (
-    Case(
-        probability=0.5,
-        shared_undisturbed=0.0,
-        shared_moved=0.0,
-        own_undisturbed=1.0,
-        own_moved=1.0,
-    ),
-    Case(
-        probability=0.25,
-        shared_undisturbed=0.75,
-        shared_moved=0.0,
-        own_undisturbed=0.25,
-        own_moved=1.0,
-    ),
-    Case(
-        probability=0.25,
-        shared_undisturbed=0.0,
-        shared_moved=1.0,
-        own_undisturbed=0.25,
-        own_moved=0.5,
-    ),
+    Case(probability=0.5),
+    Case(probability=0.25, shared_undisturbed=0.75, own_undisturbed=0.25),
+    Case(probability=0.25, shared_moved=1.0, own_undisturbed=0.25, own_moved=0.5),
 )
 
 
@@ -81,7 +63,7 @@ class Pair:
 
 
 def pair_of(found: Comparison, n: int, t_utc_ns: int) -> Pair:
-    """Of the nth object of a comparison."""
+    """The pair of a track and the nth object of its comparison."""
     entry = found.entries[n]
     regime = regime_of(entry.revolutions_a_day, entry.eccentricity)
     age_days = (t_utc_ns - entry.epoch_utc_ns) / NS_PER_DAY
@@ -98,7 +80,7 @@ def pair_of(found: Comparison, n: int, t_utc_ns: int) -> Pair:
 
 
 class SharedErrors:
-    """What one case makes of T tracks and N objects.
+    """Densities of T tracks and N objects in one case of shared errors.
 
     ``pairs[t][n]`` is None where the object is none that the track could be of;
     ``unknown`` (T,): logarithm of the density of objects that no catalogue knows.

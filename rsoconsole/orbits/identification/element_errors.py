@@ -21,7 +21,8 @@ Krag & Klinkrad 2008; Levit & Marshall 2011, Advances in Space Research 47, 1107
 here. What one's own nights measured (``element_fit``) multiplies the spreads by factors.
 """
 
-from collections.abc import Mapping
+import operator
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Literal
 
@@ -32,7 +33,8 @@ from rsoconsole.records import FloatArray
 
 Regime = Literal["GEO", "MEO", "LEO", "HEO"]
 ERROR_REGIMES: tuple[Regime, ...] = ("GEO", "MEO", "LEO", "HEO")
-_Terms = tuple[float, float, float]
+_Terms = tuple[float, ...]
+"""At the epoch, by the day and by the day squared."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -62,7 +64,7 @@ MANOEUVRED: dict[Regime, Spread] = {
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ErrorFactors:
-    """By what the assumed spreads of undisturbed objects of one kind of orbit are multiplied."""
+    """Factors of the assumed spreads of undisturbed objects of one kind of orbit."""
 
     along_at_epoch: float = 1.0
     along_by_age: float = 1.0
@@ -72,17 +74,17 @@ class ErrorFactors:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ElementErrors:
-    """What elements are off, as it is assumed or was measured."""
+    """Errors of elements by kind of orbit, as assumed or measured."""
 
     undisturbed: Mapping[Regime, Spread]
     manoeuvred: Mapping[Regime, Spread]
 
     def of(self, regime: Regime, *, is_moved: bool) -> Spread:
-        """Of one case."""
+        """Spread of a kind of orbit, of manoeuvred or of undisturbed objects."""
         return (self.manoeuvred if is_moved else self.undisturbed)[regime]
 
     def scaled(self, factors: Mapping[Regime, ErrorFactors]) -> "ElementErrors":
-        """With other spreads where there are factors.
+        """The errors with their spreads scaled where there are factors.
 
         Those of manoeuvred objects stay, but that a manoeuvre takes no error away: they are nowhere
         narrower than the others.
@@ -92,52 +94,34 @@ class ElementErrors:
         undisturbed, manoeuvred = dict(self.undisturbed), dict(self.manoeuvred)
         for regime, each in factors.items():
             ahead = (each.along_at_epoch, each.along_by_age, each.along_by_age)
-            kept = _times(undisturbed[regime], along=ahead, across=(each.across,) * 3)
-            undisturbed[regime] = kept
-            manoeuvred[regime] = _wider(kept, manoeuvred[regime])
+            # The shape goes with the place along the track: twice its swing is seen there.
+            factors_of = Spread(along=ahead, across=(each.across,) * 3, shape=ahead)
+            undisturbed[regime] = _by_terms(operator.mul, undisturbed[regime], factors_of)
+            manoeuvred[regime] = _by_terms(max, undisturbed[regime], manoeuvred[regime])
         return ElementErrors(undisturbed=undisturbed, manoeuvred=manoeuvred)
 
 
-def _times(spread: Spread, *, along: _Terms, across: _Terms) -> Spread:
-    """The shape goes with the place along the track: twice its swing is seen there."""
-    return Spread(
-        along=_product(spread.along, along),
-        across=_product(spread.across, across),
-        shape=_product(spread.shape, along),
-    )
-
-
-def _product(terms: _Terms, by: _Terms) -> _Terms:
-    return (terms[0] * by[0], terms[1] * by[1], terms[2] * by[2])
-
-
-def _wider(a: Spread, b: Spread) -> Spread:
-    return Spread(
-        along=_widest(a.along, b.along),
-        across=_widest(a.across, b.across),
-        shape=_widest(a.shape, b.shape),
-    )
-
-
-def _widest(a: _Terms, b: _Terms) -> _Terms:
-    return (max(a[0], b[0]), max(a[1], b[1]), max(a[2], b[2]))
+def _by_terms(of: Callable[[float, float], float], a: Spread, b: Spread) -> Spread:
+    """Each term of two spreads made into one."""
+    along, across = map(of, a.along, b.along), map(of, a.across, b.across)
+    return Spread(along=tuple(along), across=tuple(across), shape=tuple(map(of, a.shape, b.shape)))
 
 
 ASSUMED = ElementErrors(undisturbed=UNDISTURBED, manoeuvred=MANOEUVRED)
-"""As it is without any measurement."""
+"""Errors assumed without any measurement."""
 _CONTROLLED: dict[Regime, float] = {"GEO": 0.35, "MEO": 0.1, "LEO": 0.3, "HEO": 0.03}
 """Share of the catalogued objects that somebody steers."""
 _BETWEEN_MANOEUVRES_DAYS: dict[Regime, float] = {"GEO": 5.0, "MEO": 180.0, "LEO": 14.0, "HEO": 60.0}
 
 
 def regime_of(revolutions_a_day: float, eccentricity: float) -> Regime:
-    """Which kind of orbit elements describe."""
+    """Kind of orbit of one element set."""
     number = regime_numbers(np.array(revolutions_a_day), np.array(eccentricity))
     return ERROR_REGIMES[int(number)]
 
 
 def regime_numbers(revolutions_a_day: FloatArray, eccentricity: FloatArray) -> npt.NDArray[np.intp]:
-    """The same of elements (...): places in ``ERROR_REGIMES``."""
+    """Kinds of orbit of elements (...), as indices of ``ERROR_REGIMES``."""
     is_geo = (revolutions_a_day > 0.85) & (revolutions_a_day < 1.15)
     return np.where(
         eccentricity > 0.25, 3, np.where(revolutions_a_day > 9.0, 2, np.where(is_geo, 0, 1))
@@ -145,12 +129,12 @@ def regime_numbers(revolutions_a_day: FloatArray, eccentricity: FloatArray) -> n
 
 
 def manoeuvred_probability(regime: Regime, age_days: float) -> float:
-    """That an object of which no more is known has been moved since its elements' epoch."""
+    """Probability that an object was manoeuvred since the epoch of its elements."""
     return float(manoeuvred_probabilities(regime, np.array(age_days)))
 
 
 def manoeuvred_probabilities(regime: Regime, age_days: FloatArray) -> FloatArray:
-    """The same at ages (...)."""
+    """Probabilities of a manoeuvre at ages (...) of the elements."""
     interval = _BETWEEN_MANOEUVRES_DAYS[regime]
     return np.asarray(_CONTROLLED[regime] * (1.0 - np.exp(-np.abs(age_days) / interval)))
 

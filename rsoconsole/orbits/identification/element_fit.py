@@ -1,4 +1,4 @@
-"""By what the assumed errors of elements must be multiplied to fit one's own nights. Pure.
+"""Factors of the assumed errors of elements, fitted to one's own nights. Pure.
 
 Three factors of a kind of orbit (``ErrorFactors``), by maximum a posteriori: each row is of an
 undisturbed object, of a manoeuvred one, or of neither (a wrong name, a storm), which a wide tail
@@ -26,7 +26,7 @@ from rsoconsole.orbits.identification.element_rows import ElementRow, groups_of
 from rsoconsole.records import FloatArray
 
 PRIOR_SIGMA = 0.7
-"""Of the logarithm of a factor."""
+"""One sigma of the logarithm of a factor, before any row."""
 _ALIKE = 0.3
 """Correlation of the errors of one object in different nights, by different elements: some
 objects are steered often, some low ones meet more air. Assumed."""
@@ -45,7 +45,7 @@ still."""
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FittedFactors:
-    """What the rows of one kind of orbit say."""
+    """Factors fitted to the rows of one kind of orbit."""
 
     regime: Regime
     factors: ErrorFactors
@@ -60,7 +60,7 @@ class FittedFactors:
 
 
 def fit_factors(rows: Sequence[ElementRow]) -> tuple[FittedFactors, ...]:
-    """Of each kind of orbit that rows are of."""
+    """Fit the factors of each kind of orbit that there are rows of."""
     regimes = dict.fromkeys(each.regime for each in rows)
     return tuple(
         _fitted(regime, [each for each in rows if each.regime == regime])
@@ -99,7 +99,10 @@ def _fitted(regime: Regime, rows: Sequence[ElementRow]) -> FittedFactors:
     ]
     best = np.asarray(min(tries, key=lambda each: float(each.fun)).x)
     values = np.exp(best)
-    sigmas = values * np.sqrt(np.diag(_inverse(posterior.curvature(best))))
+    size, axes = np.linalg.eigh(posterior.curvature(best))
+    # A factor is nowhere less certain than before any row.
+    inverse = (axes / np.maximum(size, PRIOR_SIGMA**-2)) @ axes.T
+    sigmas = values * np.sqrt(np.diag(inverse))
     return FittedFactors(
         regime=regime,
         factors=_factors(values),
@@ -118,12 +121,6 @@ def _factors(values: FloatArray) -> ErrorFactors:
         along_by_age=float(values[1]),
         across=float(values[2]),
     )
-
-
-def _inverse(curvature: FloatArray) -> FloatArray:
-    """A factor is nowhere less certain than before any row."""
-    size, axes = np.linalg.eigh(curvature)
-    return np.asarray((axes / np.maximum(size, PRIOR_SIGMA**-2)) @ axes.T)
 
 
 @dataclass(eq=False)

@@ -1,4 +1,4 @@
-"""What elements were off: observed minus computed of tracks that are surely named. Pure."""
+"""Errors of elements: observed minus computed of surely identified tracks. Pure."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -7,7 +7,7 @@ import numpy as np
 
 from rsoconsole.orbits.elements.catalogue import states_gcrs
 from rsoconsole.orbits.identification.element_errors import Regime, regime_of
-from rsoconsole.orbits.identification.single import Compared, Identification
+from rsoconsole.orbits.identification.single import CatalogueComparison, Identification
 from rsoconsole.records import FloatArray
 from rsoconsole.sky import ARCSEC_RAD
 from rsoconsole.words import NS_PER_S
@@ -58,14 +58,14 @@ class ElementRow:
 
     @property
     def key(self) -> tuple[str, str]:
-        """What it is a row of: kept again, it takes its own place."""
+        """Session and track: a row that is kept again replaces its earlier one."""
         return (self.session, self.track)
 
 
 def row_of(
-    session: str, track: str, compared: Compared, found: Identification
+    session: str, track: str, compared: CatalogueComparison, found: Identification
 ) -> ElementRow | None:
-    """None where the track is not surely named, and where it is seen along its line of sight."""
+    """Row of one track; None where it is not surely identified or moves along the line of sight."""
     if found.verdict != "identified" or found.matches[0].probability < SURE_NAMED:
         return None
     match, with_all = found.matches[0], compared.found

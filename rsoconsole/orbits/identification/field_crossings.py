@@ -7,14 +7,14 @@ of its lead; its drawn path in the frame.
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
 import numpy.typing as npt
 from sgp4.api import SatrecArray
 
 from rsoconsole.orbits.elements.catalogue import CatalogueEntry, nearest_in_epoch_of_each
-from rsoconsole.orbits.elements.sky_paths import Exposure, Seen, array_of, drawn
+from rsoconsole.orbits.elements.sky_paths import Exposure, ObjectPlaces, streak_path
 from rsoconsole.orbits.identification.element_errors import (
     ASSUMED,
     ERROR_REGIMES,
@@ -28,9 +28,9 @@ from rsoconsole.words import NS_PER_DAY
 
 GATE_SIGMAS = 3.0
 OLDEST_DAYS = 60.0
-"""Beyond it nothing is known of how elements err."""
+"""Oldest age of elements whose errors are known."""
 LOW_GATE_S = 60.0
-"""Low objects are sought at least so far along their path."""
+"""Smallest gate along the path of a low object."""
 MAX_GATE_S = 600.0
 _STRANGE_SHARE = 0.03
 _STRANGE_TIMES = 2.0
@@ -41,7 +41,7 @@ _STRANGE_LOW_KM = 200.0
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class ElementSpread:
-    """Of M objects in three cases, (M, 3) each: kept to the orbit, moved, strange."""
+    """Errors of M element sets in three cases, (M, 3) each: undisturbed, manoeuvred, strange."""
 
     share: FloatArray
     radial_km: FloatArray
@@ -52,14 +52,8 @@ class ElementSpread:
     """(M,)"""
 
     def of(self, chosen: npt.NDArray[np.intp]) -> "ElementSpread":
-        """The same of some of the objects."""
-        return ElementSpread(
-            share=self.share[chosen],
-            radial_km=self.radial_km[chosen],
-            along_km=self.along_km[chosen],
-            across_km=self.across_km[chosen],
-            gate_along_km=self.gate_along_km[chosen],
-        )
+        """Errors of the chosen objects."""
+        return ElementSpread(**{f.name: getattr(self, f.name)[chosen] for f in fields(self)})
 
 
 def element_spread(
@@ -68,7 +62,7 @@ def element_spread(
     speed_km_s: FloatArray,
     errors: ElementErrors = ASSUMED,
 ) -> ElementSpread:
-    """Of objects (M,) in those regimes, with elements so old, at that speed."""
+    """Errors of M element sets by kind of orbit, age and speed."""
     count = len(regimes)
     share, radial, along, across = (np.zeros((count, 3)) for _ in range(4))
     for number, regime in enumerate(ERROR_REGIMES):
@@ -117,7 +111,7 @@ IndexArray = npt.NDArray[np.intp]
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class FieldOfView:
-    """What a frame looks at."""
+    """Field of view of one exposure."""
 
     site: Site
     t_mid_utc_ns: int
@@ -190,7 +184,7 @@ class FieldCatalogue:
         self._sets = tuple(e for e in nearest if abs(t_utc_ns - e.epoch_utc_ns) <= most_ns)
         self._too_old = len(nearest) - len(self._sets)
         self._at_utc_ns = t_utc_ns
-        self._satellites = array_of([each.record for each in self._sets])
+        self._satellites = SatrecArray([each.record for each in self._sets])
         self._epoch_ns = np.array([each.epoch_utc_ns for each in self._sets], np.int64)
         self._regimes = regime_numbers(
             np.array([each.revolutions_a_day for each in self._sets]),
@@ -198,7 +192,7 @@ class FieldCatalogue:
         )
 
     def candidates(self, view: FieldOfView) -> tuple[Candidate, ...]:
-        """Those that can have crossed a field, in order of catalogue number."""
+        """Objects that can have crossed a field, in order of catalogue number."""
         self._choose(view.t_mid_utc_ns)
         if not self._sets:
             return ()
@@ -237,7 +231,7 @@ class FieldCatalogue:
         """Rows of ``near`` and the leads from and to which each is near the field."""
         if not len(near):
             return []
-        satellites = array_of([self._sets[n].record for n in near])
+        satellites = SatrecArray([self._sets[n].record for n in near])
         now = exposure.middle.seen(satellites, np.zeros(1))
         gate_s = spread.gate_along_km / np.linalg.norm(now.v_km_s[:, 0], axis=-1)
         found = []
@@ -250,7 +244,7 @@ class FieldCatalogue:
             most_s = float(np.max(gate_s[rows]))
             steps = max(3, int(np.ceil(most_s / _STEP_S)))
             leads = np.linspace(-most_s, most_s, 2 * steps + 1)
-            chosen = array_of([self._sets[near[n]].record for n in rows])
+            chosen = SatrecArray([self._sets[near[n]].record for n in rows])
             seen = exposure.middle.seen(chosen, leads)
             across = GATE_SIGMAS * np.max(
                 np.hypot(spread.across_km[rows, :2], spread.radial_km[rows, :2]), axis=-1
@@ -281,7 +275,7 @@ class FieldCatalogue:
     ) -> Candidate | None:
         near, spreads = of
         entry, spread = self._sets[near[row]], spreads.of(np.array([row]))
-        satellite = array_of([entry.record])
+        satellite = SatrecArray([entry.record])
         leads = _leads(view, exposure, satellite, window)
         opening, middle, closing = exposure.three(satellite, np.append(leads, 0.0))
         if not np.all(np.isfinite(middle.u)):
@@ -291,7 +285,7 @@ class FieldCatalogue:
         ends = opening.u[0, :-1], closing.u[0, :-1]
         longest = float(np.linalg.norm(ends[1] - ends[0], axis=-1).max())
         parts = int(np.clip(np.ceil(longest / (_FINE * view.radius_rad)) + 1, *_PARTS))
-        paths = drawn(ends[0], middle.u[0, :-1], ends[1], parts)
+        paths = streak_path(ends[0], middle.u[0, :-1], ends[1], parts)
         nodes = np.array([sigmas for sigmas, _ in _ACROSS_NODES])
         off = np.einsum("lc,lk,n->clnk", sigma_across[0, :-1], across[0, :-1], nodes)
         # (cases, L, nodes)
@@ -338,7 +332,7 @@ def _leads(
     return np.linspace(*window, count)
 
 
-def across_of(spread: ElementSpread, seen: Seen) -> tuple[FloatArray, FloatArray]:
+def across_of(spread: ElementSpread, seen: ObjectPlaces) -> tuple[FloatArray, FloatArray]:
     """Unit vectors (M, L, 3) across paths, north of eastward, and sigmas (M, L, 3 cases), rad."""
     across, radial, pole = across_parts(seen)
     by_radial = radial[..., None] * spread.radial_km[:, None, :]
@@ -346,7 +340,7 @@ def across_of(spread: ElementSpread, seen: Seen) -> tuple[FloatArray, FloatArray
     return across, np.hypot(by_radial, by_pole) / seen.range_km[..., None]
 
 
-def across_parts(seen: Seen) -> tuple[FloatArray, FloatArray, FloatArray]:
+def across_parts(seen: ObjectPlaces) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Unit vectors (M, L, 3) across paths, and their parts (M, L) along the radius and the pole of
     the orbit."""
     r, v = seen.r_km, seen.v_km_s

@@ -14,7 +14,7 @@ from typing import Literal
 import numpy as np
 from scipy.special import ndtr
 
-from rsoconsole.orbits.elements.sky_paths import Exposure, Seen
+from rsoconsole.orbits.elements.sky_paths import Exposure, ObjectPlaces
 from rsoconsole.orbits.identification._assignments import best_assignments
 from rsoconsole.orbits.identification.field_crossings import (
     GATE_SIGMAS,
@@ -23,11 +23,12 @@ from rsoconsole.orbits.identification.field_crossings import (
     across_of,
     across_parts,
 )
+from rsoconsole.orbits.identification.single import Verdict
 from rsoconsole.records import FloatArray
 from rsoconsole.sky import ARCSEC_RAD
 
 SURE = 20.0 / 21.0
-"""From this probability on: another choice is less than one twentieth as likely."""
+"""Probability of an identification: any other choice is less than one twentieth as likely."""
 WORTH_SAYING = 0.05
 _MAX_ASSIGNMENTS = 60
 _SEEN = 0.8
@@ -54,7 +55,7 @@ _MIN_PACE = 1e-3 * ARCSEC_RAD
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Line:
-    """What was seen in an exposure."""
+    """A streak of one exposure."""
 
     a: FloatArray
     """(3,) unit vector of one end."""
@@ -83,7 +84,7 @@ class Line:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Fit:
-    """How a line lies to a candidate's path."""
+    """Offsets of a line from a candidate's path, and the likelihood of the match."""
 
     along_s: float
     """How far ahead of its elements the object was; below 0: behind."""
@@ -115,10 +116,10 @@ class Choice:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Matched:
+class LineMatch:
     """One line's answer."""
 
-    verdict: Literal["identified", "ambiguous", "unknown"]
+    verdict: Verdict
     choices: tuple[Choice, ...]
     """From a probability of 5 % on, the likeliest first; at least one."""
 
@@ -127,7 +128,7 @@ class Matched:
 class FieldMatch:
     """All lines of an exposure and all candidates."""
 
-    lines: tuple[Matched, ...]
+    lines: tuple[LineMatch, ...]
     taken: tuple[float, ...]
     """Of each candidate, the probability that one of the lines is it."""
 
@@ -166,7 +167,7 @@ def _shares(scores: FloatArray) -> FloatArray:
     return found
 
 
-def _matched(shares: FloatArray, fits: Sequence[Fit | None]) -> Matched:
+def _matched(shares: FloatArray, fits: Sequence[Fit | None]) -> LineMatch:
     order = np.argsort(-shares, kind="stable")
     none = len(shares) - 1
     choices = tuple(
@@ -180,19 +181,10 @@ def _matched(shares: FloatArray, fits: Sequence[Fit | None]) -> Matched:
     )
     best = choices[0]
     if best.probability < SURE and len(choices) > 1:
-        verdict: Literal["identified", "ambiguous", "unknown"] = "ambiguous"
+        verdict: Verdict = "ambiguous"
     else:
         verdict = "unknown" if best.candidate is None else "identified"
-    return Matched(verdict=verdict, choices=choices)
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class _Place:
-    """What of a line is at a known instant, and when."""
-
-    at: FloatArray
-    when: int
-    """-1: the shutter's opening, 0: the middle, 1: its closing."""
+    return LineMatch(verdict=verdict, choices=choices)
 
 
 def _fitted(view: FieldOfView, exposure: Exposure, candidate: Candidate, line: Line) -> Fit | None:
@@ -237,12 +229,12 @@ def _fitted(view: FieldOfView, exposure: Exposure, candidate: Candidate, line: L
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class _Met:
+class _PathAtLine:
     """A path at the lead that brings it nearest to a line."""
 
-    three: tuple[FloatArray, Seen, FloatArray]
+    three: tuple[FloatArray, ObjectPlaces, FloatArray]
     """Unit vectors at opening and closing, and all of the middle."""
-    seen: Seen
+    seen: ObjectPlaces
     """At the instant at which a place of the line is known."""
     lead_s: float
     sigma_along_s: float
@@ -255,19 +247,21 @@ class _Met:
     """By case, the line's own error in them."""
 
 
-def _met(view: FieldOfView, exposure: Exposure, candidate: Candidate, line: Line) -> _Met | None:
+def _met(
+    view: FieldOfView, exposure: Exposure, candidate: Candidate, line: Line
+) -> _PathAtLine | None:
     """None where the line is outside the gates along and across."""
     start = int(np.argmax(candidate.u @ line.middle))
     if candidate.u[start] @ line.middle < np.cos(4.0 * view.radius_rad + candidate.gate_across_rad):
         return None
-    place: _Place | None = None
+    place: FloatArray | None = None
     lead_s = float(candidate.lead_s[start])
     for turn in range(_NEWTON + 1):
         three = exposure.three(candidate.satellite, np.array([lead_s]))
         if place is None:
-            place = _known_place(line, three[1].by_time[0, 0])
-        seen = three[1 + place.when]
-        off = place.at - seen.by_time[0, 0] * line.after_s - seen.u[0, 0]
+            place, when = _known_place(line, three[1].by_time[0, 0])
+        seen = three[when]
+        off = place - seen.by_time[0, 0] * line.after_s - seen.u[0, 0]
         along = seen.by_lead[0, 0]
         pace = max(float(np.linalg.norm(along)), _MIN_PACE)
         if not np.isfinite(pace) or not np.all(np.isfinite(off)):
@@ -282,7 +276,7 @@ def _met(view: FieldOfView, exposure: Exposure, candidate: Candidate, line: Line
     is_off = abs(across_rad) > GATE_SIGMAS * float(across_sigmas.max())
     if is_off or abs(lead_s) > _WIDER * candidate.gate_s:
         return None
-    return _Met(
+    return _PathAtLine(
         three=(three[0].u[0, 0], three[1], three[2].u[0, 0]),
         seen=seen,
         lead_s=lead_s,
@@ -295,12 +289,15 @@ def _met(view: FieldOfView, exposure: Exposure, candidate: Candidate, line: Line
     )
 
 
-def _known_place(line: Line, by_time: FloatArray) -> _Place:
-    """The end in the frame of a line that the rim cuts, by which way the object goes."""
+def _known_place(line: Line, by_time: FloatArray) -> tuple[FloatArray, int]:
+    """A place of a line whose instant is known, and that: 0 opening, 1 middle, 2 closing.
+
+    Of a line that the rim cuts the end in the frame, by which way the object goes.
+    """
     if line.is_end_a == line.is_end_b:
-        return _Place(at=line.middle, when=0)
+        return line.middle, 1
     inner, outer = (line.a, line.b) if line.is_end_a else (line.b, line.a)
-    return _Place(at=inner, when=-1 if (outer - inner) @ by_time > 0.0 else 1)
+    return inner, 0 if (outer - inner) @ by_time > 0.0 else 2
 
 
 def _direction_rad(line: Line, by_time: FloatArray, u: FloatArray) -> float:
@@ -334,7 +331,7 @@ def _log_lengths(line: Line, predicted_rad: float) -> dict[Shape, float]:
 
 def _log_place(
     candidate: Candidate,
-    met: _Met,
+    met: _PathAtLine,
     along_sigmas: FloatArray,
     shape_and_room_s: tuple[Shape, float],
     view: FieldOfView,

@@ -22,10 +22,10 @@ from rsoconsole.orbits.identification.single import (
     GATE_DEG,
     SURE,
     UNCATALOGUED,
-    Compared,
+    CatalogueComparison,
     Identification,
     Match,
-    compared_with,
+    compare_with_catalogue,
     identification,
     identification_alone,
 )
@@ -33,7 +33,7 @@ from rsoconsole.records import FloatArray, Site
 from rsoconsole.words import NS_PER_S, called
 
 GAP_S = 600.0
-"""Nothing seen of a track for longer than that: it may have been lost meanwhile."""
+"""Longest gap within a track: after a longer one it may have been lost meanwhile."""
 
 
 def seen_at_once(tracks: Sequence[Sightings]) -> npt.NDArray[np.bool_]:
@@ -83,15 +83,16 @@ def identify_jointly(
     Of each object the set nearest in epoch counts. ``errors``: how far elements may be off.
     """
     compared = [
-        compared_with(each, site, entries, gate_deg=gate_deg, errors=errors) for each in tracks
+        compare_with_catalogue(each, site, entries, gate_deg=gate_deg, errors=errors)
+        for each in tracks
     ]
     return name_together(compared, gate_deg=gate_deg)
 
 
 def name_together(
-    compared: Sequence[Compared], *, gate_deg: float = GATE_DEG
+    compared: Sequence[CatalogueComparison], *, gate_deg: float = GATE_DEG
 ) -> tuple[Identification, ...]:
-    """The same, of tracks that were compared with the catalogue before."""
+    """Names of tracks that were compared with the catalogue before: one answer for each."""
     found: dict[int, Identification] = {}
     for group in _groups(compared):
         members = [compared[n] for n in group]
@@ -100,7 +101,7 @@ def name_together(
     return tuple(found[n] for n in range(len(compared)))
 
 
-def _groups(compared: Sequence[Compared]) -> list[list[int]]:
+def _groups(compared: Sequence[CatalogueComparison]) -> list[list[int]]:
     """Tracks that compete for an object, directly or by others; a track alone is a group."""
     candidates = [{each.norad_id for each in _candidates(one)} for one in compared]
     groups: list[tuple[set[int], list[int]]] = []
@@ -117,7 +118,7 @@ def _groups(compared: Sequence[Compared]) -> list[list[int]]:
     return [sorted(members) for _, members in groups]
 
 
-def _candidates(compared: Compared) -> list[Match]:
+def _candidates(compared: CatalogueComparison) -> list[Match]:
     near = [
         each
         for each in compared.scored
@@ -126,7 +127,7 @@ def _candidates(compared: Compared) -> list[Match]:
     return near[:_MAX_OBJECTS]
 
 
-def _named(members: Sequence[Compared], gate_deg: float) -> list[Identification]:
+def _named(members: Sequence[CatalogueComparison], gate_deg: float) -> list[Identification]:
     if len(members) == 1:
         return [identification_alone(members[0], gate_deg)]
     objects = sorted({each.norad_id for one in members for each in _candidates(one)})
@@ -163,7 +164,7 @@ def _taken_by_others(answer: Identification) -> Identification:
 
 
 def _weighed(
-    members: Sequence[Compared], objects: Sequence[int]
+    members: Sequence[CatalogueComparison], objects: Sequence[int]
 ) -> tuple[list[Assignment], FloatArray]:
     """All assignments worth it, by every case of shared errors: the likeliest first, and how likely
     they are."""
@@ -188,7 +189,7 @@ def _weighed(
     return [known[k] for k in order], shares[order] / np.sum(shares)
 
 
-def _pairs(one: Compared, objects: Sequence[int]) -> list[Pair | None]:
+def _pairs(one: CatalogueComparison, objects: Sequence[int]) -> list[Pair | None]:
     near = {each.norad_id for each in _candidates(one)}
     place = {entry.norad_id: n for n, entry in enumerate(one.found.entries)}
     return [

@@ -33,7 +33,7 @@ from rsoconsole.words import NS_PER_DAY, angle, called, clock
 Verdict = Literal["identified", "ambiguous", "unknown"]
 
 GATE_DEG = 0.2
-"""Further off no object is taken for what was seen, unless its elements are that vague."""
+"""Largest offset of an identified object, unless its elements are less certain than that."""
 SURE = 0.95
 """Probability from which on an object is called identified."""
 _CREDIBLE = 23.5
@@ -110,7 +110,7 @@ class Identification:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Compared:
+class CatalogueComparison:
     """One track beside the catalogued objects that stand near it."""
 
     seen: Sightings
@@ -123,21 +123,21 @@ class Compared:
     failed: int
 
 
-def compared_with(
+def compare_with_catalogue(
     seen: Sightings,
     site: Site,
     entries: Sequence[CatalogueEntry],
     *,
     gate_deg: float = GATE_DEG,
     errors: ElementErrors = ASSUMED,
-) -> Compared:
+) -> CatalogueComparison:
     """``seen``, one arc of one night, beside every object."""
     nearest = nearest_in_epoch_of_each(entries, seen.epoch_utc_ns)
     close, failed = _close_by(seen, nearest)
     found = compare(seen, site, close, errors)
     matches = (_match(seen, found, n, gate_deg) for n in range(len(found.entries)))
     scored = sorted(matches, key=lambda each: each.score)
-    return Compared(
+    return CatalogueComparison(
         seen=seen,
         found=found,
         scored=tuple(scored),
@@ -147,7 +147,7 @@ def compared_with(
     )
 
 
-def identification_alone(compared: Compared, gate_deg: float) -> Identification:
+def identification_alone(compared: CatalogueComparison, gate_deg: float) -> Identification:
     """The answer for one track by itself."""
     total = sum(each.probability for each in compared.scored) + compared.unknown_weight
     unknown = compared.unknown_weight / total if total > 0.0 else 1.0
@@ -159,7 +159,7 @@ def identification_alone(compared: Compared, gate_deg: float) -> Identification:
 
 
 def identification(
-    compared: Compared,
+    compared: CatalogueComparison,
     matches: tuple[Match, ...],
     not_catalogued: float,
     gate_deg: float,

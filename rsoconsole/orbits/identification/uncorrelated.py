@@ -1,4 +1,4 @@
-"""Is a track of an object that was seen before and that no catalogue knows? Pure.
+"""Uncorrelated tracks: whether one is of an uncatalogued object seen before. Pure.
 
 What was seen before says where the object should be, and how it should move, with an error that
 grows with time. Of an orbit that keeps to itself that is its own covariance and what its forces
@@ -42,7 +42,7 @@ _CREDIBLE = 23.5
 _SIDEREAL_ARCSEC_S = 15.04107
 _TURN_RAD_S = 7.2921e-5
 BELT_ARCSEC_S = 0.3
-"""What moves slower above the ground stays over its place: a swing of 1.1 degrees."""
+"""Rate over the ground below which an object counts as geostationary: a swing of 1.1 degrees."""
 _BOX_ARCSEC = 220.0
 """One sigma of where in its slot a satellite stands: slots are 0.1 deg to either side."""
 _SWING_ARCSEC, _SWING_ARCSEC_A_DAY = 60.0, 8.0
@@ -68,8 +68,8 @@ _EACH = 24
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class SeenBefore:
-    """What one earlier track says of its object."""
+class EarlierTrack:
+    """One earlier track of an uncatalogued object."""
 
     number: int
     """Of the object."""
@@ -92,7 +92,7 @@ class SeenBefore:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Recognised:
+class Correlation:
     """An answer for one track."""
 
     number: int | None
@@ -111,10 +111,10 @@ class _Offset:
     covariance: FloatArray
 
 
-def recognise(
-    tracks: Sequence[Sightings], site: Site, before: Sequence[SeenBefore]
-) -> tuple[Recognised, ...]:
-    """Which objects the tracks of one night are of; two seen at once are of two objects.
+def correlate_tracks(
+    tracks: Sequence[Sightings], site: Site, before: Sequence[EarlierTrack]
+) -> tuple[Correlation, ...]:
+    """Correlate the tracks of a night with objects; two seen at once are of two objects.
 
     ``before`` may hold several tracks of one object: the likeliest of them counts.
     """
@@ -122,7 +122,8 @@ def recognise(
     scores = np.full((len(tracks), len(numbers) + 1), -np.inf)
     off = np.full((len(tracks), len(numbers)), np.nan)
     for t, track in enumerate(tracks):
-        scores[t, -1] = np.log(_STRANGERS[_is_over_its_place(track)])
+        _, _, dec_deg, rate, _ = attributable(track)
+        scores[t, -1] = np.log(_STRANGERS[_over_ground(rate, dec_deg) < BELT_ARCSEC_S])
         for each in before:
             n = numbers.index(each.number)
             found = log_density(each, track, site)
@@ -139,7 +140,7 @@ def recognise(
     return tuple(_answer(numbers, marginals[t, :-1], off[t]) for t in rows)
 
 
-def log_density(before: SeenBefore, seen: Sightings, site: Site) -> tuple[float, float] | None:
+def log_density(before: EarlierTrack, seen: Sightings, site: Site) -> tuple[float, float] | None:
     """Logarithm of the density of a track's offset, and how far off it is in arcsec.
 
     None where it is beyond the gate, or where what was seen before says nothing of that instant.
@@ -191,10 +192,10 @@ def attributable(seen: Sightings) -> tuple[int, float, float, tuple[float, float
     )
 
 
-def _answer(numbers: Sequence[int], shares: FloatArray, off: FloatArray) -> Recognised:
+def _answer(numbers: Sequence[int], shares: FloatArray, off: FloatArray) -> Correlation:
     order = [int(n) for n in np.argsort(-shares, kind="stable") if shares[n] > 1.0 - SURE_SAME]
     best = order[0] if order else None
-    return Recognised(
+    return Correlation(
         number=numbers[best] if best is not None and shares[best] >= SURE_SAME else None,
         separation_arcsec=None if best is None else float(off[best]),
         candidates=tuple((numbers[n], float(shares[n])) for n in order),
@@ -226,12 +227,7 @@ def _is_slow(track: Sightings) -> bool:
     return abs(rate - _SIDEREAL_ARCSEC_S) < _SIDEREAL_ARCSEC_S / 2.0
 
 
-def _is_over_its_place(seen: Sightings) -> bool:
-    _, _, dec, rate, _ = attributable(seen)
-    return _over_ground(rate, dec) < BELT_ARCSEC_S
-
-
-def _moved_share(before: SeenBefore, days: float) -> float:
+def _moved_share(before: EarlierTrack, days: float) -> float:
     """Probability that it has been moved since."""
     if before.is_held or (before.orbit is None and before.is_in_belt):
         return 0.9 * (1.0 - float(np.exp(-days / 5.0)))
@@ -257,7 +253,7 @@ def _is_near(orbit: KnownOrbit, track: Sightings) -> bool:
     return bool(np.isfinite(cosine)) and cosine > float(np.cos(np.radians(min(gate, 90.0))))
 
 
-def _is_over_there(before: SeenBefore, track: Sightings, site: Site) -> bool:
+def _is_over_there(before: EarlierTrack, track: Sightings, site: Site) -> bool:
     """Whether it is about where that stood above the ground, which costs nothing to ask."""
     middle = int(np.argmin(np.abs(track.t_s)))
     instant = track.t_utc_ns[middle : middle + 1]
@@ -268,7 +264,7 @@ def _is_over_there(before: SeenBefore, track: Sightings, site: Site) -> bool:
 
 
 def _by_orbit(
-    before: SeenBefore, track: Sightings, site: Site, days: float, share: float
+    before: EarlierTrack, track: Sightings, site: Site, days: float, share: float
 ) -> list[tuple[float, _Offset]]:
     """Where its orbit puts it, undisturbed and moved."""
     orbit = before.orbit
@@ -314,7 +310,7 @@ def _predicted(
     return motion, offset, float(np.median(places.range_km))
 
 
-def _held(before: SeenBefore, track: Sightings, site: Site, days: float) -> list[_Offset]:
+def _held(before: EarlierTrack, track: Sightings, site: Site, days: float) -> list[_Offset]:
     """Where its orbit had it at the same sidereal time within half a day: held in its slot.
 
     It may stand anywhere in the slot, and its swings about that place change by the week.
@@ -336,7 +332,7 @@ def _held(before: SeenBefore, track: Sightings, site: Site, days: float) -> list
     ]
 
 
-def _over_its_place(before: SeenBefore, track: Sightings, site: Site) -> _Offset:
+def _over_its_place(before: EarlierTrack, track: Sightings, site: Site) -> _Offset:
     """Where it stood above the ground, by another site's parallax where it is another."""
     turned = _sidereal_deg(before.t_utc_ns, track.t_utc_ns)
     ra, dec = before.ra_icrs_deg + turned, np.full(len(track), before.dec_icrs_deg)
@@ -352,7 +348,7 @@ def _over_its_place(before: SeenBefore, track: Sightings, site: Site) -> _Offset
 
 
 def _from_there(
-    before: SeenBefore, track: Sightings, ra_deg: FloatArray
+    before: EarlierTrack, track: Sightings, ra_deg: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
     """Directions from the track's site to what stands in the belt, seen from the other one."""
     instants = np.asarray(track.t_utc_ns, np.int64)

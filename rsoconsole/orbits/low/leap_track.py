@@ -11,7 +11,7 @@ from math import erf
 
 import numpy as np
 
-from rsoconsole.orbits.low.low_cloud import Cloud, ahead, nearest, through
+from rsoconsole.orbits.low.low_cloud import Cloud, cloud_ahead, cloud_through, nearest_state
 from rsoconsole.orbits.low.low_fit import LowOrbit, StreakEnds, Timing, fit_streaks
 from rsoconsole.orbits.motion.ahead import SkyAhead, SkyPath, path_of
 from rsoconsole.orbits.motion.prediction import KnownOrbit, predict, predict_motion
@@ -63,7 +63,7 @@ class Hypothesis:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class LeapTrack:
-    """What may have drawn the streaks, the likeliest first; probabilities add up to 1."""
+    """Hypotheses of what drew the streaks, the likeliest first; probabilities add up to 1."""
 
     site: Site
     timing: Timing
@@ -75,13 +75,25 @@ class LeapTrack:
         return self.hypotheses[0]
 
     def ahead(self, t_utc_ns: int, number: int = 0) -> SkyAhead | None:
-        """Where it will be by the n-th hypothesis; None where that is below the ground."""
-        return _ahead(self.site, self.hypotheses[number], t_utc_ns)
+        """Place by the n-th hypothesis; None where that is below the ground."""
+        each = self.hypotheses[number]
+        if each.orbit is None:
+            return cloud_ahead(each.cloud, self.site, t_utc_ns, each.scatter_s)
+        motion = predict_motion(each.orbit, self.site, t_utc_ns)
+        if motion is None:
+            return None
+        return SkyAhead(
+            t_utc_ns=t_utc_ns,
+            ra_icrs_deg=motion.ra_icrs_deg,
+            dec_icrs_deg=motion.dec_icrs_deg,
+            rate_arcsec_s=np.array(motion.rate_arcsec_s),
+            covariance_arcsec2=motion.covariance[np.ix_([0, 2], [0, 2])],
+        )
 
     def path(
         self, from_utc_ns: int, span_s: float, number: int = 0, step_s: float = 2.0
     ) -> SkyPath | None:
-        """Where the shutter will find it, by the n-th hypothesis, for a while.
+        """Path by the n-th hypothesis, as the shutter will find it.
 
         None where it sets within two steps. Covariances hold what the shutter scatters.
         """
@@ -89,7 +101,7 @@ class LeapTrack:
         t = from_utc_ns + (np.arange(steps) * step_s * NS_PER_S).astype(np.int64)
         if each.orbit is not None:
             return path_of_orbit(each.orbit, self.site, t, each.scatter_s)
-        places = [ahead(each.cloud, self.site, int(at), each.scatter_s) for at in t]
+        places = [cloud_ahead(each.cloud, self.site, int(at), each.scatter_s) for at in t]
         known = [place for place in places if place is not None]
         return path_of(known) if len(known) > 1 else None
 
@@ -97,7 +109,7 @@ class LeapTrack:
 def path_of_orbit(
     orbit: KnownOrbit, site: Site, t_utc_ns: IntArray, scatter_s: float = 0.0
 ) -> SkyPath | None:
-    """Where an orbit leads, at instants in order; None where it has come down.
+    """Path of an orbit on the sky, at instants in order; None where it has come down.
 
     ``scatter_s`` of the shutter that will look: along the way, in the covariances.
     """
@@ -129,7 +141,7 @@ def path_of_orbit(
     )
 
 
-def begin(
+def begin_leap_track(
     site: Site, streak: StreakEnds, timing: Timing, *, is_turned: bool = False
 ) -> LeapTrack | None:
     """A track from one streak with both ends; None where no low orbit passes through it.
@@ -139,7 +151,7 @@ def begin(
     if not streak.is_whole:
         return None
     senses = (streak,) if is_turned else (streak, streak.reversed)
-    found = [(each, through(site, each)) for each in senses]
+    found = [(each, cloud_through(site, each)) for each in senses]
     likely = [(each, cloud) for each, cloud in found if cloud is not None]
     if not likely:
         return None
@@ -160,8 +172,8 @@ def begin(
     )
 
 
-def updated(track: LeapTrack, streak: StreakEnds) -> LeapTrack | None:
-    """With one more streak, later than all others; None where it fits no hypothesis.
+def update_leap_track(track: LeapTrack, streak: StreakEnds) -> LeapTrack | None:
+    """The track with one more streak, a later one; None where it fits no hypothesis.
 
     What the shutter scatters, as far as nobody has measured it, and what shakes the image are
     learned on the way.
@@ -200,7 +212,7 @@ def updated(track: LeapTrack, streak: StreakEnds) -> LeapTrack | None:
     )
 
 
-def unseen(
+def leap_track_after_miss(
     track: LeapTrack, t_utc_ns: int, centre_deg: tuple[float, float], radius_deg: float
 ) -> LeapTrack:
     """After a frame in which nothing was found, within a radius about its centre."""
@@ -229,27 +241,12 @@ def _track(site: Site, timing: Timing, hypotheses: Sequence[Hypothesis]) -> Leap
     return LeapTrack(site=site, timing=timing, hypotheses=tuple(kept))
 
 
-def _ahead(site: Site, each: Hypothesis, t_utc_ns: int) -> SkyAhead | None:
-    if each.orbit is None:
-        return ahead(each.cloud, site, t_utc_ns, each.scatter_s)
-    motion = predict_motion(each.orbit, site, t_utc_ns)
-    if motion is None:
-        return None
-    return SkyAhead(
-        t_utc_ns=t_utc_ns,
-        ra_icrs_deg=motion.ra_icrs_deg,
-        dec_icrs_deg=motion.dec_icrs_deg,
-        rate_arcsec_s=np.array(motion.rate_arcsec_s),
-        covariance_arcsec2=motion.covariance[np.ix_([0, 2], [0, 2])],
-    )
-
-
 def _with_streak(track: LeapTrack, each: Hypothesis, streak: StreakEnds) -> Hypothesis | None:
     """With the orbit through all, weighed by what that itself says of the shutter's scatter."""
     streaks, scatter_s = (*each.streaks, streak), each.scatter_s
     shake_arcsec = each.shake_arcsec
     if each.orbit is None:
-        state, epoch = nearest(each.cloud, track.site, streak), each.cloud.epoch_utc_ns
+        state, epoch = nearest_state(each.cloud, track.site, streak), each.cloud.epoch_utc_ns
     else:
         state, epoch = (each.orbit.r_km, each.orbit.v_km_s), each.orbit.epoch_utc_ns
     for _ in range(_MAX_FITS):

@@ -1,4 +1,4 @@
-"""Which low orbits pass through one streak, and where they lead: the admissible region. Pure.
+"""Low orbits through one streak, and where they lead: the admissible region. Pure.
 
 A streak gives a direction and its rate; range and range rate remain. Low orbits are nearly circles,
 and a circle through a direction with a rate has one range: so the region is small. How round orbits
@@ -70,7 +70,7 @@ class Cloud:
     streak: StreakEnds
 
 
-def through(site: Site, streak: StreakEnds) -> Cloud | None:
+def cloud_through(site: Site, streak: StreakEnds) -> Cloud | None:
     """Low orbits through a whole streak; None where there is none."""
     t = streak.t_utc_ns
     lines = line_of_sight_gcrs(streak.ra_icrs_deg, streak.dec_icrs_deg, t)
@@ -99,7 +99,7 @@ def through(site: Site, streak: StreakEnds) -> Cloud | None:
     )
 
 
-def ahead(cloud: Cloud, site: Site, t_utc_ns: int, timing_sigma_s: float) -> SkyAhead | None:
+def cloud_ahead(cloud: Cloud, site: Site, t_utc_ns: int, timing_sigma_s: float) -> SkyAhead | None:
     """Mean place at an instant and the spread of all of them, with what the streak's ends add.
 
     None where most of it is below the ground.
@@ -130,7 +130,7 @@ def ahead(cloud: Cloud, site: Site, t_utc_ns: int, timing_sigma_s: float) -> Sky
     )
 
 
-def nearest(cloud: Cloud, site: Site, streak: StreakEnds) -> tuple[FloatArray, FloatArray]:
+def nearest_state(cloud: Cloud, site: Site, streak: StreakEnds) -> tuple[FloatArray, FloatArray]:
     """State (3,), (3,) at the cloud's epoch of the orbit that comes nearest to another streak."""
     t = streak.t_utc_ns
     t_mid_ns = int(t[0] + (t[1] - t[0]) // 2)

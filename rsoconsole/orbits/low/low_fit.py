@@ -33,7 +33,7 @@ UNSEEN_ARCSEC = 7200.0
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class StreakEnds:
-    """Where the light was when the shutter opened and when it closed, taken in one sense."""
+    """Places of the light when the shutter opened and when it closed, in one sense."""
 
     t_open_utc_ns: int
     t_close_utc_ns: int
@@ -48,7 +48,7 @@ class StreakEnds:
 
     @property
     def exposure_s(self) -> float:
-        """How long the shutter was open."""
+        """Time from opening to closing."""
         return (self.t_close_utc_ns - self.t_open_utc_ns) / NS_PER_S
 
     @property
@@ -69,12 +69,12 @@ class StreakEnds:
 
     @property
     def length_arcsec(self) -> float:
-        """From end to end."""
+        """Length from end to end."""
         return 3600.0 * separation_deg(*self._first, *self._last)
 
     @property
     def speed_arcsec_s(self) -> float:
-        """Of a whole streak."""
+        """Angular speed of a whole streak."""
         return self.length_arcsec / (float(np.diff(self.t_utc_ns)[0]) / NS_PER_S)
 
     @property
@@ -102,7 +102,7 @@ class StreakEnds:
         )
 
     def of_unsure_length(self, arcsec: float) -> "StreakEnds":
-        """Where a piece so long may be missing at either end, or be too much."""
+        """The streak with ends that may be wrong by a length either way."""
         return replace(self, sigma_along_arcsec=np.hypot(self.sigma_along_arcsec, arcsec))
 
     @property
@@ -137,7 +137,7 @@ _NO_NUMBERS = np.linalg.LinAlgError
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Timing:
-    """What the times of frames are worth, in seconds."""
+    """Errors of the times of frames, in seconds."""
 
     scatter_s: float
     """Of each frame by itself, one sigma."""
@@ -212,7 +212,7 @@ class _Problem:
         return places - velocities * tau_s[:, None], velocities, slopes
 
     def deviate(self, unknowns: FloatArray) -> None:
-        """What the flattened Earth adds, near these unknowns."""
+        """Compute the deviation by the flattened Earth near these unknowns."""
         r, v = self.view.state(unknowns[:6])
         t_s = self.seen.t_s + unknowns[6]
         true, plain = self.motion.states(r, v, t_s), propagate(r, v, t_s)
@@ -226,7 +226,13 @@ def fit_streaks(
 
     None where there is none. ``streaks`` in order of time, at least two.
     """
-    seen = _sightings(site, streaks)
+    seen = sightings(
+        site,
+        np.concatenate([each.t_utc_ns for each in streaks]),
+        np.concatenate([each.ra_icrs_deg for each in streaks]),
+        np.concatenate([each.dec_icrs_deg for each in streaks]),
+        np.concatenate([each.covariances_arcsec2 for each in streaks])[:, [0, 0, 1], [0, 1, 1]],
+    )
     motion = Zonal(epoch_utc_ns=seen.epoch_utc_ns)
     moved = Zonal(epoch_utc_ns=t_start_utc_ns).states(
         *start, np.array([(seen.epoch_utc_ns - t_start_utc_ns) / NS_PER_S])
@@ -255,16 +261,6 @@ def fit_streaks(
             problem.sigma_e = None
             unknowns, is_converged = _descend(problem, unknowns)
         return _finished(problem, unknowns, len(streaks), is_converged=is_converged)
-
-
-def _sightings(site: Site, streaks: Sequence[StreakEnds]) -> Sightings:
-    return sightings(
-        site,
-        np.concatenate([each.t_utc_ns for each in streaks]),
-        np.concatenate([each.ra_icrs_deg for each in streaks]),
-        np.concatenate([each.dec_icrs_deg for each in streaks]),
-        np.concatenate([each.covariances_arcsec2 for each in streaks])[:, [0, 0, 1], [0, 1, 1]],
-    )
 
 
 def _rates(problem: _Problem, unknowns: FloatArray) -> FloatArray:

@@ -1,4 +1,4 @@
-"""Where something will be on the sky: at one instant, and along its path for a while. Pure."""
+"""Predicted places on the sky: at one instant, and along a path. Pure."""
 
 import math
 from dataclasses import dataclass
@@ -12,7 +12,7 @@ from rsoconsole.words import NS_PER_S
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class SkyAhead:
-    """Where it will be, as a plate solution would measure it, and how sure that is."""
+    """Predicted place at one instant, as a plate solution would measure it, with its covariance."""
 
     t_utc_ns: int
     ra_icrs_deg: float
@@ -29,7 +29,7 @@ class SkyAhead:
 
     @property
     def speed_arcsec_s(self) -> float:
-        """On the sky."""
+        """Angular speed on the sky."""
         return math.hypot(*self.rate_arcsec_s.tolist())
 
     @property

@@ -9,12 +9,10 @@ order (scipy's DOP853). Kilometres, seconds, along GCRS axes.
 The sums are of plain floats: for three numbers at a time numpy takes five times as long.
 """
 
-import functools
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache
-from math import acos, asin, ceil, cos, pi, sin, sqrt
+from math import acos, asin, ceil, cos, floor, pi, sin, sqrt
 from typing import Protocol
 
 import numpy as np
@@ -36,12 +34,12 @@ MU_SUN_KM3_S2 = 1.327_124_400_18e11
 MU_MOON_KM3_S2 = 4_902.800_066
 J2, J3, J4 = 1.082_626_68e-3, -2.532_656_48e-6, -1.619_621_59e-6
 C22, S22 = 1.574_536e-6, -9.038_68e-7
-"""Unnormalised."""
+"""Sectorial coefficients of degree and order 2, unnormalised."""
 EARTH_TURN_RAD_S = 7.292_115_146_706_979e-5
 SUN_PRESSURE_N_M2 = 4.56e-6
-"""At one astronomical unit."""
+"""Radiation pressure at one astronomical unit."""
 AREA_TO_MASS_M2_KG = 0.026
-"""Times the reflectivity coefficient: 0.02 m2/kg and 1.3, a usual geostationary satellite."""
+"""Area over mass times reflectivity of a usual geostationary satellite: 0.02 m2/kg and 1.3."""
 _KNOT_S = 3600
 _BLOCK_S = 6 * _KNOT_S
 _TOLERANCE = 1e-10
@@ -53,7 +51,7 @@ Vector = tuple[float, float, float]
 
 
 class Motion(Protocol):
-    """What carries a state through time."""
+    """A propagator: carries a state through time."""
 
     def states(
         self, r_km: FloatArray, v_km_s: FloatArray, t_s: FloatArray
@@ -64,7 +62,7 @@ class Motion(Protocol):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Forces:
-    """What moves the object beside the point mass."""
+    """Propagation with zonal harmonics, Moon, Sun and radiation pressure."""
 
     epoch_utc_ns: int
     """Instant to which times are counted."""
@@ -121,7 +119,7 @@ def _carried(field_: "_Field", start: FloatArray, times: FloatArray) -> FloatArr
     return found[where]
 
 
-@functools.lru_cache(maxsize=8)
+@lru_cache(maxsize=8)
 def _bodies(first_block: int, last_block: int) -> tuple[float, list[list[list[float]]]]:
     """Moon and Sun over whole blocks of time, of all objects alike.
 
@@ -147,8 +145,8 @@ class _Field:
         self.first_s, self.last_s = first_s, last_s
         self._push_km = SUN_PRESSURE_N_M2 * AU_KM**2 * forces.area_to_mass_m2_kg / 1000.0
         epoch_s, epoch_ns = divmod(forces.epoch_utc_ns, NS_PER_S)
-        first_block = math.floor((epoch_s + first_s) / _BLOCK_S)
-        last_block = math.floor((epoch_s + last_s) / _BLOCK_S) + 1
+        first_block = floor((epoch_s + first_s) / _BLOCK_S)
+        last_block = floor((epoch_s + last_s) / _BLOCK_S) + 1
         first_knot_s, self._cubics = _bodies(first_block, last_block)
         self._since_knot_s = epoch_s - first_knot_s + epoch_ns / NS_PER_S
         middle = forces.epoch_utc_ns + int((first_s + last_s) / 2.0 * NS_PER_S)
@@ -259,7 +257,7 @@ _come_down.terminal = True  # type: ignore[attr-defined]
 
 
 STEP_S = 20.0
-"""At 400 km a step is wrong by a tenth of a millimetre, and the curve between two by some."""
+"""Step of the zonal integration: at 400 km a tenth of a millimetre wrong, and between two some."""
 _State = tuple[float, float, float, float, float, float]
 
 

@@ -1,4 +1,4 @@
-"""Where an orbit puts the object, and how sure that is. Pure."""
+"""Places on the sky that an orbit predicts, with their covariance. Pure."""
 
 from dataclasses import dataclass
 
@@ -111,7 +111,7 @@ class SkyMotion:
 
 
 def predict_motion(orbit: KnownOrbit, site: Site, t_utc_ns: int) -> SkyMotion | None:
-    """What a filter on place and rates would have to know; None where there is no place."""
+    """Place, rates and their covariance, as a filter needs them; None where there is no place."""
     instants = t_utc_ns + _MOMENT_S * NS_PER_S * np.array([-1, 0, 1])
     ahead = predict(orbit, site, instants)
     places = ahead.places
@@ -141,13 +141,8 @@ def _carried(orbit: KnownOrbit, places: Places) -> tuple[FloatArray, FloatArray]
     """
     since_s = (places.t_utc_ns - orbit.epoch_utc_ns) / NS_PER_S
     plain, _, slopes = propagate_with_slopes(orbit.r_km, orbit.v_km_s, since_s)
-    return plain, _sky_slopes(places) @ slopes
-
-
-def _sky_slopes(places: Places) -> FloatArray:
-    """(N, 2, 3) arcsec/km: east and north by the place."""
     axes = np.stack(east_and_north(places.ra_icrs_deg, places.dec_icrs_deg), axis=-2)
-    return np.asarray(axes / places.range_km[:, None, None] / ARCSEC_RAD)
+    return plain, axes / places.range_km[:, None, None] / ARCSEC_RAD @ slopes
 
 
 def _bend_arcsec(

@@ -18,7 +18,7 @@ from rsoconsole.orbits.motion._universal import (
 from rsoconsole.records import FloatArray
 
 MU_EARTH_KM3_S2 = 398_600.4418
-"""IERS Conventions 2010, without the atmosphere's share left out."""
+"""Gravitational parameter of the Earth with its atmosphere, IERS Conventions 2010."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -164,7 +164,7 @@ def elements_of(
 def axis_and_inclination(
     r_km: npt.ArrayLike, v_km_s: npt.ArrayLike, mu: float = MU_EARTH_KM3_S2
 ) -> tuple[float, float]:
-    """Of ``elements_of`` these two alone: km and degrees."""
+    """Semi-major axis (km) and inclination (degrees) alone, for less than ``elements_of``."""
     r, v = np.asarray(r_km, float), np.asarray(v_km_s, float)
     axis_km = _axis_km(float(np.linalg.norm(r)), v, mu)
     return axis_km, _inclination_deg(_cross_of_one(r, v))
@@ -192,7 +192,7 @@ def eccentricity_vector(
 def semi_major_axis(
     r: FloatArray, v: FloatArray, mu: float = MU_EARTH_KM3_S2
 ) -> tuple[float, FloatArray]:
-    """In km, and its slopes (6,) by the state."""
+    """Semi-major axis in km, and its slopes (6,) by the state."""
     radius = float(np.sqrt(r @ r))
     a_km = 1.0 / (2.0 / radius - float(v @ v) / mu)
     return a_km, 2.0 * a_km * a_km * np.concatenate([r / radius**3, v / mu])

@@ -46,7 +46,7 @@ class Known:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Fit:
-    """What was found."""
+    """Unknowns and variances that are likeliest together."""
 
     unknowns: FloatArray
     covariance: FloatArray

@@ -23,7 +23,7 @@ from rsoconsole.sky import IntArray
 from rsoconsole.words import NS_PER_S
 
 LONGEST_AGE_S = 7200.0
-"""From the time of ephemeris: half the interval that a GPS message is fitted to."""
+"""Longest time from the time of ephemeris: half the interval that a GPS message is fitted to."""
 _MU_KM3_S2 = {"G": 398600.5, "J": 398600.5, "E": 398600.4418, "C": 398600.4418}
 _TURN_RAD_S = {"G": 7.2921151467e-5, "J": 7.2921151467e-5, "E": 7.2921151467e-5, "C": 7.292115e-5}
 _KEPLER_LINES = 8
@@ -117,7 +117,7 @@ class BroadcastOrbit:
 
 
 def parse_rinex_nav(texts: dict[str, str]) -> NavigationFile:
-    """What texts, by the names of their files, say together.
+    """Read RINEX texts, by the names of their files, as one.
 
     Raises OrbitError naming file and line for what is no navigation file, and for damage. A last
     message that breaks off (the file was still being written) is left out.

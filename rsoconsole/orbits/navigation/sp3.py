@@ -39,7 +39,7 @@ SYSTEMS = {"G": "GPS", "E": "Galileo", "C": "BeiDou", "J": "QZSS", "R": "GLONASS
 
 
 class EarthFixedOrbit(Protocol):
-    """Where one satellite is by one kind of file."""
+    """Positions of one satellite, whatever the kind of file."""
 
     def position(self, t_gps_ns: IntArray) -> tuple[FloatArray, FloatArray]:
         """Position (N, 3) km and velocity (N, 3) km/s, both along Earth-fixed axes.
@@ -66,13 +66,13 @@ class NavigationSatellite:
         return SIGMA_KM[self.kind]
 
     def places(self, site: Site, t_utc_ns: IntArray) -> Places:
-        """As a plate solution measures them."""
+        """Places from a site, as a plate solution measures them."""
         return astrometric_places(self.position_gcrs, site, t_utc_ns)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class NavigationFile:
-    """What was read of one or several files of a kind."""
+    """Satellites read from one or several files of a kind."""
 
     kind: Kind
     satellites: tuple[NavigationSatellite, ...]
@@ -115,7 +115,7 @@ def navigation_file(
     reach_gps_ns: tuple[int, int],
     skipped: Mapping[str, int],
 ) -> NavigationFile:
-    """What was read; ``reach_gps_ns``: from when to when."""
+    """A file of these orbits; ``reach_gps_ns``: its first and last instant."""
     first, last = utc_ns_of_gps(np.array(reach_gps_ns)).tolist()
     return NavigationFile(
         kind=kind,
@@ -139,7 +139,7 @@ def expect_covered(found: NavigationFile, t_utc_ns: Sequence[int], source: str) 
 
 
 NODES, MIN_NODES = 10, 6
-"""Epochs of a polynomial, and of a short file: a metre at steps of 15 min."""
+"""Epochs of a polynomial, and least number of them: then a metre at steps of 15 min."""
 _HALF_S = 0.5
 _NEAREST_KM, _FARTHEST_KM = 6_400.0, 60_000.0
 _EPOCH = datetime(1970, 1, 1)  # noqa: DTZ001 -- a calendar, which of the time systems the file says
@@ -197,7 +197,7 @@ def _weights(since_s: FloatArray, at_s: float) -> FloatArray:
 
 
 def parse_sp3(texts: dict[str, str]) -> NavigationFile:
-    """What texts, by the names of their files, say together: several days are one arc.
+    """Read SP3 texts, by the names of their files, as one: several days are one arc.
 
     Raises OrbitError naming file and line for what is no SP3-c or SP3-d, and for damage.
     """

@@ -1,4 +1,4 @@
-"""What a shutter does, from satellites whose orbits are known better than any clock here. Pure.
+"""Timing of a shutter, from satellites whose orbits are known better than any clock here. Pure.
 
 A satellite seen d arcsec ahead of its place along its motion was seen d / rate late. Each measured
 direction minus its orbit, at the instant that the frame's header names, is
@@ -16,7 +16,7 @@ whole: that tells the two apart.
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -32,17 +32,17 @@ DRIFT_PRIOR_ARCSEC = 0.5
 """One sigma of what all stars of a night may be off together, stated: proper motions that are old
 or not known."""
 LINE_TIME_PRIOR_S = 300e-6
-"""One sigma: no camera reads a row in a millisecond."""
+"""One sigma of the line time before any measurement: no camera reads a row in a millisecond."""
 LINE_TIME_KNOWN_S = 10e-6
-"""A line time less sure than that is not found: the configured one stands."""
+"""Largest sigma of a line time that counts as found; else the configured one stands."""
 PLACE_PRIOR_ARCSEC = 0.05
-"""What a track is off by itself, stated: its orbit and the stars of its field."""
+"""One sigma of a track's own offset, stated: its orbit and the stars of its field."""
 PLACE_WIDTH = 2.0
-"""How many times as far off it may be, one sigma."""
+"""One sigma of a track's own offset over its stated size."""
 SCALE_PRIOR = 0.5
 """One sigma of how far off the scale of the measurements' own variances may be."""
-FEWEST = 6
-"""Measurements of a mode without which nothing is told of it."""
+MIN_MEASUREMENTS = 6
+"""Least number of measurements of a calibrated camera mode."""
 _TOO_FAR = 13.8
 """Of a measurement with two degrees of freedom: one good one in a thousand is farther."""
 _TAILS, _AS_GAUSSIAN = 4.0, 7.2
@@ -96,14 +96,12 @@ class TimedDirections:
         return len(self.row_px)
 
     def of(self, chosen: Mask) -> "TimedDirections":
-        """Some of them."""
-        return TimedDirections(
-            **{name: getattr(self, name)[chosen] for name in self.__dataclass_fields__}
-        )
+        """The chosen directions."""
+        return replace(self, **{f.name: getattr(self, f.name)[chosen] for f in fields(self)})
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Estimated:
+class Estimate:
     """A value with its error, one sigma."""
 
     value: float
@@ -112,17 +110,17 @@ class Estimated:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ShutterTiming:
-    """What was found of one camera mode; seconds."""
+    """Timing of one camera mode; seconds."""
 
-    bias_s: Estimated
+    bias_s: Estimate
     """True mid-exposure of the first row minus the header's."""
-    scatter_s: Estimated
+    scatter_s: Estimate
     """From frame to frame, one sigma."""
-    line_time_s: Estimated
+    line_time_s: Estimate
     is_line_time_found: bool
     """Else it is what was configured, and the bias holds with that alone."""
     middle_row_px: float
-    bias_at_middle_s: Estimated
+    bias_at_middle_s: Estimate
     """At the rows where the streaks lie, where it is known best."""
     measurements: int
     frames: int
@@ -138,7 +136,7 @@ class TimeCalibration:
 
     modes: tuple[ShutterTiming | None, ...]
     """None where a mode has too few measurements."""
-    drift_arcsec: tuple[tuple[Estimated, Estimated], ...]
+    drift_arcsec: tuple[tuple[Estimate, Estimate], ...]
     """Of each night, east and north: measured minus orbit."""
     is_separated: tuple[bool, ...]
     """Of each night: whether its satellites tell drift from time; else the prior does."""
@@ -161,7 +159,7 @@ class _Before:
 
     @property
     def unknowns(self) -> int:
-        """How many there are: biases, line times, drifts."""
+        """Number of unknowns: biases, line times, drifts."""
         return 2 * self.modes + 2 * self.nights
 
 
@@ -179,12 +177,14 @@ def calibrate(
     what the orbits are good to, one sigma. Raises OrbitError where no mode has enough measurements.
     """
     counts = [int(np.sum(seen.mode == mode)) for mode in range(modes)]
-    if max(counts, default=0) < FEWEST:
+    if max(counts, default=0) < MIN_MEASUREMENTS:
         raise OrbitError(
-            f"{sum(counts)} streaks of satellites of the file: a camera mode needs {FEWEST};"
-            " follow navigation satellites that go in several directions"
+            f"{sum(counts)} streaks of satellites of the file: a camera mode needs"
+            f" {MIN_MEASUREMENTS}; follow navigation satellites that go in several directions"
         )
-    is_used = np.array([counts[int(mode)] >= FEWEST for mode in seen.mode]) & _roughly(seen, modes)
+    is_used = np.array([counts[int(mode)] >= MIN_MEASUREMENTS for mode in seen.mode]) & _roughly(
+        seen, modes
+    )
     before = _Before(
         modes=modes,
         nights=nights,
@@ -231,7 +231,7 @@ def _rounds(seen: TimedDirections, is_used: Mask, before: _Before) -> tuple[Fit,
     for _ in range(_ROUNDS):
         far = _distance(seen, fit, before)
         again = could & (far <= _TOO_FAR)
-        if int(np.sum(again)) < FEWEST:
+        if int(np.sum(again)) < MIN_MEASUREMENTS:
             break
         is_same, is_used = np.array_equal(again, is_used), again
         # Gusts give errors the tails of Student's distribution (Lange, Little & Taylor 1989).
@@ -308,21 +308,15 @@ def _blocks(seen: TimedDirections, before: _Before) -> Iterator[Block]:
 
 def _connected(frame: Index, track: Index) -> Iterator[Index]:
     """Numbers of directions that share frames or tracks, by whatever way."""
-    parent: dict[tuple[str, int], tuple[str, int]] = {}
+    import scipy.sparse
+    from scipy.sparse.csgraph import connected_components
 
-    def root(of: tuple[str, int]) -> tuple[str, int]:
-        while parent.setdefault(of, of) != of:
-            parent[of] = parent[parent[of]]
-            of = parent[of]
-        return of
-
-    for f, t in zip(frame, track, strict=True):
-        parent[root(("frame", int(f)))] = root(("track", int(t)))
-    groups: dict[tuple[str, int], list[int]] = {}
-    for number, t in enumerate(track):
-        groups.setdefault(root(("track", int(t))), []).append(number)
-    for group in groups.values():
-        yield np.array(group, np.int64)
+    frames, tracks = (np.unique(each, return_inverse=True)[1] for each in (frame, track))
+    size, ends = len(frames), (frames, tracks + len(frames))
+    graph = scipy.sparse.coo_array((np.ones(size), ends), shape=(2 * size, 2 * size))
+    group = connected_components(graph, directed=False)[1][frames]
+    for each in dict.fromkeys(group.tolist()):
+        yield np.flatnonzero(group == each)
 
 
 def _fit(seen: TimedDirections, before: _Before) -> Fit:
@@ -330,7 +324,7 @@ def _fit(seen: TimedDirections, before: _Before) -> Fit:
     has_ends = np.array(
         [
             np.sum((seen.mode == m) & seen.is_by_ends & np.isfinite(seen.length_off_arcsec))
-            >= FEWEST
+            >= MIN_MEASUREMENTS
             for m in range(modes)
         ]
     )
@@ -379,8 +373,8 @@ def _calibration(
         modes=found,
         drift_arcsec=tuple(
             (
-                Estimated(value=float(fit.unknowns[at]), sigma=float(sigma[at])),
-                Estimated(value=float(fit.unknowns[at + 1]), sigma=float(sigma[at + 1])),
+                Estimate(value=float(fit.unknowns[at]), sigma=float(sigma[at])),
+                Estimate(value=float(fit.unknowns[at + 1]), sigma=float(sigma[at + 1])),
             )
             for at in range(drift, drift + 2 * nights, 2)
         ),
@@ -400,7 +394,7 @@ def _mode(
 ) -> ShutterTiming | None:
     line, scatter = before.lines[mode], 2 + before.modes + mode
     taken = is_used & (seen.mode == mode)
-    if int(np.sum(taken)) < FEWEST:
+    if int(np.sum(taken)) < MIN_MEASUREMENTS:
         return None
     at = np.array([mode, before.modes + mode])
     bias_s, line_s = fit.unknowns[at]
@@ -411,14 +405,14 @@ def _mode(
     is_found = line[1] == LINE_TIME_PRIOR_S
     line_value_s = float(line_s) + line[0]
     return ShutterTiming(
-        bias_s=Estimated(value=float(bias_s), sigma=math.sqrt(float(both[0, 0]))),
+        bias_s=Estimate(value=float(bias_s), sigma=math.sqrt(float(both[0, 0]))),
         scatter_s=_root(float(fit.variances[scatter]), float(fit.variance_sigmas[scatter])),
-        line_time_s=Estimated(
+        line_time_s=Estimate(
             value=line_value_s, sigma=math.sqrt(float(both[1, 1])) if is_found else 0.0
         ),
         is_line_time_found=is_found,
         middle_row_px=row,
-        bias_at_middle_s=Estimated(
+        bias_at_middle_s=Estimate(
             value=float(bias_s) + line_value_s * row, sigma=math.sqrt(float(ahead @ both @ ahead))
         ),
         measurements=int(np.sum(taken)),
@@ -438,10 +432,10 @@ def _larger(fit: Fit, at: Index) -> FloatArray:
     return stated * widened
 
 
-def _root(variance: float, sigma: float) -> Estimated:
+def _root(variance: float, sigma: float) -> Estimate:
     """The root of a variance and its error; as many sigma from nothing as the variance is."""
     value = math.sqrt(variance)
     error = sigma / (2.0 * max(value, math.sqrt(sigma)))
     if variance < _SURELY_SOME * sigma:
         error = max(error, value * min(1.0, sigma / variance))
-    return Estimated(value=value, sigma=error)
+    return Estimate(value=value, sigma=error)

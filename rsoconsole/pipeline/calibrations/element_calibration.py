@@ -16,7 +16,7 @@ from rsoconsole.orbits import (
     ElementErrors,
     ElementRow,
     FittedFactors,
-    compared_with,
+    compare_with_catalogue,
     name_together,
     row_of,
 )
@@ -59,7 +59,9 @@ def rows_of_session(
     about = SessionReader(folder).about()
     tracks = read_observed(folder)
     compared = [
-        compared_with(longest_arc(each.seen), each.site, entries, gate_deg=GATE_DEG, errors=errors)
+        compare_with_catalogue(
+            longest_arc(each.seen), each.site, entries, gate_deg=GATE_DEG, errors=errors
+        )
         for each in tracks
     ]
     named = name_together(compared, gate_deg=GATE_DEG)

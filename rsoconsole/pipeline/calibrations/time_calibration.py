@@ -17,9 +17,9 @@ import numpy.typing as npt
 from rsoconsole.base import OrbitError
 from rsoconsole.config import ExposureConfig
 from rsoconsole.orbits import (
-    FEWEST,
+    MIN_MEASUREMENTS,
     SIGMA_KM,
-    Estimated,
+    Estimate,
     NavigationFile,
     ShutterTiming,
     TimeCalibration,
@@ -189,7 +189,7 @@ def _by_night(
     nights = np.unique(seen.night)
     if len(nights) < 2:
         return found
-    alone: dict[int, list[Estimated]] = {}
+    alone: dict[int, list[Estimate]] = {}
     for night in nights:
         of_it = seen.of(seen.night == night)
         of_it = replace(of_it, night=np.zeros_like(of_it.night))
@@ -212,7 +212,7 @@ def _by_night(
     )
 
 
-def _in_row(timing: ShutterTiming, whole: ShutterTiming) -> Estimated:
+def _in_row(timing: ShutterTiming, whole: ShutterTiming) -> Estimate:
     """The bias of one night in the row in which that of all is known best."""
     # Nights that differ make one line time of both a wrong one.
     of = timing if timing.is_line_time_found else whole
@@ -225,7 +225,7 @@ def _in_row(timing: ShutterTiming, whole: ShutterTiming) -> Estimated:
     )
 
 
-def _widened(timing: ShutterTiming, nights: Sequence[Estimated]) -> ShutterTiming:
+def _widened(timing: ShutterTiming, nights: Sequence[Estimate]) -> ShutterTiming:
     """Its bias with the scatter between nights that their own errors do not explain."""
     if len(nights) < 2:
         return timing
@@ -310,7 +310,9 @@ def _modes(used: Sequence[Streak]) -> tuple[list[Mode], list[int]]:
         of_it = [n for n, each in enumerate(read_outs) if each == read_out]
         for group in _alike(of_it, exposures):
             usual, _ = Counter(exposures[n] for n in group).most_common(1)[0]
-            mode = Mode(exposure_s=usual if len(group) >= FEWEST else None, read_out=read_out)
+            mode = Mode(
+                exposure_s=usual if len(group) >= MIN_MEASUREMENTS else None, read_out=read_out
+            )
             for n in group:
                 number[n] = named.setdefault(mode, len(named))
     return list(named), number

@@ -35,17 +35,15 @@ from rsoconsole.records import (
     OrbitEstimate,
     Record,
     Ruling,
-    Site,
     Solution,
     TrackState,
 )
 from rsoconsole.tracking import (
-    CROSSED,
-    Bend,
+    ONLY_CROSSING,
     Field,
     Following,
     FollowSettings,
-    Seen,
+    FrameInput,
     follow,
     three_sigma_deg,
 )
@@ -226,7 +224,7 @@ def fold(before: Following, stars_before: StarHistory, shown: Shown, config: Con
     if not shown.measurements:
         plain = plain_absence(shown.detections, shown.solution, t_mid_ns)
     elif all(m.is_crossing for m in shown.measurements):
-        plain = CROSSED
+        plain = ONLY_CROSSING
     # Asked for by misses alone: the Sun and the Earth's shadow cost more than all the rest.
     absence = functools.partial(
         explain_absence,
@@ -246,7 +244,7 @@ def fold(before: Following, stars_before: StarHistory, shown: Shown, config: Con
     measurements = tuple(m for m in shown.measurements if m not in refused)
     if chosen is not None and chosen not in measurements:
         measurements = (*measurements, chosen)
-    seen = Seen(
+    seen = FrameInput(
         frame_id=taken.frame_id,
         t_mid_utc_ns=t_mid_ns,
         exposure_s=exposure_s,
@@ -311,7 +309,7 @@ def _by_orbit(
     motion = predict_motion(orbit_from_record(orbit), config.site.to_site(), t_mid_ns)
     if motion is None:
         return None
-    state = estimator.begun_from(
+    state = estimator.restarted_from(
         (motion.ra_icrs_deg, motion.dec_icrs_deg),
         motion.rate_arcsec_s,
         motion.covariance,
@@ -357,13 +355,6 @@ def follow_settings(config: Config, frame: Frame | FrameTaken) -> FollowSettings
         filter=config.filter,
         half_field_deg=half_field_px * config.optics.scale_arcsec_px / 3600.0,
         choice=config.search.follow,
-        bend=functools.partial(_bend, config.site.to_site()),
+        bend=functools.partial(bending, config.site.to_site()),
         is_shutter_known=calibrated_for(frame, config.exposure) is not None,
     )
-
-
-def _bend(
-    site: Site, t_utc_ns: int, direction_deg: tuple[float, float], rate: tuple[float, float]
-) -> Bend | None:
-    bent = bending(site, t_utc_ns, direction_deg, rate)
-    return None if bent is None else (bent.mean, bent.covariance)

@@ -22,7 +22,7 @@ from rsoconsole.records import (
     TrackState,
 )
 from rsoconsole.sky import wrap_180
-from rsoconsole.tracking import MAY_BE_FOLLOWED, REFUSED, STRANGERS_ARCSEC2, SURE_ODDS
+from rsoconsole.tracking import REFUSED, STRANGERS_ARCSEC2, SURE_ODDS, TRACKABLE_CLASSES
 from rsoconsole.words import NS_PER_S
 
 KEPT_S = 7200.0
@@ -69,7 +69,7 @@ class Untaken:
             if m.measurement_id not in settled
             and m.frame_id not in without
             and not m.is_clipped
-            and m.object_class in MAY_BE_FOLLOWED
+            and m.object_class in TRACKABLE_CLASSES
             and _is_direction(m)
         ]
         if not asked:

@@ -18,7 +18,7 @@ from rsoconsole.orbits import (
     FieldMatch,
     FieldOfView,
     Line,
-    Matched,
+    LineMatch,
     match_field,
 )
 from rsoconsole.pipeline.field.field_points import Mover, Points, movers_of, points_of
@@ -319,7 +319,7 @@ class MoverAnswer:
 
     mover: Mover
     candidates: tuple[Candidate, ...]
-    matched: Matched
+    matched: LineMatch
 
 
 class FieldRun:

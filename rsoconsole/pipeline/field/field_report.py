@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from rsoconsole.orbits import OLDEST_DAYS, Candidate, Choice, Matched, regime_of
+from rsoconsole.orbits import OLDEST_DAYS, Candidate, Choice, LineMatch, regime_of
 from rsoconsole.pipeline.field.field_frame import TAKEN, FieldFrame, FrameAnswer, MoverAnswer
 from rsoconsole.pipeline.words.reports import detection_report
 from rsoconsole.records import FloatArray
@@ -188,7 +188,7 @@ def _named(candidate: Candidate) -> dict[str, Any]:
     }
 
 
-def _matched_report(matched: Matched, candidates: Sequence[Candidate]) -> dict[str, Any]:
+def _matched_report(matched: LineMatch, candidates: Sequence[Candidate]) -> dict[str, Any]:
     """The verdict; what it may be, and how likely it is in no catalogue."""
     named = [each for each in matched.choices if each.candidate is not None]
     none = [each.probability for each in matched.choices if each.candidate is None]

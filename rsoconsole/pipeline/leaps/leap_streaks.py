@@ -14,7 +14,7 @@ from rsoconsole.pipeline.frame.measurement import (
 )
 from rsoconsole.records import Detection, Detections, Frame, FrameTaken, Solution
 from rsoconsole.sky import pixel_to_sky
-from rsoconsole.tracking import MAY_BE_FOLLOWED
+from rsoconsole.tracking import TRACKABLE_CLASSES
 from rsoconsole.words import NS_PER_S
 
 MIN_SIGMA_PX = 0.3
@@ -42,7 +42,7 @@ class FrameStreak:
         What lies where a satellite is expected, runs its way and is as fast, is that one's whatever
         it looks like: the brightest look like aircraft.
         """
-        return self.ends.is_whole and self.detection.object_class in MAY_BE_FOLLOWED
+        return self.ends.is_whole and self.detection.object_class in TRACKABLE_CLASSES
 
 
 def streaks_of(

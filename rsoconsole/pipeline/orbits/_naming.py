@@ -8,12 +8,12 @@ from pathlib import Path
 from rsoconsole.base import OrbitError
 from rsoconsole.config import Config
 from rsoconsole.orbits import (
+    CatalogueComparison,
     CatalogueEntry,
-    Compared,
     Identification,
     Match,
     Sightings,
-    compared_with,
+    compare_with_catalogue,
     name_together,
 )
 from rsoconsole.pipeline.orbits.elements_used import read_catalogue
@@ -69,7 +69,7 @@ class _Asked:
     begun_utc_ns: int
     due: int
     """Number of directions with which it is compared again."""
-    compared: Compared
+    compared: CatalogueComparison
     said: tuple[str, int | None] = ("", None)
     """Verdict and best match that are on record."""
 
@@ -122,7 +122,7 @@ class Naming:
             self._asked[track_id] = _Asked(
                 begun_utc_ns=int(seen[track_id].t_utc_ns[0]),
                 due=max(round(_MORE * len(seen[track_id])), len(seen[track_id]) + 1),
-                compared=compared_with(
+                compared=compare_with_catalogue(
                     arc,
                     self._config.site.to_site(),
                     entries,

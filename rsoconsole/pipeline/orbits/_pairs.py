@@ -27,7 +27,7 @@ from rsoconsole.sky import direction_to_unit
 from rsoconsole.tracking import (
     MANY,
     RelativePath,
-    Sights,
+    TrackDirections,
     own_covariance,
     pair_motion,
     relative_path,
@@ -146,7 +146,7 @@ class _Seen:
 
     sights: dict[int, _Sight] = field(default_factory=dict)
     """By frame."""
-    together: Sights | None = None
+    together: TrackDirections | None = None
     """The same as arrays, once they are asked for."""
 
     def put(self, frame_id: int, sight: _Sight) -> None:
@@ -155,11 +155,11 @@ class _Seen:
             del self.sights[min(self.sights)]
         self.together = None
 
-    def as_sights(self) -> Sights:
+    def as_sights(self) -> TrackDirections:
         if self.together is None:
             frames = sorted(self.sights)
             each = [self.sights[number] for number in frames]
-            self.together = Sights(
+            self.together = TrackDirections(
                 frame_id=np.array(frames, np.int64),
                 t_utc_ns=np.array([one.t_utc_ns for one in each], np.int64),
                 units=np.array([one.unit for one in each]).reshape(-1, 3),

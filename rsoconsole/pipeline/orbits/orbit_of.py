@@ -9,27 +9,27 @@ import numpy as np
 from rsoconsole.base import OrbitError
 from rsoconsole.orbits import (
     MIN_SIGHTINGS,
-    Alone,
     GoodingOrbit,
     MeanElements,
     Orbit,
     PriorName,
     Sightings,
-    alone,
+    TrackletOrbit,
     at_epoch,
-    carried,
     common_error_arcsec,
     determine,
     gooding,
     is_plausible,
+    joint_orbit,
     log_odds_of_more,
     mean_elements,
+    merged_tracklets,
     probability_of,
     propagate,
     sigma_of_a_km,
+    state_at,
     three_lines,
-    through,
-    together,
+    tracklet_orbit,
 )
 from rsoconsole.pipeline.orbits.track_measurements import Observed, arcs
 from rsoconsole.words import NS_PER_S, counted
@@ -83,14 +83,14 @@ def find_orbit(
     rest += [(each, arc, False) for each in others[:_MAX_TRACKS] for arc in arcs(each.seen)]
     rest.sort(key=lambda each: abs(each[1].epoch_utc_ns - middle))
     used, parts = [first[1]], [_part(*first, is_used=True, probability=None)]
-    start = alone(first[1], prior) if rest else None
+    start = tracklet_orbit(first[1], prior) if rest else None
     for each, arc, is_given in rest:
         probability = _probability(start, used, arc, prior)
         is_used = is_given or (probability is not None and probability >= SAME_OBJECT)
         parts.append(_part(each, arc, is_used=is_used, probability=probability))
         if is_used:
             used.append(arc)
-    seen, _ = together(used)
+    seen, _ = merged_tracklets(used)
     orbit = _determined(seen, used, start, prior)
     return Found(
         method="least squares",
@@ -139,17 +139,17 @@ def _how_many(orbits: int) -> str:
 
 
 def _determined(
-    seen: Sightings, used: Sequence[Sightings], start: Alone | None, prior: PriorName
+    seen: Sightings, used: Sequence[Sightings], start: TrackletOrbit | None, prior: PriorName
 ) -> Orbit | None:
     """Over several arcs refined from that of the longest, arc by arc: no seed finds it at once."""
     if len(used) == 1 or start is None:
         return determine(seen, prior=prior)
     state, epoch, grown = start.state, start.seen.epoch_utc_ns, None
     for count in range(2, len(used) + 1):
-        grown = through(used[:count], state, epoch, start.population)
+        grown = joint_orbit(used[:count], state, epoch, start.population)
         if grown is not None:
             state, epoch = grown.state, grown.epoch_utc_ns
-    begun = carried(state, epoch, seen.epoch_utc_ns)
+    begun = state_at(state, epoch, seen.epoch_utc_ns)
     orbit = determine(seen, prior=prior, start=begun)
     if orbit is not None:
         return orbit
@@ -178,10 +178,10 @@ def _loosened(seen: Sightings, by_arcsec: float) -> Sightings:
 
 
 def _probability(
-    start: Alone | None, used: Sequence[Sightings], arc: Sightings, prior: PriorName
+    start: TrackletOrbit | None, used: Sequence[Sightings], arc: Sightings, prior: PriorName
 ) -> float | None:
     """That an arc is of the object of those used."""
-    more = alone(arc, prior) if start is not None else None
+    more = tracklet_orbit(arc, prior) if start is not None else None
     if start is None or more is None:
         return None
     return probability_of(log_odds_of_more(start, used[1:], more))

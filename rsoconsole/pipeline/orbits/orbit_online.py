@@ -13,16 +13,16 @@ import numpy as np
 
 from rsoconsole.config import Config
 from rsoconsole.orbits import (
-    Alone,
     Orbit,
     Sightings,
     State,
-    alone,
+    TrackletOrbit,
     determine,
     elements_of,
     log_odds_of_more,
+    merged_tracklets,
     probability_of,
-    together,
+    tracklet_orbit,
 )
 from rsoconsole.pipeline.cycle.frame_fold import Rivals, Score, may_guide
 from rsoconsole.pipeline.cycle.track_assignment import Track, TracksTaken
@@ -82,7 +82,7 @@ class _Target:
     asked: set[int] = field(default_factory=set)
     rivals: Rivals = field(default_factory=Rivals)
     label: str = ""
-    first: Alone | None = None
+    first: TrackletOrbit | None = None
     """Of the first of its tracks, once that was asked for."""
     joined: "_Target | None" = None
     """What it was before, if it has been followed before."""
@@ -191,7 +191,7 @@ class OnlineOrbit:
             predicted = predicted_by(target.orbit, self._site, target.part_errors.last_of(last))
         self._ask_earlier(target)
         self._ask_untaken(target, count)
-        seen, _ = together(target.parts)
+        seen, _ = merged_tracklets(target.parts)
         orbit = target.orbit = self._determined(target, seen)
         if orbit is None:
             return None
@@ -256,7 +256,7 @@ class OnlineOrbit:
         target.taken = taken
         frames = {m.frame_id for m in taken}
         target.more = tuple(m for m in target.more if m.frame_id not in frames)
-        target.own = together(parts)[0] if parts else None
+        target.own = merged_tracklets(parts)[0] if parts else None
         self._put_together(target)
         return seen is not None
 
@@ -264,7 +264,7 @@ class OnlineOrbit:
         """The track's own directions with those that its orbit has claimed."""
         more = self._reduced(_with_errors_of(target)) if target.more else None
         parts = [each for each in (target.own, more) if each is not None]
-        target.seen = together(parts)[0] if parts else None
+        target.seen = merged_tracklets(parts)[0] if parts else None
 
     def _ask_untaken(self, target: _Target, before: int) -> None:
         """Whether what no track took is its own, now that its orbit is known better.
@@ -292,7 +292,7 @@ class OnlineOrbit:
             if len(taken) == 1:
                 return None
         parts = [each for one in taken if (each := self._reduced((one,))) is not None]
-        return together(parts)[0] if parts else None
+        return merged_tracklets(parts)[0] if parts else None
 
     def _ask_earlier(self, target: _Target) -> None:
         """Whether it was followed before; asked again while more of it is seen."""
@@ -301,7 +301,7 @@ class OnlineOrbit:
         if not due or due in target.asked or not (self._earlier or target.joined):
             return
         target.asked.add(due)
-        now = alone(target.seen, self._config.orbit.prior)
+        now = tracklet_orbit(target.seen, self._config.orbit.prior)
         if now is None:
             return
         if target.joined is not None:
@@ -321,11 +321,11 @@ class OnlineOrbit:
                 target.words.append(f"it is what was followed before: probability {share} %")
                 return
 
-    def _same(self, earlier: _Target, now: Alone) -> float:
+    def _same(self, earlier: _Target, now: TrackletOrbit) -> float:
         """Probability."""
         parts = earlier.parts
         if earlier.first is None:
-            earlier.first = alone(parts[0], self._config.orbit.prior)
+            earlier.first = tracklet_orbit(parts[0], self._config.orbit.prior)
         if earlier.first is None:
             return 0.0
         return probability_of(log_odds_of_more(earlier.first, parts[1:], now))

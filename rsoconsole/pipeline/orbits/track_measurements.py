@@ -10,16 +10,16 @@ import numpy as np
 
 from rsoconsole.base import OrbitError, SessionError, json_of, named_text, raised_as
 from rsoconsole.config import Config, LimitsConfig
-from rsoconsole.orbits import Sightings, sightings, together
+from rsoconsole.orbits import Sightings, merged_tracklets, sightings
 from rsoconsole.pipeline.cycle.track_assignment import Track, TracksTaken
 from rsoconsole.records import FrameTaken, Measurement, Record, Site, TrackState
 from rsoconsole.session import SessionReader
 from rsoconsole.sky import iso_to_utc_ns
 from rsoconsole.tracking import (
     Motion,
+    excesses_with,
     expected_motion,
     motion_in_exposure,
-    remembered_with,
     with_part_error,
 )
 
@@ -70,7 +70,7 @@ class PartErrors:
             if exposure_s is not None:
                 expected = _motion(taken, n, exposure_s) or expected_motion(track, exposure_s)
                 wider = with_part_error(each, expected, self._excesses)
-                self._excesses = remembered_with(self._excesses, each, expected)
+                self._excesses = excesses_with(self._excesses, each, expected)
             found.append(wider)
             added = np.subtract(wider.cov_sky_arcsec2, each.cov_sky_arcsec2)
             self._added_arcsec2 = tuple(map(float, added))
@@ -156,7 +156,7 @@ def arcs(seen: Sightings) -> tuple[Sightings, ...]:
     """Its arcs, in order of time: a silence of three hours parts them."""
     starts = np.flatnonzero(np.diff(seen.t_s) > ARC_GAP_S) + 1
     groups = np.split(np.arange(len(seen)), starts)
-    return tuple(together([seen.of(each)])[0] for each in groups)
+    return tuple(merged_tracklets([seen.of(each)])[0] for each in groups)
 
 
 def longest_arc(seen: Sightings) -> Sightings:

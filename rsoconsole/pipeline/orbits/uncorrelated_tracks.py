@@ -10,19 +10,19 @@ import numpy as np
 from rsoconsole.base import SessionError
 from rsoconsole.orbits import (
     SURE_SAME,
+    Correlation,
+    EarlierTrack,
     Forces,
     KnownOrbit,
     Orbit,
-    Recognised,
-    SeenBefore,
     Sightings,
     attributable,
     common_error_arcsec,
+    correlate_tracks,
     determine,
     elements_of,
-    recognise,
+    merged_tracklets,
     sightings,
-    together,
 )
 from rsoconsole.pipeline.orbits.track_measurements import Observed, longest_arc, read_observed
 from rsoconsole.records import FloatArray, Identified, LedgerName, Site
@@ -62,7 +62,7 @@ class KeptTrack:
     """Of the object."""
     is_new: bool
     """The ledger did not have that object."""
-    recognised: Recognised | None
+    recognised: Correlation | None
     """None where it had been kept before."""
 
 
@@ -89,7 +89,7 @@ class Past:
         """Of those tracks, by id, that are or may be of an object that was seen before."""
         if not self._before or not tracks:
             return {}
-        found = recognise(list(tracks.values()), site, self._before)
+        found = correlate_tracks(list(tracks.values()), site, self._before)
         return {
             track_id: self._name(*answer.candidates[0], answer.separation_arcsec)
             for track_id, answer in zip(tracks, found, strict=True)
@@ -108,7 +108,7 @@ class Past:
         )
 
 
-def seen_before(objects: Sequence[LedgerObject]) -> tuple[SeenBefore, ...]:
+def seen_before(objects: Sequence[LedgerObject]) -> tuple[EarlierTrack, ...]:
     """What the latest tracks of each say."""
     return tuple(_seen_before(each.number, track) for each in objects for track in each.tracks[-2:])
 
@@ -193,9 +193,11 @@ def _numbers(
         for each in ledger.objects
         if each.number not in own and any(t.session != session for t in each.tracks)
     ]
-    answers: dict[int, Recognised] = {}
+    answers: dict[int, Correlation] = {}
     if asked:
-        found = recognise([ready[n][1] for n in asked], ready[0][0].site, seen_before(before))
+        found = correlate_tracks(
+            [ready[n][1] for n in asked], ready[0][0].site, seen_before(before)
+        )
         answers = dict(zip(asked, found, strict=True))
     new: list[tuple[int, Sightings, Site]] = []
     numbers, following = [], ledger.next_number
@@ -227,13 +229,13 @@ def _of_this_night(
     for number, other, there in new:
         if number not in at_once:
             before.append(_of_arc(number, other, there))
-    return recognise([arc], site, before)[0].number if before else None
+    return correlate_tracks([arc], site, before)[0].number if before else None
 
 
-def _of_arc(number: int, arc: Sightings, site: Site) -> SeenBefore:
+def _of_arc(number: int, arc: Sightings, site: Site) -> EarlierTrack:
     t, ra, dec, rate, _ = attributable(arc)
     orbit = _determined(arc)
-    return SeenBefore(
+    return EarlierTrack(
         number=number,
         site=site,
         t_utc_ns=t,
@@ -300,7 +302,7 @@ def _ledger_orbit(
     earlier = [] if before is None else [t for t in before.tracks if t.session != session]
     if earlier and orbit is not None:
         parts = [_sightings_of(each) for each in earlier[-_TOGETHER:]]
-        whole = together([*parts, arc])[0]
+        whole = merged_tracklets([*parts, arc])[0]
         joined, common = _determined(whole), min(common_error_arcsec(whole), _MAX_COMMON_ARCSEC)
         most = math.hypot(_SAME_RMS * orbit.rms_arcsec, common)
         if joined is not None and joined.rms_arcsec <= most:
@@ -349,7 +351,7 @@ def _sightings_of(track: LedgerTrack) -> Sightings:
         ) from error
 
 
-def _seen_before(number: int, track: LedgerTrack) -> SeenBefore:
+def _seen_before(number: int, track: LedgerTrack) -> EarlierTrack:
     orbit = track.orbit
     known = (
         None
@@ -362,7 +364,7 @@ def _seen_before(number: int, track: LedgerTrack) -> SeenBefore:
             forces=Forces(epoch_utc_ns=orbit.epoch_utc_ns),
         )
     )
-    return SeenBefore(
+    return EarlierTrack(
         number=number,
         site=_site_of(track),
         t_utc_ns=track.t_utc_ns,

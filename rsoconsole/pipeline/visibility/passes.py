@@ -8,13 +8,13 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from sgp4.api import SatrecArray
 
 from rsoconsole.config import LimitsConfig
 from rsoconsole.orbits import (
     ASSUMED,
     CatalogueEntry,
     ElementErrors,
-    array_of,
     nearest_in_epoch_of_each,
     position_sigmas_km,
     regime_of,
@@ -230,7 +230,7 @@ class _Looks:
     ) -> Iterator[tuple[CatalogueEntry, "_Path"]]:
         """Each object over each run of looks at which it is not far below the limit."""
         jd_1, jd_2 = jd_utc(self.t_utc_ns)
-        failed, r_teme, v_teme = array_of([each.record for each in entries]).sgp4(
+        failed, r_teme, v_teme = SatrecArray([each.record for each in entries]).sgp4(
             np.ascontiguousarray(jd_1), np.ascontiguousarray(jd_2)
         )
         # The site is turned towards the objects' axes: there are far more of those.

@@ -1,4 +1,4 @@
-"""What the fold over frames goes by: what one frame showed, and what is tracked. Pure."""
+"""Input and state of the fold over frames: a frame's measurements, and the tracks. Pure."""
 
 import math
 from collections.abc import Callable
@@ -20,27 +20,8 @@ from rsoconsole.tracking.association.neighbours import Field, Neighbour
 from rsoconsole.tracking.association.pattern import NO_PATTERN, Pattern
 from rsoconsole.tracking.filters import lqe
 from rsoconsole.tracking.filters.adaptive import Bend
-from rsoconsole.tracking.filters.agreement import Motion, motion_between
-
-SURE_ODDS = 100.0
-"""To one, from which on what does not fit takes over."""
-LEAST = 3
-"""Frames in which it must have been seen."""
-BREAKS = 0.002
-"""Chance that a prediction breaks, of one frame: a manoeuvre."""
-WRONG_PAIR = 0.05
-"""Chance that the two streaks that began a track are not one object, while nothing has met it."""
-UNDETECTED = 0.1
-"""Chance that what is in the field and hidden by nothing is not detected."""
-OTHERS_A_DEG2 = 0.04
-"""Other objects in a square degree that move as much alike: a crowded part of the belt has them."""
-_BROKEN_ARCSEC = 60.0
-"""Scale of the distance to where it reappears; far away it falls with the cube."""
-_MOST = 8
-_MAX_MISSED = 6
-"""More frames without it say no more: what hides it may last."""
-_KEPT_S = 130.0
-"""Without another streak of it."""
+from rsoconsole.tracking.filters.agreement import Motion
+from rsoconsole.tracking.filters.streak_length import NO_STREAKS, StreakHistory
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -52,95 +33,23 @@ class Rival:
     """Through them, from the second on."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class RivalFilter:
-    """How rivals are followed: the very functions that a track is followed with."""
-
-    start: Callable[[Measurement, Measurement], TrackState | None]
-    """None where the two do not agree on one motion."""
-    predict: Callable[[TrackState], TrackState]
-    """To the frame's instant."""
-    update: Callable[[TrackState, Measurement], TrackState | None]
-    """From there; None where the measurement does not fit."""
-
-
-def after_miss(
-    before: tuple[Rival, ...], unfit: tuple[Measurement, ...], t_utc_ns: int, by: RivalFilter
-) -> tuple[Rival, ...]:
-    """The rivals after a frame in which what is followed was not seen; the longest first."""
-    left, found = list(unfit), list[Rival]()
-    for rival in sorted(before, key=lambda each: -len(each.measurements)):
-        longer = _longer(rival, left, by)
-        if longer is not None:
-            left.remove(longer.measurements[-1])
-            found.append(longer)
-        elif (t_utc_ns - rival.measurements[-1].t_mid_utc_ns) / 1e9 <= _KEPT_S:
-            found.append(rival)
-    found += [Rival(measurements=(each,)) for each in left]
-    return tuple(sorted(found, key=lambda each: -len(each.measurements)))[:_MOST]
-
-
-def _longer(rival: Rival, left: list[Measurement], by: RivalFilter) -> Rival | None:
-    fits: list[tuple[float, Measurement, TrackState]] = []
-    predicted = None if rival.track is None or not left else by.predict(rival.track)
-    for each in left:
-        if predicted is None:
-            track = by.start(rival.measurements[-1], each)
-        else:
-            track = by.update(predicted, each)
-        if track is not None:
-            fits.append((track.nis or 0.0, each, track))
-    if not fits:
-        return None
-    _, taken, track = min(fits, key=lambda fit: fit[0])
-    return Rival(measurements=(*rival.measurements, taken), track=track)
-
-
-def odds(rival: Rival, predicted: TrackState, unexplained: int) -> float:
-    """Of its being what is followed, to its being another object.
-
-    ``predicted``: where what is followed should be now; ``unexplained``: frames in which it was
-    not detected although nothing hid it.
-    """
-    if len(rival.measurements) < LEAST:
-        return 0.0
-    last = rival.measurements[-1]
-    away = motion_between(
-        *lqe.direction_icrs_deg(predicted), last.ra_icrs_deg, last.dec_icrs_deg
-    ).length_arcsec
-    spread = lqe.sky_covariance_arcsec2(predicted)
-    scale2 = _BROKEN_ARCSEC**2 + math.sqrt(max(float(spread[0, 0] * spread[1, 1]), 0.0))
-    # Cauchy's density in two dimensions.
-    reappears = (1.0 + away**2 / scale2) ** -1.5 / (2.0 * math.pi * scale2)
-    another = OTHERS_A_DEG2 / 3600.0**2
-    missed = min(unexplained, _MAX_MISSED)
-    breaks = WRONG_PAIR if predicted.innovations == 0 else BREAKS
-    return float(breaks * reappears / another * UNDETECTED**-missed)
-
-
 Choice = Literal["nearest", "most confident"]
-
-
-NOTHING_SEEN = Missed(kind="no detection")
-
-
-CROSSED = Missed(kind="crossing")
-
-
-MAY_BE_FOLLOWED = ("satellite", "undetermined")
-"""Classes of streaks that start a track; any other is told so, unless the operator chose it."""
+NO_DETECTION = Missed(kind="no detection")
+ONLY_CROSSING = Missed(kind="crossing")
+TRACKABLE_CLASSES = ("satellite", "undetermined")
+"""Classes of streaks that start a track; others do only by the operator's choice."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Seen:
-    """What one frame showed."""
+class FrameInput:
+    """What one frame gives the fold: measurements, field, and the operator's decisions."""
 
     frame_id: int
     t_mid_utc_ns: int
     exposure_s: float
     measurements: tuple[Measurement, ...]
     """Most confident first."""
-    absence: Missed | Callable[[], Missed] = NOTHING_SEEN
+    absence: Missed | Callable[[], Missed] = NO_DETECTION
     """What a miss of this frame is put down to; a function is asked only where there is one."""
     field: Field | None = None
     """What the frame could show; None where that is not known."""
@@ -162,13 +71,13 @@ class Seen:
 
     @property
     def why_absent(self) -> Missed:
-        """What a miss of this frame is put down to."""
+        """Reason of a miss in this frame."""
         return self.absence if isinstance(self.absence, Missed) else self.absence()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FollowSettings:
-    """What the fold depends on beside its inputs."""
+    """Settings of the fold."""
 
     filter: FilterConfig
     half_field_deg: float
@@ -182,7 +91,7 @@ class FollowSettings:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Tracked:
+class LiveTrack:
     """One track between two frames."""
 
     track: TrackState
@@ -195,10 +104,8 @@ class Tracked:
     """What has fitted nothing since, but each other; preset ``adaptive`` only."""
     unexplained: int = 0
     """Frames since then in which nothing hid it, and it was not there."""
-    excesses_arcsec: tuple[float, ...] = ()
-    """By how much its last streaks were longer than it moves in one exposure."""
-    half_turns_arcsec: tuple[float, ...] = ()
-    """By how much their ends lay off the line of its motion through their middles."""
+    streaks: StreakHistory = NO_STREAKS
+    """Shapes of its last streaks."""
     ambiguous: int = 0
     """Frames in a row that could not tell it from another track."""
     is_kept: bool = False
@@ -223,13 +130,13 @@ class Following:
     """Measurements of the last frame, each of which may start a track."""
     earlier: tuple[Measurement, ...] = ()
     """Those of the frames before it that may still start one, with later frames that agree."""
-    tracks: tuple[Tracked, ...] = ()
+    tracks: tuple[LiveTrack, ...] = ()
     """The lead first; empty where nothing is followed."""
     pattern: Pattern = NO_PATTERN
     """Where the tracks stand to each other."""
     last_track_id: int = 0
     """Of the session's last track that has begun; 0 before the first."""
-    dropped: tuple[Tracked, ...] = ()
+    dropped: tuple[LiveTrack, ...] = ()
     """What the operator has dropped and may still be in the field: its streaks begin no track."""
 
     @property
@@ -244,7 +151,7 @@ class Following:
 
     @property
     def track_id(self) -> int | None:
-        """Of the lead; None where there is none."""
+        """Number of the lead track; None where there is none."""
         return self.tracks[0].track.track_id if self.tracks else None
 
     def without_track(
@@ -253,7 +160,7 @@ class Following:
         candidates: tuple[Measurement, ...] = (),
         earlier: tuple[Measurement, ...] = (),
     ) -> "Following":
-        """Nothing is followed any more; the next track is another one."""
+        """The state without any track; the next one has another number."""
         return Following(
             state=state,
             candidates=candidates,
@@ -271,8 +178,8 @@ def not_followed(
     )
 
 
-def of_track(records: tuple[FoldRecord, ...], track_id: int | None) -> tuple[FoldRecord, ...]:
-    """What was not taken and what was missed, each with its track."""
+def with_track_id(records: tuple[FoldRecord, ...], track_id: int | None) -> tuple[FoldRecord, ...]:
+    """The records with the track that measurements were refused by, and that was missed."""
     return tuple(
         replace(each, track_id=track_id) if isinstance(each, NotFollowed | Miss) else each
         for each in records

@@ -1,4 +1,4 @@
-"""Who stands beside what is followed, so that neither is taken for the other after a coast.
+"""Neighbours of what is followed, told from it by their pattern after a coast.
 
 Satellites of one slot have one rate and one streak, and after a long coast the prediction's
 bounds hold several of them: position alone would then take whichever happens to lie nearer.
@@ -15,26 +15,24 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
 from rsoconsole.records import FloatArray, Measurement, TrackState, Wcs
 from rsoconsole.sky import jacobian_arcsec_px, sky_to_pixel
+from rsoconsole.tracking.association.pattern import BoolArray
 from rsoconsole.tracking.filters.agreement import motion_between
 from rsoconsole.tracking.filters.lqe import direction_icrs_deg, sky_covariance_arcsec2
 
-BoolArray = npt.NDArray[np.bool_]
-
 NEAREST_ARCSEC = 30.0
-"""Closer than that it is the same streak found twice."""
+"""Separation below which two detections are one streak found twice."""
 SIGMA_ARCSEC = 10.0
 DRIFT_ARCSEC_S = 1.0 / 60.0
-"""Neighbours of a slot swing past each other by some 0.05 deg in half a day."""
+"""Growth of a neighbour's sigma: in a slot they swing by some 0.05 deg in half a day."""
 UNSEEN_COST = 9.0
-"""Of something known that is not there, as much as a deviation of 3 sigma."""
+"""Cost of a known object that is not seen: as a deviation of 3 sigma."""
 UNKNOWN_COST = 9.0
-"""Of something seen with the same motion where nothing is known."""
+"""Cost of a streak with the same motion where no object is known."""
 MIN_MARGIN = 4.0
-"""By how much one identity must be better than the next: seven to one."""
+"""Margin of the best explanation over the next: seven to one."""
 KEPT_S = 7200.0
 MAX_KEPT = 8
 
@@ -52,12 +50,12 @@ class Neighbour:
     """Sigma of both places then, as far as the track has learnt how much its streaks err."""
 
     def sigma_arcsec(self, t_utc_ns: int) -> float:
-        """How well its place is known by then, on each axis."""
+        """One sigma of its place at an instant, on each axis."""
         drifted = SIGMA_ARCSEC + DRIFT_ARCSEC_S * abs(t_utc_ns - self.t_utc_ns) / 1e9
         return float(np.hypot(drifted, self.error_arcsec))
 
 
-def remembered(
+def neighbours_after(
     before: tuple[Neighbour, ...],
     taken: Measurement,
     others: Mapping[Measurement, float],
@@ -92,7 +90,7 @@ def remembered(
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Field:
-    """What the frame could show."""
+    """Field of the frame on the sky."""
 
     wcs: Wcs
     width_px: int

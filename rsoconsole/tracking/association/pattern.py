@@ -1,4 +1,4 @@
-"""Where the satellites of a field stand to each other, from the frames that showed both. Pure.
+"""Relative positions of a field's satellites, from the frames that showed both. Pure.
 
 What a frame's time or plate is wrong by moves all of its streaks alike, so the way from one to
 another knows nothing of it (differential coordinates). Of every two tracks that way and its rate
@@ -7,7 +7,7 @@ not seen, where each track's own prediction is off by what the shutter did in th
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 import numpy.typing as npt
@@ -22,7 +22,7 @@ BoolArray = npt.NDArray[np.bool_]
 _RATE_ARCSEC_S = 0.5
 """One sigma of how fast one may move against another before two frames have shown it."""
 OTHER_MOTION_ARCSEC_S = 3.0 * _RATE_ARCSEC_S
-"""Faster by their own rates they are no members of one slot: those rates are believed."""
+"""Relative rate from which on two are not of one slot, and their own rates are believed."""
 _ACCELERATION_Q = 1e-9
 """White acceleration of that, arcsec^2/s^3: relative orbits, and tangent planes that turn."""
 _MIN_ARCSEC = 0.5
@@ -34,11 +34,11 @@ class Pattern:
     """The ways from each track to each other, arcsec east and north, at the last frame of both."""
 
     track_ids: tuple[int, ...] = ()
-    t_utc_ns: FloatArray | None = None
+    t_utc_ns: FloatArray = field(default_factory=lambda: np.zeros((0, 0)))
     """(N, N); 0 where no frame has shown both."""
-    ways: FloatArray | None = None
+    ways: FloatArray = field(default_factory=lambda: np.zeros((0, 0, 4)))
     """(N, N, 4): east, north and their rates."""
-    covariances: FloatArray | None = None
+    covariances: FloatArray = field(default_factory=lambda: np.zeros((0, 0, 4, 4)))
     """(N, N, 4, 4)"""
 
     def __eq__(self, other: object) -> bool:
@@ -46,10 +46,7 @@ class Pattern:
             return False
         ours = (self.t_utc_ns, self.ways, self.covariances)
         theirs = (other.t_utc_ns, other.ways, other.covariances)
-        return all(
-            one is another or (one is not None and another is not None and _is_same(one, another))
-            for one, another in zip(ours, theirs, strict=True)
-        )
+        return all(map(np.array_equal, ours, theirs))
 
     def __hash__(self) -> int:
         return hash(self.track_ids)
@@ -75,8 +72,6 @@ class Pattern:
         """Which of M pairs are known (M,), and of those, at an instant, way and rate (K, 4) with
         their covariances (K, 4, 4).
         """
-        if self.t_utc_ns is None or self.ways is None or self.covariances is None:
-            return np.zeros(len(i), bool), np.zeros((0, 4)), np.zeros((0, 4, 4))
         at = _places_in(tracks, self.track_ids)
         a, b = at[i], at[j]
         there = (a >= 0) & (b >= 0)
@@ -104,7 +99,7 @@ def _places_in(tracks: IntArray, known: Sequence[int]) -> IntArray:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Place:
-    """What a frame has shown of one track."""
+    """Place and rate of one track in a frame."""
 
     ra_icrs_deg: float
     dec_icrs_deg: float
@@ -115,7 +110,7 @@ class Place:
 
     @classmethod
     def of(cls, m: Measurement, track: TrackState, along_arcsec: float | None = None) -> "Place":
-        """Of the streak that a track has taken; ``along_arcsec`` as ``own_covariance`` has it."""
+        """Place of the streak that a track has taken; ``along_arcsec``: see ``own_covariance``."""
         return cls(
             ra_icrs_deg=m.ra_icrs_deg,
             dec_icrs_deg=m.dec_icrs_deg,
@@ -125,14 +120,10 @@ class Place:
 
 
 NO_PATTERN = Pattern()
-"""Of a field with fewer than two tracks."""
+"""Pattern of a field with fewer than two tracks."""
 
 
-def _is_same(one: FloatArray, other: FloatArray) -> bool:
-    return bool(np.array_equal(one, other))
-
-
-def after(
+def pattern_after(
     before: Pattern,
     alive: Sequence[int],
     seen: Mapping[int, "Place"],
@@ -150,14 +141,13 @@ def after(
     i, j = np.triu_indices(number, 1)
     shown = np.array([track in seen for track in alive])
     both = shown[i] & shown[j]
-    if before.t_utc_ns is not None and before.ways is not None and before.covariances is not None:
-        # What this frame has not shown stays as it was.
-        at = _places_in(tracks, before.track_ids)
-        old = ~both & (at[i] >= 0) & (at[j] >= 0)
-        a, b = at[i[old]], at[j[old]]
-        t[i[old], j[old]] = before.t_utc_ns[a, b]
-        ways[i[old], j[old]] = before.ways[a, b]
-        covariances[i[old], j[old]] = before.covariances[a, b]
+    # What this frame has not shown stays as it was.
+    at = _places_in(tracks, before.track_ids)
+    old = ~both & (at[i] >= 0) & (at[j] >= 0)
+    a, b = at[i[old]], at[j[old]]
+    t[i[old], j[old]] = before.t_utc_ns[a, b]
+    ways[i[old], j[old]] = before.ways[a, b]
+    covariances[i[old], j[old]] = before.covariances[a, b]
     if both.any():
         i, j = i[both], j[both]
         t[i, j] = float(t_utc_ns)

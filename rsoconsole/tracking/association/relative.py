@@ -1,4 +1,4 @@
-"""How two satellites of a field move against each other, from the frames that showed both. Pure.
+"""Relative motion of two satellites of a field, from the frames that showed both. Pure.
 
 What shutter and plate are wrong by moves both streaks of a frame alike, so each axis of the way
 from one to the other is fitted by itself, frame by frame, and knows nothing of it. The path is an
@@ -21,9 +21,9 @@ from rsoconsole.sky import ARCSEC_RAD, IntArray
 from rsoconsole.words import NS_PER_S
 
 SIDEREAL_RAD_S = 7.292115e-5
-"""The Earth's turn: what stands over the ground moves by that over the stars."""
+"""Rotation rate of the Earth: that of a geostationary satellite over the stars."""
 LONGEST_HORIZON_S = 6 * 3600.0
-"""A quarter of that turn."""
+"""Longest horizon: a quarter of a rotation."""
 MIN_FRAMES = 3
 _SWINGS_ARCSEC = (10.0, 30.0, 100.0, 300.0, 1e3, 3e3, 1e4, 3e4, 1e5)
 _DRIFTS_ARCSEC_RAD = (10.0, 300.0, 1e4, 1e6)
@@ -37,8 +37,8 @@ _TERMS = 6
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Sights:
-    """What the frames have shown of one track: N of them, in order of time."""
+class TrackDirections:
+    """Directions of one track in N frames, in order of time."""
 
     frame_id: IntArray
     """(N,)"""
@@ -53,7 +53,7 @@ class Sights:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Ways:
-    """From one track to another in the N frames that showed both."""
+    """Relative positions of two tracks in the N frames that showed both."""
 
     t_utc_ns: IntArray
     """(N,)"""
@@ -96,7 +96,7 @@ class RelativePath:
         return np.asarray(rates * self.frequency_rad_s)
 
 
-def ways_between(one: Sights, other: Sights) -> Ways | None:
+def ways_between(one: TrackDirections, other: TrackDirections) -> Ways | None:
     """The frames that showed both; None where there are too few to tell a motion."""
     _, i, j = np.intersect1d(one.frame_id, other.frame_id, return_indices=True)
     if len(i) < MIN_FRAMES:
@@ -106,11 +106,12 @@ def ways_between(one: Sights, other: Sights) -> Ways | None:
     here, there = one.units[i], other.units[j]
     east, north = axes_at(here + there)
     moved = other.rate_arcsec_s[j] * late_s[:, None]
+    cov = one.cov_sky_arcsec2[i] + other.cov_sky_arcsec2[j]
     rates = np.stack([one.rate_arcsec_s[i[-1]], other.rate_arcsec_s[j[-1]]])
     return Ways(
         t_utc_ns=one.t_utc_ns[i],
         ways_arcsec=_way(here, there, east, north) + moved,
-        covariance_arcsec2=_square(one.cov_sky_arcsec2[i] + other.cov_sky_arcsec2[j]),
+        covariance_arcsec2=np.stack([cov[:, :2], cov[:, 1:]], axis=1),
         rate_arcsec_s=rates[int(np.argmax(np.hypot(*rates.T)))],
     )
 
@@ -247,10 +248,6 @@ def _way(here: FloatArray, there: FloatArray, east: FloatArray, north: FloatArra
     return np.asarray(flat * (np.arcsin(half) / half)[..., None] / ARCSEC_RAD)
 
 
-def _square(cov: FloatArray) -> FloatArray:
-    return np.stack([cov[:, [0, 1]], cov[:, [1, 2]]], axis=1)
-
-
 _STEPS = 73
 """Instants of the horizon at which a path is looked at."""
 _NEWTON_STEPS = 3
@@ -267,7 +264,7 @@ def pair_motion(
     warned_arcsec: float = 0.0,
     warned_ahead_s: float = 0.0,
 ) -> PairMotion:
-    """How two tracks move to each other at an instant, for the record.
+    """Relative motion of two tracks at an instant, for the record.
 
     ``warned_arcsec`` and ``warned_ahead_s``: how near, and how soon, an approach is warned of.
     """

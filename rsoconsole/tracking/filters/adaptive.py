@@ -7,6 +7,7 @@ along in memory. A state that was read from a session has none: the record predi
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -76,9 +77,7 @@ def initialise(
     the length of each streak adds; ``is_shutter_known``: see ``bank.initiate``. Raises ValueError
     when the second is not the later one.
     """
-    dt_s = (second.t_mid_utc_ns - first.t_mid_utc_ns) / 1e9
-    if dt_s <= 0.0:
-        raise ValueError(f"a track needs its second measurement after the first, not {dt_s:+.3f} s")
+    dt_s = lqe.span_s(first, second)
     one = _position(first, settings, StreakErrors(along_arcsec[0]))
     two = _position(second, settings, StreakErrors(along_arcsec[1]))
     way = Plane.at(one.ra_icrs_deg, one.dec_icrs_deg).place_of(two.ra_icrs_deg, two.dec_icrs_deg)
@@ -88,11 +87,7 @@ def initialise(
     return _state(
         bank,
         along_arcsec[1],
-        kind="initial",
-        frame_id=second.frame_id,
-        track_id=track_id,
-        measurement_id=second.measurement_id,
-        begun_with=(first.measurement_id, second.measurement_id),
+        **lqe.first_fields(first, second, track_id),
     )
 
 
@@ -105,12 +100,7 @@ def predict(state: TrackState, t_utc_ns: int, settings: FilterConfig, frame_id: 
     return _state(
         banks.predict(_bank_of(state), t_utc_ns, _roots(settings)),
         scatter_s=known,
-        kind="predicted",
-        frame_id=frame_id,
-        track_id=state.track_id,
-        is_lead=state.is_lead,
-        misses=state.misses + 1,
-        innovations=state.innovations,
+        **lqe.next_fields(state, frame_id, misses=state.misses + 1),
     )
 
 
@@ -119,7 +109,7 @@ def innovations(
     measured: Sequence[tuple[Measurement, StreakErrors]],
     settings: FilterConfig,
 ) -> list[Innovation]:
-    """How far measurements at the predicted instant are off the track, what ``taken`` begins with.
+    """Innovations of measurements at the predicted instant, with which ``taken`` begins.
 
     Each with what its streak adds.
     """
@@ -132,26 +122,12 @@ def taken(
 ) -> TrackState:
     """The track after a measurement, with what the innovation says."""
     said = bank_update.taken(found)
-    east, north = said.innovation.tolist()
-    sigma = np.sqrt(np.diag(said.covariance)).tolist()
-    return _state(
-        said.after,
-        along_arcsec,
-        said.covariance,
-        kind="updated",
-        frame_id=measurement.frame_id,
-        track_id=predicted.track_id,
-        is_lead=predicted.is_lead,
-        measurement_id=measurement.measurement_id,
-        nis=said.nis,
-        innovation_arcsec=(east, north),
-        sigma_innovation_arcsec=(sigma[0], sigma[1]),
-        innovations=predicted.innovations + 1,
-        foretold_by=predicted.foretold_by,
-    )
+    sigma = np.sqrt(np.diag(said.covariance))
+    fields = lqe.update_fields(predicted, measurement, said.nis, said.innovation, sigma)
+    return _state(said.after, along_arcsec, said.covariance, **fields)
 
 
-def begun_from(
+def restarted_from(
     direction_deg: tuple[float, float],
     rate_arcsec_s: tuple[float, float],
     covariance: FloatArray,
@@ -168,13 +144,7 @@ def begun_from(
     bend = (mean[ACCELERATION:], spread[ACCELERATION:, ACCELERATION:])
     return _state(
         banks.restarted(before, direction_deg, rate_arcsec_s, covariance, bend),
-        kind="predicted",
-        frame_id=frame_id,
-        track_id=failed.track_id,
-        is_lead=failed.is_lead,
-        misses=failed.misses,
-        innovations=failed.innovations,
-        foretold_by="orbit",
+        **lqe.next_fields(failed, frame_id, foretold_by="orbit"),
     )
 
 
@@ -219,12 +189,7 @@ def _position(
 
 def _roots(settings: FilterConfig) -> FloatArray | None:
     """Of the operator's factors of Q, in the order of a motion."""
-    ra, ra_rate, dec, dec_rate = (
-        settings.q_ra_multiplier,
-        settings.q_ra_rate_multiplier,
-        settings.q_dec_multiplier,
-        settings.q_dec_rate_multiplier,
-    )
+    ra, ra_rate, dec, dec_rate = lqe.q_terms(settings)
     factors = np.array([ra, dec, ra_rate, dec_rate, 1.0, 1.0]) * settings.q_multiplier
     return None if np.all(factors == 1.0) else np.sqrt(factors)
 
@@ -292,7 +257,7 @@ def _state(
     along_arcsec: float = 0.0,
     innovation_covariance: FloatArray | None = None,
     scatter_s: tuple[float, float, float] | None = None,
-    **further: object,
+    **further: Any,
 ) -> TrackState:
     mean, covariance = bank.moments()
     ra, dec = bank.plane.direction_of(float(mean[0]), float(mean[1]))
@@ -326,12 +291,12 @@ def _state(
             along_arcsec=along_arcsec,
         ),
         memory=_Memory(bank, x, innovation_covariance),
-        **further,  # type: ignore[arg-type]
+        **further,
     )
 
 
 def scatter_words(state: TrackState, known_s: float) -> str | None:
-    """What a track has learnt of scatter along its motion; None: nothing.
+    """Scatter along the motion that a track has learnt, in words; None: nothing.
 
     One streak alone does not tell the shutter from an end that is found badly, so it is called
     the shutter's only under a condition. ``known_s``: what the measurements contain already.
@@ -349,7 +314,7 @@ def scatter_words(state: TrackState, known_s: float) -> str | None:
 
 
 def summary_words(state: TrackState | None, known_s: float) -> str:
-    """In a few words for a narrow screen what motion is believed, and the scatter; may be empty."""
+    """Likeliest motion and timing scatter in a few words, for a narrow screen; may be empty."""
     if state is None or state.mixture is None:
         return ""
     name, share = max(state.mixture.motion_probabilities, key=lambda each: each[1])

@@ -23,12 +23,12 @@ BENT_TOLERANCE_DEG = 20.0
 """Of one that is as long as the motion and lies where it is expected: stars that drift during the
 exposure, wind and a jumping mount bend it against them by as much."""
 SHORTER_TOLERANCE = 0.4
-"""Of what a streak may have lost of its length and fit a rival."""
+"""Share of its length that a rival's streak may lack."""
 PART_TOLERANCE, LONGER_TOLERANCE = 0.48, 1.0
 """Once it is followed it may have lost, or gained, so much: that then says how badly its place
 along the motion is known (``streak_length``). Half as long is another object, half as fast."""
 FLASHING_TOLERANCE = 0.65
-"""Of one that shows parts of its streak again and again."""
+"""Share that a streak may lack of a satellite that flashes."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,7 +40,7 @@ class Motion:
 
     @property
     def length_arcsec(self) -> float:
-        """Its length."""
+        """Length of the displacement."""
         return math.hypot(self.east_arcsec, self.north_arcsec)
 
     @property

@@ -45,7 +45,7 @@ SCATTERS_S = np.geomspace(_MIN_SCATTER_S, MAX_SCATTER_S, 14)
 
 @dataclass(frozen=True, eq=False)
 class Grid:
-    """Which errors of measurements are weighed against each other."""
+    """Variance scales and timing scatters that a bank weighs against each other."""
 
     variance_scales: FloatArray
     """(V,)"""
@@ -71,7 +71,7 @@ class Grid:
 
 FINE = Grid(VARIANCE_SCALES, SCATTERS_S)
 COARSE = Grid(VARIANCE_SCALES[1::2], SCATTERS_S[1::2])
-"""For the many members of a group: every second one of both."""
+"""Grid of the many members of a group: every second scale and scatter."""
 _SCATTER_FALLS, _SCATTER_FALLS_KNOWN = 0.1, 0.5
 """Before anything is measured a scatter is as likely as it is small, to this power; the second
 where the shutter's own is calibrated, so that it is in the measurements' covariances already."""
@@ -141,7 +141,7 @@ class Bank:
 
     @property
     def variance_scale(self) -> float:
-        """As it is believed in the middle."""
+        """Mean of the variance scale."""
         return float(self.variance_scale_probabilities @ self.grid.variance_scales)
 
     def moments(self) -> tuple[FloatArray, FloatArray]:
@@ -338,7 +338,7 @@ def _noise(
 
 
 def unknown_bend(speed_arcsec_s: float) -> tuple[FloatArray, FloatArray]:
-    """Where no orbit passes, or none is asked for."""
+    """Mean and covariance of the bend where no orbit passes, or none is asked for."""
     gain = speed_arcsec_s**2 * ARCSEC_RAD
     return np.zeros(2), np.diag([gain**2, 1.0])
 

@@ -1,4 +1,4 @@
-"""What a measurement says to a bank of filters, and the bank that has taken it. Pure.
+"""Update of a bank of filters with a measurement. Pure.
 
 How far it is off costs a fraction of taking it, and of most pairs of a crowded field nothing else
 is wanted. What the length of a streak tells of its error is one of two hypotheses, and one
@@ -28,7 +28,7 @@ _MIN_SHARE = 1e-14
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Innovations:
-    """How far each of N filters is off a measurement with a given noise, before any takes it."""
+    """Innovations of N filters for a measurement with a given noise."""
 
     off: FloatArray
     """(N, 2) innovations."""
@@ -45,7 +45,7 @@ class Innovations:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Answer:
-    """What each filter makes of a measurement with a given noise."""
+    """Updates of N filters with a measurement of a given noise."""
 
     s: FloatArray
     """(N, 2, 2) covariance of the innovation."""
@@ -92,7 +92,7 @@ def log_sum(logs: FloatArray) -> float:
 def innovations(
     predicted: FloatArray, off: Sequence[FloatArray], noise: Sequence[FloatArray]
 ) -> list[Innovations]:
-    """Of filters with covariances (N, 6, 6), for each innovation (N, 2) and its noise (N, 2, 2)."""
+    """Innovations of filters with covariances (N, 6, 6): offsets (N, 2), noises (N, 2, 2)."""
     every, number = np.concatenate(noise), len(predicted)
     s = every + np.tile(predicted[:, :2, :2], (len(noise), 1, 1))
     inverse, log_det = inverted(s)
@@ -122,7 +122,7 @@ def inverted(s: FloatArray) -> tuple[FloatArray, FloatArray]:
 
 
 def answer(predicted: FloatArray, found: Innovations) -> Answer:
-    """Of the filters with covariances (N, 6, 6) whose innovations those are."""
+    """Update the filters with covariances (N, 6, 6) whose innovations those are."""
     gain = predicted[:, :, :2] @ found.inverse
     # Joseph's form keeps it positive; only two columns are measured.
     half = predicted - gain @ predicted[:, :2]
@@ -148,7 +148,7 @@ _MAX_LOG_ODDS = 3.0
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Innovation:
-    """How far a measurement is off a bank, and what taking it begins with."""
+    """Innovation of a bank for a measurement, with which its update begins."""
 
     bank: Bank
     place: FloatArray
@@ -164,7 +164,7 @@ class Innovation:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Update:
-    """What a measurement says to a bank, before it is taken."""
+    """A bank updated with a measurement, and the mixture's innovation."""
 
     after: Bank
     nis: float
@@ -177,12 +177,12 @@ class Update:
 
 
 def innovation(bank: Bank, seen: Position) -> Innovation:
-    """How far a measurement at the bank's instant is off it: less work than to take it."""
+    """Innovation of a measurement at the bank's instant: less work than to update with it."""
     return innovations_of(bank, (seen,))[0]
 
 
 def innovations_of(bank: Bank, seen: Sequence[Position]) -> list[Innovation]:
-    """How far each of several measurements at the bank's instant is off it."""
+    """Innovations of several measurements at the bank's instant."""
     places = [bank.plane.place_of(each.ra_icrs_deg, each.dec_icrs_deg) for each in seen]
     off = [place - bank.means[:, :2] for place in places]
     # Where its length says something, also as if it said too much.
@@ -217,7 +217,7 @@ def innovations_of(bank: Bank, seen: Sequence[Position]) -> list[Innovation]:
 
 
 def update(bank: Bank, seen: Position) -> Update:
-    """What a measurement at the bank's instant says, and the bank that has taken it."""
+    """Update a bank with a measurement at its instant."""
     return taken(innovation(bank, seen))
 
 

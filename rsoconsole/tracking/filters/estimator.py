@@ -1,4 +1,4 @@
-"""Which filter a preset means: ``adaptive`` a bank of them, ``tuned`` and ``paper`` one. Pure.
+"""The filter of a preset: ``adaptive`` a bank of them, ``tuned`` and ``paper`` one. Pure.
 
 Nights are replayed by the preset that they were recorded with, so no preset ever changes what it
 makes of given measurements.
@@ -76,7 +76,7 @@ class Update:
         return self.make()
 
 
-def weighed(
+def candidate_update(
     predicted: TrackState,
     measurement: Measurement,
     settings: FilterConfig,
@@ -91,15 +91,15 @@ def weighed(
     return _weighed_there(there, ((measurement, errors),), settings)[measurement]
 
 
-def all_weighed(
+def candidate_updates(
     predicted: TrackState,
     measured: Sequence[tuple[Measurement, StreakErrors]],
     settings: FilterConfig,
 ) -> dict[Measurement, Update]:
-    """``weighed`` of several measurements, each with what its streak adds, for less."""
+    """``candidate_update`` of several measurements, each with what its streak adds, for less."""
     if all(m.t_mid_utc_ns == predicted.t_utc_ns for m, _ in measured):
         return _weighed_there(predicted, measured, settings)
-    return {m: weighed(predicted, m, settings, errors) for m, errors in measured}
+    return {m: candidate_update(predicted, m, settings, errors) for m, errors in measured}
 
 
 def _weighed_there(
@@ -129,8 +129,8 @@ def update(
     settings: FilterConfig,
     errors: StreakErrors = NO_ERRORS,
 ) -> TrackState:
-    """The track after a measurement; arguments as of ``weighed``."""
-    return weighed(predicted, measurement, settings, errors).state
+    """The track after a measurement; arguments as of ``candidate_update``."""
+    return candidate_update(predicted, measurement, settings, errors).state
 
 
 def _at(predicted: TrackState, measurement: Measurement, settings: FilterConfig) -> TrackState:
@@ -141,7 +141,7 @@ def _at(predicted: TrackState, measurement: Measurement, settings: FilterConfig)
     return replace(carried, misses=predicted.misses, foretold_by=predicted.foretold_by)
 
 
-def begun_from(  # noqa: PLR0917 -- a direction, its motion and how well both are known
+def restarted_from(  # noqa: PLR0917 -- a direction, its motion and how well both are known
     direction_deg: tuple[float, float],
     rate_arcsec_s: tuple[float, float],
     covariance: FloatArray,
@@ -151,10 +151,10 @@ def begun_from(  # noqa: PLR0917 -- a direction, its motion and how well both ar
 ) -> TrackState:
     """The filter begun again from another prediction, where its own has ``failed``."""
     if settings.preset == "adaptive" and failed.t_utc_ns == t_utc_ns:
-        return adaptive.begun_from(
+        return adaptive.restarted_from(
             direction_deg, rate_arcsec_s, covariance, failed.frame_id, failed
         )
-    return lqe.begun_from(
+    return lqe.restarted_from(
         direction_deg, rate_arcsec_s, covariance, t_utc_ns, failed.frame_id, failed
     )
 

@@ -1,4 +1,4 @@
-"""Whether a filter believes itself rightly: what its innovations say of Q and R. Pure.
+"""Consistency of a filter: what its innovations say of Q and R. Pure.
 
 The normalised innovation squared (NIS) of a sound filter with two measured coordinates is
 chi-square distributed with 2 degrees of freedom, and innovations of successive frames know nothing
@@ -16,10 +16,10 @@ from statistics import NormalDist
 from typing import Literal
 
 NIS_BAND = (0.0506, 7.3778)
-"""Between these lie 95 % of the NIS of a sound filter with two degrees of freedom."""
+"""Bounds of 95 % of the NIS of a sound filter with two degrees of freedom."""
 WINDOW = 12
-LEAST = 5
-"""Fewer NIS say nothing."""
+MIN_UPDATES = 5
+"""Least number of updates by which a filter is judged."""
 _MAX_STEPS = 60
 _ONE_SIDED = 0.5
 """Correlation of successive innovations from which on they run on one side."""
@@ -29,7 +29,7 @@ Verdict = Literal["too few", "sound", "over-confident", "under-confident"]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Consistency:
-    """What the last innovations say of the filter."""
+    """Consistency of a filter by its last innovations."""
 
     verdict: Verdict
     mean: float | None
@@ -45,8 +45,8 @@ def consistency(
     """Judge the last ``WINDOW`` updates, oldest first; residuals (east, north) of the same ones."""
     recent = list(nis)[-WINDOW:]
     count = len(recent)
-    if count < LEAST:
-        words = f"{count} of the {LEAST} updates that it takes to judge the filter"
+    if count < MIN_UPDATES:
+        words = f"{count} of the {MIN_UPDATES} updates that it takes to judge the filter"
         mean = sum(recent) / count if count else None
         return Consistency(verdict="too few", mean=mean, count=count, words=words)
     mean = sum(recent) / count
@@ -55,7 +55,8 @@ def consistency(
     words = "in band"
     if mean > high:
         verdict = "over-confident"
-        name = "Q" if _run_on_one_side(list(residuals_arcsec)[-WINDOW:]) else "R"
+        axes = zip(*residuals_arcsec[-WINDOW:], strict=True)
+        name = "Q" if any(_correlation(each) > _ONE_SIDED for each in axes) else "R"
         above = sum(value > NIS_BAND[1] for value in recent)
         what = f"{above} of the last {count} NIS above {NIS_BAND[1]:.1f}"
         if not above:
@@ -69,7 +70,7 @@ def consistency(
 
 @lru_cache(maxsize=256)
 def mean_band(count: int) -> tuple[float, float]:
-    """Within which the mean of ``count`` NIS lies 95 times in 100, for a sound filter."""
+    """Bounds of the mean of ``count`` NIS of a sound filter, 95 times in 100."""
     return _mean_exceeded(count, 0.975), _mean_exceeded(count, 0.025)
 
 
@@ -105,14 +106,9 @@ def lag_one(innovations: Sequence[tuple[float, float]]) -> float | None:
     return math.fsum(products) * share / total
 
 
-def _run_on_one_side(residuals: Sequence[tuple[float, float]]) -> bool:
-    """Whether successive innovations are alike on either axis."""
-    return any(_correlation([each[axis] for each in residuals]) > _ONE_SIDED for axis in (0, 1))
-
-
 def _correlation(values: Sequence[float]) -> float:
     """Of each with its successor, about zero: an innovation's mean is part of what is asked."""
     power = math.fsum(value * value for value in values)
-    if len(values) < LEAST or power <= 0.0:
+    if len(values) < MIN_UPDATES or power <= 0.0:
         return 0.0
     return math.fsum(a * b for a, b in itertools.pairwise(values)) / power

@@ -22,12 +22,12 @@ from rsoconsole.sky import wrap_180, wrap_360
 
 ARCSEC_PER_DEG = 3600.0
 SIGMA_FLOOR_ARCSEC = 0.10
-"""No measurement is trusted beyond this, whatever its own covariance says."""
+"""Smallest sigma of a measurement, whatever its own covariance says."""
 SIGMA_CEILING_ARCSEC = 36_000.0
-"""Nor is any wider than this: beyond it numbers no longer invert, and the sky is no wider."""
+"""Largest sigma of a measurement: beyond it numbers no longer invert, and the sky is no wider."""
 _MIN_COS_DEC = 1e-3
 ADAPTED_SPAN_S = 120.0
-"""How far from its last measurement a track counts as calm as its innovations have shown it."""
+"""Span from the last measurement over which the adapted process noise holds."""
 NIS_AIM = 1.8
 _SAFE_FOR_ARCSEC = 2.0
 _SMALLEST_START = 0.1
@@ -47,22 +47,73 @@ def initialise(
 
     Raises ValueError when the second is not the later one.
     """
-    dt_s = (second.t_mid_utc_ns - first.t_mid_utc_ns) / 1e9
-    if dt_s <= 0.0:
-        raise ValueError(f"a track needs its second measurement after the first, not {dt_s:+.3f} s")
+    dt_s = span_s(first, second)
     ra_rate = wrap_180(second.ra_icrs_deg - first.ra_icrs_deg) / dt_s
     dec_rate = (second.dec_icrs_deg - first.dec_icrs_deg) / dt_s
     x = np.array([second.ra_icrs_deg, ra_rate, second.dec_icrs_deg, dec_rate])
     return _state(
-        "initial",
-        second.frame_id,
         second.t_mid_utc_ns,
         x,
         _initial_covariance(first, second, settings),
-        track_id=track_id,
-        measurement_id=second.measurement_id,
-        begun_with=(first.measurement_id, second.measurement_id),
+        **first_fields(first, second, track_id),
         q_scale=_first_scale(second, settings),
+    )
+
+
+def span_s(first: Measurement, second: Measurement) -> float:
+    """Seconds between the two measurements of a new track; ValueError when not in order."""
+    dt_s = (second.t_mid_utc_ns - first.t_mid_utc_ns) / 1e9
+    if dt_s <= 0.0:
+        raise ValueError(f"a track needs its second measurement after the first, not {dt_s:+.3f} s")
+    return dt_s
+
+
+def first_fields(first: Measurement, second: Measurement, track_id: int) -> dict[str, Any]:
+    """Fields of a track's first state that do not depend on the preset."""
+    return {
+        "kind": "initial",
+        "frame_id": second.frame_id,
+        "track_id": track_id,
+        "measurement_id": second.measurement_id,
+        "begun_with": (first.measurement_id, second.measurement_id),
+    }
+
+
+def next_fields(before: TrackState, frame_id: int, **changed: Any) -> dict[str, Any]:
+    """Fields of a track's next state that do not depend on the preset.
+
+    ``changed``: what is not as ``before`` has it; a prediction, unless that says another kind.
+    """
+    return {
+        "kind": "predicted",
+        "frame_id": frame_id,
+        "track_id": before.track_id,
+        "is_lead": before.is_lead,
+        "misses": before.misses,
+        "innovations": before.innovations,
+        **changed,
+    }
+
+
+def update_fields(
+    predicted: TrackState,
+    measurement: Measurement,
+    nis: float,
+    innovation_arcsec: FloatArray,
+    sigma_arcsec: FloatArray,
+) -> dict[str, Any]:
+    """Fields of an updated state that do not depend on the preset."""
+    return next_fields(
+        predicted,
+        measurement.frame_id,
+        kind="updated",
+        misses=0,
+        measurement_id=measurement.measurement_id,
+        nis=nis,
+        innovation_arcsec=tuple(innovation_arcsec.tolist()),
+        sigma_innovation_arcsec=tuple(sigma_arcsec.tolist()),
+        innovations=predicted.innovations + 1,
+        foretold_by=predicted.foretold_by,
     )
 
 
@@ -95,16 +146,10 @@ def predict(state: TrackState, t_utc_ns: int, settings: FilterConfig, frame_id: 
     q_scale = state.q_scale if is_near else max(state.q_scale, 1.0)
     kalman.predict(F=transition(dt_s), Q=q_scale * process_noise(dt_s, state.x[2], settings))
     return _state(
-        "predicted",
-        frame_id,
         t_utc_ns,
         kalman.x,
         kalman.P,
-        track_id=state.track_id,
-        is_lead=state.is_lead,
-        misses=state.misses + 1,
-        q_scale=state.q_scale,
-        innovations=state.innovations,
+        **next_fields(state, frame_id, misses=state.misses + 1, q_scale=state.q_scale),
     )
 
 
@@ -125,24 +170,15 @@ def update(predicted: TrackState, measurement: Measurement, settings: FilterConf
     innovation, sigma = kalman.y * to_sky, np.sqrt(np.diag(kalman.S)) * to_sky
     nis = float(kalman.y @ kalman.SI @ kalman.y)
     return _state(
-        "updated",
-        measurement.frame_id,
         measurement.t_mid_utc_ns,
         kalman.x,
         kalman.P,
-        track_id=predicted.track_id,
-        is_lead=predicted.is_lead,
-        measurement_id=measurement.measurement_id,
-        nis=nis,
-        innovation_arcsec=(float(innovation[0]), float(innovation[1])),
-        sigma_innovation_arcsec=(float(sigma[0]), float(sigma[1])),
+        **update_fields(predicted, measurement, nis, innovation, sigma),
         q_scale=_adapted(predicted, nis, settings),
-        innovations=predicted.innovations + 1,
-        foretold_by=predicted.foretold_by,
     )
 
 
-def begun_from(  # noqa: PLR0917 -- a direction, its motion and how well both are known
+def restarted_from(  # noqa: PLR0917 -- a direction, its motion and how well both are known
     direction_deg: tuple[float, float],
     rate_arcsec_s: tuple[float, float],
     covariance: FloatArray,
@@ -164,17 +200,10 @@ def begun_from(  # noqa: PLR0917 -- a direction, its motion and how well both ar
         rate_arcsec_s[1] * to_deg[3],
     )
     return _state(
-        "predicted",
-        frame_id,
         t_utc_ns,
         x,
         covariance * np.outer(to_deg, to_deg),
-        track_id=failed.track_id,
-        is_lead=failed.is_lead,
-        misses=failed.misses,
-        q_scale=max(failed.q_scale, 1.0),
-        innovations=failed.innovations,
-        foretold_by="orbit",
+        **next_fields(failed, frame_id, foretold_by="orbit", q_scale=max(failed.q_scale, 1.0)),
     )
 
 
@@ -249,17 +278,18 @@ def process_noise(dt_s: float, dec_deg: float, settings: FilterConfig) -> FloatA
     if settings.preset == "paper":
         sigma = settings.sigma_arcsec / ARCSEC_PER_DEG
         diagonal = np.array([500.0 * sigma, sigma / 100.0, sigma / 5.0, sigma / 100.0])
-        return _scaled(np.diag(diagonal) * settings.q_multiplier, _q_terms(settings))
+        return _scaled(np.diag(diagonal) * settings.q_multiplier, q_terms(settings))
     q = settings.q_arcsec2_s3 * settings.q_multiplier / ARCSEC_PER_DEG**2
     span = abs(dt_s)
     block = q * np.array([[span**3 / 3.0, dt_s * span / 2.0], [dt_s * span / 2.0, span]])
     Q = np.zeros((4, 4))
     Q[:2, :2] = block / _cos_dec(dec_deg) ** 2
     Q[2:, 2:] = block
-    return _scaled(Q, _q_terms(settings))
+    return _scaled(Q, q_terms(settings))
 
 
-def _q_terms(settings: FilterConfig) -> tuple[float, ...]:
+def q_terms(settings: FilterConfig) -> tuple[float, float, float, float]:
+    """The operator's factors of Q: right ascension, its rate, declination, its rate."""
     return (
         settings.q_ra_multiplier,
         settings.q_ra_rate_multiplier,
@@ -326,10 +356,8 @@ def _cos_dec(dec_deg: float) -> float:
     return max(math.cos(math.radians(dec_deg)), _MIN_COS_DEC)
 
 
-def _state(kind: Any, frame_id: int, t_utc_ns: int, x: Any, P: Any, **more: Any) -> TrackState:
+def _state(t_utc_ns: int, x: Any, P: Any, **more: Any) -> TrackState:
     return TrackState(
-        kind=kind,
-        frame_id=frame_id,
         t_utc_ns=t_utc_ns,
         x=(wrap_360(float(x[0])), float(x[1]), float(x[2]), float(x[3])),
         P=tuple(map(tuple, ((P + P.T) / 2.0).tolist())),

@@ -1,4 +1,4 @@
-"""How a point moves on the sky: a curve of constant turn, along which it may speed up. Pure.
+"""Motion of a point on the sky: a curve of constant turn, with changing speed. Pure.
 
 A great circle does not turn; what keeps constant rates in right ascension and declination (a
 geostationary satellite: a parallel) turns by what both rates and the declination say; what orbits
@@ -20,7 +20,7 @@ from rsoconsole.sky import direction_to_unit, unit_to_direction
 
 ARCSEC_RAD = math.radians(1.0 / 3600.0)
 X, Y, VX, VY, ACCELERATION, TURN = range(6)
-"""Of a motion: place (arcsec), rate (arcsec/s), change of speed (arcsec/s^2), turn."""
+"""Indices of a motion: place (arcsec), rate (arcsec/s), change of speed (arcsec/s^2), turn."""
 _MIN_DEPTH = 0.05
 _SLOWEST_ARCSEC_S = 1e-6
 _STEPS = np.array([1.0, 1.0, 1e-3, 1e-3, 1e-6, 1e-3])
@@ -60,7 +60,7 @@ class Plane:
 
     @property
     def direction_deg(self) -> tuple[float, float]:
-        """Where it touches: RA and Dec."""
+        """RA and Dec at which the plane touches the sky."""
         ra, dec = unit_to_direction(self.towards)
         return float(ra) % 360.0, float(dec)
 

@@ -1,4 +1,4 @@
-"""What the length of a streak says of the error of its middle. Pure.
+"""Error of a streak's middle, judged by the streak's length. Pure.
 
 The middle lies between two ends, each with an error of its own: of wind that blew while the shutter
 opened, of cloud, of a star upon it. Their sum is the streak's excess over the length that its
@@ -20,7 +20,7 @@ import itertools
 import math
 import statistics
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -33,7 +33,7 @@ from rsoconsole.tracking.filters.agreement import (
 )
 
 REMEMBERED = 30
-"""Frames of which the excess is remembered."""
+"""Number of streaks whose excess and turn are kept."""
 _NONE_AT_FIRST = (0.0, 0.0)
 """As if two streaks had been as long as they should be: the centre does not follow the first."""
 _MIN_FOR_SCATTER = 4
@@ -65,8 +65,21 @@ class StreakErrors(NamedTuple):
 NO_ERRORS = StreakErrors()
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StreakHistory:
+    """Shapes of a track's last streaks, by which the errors of the next one are judged; arcsec."""
+
+    excesses_arcsec: tuple[float, ...] = ()
+    """By how much they were longer than the motion in one exposure."""
+    half_turns_arcsec: tuple[float, ...] = ()
+    """By how much their ends lay off the line of the motion through their middles."""
+
+
+NO_STREAKS = StreakHistory()
+
+
 def excess_arcsec(measurement: Measurement, expected: Motion) -> float | None:
-    """By how much a streak is longer than its motion in one exposure; None: it has no length."""
+    """Excess of a streak's length over its motion in one exposure; None: it has no length."""
     streak = streak_motion(measurement)
     if streak is None or measurement.is_clipped or measurement.is_crossing:
         return None
@@ -129,11 +142,6 @@ def with_part_error(
     return replace(measurement, cov_sky_arcsec2=wider)
 
 
-def is_run_of_parts(excesses_arcsec: Sequence[float], length_arcsec: float) -> bool:
-    """Whether the last streaks showed a part of their length, one after the other."""
-    return _parts_in_a_row(excesses_arcsec, length_arcsec) >= _MIN_PARTS
-
-
 def shows_parts(excesses_arcsec: Sequence[float], length_arcsec: float) -> bool:
     """Whether enough of its streaks were parts of their length to say that it flashes."""
     parts = sum(1 for each in excesses_arcsec if each < -_PART_SHARE * length_arcsec)
@@ -148,7 +156,7 @@ def _parts_in_a_row(before: Sequence[float], length_arcsec: float) -> int:
     return sum(1 for _ in of_parts)
 
 
-def remembered_with(
+def excesses_with(
     before: Sequence[float], measurement: Measurement, expected: Motion
 ) -> tuple[float, ...]:
     """The excess of the streaks up to this one."""
@@ -195,14 +203,14 @@ def across_error_arcsec(
     if half is None or excess is None:
         return 0.0
     half -= statistics.median(turns_arcsec)
-    if is_run_of_parts(excesses_arcsec, expected.length_arcsec):
+    if _parts_in_a_row(excesses_arcsec, expected.length_arcsec) >= _MIN_PARTS:
         excess = 0.0  # nothing has moved its ends: they are dark
     else:
         excess -= statistics.median(excesses_arcsec)
     return math.hypot(_OF_TURN * half, _OF_EXCESS * excess)
 
 
-def turns_with(
+def half_turns_with(
     before: Sequence[float], measurement: Measurement, expected: Motion
 ) -> tuple[float, ...]:
     """Half the turns of the streaks up to this one, arcsec."""

@@ -5,16 +5,16 @@ from dataclasses import replace
 from rsoconsole.records import FoldRecord, LoopState, Measurement, NotFollowed, NotTaken, TrackState
 from rsoconsole.tracking.association import pattern as patterns
 from rsoconsole.tracking.association.following import (
-    MAY_BE_FOLLOWED,
+    TRACKABLE_CLASSES,
     Following,
     FollowSettings,
-    Seen,
-    Tracked,
+    FrameInput,
+    LiveTrack,
     expected_motion,
     not_followed,
-    of_track,
+    with_track_id,
 )
-from rsoconsole.tracking.association.neighbours import Neighbour, remembered
+from rsoconsole.tracking.association.neighbours import Neighbour, neighbours_after
 from rsoconsole.tracking.association.pattern import NO_PATTERN, Pattern, Place, learnt_error_arcsec
 from rsoconsole.tracking.filters import estimator
 from rsoconsole.tracking.filters.adaptive import Bend
@@ -27,24 +27,26 @@ from rsoconsole.tracking.filters.agreement import (
 )
 from rsoconsole.tracking.filters.streak_length import (
     NO_ERRORS,
+    NO_STREAKS,
     StreakErrors,
+    StreakHistory,
     across_error_arcsec,
     along_error_arcsec,
-    remembered_with,
-    turns_with,
+    excesses_with,
+    half_turns_with,
 )
 from rsoconsole.tracking.initiation import chains
 from rsoconsole.tracking.initiation.chains import Chain
 
 AS_GOOD_AS_CERTAIN = 0.9
-"""Confidence from which on how well its place is known says which of two to follow."""
+"""Confidence from which on the smaller position error decides which of two to follow."""
 
 
 REFUSED, NOT_CHOSEN = NotTaken(kind="refused"), NotTaken(kind="not chosen")
 
 
 def acquire(
-    before: Following, seen: Seen, settings: FollowSettings
+    before: Following, seen: FrameInput, settings: FollowSettings
 ) -> tuple[Following, tuple[FoldRecord, ...]]:
     """Frames whose measurements agree on one motion start a track: ``chains`` has which.
 
@@ -54,7 +56,7 @@ def acquire(
     taken is recorded once: of a candidate that waits for a second frame, with that frame.
     """
     whole = tuple(m for m in seen.measurements if not m.is_clipped)
-    usable = tuple(m for m in whole if m.object_class in MAY_BE_FOLLOWED)
+    usable = tuple(m for m in whole if m.object_class in TRACKABLE_CLASSES)
     not_chosen: tuple[NotFollowed, ...] = ()
     if seen.chosen is not None:
         not_chosen = tuple(not_followed(m, NOT_CHOSEN) for m in usable if m != seen.chosen)
@@ -69,13 +71,13 @@ def acquire(
     aside += tuple(
         not_followed(m, NotTaken(kind="class", object_class=m.object_class))
         for m in whole
-        if m.object_class not in MAY_BE_FOLLOWED and m != seen.chosen
+        if m.object_class not in TRACKABLE_CLASSES and m != seen.chosen
     )
     aside += not_chosen
     refused = tuple(not_followed(m, REFUSED) for m in seen.refused)
     agreed: dict[Measurement, Chain] = {}
     if settings.filter.preset == "adaptive":
-        agreed = chains.begun(before, usable, seen, settings)
+        agreed = chains.found_chains(before, usable, seen, settings)
     for second in usable:
         if settings.filter.preset == "adaptive":
             earlier = agreed.get(second, ())
@@ -86,11 +88,11 @@ def acquire(
             return _begun(lead, agreed, before, usable, (*aside, *refused), seen, settings)
     alone = tuple(not_followed(m, _no_partner(m, usable, seen)) for m in before.candidates)
     state: LoopState = "ACQUIRE" if usable else "SEARCH"
-    waiting = chains.kept(before, ()) if chains.is_wide(settings) else ()
+    waiting = chains.waiting_measurements(before, ()) if chains.uses_window(settings) else ()
     return before.without_track(state, usable, waiting), (*alone, *aside, *refused)
 
 
-def _partner(candidates: Chain, second: Measurement, seen: Seen) -> Chain:
+def _partner(candidates: Chain, second: Measurement, seen: FrameInput) -> Chain:
     """The one of the frame before that agrees best, if any does."""
     partners = [
         first for first in candidates if pair_disagreement(first, second, seen.exposure_s) is None
@@ -106,7 +108,7 @@ def _begun(  # noqa: PLR0917 -- one call, each argument a different thing
     before: Following,
     usable: tuple[Measurement, ...],
     set_aside: tuple[NotFollowed, ...],
-    seen: Seen,
+    seen: FrameInput,
     settings: FollowSettings,
 ) -> tuple[Following, tuple[FoldRecord, ...]]:
     """The lead, and beside it a track of every other chain as far as there is room."""
@@ -115,7 +117,7 @@ def _begun(  # noqa: PLR0917 -- one call, each argument a different thing
     others = [(*agreed[m], m) for m in usable if m in agreed and m is not lead[-1]]
     begun_with = [lead, *others[: room - 1]]
     tracks = tuple(
-        first_state(
+        new_track(
             chain,
             before.last_track_id + number,
             seen,
@@ -133,17 +135,21 @@ def _begun(  # noqa: PLR0917 -- one call, each argument a different thing
     after = Following(
         state="TRACK",
         candidates=tuple(m for m in usable if m not in used) if room > 1 else (),
-        earlier=chains.kept(before, used) if room > 1 and chains.is_wide(settings) else (),
+        earlier=chains.waiting_measurements(before, used)
+        if room > 1 and chains.uses_window(settings)
+        else (),
         tracks=tracks,
         pattern=_pattern_of(tracks, begun_with, seen),
         last_track_id=before.last_track_id + len(tracks),
         dropped=before.dropped,
     )
     begun = tuple(each.track for each in tracks)
-    return after, (*begun, *of_track((*refused, *set_aside), begun[0].track_id))
+    return after, (*begun, *with_track_id((*refused, *set_aside), begun[0].track_id))
 
 
-def _pattern_of(tracks: tuple[Tracked, ...], begun_with: list[Chain], seen: Seen) -> Pattern:
+def _pattern_of(
+    tracks: tuple[LiveTrack, ...], begun_with: list[Chain], seen: FrameInput
+) -> Pattern:
     """Where tracks that begin together stand to each other, from their frames."""
     found = NO_PATTERN
     alive = [each.track.track_id for each in tracks]
@@ -157,30 +163,28 @@ def _pattern_of(tracks: tuple[Tracked, ...], begun_with: list[Chain], seen: Seen
             shown[each.track.track_id] = Place.of(m, each.track, along)
             times.setdefault(m.frame_id, m.t_mid_utc_ns)
     for frame_id in sorted(frames, key=lambda frame_id: times[frame_id]):
-        found = patterns.after(found, alive, frames[frame_id], times[frame_id])
+        found = patterns.pattern_after(found, alive, frames[frame_id], times[frame_id])
     return found
 
 
-def first_state(
+def new_track(
     chain: Chain,
     track_id: int,
-    seen: Seen,
+    seen: FrameInput,
     settings: FollowSettings,
     *,
     is_lead: bool,
     trial: int = chains.ON_TRIAL,
-) -> Tracked:
-    """What is followed from two measurements on, or more of them."""
-    track = initiated(chain[0], chain[1], track_id, seen, settings)
-    excesses = excesses_with((), track, chain[1], seen)
-    half_turns = half_turns_with((), track, chain[1], seen)
+) -> LiveTrack:
+    """A new track through two measurements or more."""
+    track = track_through(chain[0], chain[1], track_id, seen, settings)
+    streaks = streaks_with(NO_STREAKS, track, chain[1], seen)
     for m in chain[2:]:
         at = estimator.predict(track, m.t_mid_utc_ns, settings.filter, m.frame_id)
         expected = expected_motion(at, seen.exposure_s)
-        errors = errors_of(m, expected, excesses, half_turns, settings)
+        errors = errors_of(m, expected, streaks, settings)
         track = estimator.update(at, m, settings.filter, errors)
-        excesses = excesses_with(excesses, track, m, seen)
-        half_turns = half_turns_with(half_turns, track, m, seen)
+        streaks = streaks_with(streaks, track, m, seen)
     if len(chain) > 2:
         track = replace(
             track,
@@ -192,19 +196,22 @@ def first_state(
             begun_through=tuple(m.measurement_id for m in chain[1:-1]),
         )
     track = replace(track, is_lead=is_lead)
-    return Tracked(
+    return LiveTrack(
         track=track,
         taken=chain[-1],
-        neighbours=beside((), track, chain[-1], seen),
-        excesses_arcsec=excesses,
-        half_turns_arcsec=half_turns,
+        neighbours=neighbours_with((), track, chain[-1], seen),
+        streaks=streaks,
         since_utc_ns=chain[-1].t_mid_utc_ns,
         trial=trial,
     )
 
 
-def initiated(
-    first: Measurement, second: Measurement, track_id: int, seen: Seen, settings: FollowSettings
+def track_through(
+    first: Measurement,
+    second: Measurement,
+    track_id: int,
+    seen: FrameInput,
+    settings: FollowSettings,
 ) -> TrackState:
     """A track through two measurements."""
     way = way_between(first, second)
@@ -221,36 +228,29 @@ def initiated(
     )
 
 
-def excesses_with(
-    before: tuple[float, ...], track: TrackState, taken: Measurement, seen: Seen
-) -> tuple[float, ...]:
-    return remembered_with(before, taken, expected_motion(track, seen.exposure_s))
-
-
-def half_turns_with(
-    before: tuple[float, ...], track: TrackState, taken: Measurement, seen: Seen
-) -> tuple[float, ...]:
-    if track.mixture is None:
-        return ()
-    return turns_with(before, taken, expected_motion(track, seen.exposure_s))
+def streaks_with(
+    before: StreakHistory, track: TrackState, taken: Measurement, seen: FrameInput
+) -> StreakHistory:
+    """The shapes of a track's streaks with that of one more; turns for preset ``adaptive`` only."""
+    expected, turns = expected_motion(track, seen.exposure_s), before.half_turns_arcsec
+    return StreakHistory(
+        excesses_arcsec=excesses_with(before.excesses_arcsec, taken, expected),
+        half_turns_arcsec=() if track.mixture is None else half_turns_with(turns, taken, expected),
+    )
 
 
 def errors_of(
-    m: Measurement,
-    expected: Motion,
-    excesses_arcsec: tuple[float, ...],
-    half_turns_arcsec: tuple[float, ...],
-    settings: FollowSettings,
+    m: Measurement, expected: Motion, before: StreakHistory, settings: FollowSettings
 ) -> StreakErrors:
-    """What a measurement's streak shows of the errors of its middle, for the preset that asks.
+    """Errors of a streak's middle by its shape; none for presets other than ``adaptive``.
 
-    ``excesses_arcsec``, ``half_turns_arcsec``: of the track's streaks before it.
+    ``before``: the track's streaks up to it.
     """
     if settings.filter.preset != "adaptive":
         return NO_ERRORS  # the other presets believe what a measurement states
     return StreakErrors(
-        along_error_arcsec(m, expected, excesses_arcsec),
-        across_error_arcsec(m, expected, half_turns_arcsec, excesses_arcsec),
+        along_error_arcsec(m, expected, before.excesses_arcsec),
+        across_error_arcsec(m, expected, before.half_turns_arcsec, before.excesses_arcsec),
     )
 
 
@@ -271,7 +271,7 @@ def _rank(m: Measurement) -> tuple[float, float]:
     return -min(m.confidence, AS_GOOD_AS_CERTAIN), east + north
 
 
-def _no_partner(first: Measurement, usable: tuple[Measurement, ...], seen: Seen) -> NotTaken:
+def _no_partner(first: Measurement, usable: tuple[Measurement, ...], seen: FrameInput) -> NotTaken:
     """Why a candidate came to nothing, by what came nearest to being its second."""
     if not usable:
         return NotTaken(kind="no second frame", missed=seen.why_absent)
@@ -280,8 +280,8 @@ def _no_partner(first: Measurement, usable: tuple[Measurement, ...], seen: Seen)
     return NotTaken(kind="no second frame", mismatch=mismatch)
 
 
-def beside(
-    before: tuple[Neighbour, ...], track: TrackState, taken: Measurement, seen: Seen
+def neighbours_with(
+    before: tuple[Neighbour, ...], track: TrackState, taken: Measurement, seen: FrameInput
 ) -> tuple[Neighbour, ...]:
     if taken.is_clipped:
         return before  # where it was taken is not where it is
@@ -293,4 +293,4 @@ def beside(
         and not m.is_clipped
         and disagreement(m, expected) is None
     }
-    return remembered(before, taken, others, learnt_error_arcsec(taken, track))
+    return neighbours_after(before, taken, others, learnt_error_arcsec(taken, track))

@@ -16,7 +16,12 @@ import numpy as np
 
 from rsoconsole.records import FloatArray, Measurement
 from rsoconsole.sky import IntArray
-from rsoconsole.tracking.association.following import Following, FollowSettings, Seen, Tracked
+from rsoconsole.tracking.association.following import (
+    Following,
+    FollowSettings,
+    FrameInput,
+    LiveTrack,
+)
 from rsoconsole.tracking.filters import lqe
 from rsoconsole.tracking.filters.agreement import (
     DIRECTION_TOLERANCE_DEG,
@@ -30,7 +35,7 @@ from rsoconsole.tracking.filters.sky_path import Plane
 from rsoconsole.tracking.initiation.link import MotionPrior, Tracklet, link_points
 
 LOST_TOLERANCE = 0.4
-"""A streak may have lost, or gained, so much of its length."""
+"""Share of its length that a streak of a pair may lack, or have too much."""
 ACROSS_ARCSEC, ACROSS_SHARE, LENGTH_SHARE = 3.0, 0.02, 0.15
 """Sigma of a streak's direction, as displacement across it, and of its length."""
 BEND_DEG = 5.0
@@ -38,7 +43,7 @@ BEND_DEG = 5.0
 COMMON_ARCSEC, COMMON_SHARE = 10.0, 0.05
 """Sigma of the way from frame to frame that satellites of one field share."""
 ALONE_COST = 12.0
-"""Of one that goes a way of its own."""
+"""Cost of a pair with a motion of its own."""
 UNSURE_COST = 8.0
 """Of what a pair that goes a way of its own may be off by in all: its streaks' two directions and
 lengths by two sigmas each or so. One that is off by more is rather two objects, each seen once."""
@@ -75,7 +80,7 @@ class _Pairs:
     """(seconds, firsts, 2) east and north from frame to frame."""
 
 
-def paired(
+def pairs_between(
     firsts: Sequence[Measurement],
     seconds: Sequence[Measurement],
     exposure_s: float,
@@ -199,11 +204,11 @@ def _student(sigmas: FloatArray) -> FloatArray:
 
 
 WINDOW = 5
-"""Frames, the present one among them."""
+"""Frames in which points wait, the present one among them."""
 BEGINS_AT = 0.9
 """Probability from which on a chain of points begins a track: it is not taken back."""
 CHANCE = 0.05
-"""As many as chance makes of them, at most."""
+"""Largest number of such chains that chance makes, for one to begin a track."""
 _ALIKE_SIGMAS, _SHARE = 3.0, 0.02
 """What is near, and what moves alike: number of sigma, and share of the speed."""
 _WIDER = 2.2
@@ -223,25 +228,25 @@ _AS_ANOTHER_ARCSEC = 10.0
 Chain = tuple[Measurement, ...]
 
 
-def is_wide(settings: FollowSettings) -> bool:
+def uses_window(settings: FollowSettings) -> bool:
     """Whether more than two successive frames are asked."""
     return settings.filter.preset == "adaptive"
 
 
-def begun(
+def found_chains(
     before: Following,
     usable: Sequence[Measurement],
-    seen: Seen,
+    seen: FrameInput,
     settings: FollowSettings,
-    tracks: Sequence[Tracked] = (),
+    tracks: Sequence[LiveTrack] = (),
 ) -> dict[Measurement, Chain]:
-    """By its last measurement, one of ``usable``: the earlier ones of each chain, in order of time.
+    """Chains that begin tracks: by the last measurement the earlier ones, in order of time.
 
     ``tracks``: what is followed beside it.
     """
     # Two that the operator wants to be one object are.
-    if not is_wide(settings) or seen.chosen is not None:
-        pairs = paired(before.candidates, usable, seen.exposure_s)
+    if not uses_window(settings) or seen.chosen is not None:
+        pairs = pairs_between(before.candidates, usable, seen.exposure_s)
         return {second: (first,) for second, first in pairs.items()}
     streaks, points = _parted(usable)
     found: dict[Measurement, Chain] = {}
@@ -254,7 +259,7 @@ def begun(
         asked.append(([m for m in older if m.frame_id == last_but_one], UNSURE_COST))
     for these, unpaired in asked:
         left = [m for m in streaks if m not in found]
-        pairs = paired(these, left, seen.exposure_s, ways, unpaired=unpaired)
+        pairs = pairs_between(these, left, seen.exposure_s, ways, unpaired=unpaired)
         found |= {second: (first,) for second, first in pairs.items()}
     return found | _of_points(points, before, seen, settings, ways)
 
@@ -264,11 +269,11 @@ def trials(
     settings: FollowSettings,
     rates_arcsec_s: Sequence[tuple[float, float]] = (),
 ) -> list[int]:
-    """Of each chain that begins a track, how often that must be measured to outlive a miss.
+    """Measurements that the track of each chain needs before it outlives a miss.
 
     ``rates_arcsec_s``: of the tracks beside it, east and north.
     """
-    if not is_wide(settings):
+    if not uses_window(settings):
         return [ON_TRIAL] * len(begun_with)
     found = []
     for chain in begun_with:
@@ -298,8 +303,8 @@ def _same_frames(one: Chain, other: Chain) -> bool:
     return (one[0].frame_id, one[-1].frame_id) == (other[0].frame_id, other[-1].frame_id)
 
 
-def kept(before: Following, taken: Collection[Measurement]) -> Chain:
-    """Of the frames before this one what may still begin a track with later ones."""
+def waiting_measurements(before: Following, taken: Collection[Measurement]) -> Chain:
+    """Measurements of earlier frames that may still begin a track with later ones."""
     waiting = [m for m in (*before.earlier, *before.candidates) if m not in taken]
     frames = sorted({m.frame_id for m in waiting}, reverse=True)[: WINDOW - 2]
     return tuple(m for m in waiting if m.frame_id in frames)
@@ -316,7 +321,7 @@ def _parted(
 def _of_points(
     points: list[Measurement],
     before: Following,
-    seen: Seen,
+    seen: FrameInput,
     settings: FollowSettings,
     ways: Sequence[tuple[float, float]],
 ) -> dict[Measurement, Chain]:
@@ -338,7 +343,7 @@ def _of_points(
         for each in found
         if each.points[-1][0] == last
         and _by_chance(each, found, [len(each) for each in frames], t_s, known) < CHANCE
-        for chain in [_measured(each, frames)]
+        for chain in [tuple(frames[frame][number] for frame, number in each.points)]
     }
 
 
@@ -389,10 +394,6 @@ def _spread2(one: Tracklet, other: Tracklet, t_s: Sequence[float], known: Motion
     return own + (_SHARE * math.hypot(other.x_rate, other.y_rate)) ** 2
 
 
-def _measured(tracklet: Tracklet, frames: Sequence[Sequence[Measurement]]) -> Chain:
-    return tuple(frames[frame][number] for frame, number in tracklet.points)
-
-
 def _by_frame(points: Sequence[Measurement]) -> Mapping[int, list[Measurement]]:
     found: dict[int, list[Measurement]] = {}
     for m in sorted(points, key=lambda m: m.t_mid_utc_ns):
@@ -402,7 +403,7 @@ def _by_frame(points: Sequence[Measurement]) -> Mapping[int, list[Measurement]]:
 
 def _known(
     frames: Sequence[Sequence[Measurement]],
-    seen: Seen,
+    seen: FrameInput,
     settings: FollowSettings,
     ways: Sequence[tuple[float, float]],
 ) -> MotionPrior:

@@ -59,7 +59,6 @@ class Tracklet:
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class _Hypothesis:
     points: tuple[tuple[int, int], ...]
-    start: FloatArray
     velocity: FloatArray
     log_fit: float
     """Gain over chance, but for the motion's share."""
@@ -87,17 +86,13 @@ def link_points(
     for n in chosen:
         others = [each for place, each in enumerate(candidates) if place != n]
         rest = sum(others[m][1] for m in best_disjoint(others))
-        found.append(_tracklet(hypotheses[worth[n]], best - rest - lone))
+        x_rate, y_rate = hypotheses[worth[n]].velocity.tolist()
+        probability = float(1.0 / (1.0 + np.exp(-(best - rest - lone))))
+        points_of = candidates[n][0]
+        found.append(
+            Tracklet(points=points_of, x_rate=x_rate, y_rate=y_rate, probability=probability)
+        )
     return tuple(sorted(found, key=lambda each: -each.probability))
-
-
-def _tracklet(hypothesis: _Hypothesis, margin: float) -> Tracklet:
-    return Tracklet(
-        points=hypothesis.points,
-        x_rate=float(hypothesis.velocity[0]),
-        y_rate=float(hypothesis.velocity[1]),
-        probability=float(1.0 / (1.0 + np.exp(-margin))),
-    )
 
 
 def _hypotheses(
@@ -166,7 +161,6 @@ def _fitted(
     )
     return _Hypothesis(
         points=chosen,
-        start=start,
         velocity=velocity,
         log_fit=log_fit,
         velocity_sigma=known.sigma * float(np.sqrt(normal[1, 1])),

@@ -1,4 +1,4 @@
-"""The operator's word on whole tracks: one is dropped, or kept whatever it misses. Pure.
+"""The operator's decisions on whole tracks: one is dropped, or kept while unseen. Pure.
 
 What is dropped goes on by itself, on no record and in no list, so that its streaks are known and
 begin no other track; it is forgotten once it has left the field, or may have.
@@ -11,19 +11,19 @@ from rsoconsole.tracking._takeover import Step
 from rsoconsole.tracking.association.following import (
     Following,
     FollowSettings,
-    Seen,
-    Tracked,
+    FrameInput,
+    LiveTrack,
     not_followed,
-    of_track,
+    with_track_id,
 )
 
 MAX_DROPPED = 12
-"""Dropped tracks whose streaks are known: those dropped last."""
+"""Most dropped tracks whose streaks are recognised: those dropped last."""
 DROPPED = NotTaken(kind="dropped")
 
 
-def with_word(before: Following, seen: Seen, settings: FollowSettings) -> Following:
-    """What is followed before a frame, as the operator wants it from this frame on."""
+def with_decisions(before: Following, seen: FrameInput, settings: FollowSettings) -> Following:
+    """The state before a frame, with the operator's decisions from this frame on."""
     if before.dropped:
         most_s = settings.filter.max_coast_s
         known = (
@@ -39,10 +39,10 @@ def with_word(before: Following, seen: Seen, settings: FollowSettings) -> Follow
     return _without(replace(before, tracks=left), gone)
 
 
-def with_word_on_begun(
-    after: Following, records: tuple[FoldRecord, ...], seen: Seen
+def with_decisions_on_new(
+    after: Following, records: tuple[FoldRecord, ...], seen: FrameInput
 ) -> tuple[Following, tuple[FoldRecord, ...]]:
-    """The same of tracks that the frame itself begins: what is dropped never began."""
+    """State and records with the decisions on tracks that the frame begins."""
     if not (seen.dropped or seen.kept):
         return after, records
     tracks = tuple(_with_keeping(each, seen) for each in after.tracks)
@@ -56,15 +56,15 @@ def with_word_on_begun(
     return _without(replace(after, tracks=tracks), gone), events
 
 
-def gone_on(
-    dropped: tuple[Tracked, ...], steps: list[Step], seen: Seen
-) -> tuple[tuple[Tracked, ...], tuple[FoldRecord, ...]]:
+def dropped_after(
+    dropped: tuple[LiveTrack, ...], steps: list[Step], seen: FrameInput
+) -> tuple[tuple[LiveTrack, ...], tuple[FoldRecord, ...]]:
     """Dropped tracks after a frame, and what is on record of it: whose streaks they were.
 
     A streak that the operator wants followed is dropped no longer.
     """
     wanted = None if seen.chosen is None else seen.chosen.measurement_id
-    after, records = list[Tracked](), tuple[FoldRecord, ...]()
+    after, records = list[LiveTrack](), tuple[FoldRecord, ...]()
     for before, step in zip(dropped, steps, strict=True):
         if step.after is None:
             continue
@@ -73,11 +73,11 @@ def gone_on(
             after.append(step.after)
         elif taken.measurement_id != wanted:
             after.append(step.after)
-            records += of_track((not_followed(taken, DROPPED),), before.track.track_id)
+            records += with_track_id((not_followed(taken, DROPPED),), before.track.track_id)
     return tuple(after), records
 
 
-def without_taken(seen: Seen, steps: list[Step]) -> Seen:
+def without_taken(seen: FrameInput, steps: list[Step]) -> FrameInput:
     """A frame without what these steps have taken, but for what the operator wants followed."""
     taken = {
         step.after.taken.measurement_id
@@ -90,7 +90,7 @@ def without_taken(seen: Seen, steps: list[Step]) -> Seen:
     return replace(seen, measurements=tuple(left))
 
 
-def as_kept(records: tuple[FoldRecord, ...], *known: Following) -> tuple[FoldRecord, ...]:
+def marked_kept(records: tuple[FoldRecord, ...], *known: Following) -> tuple[FoldRecord, ...]:
     """States of kept tracks say so."""
     kept = {each.track.track_id for one in known for each in one.tracks if each.is_kept}
     if not kept:
@@ -103,8 +103,8 @@ def as_kept(records: tuple[FoldRecord, ...], *known: Following) -> tuple[FoldRec
     )
 
 
-def led_by_first(tracks: tuple[Tracked, ...]) -> tuple[Tracked, ...]:
-    """The same, the first one the lead and no other."""
+def first_leads(tracks: tuple[LiveTrack, ...]) -> tuple[LiveTrack, ...]:
+    """The tracks, the first one the lead and no other."""
     return tuple(
         each
         if each.track.is_lead == (at == 0)
@@ -113,13 +113,13 @@ def led_by_first(tracks: tuple[Tracked, ...]) -> tuple[Tracked, ...]:
     )
 
 
-def _with_keeping(track: Tracked, seen: Seen) -> Tracked:
+def _with_keeping(track: LiveTrack, seen: FrameInput) -> LiveTrack:
     number = track.track.track_id
     is_kept = number in seen.kept or (track.is_kept and number not in seen.released)
     return track if is_kept == track.is_kept else replace(track, is_kept=is_kept)
 
 
-def _without(following: Following, gone: tuple[Tracked, ...]) -> Following:
+def _without(following: Following, gone: tuple[LiveTrack, ...]) -> Following:
     """Without tracks that are dropped; where the lead is, the next track leads."""
     if not gone:
         return following
@@ -131,7 +131,7 @@ def _without(following: Following, gone: tuple[Tracked, ...]) -> Following:
     )
     dropped = (*following.dropped, *unseen)[-MAX_DROPPED:]
     if left:
-        return replace(following, tracks=led_by_first(left), dropped=dropped)
+        return replace(following, tracks=first_leads(left), dropped=dropped)
     waiting = following.candidates
     state = following.without_track("ACQUIRE" if waiting else "SEARCH", waiting)
     return replace(state, dropped=dropped)
