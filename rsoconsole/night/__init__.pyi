@@ -1,3 +1,4 @@
+from .current_tracks import FollowedTrack as FollowedTrack
 from .figures import FigureSum as FigureSum
 from .figures import Spell as Spell
 from .figures import Summary as Summary
@@ -32,9 +33,8 @@ from .quality import Update as Update
 from .quality import consistency_of as consistency_of
 from .quality import quality_of as quality_of
 from .quality import rms as rms
-from .track_fold import FollowedTrack as FollowedTrack
-from .tracks import Logged as Logged
+from .table_rows import Logged as Logged
+from .table_rows import Row as Row
+from .table_rows import rows_of as rows_of
 from .tracks import NightTrack as NightTrack
-from .tracks import Row as Row
-from .tracks import rows_of as rows_of
 from .tracks import tracks_of as tracks_of

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 from rsoconsole.library.notebook._pictures import Picture, layered
 from rsoconsole.library.notebook.night.svg import GREEN, GREY, RED, text
-from rsoconsole.night import Spell, Summary, shown
+from rsoconsole.night import Spell, Summary, merits
 from rsoconsole.words import span
 
 STATE_COLOURS = {
@@ -54,10 +54,10 @@ def rows_of(card: Card) -> list[tuple[str, str]]:
     rows = [
         ("when", card.when),
         ("frames", f"{card.frames}, {card.kept} kept in full"),
-        (shown.LOCK.label, shown.LOCK.words(s)),
-        (shown.MISSES.label, f"{s.misses} of {s.followed + s.misses} frames with a track"),
-        (shown.RMS.label, shown.RMS.words(s)),
-        (shown.NIS_MEAN.label, f"{shown.NIS_MEAN.words(s)}, band {shown.BAND.words(s)}"),
+        (merits.LOCK.label, merits.LOCK.words(s)),
+        (merits.MISSES.label, f"{s.misses} of {s.followed + s.misses} frames with a track"),
+        (merits.RMS.label, merits.RMS.words(s)),
+        (merits.NIS_MEAN.label, f"{merits.NIS_MEAN.words(s)}, band {merits.BAND.words(s)}"),
     ]
     if card.branch_of is not None:
         rows.insert(
