@@ -177,7 +177,7 @@ class NightFrames:
         return self._frames.get(frame_id, _EMPTY)
 
     def seen(self) -> Iterator[NightFrame]:
-        """Yield the kept frames in the order of the record; they are not changed in place any more."""
+        """Yield the kept frames in the order of the record; they do not change in place."""
         self._own.clear()
         yield from self._frames.values()
 
