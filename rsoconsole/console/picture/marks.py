@@ -28,7 +28,7 @@ MarkKind = Literal[
     "cursor",
 ]
 """In the order in which they are written: the last one stays. ``member``: of another track than the
-lead; ``coasted``: of a track that is not in this frame; ``now``, ``now_rejected``: of a frame that is
+lead; ``coasted``: of a track that is not in this frame; ``now``, ``now_rejected``: of a frame
 processed once more; ``box``: the network's."""
 _ORDER: tuple[MarkKind, ...] = get_args(MarkKind)
 
@@ -84,6 +84,14 @@ class Window:
     height_px: float
     columns: int
     rows: int
+
+    @classmethod
+    def at(
+        cls, corner_px: tuple[float, float], size_px: tuple[float, float], cells: tuple[int, int]
+    ) -> "Window":
+        """Make one of its corner, its width and height, and its columns and rows."""
+        (x0, y0), (width, height), (columns, rows) = corner_px, size_px, cells
+        return cls(x0_px=x0, y0_px=y0, width_px=width, height_px=height, columns=columns, rows=rows)
 
     def cell(self, x_px: float, y_px: float) -> tuple[int, int]:
         """Return column and row of the cell of a place, which may be outside."""
