@@ -21,7 +21,9 @@ def rows_of(name: str, log: Sequence[Logged], files: Iterable[Row] = ()) -> list
     table = TABLES[name]
     rows = list(_rows(table, log))
     if table.is_followed_again:
-        _mark_superseded(rows, log)
+        last = {r.frame_id: seq for seq, _, r in log if isinstance(r, FollowedAgain)}
+        for row in rows:
+            row[SUPERSEDED.name] = last.get(row["frame_id"], 0) > row["seq"]
     of_files = [column.name for column in table.own if column.source == "files"]
     kept = {row["seq"]: row for row in files} if of_files else {}
     for row in rows:
@@ -62,9 +64,3 @@ def _plain(value: Any) -> Any:
     if isinstance(value, tuple) and all(isinstance(each, tuple | float) for each in value):
         return value
     return json.dumps(to_json_value(value), separators=(",", ":"))
-
-
-def _mark_superseded(rows: list[Row], log: Sequence[Logged]) -> None:
-    last = {r.frame_id: seq for seq, _, r in log if isinstance(r, FollowedAgain)}
-    for row in rows:
-        row[SUPERSEDED.name] = last.get(row["frame_id"], 0) > row["seq"]

@@ -77,7 +77,7 @@ def called(name: str | None, norad_id: int) -> str:
 
 
 def identity(found: Identified | None) -> str:
-    """Format an identification: INTELSAT 14, UCT 7?, not in catalogue; "-": none yet. "?": doubt."""
+    """Format an identity: INTELSAT 14, UCT 7?, not in catalogue; "-": none yet, "?": doubt."""
     if found is None:
         return "-"
     if found.verdict == "unknown":

@@ -109,7 +109,9 @@ def marks_of(detail: NightFrame) -> tuple[Mark, ...]:
     found = detail.detections
     if found is None or found.width_px <= 0 or found.height_px <= 0:
         return ()
-    members = _members(detail)
+    several = detail.tracks if len(detail.tracks) > 1 else ()
+    taken = ((m, detail.track_of(m)) for m in detail.all_measured if several)
+    members = [(m, track) for m, track in taken if track is not None]
     marks = [
         _numbered(mark_of(d, "candidate", detail.followed), d, members) for d in found.detections
     ]
@@ -123,25 +125,11 @@ def marks_of(detail: NightFrame) -> tuple[Mark, ...]:
         for m in detail.measurements
         if m.source == "operator"
     ]
-    unseen = [_coasted_mark(detail, track) for track in _unseen(detail)]
-    if detail.predicted is not None and not any(t.is_lead for t in _unseen(detail)):
+    coasted = [track for track in several if track.updated is None]
+    unseen = [_coasted_mark(detail, track) for track in coasted]
+    if detail.predicted is not None and not any(track.is_lead for track in coasted):
         unseen.append(_mark_at(detail.predicted, detail, "predicted"))
     return (*marks, *(mark for mark in unseen if mark is not None))
-
-
-def _members(detail: NightFrame) -> list[tuple[Measurement, FrameTrack]]:
-    """Measurements with their tracks, where there are several tracks; else empty."""
-    if len(detail.tracks) < 2:
-        return []
-    found = ((m, detail.track_of(m)) for m in detail.all_measured)
-    return [(m, track) for m, track in found if track is not None]
-
-
-def _unseen(detail: NightFrame) -> list[FrameTrack]:
-    """Tracks without a measurement in the frame, where there are several tracks; else empty."""
-    if len(detail.tracks) < 2:
-        return []
-    return [each for each in detail.tracks if each.updated is None]
 
 
 def _numbered(

@@ -69,10 +69,7 @@ class WhatIfWatch(Poller):
 
     def prepare(self) -> None:
         """Start the process before there is a question: its libraries take seconds to load."""
-        starting = threading.Thread(
-            target=self._process.start, name="console-what-if-start", daemon=True
-        )
-        starting.start()
+        threading.Thread(target=self._process.start, name="what-if-start", daemon=True).start()
 
     def close(self) -> None:
         """End thread and process."""

@@ -13,7 +13,6 @@ from rsoconsole.console.night.engine_seen import EngineView
 from rsoconsole.console.words.leaving import coast_words, leaving_words
 from rsoconsole.console.words.words import Item, cos_deg, packed, present_utc_ns
 from rsoconsole.control import (
-    Health,
     is_silent,
     limit_left_s,
     limit_words,
@@ -313,16 +312,12 @@ def _health_items(night: NightView, engine: EngineView) -> list[Item]:
     if engine.is_attached:
         lent = engine.temporary.items()
         items += [(f"{name} for {n} more frame{'s' if n > 1 else ''}", "warn") for name, n in lent]
-        items += [(f"{each.name} {each.text}", _health_ink(each)) for each in engine.health]
+        for each in engine.health:
+            # A weak supply or a slowed processor spoils the frames meanwhile.
+            ink: Ink = "" if each.ok else "alarm" if each.name in MACHINE else "warn"
+            items.append((f"{each.name} {each.text}", ink))
     # What has no room is left out: what is well before what is not.
     return sorted(items, key=lambda item: {"alarm": 0, "warn": 1}.get(item[1], 2))
-
-
-def _health_ink(each: Health) -> Ink:
-    """A weak supply or a slowed processor spoils the frames meanwhile: an alarm."""
-    if each.ok:
-        return ""
-    return "alarm" if each.name in MACHINE else "warn"
 
 
 def _solver_items(night: NightView) -> list[Item]:
