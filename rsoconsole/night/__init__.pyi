@@ -1,10 +1,10 @@
 from .current_tracks import FollowedTrack as FollowedTrack
 from .figures import FigureSum as FigureSum
-from .figures import Spell as Spell
+from .figures import StateSpan as StateSpan
 from .figures import Summary as Summary
 from .figures import TrackFigures as TrackFigures
 from .figures import as_recorded as as_recorded
-from .figures import spells_of as spells_of
+from .figures import state_spans as state_spans
 from .figures import summary_of as summary_of
 from .frame import ELSEWHERE as ELSEWHERE
 from .frame import FRAME_FACTS as FRAME_FACTS
@@ -25,8 +25,8 @@ from .frames import is_instruments as is_instruments
 from .log_lines import LogLine as LogLine
 from .log_lines import line_of as line_of
 from .night import Night as Night
-from .night_view import KeptNight as KeptNight
 from .night_view import LastMeasured as LastMeasured
+from .night_view import NightCheckpoint as NightCheckpoint
 from .night_view import NightView as NightView
 from .quality import Quality as Quality
 from .quality import Update as Update

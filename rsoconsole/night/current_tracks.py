@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
-from rsoconsole.night.frame import FrameRow, is_of_streak, numbered, predicted_sigma_arcsec
+from rsoconsole.night.frame import FrameRow, is_of_streak, predicted_sigma_arcsec, track_number
 from rsoconsole.records import (
     FOLLOWING,
     CycleTiming,
@@ -61,7 +61,7 @@ class FollowedTrack:
     @property
     def number(self) -> str:
         """Its number as it is shown: the lead's with a star."""
-        return numbered(self.track_id, is_lead=self.is_lead)
+        return track_number(self.track_id, is_lead=self.is_lead)
 
     @property
     def is_on_trial(self) -> bool:

@@ -165,7 +165,7 @@ def _seconds_between(first: _Frame, later: _Frame) -> float | None:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Spell:
+class StateSpan:
     """A time that the loop spent in one state."""
 
     state: str
@@ -202,7 +202,7 @@ def summary_of(frames: Sequence[NightFrame]) -> Summary:
     )
 
 
-def spells_of(log: Sequence[tuple[int, int, Any]]) -> tuple[Spell, ...]:
+def state_spans(log: Sequence[tuple[int, int, Any]]) -> tuple[StateSpan, ...]:
     """Return the loop's states one after another, from the first record to the last.
 
     ``log``: (seq, UTC nanoseconds, record) in order.
@@ -210,14 +210,14 @@ def spells_of(log: Sequence[tuple[int, int, Any]]) -> tuple[Spell, ...]:
     if not log:
         return ()
     t_last = max(t for _, t, _ in log)
-    spells: list[Spell] = []
+    spells: list[StateSpan] = []
     for _, t_utc_ns, record in log:
         if not isinstance(record, StateChange):
             continue
         if spells:
             spells[-1] = replace(spells[-1], t_to_utc_ns=t_utc_ns)
         elif t_utc_ns > log[0][1]:
-            before = Spell(state=record.before, t_from_utc_ns=log[0][1], t_to_utc_ns=t_utc_ns)
+            before = StateSpan(state=record.before, t_from_utc_ns=log[0][1], t_to_utc_ns=t_utc_ns)
             spells.append(before)
-        spells.append(Spell(state=record.after, t_from_utc_ns=t_utc_ns, t_to_utc_ns=t_last))
+        spells.append(StateSpan(state=record.after, t_from_utc_ns=t_utc_ns, t_to_utc_ns=t_last))
     return tuple(spells)

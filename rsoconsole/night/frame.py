@@ -38,7 +38,7 @@ def is_without_detection(record: Record) -> bool:
     return missed is not None and missed.kind == "no detection" and not missed.hidden_by
 
 
-def looked_elsewhere(
+def is_outside_field(
     predicted: TrackState | None,
     solution: Solution | NotSolved | None,
     taken: FrameTaken | None,
@@ -67,7 +67,7 @@ def was_pointed_at(
             predicted = each if each.kind == "predicted" else predicted
         elif isinstance(each, Miss) and each.track_id in {None, lead_id}:
             is_missed = is_missed or is_without_detection(each)
-    return not (is_missed and looked_elsewhere(predicted, solution, taken))
+    return not (is_missed and is_outside_field(predicted, solution, taken))
 
 
 class FrameFact(NamedTuple):
@@ -128,7 +128,7 @@ class FrameTrack:
     @property
     def number(self) -> str:
         """The track's number as it is shown: the lead's with a star."""
-        return numbered(self.track_id, is_lead=self.is_lead)
+        return track_number(self.track_id, is_lead=self.is_lead)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -262,7 +262,7 @@ class NightFrame:
     @property
     def is_lead_outside(self) -> bool:
         """Whether the lead's predicted place is outside the solved field."""
-        return looked_elsewhere(self.predicted, self.solution, self.taken)
+        return is_outside_field(self.predicted, self.solution, self.taken)
 
     def _not_led(self) -> tuple[FrameTrack, ...]:
         return tuple(each for each in self.tracks if not each.is_lead)
@@ -364,7 +364,7 @@ def row_of(frame: NightFrame) -> FrameRow:
     return row
 
 
-def numbered(track_id: int, *, is_lead: bool) -> str:
+def track_number(track_id: int, *, is_lead: bool) -> str:
     """A track's number, the lead's with a star."""
     return f"{track_id}*" if is_lead else f"{track_id}"
 

@@ -39,8 +39,8 @@ from rsoconsole.records import (
 from rsoconsole.words import (
     called,
     clock,
+    notable_streaks,
     off_words,
-    remarkable,
     ruled_text,
     short,
     text,
@@ -127,7 +127,7 @@ def without_console(text: str) -> str:
     return _CONSOLE.sub("", text)
 
 
-def left_out(found: Detections | None, tau: float) -> str:
+def rejected_words(found: Detections | None, tau: float) -> str:
     """Name the likeliest rejected streak of a frame at or above tau, and why; empty: none."""
     rejected = () if found is None else found.rejected
     likely = [each for each in rejected if each.detection.confidence >= tau]
@@ -233,7 +233,7 @@ def _words(record: Record) -> tuple[Level, str, str] | None:  # noqa: PLR0911 --
         case Identified():
             return _of_identified(record)
         case Detections():
-            said = remarkable(record.detections)
+            said = notable_streaks(record.detections)
             return ("info", "", f"detected: {said}") if said else None
         case OperatorAction(verb=BeginMark.verb) if record.outcome.kind == "done":
             return None

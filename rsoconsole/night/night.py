@@ -15,10 +15,10 @@ from rsoconsole.night.frame import (
     row_of,
 )
 from rsoconsole.night.frames import NEWEST, NightFrames
-from rsoconsole.night.log_lines import LogLine, append_line, left_out, line_of
+from rsoconsole.night.log_lines import LogLine, append_line, line_of, rejected_words
 from rsoconsole.night.night_view import (
     Chunks,
-    KeptNight,
+    NightCheckpoint,
     NightView,
     Pointing,
     above_horizon,
@@ -91,11 +91,11 @@ class Night:
             log=tuple(self._log),
         )
 
-    def keep(self) -> KeptNight:
+    def keep(self) -> NightCheckpoint:
         """Return the night as it is now, for ``go_back``."""
         self._kept_rows = in_chunks([*self._all_rows().values()], self._kept_rows)
         self._kept_log = in_chunks(self._log, self._kept_log)
-        return KeptNight(
+        return NightCheckpoint(
             now=replace(self._now),
             tracks=self._tracks,
             rows=self._kept_rows,
@@ -103,7 +103,7 @@ class Night:
             log=self._kept_log,
         )
 
-    def go_back(self, kept: KeptNight) -> None:
+    def go_back(self, kept: NightCheckpoint) -> None:
         """Return to a kept place, kept by this fold or by another of the same night."""
         self._now, self._tracks = replace(kept.now), kept.tracks
         self.frames.go_back(kept.frames)
@@ -175,7 +175,7 @@ class Night:
             self._tracks, record, t_utc_ns, frame.all_measured, frame.detections
         )
         is_blank = is_without_detection(record)
-        beside = left_out(frame.detections, self.frames.tau) if is_blank else ""
+        beside = rejected_words(frame.detections, self.frames.tau) if is_blank else ""
         line = line_of(record, t_utc_ns, beside, is_one_of_several=is_one_of_several)
         is_no_miss = is_blank and isinstance(record, Miss) and frame.is_lead_outside
         if line is not None and is_no_miss:

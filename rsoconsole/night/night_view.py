@@ -183,7 +183,7 @@ class NightView:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class KeptNight:
+class NightCheckpoint:
     """A night as it was at one place of the log, for ``Night.go_back``.
 
     Rows, frames and lines are shared with the night and among kept places.

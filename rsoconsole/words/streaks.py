@@ -65,7 +65,7 @@ def pulse_words(period_px: float | None, period_s: float | None, depth: float | 
     return f"pulses every {period}, depth {depth or 0.0:.2f}"
 
 
-def remarkable(streaks: Iterable[Detection]) -> str:
+def notable_streaks(streaks: Iterable[Detection]) -> str:
     """Name the streaks that start no track in one line; empty where there are none."""
     counts = Counter(
         name_of(each)

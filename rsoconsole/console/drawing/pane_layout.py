@@ -91,7 +91,7 @@ def fold(
         return boxes
     facts_rows = min(3, max(0, y1 - y0))
     middle = Box(x=0, y=y0, width=width, height=max(0, y1 - y0 - facts_rows))
-    if has_tune_of_its_own(width, height):
+    if has_tuning_column(width, height):
         _three_columns(boxes, Box(x=0, y=y0, width=width, height=y1 - y0), aspect)
     elif width >= LARGE[0] and height >= LARGE[1]:
         _large(boxes, Box(x=0, y=y0, width=width, height=y1 - y0), aspect)
@@ -143,7 +143,7 @@ def tune_box(
     y0, y1 = _rows_above(boxes), height - 1 - timeline_rows
     room = max(y1 - y0, 1)
     frame = boxes.get("frame")
-    if has_tune_of_its_own(width, height):
+    if has_tuning_column(width, height):
         sky = boxes["sky"]
         y = sky.y + sky.height
         return Box(x=sky.x, y=y, width=sky.width, height=max(min(OWN_TUNE_ROWS, y1 - y), 1))
@@ -172,7 +172,7 @@ def orbit_box(
     return Box(x=first.x, y=first.y, width=first.width, height=min(rows, OPEN_ORBIT_ROWS))
 
 
-def has_tune_of_its_own(width: int, height: int) -> bool:
+def has_tuning_column(width: int, height: int) -> bool:
     """Whether the tuning pane is always open."""
     return width >= THREE_COLUMNS[0] and height >= THREE_COLUMNS[1]
 

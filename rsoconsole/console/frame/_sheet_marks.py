@@ -63,7 +63,7 @@ def _making_room(mark: Mark, others: list[Mark]) -> Mark:
     return replace(mark, gap=1) if is_within else mark
 
 
-def place_in(detail: NightFrame) -> tuple[float, float] | None:
+def lead_place(detail: NightFrame) -> tuple[float, float] | None:
     """Where the lead was measured in the frame, else predicted; None: neither is known."""
     if detail.followed is not None:
         return detail.followed.x_px, detail.followed.y_px

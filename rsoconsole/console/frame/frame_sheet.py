@@ -16,7 +16,7 @@ from rsoconsole.console.actions.seat import Seat
 from rsoconsole.console.drawing.pane_layout import sheet_boxes
 from rsoconsole.console.drawing.plot import Ink, Line
 from rsoconsole.console.frame._sheet import Sheet, mark_words, step_px
-from rsoconsole.console.frame._sheet_marks import place_in
+from rsoconsole.console.frame._sheet_marks import lead_place
 from rsoconsole.console.frame._sheet_pane import SheetPane
 from rsoconsole.console.frame._sheet_panel import panel_lines
 from rsoconsole.console.frame.sheet_actions import SAID_S, MarkTo, SheetActions
@@ -140,7 +140,7 @@ class FrameSheet(SheetActions):
         sheet, news = self.sheet, message.news
         match news:
             case Opened():
-                sheet.opened, place = news, place_in(news.detail)
+                sheet.opened, place = news, lead_place(news.detail)
                 if sheet.view is not None and place is not None:
                     sheet.view = sheet.view.at(*place)  # as near as the frame before was seen
             case Loaded():

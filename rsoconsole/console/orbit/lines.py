@@ -41,7 +41,7 @@ AHEAD_GOOD_S = 300.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class OrbitShown:
+class OrbitFacts:
     """What the orbit pane shows: orbit, identification, prediction, track quality."""
 
     estimate: OrbitEstimate | None = None
@@ -63,11 +63,11 @@ class OrbitShown:
     """Whether the session has a catalogue to identify by."""
 
 
-def orbit_shown(night: NightView, engine: EngineView, ahead: OrbitAhead | None) -> OrbitShown:
+def orbit_facts(night: NightView, engine: EngineView, ahead: OrbitAhead | None) -> OrbitFacts:
     """Collect what the pane shows; ``ahead``: the last prediction, of whatever orbit."""
     now = present_utc_ns(night, engine)
     is_fit = ahead is not None and _is_near(ahead, night, now) and _is_of(ahead, night)
-    return OrbitShown(
+    return OrbitFacts(
         estimate=night.orbit,
         identified=night.identified,
         ahead=ahead if is_fit else None,
@@ -154,7 +154,7 @@ LABEL_INKS: dict[str, Ink] = {
 }
 
 
-def orbit_lines(shown: OrbitShown, width: int, height: int) -> list[Line]:
+def orbit_lines(shown: OrbitFacts, width: int, height: int) -> list[Line]:
     """Build the pane's lines as far as there is room."""
     estimate = shown.estimate
     lines: list[Ranked] = [(0, _title(shown, width))]
@@ -175,7 +175,7 @@ def orbit_lines(shown: OrbitShown, width: int, height: int) -> list[Line]:
     return [clipped(lines[n][1], width) for n in sorted(kept)]
 
 
-def target_words(shown: OrbitShown) -> tuple[str, str, str]:
+def target_words(shown: OrbitFacts) -> tuple[str, str, str]:
     """Return the target's name, its orbit's size and whether that was assumed; empty: not known."""
     estimate, found = shown.estimate, shown.identified
     if shown.is_past:
@@ -192,7 +192,7 @@ def _by_prior(estimate: OrbitEstimate) -> str:
     return "" if estimate.prior == "none" else " by prior"
 
 
-def _title(shown: OrbitShown, width: int) -> Line:
+def _title(shown: OrbitFacts, width: int) -> Line:
     estimate = shown.estimate
     head = "orbit"
     if shown.is_past:
@@ -209,7 +209,7 @@ def _title(shown: OrbitShown, width: int) -> Line:
     return rule([(head, "title"), (" · ", "dim"), (label, ink)], arc, width)
 
 
-def _name_lines(shown: OrbitShown, width: int) -> list[Ranked]:
+def _name_lines(shown: OrbitFacts, width: int) -> list[Ranked]:
     """The identification, its runner-up, and a hint at a manoeuvre."""
     found = shown.identified
     if found is None:
@@ -243,7 +243,7 @@ def _called(match: CatalogueMatch, *, is_sure: bool = True) -> str:
     return _one_wide(called(match.name, match.norad_id)) + ("" if is_sure else "?")
 
 
-def _element_lines(shown: OrbitShown, estimate: OrbitEstimate, width: int) -> list[Ranked]:
+def _element_lines(shown: OrbitFacts, estimate: OrbitEstimate, width: int) -> list[Ranked]:
     ahead = shown.ahead
     sigmas = dict(ahead.sigmas) if ahead is not None else {}
     ink = LABEL_INKS.get(estimate.label, "")
@@ -261,7 +261,7 @@ def _element_lines(shown: OrbitShown, estimate: OrbitEstimate, width: int) -> li
     return _ranked(packed(items, width, MAX_ROWS), 1, 7)
 
 
-def _ahead_lines(shown: OrbitShown, width: int) -> list[Ranked]:
+def _ahead_lines(shown: OrbitFacts, width: int) -> list[Ranked]:
     """Places ahead, and rise, set and eclipse within a day."""
     ahead = shown.ahead
     if ahead is None:
@@ -334,7 +334,7 @@ def _track_lines(quality: TrackQuality, width: int) -> list[Ranked]:
     return lines
 
 
-def _quality_lines(shown: OrbitShown, estimate: OrbitEstimate, width: int) -> list[Ranked]:
+def _quality_lines(shown: OrbitFacts, estimate: OrbitEstimate, width: int) -> list[Ranked]:
     """What the telescope aims by, and how well the orbit fits."""
     items: list[Item] = []
     if not shown.is_past:

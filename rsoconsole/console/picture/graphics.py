@@ -12,7 +12,7 @@ import numpy.typing as npt
 
 from rsoconsole.config import Graphics
 from rsoconsole.console.drawing.blocks import BY_NAME, QUADRANTS, Blocks
-from rsoconsole.console.drawing.terminal_query import asked, blocks_of
+from rsoconsole.console.drawing.terminal_query import blocks_of, query_terminal
 from rsoconsole.console.picture.marks import Mark, Window
 
 if TYPE_CHECKING:
@@ -32,7 +32,7 @@ FONT_SCALE, FONT_ROOM_PX = 0.42, 4
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Drawn:
+class DrawingMode:
     """How pictures are drawn in a terminal."""
 
     graphics: GraphicsKind | None = None
@@ -41,22 +41,22 @@ class Drawn:
     """The set of characters."""
 
 
-def offered(wanted: Graphics) -> Drawn:
+def choose_drawing(wanted: Graphics) -> DrawingMode:
     """Choose how to draw: as wanted, or the finest that the terminal has.
 
     May ask the terminal: to be called before the application runs.
     """
     if wanted in BY_NAME:
-        return Drawn(blocks=BY_NAME[wanted])
+        return DrawingMode(blocks=BY_NAME[wanted])
     if wanted == "kitty" or wanted == "sixel":  # noqa: PLR1714 -- mypy narrows only this
-        drawn = Drawn(graphics=wanted)
+        drawn = DrawingMode(graphics=wanted)
     else:
-        terminal = asked()
+        terminal = query_terminal()
         found: GraphicsKind | None = (
             "kitty" if terminal.has_kitty else "sixel" if terminal.has_sixel else None
         )
         kind = found if wanted == "auto" else None
-        drawn = Drawn(graphics=kind, blocks=blocks_of(terminal))
+        drawn = DrawingMode(graphics=kind, blocks=blocks_of(terminal))
     if drawn.graphics is not None:
         # Importing it asks the terminal for the size of its cells, which is not possible later.
         from textual_image import widget

@@ -12,7 +12,7 @@ from itertools import groupby
 
 from rsoconsole.console.drawing.plot import Ink, Line, joined
 from rsoconsole.console.night.engine_seen import EngineView
-from rsoconsole.console.timeline.night_line import Timeline, TimelineEventKind
+from rsoconsole.console.timeline.timeline import Timeline, TimelineEventKind
 from rsoconsole.console.words.words import STATE_INKS, clipped, fitted, justified
 from rsoconsole.control import holder_words
 from rsoconsole.night import NightView
@@ -231,7 +231,7 @@ def _frames_in(timeline: Timeline, column: int, columns: int) -> int:
     return b - a
 
 
-def holder_then(night: NightView) -> str | None:
+def recorded_holder(night: NightView) -> str | None:
     """Return who had control by the recorded state; None where no state is on record."""
     if night.state is None:
         return None
@@ -239,12 +239,12 @@ def holder_then(night: NightView) -> str | None:
     return holders.get(night.state, "autonomy")
 
 
-def engine_then(night: NightView) -> EngineView:
+def recorded_engine(night: NightView) -> EngineView:
     """Return the engine's status as the record has it at that moment."""
     return EngineView(
         reach="recorded",
         state=night.state,
-        holder=holder_then(night),
+        holder=recorded_holder(night),
         now_utc_ns=night.last_utc_ns,
         session=night.folder,
     )

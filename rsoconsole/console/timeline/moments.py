@@ -18,9 +18,9 @@ from rsoconsole.base import SessionError
 from rsoconsole.config import Config
 from rsoconsole.console.picture.marks import marks_of
 from rsoconsole.console.picture.picture import Picture, read_picture
-from rsoconsole.console.timeline.night_line import READ_IN_FULL, FrameMark, Timeline, TimelineFold
+from rsoconsole.console.timeline.timeline import READ_IN_FULL, FrameMark, Timeline, TimelineFold
 from rsoconsole.control import Poller
-from rsoconsole.night import KeptNight, LogLine, Night, NightFrame, NightView
+from rsoconsole.night import LogLine, Night, NightCheckpoint, NightFrame, NightView
 from rsoconsole.records import FrameTaken, ParameterChange, Record, StateChange
 from rsoconsole.session import SessionReader
 
@@ -57,7 +57,7 @@ class Moments:
         self._shown = self._night()
         """The fold of the moment shown last."""
         self._kept_seqs: list[int] = [0]
-        self._kept: list[KeptNight] = [self._head.keep()]
+        self._kept: list[NightCheckpoint] = [self._head.keep()]
         self._frames_since = 0
         self._reading: Iterator[tuple[int, int, Record]] | None = None
         self._timeline = TimelineFold()

@@ -145,7 +145,7 @@ def frames_of_track(night: NightView, last: int = LAST_FRAMES) -> list[FrameRow]
     return [row for row in own if row.was_sought and row.is_reduced][-last:]
 
 
-def of_settings_now(night: NightView, last: int) -> int:
+def count_by_present_settings(night: NightView, last: int) -> int:
     """Count those frames that were processed with the settings in force now."""
     now = {name: night.setting(name) for name in NAMES}
     return sum(

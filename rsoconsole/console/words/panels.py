@@ -231,7 +231,7 @@ def _column(row: FrameRow, axis: int) -> Column:
 
 
 def _confidence_column(row: FrameRow) -> Column:
-    refused = refused_of(row)
+    refused = likeliest_refused(row)
     value = row.confidence if refused is None else None
     is_miss = row.is_reduced and value is None and row.was_sought
     return Column(
@@ -239,7 +239,7 @@ def _confidence_column(row: FrameRow) -> Column:
     )
 
 
-def refused_of(row: FrameRow) -> tuple[float, str] | None:
+def likeliest_refused(row: FrameRow) -> tuple[float, str] | None:
     """Return the likeliest streak that was not taken: confidence, reason; None: one was taken."""
     if row.is_followed or row.refused is None or row.refused[0] < SHOWN_REJECTED:
         return None
@@ -249,7 +249,7 @@ def refused_of(row: FrameRow) -> tuple[float, str] | None:
 def _confidence_words(row: FrameRow | None) -> str:
     if row is None:
         return ""
-    refused = refused_of(row)
+    refused = likeliest_refused(row)
     if refused is not None:
         return f"{REFUSED} {short(refused[0])} {refused[1]}"
     if row.confidence is not None:

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 from rsoconsole.library.notebook._pictures import Picture, layered
 from rsoconsole.library.notebook.night.svg import GREEN, GREY, RED, text
-from rsoconsole.night import Spell, Summary, merits
+from rsoconsole.night import StateSpan, Summary, merits
 from rsoconsole.words import span
 
 STATE_COLOURS = {
@@ -42,7 +42,7 @@ class Card:
     kept: int
     """Frames whose pixels are there."""
     summary: Summary
-    spells: tuple[Spell, ...]
+    spells: tuple[StateSpan, ...]
     misses: tuple[int, ...]
     """Instants of frames in which the object was not measured, UTC ns."""
     picture: Picture | None
@@ -101,7 +101,7 @@ def card_text(card: Card) -> str:
     return f"{card.title}  ({card.folder})\n{rows}{states}"
 
 
-def strip_svg(spells: Sequence[Spell], misses: Iterable[int] = ()) -> str:
+def strip_svg(spells: Sequence[StateSpan], misses: Iterable[int] = ()) -> str:
     """The states of the loop along time, and a mark below for every miss; words under it."""
     if not spells:
         return ""
@@ -136,7 +136,7 @@ def strip_svg(spells: Sequence[Spell], misses: Iterable[int] = ()) -> str:
     )
 
 
-def _strip_words(spells: Iterable[Spell]) -> str:
+def _strip_words(spells: Iterable[StateSpan]) -> str:
     total: dict[str, float] = {}
     for spell in spells:
         total[spell.state] = total.get(spell.state, 0.0) + spell.seconds

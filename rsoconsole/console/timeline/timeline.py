@@ -13,7 +13,7 @@ from itertools import pairwise
 from statistics import median_high
 from typing import Literal, NamedTuple
 
-from rsoconsole.console.words.panels import refused_of
+from rsoconsole.console.words.panels import likeliest_refused
 from rsoconsole.control import BeginMark, Note
 from rsoconsole.night import FrameRow
 from rsoconsole.records import (
@@ -193,7 +193,7 @@ class TimelineFold:
 
     def receive_row(self, row: FrameRow, mark: FrameMark) -> None:
         """Fold the outcome of a frame that has been read to its end."""
-        if refused_of(row) is not None:
+        if likeliest_refused(row) is not None:
             self._refused.append(TimelineEvent(mark.seq, mark.t_utc_ns, "rejection"))
 
     def so_far(self, read_seq: int, *, is_closed: bool) -> Timeline:
@@ -290,7 +290,7 @@ _CLOCK = re.compile(r"(?:(\d{4}-\d\d-\d\d)[T ])?(\d\d?):(\d\d)(?::(\d\d))?Z?", r
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Typed:
+class TypedPlace:
     """A place as typed: a frame's number, or a UTC time of day with or without its date."""
 
     frame_id: int | None = None
@@ -298,16 +298,16 @@ class Typed:
     day: date | None = None
 
 
-def understood(text: str) -> Typed:
+def parse_place(text: str) -> TypedPlace:
     """Parse a frame's number or a UTC time. Raises ValueError in words for what is neither."""
     plain = text.strip()
     if plain.isdecimal():
-        return Typed(frame_id=int(plain))
+        return TypedPlace(frame_id=int(plain))
     found = _CLOCK.fullmatch(plain)
     if found is not None:
         day, hour, minute, second = found.groups()
         try:
-            return Typed(
+            return TypedPlace(
                 clock=time_of_day(int(hour), int(minute), int(second or 0)),
                 day=date.fromisoformat(day) if day else None,
             )
@@ -316,7 +316,7 @@ def understood(text: str) -> Typed:
     raise ValueError(f"{plain!r} is no frame and no UTC time: {EXAMPLES}")
 
 
-def seq_of(typed: Typed, timeline: Timeline) -> int:
+def seq_of(typed: TypedPlace, timeline: Timeline) -> int:
     """Return the place that was typed: that frame's end, or the newest frame's at that time.
 
     Raises ValueError in words where the night has no such place.
@@ -337,7 +337,7 @@ def seq_of(typed: Typed, timeline: Timeline) -> int:
     return seq
 
 
-def _instant(typed: Typed, timeline: Timeline) -> int | None:
+def _instant(typed: TypedPlace, timeline: Timeline) -> int | None:
     """A typed time within the session, to a minute beyond its ends; None where it is outside."""
     first, last = timeline.first_utc_ns, timeline.last_utc_ns
     if first is None or last is None or typed.clock is None:
