@@ -14,7 +14,7 @@ from rsoconsole.console.night.engine_seen import EngineView, OrbitAhead
 from rsoconsole.console.tuning.what_if_watch import TrackQuality, track_quality
 from rsoconsole.console.words.words import Item, clipped, packed, present_utc_ns, rule, wrapped
 from rsoconsole.control import one_line
-from rsoconsole.night import NightView, merits
+from rsoconsole.night import NightView, merit
 from rsoconsole.records import CatalogueMatch, Identified, OrbitEstimate
 from rsoconsole.tracking import NIS_BAND
 from rsoconsole.words import (
@@ -319,7 +319,7 @@ def _track_lines(quality: TrackQuality, width: int) -> list[Ranked]:
     nis = f"NIS {number(quality.nis_mean, '.1f')} /{quality.updates}"
     items: list[Item] = [
         (f"track, {quality.frames} frames: rms {_fine(quality.residual_rms_arcsec or 0.0)}", ""),
-        (f"{merits.INSIDE.label} {merits.INSIDE.words(quality)}", ""),
+        (f"{merit.INSIDE.label} {merit.INSIDE.words(quality)}", ""),
         (f"{quality.misses} missed", "warn" if quality.misses else ""),
         (
             f"{nis} (ideal 2, sound {low:.1f}-{high:.1f})",

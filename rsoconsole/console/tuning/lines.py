@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, NamedTuple
 from rsoconsole.console.drawing.plot import Ink, Line
 from rsoconsole.console.tuning.tuning_pane import LAST_FRAMES, Tunable, Tuning
 from rsoconsole.console.words.words import clipped, rule, wrapped
-from rsoconsole.night import merits
+from rsoconsole.night import merit
 
 if TYPE_CHECKING:
     from rsoconsole.night import TrackFigures
@@ -114,11 +114,11 @@ def _figures(
         [(f"{head}{'as it was':>{VALUE_COLUMNS}}{'if tried':>{VALUE_COLUMNS}}", "dim")]
     ]
     inks: dict[bool | None, Ink] = {True: "good", False: "warn", None: ""}
-    for each in merits.TUNED:
+    for each in merit.TUNED:
         line: Line = [(f"  {each.label:<{LABEL_COLUMNS + 2}}", "")]
         for figures, is_coming in ((now, True), (then, has_changes)):
             text = ("…" if is_coming else "-") if figures is None else each.words(figures)
-            is_sound = figures.is_nis_sound if figures and each is merits.NIS_MEAN else None
+            is_sound = figures.is_nis_sound if figures and each is merit.NIS_MEAN else None
             line.append((f"{text:>{VALUE_COLUMNS}}", "dim" if figures is None else inks[is_sound]))
         lines.append(line)
     return lines

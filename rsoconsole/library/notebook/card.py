@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 from rsoconsole.library.notebook._pictures import Picture, layered
 from rsoconsole.library.notebook.night.svg import GREEN, GREY, RED, text
-from rsoconsole.night import StateSpan, Summary, merits
+from rsoconsole.night import StateSpan, Summary, merit
 from rsoconsole.words import span
 
 STATE_COLOURS = {
@@ -54,10 +54,10 @@ def rows_of(card: Card) -> list[tuple[str, str]]:
     rows = [
         ("when", card.when),
         ("frames", f"{card.frames}, {card.kept} kept in full"),
-        (merits.LOCK.label, merits.LOCK.words(s)),
-        (merits.MISSES.label, f"{s.misses} of {s.followed + s.misses} frames with a track"),
-        (merits.RMS.label, merits.RMS.words(s)),
-        (merits.NIS_MEAN.label, f"{merits.NIS_MEAN.words(s)}, band {merits.BAND.words(s)}"),
+        (merit.LOCK.label, merit.LOCK.words(s)),
+        (merit.MISSES.label, f"{s.misses} of {s.followed + s.misses} frames with a track"),
+        (merit.RMS.label, merit.RMS.words(s)),
+        (merit.NIS_MEAN.label, f"{merit.NIS_MEAN.words(s)}, band {merit.BAND.words(s)}"),
     ]
     if card.branch_of is not None:
         rows.insert(
