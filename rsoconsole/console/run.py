@@ -98,9 +98,9 @@ def _run(
 ) -> str:
     """The application until its end, in a process that is a console alone; ``more``: of it."""
     from rsoconsole.console.app import ConsoleApp
-    from rsoconsole.console.picture.graphics import offered
+    from rsoconsole.console.picture.graphics import choose_drawing
 
-    drawn = offered(graphics or config.console.graphics)
+    drawn = choose_drawing(graphics or config.console.graphics)
     app = ConsoleApp(
         lambda: ControlClient(socket, sender=seat),
         settings=config.console,

@@ -1,8 +1,9 @@
-"""How well a night was followed, in figures: as recorded, and as with other settings."""
+"""Figures of merit of a night, as recorded or with other settings."""
 
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
+from statistics import fmean
 from typing import Any, NamedTuple
 
 from rsoconsole.night.frame import NightFrame, was_pointed_at
@@ -21,38 +22,38 @@ from rsoconsole.records import (
 from rsoconsole.tracking import three_sigma_deg
 
 CURVE_FRAMES = 40
-"""Of the curve of what a setting changes."""
+"""Newest frames of which ``TrackFigures`` keeps the NIS one by one."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TrackFigures(Quality):
-    """Of the frames looked at; None where there is nothing to go by."""
+    """How well the tracks of some frames were followed; None where no frame says it."""
 
     frames: int
-    """Folded ones: not those that were taken while the operator had the mount."""
+    """Frames that were folded: not those taken while the operator had the mount."""
     locked_after_frames: int | None
     """Number of the first frame in TRACK."""
     locked_after_s: float | None
-    """From the middle of the first frame to the middle of that one."""
+    """Mid-exposure of the first frame to mid-exposure of that one."""
     lock_held: float | None
     """Share of the frames after that one that ended in TRACK."""
     misses: int
     losses: int
-    """How often what was followed was given up as lost."""
+    """How often the loop changed to LOST."""
     max_3sigma_arcmin: float | None
-    """Of the predictions for a frame, the widest."""
+    """3 sigma of the widest prediction."""
     state: str
-    """After the last frame."""
+    """The loop's state after the last frame."""
     carried_by_orbit: int = 0
     """Updates whose prediction was the orbit's, because the filter's had failed."""
     states: Mapping[str, int] = field(default_factory=dict)
-    """How many frames ended in each."""
+    """How many frames ended in each state of the loop."""
     nis_curve: tuple[float | None, ...] = ()
     """NIS of the lead in each of the last ``CURVE_FRAMES`` frames; None: not measured there."""
 
 
 class _Frame(NamedTuple):
-    """What figures need of a frame: a night of 50,000 has room."""
+    """What the figures need of a frame: small, since a night may have 50,000."""
 
     frame_id: int
     t_mid_utc_ns: int | None
@@ -60,7 +61,7 @@ class _Frame(NamedTuple):
     is_chosen: bool
     updates: tuple[Update, ...]
     by_orbit: int
-    """Those of them that the orbit predicted."""
+    """Updates that the orbit predicted."""
     misses: int
     losses: int
     widest_3sigma_deg: float | None
@@ -68,10 +69,10 @@ class _Frame(NamedTuple):
 
 
 class FigureSum:
-    """Figures of a night, frame by frame: nothing else of a frame is kept."""
+    """Running sum of a night's figures over its frames."""
 
     def __init__(self, *, of_lead: bool = False) -> None:
-        """``of_lead`` as ``as_recorded``."""
+        """``of_lead``: of the lead track alone, as in ``as_recorded``."""
         self._of_lead = of_lead
         self._frames: dict[int, _Frame] = {}
 
@@ -85,13 +86,14 @@ class FigureSum:
         state: LoopState,
         solution: Solution | NotSolved | None,
     ) -> None:
-        """One frame more, or one that was followed again: what counts in the end.
+        """Add a frame, or replace it by what it came to when it was followed again.
 
-        ``folded``: what the fold made of it, TrackState, NotFollowed, Miss, StateChange, in order;
-        ``state``: after it.
+        ``folded``: the fold's records of it in order (TrackState, NotFollowed, Miss, StateChange);
+        ``state``: the loop's state after it.
         """
         records = _of_lead(folded) if self._of_lead else folded
         tracks = [r for r in records if isinstance(r, TrackState)]
+        leads = [r for r in folded if isinstance(r, TrackState) and r.is_lead]
         sigmas_deg = [three_sigma_deg(r) for r in tracks if r.kind == "predicted"]
         self._frames[taken.frame_id] = _Frame(
             frame_id=taken.frame_id,
@@ -103,28 +105,29 @@ class FigureSum:
             misses=sum(isinstance(record, Miss) for record in records),
             losses=sum(isinstance(r, StateChange) and r.after == "LOST" for r in records),
             widest_3sigma_deg=max(sigmas_deg, default=None),
-            nis_of_lead=_nis_of_lead(folded),
+            nis_of_lead=next((r.nis for r in leads if r.nis is not None), None),
         )
 
     def add_recorded(self, frame: NightFrame) -> None:
-        """A frame as it is on record; one that was only looked at changes nothing."""
+        """Add a recorded frame; one that was not folded is left out."""
         if frame.taken is not None and frame.fold is not None:
             self.add(frame.taken, frame.fold.records, frame.fold.state, frame.solution)
 
     def figures(self, last: int | None = None) -> TrackFigures:
-        """Of the ``last`` frames, of all with None."""
+        """Return the figures of the ``last`` frames; of all with None."""
         every = [self._frames[number] for number in sorted(self._frames)]
         chosen = [each for each in every if each.is_chosen]
         chosen = chosen if last is None else chosen[max(len(chosen) - last, 0) :]
         widest = [f.widest_3sigma_deg for f in chosen if f.widest_3sigma_deg is not None]
         locked = next((n for n, each in enumerate(chosen) if each.state == "TRACK"), None)
+        after = [] if locked is None else chosen[locked + 1 :]
         quality = quality_of([update for each in chosen for update in each.updates])
         return TrackFigures(
             **asdict(quality),
             frames=len(chosen),
             locked_after_frames=None if locked is None else chosen[locked].frame_id,
             locked_after_s=None if locked is None else _seconds_between(chosen[0], chosen[locked]),
-            lock_held=None if locked is None else _share_in_track(chosen[locked + 1 :]),
+            lock_held=fmean(each.state == "TRACK" for each in after) if after else None,
             misses=sum(each.misses for each in chosen),
             losses=sum(each.losses for each in chosen),
             max_3sigma_arcmin=max(widest) * 60.0 if widest else None,
@@ -138,10 +141,10 @@ class FigureSum:
 def as_recorded(
     records: Iterable[Record], last: int | None = None, *, of_lead: bool = False
 ) -> TrackFigures:
-    """The night as it was, nothing computed again: of the ``last`` frames, of all with None.
+    """Return the figures of a recorded night, or of its ``last`` frames.
 
-    ``of_lead``: of the lead alone, without the frames in which it was missed because they looked
-    elsewhere; else of all that is followed.
+    ``of_lead``: of the lead track alone, without the frames in which it was missed because they
+    looked elsewhere; else of all tracks.
     """
     found = FigureSum(of_lead=of_lead)
     frames = NightFrames(newest=NEWEST, on_past=found.add_recorded).take_all(records)
@@ -151,7 +154,7 @@ def as_recorded(
 
 
 def _of_lead(records: Sequence[Record]) -> list[Record]:
-    """Without what is said of other tracks."""
+    """The records without those of other tracks than the lead."""
     beside = {r.track_id for r in records if isinstance(r, TrackState) and not r.is_lead}
     return [r for r in records if not (isinstance(r, TrackState | Miss) and r.track_id in beside)]
 
@@ -161,21 +164,9 @@ def _seconds_between(first: _Frame, later: _Frame) -> float | None:
     return None if begin is None or end is None else (end - begin) / 1e9
 
 
-def _share_in_track(frames: Sequence[_Frame]) -> float | None:
-    in_track = sum(each.state == "TRACK" for each in frames)
-    return in_track / len(frames) if frames else None
-
-
-def _nis_of_lead(records: Sequence[Record]) -> float | None:
-    found = (
-        r.nis for r in records if isinstance(r, TrackState) and r.is_lead and r.nis is not None
-    )
-    return next(found, None)
-
-
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Spell:
-    """For how long the loop was in one state."""
+class StateSpan:
+    """A time that the loop spent in one state."""
 
     state: str
     t_from_utc_ns: int
@@ -183,24 +174,24 @@ class Spell:
 
     @property
     def seconds(self) -> float:
-        """Its length."""
+        """How long it lasted."""
         return (self.t_to_utc_ns - self.t_from_utc_ns) / 1e9
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Summary(Quality):
-    """A night at a glance; None where there is nothing to go by."""
+    """The lead track's figures over a night; None where no frame says it."""
 
     frames: int
     followed: int
-    """Frames in which the track took a measurement."""
+    """Frames in which the lead track took a measurement."""
     misses: int
     locked_after_frames: int | None
-    """How many frames it took to TRACK; None where it never came to that."""
+    """Frames until the first in TRACK, that one included; None: the loop never reached TRACK."""
 
 
 def summary_of(frames: Sequence[NightFrame]) -> Summary:
-    """The figures of frames that have a time."""
+    """Sum up a night's frames, each of which has a time."""
     locked = (n for n, f in enumerate(frames, 1) if any(c.after == "TRACK" for c in f.changes))
     return Summary(
         **asdict(quality_of(updates_of(frame.updated for frame in frames))),
@@ -211,19 +202,22 @@ def summary_of(frames: Sequence[NightFrame]) -> Summary:
     )
 
 
-def spells_of(log: Sequence[tuple[int, int, Any]]) -> tuple[Spell, ...]:
-    """The states one after another, from the first record to the last."""
+def state_spans(log: Sequence[tuple[int, int, Any]]) -> tuple[StateSpan, ...]:
+    """Return the loop's states one after another, from the first record to the last.
+
+    ``log``: (seq, UTC nanoseconds, record) in order.
+    """
     if not log:
         return ()
     t_last = max(t for _, t, _ in log)
-    spells: list[Spell] = []
+    spells: list[StateSpan] = []
     for _, t_utc_ns, record in log:
         if not isinstance(record, StateChange):
             continue
         if spells:
             spells[-1] = replace(spells[-1], t_to_utc_ns=t_utc_ns)
         elif t_utc_ns > log[0][1]:
-            before = Spell(state=record.before, t_from_utc_ns=log[0][1], t_to_utc_ns=t_utc_ns)
+            before = StateSpan(state=record.before, t_from_utc_ns=log[0][1], t_to_utc_ns=t_utc_ns)
             spells.append(before)
-        spells.append(Spell(state=record.after, t_from_utc_ns=t_utc_ns, t_to_utc_ns=t_last))
+        spells.append(StateSpan(state=record.after, t_from_utc_ns=t_utc_ns, t_to_utc_ns=t_last))
     return tuple(spells)

@@ -1,4 +1,4 @@
-"""One exposure of a night: everything that is on record of it, and its row in a plot."""
+"""One exposure of a night: all that is on record of it, and its row in the plots."""
 
 import math
 from collections.abc import Iterable, Mapping
@@ -32,18 +32,18 @@ from rsoconsole.words import text
 
 
 def is_without_detection(record: Record) -> bool:
-    """Whether it says that a frame had none."""
+    """Whether a record says that a frame had no detection, for no cause outside the detector."""
     reason = record.reason if isinstance(record, Miss | StateChange) else None
     missed = reason.missed if isinstance(reason, Cause) else reason
     return missed is not None and missed.kind == "no detection" and not missed.hidden_by
 
 
-def looked_elsewhere(
+def is_outside_field(
     predicted: TrackState | None,
     solution: Solution | NotSolved | None,
     taken: FrameTaken | None,
 ) -> bool:
-    """Whether a solved frame's field does not have the place where the lead is predicted."""
+    """Whether a solved frame's field leaves out the place predicted for the lead track."""
     if predicted is None or taken is None or not isinstance(solution, Solution):
         return False
     from rsoconsole.sky import sky_to_pixel
@@ -55,7 +55,10 @@ def looked_elsewhere(
 def was_pointed_at(
     records: Iterable[Record], solution: Solution | NotSolved | None, taken: FrameTaken
 ) -> bool:
-    """Of a folded frame by its records: False where the lead was missed for want of looking."""
+    """Whether a folded frame was pointed at the lead track; False: it missed it by looking away.
+
+    ``records``: the fold's of that frame.
+    """
     predicted = lead_id = None
     is_missed = False
     for each in records:
@@ -64,18 +67,18 @@ def was_pointed_at(
             predicted = each if each.kind == "predicted" else predicted
         elif isinstance(each, Miss) and each.track_id in {None, lead_id}:
             is_missed = is_missed or is_without_detection(each)
-    return not (is_missed and looked_elsewhere(predicted, solution, taken))
+    return not (is_missed and is_outside_field(predicted, solution, taken))
 
 
 class FrameFact(NamedTuple):
-    """One of them."""
+    """A figure of image or sky that every frame has."""
 
     name: str
-    """Of the field and its column."""
+    """Field of ``Detections`` and column of the session."""
     label: str
     unit: str
     form: str
-    """Of a figure."""
+    """Python format of its value."""
 
 
 FRAME_FACTS = (
@@ -84,16 +87,16 @@ FRAME_FACTS = (
     FrameFact("zero_point_mag", "transparency, zero point", "mag", ".2f"),
     FrameFact("star_count", "stars", "", ".0f"),
 )
-"""In the order in which they are shown."""
+"""The figures of image and sky, in the order in which they are shown."""
 
 
 def facts_of(seen: Detections | None) -> dict[str, float | None]:
-    """By name; None where the frame does not say."""
+    """Return a frame's ``FRAME_FACTS`` by name; None where the frame does not say."""
     return {each.name: getattr(seen, each.name, None) for each in FRAME_FACTS}
 
 
 def span_text(fact: FrameFact, values: Iterable[float | None]) -> str:
-    """The middle one of a night and the span of all; empty where no frame says it."""
+    """Word the median of a night and its range; empty where no frame says it."""
     known = sorted(value for value in values if value is not None)
     if not known:
         return ""
@@ -104,16 +107,17 @@ def span_text(fact: FrameFact, values: Iterable[float | None]) -> str:
 
 
 UNSOUGHT: frozenset[LoopState | None] = frozenset(("IDLE", "MANUAL", "FAULT"))
-"""States in which nobody looks for anything."""
+"""States of the loop in which no object is looked for."""
 ELSEWHERE = "not pointed at it"
-"""Why a frame that looked somewhere else shows nothing of the track."""
+"""Why a frame that looked somewhere else does not show the track."""
 SAME_PLACE_PX = 1.0
+"""Pixels within which a measurement is of a detection."""
 OUTLINE_SIGMAS = 3.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FrameTrack:
-    """What one frame made of one track."""
+    """One track in one frame: its prediction and its update."""
 
     track_id: int
     is_lead: bool
@@ -123,13 +127,13 @@ class FrameTrack:
 
     @property
     def number(self) -> str:
-        """As pictures, lists and plots call it: the lead with a sign."""
-        return numbered(self.track_id, is_lead=self.is_lead)
+        """The track's number as it is shown: the lead's with a star."""
+        return track_number(self.track_id, is_lead=self.is_lead)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FrameFold:
-    """What the fold made of a frame, in the order of the record."""
+    """A frame's outcome in the fold, in the order of the record."""
 
     before: LoopState
     """The loop's state when the frame was reduced."""
@@ -138,7 +142,7 @@ class FrameFold:
 
     @property
     def state(self) -> LoopState:
-        """After it."""
+        """The loop's state after the frame."""
         changes = (each.after for each in reversed(self.records) if isinstance(each, StateChange))
         return next(changes, self.before)
 
@@ -149,37 +153,37 @@ class NightFrame:
 
     frame_id: int = 0
     began_utc_ns: int | None = None
-    """By its header, else by when it was put on record."""
+    """Start of exposure by the header, else when it was put on record."""
     state_before: LoopState | None = None
-    """The loop's when it was taken; None where the record does not say."""
+    """The loop's state when it was taken; None where the record does not say."""
     tau: float = 0.0
-    """In force when it was taken."""
+    """The detector's tau in force when it was taken."""
     settings: Mapping[str, float | int | str] = field(default_factory=dict)
-    """What had been changed since the session began when it was processed."""
+    """Settings changed between the session's begin and its processing, by dotted name."""
     taken: FrameTaken | None = None
     detections: Detections | None = None
     solution: Solution | NotSolved | None = None
     measurements: tuple[Measurement, ...] = ()
     predicted: TrackState | None = None
-    """Of the lead."""
+    """The lead track's prediction."""
     updated: TrackState | None = None
-    """Of the lead, after its measurement; the first state of a track too."""
+    """The lead track's state after its measurement; the first state of a track too."""
     tracks: tuple[FrameTrack, ...] = ()
-    """What it made of each track."""
+    """Every track in it."""
     not_followed: tuple[NotFollowed, ...] = ()
     misses: tuple[Miss, ...] = ()
     closeup: Closeup | None = None
-    """Where the piece at full resolution lies."""
+    """Where its close-up at full resolution lies."""
     decision: Ruling | None = None
-    """The operator's last word on it."""
+    """The operator's last decision on it."""
     orbits: tuple[OrbitEstimate, ...] = ()
     names: tuple[Identified, ...] = ()
     fold: FrameFold | None = None
-    """None for a frame that was only looked at, and until its records are all there."""
+    """None for a frame that was not folded, and until all its records are there."""
     changes: tuple[StateChange, ...] = ()
-    """Of the loop's state, by the fold and by others."""
+    """Changes of the loop's state in it, by the fold and by others."""
     first: "NightFrame | None" = None
-    """What was made of it before it was followed again by the operator's word."""
+    """The frame before the operator's decision had it processed again."""
 
     @property
     def t_mid_utc_ns(self) -> int:
@@ -193,22 +197,22 @@ class NightFrame:
 
     @property
     def state(self) -> LoopState | None:
-        """The loop's after it."""
+        """The loop's state after it."""
         return self.changes[-1].after if self.changes else self.state_before
 
     @property
     def found(self) -> tuple[Detection, ...]:
-        """What was detected in it."""
+        """Its detections."""
         return () if self.detections is None else self.detections.detections
 
     @property
     def track(self) -> TrackState | None:
-        """The best that is known of the lead at mid-exposure, the frame itself included."""
+        """The lead track's best state at mid-exposure: updated, else predicted."""
         return self.updated or self.predicted
 
     @property
     def all_measured(self) -> tuple[Measurement, ...]:
-        """All that was measured in it, by the operator's word too."""
+        """Its measurements and that of the operator's decision."""
         taken = None if self.decision is None else self.decision.taken
         return self.measurements if taken is None else (*self.measurements, taken)
 
@@ -220,7 +224,7 @@ class NightFrame:
 
     @property
     def followed(self) -> Measurement | None:
-        """What the lead took of it, or what the operator wants taken."""
+        """The measurement the operator wants taken, else the one the lead took."""
         taken = None if self.decision is None else self.decision.taken
         return self.measured if taken is None else taken
 
@@ -232,13 +236,13 @@ class NightFrame:
 
     @property
     def beside(self) -> dict[int, TrackState]:
-        """The other tracks by their ids, each as it was known last."""
+        """The other tracks' best states in it, by track id."""
         states = {each.track_id: each.updated or each.predicted for each in self._not_led()}
         return {number: state for number, state in states.items() if state is not None}
 
     @property
     def miss(self) -> Miss | None:
-        """Of the lead; None where it was measured, or where there was no track."""
+        """The lead's miss; None where it was measured, or where there was no track."""
         others = {each.track_id for each in self._not_led()}
         own = (each for each in reversed(self.misses) if each.track_id not in others)
         return next(own, None)
@@ -253,58 +257,62 @@ class NightFrame:
     def is_elsewhere(self) -> bool:
         """Whether the lead was missed because, by its prediction, it was not in the field."""
         miss = self.miss
-        is_for_want = miss is not None and is_without_detection(miss)
-        return is_for_want and looked_elsewhere(self.predicted, self.solution, self.taken)
+        return miss is not None and is_without_detection(miss) and self.is_lead_outside
+
+    @property
+    def is_lead_outside(self) -> bool:
+        """Whether the lead's predicted place is outside the solved field."""
+        return is_outside_field(self.predicted, self.solution, self.taken)
 
     def _not_led(self) -> tuple[FrameTrack, ...]:
         return tuple(each for each in self.tracks if not each.is_lead)
 
     def track_of(self, measured: Measurement) -> FrameTrack | None:
-        """The track that took a measurement; None where none did."""
+        """Return the track that took a measurement; None where none did."""
         named = measured.measurement_id
         taken_by = (t for t in self.tracks if t.updated and t.updated.measurement_id == named)
         return next(taken_by, None)
 
     def streak_of(self, measured: Measurement) -> Detection | None:
-        """The streak that a measurement is of; None where no detection is, as by hand."""
+        """Return the detection a measurement is of; None for one by hand."""
         return next((each for each in self.found if is_of_streak(each, measured)), None)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FrameRow:
-    """One exposure, as the plots show it."""
+    """One exposure as the plots show it."""
 
     frame_id: int
     is_reduced: bool = False
-    """False while it is not known yet what the frame shows."""
+    """Whether the frame's detections are known."""
     confidence: float | None = None
-    """Of the best detection above tau; None without one."""
+    """Confidence of the best detection above tau; None without one."""
     miss: str | None = None
     refused: tuple[float, str] | None = None
     """The likeliest streak that was not taken: its confidence, and why; None without one."""
     is_followed: bool = False
-    """Whether the track took something of it."""
+    """Whether the track took a measurement of it."""
     residual_arcsec: tuple[float, float] | None = None
     """(d alpha cos delta, d delta), measured minus predicted; None when nothing was taken."""
     sigma_arcsec: tuple[float, float] | None = None
     """One sigma of the residual; of the prediction where nothing was taken."""
     nis: float | None = None
     facts: Mapping[str, float | None] = field(default_factory=dict)
-    """What it says of image and sky, by the names of ``FRAME_FACTS``."""
+    """Its ``FRAME_FACTS`` by name."""
     t_utc_ns: int | None = None
-    """When it began."""
+    """Start of exposure."""
     mount_icrs_deg: tuple[float, float] | None = None
-    """Where the mount said it looked."""
+    """RA and Dec the mount reported."""
     plate_icrs_deg: tuple[float, float] | None = None
-    """Where its stars say that."""
+    """RA and Dec of its centre by the plate solution."""
     rotation_deg: float | None = None
-    """Of its plate."""
+    """Rotation of its plate, east of north."""
     was_sought: bool = True
-    """False where nobody looked for anything, or not there: what it does not show is no miss."""
+    """Whether it was pointed at the object in a state that looks for one: else it has no miss."""
     settings: Mapping[str, float | int | str] = field(default_factory=dict)
-    """What had been changed since the session began when it was processed."""
+    """Settings changed between the session's begin and its processing, by dotted name."""
     is_solved: bool | None = None
-    """Whether its stars gave its place; None while that is not known."""
+    """Whether it was plate-solved; None while that is not known."""
     is_cloudy: bool = False
     """Whether the lead's miss in it is put down to cloud."""
     is_by_orbit: bool = False
@@ -312,19 +320,20 @@ class FrameRow:
 
     @property
     def fwhm_px(self) -> float | None:
-        """Of its stars."""
+        """FWHM of its stars."""
         return self.facts.get("star_fwhm_px")
 
     @property
     def zero_point_mag(self) -> float | None:
-        """The sky's transparency."""
+        """Zero point: the sky's transparency."""
         return self.facts.get("zero_point_mag")
 
 
 def row_of(frame: NightFrame) -> FrameRow:
-    """A frame as the plots show it."""
+    """Return a frame's row of the plots."""
     seen, plate, taken, updated = frame.detections, frame.solution, frame.taken, frame.updated
     miss, is_elsewhere = frame.miss, frame.is_elsewhere
+    hidden_by = () if miss is None or is_elsewhere else miss.reason.hidden_by
     row = FrameRow(
         frame_id=frame.frame_id,
         is_reduced=seen is not None or miss is not None,
@@ -334,29 +343,29 @@ def row_of(frame: NightFrame) -> FrameRow:
         is_followed=updated is not None,
         sigma_arcsec=None if frame.predicted is None else predicted_sigma_arcsec(frame.predicted),
         t_utc_ns=frame.began_utc_ns,
-        mount_icrs_deg=None if taken is None else _mount_icrs_deg(taken),
+        mount_icrs_deg=None if taken is None else mount_icrs_deg(taken),
         was_sought=not is_elsewhere and frame.state_before not in UNSOUGHT,
         settings=frame.settings,
         facts=facts_of(seen),
         is_solved=None if plate is None else isinstance(plate, Solution),
-        is_cloudy=miss is not None and not is_elsewhere and is_put_down_to_cloud(miss),
+        is_cloudy=any(each.kind in CLOUD for each in hidden_by),
     )
-    changes: dict[str, object] = {}
     if updated is not None and updated.innovation_arcsec is not None:
-        changes |= {
-            "residual_arcsec": updated.innovation_arcsec,
-            "sigma_arcsec": updated.sigma_innovation_arcsec,
-            "nis": updated.nis,
-            "is_by_orbit": updated.foretold_by == "orbit",
-        }
+        row = replace(
+            row,
+            residual_arcsec=updated.innovation_arcsec,
+            sigma_arcsec=updated.sigma_innovation_arcsec,
+            nis=updated.nis,
+            is_by_orbit=updated.foretold_by == "orbit",
+        )
     if isinstance(plate, Solution):
         place = (plate.ra_icrs_deg, plate.dec_icrs_deg)
-        changes |= {"plate_icrs_deg": place, "rotation_deg": plate.rotation_deg}
-    return replace(row, **changes)  # type: ignore[arg-type]
+        row = replace(row, plate_icrs_deg=place, rotation_deg=plate.rotation_deg)
+    return row
 
 
-def numbered(track_id: int, *, is_lead: bool) -> str:
-    """A track's number, the lead's with a sign."""
+def track_number(track_id: int, *, is_lead: bool) -> str:
+    """A track's number, the lead's with a star."""
     return f"{track_id}*" if is_lead else f"{track_id}"
 
 
@@ -386,20 +395,16 @@ def outline_px(
     return tuple((float(a), float(b)) for a, b in found[np.isfinite(found).all(axis=1)])
 
 
-def is_put_down_to_cloud(miss: Miss) -> bool:
-    """Whether cloud is named as the cause."""
-    return any(each.kind in CLOUD for each in miss.reason.hidden_by)
-
-
 def is_of_streak(detection: Detection, measured: Measurement | None) -> bool:
-    """Whether that streak was measured."""
+    """Whether a measurement is of that detection, within ``SAME_PLACE_PX``."""
     return measured is not None and (
         abs(detection.x_px - measured.x_px) < SAME_PLACE_PX
         and abs(detection.y_px - measured.y_px) < SAME_PLACE_PX
     )
 
 
-def _mount_icrs_deg(taken: FrameTaken) -> tuple[float, float] | None:
+def mount_icrs_deg(taken: FrameTaken) -> tuple[float, float] | None:
+    """RA and Dec that the mount reported of a frame; None where it reported none."""
     ra_deg, dec_deg = taken.pointing_ra_icrs_deg, taken.pointing_dec_icrs_deg
     return None if ra_deg is None or dec_deg is None else (ra_deg, dec_deg)
 
@@ -407,9 +412,7 @@ def _mount_icrs_deg(taken: FrameTaken) -> tuple[float, float] | None:
 def _refused(frame: NightFrame) -> tuple[float, str] | None:
     """The likeliest of what the detector rejected and the track did not take; the first of two."""
     rejected = () if frame.detections is None else frame.detections.rejected
-    candidates: list[tuple[float, Reason]] = [
-        (each.detection.confidence, each.reason) for each in rejected
-    ]
+    candidates: list[tuple[float, Reason]] = [(r.detection.confidence, r.reason) for r in rejected]
     candidates += [(each.measurement.confidence, each.reason) for each in frame.not_followed]
     best = max(candidates, key=lambda each: each[0], default=None)
     return None if best is None else (best[0], text(best[1]))

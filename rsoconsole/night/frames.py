@@ -1,4 +1,4 @@
-"""The exposures of a night, each with all that is on record of it: the one fold of frames."""
+"""The fold of a session's records into its exposures, each with all that is on record of it."""
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
@@ -31,40 +31,41 @@ from rsoconsole.records import (
 )
 
 NEWEST = 16
-"""Frames of which everything is kept where a night goes on for long: a word on a frame comes within
-twelve, a picture within a few. Where somebody marks in a frame all since then are kept."""
+"""Last frames kept whole in a long night: an operator's decision comes within twelve frames, a
+picture within a few. While somebody marks in a frame, all frames since that one are kept."""
 MARKED_FOR = 600
-"""Frames for which one is held to be marked in, as the engine does (``pipeline.frame.HELD``)."""
+"""Frames for which a frame is kept to be marked in, as in the engine (``pipeline.frame.HELD``)."""
 TAU = "detector.tau"
 FOLDED: frozenset[LoopState] = frozenset(("SEARCH", "ACQUIRE", "TRACK", "COAST", "LOST"))
-"""States in which a frame is folded into what is followed."""
+"""States of the loop in which frames are folded into tracks."""
 _EMPTY = NightFrame()
 
 
 @dataclass(slots=True, kw_only=True)
 class _Reading:
-    """Where the reading of the log stands."""
+    """Where the fold stands in the log."""
 
     tau: float
     state: LoopState | None = None
     settings: Mapping[str, float | int | str] = field(default_factory=dict)
     fold_state: LoopState = "SEARCH"
-    """After the last frame that was followed."""
+    """The loop's state after the last frame that was folded."""
     awaited: int | None = None
     """The frame that was taken and not yet reduced."""
     open: int | None = None
-    """The frame whose fold comes in."""
+    """The frame whose fold is being read."""
     before: LoopState = "SEARCH"
     """The loop's state before that fold."""
     records: list[Record] = field(default_factory=list)
-    """Of that fold so far."""
+    """Records of that fold so far."""
     again: set[int] = field(default_factory=set)
-    """Frames with nothing from outside after them, which a decision may have followed again."""
+    """Frames that a decision may have processed again: no change from outside came after them."""
     marked: Mapping[int, int] = field(default_factory=dict)
-    """Frames that somebody marks in, and the last frame for which that is so."""
+    """Last frame until which each frame that somebody marks in is kept."""
     is_ruled: bool = False
-    """A decision has come, and none of the frames that it has followed again."""
+    """Whether a decision was read, and no frame yet that it had processed again."""
     is_first_again: bool = False
+    """Whether the next frame processed again is the decision's first."""
 
     def copy(self) -> "_Reading":
         """Another one at the same place."""
@@ -72,10 +73,10 @@ class _Reading:
 
 
 class NightFrames:
-    """Takes a session's records in order, of all kinds; those that concern no frame change nothing.
+    """Folds a session's records, in order and of every kind, into its frames.
 
-    A frozen frame is changed in its place until somebody else has seen it: a frame has a dozen
-    changes, a night 50,000 frames.
+    A frozen frame is changed in its place until somebody else has it: a frame has a dozen changes,
+    a night 50,000 frames.
     """
 
     def __init__(
@@ -85,35 +86,35 @@ class NightFrames:
         newest: int | None = None,
         on_past: Callable[[NightFrame], None] = lambda _: None,
     ) -> None:
-        """``newest``: how many of the last frames are kept, None: all; ``on_past`` is given each
-        that is kept no more."""
+        """``newest``: how many of the last frames are kept, None: all; ``on_past``: called with
+        each that is dropped."""
         self._reading = _Reading(tau=0.1 if config is None else config.detector.tau)
         self._newest, self._on_past = newest, on_past
         self._frames: dict[int, NightFrame] = {}
         self._past = -1
-        """The last that is kept no more."""
+        """Number of the last frame that was dropped."""
         self._own: dict[int, NightFrame] = {}
-        """By identity: those that nobody else has seen yet."""
+        """Frames that nobody else has yet, by identity."""
         self.changed: set[int] = set()
-        """Those that have changed since somebody emptied this."""
+        """Numbers of the frames that changed since somebody emptied this."""
 
     @property
     def tau(self) -> float:
-        """In force now."""
+        """The detector's tau in force now."""
         return self._reading.tau
 
     @property
     def settings(self) -> Mapping[str, float | int | str]:
-        """What has been changed since the session began."""
+        """Settings changed since the session began, by dotted name."""
         return self._reading.settings
 
     @property
     def state(self) -> LoopState | None:
-        """The loop's; None before the record says."""
+        """The loop's state; None before the record says."""
         return self._reading.state
 
-    def take(self, record: Record, t_utc_ns: int = 0) -> None:  # noqa: PLR0912, PLR0915
-        """One record; ``t_utc_ns``: when it was put down."""
+    def take(self, record: Record, t_utc_ns: int = 0) -> None:  # noqa: PLR0912
+        """Fold the next record; ``t_utc_ns``: when it was put on record."""
         reading = self._reading
         match record:
             case FrameTaken():
@@ -127,8 +128,7 @@ class NightFrames:
                 self._expect(record.frame_id)
                 self._change(record.frame_id, solution=record)
             case Measurement():
-                before = self.of(record.frame_id).measurements
-                self._change(record.frame_id, measurements=(*before, record))
+                self._append("measurements", record)
             case Closeup():
                 self._change(record.frame_id, closeup=record)
             case TrackState():
@@ -136,20 +136,16 @@ class NightFrames:
                 self._track_state(record)
                 self._fold(record)
             case NotFollowed():
-                refused = self.of(record.frame_id).not_followed
-                self._change(record.frame_id, not_followed=(*refused, record))
+                self._append("not_followed", record)
                 self._fold(record)
             case Miss():
                 self._expect(record.frame_id)
-                misses = self.of(record.frame_id).misses
-                self._change(record.frame_id, misses=(*misses, record))
+                self._append("misses", record)
                 self._fold(record)
             case OrbitEstimate():
-                orbits = self.of(record.frame_id).orbits
-                self._change(record.frame_id, orbits=(*orbits, record))
+                self._append("orbits", record)
             case Identified():
-                names = self.of(record.frame_id).names
-                self._change(record.frame_id, names=(*names, record))
+                self._append("names", record)
             case Ruling():
                 self.close()
                 self._decision(record)
@@ -169,28 +165,28 @@ class NightFrames:
                     reading.tau = float(record.after)
 
     def take_all(self, records: Iterable[Record]) -> "NightFrames":
-        """Many of them, then the end; returns itself."""
+        """Fold a whole log and return itself."""
         for record in records:
             self.take(record)
         self.close()
         return self
 
     def of(self, frame_id: int) -> NightFrame:
-        """What is on record of that frame; empty for one long past. For the moment alone: it may
-        change in its place."""
+        """Return all that is on record of a frame, empty for one long past. For the moment alone:
+        it may change in its place."""
         return self._frames.get(frame_id, _EMPTY)
 
     def seen(self) -> Iterator[NightFrame]:
-        """The frames that are kept, in the order of the record; they change no more."""
+        """Yield the kept frames in the order of the record; they do not change in place."""
         self._own.clear()
         yield from self._frames.values()
 
     def keep(self) -> tuple[Any, ...]:
-        """All as it is, to come back to."""
+        """Return the fold's state, for ``go_back``."""
         return self._reading.copy(), tuple(self.seen()), self._past
 
     def go_back(self, kept: tuple[Any, ...]) -> None:
-        """As it was when that was kept, by this fold or by another one of the same night."""
+        """Return to a kept state, of this fold or of another one of the same night."""
         reading, frames, self._past = kept
         self._reading = reading.copy()
         self._own.clear()
@@ -223,7 +219,7 @@ class NightFrames:
             self._on_past(past)
 
     def _mark(self, arguments: Mapping[str, Any]) -> None:
-        """A mark begins, or is left off: what was said on the frame may still be taken back."""
+        """Keep a frame while somebody marks in it, and a little longer: that may be undone."""
         frame_id = arguments.get("frame")
         if isinstance(frame_id, int):
             frames = MARKED_FOR if arguments.get("on", True) else NEWEST
@@ -235,12 +231,8 @@ class NightFrames:
         what = "predicted" if record.kind == "predicted" else "updated"
         of_track: dict[str, Any] = {what: record, "is_lead": record.is_lead}
         tracks = {each.track_id: each for each in frame.tracks}
-        known = tracks.get(record.track_id)
-        tracks[record.track_id] = (
-            replace(known, **of_track)
-            if known is not None
-            else FrameTrack(track_id=record.track_id, **of_track)
-        )
+        blank = FrameTrack(track_id=record.track_id, is_lead=record.is_lead)
+        tracks[record.track_id] = replace(tracks.get(record.track_id, blank), **of_track)
         of_lead = {what: record} if record.is_lead else {}
         self._change(record.frame_id, tracks=tuple(tracks.values()), **of_lead)
 
@@ -272,11 +264,10 @@ class NightFrames:
         else:
             self._fold(record)
         self._reading.state = record.after
-        changes = self.of(record.frame_id).changes
-        self._change(record.frame_id, changes=(*changes, record))
+        self._append("changes", record)
 
     def _fold(self, record: Record) -> None:
-        """To the open fold, unless an instrument failed or a word is told: nothing of its own."""
+        """Add to the open fold, unless the record is an instrument's or a decision's."""
         reading = self._reading
         if reading.open is None:
             return
@@ -290,7 +281,7 @@ class NightFrames:
         reading.open, reading.before, reading.records = frame_id, before, []
 
     def close(self) -> None:
-        """What came of the open frame is all there."""
+        """End the open frame: all its records are there."""
         reading = self._reading
         if reading.open is None:
             return
@@ -303,10 +294,18 @@ class NightFrames:
         self._change(frame_id, fold=fold)
 
     def _expect(self, frame_id: int) -> None:
-        """Of an exposure that failed there is no frame, but what was said of it."""
+        """Make a frame of an exposure that failed, for the records of it."""
         if frame_id not in self._frames and frame_id > self._past:
             state = self._reading.state
             self._frames[frame_id] = NightFrame(frame_id=frame_id, state_before=state)
+
+    def _append(
+        self,
+        name: str,
+        record: Measurement | NotFollowed | Miss | OrbitEstimate | Identified | StateChange,
+    ) -> None:
+        before = getattr(self.of(record.frame_id), name)
+        self._change(record.frame_id, **{name: (*before, record)})
 
     def _change(self, frame_id: int, **changes: Any) -> None:
         frame = self._frames.get(frame_id)
@@ -322,16 +321,16 @@ class NightFrames:
 
 
 def frames_of(records: Iterable[Record], config: Config | None = None) -> tuple[NightFrame, ...]:
-    """The frames of a whole log, in its order; ``config``: of its beginning."""
+    """Return the frames of a whole log; ``config``: the settings that the session began with."""
     return tuple(NightFrames(config).take_all(records).seen())
 
 
 def is_from_outside(change: StateChange) -> bool:
-    """Whether a change of state is none of the fold's."""
+    """Whether a change of state came from outside the fold: operator, instruments, limits."""
     is_between_folded = change.before in FOLDED and change.after in FOLDED
     return not is_between_folded or change.reason.kind in FROM_OUTSIDE
 
 
 def is_instruments(miss: Miss) -> bool:
-    """Whether an instrument failed: there was nothing to fold, and the miss is the loop's own."""
+    """Whether a miss is an instrument's failure: the loop's own, with nothing to fold."""
     return miss.reason.kind == "instrument"

@@ -1,4 +1,4 @@
-"""The log in the operator's words: one line for what happened, none for what is routine."""
+"""Lines of the log for the operator: one for each event, none for routine records."""
 
 import re
 from collections.abc import Mapping
@@ -22,9 +22,7 @@ from rsoconsole.control import (
 )
 from rsoconsole.records import (
     DONE,
-    Cause,
     CauseKind,
-    CommandResult,
     Detections,
     Event,
     Identified,
@@ -41,8 +39,8 @@ from rsoconsole.records import (
 from rsoconsole.words import (
     called,
     clock,
+    notable_streaks,
     off_words,
-    remarkable,
     ruled_text,
     short,
     text,
@@ -54,13 +52,14 @@ Level = Literal["info", "good", "warning", "alarm"]
 OF_ALARMS: frozenset[CauseKind] = frozenset(
     ("instrument", "not pointing", "limit met", "too many limits", "night ended", "clock set")
 )
-"""Causes that are said as an alarm before the state changes."""
+"""Causes that an alarm has said before the state changes."""
 SHOWN_BY_CHANGE: Mapping[str, CauseKind] = {
     Arm.verb: "armed",
     Disarm.verb: "disarmed",
     Resume.verb: "resumed",
     Seek.verb: "looked for again",
 }
+"""Cause of the change of state that says the same as a command that is done, by verb."""
 _CONSOLE = re.compile(r"\bconsole (?=\S+@)")
 
 
@@ -73,63 +72,63 @@ class LogLine:
     level: Level
     text: str
     kind: str = ""
-    """The record's."""
+    """Class name of its record."""
     seq: int = 0
-    """The record's number in the session, counted from 1."""
+    """Place of its record in the log, counted from 1."""
     times: int = 1
     """How many records it stands for."""
     turns: int = 1
-    """How often it has turned out otherwise and back, this time among them."""
+    """How often the aim has gone from filter to orbit and back, this time included."""
     since_utc_ns: int | None = None
-    """When the first of those turns was; None where there is one."""
+    """When the first of those turns was; None: this is the first."""
     asked: str = ""
-    """What an operator wanted, without what came of it."""
+    """Who gave a command and which, without its outcome; empty: no command."""
     topic: Topic = ""
-    """What an event is about."""
+    """Topic of an event."""
     missed: Missed | None = None
     """Why a frame had no measurement."""
     not_taken: str = ""
-    """The kind of reason for which a measurement was not taken."""
+    """Kind of the reason for which a measurement was not taken."""
     is_of_miss: bool = False
-    """True for a change of state that a miss led to."""
+    """Whether it is a change of state that a miss led to."""
     is_wanted: bool = False
-    """True for a change of state by the operator's word, to look for it again or on a streak."""
+    """Whether it is a change of state by the operator: to look again, or on a streak."""
     is_accepted: bool = False
-    """True for a command that waits for its outcome."""
+    """Whether it is a command that waits for its outcome."""
     is_of_alarm: bool = False
-    """True for a miss or a change of state that an alarm just before it tells."""
+    """Whether it is a miss or change of state that the alarm just before it has said."""
     change: tuple[str, ...] = ()
-    """Of a change of state: both states and why, by the kinds of its reasons."""
+    """State before and after a change of state, and the kinds of its reasons."""
     cause: CauseKind | Literal[""] = ""
-    """Of a change of state; of a command that is done, that of the change that says it all."""
+    """Cause of a change of state, or of the change that says as much as a command that is done."""
     refused_by: str = ""
-    """Whose command was refused; empty: nobody's."""
+    """Operator whose command was refused; empty: none was."""
     marked_by: str = ""
-    """Whose mark by hand is used; empty: nobody's."""
+    """Operator whose mark by hand is used; empty: none is."""
     setting: str = ""
-    """Which setting was changed, or wanted to be."""
+    """Setting that a record or a command changes, by dotted name."""
     tracks: tuple[int, ...] = ()
-    """Whose it is, where several are followed."""
+    """Tracks it is about, where several are followed."""
     words: str = ""
-    """Its text without whose it is, who wanted it and how grave it is."""
+    """Its text without tracks, operator and level before it."""
 
     @property
     def whole(self) -> str:
-        """Its text, and how often it is so."""
+        """Its text, with the number of records where it stands for several."""
         return f"{self.text} ({self.times} times)" if self.times > 1 else self.text
 
     def of(self, tracks: tuple[int, ...]) -> "LogLine":
-        """The same of these tracks, by their numbers."""
+        """The line with these tracks before its words."""
         return replace(self, tracks=tracks, text=f"{tracks_words(tracks)}: {self.words}")
 
 
 def without_console(text: str) -> str:
-    """The same, with a seat's name for the seat: everybody knows that it is a console."""
+    """Drop the word "console" before an operator's name."""
     return _CONSOLE.sub("", text)
 
 
-def left_out(found: Detections | None, tau: float) -> str:
-    """The likeliest streak that was seen in a frame and is no detection, and why; empty: none."""
+def rejected_words(found: Detections | None, tau: float) -> str:
+    """Name the likeliest rejected streak of a frame at or above tau, and why; empty: none."""
     rejected = () if found is None else found.rejected
     likely = [each for each in rejected if each.detection.confidence >= tau]
     if not likely:
@@ -142,9 +141,10 @@ def left_out(found: Detections | None, tau: float) -> str:
 def line_of(
     record: Record, t_utc_ns: int, beside: str = "", *, is_one_of_several: bool = False
 ) -> LogLine | None:
-    """The record's line; None for what is routine. ``beside``: more that is known of it.
+    """Return a record's line; None for a routine record.
 
-    ``is_one_of_several``: whether more than one track is followed, so that it says whose it is.
+    ``beside``: words that go behind its own; ``is_one_of_several``: whether several tracks are
+    followed, so that the line names its track.
     """
     words = _words(record)
     if words is None:
@@ -164,7 +164,7 @@ def line_of(
         words=said,
         kind=type(record).__name__,
         missed=record.reason if isinstance(record, Miss) else None,
-        not_taken=_not_taken(record),
+        not_taken=record.reason.kind if isinstance(record, NotFollowed) else "",
         topic=record.topic if isinstance(record, Event) else "",
         is_of_miss=kind in {"missed", "instrument"},
         is_wanted=kind in {"looked for again", "operator's word"},
@@ -174,8 +174,8 @@ def line_of(
         change=_change_of(record),
         cause=_cause_of(action) if action else kind,
         refused_by=action.by if action and action.outcome.kind == "refused" else "",
-        marked_by=action.by if action is not None and _is_used_mark(action) else "",
-        setting=_setting_of(record),
+        marked_by=action.by if action and _is_used_mark(action) else "",
+        setting=record.name if isinstance(record, ParameterChange) else _setting_of(action),
     )
     track_id = record.track_id if isinstance(record, Miss | NotFollowed | Identified) else None
     return line if track_id is None or not is_one_of_several else line.of((track_id,))
@@ -193,10 +193,6 @@ def _is_used_mark(action: OperatorAction) -> bool:
     return action.verb == MarkByHand.verb and action.outcome.sigma_arcsec is not None
 
 
-def _not_taken(record: Record) -> str:
-    return record.reason.kind if isinstance(record, NotFollowed) else ""
-
-
 def _cause_of(action: OperatorAction) -> CauseKind | Literal[""]:
     """The cause of the change of state that says as much as the command itself."""
     if action.outcome.kind != "done" or action.arguments.get("override"):
@@ -205,22 +201,15 @@ def _cause_of(action: OperatorAction) -> CauseKind | Literal[""]:
 
 
 def _is_of_alarm(record: Record) -> bool:
-    match record:
-        case StateChange(reason=Cause(kind=kind)):
-            return kind in OF_ALARMS
-        case Miss(reason=Missed(kind="instrument")):
-            return True
-    return False
+    is_miss = isinstance(record, Miss) and record.reason.kind == "instrument"
+    return is_miss or (isinstance(record, StateChange) and record.reason.kind in OF_ALARMS)
 
 
-def _setting_of(record: Record) -> str:
-    match record:
-        case ParameterChange():
-            return record.name
-        case OperatorAction(verb=Set.verb, outcome=CommandResult(kind="done")):
-            lent = record.arguments.get("frames")
-            return "" if lent else str(record.arguments.get("name", ""))
-    return ""
+def _setting_of(action: OperatorAction | None) -> str:
+    """The setting that a command has changed for good; empty: none."""
+    if action is None or action.verb != Set.verb or action.outcome.kind != "done":
+        return ""
+    return "" if action.arguments.get("frames") else str(action.arguments.get("name", ""))
 
 
 def _words(record: Record) -> tuple[Level, str, str] | None:  # noqa: PLR0911 -- one case a kind
@@ -234,7 +223,7 @@ def _words(record: Record) -> tuple[Level, str, str] | None:  # noqa: PLR0911 --
             return "warning", "", f"not plate-solved: {record.reason}"
         case NotFollowed():
             said = text(record.reason)
-            is_set_aside = _not_taken(record) == "not chosen"
+            is_set_aside = record.reason.kind == "not chosen"
             return "info", "", f"{'automatic measurement' if is_set_aside else 'not taken:'} {said}"
         case Event():
             prefix = {"info": "", "warning": "warning: ", "alarm": "ALARM: "}[record.level]
@@ -244,7 +233,7 @@ def _words(record: Record) -> tuple[Level, str, str] | None:  # noqa: PLR0911 --
         case Identified():
             return _of_identified(record)
         case Detections():
-            said = remarkable(record.detections)
+            said = notable_streaks(record.detections)
             return ("info", "", f"detected: {said}") if said else None
         case OperatorAction(verb=BeginMark.verb) if record.outcome.kind == "done":
             return None
@@ -304,20 +293,19 @@ def _came_of(record: OperatorAction) -> str:
 
 
 LOOK_BACK_LINES = 6
+"""Last lines among which an accepted command, or an earlier turn of the aim, is looked for."""
 FOLLOWED_AGAIN_LINES = 100
-"""Last lines among which are those of the frames that can be followed again."""
+"""Last lines among which are those of the frames that can be processed again."""
 
 
 def append_line(log: list[LogLine], line: LogLine) -> None:
-    """Add a line, or make one of it and of those before that say the same.
+    """Add a line, or merge it with the lines before it that say the same.
 
-    What a frame refused several times over is one line, and so are misses in a row for one
-    reason, frames in a row that were not plate-solved or lay in cloud, and a neighbour that is
-    not taken frame after frame, of several tracks with all their numbers; a miss that changed the
-    state is told by that change, which has the words of the alarm that led to it; a command is told
-    by what came of it; that the telescope aims by the orbit, by the filter and so on is one line
-    with the last of them; a change of state that a frame came to before, and comes to once more
-    where it is followed again, is told once.
+    Merged are: refusals in one frame; misses in a row for one reason; frames in a row that were not
+    plate-solved or lay in cloud; a neighbour not taken frame after frame, with the numbers of all
+    tracks; the turns of the aim between orbit and filter. A change of state stands for the miss and
+    the alarm that led to it, and a command's outcome for its acceptance. A change of state that a
+    frame comes to again, when it is processed again, is said once.
     """
     if line.kind != "StateChange" or not _is_repeated(log, line):
         _append_news(log, line)
@@ -339,9 +327,7 @@ def _append_news(log: list[LogLine], line: LogLine) -> None:
         if _is_implied(log, line):
             return
     elif last is not None and last.kind == line.kind == "NotFollowed":
-        tracks = tuple(sorted({*last.tracks, *line.tracks}))
-        more = replace(last, times=last.times + 1)
-        log[-1] = more.of(tracks) if tracks else more
+        log[-1] = _of_both(replace(last, times=last.times + 1), line)
         return
     elif line.kind == "Miss" and line.is_of_alarm and _is_alarm(last):
         return
@@ -385,14 +371,18 @@ def _with_turns_before(log: list[LogLine], line: LogLine) -> LogLine:
 
 def _both(last: LogLine, line: LogLine) -> LogLine:
     """One line of two that say the same: of one track in another frame, or of another track."""
-    tracks = tuple(sorted({*last.tracks, *line.tracks}))
     is_another_frame = last.frame_id != line.frame_id or not line.tracks
-    both = replace(line, times=last.times + is_another_frame)
-    return both.of(tracks) if tracks else both
+    return _of_both(replace(line, times=last.times + is_another_frame), last)
+
+
+def _of_both(line: LogLine, other: LogLine) -> LogLine:
+    """The line with the tracks of both."""
+    tracks = tuple(sorted({*line.tracks, *other.tracks}))
+    return line.of(tracks) if tracks else line
 
 
 def _goes_on(last: LogLine, line: LogLine) -> bool:
-    """Whether frame after frame is not solved, missed, or refuses something for one reason."""
+    """Whether a line says of a further frame or track what the last one said, for one reason."""
     if line.kind == "NotSolved":
         return last.kind == line.kind
     if line.missed is not None:
@@ -401,14 +391,13 @@ def _goes_on(last: LogLine, line: LogLine) -> bool:
 
 
 def _explains(line: LogLine, last: LogLine) -> bool:
-    """Whether a miss in cloud says of a frame what its not being plate-solved said."""
+    """Whether a miss in cloud stands for the last line, that its frame was not plate-solved."""
     is_of_it = last.kind == "NotSolved" and last.frame_id == line.frame_id and last.times == 1
-    is_hidden = line.missed is not None and bool(line.missed.hidden_by)
-    return is_of_it and is_hidden
+    return is_of_it and line.missed is not None and bool(line.missed.hidden_by)
 
 
 def _why(missed: Missed | None) -> object:
-    """A reason by its kinds: cloud of few stars is cloud, however many there are."""
+    """A miss's reason without figures, for comparison."""
     if missed is None:
         return None
     hidden = tuple(each.kind for each in missed.hidden_by)
@@ -420,7 +409,7 @@ def _is_alarm(line: LogLine | None) -> bool:
 
 
 def _forget_acceptance(log: list[LogLine], line: LogLine) -> None:
-    """What came of a command says that it was accepted, too."""
+    """Drop the line that a command was accepted: its outcome says so."""
     for index in range(max(len(log) - LOOK_BACK_LINES, 0), len(log)):
         if log[index].is_accepted and log[index].asked == line.asked:
             del log[index]
@@ -428,7 +417,7 @@ def _forget_acceptance(log: list[LogLine], line: LogLine) -> None:
 
 
 def _is_implied(log: list[LogLine], line: LogLine) -> bool:
-    """Whether a command is told by the change that it led to: of a setting, or of the state."""
+    """Whether one of the last lines says what a command did: to a setting, or to the state."""
     return any(
         (before.kind == "ParameterChange" and line.setting and before.setting == line.setting)
         or (before.kind == "StateChange" and line.cause and before.cause == line.cause)

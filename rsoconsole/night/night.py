@@ -1,23 +1,24 @@
-"""What a session says of its night so far: a fold over its records, to be shown."""
+"""The fold of a session's records into a night that can be shown at any moment."""
 
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from rsoconsole.config import Config
+from rsoconsole.night.current_tracks import CurrentTracks, pairs_after, tracks_after
 from rsoconsole.night.frame import (
     ELSEWHERE,
     FrameRow,
     NightFrame,
     is_without_detection,
-    looked_elsewhere,
+    mount_icrs_deg,
     row_of,
 )
 from rsoconsole.night.frames import NEWEST, NightFrames
-from rsoconsole.night.log_lines import LogLine, append_line, left_out, line_of
+from rsoconsole.night.log_lines import LogLine, append_line, line_of, rejected_words
 from rsoconsole.night.night_view import (
     Chunks,
-    KeptNight,
+    NightCheckpoint,
     NightView,
     Pointing,
     above_horizon,
@@ -25,7 +26,6 @@ from rsoconsole.night.night_view import (
     is_same_name,
     last_measured,
 )
-from rsoconsole.night.track_fold import TracksNow, pairs_after, tracks_after
 from rsoconsole.records import (
     FOLLOWING,
     CycleTiming,
@@ -46,7 +46,7 @@ from rsoconsole.records import (
 
 
 class Night:
-    """Takes a session's records in order; gives views of what they add up to."""
+    """Folds a session's records, in order, and gives views of the night so far."""
 
     def __init__(
         self,
@@ -56,7 +56,7 @@ class Night:
         *,
         newest: int | None = NEWEST,
     ) -> None:
-        """``newest``: of how many of the last frames everything is kept; None: of all."""
+        """``newest``: how many of the last frames are kept whole; None: all."""
         self._now = NightView(
             folder=folder,
             title=str(about.get("title") or ""),
@@ -64,20 +64,21 @@ class Night:
             is_simulated=about.get("is_simulated") is True,
             config=config,
         )
-        """Without what ``view`` adds of the frames, the tracks and the lines."""
-        self._tracks = TracksNow()
+        """The view without frames, tracks and log lines, which ``view`` adds."""
+        self._tracks = CurrentTracks()
         self._site = config.site.to_site() if config is not None else None
         self.frames = NightFrames(config, newest=newest, on_past=self._keep_row)
-        """Each exposure; all that is on record of the last ones."""
+        """The exposures, the last ones with all that is on record of them."""
         self._rows: dict[int, FrameRow] = {}
         self._kept_rows: Chunks[FrameRow] = ()
         self._log: list[LogLine] = []
         self._kept_log: Chunks[LogLine] = ()
 
     def view(self) -> NightView:
-        """What has been taken so far."""
+        """Return the night as of the last record taken."""
         rows = self._all_rows()
-        self._see_horizon()
+        if self._now.pointing is not None and self._site is not None:
+            self._now.pointing = above_horizon(self._now.pointing, self._site)
         frame = self._now.frame
         return replace(
             self._now,
@@ -90,11 +91,11 @@ class Night:
             log=tuple(self._log),
         )
 
-    def keep(self) -> KeptNight:
-        """The night as it is now, to come back to."""
+    def keep(self) -> NightCheckpoint:
+        """Return the night as it is now, for ``go_back``."""
         self._kept_rows = in_chunks([*self._all_rows().values()], self._kept_rows)
         self._kept_log = in_chunks(self._log, self._kept_log)
-        return KeptNight(
+        return NightCheckpoint(
             now=replace(self._now),
             tracks=self._tracks,
             rows=self._kept_rows,
@@ -102,67 +103,65 @@ class Night:
             log=self._kept_log,
         )
 
-    def go_back(self, kept: KeptNight) -> None:
-        """As it was when that was kept, by this fold or by another one of the same night."""
+    def go_back(self, kept: NightCheckpoint) -> None:
+        """Return to a kept place, kept by this fold or by another of the same night."""
         self._now, self._tracks = replace(kept.now), kept.tracks
         self.frames.go_back(kept.frames)
         self._rows = {row.frame_id: row for chunk in kept.rows for row in chunk}
         self._log = [line for chunk in kept.log for line in chunk]
 
     def forget_log(self) -> None:
-        """The lines so far are not shown: they leave out much of what came with them."""
+        """Drop the log lines so far, as those of a log that was read in part."""
         self._log.clear()
 
     @property
     def seq(self) -> int:
-        """Place in the log of the last record that has been taken."""
+        """Place in the log of the last record taken."""
         return self._now.seq
 
     @property
     def slew(self) -> SlewCommand | None:
-        """The last order to the mount; None where it says nothing of now."""
+        """The last order to the mount; None where it no longer counts."""
         return self._now.slew
 
     @property
     def is_closed(self) -> bool:
-        """Whether nothing more will come."""
+        """Whether the session is closed: no record follows."""
         return self._now.is_closed
 
     @property
     def is_read(self) -> bool:
-        """Whether the past is known."""
+        """Whether the session's past has been read to its end."""
         return self._now.is_read
 
     def row(self, frame_id: int) -> FrameRow | None:
-        """What the plots show of that frame; None for one that has not been taken."""
+        """Return a frame's row of the plots; None for a frame that has not been taken."""
         return self._all_rows().get(frame_id)
 
     @property
     def log(self) -> tuple[LogLine, ...]:
-        """Oldest first."""
+        """The log lines, oldest first."""
         return tuple(self._log)
 
     def frame(self, frame_id: int) -> NightFrame:
-        """What is on record of that frame; empty for one long past."""
-        return next(
-            (each for each in self.frames.seen() if each.frame_id == frame_id), NightFrame()
-        )
+        """Return all that is on record of a frame; empty for one long past."""
+        return next((f for f in self.frames.seen() if f.frame_id == frame_id), NightFrame())
 
     def newest_frames(self) -> tuple[int, ...]:
-        """The last frames that the camera gave, newest first."""
+        """Return the numbers of the last frames that the camera gave, newest first."""
         taken = [each.frame_id for each in self.frames.seen() if each.taken is not None]
         return tuple(reversed(taken))
 
     def has_been_read(self) -> None:
-        """The past is known: what is taken from now on is news."""
+        """Note that the past has been read: every further record is news."""
         self._now.is_read = True
 
     def close(self) -> None:
-        """The session is closed: nothing more will come."""
+        """Note that the session is closed: no record follows."""
         self._now.is_closed = True
 
     def take(self, t_utc_ns: int, record: Record, seq: int | None = None) -> None:
-        """One record of the log, in order; ``seq``: its place there, None: the next one."""
+        """Fold the next record of the log; ``seq``: its place there, None: the next one."""
         now = self._now
         # A record that could not be written leaves an alarm at instant 0 in its place.
         now.last_utc_ns = max(t_utc_ns, now.last_utc_ns or 0) or None
@@ -175,11 +174,12 @@ class Night:
         self._tracks = tracks_after(
             self._tracks, record, t_utc_ns, frame.all_measured, frame.detections
         )
-        line = line_of(
-            record, t_utc_ns, self._beside(record, frame), is_one_of_several=is_one_of_several
-        )
-        if line is not None and isinstance(record, Miss) and _is_elsewhere(record, frame):
-            said = f"no miss: frame {record.frame_id:04d} was {ELSEWHERE}"
+        is_blank = is_without_detection(record)
+        beside = rejected_words(frame.detections, self.frames.tau) if is_blank else ""
+        line = line_of(record, t_utc_ns, beside, is_one_of_several=is_one_of_several)
+        is_no_miss = is_blank and isinstance(record, Miss) and frame.is_lead_outside
+        if line is not None and is_no_miss:
+            said = f"no miss: frame {frame.frame_id:04d} was {ELSEWHERE}"
             line = replace(line, level="info", text=said, words=said, missed=None)
         is_news = not (isinstance(record, Identified) and is_same_name(named, record))
         if line is not None and is_news:
@@ -203,9 +203,8 @@ class Night:
         match record:
             case FrameTaken():
                 now.frame = record
-                ra, dec = record.pointing_ra_icrs_deg, record.pointing_dec_icrs_deg
-                if ra is not None and dec is not None:
-                    self._look(record.t_start_utc_ns or t_utc_ns, ra, dec)
+                if (mount := mount_icrs_deg(record)) is not None:
+                    self._look(record.t_start_utc_ns or t_utc_ns, *mount)
             case Solution():
                 t_ns = self.frames.of(record.frame_id).began_utc_ns
                 self._look(t_ns or t_utc_ns, record.ra_icrs_deg, record.dec_icrs_deg)
@@ -278,12 +277,6 @@ class Night:
         if now.orbit is not None and now.orbit.track_id != record.track_id:
             now.orbit = now.orbit_utc_ns = None  # of what was followed before
 
-    def _beside(self, record: Record, frame: NightFrame) -> str:
-        """Why a streak that somebody sees in the picture was none for the track."""
-        if not isinstance(record, Miss | StateChange) or not is_without_detection(record):
-            return ""
-        return left_out(frame.detections, self.frames.tau)
-
     def _state_change(self, record: StateChange, t_utc_ns: int) -> None:
         now = self._now
         if record.after in FOLLOWING:
@@ -301,15 +294,3 @@ class Night:
         self._now.pointing = Pointing(
             t_utc_ns=t_utc_ns, ra_icrs_deg=ra % 360.0, dec_icrs_deg=dec, is_ordered=is_ordered
         )
-
-    def _see_horizon(self) -> None:
-        """Altitude and azimuth of the pointing, once it is looked at."""
-        if self._now.pointing is not None and self._site is not None:
-            self._now.pointing = above_horizon(self._now.pointing, self._site)
-
-
-def _is_elsewhere(record: Miss, frame: NightFrame) -> bool:
-    """Whether the frame is said to have missed a lead that, by its prediction, was not in it."""
-    return is_without_detection(record) and looked_elsewhere(
-        frame.predicted, frame.solution, frame.taken
-    )

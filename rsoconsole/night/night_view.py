@@ -1,4 +1,4 @@
-"""What a night's fold knows at one instant, to be shown."""
+"""A night at one instant, as screens show it, and a place of the log to return to."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -6,9 +6,9 @@ from pathlib import Path
 from typing import Any, TypeAlias, TypeVar
 
 from rsoconsole.config import Config
+from rsoconsole.night.current_tracks import CurrentTracks, FollowedTrack
 from rsoconsole.night.frame import FrameRow, NightFrame
 from rsoconsole.night.log_lines import LogLine
-from rsoconsole.night.track_fold import FollowedTrack, TracksNow
 from rsoconsole.records import (
     CycleTiming,
     ExpectedMembers,
@@ -25,12 +25,13 @@ from rsoconsole.sky import largest_sigma
 
 Item = TypeVar("Item")
 Chunks: TypeAlias = tuple[tuple[Item, ...], ...]
-"""The items, in order, in chunks of one size."""
+"""Items in order, in chunks of ``CHUNK``."""
 CHUNK = 256
+"""Items in a chunk: kept places of a night share the chunks that are alike."""
 
 
 def in_chunks(items: Sequence[Item], before: Chunks[Item]) -> Chunks[Item]:
-    """The items in chunks, those of ``before`` where they are the same."""
+    """Cut items into chunks, taking those of ``before`` that are the same."""
     chunks = []
     for number, start in enumerate(range(0, len(items), CHUNK)):
         chunk = tuple(items[start : start + CHUNK])
@@ -39,40 +40,38 @@ def in_chunks(items: Sequence[Item], before: Chunks[Item]) -> Chunks[Item]:
     return tuple(chunks)
 
 
-LOOKED_AT = 8
-"""The last frames, of which this is told."""
+LAST_FRAMES = 8
+"""Last frames of which ``NightView.measured`` tells."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LastMeasured:
-    """What the track took of one of the last frames."""
+    """The measurement that the lead track took of one of the last frames."""
 
     frame_id: int
     t_utc_ns: int
     source: str
     sigma_arcsec: float
-    """One sigma where it is known worst."""
+    """One sigma along the longer axis of its error ellipse."""
     nis: float | None
 
 
 def last_measured(
     frames: Iterable[NightFrame], rows: Mapping[int, FrameRow]
 ) -> tuple[LastMeasured, ...]:
-    """Newest first, of the last eight frames."""
-    found: list[LastMeasured] = []
-    for frame in [*frames][-LOOKED_AT:]:
-        taken, row = frame.followed, rows.get(frame.frame_id)
-        if taken is None or row is None or not row.is_followed:
-            continue
-        found.append(
-            LastMeasured(
-                frame_id=frame.frame_id,
-                t_utc_ns=taken.t_mid_utc_ns,
-                source=taken.source,
-                sigma_arcsec=largest_sigma(*taken.cov_sky_arcsec2),
-                nis=row.nis,
-            )
+    """Return what was measured in the last ``LAST_FRAMES`` frames, newest first."""
+    pairs = ((frame.followed, rows.get(frame.frame_id)) for frame in [*frames][-LAST_FRAMES:])
+    found = (
+        LastMeasured(
+            frame_id=row.frame_id,
+            t_utc_ns=taken.t_mid_utc_ns,
+            source=taken.source,
+            sigma_arcsec=largest_sigma(*taken.cov_sky_arcsec2),
+            nis=row.nis,
         )
+        for taken, row in pairs
+        if taken is not None and row is not None and row.is_followed
+    )
     return tuple(sorted(found, key=lambda each: -each.frame_id))
 
 
@@ -84,7 +83,7 @@ class Pointing:
     ra_icrs_deg: float
     dec_icrs_deg: float
     is_ordered: bool = False
-    """True for a slew of which no frame has been seen yet."""
+    """Whether it is a slew's aim of which no frame has come yet."""
     alt_deg: float | None = None
     az_deg: float | None = None
     """None where the session does not say its site."""
@@ -92,91 +91,89 @@ class Pointing:
 
 @dataclass(slots=True, kw_only=True)
 class NightView:
-    """A session at one instant; what ``Night.view`` gives of it changes no more."""
+    """A session at one instant; one given by ``Night.view`` does not change any more."""
 
     folder: Path | None = None
     title: str = ""
     is_closed: bool = False
     is_simulated: bool = False
     config: Config | None = None
-    """Of the session's engine; None where it cannot be read."""
+    """Settings of the session's engine; None where they cannot be read."""
     seq: int = 0
-    """Place in the log of the last record that has been taken."""
+    """Place in the log of the last record taken."""
     is_read: bool = False
-    """Whether the past has been read to its end: what comes now is news."""
+    """Whether the past has been read to its end: further records are news."""
     has_ended: bool = False
-    """Its engine has ended as it was asked to, and the mount stood."""
+    """Whether its engine ended as ordered, with the mount at rest."""
     fault: str | None = None
-    """Why the session cannot be read at this moment."""
+    """Why the session cannot be read at this moment; None: it can."""
     tau: float = 0.1
     rows: tuple[FrameRow, ...] = ()
     log: tuple[LogLine, ...] = ()
-    """Oldest first."""
+    """The log lines, oldest first."""
     state: LoopState | None = None
     state_since_utc_ns: int | None = None
     last_utc_ns: int | None = None
     frame: FrameTaken | None = None
     pointing: Pointing | None = None
     track: TrackState | None = None
-    """The lead."""
+    """The lead track's state."""
     beside: Mapping[int, TrackState] = field(default_factory=dict)
     """The other tracks of the last frame, by track id."""
     timing: CycleTiming | None = None
     slew: SlewCommand | None = None
     track_frame_id: int = 0
-    """In which the last lead began."""
+    """Frame in which the last lead track began."""
     track_since_utc_ns: int | None = None
-    """When that was."""
+    """When the last lead track began."""
     orbit: OrbitEstimate | None = None
-    """Of the lead, or of what was the lead last."""
+    """Orbit of the lead track, or of the last one."""
     orbit_utc_ns: int | None = None
-    """When that was found."""
+    """When that orbit was found."""
     orbits: Mapping[int, OrbitEstimate] = field(default_factory=dict)
-    """The last one of every track, by track id."""
+    """Last orbit of every track, by track id."""
     identified: Identified | None = None
-    """Of the lead, or of what was the lead last."""
+    """Identification of the lead track, or of the last one."""
     identifications: Mapping[int, Identified] = field(default_factory=dict)
-    """The last one of every track, by track id."""
+    """Last identification of every track, by track id."""
     changed: Mapping[str, float | int | str] = field(default_factory=dict)
-    """Settings that have been changed since the session began, by dotted name."""
+    """Settings changed since the session began, by dotted name."""
     measured: tuple[LastMeasured, ...] = ()
-    """What the track took of the last frames, newest first."""
+    """Measurements that the lead took of the last frames, newest first."""
     tracks: tuple[FollowedTrack, ...] = ()
-    """All that are followed, by their numbers."""
+    """All tracks that are followed, by their numbers."""
     dropped: tuple[int, ...] = ()
     """Tracks whose dropping may still be undone, the last one last."""
     pairs: tuple[PairMotion, ...] = ()
-    """How they move to each other, as of the last frame."""
+    """Relative motions of the tracks, as of the last frame."""
     expected: ExpectedMembers | None = None
-    """Who should be in the field beside them, as of the last look at the catalogue."""
-
+    """Catalogued objects that should be in the field, as of the last look at the catalogue."""
     being_fitted_again: frozenset[int] = frozenset()
-    """Tracks whose orbit is from before the operator's last word on a frame, by track id."""
-
+    """Tracks whose orbit is from before the operator's last decision on a frame, by track id."""
     kept_track: TrackState | None = None
-    """What was followed until somebody ended it, as it was then: it may be followed again."""
+    """The lead track when somebody ended it: it may be followed again; None: there is none."""
 
     @property
     def last_seen_utc_ns(self) -> int | None:
-        """When the lead was measured last, mid-exposure; None where the record does not say."""
+        """Mid-exposure of the lead's last measurement; None where the record does not say."""
         return next((each.measured_utc_ns for each in self.tracks if each.is_lead), None)
 
     @property
     def is_in_cloud(self) -> bool:
-        """Whether the lead's last miss, in the newest frame that is known, is put down to cloud."""
+        """Whether the lead coasts, and its miss in the newest frame is put down to cloud."""
         last = next((row for row in reversed(self.rows) if row.is_reduced), None)
         return self.state == "COAST" and last is not None and last.is_cloudy
 
     @property
     def is_orbit_past(self) -> bool:
-        """Whether the orbit is of something that is followed no more."""
+        """Whether the orbit is of a track that has ended."""
         orbit = self.orbit
         return orbit is not None and (self.track is None or orbit.track_id != self.track.track_id)
 
     def setting(self, name: str, changed: Mapping[str, Any] | None = None) -> Any:
-        """What a setting is now; None where the session does not say.
+        """Return the value of a setting in force; None where the session does not say.
 
-        ``changed``: as it was when these had been changed.
+        ``name``: dotted; ``changed``: the settings changed by then, None: by now.
         """
         changed = self.changed if changed is None else changed
         if name in changed:
@@ -186,21 +183,21 @@ class NightView:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class KeptNight:
-    """A night as it was at one place of the log: what ``Night.go_back`` returns to.
+class NightCheckpoint:
+    """A night as it was at one place of the log, for ``Night.go_back``.
 
-    Rows, frames and lines are shared with the night and among those that are kept.
+    Rows, frames and lines are shared with the night and among kept places.
     """
 
     now: NightView
-    tracks: TracksNow
+    tracks: CurrentTracks
     rows: Chunks[FrameRow]
     frames: tuple[Any, ...]
     log: Chunks[LogLine]
 
 
 def above_horizon(pointing: Pointing, site: Site) -> Pointing:
-    """The same with altitude and azimuth, where it has none yet."""
+    """Add altitude and azimuth to a pointing that has none yet."""
     if pointing.alt_deg is not None:
         return pointing
     from rsoconsole.sky import icrs_to_altaz
@@ -212,7 +209,7 @@ def above_horizon(pointing: Pointing, site: Site) -> Pointing:
 
 
 def is_same_name(one: Identified | None, other: Identified) -> bool:
-    """Whether two identifications come to the same: the second is no news."""
+    """Whether a second identification says what the first did: verdict, hint and object."""
     if one is None or (one.verdict, bool(one.hint)) != (other.verdict, bool(other.hint)):
         return False
     names = [each.matches[0].norad_id if each.matches else None for each in (one, other)]

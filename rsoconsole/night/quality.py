@@ -1,4 +1,4 @@
-"""How well measurements met what was predicted of them, in figures. Pure."""
+"""Figures of how well measurements met their predictions. Pure."""
 
 import math
 from collections.abc import Iterable, Sequence
@@ -12,7 +12,7 @@ from rsoconsole.tracking import Consistency, consistency, mean_band
 
 
 class Update(NamedTuple):
-    """A measurement that was predicted, and the prediction."""
+    """A measurement minus its prediction, with the errors of that."""
 
     residual_arcsec: tuple[float, float]
     """Measured minus predicted: right ascension on the sky, declination."""
@@ -21,7 +21,7 @@ class Update(NamedTuple):
 
     @property
     def is_inside(self) -> bool:
-        """Whether it lies within 3 sigma on both axes."""
+        """Whether the residual lies within 3 sigma on both axes."""
         if self.sigma_arcsec is None:
             return False
         pairs = zip(self.residual_arcsec, self.sigma_arcsec, strict=True)
@@ -29,7 +29,7 @@ class Update(NamedTuple):
 
     @property
     def log_likelihood(self) -> float | None:
-        """Of its innovation. Source: Bar-Shalom et al. 2001, ch. 5.4."""
+        """Log likelihood of the innovation. Source: Bar-Shalom et al. 2001, ch. 5.4."""
         if self.sigma_arcsec is None or self.nis is None or min(self.sigma_arcsec) <= 0.0:
             return None
         return -math.log(2.0 * math.pi * math.prod(self.sigma_arcsec)) - 0.5 * self.nis
@@ -37,24 +37,24 @@ class Update(NamedTuple):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Quality:
-    """Of the updates looked at; None where there is nothing to go by.
+    """Figures of a number of updates; None where no update says it.
 
     Residuals are measured minus predicted, of every measurement that the track took.
     """
 
     updates: int
     residual_rms_arcsec: float | None
-    """Both axes together."""
+    """Root mean square of both axes together."""
     residual_east_rms_arcsec: float | None
     residual_north_rms_arcsec: float | None
     nis_mean: float | None
-    """2 for a sound filter."""
+    """Mean normalised innovation squared: 2 for a sound filter."""
     nis_band: tuple[float, float] | None
-    """Within which that mean lies for a sound filter, 95 times in 100."""
+    """Bounds of that mean for a sound filter, 95 times in 100."""
     inside_3sigma: float | None
     """Share of updates whose residual lies within 3 sigma on both axes; 0.995 for a sound one."""
     log_likelihood_mean: float | None
-    """Of an update's innovation in arcsec under its own sigmas; the larger, the likelier. The
+    """Mean log likelihood of the innovations in arcsec: the larger, the likelier. The
     correlation of the two axes counts in the NIS alone."""
 
     @property
@@ -66,7 +66,7 @@ class Quality:
 
 
 def updates_of(states: Iterable[TrackState | None]) -> list[Update]:
-    """The updates among them."""
+    """Return the updates among some states of a track."""
     return [
         Update(each.innovation_arcsec, each.sigma_innovation_arcsec, each.nis)
         for each in states
@@ -75,7 +75,7 @@ def updates_of(states: Iterable[TrackState | None]) -> list[Update]:
 
 
 def quality_of(updates: Sequence[Update]) -> Quality:
-    """Their figures."""
+    """Compute the figures of some updates."""
     nis = [each.nis for each in updates if each.nis is not None]
     terms = [term for each in updates if (term := each.log_likelihood) is not None]
     east, north = (rms([each.residual_arcsec[axis] for each in updates]) for axis in (0, 1))
@@ -92,12 +92,12 @@ def quality_of(updates: Sequence[Update]) -> Quality:
 
 
 def rms(values: Sequence[float]) -> float | None:
-    """Root of the mean square; None of nothing."""
+    """Root mean square; None of no values."""
     return math.sqrt(fmean(value**2 for value in values)) if values else None
 
 
 def consistency_of(frames: Iterable[NightFrame]) -> Consistency:
-    """What the newest updates of what was followed say of the filter."""
+    """Test the filter by the lead track's newest updates."""
     updates = [each for each in updates_of(f.updated for f in frames) if each.nis is not None]
     nis = [each.nis for each in updates if each.nis is not None]
     return consistency(nis, [each.residual_arcsec for each in updates])

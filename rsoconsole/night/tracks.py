@@ -1,66 +1,51 @@
-"""Every track of a session: what it measured, its orbit, its name, how it ended. Pure."""
+"""Every track of a session at its end: measurements, orbit, identification, ending. Pure."""
 
-import json
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
-from typing import Any
 
 from rsoconsole.control import one_line
 from rsoconsole.night.frame import NightFrame
 from rsoconsole.night.quality import Quality, quality_of, updates_of
-from rsoconsole.records import (
-    SUPERSEDED,
-    TABLES,
-    Column,
-    FollowedAgain,
-    Identified,
-    Measurement,
-    OrbitEstimate,
-    Reason,
-    Table,
-    TrackState,
-    member,
-)
-from rsoconsole.session import to_json_value
+from rsoconsole.records import Identified, Measurement, OrbitEstimate, TrackState
 from rsoconsole.words import identity, text
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class NightTrack:
-    """One track, as the record has it at its end; what the operator's word replaced counts not."""
+    """One track at the session's end, without what the operator's decisions replaced."""
 
     number: int
     """Its number in the session."""
     states: tuple[TrackState, ...]
     """In order of time: predicted, initial, updated."""
     measurements: tuple[Measurement, ...]
-    """Those that it took, in order of time, the first of all among them where it is on record."""
+    """The measurements that it took in order of time, with its first where that is on record."""
     orbit: OrbitEstimate | None = None
-    """The last one."""
+    """Its last orbit."""
     identified: Identified | None = None
-    """The last word on which catalogued object it is."""
+    """Its last identification."""
     missed: Mapping[int, str] = field(default_factory=dict)
-    """Frames that did not show it, by their numbers, and why."""
+    """Why it was missed, in words, by frame number."""
     lost: str = ""
-    """What the fold gave it up for, in words; empty: it did not."""
+    """Why the fold gave it up, in words; empty: it did not."""
     ended: str = ""
     """What ended it, in words; empty: nothing that is on record."""
 
     @property
     def name(self) -> str | None:
-        """In the catalogue; None where that is not known, or more than one may be it."""
+        """Its name in the catalogue; None where that is unknown or ambiguous."""
         found = self.identified
         is_known = found is not None and found.verdict == "identified" and bool(found.matches)
         return self.object_words if is_known else None
 
     @property
     def object_words(self) -> str:
-        """What catalogue or ledger say of it: a name, a name in doubt, or that none fits."""
+        """Its name in catalogue or ledger, "?" where in doubt; or that none fits."""
         return one_line(identity(self.identified))
 
     @property
     def quality(self) -> Quality:
-        """How well its updates met what was predicted."""
+        """How well its updates met their predictions."""
         return quality_of(updates_of(self.states))
 
 
@@ -69,14 +54,14 @@ class _Parts:
     states: list[TrackState] = field(default_factory=list)
     missed: dict[int, str] = field(default_factory=dict)
     lost: list[str] = field(default_factory=list)
-    """What ended it, each time."""
+    """Why the fold gave it up, each time."""
     orbit: OrbitEstimate | None = None
     name: Identified | None = None
     dropped: list[str] = field(default_factory=list)
 
 
 def tracks_of(frames: Iterable[NightFrame]) -> dict[int, NightTrack]:
-    """The tracks of a night's frames by their numbers."""
+    """Return the tracks of a night's frames by their numbers."""
     parts: dict[int, _Parts] = {}
     measured: dict[str, Measurement] = {}
     for frame in sorted(frames, key=lambda each: each.frame_id):
@@ -119,69 +104,3 @@ def _track(number: int, own: _Parts, measured: dict[str, Measurement]) -> NightT
         lost=own.lost[-1] if own.lost else "",
         ended=ended[-1] if ended else "",
     )
-
-
-Row = dict[str, Any]
-Logged = tuple[int, int, Any]
-"""(seq, t_utc_ns, record), as the reader gives it."""
-
-
-def rows_of(name: str, log: Sequence[Logged], files: Iterable[Row] = ()) -> list[Row]:
-    """The rows of a view, in the order of the log.
-
-    ``files``: rows of the session's own view ``frames``, for what it knows of files.
-    """
-    table = TABLES[name]
-    rows = list(_rows(table, log))
-    if table.is_followed_again:
-        _mark_superseded(rows, log)
-    of_files = [column.name for column in table.own if column.source == "files"]
-    kept = {row["seq"]: row for row in files} if of_files else {}
-    for row in rows:
-        row.update({column: kept.get(row["seq"], {}).get(column) for column in of_files})
-    return rows
-
-
-def _rows(table: Table, log: Sequence[Logged]) -> Iterator[Row]:
-    columns = [column for column in table.own if column.source == "log"]
-    for seq, t_utc_ns, record in log:
-        if type(record) is not table.kind:
-            continue
-        head = {
-            "seq": seq,
-            "t_utc_ns": t_utc_ns,
-            "frame_id": getattr(record, "frame_id", None),
-        }
-        for number, part in _parts(table, record):
-            yield head | {each.name: _plain(_member(number, part, each)) for each in columns}
-
-
-def _parts(table: Table, record: Any) -> Iterable[tuple[Any, Any]]:
-    """The rows that one record makes: (number or key, what the columns are taken from)."""
-    if not table.parts:
-        return ((None, record),)
-    parts = getattr(record, table.parts)
-    return tuple(parts.items()) if isinstance(parts, Mapping) else enumerate(parts)
-
-
-def _member(number: Any, part: Any, column: Column) -> Any:
-    if column.place in {"#", "="}:
-        return number if column.place == "#" else part
-    return member(part, column)
-
-
-def _plain(value: Any) -> Any:
-    """As it is; records, and tuples of records, as the JSON that the log has."""
-    if value is None or isinstance(value, bool | int | float | str):
-        return value
-    if isinstance(value, Reason):
-        return text(value)
-    if isinstance(value, tuple) and all(isinstance(each, tuple | float) for each in value):
-        return value
-    return json.dumps(to_json_value(value), separators=(",", ":"))
-
-
-def _mark_superseded(rows: list[Row], log: Sequence[Logged]) -> None:
-    last = {r.frame_id: seq for seq, _, r in log if isinstance(r, FollowedAgain)}
-    for row in rows:
-        row[SUPERSEDED.name] = last.get(row["frame_id"], 0) > row["seq"]

@@ -57,10 +57,10 @@ from .shutter import shutter_words as shutter_words
 from .shutter import timing_words as timing_words
 from .streaks import name_of as name_of
 from .streaks import name_words as name_words
+from .streaks import notable_streaks as notable_streaks
 from .streaks import parts_of as parts_of
 from .streaks import pulse_of as pulse_of
 from .streaks import pulse_words as pulse_words
-from .streaks import remarkable as remarkable
 from .streaks import short_name_of as short_name_of
 from .streaks import size_of as size_of
 from .times import NS_PER_DAY as NS_PER_DAY

@@ -33,7 +33,7 @@ def _format_sexagesimal(value: float, decimals: int) -> str:
 def direction(
     ra_deg: float, dec_deg: float, form: Literal["screen", "measured", "bare"] = "screen"
 ) -> str:
-    """α 05:32:11.0 δ -04:52:10; measured a digit more of both, and bare the same without signs."""
+    """Format a direction: α 05:32:11.0 δ -04:52:10; measured: a digit more, bare: no signs."""
     if form == "screen":
         return f"α {format_ra(ra_deg, 1)} δ {format_dec(dec_deg, 0)}"
     ra, dec = format_ra(ra_deg), format_dec(dec_deg)
@@ -41,12 +41,12 @@ def direction(
 
 
 def altaz(alt_deg: float | None, az_deg: float | None) -> str:
-    """Alt 45.1 az 123.4; empty where it is not known."""
+    """Format altitude and azimuth: alt 45.1 az 123.4; empty where they are not known."""
     return "" if alt_deg is None or az_deg is None else f"alt {alt_deg:.1f} az {az_deg:.1f}"
 
 
 def angle(arcsec: float, form: Literal["line", "cell"] = "line") -> str:
-    """The size of it: 3.12″, 4.2′, 1.72°; in a cell of five columns 0.45″, 3.1″."""
+    """Format an angle's size: 3.12″, 4.2′, 1.72°; in a cell of five columns 0.45″, 3.1″."""
     size, digits = abs(arcsec), 1 if form == "cell" else 2
     if size < 100.0:
         return f"{size:.{2 if size < 0.95 else digits}f}″"
@@ -54,23 +54,23 @@ def angle(arcsec: float, form: Literal["line", "cell"] = "line") -> str:
 
 
 def signed_angle(arcsec: float) -> str:
-    """+3.12″, -4.2′."""
+    """Format an angle with its sign: +3.12″, -4.2′."""
     return f"{'-' if arcsec < 0.0 else '+'}{angle(arcsec)}"
 
 
 def error_figure(value: float) -> str:
-    """As exactly as an error is worth."""
+    """Format an error to two digits."""
     return f"{value:.0f}" if value >= 10.0 else f"{value:.2g}"
 
 
 def plus_minus(value: float, sigma: float | None) -> str:
-    """42165±9, .0002±.0001: as many decimals as the sigma has any say in."""
+    """Format a value with its sigma, to the sigma's last digit: 42165±9, .0002±.0001."""
     texts = with_sigma(value, sigma)
     return "±".join(text.removeprefix("0") if "." in text else text for text in texts if text)
 
 
 def with_sigma(value: float, sigma: float | None, *, digits: int = 1) -> tuple[str, str]:
-    """Both to the last of ``digits`` of the sigma, which is empty where there is none."""
+    """Return value and sigma to the last of ``digits`` of the sigma; empty where there is none."""
     if sigma is None or not (math.isfinite(sigma) and sigma > 0.0):
         return f"{value:.5g}", ""
     decimals = min(max(digits - 1 - math.floor(math.log10(sigma)), 0), _MAX_DECIMALS)
@@ -78,28 +78,28 @@ def with_sigma(value: float, sigma: float | None, *, digits: int = 1) -> tuple[s
     return f"{value:.{decimals}f}", spread if float(spread) else ""
 
 
-def number(value: float | None, form: str, unit: str = "", *, absent: str = "-") -> str:
-    """A figure in a format of Python's with its unit; ``absent`` where there is none."""
-    return absent if value is None else f"{value:{form}}{unit}"
+def number(value: float | None, form: str, unit: str = "") -> str:
+    """Format a figure in a format of Python's with its unit; "-" where there is none."""
+    return "-" if value is None else f"{value:{form}}{unit}"
 
 
 def counted(count: int, noun: str, plural: str | None = None) -> str:
-    """ "1 streak", "2 streaks", "3 galaxies"."""
+    """Format a number of things: "1 streak", "2 streaks", "3 galaxies"."""
     return f"{count} {noun if count == 1 else plural or f'{noun}s'}"
 
 
 def joined(words: Sequence[str]) -> str:
-    """ "a", "a and b", "a, b and c"."""
+    """Join words: "a", "a and b", "a, b and c"."""
     return words[0] if len(words) == 1 else f"{', '.join(words[:-1])} and {words[-1]}"
 
 
 def short(value: float) -> str:
-    """To two decimals, without the zero before the point."""
+    """Format a figure to two decimals, without the zero before the point."""
     return f"{value:.2f}".removeprefix("0")
 
 
 def file_size(size_bytes: float) -> str:
-    """Decimal units, as disks are sold."""
+    """Format a size in decimal units, as disks are sold."""
     for unit, factor in (("GB", 1e9), ("MB", 1e6)):
         if size_bytes >= factor:
             return f"{size_bytes / factor:.1f} {unit}"
@@ -107,5 +107,5 @@ def file_size(size_bytes: float) -> str:
 
 
 def settings_words(changes: Mapping[str, object]) -> str:
-    """Settings with their values: "filter.q_multiplier = 4, detector.tau = 0.2"."""
+    """Format settings with their values: "filter.q_multiplier = 4, detector.tau = 0.2"."""
     return ", ".join(f"{name} = {value}" for name, value in changes.items())

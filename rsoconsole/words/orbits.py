@@ -8,19 +8,19 @@ from rsoconsole.words.times import NS_PER_S, Clock, age, clock, span
 
 
 def size_words(a_km: float, sigma_a_km: float) -> str:
-    """a 42165±9 km."""
+    """Format a semi-major axis: a 42165±9 km."""
     return f"a {plus_minus(a_km, sigma_a_km)} km"
 
 
 def due(what: str, t_utc_ns: int, now_utc_ns: int, form: Clock = "minute") -> str:
-    """Sets 04:23Z (2h00)."""
+    """Format a coming event: sets 04:23Z (2h00)."""
     return f"{what} {clock(t_utc_ns, form)} ({span((t_utc_ns - now_utc_ns) / NS_PER_S)})"
 
 
 def turn_words(
     t_utc_ns: int | None, now_utc_ns: int, form: Clock = "minute", *, is_up: bool
 ) -> str:
-    """When what is up sets, or what is down rises."""
+    """Say when an object sets that is up, or rises that is down."""
     if t_utc_ns is None:
         return f"does not {'set' if is_up else 'rise'} within a day"
     return due("sets" if is_up else "rises", t_utc_ns, now_utc_ns, form)
@@ -32,7 +32,7 @@ def eclipse_words(
     now_utc_ns: int,
     form: Clock = "minute",
 ) -> str:
-    """When it begins and ends, or that it has begun."""
+    """Say when an eclipse begins and ends, or that it has begun."""
     if eclipse_utc_ns is None:
         return "no eclipse within a day"
     begins, ends = eclipse_utc_ns
@@ -42,18 +42,18 @@ def eclipse_words(
 
 
 def apart_words(pair: PairMotion) -> str:
-    """253.2 ± 0.5″."""
+    """Format a pair's separation: 253.2 ± 0.5″."""
     return f"{pair.separation_arcsec:.1f} ± {pair.sigma_separation_arcsec:.1f}″"
 
 
 def nearing_words(pair: PairMotion) -> str:
-    """-1.44 ± 0.03″/min: below 0 while they approach."""
+    """Format the rate of a separation: -1.44 ± 0.03″/min, below 0 while they approach."""
     sigma = pair.sigma_separation_rate_arcsec_min
     return f"{pair.separation_rate_arcsec_min:+.2f} ± {sigma:.2f}″/min"
 
 
 def closest_words(pair: PairMotion) -> str:
-    """How near they come and when, or that they part."""
+    """Say how near a pair comes and when, or that they part."""
     hours = pair.horizon_s / 3600.0
     if pair.closest == "now":
         return f"they part, looked {hours:.1f} h ahead"
@@ -65,19 +65,19 @@ def closest_words(pair: PairMotion) -> str:
 
 
 def unseen_words(name: str, member: UnseenMember) -> str:
-    """Who is missing, where in the frame, and why it may not be seen."""
+    """Say which expected object is missing, where in the frame, and why it may not be seen."""
     whys = (("in shadow", member.is_lit), ("at the edge", member.is_usable))
     why = ", ".join(words for words, is_plain in whys if not is_plain)
     return f"{name} x {member.x_px:.0f} y {member.y_px:.0f} {why}".rstrip()
 
 
 def called(name: str | None, norad_id: int) -> str:
-    """INTELSAT 14 (36097), or its number where it has no name."""
+    """Format a catalogued object: INTELSAT 14 (36097), or its number where it has no name."""
     return f"{name} ({norad_id})" if name else str(norad_id)
 
 
 def identity(found: Identified | None) -> str:
-    """INTELSAT 14, UCT 7?, not in catalogue; "-": not known yet. "?" stands for doubt."""
+    """Format an identity: INTELSAT 14, UCT 7?, not in catalogue; "-": none yet, "?": doubt."""
     if found is None:
         return "-"
     if found.verdict == "unknown":
@@ -90,12 +90,12 @@ def identity(found: Identified | None) -> str:
 
 
 def off_words(match: CatalogueMatch) -> str:
-    """How far beside its elements what was seen is: 0.45″, 3.1″, 4.2′."""
+    """Format the separation from a catalogue orbit: 0.45″, 3.1″, 4.2′."""
     return angle(match.separation_arcsec, "cell")
 
 
 def match_words(match: CatalogueMatch) -> list[str]:
-    """98%, 3.1″ off, elements 0.4 d old."""
+    """Format a catalogue match: 98%, 3.1″ off, elements 0.4 d old."""
     return [
         chance(match.probability),
         f"{off_words(match)} off",
@@ -104,19 +104,19 @@ def match_words(match: CatalogueMatch) -> list[str]:
 
 
 def ledger_words(past: LedgerName) -> str:
-    """UCT 7, seen 2026-11-20; perhaps UCT 7, seen 2026-11-20 (93%)."""
+    """Format a name of the ledger: UCT 7, seen 2026-11-20; perhaps UCT 7, seen 2026-11-20 (93%)."""
     words = f"{past.name}, seen {clock(past.t_last_utc_ns, 'day', '')}"
     return words if past.is_sure else f"perhaps {words} ({chance(past.probability)})"
 
 
 def chance(probability: float) -> str:
-    """Never more certain than it is: >99%."""
+    """Format a probability in percent, at most ">99%", at least "<1%"."""
     if probability >= 0.995:
         return ">99%"
     return "<1%" if probability < 0.005 else f"{probability:.0%}"
 
 
 def tracks_words(numbers: Iterable[int | str]) -> str:
-    """Tracks by their numbers: "track 3", "tracks 1 3 4"."""
+    """Format tracks by their numbers: "track 3", "tracks 1 3 4"."""
     words = [str(each) for each in numbers]
     return f"track{'s' if len(words) > 1 else ''} {' '.join(words)}"

@@ -131,7 +131,7 @@ _MISSED: dict[MissKind, str] = {
 
 
 def text(reason: Reason) -> str:  # noqa: PLR0911 -- one case a kind
-    """The sentence."""
+    """Say a reason as a sentence."""
     match reason:
         case BelowTau():
             return f"confidence {reason.confidence:.2f} below tau {reason.tau:.2f}"
@@ -183,7 +183,7 @@ def _result(result: CommandResult) -> str:  # noqa: PLR0911 -- one case a kind
 
 
 def answered_text(ms: float, path: str, ordered_ms: float | None) -> str:
-    """A STOP that the mount's driver has taken, in the same words everywhere."""
+    """Say that the mount's driver has answered a STOP, and how fast."""
     way = STOP_PATHS.get(path, path)
     return f"ABORT answered in {ms:.0f} ms by {way}{ordered_text(ordered_ms)}"
 
@@ -196,7 +196,7 @@ def measured_text(
     why: str = "",
     remedy: str = f"{CUT_POWER} if it does",
 ) -> str:
-    """What a STOP has come to, and after how long; or that nobody knows, and what to do then."""
+    """Say how a STOP ended and how long it took, or that it is not known and the remedy."""
     if motion is None or motion == "unknown":
         return unmeasured_text(why, remedy)
     if motion == "moves":
@@ -205,24 +205,24 @@ def measured_text(
 
 
 def unmeasured_text(why: str, remedy: str) -> str:
-    """A STOP of which nobody knows whether the mount stands."""
+    """Say that it is not known whether the mount stands after a STOP."""
     return f"NOT KNOWN whether the mount moves{f' ({why})' if why else ''}: {remedy}"
 
 
 def rate_text(rate_deg_s: float) -> str:
-    """An angular rate, in a unit of its size."""
+    """Format an angular rate in a unit of its size."""
     if rate_deg_s >= 0.1:
         return f"{rate_deg_s:.1f} deg/s"
     return f"{rate_deg_s * 3600.0:.0f} arcsec/s"
 
 
 def ordered_text(ordered_ms: float | None, within: str = "; {}", unknown: str = "") -> str:
-    """When a STOP was ordered; what came of it is another thing."""
+    """Say how soon a STOP was ordered, whatever its outcome."""
     return unknown if ordered_ms is None else within.format(f"ordered in {ordered_ms:.0f} ms")
 
 
 def ruled_text(result: CommandResult) -> str:
-    """What a word on a frame came to, where the frame has been named before."""
+    """Say the outcome of a decision on a frame that has been named before."""
     if result.sigma_arcsec is not None:
         return _mark_text(result, result.sigma_arcsec)
     beside = f", {result.left_alone} left alone" if result.left_alone else ""
@@ -230,7 +230,7 @@ def ruled_text(result: CommandResult) -> str:
 
 
 def _mark_text(result: CommandResult, sigma_arcsec: tuple[float, float]) -> str:
-    """How good a mark by hand is, what it takes the place of, and what it makes."""
+    """The errors of a mark by hand, what it replaces, and what it starts."""
     east, north = (error_figure(each) for each in sigma_arcsec)
     words = f"used: ±{east}″ RA ±{north}″ Dec"
     others = result.left_alone

@@ -1,4 +1,4 @@
-"""What is known of the shutter, in words, with its age."""
+"""The shutter's calibration in words, with its age."""
 
 from datetime import date
 
@@ -6,11 +6,11 @@ from rsoconsole.config import CalibratedTiming, ExposureConfig
 from rsoconsole.words.angles import counted
 
 OLD_DAYS = 180
-"""Drivers are updated, cables changed: by then it is worth another look."""
+"""Age from which on a calibration is old: drivers are updated, cables changed."""
 
 
 def mode_words(mode: tuple[object, ...], others: str = "any exposure") -> str:
-    """A camera's mode, ``2 s, 1x1, 4656 x 3520 px, gain 139``; ``others``: of no one length."""
+    """Format a camera's mode, ``2 s, 1x1, 4656 x 3520 px, gain 139``; ``others``: for any time."""
     exposure_s, binning, width_px, height_px, x0_px, y0_px, gain, time_by = mode
     parts = [others if exposure_s is None else f"{exposure_s:g} s"]
     parts += [str(binning)] if binning else []
@@ -23,7 +23,10 @@ def mode_words(mode: tuple[object, ...], others: str = "any exposure") -> str:
 
 
 def timing_words(timing: CalibratedTiming, today: date) -> str:
-    """E.g. ``+137.2 ± 2.1 ms late, scatter 8.0 ± 0.9 ms, lines 15.0 ± 0.5 µs, 3 days old``."""
+    """Format a calibration with its age.
+
+    E.g. ``+137.2 ± 2.1 ms late, scatter 8.0 ± 0.9 ms, lines 15.0 ± 0.5 µs, 3 days old``.
+    """
     return (
         f"{timing.bias_s * 1e3:+.1f} ± {timing.bias_sigma_s * 1e3:.1f} ms late, scatter"
         f" {timing.scatter_s * 1e3:.1f} ± {timing.scatter_sigma_s * 1e3:.1f} ms,"
@@ -32,7 +35,7 @@ def timing_words(timing: CalibratedTiming, today: date) -> str:
 
 
 def errors_words(timing: CalibratedTiming) -> str:
-    """Its errors alone."""
+    """Format a calibration's errors alone."""
     line = timing.line_time_sigma_us
     lines = "lines not measured" if line is None else f"lines ±{line:.1f} µs"
     return (
@@ -42,7 +45,7 @@ def errors_words(timing: CalibratedTiming) -> str:
 
 
 def line_words(timing: CalibratedTiming) -> str:
-    """The line time, and whether it was measured."""
+    """Format the line time, and whether it was measured."""
     value = f"{timing.line_time_us:.1f}"
     if timing.line_time_sigma_us is None:
         return f"{value} µs (not measured)"
@@ -50,18 +53,18 @@ def line_words(timing: CalibratedTiming) -> str:
 
 
 def age_days(timing: CalibratedTiming, today: date) -> int:
-    """Whole days since its last night."""
+    """Whole days since a calibration's last night."""
     return (today - timing.measured_on).days
 
 
 def age_words(timing: CalibratedTiming, today: date) -> str:
-    """How old it is."""
+    """Format a calibration's age."""
     days = age_days(timing, today)
     return "of today" if days == 0 else "1 day old" if days == 1 else f"{days} days old"
 
 
 def shutter_words(exposure: ExposureConfig, today: date) -> str:
-    """What is known of the shutter, for a line that has room for one mode: the newest one's."""
+    """Format the shutter's calibration in one line: that of the newest mode."""
     if not exposure.calibrated:
         return (
             f"shutter not calibrated: ±{exposure.timing_sigma_s * 1e3:g} ms assumed,"

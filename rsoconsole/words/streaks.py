@@ -1,17 +1,18 @@
-"""What a streak is in a few words: "crossing, aircraft 0.83", "satellite 0.97, train of 5"."""
+"""Streaks in a few words: "crossing, aircraft 0.83", "satellite 0.97, train of 5"."""
 
+from collections import Counter
 from collections.abc import Iterable
 
 from rsoconsole.records import Detection
 
 PLAIN = ("satellite", "undetermined")
-"""Classes that may be followed: nothing out of the ordinary."""
+"""Classes of detections that may start a track."""
 
 
 def name_of(streak: Detection) -> str:
-    """How the frame cuts it, its class with the probability, its train; empty where all is open.
+    """Format a streak's kind, class with probability, and train; empty where all is undetermined.
 
-    A whole streak is called by its class alone.
+    A whole streak is named by its class alone.
     """
     return name_words(
         streak.kind, streak.object_class, streak.class_probability, train=streak.train
@@ -19,7 +20,7 @@ def name_of(streak: Detection) -> str:
 
 
 def name_words(kind: str, object_class: str, probability: float, *, train: int) -> str:
-    """The same of its single figures."""
+    """Format single figures as ``name_of`` does."""
     words = [] if kind == "streak" else [kind]
     if object_class != "undetermined":
         words.append(f"{object_class} {probability:.2f}")
@@ -29,33 +30,33 @@ def name_words(kind: str, object_class: str, probability: float, *, train: int) 
 
 
 def short_name_of(streak: Detection) -> str:
-    """The one word that tells most: its class, or how the frame cuts it; empty for neither."""
+    """A streak's class, else its kind, in one word; empty for neither."""
     if streak.object_class != "undetermined":
         return streak.object_class
     return "" if streak.kind == "streak" else streak.kind
 
 
 def size_of(streak: Detection) -> str:
-    """120×3.1 px."""
+    """Format a streak's length and width: 120×3.1 px."""
     return f"{streak.length_px:.0f}×{streak.width_px:.1f} px"
 
 
 def parts_of(streak: Detection) -> list[str]:
-    """All that is said of one beside its confidence: size, SNR, name, pulse."""
+    """Format a streak's size, SNR, name and pulse, each as one part."""
     snr = f"SNR {streak.snr:.0f}" if streak.snr else ""
     parts = (size_of(streak), snr, name_of(streak), pulse_of(streak))
     return [each for each in parts if each]
 
 
 def pulse_of(streak: Detection) -> str:
-    """Period and depth of light that comes and goes; empty where it does not."""
+    """Format period and depth of a streak's varying light; empty where it is steady."""
     return pulse_words(
         streak.modulation_period_px, streak.modulation_period_s, streak.modulation_depth
     )
 
 
 def pulse_words(period_px: float | None, period_s: float | None, depth: float | None) -> str:
-    """The same of its single figures."""
+    """Format single figures as ``pulse_of`` does."""
     if period_px is None:
         return ""
     period = f"{period_px:.1f} px"
@@ -64,14 +65,11 @@ def pulse_words(period_px: float | None, period_s: float | None, depth: float | 
     return f"pulses every {period}, depth {depth or 0.0:.2f}"
 
 
-def remarkable(streaks: Iterable[Detection]) -> str:
-    """Those that no track begins with, in one line; empty where there are none."""
-    parts = [
+def notable_streaks(streaks: Iterable[Detection]) -> str:
+    """Name the streaks that start no track in one line; empty where there are none."""
+    counts = Counter(
         name_of(each)
         for each in streaks
         if each.kind == "crossing" or each.train or each.object_class not in PLAIN
-    ]
-    return "; ".join(
-        f"{parts.count(words)} x {words}" if parts.count(words) > 1 else words
-        for words in dict.fromkeys(parts)
     )
+    return "; ".join(f"{n} x {words}" if n > 1 else words for words, n in counts.items())

@@ -1,4 +1,4 @@
-"""Instants and lengths of time in words."""
+"""Instants and durations in words."""
 
 from datetime import date
 from typing import Literal
@@ -29,14 +29,14 @@ def utc_ns_to_iso(t_utc_ns: int, decimals: int = 3) -> str:
 
 
 def clock(t_utc_ns: int | None, form: Clock = "second", zone: str = "Z") -> str:
-    """05:39:40Z, 05:39Z, 2026-07-14 05:39:40Z; dashes where it is not known."""
+    """Format an instant: 05:39:40Z, 05:39Z, 2026-07-14 05:39:40Z; dashes where it is not known."""
     if not t_utc_ns:
         return ("--:--" if form == "minute" else "--:--:--") + zone
     return utc_ns_to_iso(t_utc_ns, 0)[_CUTS[form]].replace("T", " ") + zone
 
 
 def when(first_utc_ns: int | None, last_utc_ns: int | None) -> str:
-    """From when to when; the day once where it is one."""
+    """Format a span of time from its ends, the day once where it is one."""
     if first_utc_ns is None or last_utc_ns is None:
         return "nothing on record yet"
     days = [clock(each, "day", "") for each in (first_utc_ns, last_utc_ns)]
@@ -45,26 +45,22 @@ def when(first_utc_ns: int | None, last_utc_ns: int | None) -> str:
 
 
 def span(seconds: float, form: Literal["cell", "line"] = "cell") -> str:
-    """8s, 12m04, 3h05; in a line 8 s, 12 min 4 s, 3 h 5 min."""
+    """Format a duration: 8s, 12m04, 3h05; in a line 8 s, 12 min 4 s, 3 h 5 min."""
     whole = max(int(seconds), 0)
     hours, minutes, rest = whole // 3600, whole // 60 % 60, whole % 60
+    if form == "cell" and hours:
+        return f"{hours}h{minutes:02d}"
     if form == "cell":
-        return (
-            f"{hours}h{minutes:02d}"
-            if hours
-            else f"{minutes}m{rest:02d}"
-            if minutes
-            else f"{rest}s"
-        )
+        return f"{minutes}m{rest:02d}" if minutes else f"{rest}s"
     parts = ((hours, "h"), (minutes, "min"), (0 if hours else rest, "s"))
     return " ".join(f"{number} {unit}" for number, unit in parts if number) or "0 s"
 
 
 def left(seconds: float) -> str:
-    """In whole minutes; under two in seconds."""
+    """Format a time that is left in whole minutes, under two in seconds."""
     return f"{seconds / 60:.0f} min" if seconds >= 120.0 else f"{max(seconds, 0.0):.0f} s"
 
 
 def age(days: float) -> str:
-    """Of elements at an instant: 0.4 d old, 0.2 d younger."""
+    """Format the age of elements at an instant: 0.4 d old, 0.2 d younger."""
     return f"{abs(days):.1f} d {'old' if days >= 0.0 else 'younger'}"

@@ -17,8 +17,8 @@ from rsoconsole.console.drawing.blocks import (
     fitted,
     runs,
 )
-from rsoconsole.console.drawing.terminal_query import TerminalAnswer, blocks_of, understood
-from rsoconsole.console.picture.graphics import offered
+from rsoconsole.console.drawing.terminal_query import TerminalAnswer, blocks_of, parse_answer
+from rsoconsole.console.picture.graphics import choose_drawing
 
 ALL = tuple(BY_NAME.values())
 
@@ -131,7 +131,7 @@ def test_a_sign_keeps_the_light_below_it():
 def test_a_terminal_gets_the_finest_that_it_surely_draws(
     kind: str, answer: str, blocks: Blocks, graphics: str
 ):
-    said = understood(answer, kind)
+    said = parse_answer(answer, kind)
     assert blocks_of(said, {"TERM": kind}) is blocks
     assert said.has_kitty == (graphics == "kitty")
     assert said.has_sixel == (graphics == "sixel")
@@ -141,7 +141,7 @@ def test_what_is_configured_is_not_asked_about(monkeypatch: pytest.MonkeyPatch):
     def never() -> TerminalAnswer:
         raise AssertionError("the terminal was asked")
 
-    monkeypatch.setattr("rsoconsole.console.picture.graphics.asked", never)
+    monkeypatch.setattr("rsoconsole.console.picture.graphics.query_terminal", never)
     for name, blocks in BY_NAME.items():
-        drawn = offered(name)  # type: ignore[arg-type]
+        drawn = choose_drawing(name)  # type: ignore[arg-type]
         assert (drawn.graphics, drawn.blocks) == (None, blocks)

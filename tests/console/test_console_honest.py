@@ -8,7 +8,7 @@ import pytest
 from rsoconsole.config import Config
 from rsoconsole.console.drawing.plot import Column, residual_limit, residual_plot
 from rsoconsole.console.timeline.lines import Place, place_words, timeline_lines
-from rsoconsole.console.timeline.night_line import FrameMark, Timeline
+from rsoconsole.console.timeline.timeline import FrameMark, Timeline
 from rsoconsole.night import Night
 from rsoconsole.records import (
     BelowTau,

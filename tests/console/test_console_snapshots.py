@@ -11,7 +11,7 @@ import pytest
 from textual.pilot import Pilot
 
 from rsoconsole.console.app import ConsoleApp
-from rsoconsole.console.drawing.pane_layout import has_tune_of_its_own
+from rsoconsole.console.drawing.pane_layout import has_tuning_column
 from rsoconsole.control import Outcome
 from rsoconsole.records import Cause, Missed, StateChange, TrackLost
 from tests.nights import eight_tracks, orbit_night
@@ -149,7 +149,7 @@ def test_the_screen_looks_as_it_was_agreed(
         # The first outlook may be that of the log alone, before the engine has answered.
         now = wire.status["now_utc_ns"]
         await until(pilot, lambda: has_outlook(app) and app.live.outlook.t_utc_ns == now)
-        if has_tune_of_its_own(*size):
+        if has_tuning_column(*size):
             await until(pilot, lambda: app.live.tune.figures[0] is not None)
         if state == "engine-dead":
             wire.is_gone = True

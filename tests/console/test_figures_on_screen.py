@@ -17,11 +17,15 @@ from rsoconsole.console.dialogs.ask import GotoDialog
 from rsoconsole.console.dialogs.dialogs import HelpDialog
 from rsoconsole.console.drawing.plot import Line
 from rsoconsole.console.night.engine_seen import EngineView, engine_view
-from rsoconsole.console.orbit.lines import orbit_lines, orbit_shown, target_words
+from rsoconsole.console.orbit.lines import orbit_facts, orbit_lines, target_words
 from rsoconsole.console.panes.last_line import key_line, keys_for
 from rsoconsole.console.tuning.lines import TuneWords, tune_lines
 from rsoconsole.console.tuning.tuning_pane import NAMES, Tuning
-from rsoconsole.console.tuning.what_if_watch import frames_of_track, of_settings_now, track_quality
+from rsoconsole.console.tuning.what_if_watch import (
+    count_by_present_settings,
+    frames_of_track,
+    track_quality,
+)
 from rsoconsole.console.words.facts import fact_lines
 from rsoconsole.console.words.leaving import left_in_field_s
 from rsoconsole.console.words.panels import confidence_lines, nis_lines, residual_lines
@@ -117,9 +121,9 @@ def test_frames_by_the_same_settings_count_whenever_they_were():
         for n in range(1, 11)
     )
     back = NightView(rows=rows, config=Config(), changed={q: 1.0})
-    assert of_settings_now(back, 10) == 7
-    assert of_settings_now(dataclasses.replace(back, changed={q: 2.25}), 10) == 3
-    assert of_settings_now(dataclasses.replace(back, changed={"log.level": "x"}), 4) == 3
+    assert count_by_present_settings(back, 10) == 7
+    assert count_by_present_settings(dataclasses.replace(back, changed={q: 2.25}), 10) == 3
+    assert count_by_present_settings(dataclasses.replace(back, changed={"log.level": "x"}), 4) == 3
 
 
 def test_what_is_tried_is_judged_over_the_same_frames():
@@ -185,7 +189,7 @@ def test_the_orbit_s_pane_says_how_good_the_track_is():
     assert (found.frames, found.misses) == (3, 1)
     assert found.residual_rms_arcsec == pytest.approx(math.sqrt(12.5))
     assert (found.nis_mean, found.inside_3sigma) == (12.5, 0.5)
-    said = plain(orbit_lines(orbit_shown(view, EngineView(reach="recorded"), None), 90, 20))
+    said = plain(orbit_lines(orbit_facts(view, EngineView(reach="recorded"), None), 90, 20))
     assert "rms 3.54″" in said
     assert "3σ holds 50%" in said
     assert "1 missed" in said
@@ -205,7 +209,7 @@ def test_residuals_that_resemble_each_other_are_said_to(signs: tuple[int, ...], 
     assert found is not None
     assert found.lag_one is not None
     assert (abs(found.lag_one) < found.lag_one_bound) == is_white
-    lines = orbit_lines(orbit_shown(view, EngineView(reach="recorded"), None), 90, 20)
+    lines = orbit_lines(orbit_facts(view, EngineView(reach="recorded"), None), 90, 20)
     (ink,) = [ink for line in lines for text, ink in line if "lag-1 " in text]
     assert ink == ("" if is_white else "warn")
 
@@ -213,7 +217,7 @@ def test_residuals_that_resemble_each_other_are_said_to(signs: tuple[int, ...], 
 def test_a_size_that_the_prior_gives_says_so():
     def words(prior: str) -> str:
         estimate = dataclasses.replace(estimate_of(5), prior=prior)
-        shown = orbit_shown(
+        shown = orbit_facts(
             folded(state(5), to(5, "ACQUIRE", "TRACK"), estimate).view(),
             EngineView(reach="recorded"),
             None,

@@ -13,7 +13,7 @@ from rsoconsole.console.app import ConsoleApp
 from rsoconsole.console.drawing.pane_layout import FULL, LARGE, THREE_COLUMNS, fold, orbit_box
 from rsoconsole.console.drawing.plain import plain
 from rsoconsole.console.night.engine_seen import EngineView, OrbitAhead, orbit_ahead
-from rsoconsole.console.orbit.lines import OrbitShown, orbit_lines, orbit_shown, target_words
+from rsoconsole.console.orbit.lines import OrbitFacts, orbit_facts, orbit_lines, target_words
 from rsoconsole.console.panes.panes import LinesPane
 from rsoconsole.console.screens.review import ReviewScreen
 from rsoconsole.console.timeline.lines import review_top_lines
@@ -80,12 +80,12 @@ AHEAD = OrbitAhead(
     elements={"raan_deg": 82.14, "argp_deg": 40.0},
     sigmas={"e": 2e-5, "i_deg": 3e-3, "raan_deg": 0.4, "argp_deg": 130.0},
 )
-KNOWN = OrbitShown(
+KNOWN = OrbitFacts(
     estimate=estimate_of(20), identified=identified_of(20), ahead=AHEAD, now_utc_ns=NOW
 )
 
 
-def said(shown: OrbitShown, width: int = 80, height: int = 30) -> str:
+def said(shown: OrbitFacts, width: int = 80, height: int = 30) -> str:
     lines = orbit_lines(shown, width, height)
     assert len(lines) <= height
     texts = ["".join(text for text, _ in line) for line in lines]
@@ -96,7 +96,7 @@ def said(shown: OrbitShown, width: int = 80, height: int = 30) -> str:
     return "\n".join(texts)
 
 
-def inks(shown: OrbitShown) -> dict[str, str]:
+def inks(shown: OrbitFacts) -> dict[str, str]:
     return {text.strip(): ink for line in orbit_lines(shown, 80, 30) for text, ink in line}
 
 
@@ -114,10 +114,10 @@ def inks(shown: OrbitShown) -> dict[str, str]:
         replace(
             KNOWN, identified=identified_of(20, matches=(replace(BEST, name="実践衛星"), NEXT))
         ),
-        OrbitShown(absence="an orbit needs 3 measurements: 1 so far"),
+        OrbitFacts(absence="an orbit needs 3 measurements: 1 so far"),
     ],
 )
-def test_it_fits_every_place_it_is_given(shown: OrbitShown, size: tuple[int, int]) -> None:
+def test_it_fits_every_place_it_is_given(shown: OrbitFacts, size: tuple[int, int]) -> None:
     assert "orbit" in said(shown, *size) or size == (1, 1)
 
 
@@ -222,9 +222,9 @@ def test_until_it_is_computed_where_it_leads_that_is_said() -> None:
 # -- what is known at an instant --------------------------------------------------------------
 
 
-def seen(*records: Any, ahead: OrbitAhead | None = None, **changes: Any) -> OrbitShown:
+def seen(*records: Any, ahead: OrbitAhead | None = None, **changes: Any) -> OrbitFacts:
     view = replace(folded(*records).view(), folder=None, **changes)
-    return orbit_shown(view, EngineView(reach="recorded"), ahead)
+    return orbit_facts(view, EngineView(reach="recorded"), ahead)
 
 
 def test_why_there_is_no_orbit_is_said() -> None:
@@ -235,20 +235,20 @@ def test_why_there_is_no_orbit_is_said() -> None:
     assert "on record" in seen(*more).absence
     off = Config.model_validate({"orbit": {"online": False}})
     assert "orbit.online is off" in seen(*more, config=off).absence
-    live = orbit_shown(folded(*more).view(), EngineView(reach="attached"), None)
+    live = orbit_facts(folded(*more).view(), EngineView(reach="attached"), None)
     assert live.absence == "no orbit yet: the measurements so far tell none"
 
 
 def test_an_orbit_from_before_a_word_on_a_frame_says_so_and_how_old_it_is() -> None:
     view = replace(folded(*FOLLOWED, FollowedAgain(frame_id=5)).view(), folder=None)
     engine = EngineView(reach="attached", now_utc_ns=view.orbit_utc_ns + 130 * NS)
-    shown = orbit_shown(view, engine, None)
+    shown = orbit_facts(view, engine, None)
     lines = "\n".join("".join(t for t, _ in line) for line in orbit_lines(shown, 60, 12))
     assert shown.absence == ""
     assert "from 2m10 ago: being fitted again after your word" in lines
     assert "42" in target_words(shown)[1]
     fitted = folded(*FOLLOWED, FollowedAgain(frame_id=5), estimate_of(5)).view()
-    assert orbit_shown(replace(fitted, folder=None), engine, None).since_word_s is None
+    assert orbit_facts(replace(fitted, folder=None), engine, None).since_word_s is None
 
 
 def test_what_was_computed_of_another_moment_is_not_shown() -> None:

@@ -11,18 +11,18 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from rsoconsole.console import understood
+from rsoconsole.console import parse_place
 from rsoconsole.console.timeline import moments as moments_module
 from rsoconsole.console.timeline.lines import FILLS, SIGNS, Place, time_at, timeline_lines
 from rsoconsole.console.timeline.moments import Moments
-from rsoconsole.console.timeline.night_line import (
+from rsoconsole.console.timeline.timeline import (
     SPEEDS,
     FrameMark,
     Player,
     StateMark,
     Timeline,
     TimelineEvent,
-    Typed,
+    TypedPlace,
     seq_of,
 )
 from rsoconsole.console.watches.watch import SessionWatch
@@ -355,19 +355,19 @@ def test_a_click_on_a_cell_goes_to_a_time_within_it(columns: int, share: float):
     ],
 )
 def test_a_frame_or_a_time_is_understood(text: str, typed: int):
-    assert seq_of(understood(text), THREE) == typed
+    assert seq_of(parse_place(text), THREE) == typed
 
 
 @pytest.mark.parametrize("text", ["", "frame", "25:00", "03:61", "-3", "1.5", "2024-13-01T00:00"])
 def test_what_is_neither_is_said_to_be_neither(text: str):
     with pytest.raises(ValueError, match=r"no frame and no UTC time|is no time"):
-        understood(text)
+        parse_place(text)
 
 
 @pytest.mark.parametrize("text", ["7", "12:00", "2020-01-01T00:00"])
 def test_what_the_night_does_not_have_is_refused_with_what_it_has(text: str):
     with pytest.raises(ValueError, match=r"frames are 1 to 3|goes from 00:00:01Z to 00:01:31Z"):
-        seq_of(understood(text), THREE)
+        seq_of(parse_place(text), THREE)
 
 
 def test_a_night_over_midnight_has_its_times_on_both_days():
@@ -378,10 +378,10 @@ def test_a_night_over_midnight_has_its_times_on_both_days():
         last_utc_ns=day + 4 * 3600 * NS,
         last_seq=9,
     )
-    assert seq_of(understood("23:30"), late) == 4
-    assert seq_of(understood("03:30"), late) == 9
-    assert understood("2024-03-01 03:14") == understood("2024-03-01T03:14Z")
-    assert isinstance(understood("128"), Typed)
+    assert seq_of(parse_place("23:30"), late) == 4
+    assert seq_of(parse_place("03:30"), late) == 9
+    assert parse_place("2024-03-01 03:14") == parse_place("2024-03-01T03:14Z")
+    assert isinstance(parse_place("128"), TypedPlace)
 
 
 # -- playing ------------------------------------------------------------------------------------

@@ -10,7 +10,7 @@ import pytest
 from textual.pilot import Pilot
 
 from rsoconsole.console.dialogs.session_list import SessionListDialog
-from rsoconsole.console.drawing.pane_layout import has_tune_of_its_own
+from rsoconsole.console.drawing.pane_layout import has_tuning_column
 from rsoconsole.console.screens._compare import CompareDialog
 from rsoconsole.console.screens.review import ReviewScreen
 from tests.console.test_console_snapshots import SIZES
@@ -62,7 +62,7 @@ STATES: dict[str, Act] = {"moment": moment, "compare": compare, "log": log, "ses
 async def settled(review: ReviewScreen, pilot: Pilot[str], size: tuple[int, int]) -> None:
     """What other threads compute has come."""
     await until(pilot, lambda: review.outlook is not None)
-    if has_tune_of_its_own(*size):
+    if has_tuning_column(*size):
         await until(pilot, lambda: review.tune.figures[0] is not None)
     await pilot.pause(0.05)
 

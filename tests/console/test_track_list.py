@@ -10,7 +10,7 @@ from rsoconsole.console.actions.seat import REPEAT_S
 from rsoconsole.console.app import ConsoleApp
 from rsoconsole.console.words.track_lines import track_list_lines
 from rsoconsole.night import Night
-from rsoconsole.night.track_fold import MAX_ROWS
+from rsoconsole.night.current_tracks import MAX_ROWS
 from rsoconsole.records import (
     Cause,
     FollowedAgain,
@@ -134,7 +134,7 @@ def test_frames_that_are_followed_again_leave_what_they_come_to_and_no_more():
     view = night.view()
     assert [each.number for each in view.tracks if each.is_lead] == ["7*"]
     third = next(each for each in view.tracks if each.track_id == 3)
-    assert [row.is_measured for row in third.rows] == [True] * 4 + [False] * 2
+    assert [row.is_followed for row in third.rows] == [True] * 4 + [False] * 2
     assert [row.frame_id for row in third.rows] == [1, 2, 3, 4, 5, 6]
     assert third.rows[-1].miss
 

@@ -16,7 +16,7 @@ from rsoconsole.library.notebook import session as session_room
 from rsoconsole.library.notebook.card import card_text, strip_svg
 from rsoconsole.library.notebook.figures.figures import NightPlots
 from rsoconsole.library.notebook.session import open_session
-from rsoconsole.night import Spell
+from rsoconsole.night import StateSpan
 from rsoconsole.pipeline.cycle.frame_fold import are_alike, is_alike
 from rsoconsole.pipeline.replays.what_if_log import figures_of
 from rsoconsole.records import TABLES, Measurement, OrbitEstimate, Ruling, TrackState
@@ -326,7 +326,7 @@ def test_words_of_the_record_are_escaped(tmp_path):
     for html in (shown._repr_html_(), changes._repr_html_()):
         assert "<img src=x" not in html
         assert "&lt;img src=x" in html
-    strip = strip_svg((Spell(state=evil, t_from_utc_ns=0, t_to_utc_ns=10),))
+    strip = strip_svg((StateSpan(state=evil, t_from_utc_ns=0, t_to_utc_ns=10),))
     assert "<img" not in strip
 
 

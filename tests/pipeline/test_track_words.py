@@ -6,7 +6,7 @@ from typing import Any
 import pytest
 
 from rsoconsole.night import as_recorded
-from rsoconsole.night.track_fold import TAKEN_BACK_FRAMES
+from rsoconsole.night.current_tracks import TAKEN_BACK_FRAMES
 from rsoconsole.pipeline import replay
 from rsoconsole.pipeline.cycle.decisions import KEPT
 from rsoconsole.pipeline.replays.what_if_log import figures_of

@@ -5,7 +5,7 @@ from rsoconsole.console.picture.marks import mark_of
 from rsoconsole.night import line_of
 from rsoconsole.pipeline import detections_report
 from rsoconsole.records import Detection, Detections
-from rsoconsole.words import name_of, pulse_of, remarkable
+from rsoconsole.words import name_of, notable_streaks, pulse_of
 from tests.makers import straight_detection
 
 PLAIN = straight_detection(object_class="satellite", class_probability=0.97)
@@ -54,7 +54,7 @@ def test_the_log_names_what_no_track_begins_with_and_nothing_else():
     assert line is not None
     assert line.text == "detected: 2 x crossing, aircraft 0.83; clipped, train of 5"
     assert line_of(found(PLAIN, OPEN, straight_detection(is_clipped=True)), 1) is None
-    assert remarkable([]) == ""
+    assert notable_streaks([]) == ""
 
 
 def test_the_picture_says_it_beside_the_confidence():

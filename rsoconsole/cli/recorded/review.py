@@ -55,11 +55,11 @@ def review(
 
     Example: rsoconsole review --sample
     """
-    from rsoconsole.console import run_review, understood
+    from rsoconsole.console import parse_place, run_review
 
     if at:
         with usage_faults("--at"):
-            understood(at)
+            parse_place(at)
     if sample:
         if session is not None:
             raise typer.BadParameter("--sample is a session itself: leave the other one out")

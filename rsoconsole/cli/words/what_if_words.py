@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 from rsoconsole.words import counted, number
 
 if TYPE_CHECKING:
-    from rsoconsole.night import TrackFigures, shown
+    from rsoconsole.night import TrackFigures, merit
     from rsoconsole.pipeline import Answer
 
 LABEL, COLUMN = 22, 20
@@ -89,24 +89,24 @@ def _minus(value: float | None) -> float | None:
 _Worth = Callable[["TrackFigures"], float | None]
 
 
-def _rows() -> list[tuple["shown.Figure", _Worth | None]]:
-    from rsoconsole.night import shown
+def _rows() -> list[tuple["merit.Figure", _Worth | None]]:
+    from rsoconsole.night import merit
 
     return [
-        (shown.Figure("frames", lambda f: str(f.frames)), None),
-        (shown.Figure("locked after", _locked), lambda f: _minus(f.locked_after_s)),
-        (shown.Figure("lock held", lambda f: number(f.lock_held, ".1%")), lambda f: f.lock_held),
-        (shown.UPDATES, lambda f: float(f.updates)),
-        (shown.MISSES, lambda f: -float(f.misses)),
-        (shown.Figure("lost", lambda f: str(f.losses)), lambda f: -float(f.losses)),
-        (shown.RMS, lambda f: _minus(f.residual_rms_arcsec)),
-        (shown.Figure("  east", lambda f: number(f.residual_east_rms_arcsec, ".2f", "″")), None),
-        (shown.Figure("  north", lambda f: number(f.residual_north_rms_arcsec, ".2f", "″")), None),
-        (shown.NIS_MEAN, _nis_worth),
-        (shown.BAND, None),
-        (shown.INSIDE, _inside_worth),
-        (shown.Figure("widest 3σ", lambda f: number(f.max_3sigma_arcmin, ".3g", "′")), None),
-        (shown.STATE, None),
+        (merit.Figure("frames", lambda f: str(f.frames)), None),
+        (merit.Figure("locked after", _locked), lambda f: _minus(f.locked_after_s)),
+        (merit.Figure("lock held", lambda f: number(f.lock_held, ".1%")), lambda f: f.lock_held),
+        (merit.UPDATES, lambda f: float(f.updates)),
+        (merit.MISSES, lambda f: -float(f.misses)),
+        (merit.Figure("lost", lambda f: str(f.losses)), lambda f: -float(f.losses)),
+        (merit.RMS, lambda f: _minus(f.residual_rms_arcsec)),
+        (merit.Figure("  east", lambda f: number(f.residual_east_rms_arcsec, ".2f", "″")), None),
+        (merit.Figure("  north", lambda f: number(f.residual_north_rms_arcsec, ".2f", "″")), None),
+        (merit.NIS_MEAN, _nis_worth),
+        (merit.BAND, None),
+        (merit.INSIDE, _inside_worth),
+        (merit.Figure("widest 3σ", lambda f: number(f.max_3sigma_arcmin, ".3g", "′")), None),
+        (merit.STATE, None),
     ]
 
 

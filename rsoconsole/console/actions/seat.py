@@ -18,7 +18,7 @@ from rsoconsole.console.commands.keymap import Orders, first_key
 from rsoconsole.console.dialogs.dialogs import Dialog
 from rsoconsole.console.drawing.plot import Ink, Line
 from rsoconsole.console.night.engine_seen import EngineView, OrbitAhead
-from rsoconsole.console.orbit.lines import OrbitShown, orbit_shown, target_words
+from rsoconsole.console.orbit.lines import OrbitFacts, orbit_facts, target_words
 from rsoconsole.console.panes.last_line import Key
 from rsoconsole.console.panes.panes import FramePane, LinesPane
 from rsoconsole.console.picture.marks import Mark
@@ -203,9 +203,9 @@ class Seat(Screen[None]):
         return ""
 
     @property
-    def orbit(self) -> OrbitShown:
+    def orbit(self) -> OrbitFacts:
         """What is known of the orbit."""
-        return orbit_shown(self.night, self.engine, self.orbit_ahead)
+        return orbit_facts(self.night, self.engine, self.orbit_ahead)
 
     def target_name(self) -> str:
         """What is followed, as the first line calls it; empty: not known."""

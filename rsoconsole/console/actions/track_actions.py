@@ -87,15 +87,12 @@ def track_words(night: NightView, track: FollowedTrack) -> str:
 def night_of(night: NightView, track: FollowedTrack) -> NightView:
     """The night as one of its tracks saw it: what the plots of that track are drawn from."""
     rows = {row.frame_id: row for row in track.rows}
-    blank = {"is_followed": False, "residual_arcsec": None, "sigma_arcsec": None, "nis": None}
 
     def of_track(row: FrameRow) -> FrameRow:
-        own = rows.get(row.frame_id)
-        if own is None:
-            return replace(row, miss=None, **blank)  # type: ignore[arg-type]
+        own = rows.get(row.frame_id, FrameRow(frame_id=row.frame_id))
         return replace(
             row,
-            is_followed=own.is_measured,
+            is_followed=own.is_followed,
             residual_arcsec=own.residual_arcsec,
             sigma_arcsec=own.sigma_arcsec,
             nis=own.nis,

@@ -20,7 +20,11 @@ from rsoconsole.console.tuning.tuning_pane import (
     load_presets,
     save_preset,
 )
-from rsoconsole.console.tuning.what_if_watch import WhatIfWatch, frames_of_track, of_settings_now
+from rsoconsole.console.tuning.what_if_watch import (
+    WhatIfWatch,
+    count_by_present_settings,
+    frames_of_track,
+)
 from rsoconsole.console.watches.messages import WhatIfSeen
 from rsoconsole.control import MAX_FRAMES, Command, Set
 
@@ -99,7 +103,7 @@ class TuneActions:
         now = self.figures[0]
         if now is None:
             return None
-        return of_settings_now(self._seat.night, now.frames)
+        return count_by_present_settings(self._seat.night, now.frames)
 
     def scope(self) -> tuple[int | None, int | None]:
         """(until which place of the log, over how many of its last frames) figures are computed."""

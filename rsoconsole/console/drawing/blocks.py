@@ -4,6 +4,7 @@ A cell is divided into 1 x 2 parts (half blocks), 2 x 2 (quadrants), 2 x 3 (sext
 or 2 x 4 (octants, Unicode 16), as far as the terminal draws them.
 """
 
+import itertools
 from dataclasses import dataclass
 from typing import Literal
 
@@ -15,18 +16,18 @@ from rsoconsole.console.drawing.plot import joined
 ByteImage = npt.NDArray[np.uint8]
 Name = Literal["half-blocks", "quadrants", "sextants", "octants"]
 Key = tuple[int, int]
-"""Grey of what is drawn, grey of what is behind it."""
+"""(grey of what is drawn, grey of what is behind it)."""
 
 MIN_STEPS = 1
-"""Parts of a cell that differ by no more are all one: a change of colour is twenty bytes."""
+"""Steps of grey up to which the parts of a cell are drawn alike: a change of colour costs bytes."""
 FULL_BLOCK = "█"
 LOWER_HALF = 2
-"""The pattern of which the lower half is the brighter."""
+"""The pattern of half blocks whose lower half is the brighter."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Blocks:
-    """One set of characters."""
+    """A set of block characters."""
 
     name: Name
     across: int
@@ -35,27 +36,18 @@ class Blocks:
     """By the parts that are drawn: bit ``row * across + column``."""
 
 
-def _quadrant_glyphs() -> str:
-    return " ▘▝▀▖▌▞▛▗▚▐▜▄▙▟█"
-
-
-def _sextant_glyphs() -> str:
-    """U+1FB00 on, in the order of the patterns; those that Unicode had before are left out."""
-    known = {0: " ", 0b010101: "▌", 0b101010: "▐", 0b111111: FULL_BLOCK}
-    return _in_order(64, known, 0x1FB00)
+_QUADRANTS = " ▘▝▀▖▌▞▛▗▚▐▜▄▙▟█"
+_SEXTANTS = {0: " ", 0b010101: "▌", 0b101010: "▐", 0b111111: FULL_BLOCK}
+"""Patterns that Unicode had before its block of sextants, which leaves them out."""
 
 
 def _octant_glyphs() -> str:
-    """U+1CD00 on, likewise."""
+    """The octants from U+1CD00 on, in the order of the patterns, with those Unicode had before."""
     upper_left, upper_right, lower_left, lower_right = 0x05, 0x0A, 0x50, 0xA0
-    quadrants = _quadrant_glyphs()
+    corners = (upper_left, upper_right, lower_left, lower_right)
     known = {
-        sum(
-            part
-            for bit, part in enumerate((upper_left, upper_right, lower_left, lower_right))
-            if pattern >> bit & 1
-        ): quadrants[pattern]
-        for pattern in range(16)
+        sum(part for bit, part in enumerate(corners) if pattern >> bit & 1): glyph
+        for pattern, glyph in enumerate(_QUADRANTS)
     }
     known |= {
         0x01: "\U0001cea8",
@@ -73,19 +65,14 @@ def _octant_glyphs() -> str:
 
 
 def _in_order(count: int, known: dict[int, str], first: int) -> str:
-    glyphs = []
-    for pattern in range(count):
-        if pattern in known:
-            glyphs.append(known[pattern])
-        else:
-            glyphs.append(chr(first))
-            first += 1
-    return "".join(glyphs)
+    """Glyphs by pattern: known ones, the others from code point ``first`` on."""
+    codes = itertools.count(first)
+    return "".join(known.get(pattern) or chr(next(codes)) for pattern in range(count))
 
 
 HALF_BLOCKS = Blocks(name="half-blocks", across=1, down=2, glyphs=" ▀▄█")
-QUADRANTS = Blocks(name="quadrants", across=2, down=2, glyphs=_quadrant_glyphs())
-SEXTANTS = Blocks(name="sextants", across=2, down=3, glyphs=_sextant_glyphs())
+QUADRANTS = Blocks(name="quadrants", across=2, down=2, glyphs=_QUADRANTS)
+SEXTANTS = Blocks(name="sextants", across=2, down=3, glyphs=_in_order(64, _SEXTANTS, 0x1FB00))
 OCTANTS = Blocks(name="octants", across=2, down=4, glyphs=_octant_glyphs())
 BY_NAME: dict[str, Blocks] = {
     each.name: each for each in (HALF_BLOCKS, QUADRANTS, SEXTANTS, OCTANTS)
@@ -94,7 +81,7 @@ BY_NAME: dict[str, Blocks] = {
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Cells:
-    """A picture fitted into cells, (rows, columns) each."""
+    """A picture fitted into cells; each array is (rows, columns)."""
 
     pattern: npt.NDArray[np.intp]
     """Which parts have the brighter grey."""
@@ -105,7 +92,7 @@ class Cells:
 
 
 def fitted(greys: ByteImage, blocks: Blocks) -> Cells:
-    """The two greys and the pattern that lie nearest to each cell's parts, by least squares.
+    """Fit two greys and a pattern to each cell's parts by least squares.
 
     ``greys``: (rows * down, columns * across). In one dimension the best two groups are parted
     by a threshold, so every threshold is tried.
@@ -146,11 +133,11 @@ def fitted(greys: ByteImage, blocks: Blocks) -> Cells:
 Written = dict[tuple[int, int], tuple[str, str]]
 """(column, row) -> (character, kind of mark)."""
 RunKey = tuple[int, int] | tuple[str, int]
-"""Greys of a part of the picture, or a mark's kind and the grey behind it."""
+"""(grey drawn, grey behind) of a part of the picture, or (kind of mark, grey behind)."""
 
 
 def runs(cells: Cells, blocks: Blocks, marks: Written, row: int) -> list[tuple[str, RunKey]]:
-    """One row of cells as (text, colours); as few changes of colour as the cells allow.
+    """Return one row of cells as (text, colours), with as few changes of colour as there can be.
 
     Half blocks are always the upper one: letters are made of them where a terminal has no more.
     """

@@ -1,4 +1,4 @@
-"""Where each pane of the seat lies, for a terminal of any size.
+"""Layout of the console's panes for a terminal of any size.
 
 Three layouts are made on purpose: 80 x 24, 120 x 40 (a close-up under the picture, a plot of the
 NIS, the orbit) and 200 x 60 (a third column). The big things stay as long as they fit: below
@@ -71,10 +71,11 @@ def fold(
     timeline_rows: int = 0,
     aspect: float = 4 / 3,
 ) -> dict[Name, Box]:
-    """The box of every pane that has room; panes without one are not shown.
+    """Return the box of every pane that has room; panes without one are not shown.
 
-    ``alert_rows``: how many the alert takes; ``aspect`` is the camera's width over its height;
-    ``is_log_open`` gives the log all panes; ``timeline_rows``: over the keys, for a time line.
+    ``alert_rows``: rows of the alert; ``aspect``: width over height of the camera's frames;
+    ``is_log_open``: whether the log takes all panes; ``timeline_rows``: rows of a time line over
+    the keys.
     """
     boxes: dict[Name, Box] = {}
     top_rows = 1 if width >= ONE_LINE_TOP_COLUMNS else 2
@@ -90,7 +91,7 @@ def fold(
         return boxes
     facts_rows = min(3, max(0, y1 - y0))
     middle = Box(x=0, y=y0, width=width, height=max(0, y1 - y0 - facts_rows))
-    if has_tune_of_its_own(width, height):
+    if has_tuning_column(width, height):
         _three_columns(boxes, Box(x=0, y=y0, width=width, height=y1 - y0), aspect)
     elif width >= LARGE[0] and height >= LARGE[1]:
         _large(boxes, Box(x=0, y=y0, width=width, height=y1 - y0), aspect)
@@ -105,22 +106,21 @@ def fold(
 
 
 def banner_box(width: int, height: int, *, alert_rows: int = 0) -> Box:
-    """Where what came of a STOP lies: under state, holder and alert, over everything else.
+    """Return the box of a STOP's outcome: under state, control and alert, over everything else.
 
     The keys stay free of it; in a terminal of a few lines it covers the alert, then the keys.
     """
     boxes = fold(width, height, alert_rows=alert_rows)
     wanted = BANNER_ROWS["wide" if width >= WIDE_BANNER_COLUMNS else "narrow"]
-    y = boxes["top"].height
-    alert = boxes.get("alert")
-    if alert is not None and height - 1 - (y + alert.height) >= wanted:
-        y += alert.height
+    y = _rows_above(boxes)
+    if height - 1 - y < wanted:
+        y = boxes["top"].height
     y = max(min(y, height - 1), 0)
     return Box(x=0, y=y, width=width, height=max(min(wanted, height - 1 - y), 1))
 
 
 def timeline_rows(height: int) -> int:
-    """How many rows a terminal of that height gives to a time line."""
+    """Return the rows of a time line in a terminal of that height."""
     if height < LOW_LINES:
         return 1
     return 2 if height < LARGE[1] else 3
@@ -134,19 +134,16 @@ def tune_box(
     timeline_rows: int = 0,
     aspect: float = 4 / 3,
 ) -> Box:
-    """Where the tuning pane lies: right of the picture, over plots and figures; the sky stays.
+    """Return the tuning pane's box: right of the picture, over plots and figures; the sky stays.
 
     In the widest layout it has a place of its own; in a small terminal all but the first line
     and the keys.
     """
     boxes = fold(width, height, alert_rows=alert_rows, timeline_rows=timeline_rows, aspect=aspect)
-    top = boxes["top"]
-    alert = boxes.get("alert")
-    y0 = top.height + (alert.height if alert is not None else 0)
-    y1 = height - 1 - timeline_rows
+    y0, y1 = _rows_above(boxes), height - 1 - timeline_rows
     room = max(y1 - y0, 1)
     frame = boxes.get("frame")
-    if has_tune_of_its_own(width, height):
+    if has_tuning_column(width, height):
         sky = boxes["sky"]
         y = sky.y + sky.height
         return Box(x=sky.x, y=y, width=sky.width, height=max(min(OWN_TUNE_ROWS, y1 - y), 1))
@@ -162,23 +159,27 @@ def orbit_box(
     timeline_rows: int = 0,
     aspect: float = 4 / 3,
 ) -> Box:
-    """Where the orbit lies when it is opened: over the plots; picture, figures and log stay.
+    """Return the opened orbit's box: over the plots; picture, figures and log stay.
 
     In a small terminal over all but the first line and the keys.
     """
     boxes = fold(width, height, alert_rows=alert_rows, timeline_rows=timeline_rows, aspect=aspect)
     first, last = boxes.get("confidence"), boxes.get("orbit") or boxes.get("nis")
     if first is None or last is None:
-        top, alert = boxes["top"], boxes.get("alert")
-        y0 = top.height + (alert.height if alert is not None else 0)
+        y0 = _rows_above(boxes)
         return Box(x=0, y=y0, width=width, height=max(height - 1 - timeline_rows - y0, 1))
     rows = last.y + last.height - first.y
     return Box(x=first.x, y=first.y, width=first.width, height=min(rows, OPEN_ORBIT_ROWS))
 
 
-def has_tune_of_its_own(width: int, height: int) -> bool:
+def has_tuning_column(width: int, height: int) -> bool:
     """Whether the tuning pane is always open."""
     return width >= THREE_COLUMNS[0] and height >= THREE_COLUMNS[1]
+
+
+def _rows_above(boxes: dict[Name, Box]) -> int:
+    """Rows of the first lines and the alert."""
+    return boxes["top"].height + (boxes["alert"].height if "alert" in boxes else 0)
 
 
 def _put(boxes: dict[Name, Box], name: Name, box: Box) -> None:
@@ -293,7 +294,7 @@ def sheet_boxes(
     keys_rows: int = 1,
     is_list_open: bool = False,
 ) -> dict[SheetPart, Box]:
-    """The box of each part that has room. ``is_list_open`` gives the panel the picture's too.
+    """Return the box of each part of a frame's screen; an open list takes the picture's too.
 
     ``keys_rows``: of the last line and what is said over it.
     """

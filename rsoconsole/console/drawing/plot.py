@@ -29,7 +29,7 @@ _RANK: dict[Ink, int] = {"": 0, "dim": 1, "good": 2, "warn": 3, "alarm": 4, "tit
 
 
 def joined(cells: Iterable[tuple[str, Key]]) -> list[tuple[str, Key]]:
-    """Neighbours of one ink as one text."""
+    """Join neighbouring cells of one ink."""
     groups = groupby(cells, key=lambda cell: cell[1])
     return [("".join(text for text, _ in group), key) for key, group in groups]
 
@@ -44,7 +44,7 @@ class Column:
     mark: str = ""
     """Shown instead of a value: a miss, a coasted frame."""
     refused: float | None = None
-    """Of something that was seen and not taken."""
+    """Confidence of a streak that was not taken."""
 
 
 @dataclass(slots=True)
@@ -150,7 +150,7 @@ def nis_plot(
 
 
 def value_plot(values: Sequence[float | None], width: int, rows: int) -> list[Line]:
-    """Values as fat dots between their own bounds; a gap where there is none.
+    """Plot values as fat dots between their own extremes, with a gap where there is none.
 
     The axis spans all but the outermost fortieth on each side: beyond it an arrow stands.
     """
@@ -173,7 +173,7 @@ def value_plot(values: Sequence[float | None], width: int, rows: int) -> list[Li
 
 
 def residual_strip(columns: Sequence[Column], width: int) -> Line:
-    """The same in one row, without bounds."""
+    """Plot residuals in one row, without bounds."""
     shown = list(columns)[-max(width, 0) :]
     limit = residual_limit(shown)
     canvas = Canvas(max(width, 0), 1, -limit, limit)
@@ -182,7 +182,7 @@ def residual_strip(columns: Sequence[Column], width: int) -> Line:
 
 
 def confidence_strip(columns: Sequence[Column], tau: float, width: int) -> Line:
-    """The same in one row."""
+    """Plot confidences in one row."""
     shown = list(columns)[-max(width, 0) :]
     canvas = Canvas(max(width, 0), 1, 0.0, 1.0)
     _draw_confidences(canvas, shown, tau)
@@ -190,12 +190,11 @@ def confidence_strip(columns: Sequence[Column], tau: float, width: int) -> Line:
 
 
 def residual_limit(columns: Sequence[Column]) -> float:
-    """A round half height that shows the residuals and the bounds as they usually are.
+    """Half height of the residuals' axis, a round figure that shows most residuals and bounds.
 
-    Bounds just after a miss are many times as wide: they lie on the edge, or the residuals that
-    matter would lie on zero; so does a residual many times as large as nearly all others, which
-    an arrow at the edge stands for. Bounds of coasted frames count only where there is nothing
-    else.
+    Bounds just after a miss are many times as wide and lie on the edge: else the residuals that
+    matter would lie on zero. So does a residual many times as large as nearly all others, as an
+    arrow. Bounds of coasted frames count only where there is nothing else.
     """
     measured = [c for c in columns if c.value is not None]
     values = [abs(c.value) for c in measured if c.value is not None]

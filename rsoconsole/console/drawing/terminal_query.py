@@ -64,7 +64,7 @@ class TerminalAnswer:
     has_sixel: bool = False
 
 
-def asked(environment: Mapping[str, str] = os.environ) -> TerminalAnswer:
+def query_terminal(environment: Mapping[str, str] = os.environ) -> TerminalAnswer:
     """Ask the terminal, and wait for its answer; nothing is known where there is none."""
     kind = environment.get("TERM", "")
     if kind in _SILENT or sys.__stdin__ is None or sys.__stderr__ is None:
@@ -73,10 +73,10 @@ def asked(environment: Mapping[str, str] = os.environ) -> TerminalAnswer:
         answer = _answer(sys.__stdin__.fileno(), sys.__stderr__.fileno())
     except (OSError, ValueError, termios.error):
         return TerminalAnswer()
-    return understood(answer, kind)
+    return parse_answer(answer, kind)
 
 
-def understood(answer: str, kind: str) -> TerminalAnswer:
+def parse_answer(answer: str, kind: str) -> TerminalAnswer:
     """What a terminal of type ``kind`` (TERM) has said."""
     named = _NAME_ANSWER.search(answer)
     parts = _NAME_AND_VERSION.match(named.group(1)) if named is not None else None

@@ -1,4 +1,4 @@
-"""Where the tracks' short numbers stand in a picture: apart from each other and from the streaks.
+"""Placement of the tracks' numbers in a picture, apart from each other and from the streaks.
 
 A slot of satellites is a few cells wide in the field: each number stands as near to its streak as
 there is room, outwards from the middle of them all.
@@ -6,22 +6,23 @@ there is room, outwards from the middle of them all.
 
 import math
 from collections.abc import Collection, Mapping, Sequence
+from statistics import fmean
 from typing import NamedTuple
 
 Cell = tuple[int, int]
 """(column, row)."""
 REACH = 8, 4
-"""Columns and rows from its streak in which room is looked for."""
+"""Columns and rows about its streak in which a number may stand."""
 CELL_HEIGHT = 2.0
-"""In its widths."""
+"""Height of a cell in its widths."""
 OUTWARDS = 0.4
-"""How much nearer a place counts that lies away from the middle of all."""
+"""Cell widths by which a place counts as nearer that lies away from the middle of all."""
 _LEFT_OUT = 1.5
-"""What a place on another sign costs: it is taken where there is no other."""
+"""Cost of a place on another sign, in reaches: it is taken where there is no other."""
 
 
 class Numbered(NamedTuple):
-    """One track's number and the cells that its streak, or its predicted place, takes."""
+    """A track's number and the cells of its streak or of its predicted place."""
 
     text: str
     left: Cell
@@ -35,20 +36,21 @@ def placed_numbers(
     taken: Mapping[Cell, object],
     streaks: Collection[Cell],
 ) -> dict[Cell, tuple[str, str]]:
-    """(column, row) -> (character, kind); ``size``: columns and rows of the picture.
+    """Return (column, row) -> (character, kind); ``size``: columns and rows of the picture.
 
     ``taken``: cells on which something is written, ``streaks``: those that stay free of signs.
     """
-    shown = [each for each in numbered if _is_inside(_middle(each), size)]
+    middles = ((each, _middle(each)) for each in numbered)
+    shown = [each for each, (x, y) in middles if 0 <= x < size[0] and 0 <= y < size[1]]
     if not shown:
         return {}
-    middles = [_middle(each) for each in shown]
-    centre = tuple(sum(axis) / len(middles) for axis in zip(*middles, strict=True))
+    columns, rows = zip(*map(_middle, shown), strict=True)
+    centre = fmean(columns), fmean(rows)
     # The outermost first: they have the room that the inner ones leave.
-    order = sorted(shown, key=lambda each: -_away(_middle(each), (centre[0], centre[1])))
+    order = sorted(shown, key=lambda each: -_away(_middle(each), centre))
     written: dict[Cell, tuple[str, str]] = {}
     for each in order:
-        at = _best_place(each, (centre[0], centre[1]), size, taken, streaks, written)
+        at = _best_place(each, centre, size, taken, streaks, written)
         if at is not None:
             for offset, character in enumerate(each.text):
                 written[at[0] + offset, at[1]] = character, each.kind
@@ -105,7 +107,3 @@ def _middle(each: Numbered) -> tuple[float, float]:
 
 def _away(one: tuple[float, float], other: tuple[float, float]) -> float:
     return math.hypot(one[0] - other[0], CELL_HEIGHT * (one[1] - other[1]))
-
-
-def _is_inside(at: tuple[float, float], size: tuple[int, int]) -> bool:
-    return 0 <= at[0] < size[0] and 0 <= at[1] < size[1]

@@ -1,4 +1,4 @@
-"""What the screen of one frame at full resolution knows: the record, what is tried, the view."""
+"""State of the screen of a frame at full resolution: record, changed settings, view; its words."""
 
 import math
 import time
@@ -23,7 +23,7 @@ TAU = Tunable(name="detector.tau", label="τ", low=0.001, high=0.99)
 
 @dataclass(slots=True)
 class Sheet:
-    """All that a frame's screen knows and has been told."""
+    """State of a frame's screen."""
 
     frame_id: int
     opened: Opened | None = None
@@ -32,10 +32,10 @@ class Sheet:
     fault: str = ""
     """Why the frame's pixels cannot be shown."""
     failure: str = ""
-    """Why the last wish was not fulfilled."""
+    """Why the frame could not be processed the last time; empty: it could."""
     view: View | None = None
     step: int = 1
-    """Which of STEPS the arrows take."""
+    """Index in STEPS of what an arrow moves by."""
     stretch: Stretch = STRETCHES[0]
     sees_as_network: bool = False
     has_marks: bool = True
@@ -44,37 +44,37 @@ class Sheet:
     map_mode: MapMode | None = None
     solves_again: bool = False
     wanted: FrameSettings | None = None
-    """The one under way."""
+    """Settings that the frame is being processed with; None: it is not."""
     is_marking: bool = False
     first_px: tuple[float, float] | None = None
-    """The first end of the mark that is made."""
+    """First end of the mark by hand."""
     coarsest_px: float = 0.0
-    """Of the views in which its ends were set."""
+    """Side of the largest square in which an end was set: its uncertainty."""
     shows_beside_mark: bool = False
     """Whether the marks stay over the picture while another one is made."""
     began_s: float = field(default_factory=time.monotonic)
-    """When what is under way began."""
+    """When reading or processing began, monotonic."""
 
     @property
     def are_marks_shown(self) -> bool:
-        """What is pointed at, over the picture; while a mark is made its ends lie beneath it."""
+        """Whether the marks are drawn: while a mark is made they would hide its ends."""
         return self.has_marks and (not self.is_marking or self.shows_beside_mark)
 
     @property
     def end_words(self) -> str:
-        """Which end is to be marked; empty: none."""
+        """Words on which end is to be marked; empty: none."""
         if not self.is_marking:
             return ""
         return f"mark the {'first' if self.first_px is None else 'second'} end"
 
     @property
     def recorded_tau(self) -> float | None:
-        """In force for the frame; None until that is known."""
+        """The tau in force for the frame; None until that is known."""
         return None if self.opened is None else self.opened.recorded.config.detector.tau
 
     @property
     def tau(self) -> float | None:
-        """What is tried, or what was in force."""
+        """The tau that is tried, else the recorded one."""
         before = self.recorded_tau
         if before is None or not self.tau_steps:
             return before
@@ -82,26 +82,26 @@ class Sheet:
 
     @property
     def recorded_mode(self) -> MapMode | None:
-        """In force for the frame."""
+        """The map's mode in force for the frame; None until that is known."""
         return None if self.opened is None else self.opened.recorded.config.detector.map_mode
 
     @property
     def candidates(self) -> "tuple[Compared, ...]":
-        """Then and now, or then alone."""
+        """Candidates then and now, or then alone."""
         if self.done is not None:
             return self.done.result.candidates
         return self.opened.candidates if self.opened is not None else ()
 
     @property
     def map(self) -> "FrameMap | None":
-        """What the network sees, where that is looked at and known."""
+        """The network's map, where it is shown and known."""
         if not self.sees_as_network or self.done is None or not self.done.maps:
             return None
         return self.done.maps[0]
 
     @property
     def solution(self) -> Solution | None:
-        """The plate by which places are told."""
+        """The plate that positions are read by; None: not solved."""
         found = None
         if self.done is not None and self.done.result.is_solved_again:
             found = self.done.result.now.solution
@@ -110,7 +110,7 @@ class Sheet:
         return found if isinstance(found, Solution) else None
 
     def wanted_settings(self) -> FrameSettings:
-        """What is to be processed now."""
+        """Return the settings to process the frame with now."""
         return FrameSettings(
             tau=self.tau if self.tau_steps else None,
             map_mode=self.map_mode,
@@ -120,7 +120,7 @@ class Sheet:
 
 
 def title_parts(sheet: Sheet) -> list[str]:
-    """Which frame, how close, in which light."""
+    """The parts of the title: frame, scale, exposure, stretch or map."""
     parts = [f"frame {sheet.frame_id:04d}", *([sheet.end_words] if sheet.is_marking else [])]
     opened = sheet.opened
     if opened is not None and sheet.pixels is None and not sheet.fault:
@@ -139,13 +139,13 @@ def title_parts(sheet: Sheet) -> list[str]:
 
 
 def step_px(sheet: Sheet) -> float:
-    """Pixels that an arrow goes."""
+    """Pixels that an arrow moves the cross by."""
     squares = STEPS[sheet.step]
     return squares * (1.0 if sheet.view is None else sheet.view.px_per_square)
 
 
 def step_words(sheet: Sheet) -> str:
-    """How far an arrow goes: step 4 squares = 16 px."""
+    """Say how far an arrow goes: step 4 squares = 16 px."""
     squares, px = STEPS[sheet.step], step_px(sheet)
     if squares == px:
         return f"step {px:g} px"
@@ -153,14 +153,14 @@ def step_words(sheet: Sheet) -> str:
 
 
 def mark_words(sheet: Sheet) -> str:
-    """How a mark that is being made goes on."""
+    """Say how to go on with a mark by hand."""
     keys = "arrows move ╋ (shift: far), enter sets it"
     kept = f"frame {sheet.frame_id} stays markable meanwhile, for {HELD} frames"
     return f"{sheet.end_words}: {keys}; {step_words(sheet)}, [ ] changes it; {kept}"
 
 
 def scale_words(view: View) -> str:
-    """How close."""
+    """Say the scale of a view."""
     if view.zoom is None:
         return "whole field"
     if view.zoom < 0:
@@ -169,7 +169,7 @@ def scale_words(view: View) -> str:
 
 
 def readout_parts(sheet: Sheet) -> list[str]:
-    """What is at the cross: pixel, light, direction."""
+    """The parts of the read-out at the cross: pixel, step, value, direction."""
     view, pixels = sheet.view, sheet.pixels
     if view is None or pixels is None:
         return []

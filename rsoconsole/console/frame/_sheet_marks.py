@@ -1,4 +1,4 @@
-"""What is pointed at in a frame that is processed once more: then and now, each by its own sign."""
+"""Marks of a frame that is processed once more: the recorded ones and those of now."""
 
 import itertools
 import math
@@ -13,22 +13,24 @@ if TYPE_CHECKING:
     from rsoconsole.pipeline import Compared, Judged
 
 FAINT_FROM_PX = 3.0
-"""In larger squares a streak that is to be marked has its ends pointed at."""
+"""Pixels a square above which a streak to be marked has points beyond its ends."""
 BEYOND_SQUARES = 2.0
+"""Squares between a streak's end and its point."""
 OUTSIDE_PX = -1e6
-"""A mark of points alone has no middle in the frame."""
+"""Middle of a mark of points alone: outside the frame."""
 BOX_POINTS = 24
-"""Along each side of a box."""
+"""Points along each side of a box."""
 SAME_PLACE_PX = 10.0
+"""Pixels within which two marks are at the same place."""
 Box = tuple[float, float, float, float]
 
 
 def sheet_marks(
     detail: NightFrame, candidates: Sequence["Compared"], chosen: int | None
 ) -> tuple[Mark, ...]:
-    """The recorded marks, the boxes of what was detected, and what the detector says now.
+    """Return the recorded marks, the boxes of the detections, and the detector's marks of now.
 
-    Of the rejected ones those that are likely enough to be worth a look, and the chosen one.
+    Of the rejected ones: those likely enough to be worth a look, and the chosen one.
     """
     then = list(marks_of(detail))
     now: list[Mark] = []
@@ -40,7 +42,11 @@ def sheet_marks(
                 now.append(_mark_now(pair.now, pair.is_as_recorded))
         elif is_chosen and pair.was is not None:
             then.append(mark_of(pair.was.detection, "rejected"))
-    return (*_boxes(detail), *(_making_room(mark, now) for mark in then), *now)
+    boxes = (
+        Mark(x_px=each.x_px, y_px=each.y_px, kind="box", outline_px=box_points(each.box_px))
+        for each in detail.found
+    )
+    return (*boxes, *(_making_room(mark, now) for mark in then), *now)
 
 
 def _mark_now(judged: "Judged", is_as_recorded: bool) -> Mark:
@@ -49,7 +55,7 @@ def _mark_now(judged: "Judged", is_as_recorded: bool) -> Mark:
 
 
 def _making_room(mark: Mark, others: list[Mark]) -> Mark:
-    """With its label a cell further, where another sign stands about it."""
+    """The mark with its label a cell further, where another sign stands about it."""
     is_within = any(
         max(abs(mark.x_px - other.x_px), abs(mark.y_px - other.y_px)) < SAME_PLACE_PX
         for other in others
@@ -57,27 +63,22 @@ def _making_room(mark: Mark, others: list[Mark]) -> Mark:
     return replace(mark, gap=1) if is_within else mark
 
 
-def place_in(detail: NightFrame) -> tuple[float, float] | None:
-    """Where the frame shows the lead, else where the track had it; None: neither is known."""
+def lead_place(detail: NightFrame) -> tuple[float, float] | None:
+    """Where the lead was measured in the frame, else predicted; None: neither is known."""
     if detail.followed is not None:
         return detail.followed.x_px, detail.followed.y_px
-    marks = marks_of(detail)
-    found = (m for kind in ("predicted", "coasted") for m in marks if m.kind == kind)
-    found = (m for m in found if _is_in(m, detail))
-    mark = next(found, None)
-    return None if mark is None else (mark.x_px, mark.y_px)
-
-
-def _is_in(mark: Mark, detail: NightFrame) -> bool:
-    size = detail.detections
-    return size is not None and 0 <= mark.x_px < size.width_px and 0 <= mark.y_px < size.height_px
+    size, marks = detail.detections, marks_of(detail)
+    if size is None:
+        return None
+    places = (
+        (m.x_px, m.y_px) for kind in ("predicted", "coasted") for m in marks if m.kind == kind
+    )
+    inside = (at for at in places if 0 <= at[0] < size.width_px and 0 <= at[1] < size.height_px)
+    return next(inside, None)
 
 
 def faint_ends(marks: Sequence[Mark], px_per_square: float) -> tuple[Mark, ...]:
-    """A point beyond each end of every streak, where it is too small to be seen without; else none.
-
-    Of a view with squares of that many pixels.
-    """
+    """Return points beyond each end of every streak in a view of large squares; else none."""
     if px_per_square <= FAINT_FROM_PX:
         return ()
     points: list[tuple[float, float]] = []
@@ -94,22 +95,13 @@ def faint_ends(marks: Sequence[Mark], px_per_square: float) -> tuple[Mark, ...]:
     return (Mark(x_px=OUTSIDE_PX, y_px=OUTSIDE_PX, kind="box", outline_px=tuple(points)),)
 
 
-def _boxes(detail: NightFrame) -> list[Mark]:
-    """What the network put about each recorded detection."""
-    found = detail.detections.detections if detail.detections is not None else ()
-    return [
-        Mark(x_px=each.x_px, y_px=each.y_px, kind="box", outline_px=box_points(each.box_px))
-        for each in found
-    ]
-
-
 def box_points(box_px: Box) -> tuple[tuple[float, float], ...]:
-    """Points along a box's sides, one after another."""
+    """Return points along a box's sides, one after another."""
     x0, y0, x1, y1 = box_px
     corners = ((x0, y0), (x1, y0), (x1, y1), (x0, y1), (x0, y0))
-    points: list[tuple[float, float]] = []
-    for (xa, ya), (xb, yb) in itertools.pairwise(corners):
-        for k in range(BOX_POINTS):
-            share = k / BOX_POINTS
-            points.append((xa + share * (xb - xa), ya + share * (yb - ya)))
-    return tuple(points)
+    shares = [k / BOX_POINTS for k in range(BOX_POINTS)]
+    return tuple(
+        (xa + share * (xb - xa), ya + share * (yb - ya))
+        for (xa, ya), (xb, yb) in itertools.pairwise(corners)
+        for share in shares
+    )

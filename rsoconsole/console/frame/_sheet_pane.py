@@ -7,7 +7,7 @@ from rsoconsole.console.picture.marks import Mark
 from rsoconsole.console.picture.picture import Drawing, LightImage, Picture, greys
 
 MAX_FINER = 4
-"""Squares of a picture along one of the terminal's: more cost time, not sight."""
+"""Squares of a picture along one of the terminal's: more cost time and show nothing."""
 
 
 class SheetPane(FramePane):
@@ -25,7 +25,7 @@ class SheetPane(FramePane):
         self._redraw()
 
     def next_sight(self) -> None:
-        """Of the session's small pictures the next one."""
+        """Show the next of the session's small pictures."""
         self._sight = SIGHTS[(SIGHTS.index(self._sight) + 1) % len(SIGHTS)]
         self._redraw()
 
@@ -55,8 +55,7 @@ class SheetPane(FramePane):
     def _light(self, drawing: Drawing, cell_px: tuple[int, int]) -> LightImage:
         if self._sheet.pixels is None:
             return super()._light(drawing, cell_px)
-        finer = min(int(drawing.px_per_square), cell_px[0], MAX_FINER)
-        finer = max(finer, 1)
+        finer = max(min(int(drawing.px_per_square), cell_px[0], MAX_FINER), 1)
         return self._shares_of(finer, 2 * finer)
 
     def _shares_of(self, across: int, down: int) -> LightImage:

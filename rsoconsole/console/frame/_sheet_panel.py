@@ -1,4 +1,4 @@
-"""What is said beside a frame that is processed once more: settings, candidates then and now."""
+"""The panel beside a frame that is processed once more: settings, candidates then and now."""
 
 import math
 import textwrap
@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from rsoconsole.console.dialogs.candidates import fate
 from rsoconsole.console.drawing.plot import Ink, Line
 from rsoconsole.console.frame._sheet import Sheet
-from rsoconsole.console.words.words import clipped, rule
+from rsoconsole.console.words.words import Item, clipped, rule
 from rsoconsole.records import Detection, Measurement, Solution
 from rsoconsole.sky import wrap_180
 from rsoconsole.words import parts_of, short
@@ -18,6 +18,8 @@ if TYPE_CHECKING:
     from rsoconsole.pipeline import Compared
 
 LABEL_COLUMNS = 9
+MAX_WARNING_ROWS = 3
+"""Rows of a warning on a frame that was processed."""
 STAGES = {
     "pattern": "pattern",
     "background": "sky",
@@ -31,7 +33,7 @@ STAGES = {
 
 
 def panel_lines(sheet: Sheet) -> Callable[[int, int], list[Line]]:
-    """What builds the panel's lines; where there is room for one or two, what they add up to."""
+    """Return what builds the panel's lines; in up to three rows a summary."""
 
     def build(width: int, height: int) -> list[Line]:
         if height <= 3:
@@ -62,8 +64,9 @@ def _settings(sheet: Sheet, width: int) -> list[Line]:
         ),
         _setting("plate", plate, None, "P", width),
     ]
-    for text, ink in _course(sheet, width - 1):
-        lines.append([(f" {text}", ink)])
+    for text, ink in _course(sheet):
+        most = MAX_WARNING_ROWS if ink == "warn" and not sheet.failure else None
+        lines += [[(f" {t}", ink)] for t in textwrap.wrap(text, max(width - 1, 1))[:most]]
     return lines
 
 
@@ -75,33 +78,31 @@ def _setting(label: str, before: str, now: str | None, key: str, width: int) -> 
     return [*line, (key.rjust(max(width - columns - 1, 0)), "dim")]
 
 
-def _course(sheet: Sheet, width: int) -> list[tuple[str, Ink]]:
-    """How the work goes: under way, done in so long, or not done and why."""
+def _course(sheet: Sheet) -> list[Item]:
+    """How the processing goes: under way, done in so long, or not done and why."""
     if sheet.fault:
         return [("no pixels, nothing to process", "warn")]
     if sheet.wanted is not None or sheet.pixels is None:
         what = "reading" if sheet.pixels is None else "processing"
         return [(f"{what} … {time.monotonic() - sheet.began_s:.1f} s", "dim")]
     if sheet.failure:
-        return [(text, "warn") for text in textwrap.wrap(sheet.failure, max(width, 1))]
+        return [(sheet.failure, "warn")]
     if sheet.done is None:
         return []
     result = sheet.done.result
     ms = result.stage_ms
     words = ", ".join(f"{name} {ms[stage]:.0f}" for stage, name in STAGES.items() if stage in ms)
-    said: list[tuple[str, Ink]] = [
-        (text, "dim") for text in textwrap.wrap(f"{ms['total']:.0f} ms: {words}", max(width, 1))
-    ]
+    said: list[Item] = [(f"{ms['total']:.0f} ms: {words}", "dim")]
     if result.is_same_network is False:
         said.append(("another network than on record", "warn"))
     if result.is_solved_again and not isinstance(result.now.solution, Solution):
         reason = result.now.solution.reason if result.now.solution is not None else "not asked for"
-        said += [(t, "warn") for t in textwrap.wrap(f"not solved: {reason}", max(width, 1))[:3]]
+        said.append((f"not solved: {reason}", "warn"))
     return said
 
 
 def _candidates(sheet: Sheet, width: int, room: int) -> list[Line]:
-    """Each in a few lines; where there are more than have room, those about the chosen one."""
+    """The candidates in a few lines each; in little room those about the chosen one."""
     pairs = sheet.candidates
     if sheet.opened is None:
         return []
@@ -148,15 +149,15 @@ def _confidence(pair: "Compared", when: str) -> str:
     return "-" if judged is None else short(judged.detection.confidence)
 
 
-def _outcomes(sheet: Sheet, pair: "Compared") -> list[tuple[str, Ink]]:
-    """What was said of it then, and what now; once where that is the same."""
+def _outcomes(sheet: Sheet, pair: "Compared") -> list[Item]:
+    """What was made of a candidate then and now; once where that is the same."""
     was = "not a candidate"
     if pair.was is not None:
         was = pair.was.reason or _fate(sheet, pair.was.detection)
     if sheet.done is None:
         return [(was, "")]
     moved = _moved(sheet, pair)
-    said: list[tuple[str, Ink]] = [(moved, "")] if moved else []
+    said: list[Item] = [(moved, "")] if moved else []
     if pair.is_as_recorded:
         return [(f"{was}; now the same", ""), *said]
     if pair.now is None:
@@ -172,7 +173,7 @@ def _fate(sheet: Sheet, streak: Detection) -> str:
 
 
 def _moved(sheet: Sheet, pair: "Compared") -> str:
-    """How far the place on the sky is from the recorded one, where both are known."""
+    """How far the measurement is from the recorded one on the sky, where both are known."""
     if sheet.done is None or pair.was is None or pair.now is None:
         return ""
     result = sheet.done.result
@@ -201,7 +202,7 @@ def _summary(sheet: Sheet) -> list[Line]:
     if sheet.done is not None and sheet.wanted is None and not sheet.failure:
         head.append((f"{sheet.done.result.stage_ms['total']:.0f} ms", "dim"))
     else:
-        head += _course(sheet, 200)[:1]
+        head += _course(sheet)[:1]
     pairs = sheet.candidates
     then = sum(pair.was is not None and pair.was.is_taken for pair in pairs)
     now = sum(pair.now is not None and pair.now.is_taken for pair in pairs)

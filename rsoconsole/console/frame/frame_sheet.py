@@ -3,11 +3,11 @@
 import asyncio
 import contextlib
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 
 from textual import events
-from textual.app import ComposeResult
+from textual.app import ComposeResult, SystemCommand
 from textual.message import Message
 
 from rsoconsole.base import RsoconsoleError
@@ -16,7 +16,7 @@ from rsoconsole.console.actions.seat import Seat
 from rsoconsole.console.drawing.pane_layout import sheet_boxes
 from rsoconsole.console.drawing.plot import Ink, Line
 from rsoconsole.console.frame._sheet import Sheet, mark_words, step_px
-from rsoconsole.console.frame._sheet_marks import place_in
+from rsoconsole.console.frame._sheet_marks import lead_place
 from rsoconsole.console.frame._sheet_pane import SheetPane
 from rsoconsole.console.frame._sheet_panel import panel_lines
 from rsoconsole.console.frame.sheet_actions import SAID_S, MarkTo, SheetActions
@@ -29,7 +29,7 @@ from rsoconsole.console.words.words import wrapped
 from rsoconsole.session import SessionReader
 
 LOOK_S = 0.25
-"""How often what is under way says for how long, and the first line is made again."""
+"""Seconds between updates of running times and of the first line."""
 MAX_ALERT_ROWS = 3
 
 
@@ -42,7 +42,7 @@ class SheetNews(Message):
 
 
 class FrameSheet(SheetActions):
-    """A frame of a session, its pixels, and the detector's word on it then and now."""
+    """A frame of a session, its pixels, and what the detector made of it then and makes now."""
 
     AUTO_FOCUS = None
     CSS = """
@@ -66,8 +66,8 @@ class FrameSheet(SheetActions):
         seat: Seat | None = None,
     ) -> None:
         """``config``: None takes the session's own; ``status`` builds the first line and ``alert``
-        what must not be missed, where a telescope is at work meanwhile; ``seat``: the screen below,
-        which says what it says here, and goes on saying it; None: there is none."""
+        the alert, where a telescope is at work meanwhile; ``seat``: the screen below, which shows
+        the notices of this one too; None: there is none."""
         super().__init__(Sheet(frame_id=frame_id), mark_to)
         self._folder, self._config, self._seat = folder, config, seat
         self._said: tuple[str, Ink, float] = ("", "", 0.0)
@@ -112,7 +112,7 @@ class FrameSheet(SheetActions):
         return "sheet mark" if self.sheet.is_marking else "sheet"
 
     def say(self, text: str, ink: Ink = "title", seconds: float = SAID_S) -> None:
-        """A word over the last line, for a while; the screen below says it too."""
+        """Show a notice over the last line for some seconds; the screen below shows it too."""
         if self._seat is not None:
             self._seat.say(text, ink, seconds)
         self._said = (text, ink, time.monotonic() + seconds)
@@ -120,7 +120,7 @@ class FrameSheet(SheetActions):
 
     @property
     def notice(self) -> tuple[str, Ink]:
-        """What is to be said at this moment: while a mark is made, how it goes on."""
+        """The notice of this moment; while a mark is made, how to go on with it."""
         said: tuple[str, Ink] = self._said[:2] if time.monotonic() < self._said[2] else ("", "")
         if self._seat is not None:
             said = self._seat.notice
@@ -140,7 +140,7 @@ class FrameSheet(SheetActions):
         sheet, news = self.sheet, message.news
         match news:
             case Opened():
-                sheet.opened, place = news, place_in(news.detail)
+                sheet.opened, place = news, lead_place(news.detail)
                 if sheet.view is not None and place is not None:
                     sheet.view = sheet.view.at(*place)  # as near as the frame before was seen
             case Loaded():
@@ -156,17 +156,13 @@ class FrameSheet(SheetActions):
                 self.process()
             case Done():
                 sheet.done, sheet.failure = news, ""
-                self._settle(news.wanted)
             case Fault(wanted=None):
                 sheet.fault = news.text
             case Fault():
                 sheet.failure = news.text
-                self._settle(news.wanted)
+        if isinstance(news, Done | Fault) and news.wanted == sheet.wanted:
+            sheet.wanted = None
         self.show()
-
-    def _settle(self, wanted: object) -> None:
-        if self.sheet.wanted == wanted:
-            self.sheet.wanted = None
 
     def process(self) -> None:
         """Ask for the frame with what is tried now."""
@@ -272,21 +268,18 @@ class FrameSheet(SheetActions):
             self.say("a mark is being made in this frame: esc leaves it off", "warn")
             return
         try:
-            kept = sorted(SessionReader(self._folder).frames_with_pixels())
+            kept = SessionReader(self._folder).frames_with_pixels()
         except RsoconsoleError as error:
             self.say(str(error), "warn")
             return
-        if by < 0:
-            others = [each for each in kept if each < own.frame_id][::-1]
-        else:
-            others = [each for each in kept if each > own.frame_id]
+        others = [n for n in kept if (n - own.frame_id) * by > 0]
         if not others:
             which = "oldest" if by < 0 else "newest"
             self.say(f"frame {own.frame_id} is the {which} whose pixels are kept")
             return
         other = FrameSheet(
             self._folder,
-            others[0],
+            min(others, key=lambda n: abs(n - own.frame_id)),
             self._config,
             status=self._status,
             alert=self._alert,
@@ -311,3 +304,25 @@ class FrameSheet(SheetActions):
         action = action_at(event, pane, self._drawn_keys, self._notice_shown[0])
         if action:
             await self.run_action(action)
+
+    def system_commands(self) -> Iterable[SystemCommand]:
+        """For the palette: what this screen does beside what the console does everywhere."""
+        for title, help_, action in (
+            ("Frame: next candidate", "go to it", self.action_next_candidate),
+            ("Frame: nearer", "by two", lambda: self.action_zoom_by(-1)),
+            ("Frame: farther", "by two", lambda: self.action_zoom_by(1)),
+            ("Frame: mark by hand", "the streak's two ends", self.action_mark),
+            ("Frame: the one before", "whose pixels are kept", lambda: self.action_other_frame(-1)),
+            ("Frame: the one after", "whose pixels are kept", lambda: self.action_other_frame(1)),
+            ("Frame: stretch", "how light becomes grey", self.action_stretch),
+            ("Frame: marks", "on and off", self.action_marks),
+            ("Frame: smaller tau", "by a quarter; processes again", lambda: self.action_tau(-1)),
+            ("Frame: larger tau", "by a quarter; processes again", lambda: self.action_tau(1)),
+            ("Frame: map mode", "fast or paper; processes again", self.action_map_mode),
+            ("Frame: what the network sees", "the map, and back", self.action_network_view),
+            ("Frame: solve again", "from its own stars, or the recorded", self.action_plate),
+            ("Frame: as recorded", "nothing tried any more", self.action_as_recorded),
+            ("Frame: list", "all candidates, and back", self.action_list),
+            ("Frame: back", "to the screen below", self.action_back),
+        ):
+            yield SystemCommand(title, help_, action)

@@ -1,10 +1,9 @@
 """What the keys and the mouse do in a frame at full resolution."""
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import ClassVar
 
-from textual.app import SystemCommand
 from textual.binding import Binding, BindingType
 from textual.screen import Screen
 
@@ -20,33 +19,31 @@ from rsoconsole.control import MarkByHand
 from rsoconsole.records import MapMode
 
 FINEST_MARK_PX = 1.0
-"""Nobody points more finely."""
-SendMark = Callable[[MarkByHand], str]
-"""Hands a mark to the engine; gives what is to be said of it."""
+"""Least uncertainty of an end marked by hand."""
 SAID_S = 4.0
 REFUSED_S = 15.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MarkTo:
-    """Where a mark goes that is made in an opened frame."""
+    """The way of a mark by hand from an opened frame to the engine."""
 
-    send: SendMark
-    """Gives what is to be said of it."""
+    send: Callable[[MarkByHand], str]
+    """Sends a mark to the engine; returns words for the operator."""
     begin: Callable[[int, Callable[[str], None]], None]
-    """A mark is begun in that frame, which is kept for it; calls back with why it cannot be."""
+    """Has the engine keep a frame for a mark; calls back with the reason where it cannot."""
     leave: Callable[[int], None]
-    """Left off: the frame need not be kept."""
+    """Ends that without a mark."""
     refusal: Callable[[int], str]
-    """Why a frame takes none any more; empty: it does, as far as is known."""
+    """Returns why a frame takes no mark any more; empty: it does, as far as is known."""
 
 
 ROOM_PX = 20.0
-"""Seen beyond both ends of a candidate that is gone to."""
+"""Pixels in view beyond both ends of the chosen candidate."""
 
 
 class SheetActions(Screen[None]):
-    """Changes what is looked at and what is tried; the screen built on it shows and asks."""
+    """Keys and mouse of a frame's screen: they change view and settings; the screen draws."""
 
     BINDINGS: ClassVar[list[BindingType]] = [
         Binding("escape", "back", "Back", show=False),
@@ -88,15 +85,6 @@ class SheetActions(Screen[None]):
 
     def process(self) -> None:
         """Ask for the frame with what is tried now; the screen does."""
-
-    def action_list(self) -> None:
-        """The whole screen to the panel, and back; the screen does."""
-
-    def action_back(self) -> None:
-        """To the screen below; the screen does."""
-
-    def action_other_frame(self, by: int) -> None:
-        """To the frame before or after, of those whose pixels are kept; the screen does."""
 
     @property
     def picture(self) -> SheetPane:
@@ -303,25 +291,3 @@ class SheetActions(Screen[None]):
     def on_mouse_scroll_down(self) -> None:
         """Farther."""
         self.action_zoom_by(1)
-
-    def system_commands(self) -> Iterable[SystemCommand]:
-        """For the palette: what this screen does beside what the console does everywhere."""
-        for title, help_, action in (
-            ("Frame: next candidate", "go to it", self.action_next_candidate),
-            ("Frame: nearer", "by two", lambda: self.action_zoom_by(-1)),
-            ("Frame: farther", "by two", lambda: self.action_zoom_by(1)),
-            ("Frame: mark by hand", "the streak's two ends", self.action_mark),
-            ("Frame: the one before", "whose pixels are kept", lambda: self.action_other_frame(-1)),
-            ("Frame: the one after", "whose pixels are kept", lambda: self.action_other_frame(1)),
-            ("Frame: stretch", "how light becomes grey", self.action_stretch),
-            ("Frame: marks", "on and off", self.action_marks),
-            ("Frame: smaller tau", "by a quarter; processes again", lambda: self.action_tau(-1)),
-            ("Frame: larger tau", "by a quarter; processes again", lambda: self.action_tau(1)),
-            ("Frame: map mode", "fast or paper; processes again", self.action_map_mode),
-            ("Frame: what the network sees", "the map, and back", self.action_network_view),
-            ("Frame: solve again", "from its own stars, or the recorded", self.action_plate),
-            ("Frame: as recorded", "nothing tried any more", self.action_as_recorded),
-            ("Frame: list", "all candidates, and back", self.action_list),
-            ("Frame: back", "to the screen below", self.action_back),
-        ):
-            yield SystemCommand(title, help_, action)

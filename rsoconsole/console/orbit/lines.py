@@ -1,4 +1,4 @@
-"""The orbit pane's lines: name, elements, where it leads; what has no room is left out.
+"""The orbit pane's lines: identification, elements, places ahead, quality.
 
 Each line has a rank: in a low pane the lines of the first ranks stay, in their order.
 """
@@ -14,7 +14,7 @@ from rsoconsole.console.night.engine_seen import EngineView, OrbitAhead
 from rsoconsole.console.tuning.what_if_watch import TrackQuality, track_quality
 from rsoconsole.console.words.words import Item, clipped, packed, present_utc_ns, rule, wrapped
 from rsoconsole.control import one_line
-from rsoconsole.night import NightView, shown
+from rsoconsole.night import NightView, merit
 from rsoconsole.records import CatalogueMatch, Identified, OrbitEstimate
 from rsoconsole.tracking import NIS_BAND
 from rsoconsole.words import (
@@ -37,45 +37,44 @@ from rsoconsole.words import (
 
 MIN_MEASUREMENTS = 3
 AHEAD_GOOD_S = 300.0
-"""What was computed from another instant is not shown beyond that."""
+"""Seconds within which a prediction made for another instant is still shown."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class OrbitShown:
-    """Orbit, name and what lies ahead, as far as they are known."""
+class OrbitFacts:
+    """What the orbit pane shows: orbit, identification, prediction, track quality."""
 
     estimate: OrbitEstimate | None = None
     identified: Identified | None = None
     ahead: OrbitAhead | None = None
     now_utc_ns: int | None = None
     last_utc_ns: int | None = None
-    """When it was found, where it is of something that is followed no more."""
+    """When the orbit was found, where its track has ended."""
     is_past: bool = False
     since_word_s: float | None = None
-    """Its age, where it is from before the operator's last word on a frame; else None."""
+    """Seconds of age, where the orbit is from before the operator's last decision; else None."""
     absence: str = ""
     """Why there is no orbit; empty where there is one."""
     quality: TrackQuality | None = None
-    """Of the lead's track; None where none is measured, or the orbit is of the past."""
+    """The lead track's quality; None before its first update."""
     has_site: bool = True
-    """Whether the session says from where one looks."""
+    """Whether the session says its site."""
     has_catalogue: bool = True
-    """Whether there was any catalogue to name it by."""
+    """Whether the session has a catalogue to identify by."""
 
 
-def orbit_shown(night: NightView, engine: EngineView, ahead: OrbitAhead | None) -> OrbitShown:
-    """What is known at that instant; ``ahead``: what was computed last, of whatever orbit."""
+def orbit_facts(night: NightView, engine: EngineView, ahead: OrbitAhead | None) -> OrbitFacts:
+    """Collect what the pane shows; ``ahead``: the last prediction, of whatever orbit."""
     now = present_utc_ns(night, engine)
-    quality = track_quality(night)
-    ahead = ahead if ahead is not None and _is_near(ahead, night, now) else None
-    return OrbitShown(
+    is_fit = ahead is not None and _is_near(ahead, night, now) and _is_of(ahead, night)
+    return OrbitFacts(
         estimate=night.orbit,
         identified=night.identified,
-        ahead=ahead if ahead is not None and _is_of(ahead, night) else None,
+        ahead=ahead if is_fit else None,
         now_utc_ns=now,
         last_utc_ns=night.orbit_utc_ns if night.is_orbit_past else None,
         is_past=night.is_orbit_past,
-        quality=quality,
+        quality=track_quality(night),
         since_word_s=_since_word_s(night, now),
         absence="" if night.orbit is not None else _absence(night, engine),
         has_site=night.config is not None,
@@ -84,7 +83,7 @@ def orbit_shown(night: NightView, engine: EngineView, ahead: OrbitAhead | None) 
 
 
 def _since_word_s(night: NightView, now: int | None) -> float | None:
-    """Age of an orbit that is being fitted again after a word on a frame; None: it is not."""
+    """Seconds of age of an orbit that is fitted again after a decision; None: it is not."""
     orbit, found_ns = night.orbit, night.orbit_utc_ns
     if orbit is None or found_ns is None or orbit.track_id not in night.being_fitted_again:
         return None
@@ -92,13 +91,14 @@ def _since_word_s(night: NightView, now: int | None) -> float | None:
 
 
 def _is_near(ahead: OrbitAhead, night: NightView, now: int | None) -> bool:
-    """Whether it was computed of this session, and of about this instant."""
-    is_same = ahead.folder == night.folder
-    return is_same and now is not None and abs(now - ahead.from_utc_ns) <= AHEAD_GOOD_S * NS_PER_S
+    """Whether a prediction is of this session, and for about this instant."""
+    if now is None or ahead.folder != night.folder:
+        return False
+    return abs(now - ahead.from_utc_ns) <= AHEAD_GOOD_S * NS_PER_S
 
 
 def _is_of(ahead: OrbitAhead, night: NightView) -> bool:
-    """Whether it is of the orbit on record, or until that is computed, of one just before it."""
+    """Whether a prediction is of the orbit on record, or of the same track's one before it."""
     if night.orbit is None:
         return False
     if ahead.estimate == night.orbit:
@@ -122,7 +122,7 @@ def _absence(night: NightView, engine: EngineView) -> str:
 
 
 def _measured(night: NightView) -> int:
-    """Measurements that the track has taken, as far as anybody needs to count."""
+    """The track's measurements, counted to ``MIN_MEASUREMENTS``."""
     count = 1 if night.track_frame_id else 0  # a track begins with its second one
     for row in reversed(night.rows):
         if count >= MIN_MEASUREMENTS or row.frame_id < night.track_frame_id:
@@ -137,14 +137,15 @@ if TYPE_CHECKING:
 Ranked = tuple[int, Line]
 
 WIDE_COLUMNS = 57
-"""From which on the places ahead need no line that says what is what."""
+"""Columns from which on the places ahead need no heads."""
 NARROW_COLUMNS = 47
-"""Below which there is no room for an azimuth."""
+"""Columns below which there is no room for an azimuth."""
 SOON_S = 900.0
+"""Seconds ahead within which an event is a warning."""
 MAX_ROWS = 4
-"""Of one group."""
+"""Rows of one group."""
 KNOWN_DEG = 60.0
-"""A direction in the orbit's plane less sure than that is not told."""
+"""Sigma of node and argument from which on they are not shown."""
 HALF_SKY_ARCSEC = 648_000.0
 LABEL_INKS: dict[str, Ink] = {
     "free": "good",
@@ -153,8 +154,8 @@ LABEL_INKS: dict[str, Ink] = {
 }
 
 
-def orbit_lines(shown: OrbitShown, width: int, height: int) -> list[Line]:
-    """What there is room for."""
+def orbit_lines(shown: OrbitFacts, width: int, height: int) -> list[Line]:
+    """Build the pane's lines as far as there is room."""
     estimate = shown.estimate
     lines: list[Ranked] = [(0, _title(shown, width))]
     if estimate is None:
@@ -174,8 +175,8 @@ def orbit_lines(shown: OrbitShown, width: int, height: int) -> list[Line]:
     return [clipped(lines[n][1], width) for n in sorted(kept)]
 
 
-def target_words(shown: OrbitShown) -> tuple[str, str, str]:
-    """The name of what is followed, its orbit's size and whether that was assumed; empty: not."""
+def target_words(shown: OrbitFacts) -> tuple[str, str, str]:
+    """Return the target's name, its orbit's size and whether that was assumed; empty: not known."""
     estimate, found = shown.estimate, shown.identified
     if shown.is_past:
         return "", "", ""
@@ -187,11 +188,11 @@ def target_words(shown: OrbitShown) -> tuple[str, str, str]:
 
 
 def _by_prior(estimate: OrbitEstimate) -> str:
-    """Behind a size that was assumed rather than measured, its sigma too."""
+    """Words behind a size that rests on the prior; empty: it was measured."""
     return "" if estimate.prior == "none" else " by prior"
 
 
-def _title(shown: OrbitShown, width: int) -> Line:
+def _title(shown: OrbitFacts, width: int) -> Line:
     estimate = shown.estimate
     head = "orbit"
     if shown.is_past:
@@ -204,15 +205,12 @@ def _title(shown: OrbitShown, width: int) -> Line:
     if len(f"─ {head} · {with_prior} ") <= width:
         label = with_prior
     ink = LABEL_INKS.get(estimate.label, "")
-    return rule([(head, "title"), (" · ", "dim"), (label, ink)], _arc_words(estimate), width)
+    arc = f"{estimate.observations} in {span(estimate.arc_s)}"
+    return rule([(head, "title"), (" · ", "dim"), (label, ink)], arc, width)
 
 
-def _arc_words(estimate: OrbitEstimate) -> str:
-    return f"{estimate.observations} in {span(estimate.arc_s)}"
-
-
-def _name_lines(shown: OrbitShown, width: int) -> list[Ranked]:
-    """Which catalogued object it is, which else it might be, and whether that was moved."""
+def _name_lines(shown: OrbitFacts, width: int) -> list[Ranked]:
+    """The identification, its runner-up, and a hint at a manoeuvre."""
     found = shown.identified
     if found is None:
         why = "not identified" if shown.is_past else "not identified yet"
@@ -245,7 +243,7 @@ def _called(match: CatalogueMatch, *, is_sure: bool = True) -> str:
     return _one_wide(called(match.name, match.norad_id)) + ("" if is_sure else "?")
 
 
-def _element_lines(shown: OrbitShown, estimate: OrbitEstimate, width: int) -> list[Ranked]:
+def _element_lines(shown: OrbitFacts, estimate: OrbitEstimate, width: int) -> list[Ranked]:
     ahead = shown.ahead
     sigmas = dict(ahead.sigmas) if ahead is not None else {}
     ink = LABEL_INKS.get(estimate.label, "")
@@ -263,8 +261,8 @@ def _element_lines(shown: OrbitShown, estimate: OrbitEstimate, width: int) -> li
     return _ranked(packed(items, width, MAX_ROWS), 1, 7)
 
 
-def _ahead_lines(shown: OrbitShown, width: int) -> list[Ranked]:
-    """Where it will be, and what happens to it within a day."""
+def _ahead_lines(shown: OrbitFacts, width: int) -> list[Ranked]:
+    """Places ahead, and rise, set and eclipse within a day."""
     ahead = shown.ahead
     if ahead is None:
         return [(3, [(" computing where it leads …", "dim")])] if shown.has_site else []
@@ -309,20 +307,19 @@ def _event_items(outlook: "OrbitOutlook", from_utc_ns: int, now: int | None) -> 
         (eclipse_words(eclipse, from_utc_ns, now), None if eclipse is None else eclipse[0]),
     ]
     items: list[Item] = [] if is_up else [("is down", "warn")]
-    return [*items, *((words, _ink_of(t_utc_ns, now)) for words, t_utc_ns in coming)]
-
-
-def _ink_of(t_utc_ns: int | None, now: int) -> Ink:
-    return "" if t_utc_ns is None or t_utc_ns - now >= SOON_S * NS_PER_S else "warn"
+    for words, t_utc_ns in coming:
+        is_soon = t_utc_ns is not None and t_utc_ns - now < SOON_S * NS_PER_S
+        items.append((words, "warn" if is_soon else ""))
+    return items
 
 
 def _track_lines(quality: TrackQuality, width: int) -> list[Ranked]:
-    """How good the track is, whatever its orbit: as the tuning pane has it."""
+    """The lead track's quality, as the tuning pane has it."""
     low, high = quality.nis_band or (0.0, 0.0)
     nis = f"NIS {number(quality.nis_mean, '.1f')} /{quality.updates}"
     items: list[Item] = [
         (f"track, {quality.frames} frames: rms {_fine(quality.residual_rms_arcsec or 0.0)}", ""),
-        (f"{shown.INSIDE.label} {shown.INSIDE.words(quality)}", ""),
+        (f"{merit.INSIDE.label} {merit.INSIDE.words(quality)}", ""),
         (f"{quality.misses} missed", "warn" if quality.misses else ""),
         (
             f"{nis} (ideal 2, sound {low:.1f}-{high:.1f})",
@@ -337,8 +334,8 @@ def _track_lines(quality: TrackQuality, width: int) -> list[Ranked]:
     return lines
 
 
-def _quality_lines(shown: OrbitShown, estimate: OrbitEstimate, width: int) -> list[Ranked]:
-    """By what the telescope aims, and how well the orbit fits."""
+def _quality_lines(shown: OrbitFacts, estimate: OrbitEstimate, width: int) -> list[Ranked]:
+    """What the telescope aims by, and how well the orbit fits."""
     items: list[Item] = []
     if not shown.is_past:
         items.append((f"aims by the {'orbit' if estimate.is_guide else 'filter'}", ""))
@@ -371,7 +368,7 @@ def _ranked(lines: Sequence[Line], first: int, others: int | None = None) -> lis
 
 
 def _one_wide(text: str) -> str:
-    """Names come from anybody's files: each of their characters takes one column."""
+    """Text from foreign files with each character one column wide."""
     return "".join(
         "?" if unicodedata.east_asian_width(c) in "WF" or unicodedata.combining(c) else c
         for c in one_line(text)

@@ -29,7 +29,7 @@ from rsoconsole.console.picture.picture import (
     shares,
 )
 from rsoconsole.console.timeline.lines import strip_place
-from rsoconsole.console.timeline.night_line import EXAMPLES
+from rsoconsole.console.timeline.timeline import EXAMPLES
 from rsoconsole.console.watches.messages import Pointed
 from rsoconsole.console.words.words import fitted as fitted_words
 from rsoconsole.console.words.words import wrapped

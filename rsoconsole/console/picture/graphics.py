@@ -12,7 +12,7 @@ import numpy.typing as npt
 
 from rsoconsole.config import Graphics
 from rsoconsole.console.drawing.blocks import BY_NAME, QUADRANTS, Blocks
-from rsoconsole.console.drawing.terminal_query import asked, blocks_of
+from rsoconsole.console.drawing.terminal_query import blocks_of, query_terminal
 from rsoconsole.console.picture.marks import Mark, Window
 
 if TYPE_CHECKING:
@@ -25,40 +25,38 @@ RedGreenBlue = npt.NDArray[np.uint8]
 """(height, width, 3)."""
 
 MARGIN_PX = 6
-"""By which a streak's brackets stand off it."""
+"""Pixels between a streak and its brackets."""
 CROSS_GAP_PX = 4
-"""From a cross's middle to its arms."""
+"""Pixels from a cross's middle to its arms."""
 FONT_SCALE, FONT_ROOM_PX = 0.42, 4
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Drawn:
+class DrawingMode:
     """How pictures are drawn in a terminal."""
 
     graphics: GraphicsKind | None = None
-    """By its own graphics; None: by its characters."""
+    """The terminal's own graphics; None: characters."""
     blocks: Blocks = QUADRANTS
-    """Those of its characters."""
+    """The set of characters."""
 
 
-def offered(wanted: Graphics) -> Drawn:
-    """How to draw: as wanted, or the finest that the terminal has.
+def choose_drawing(wanted: Graphics) -> DrawingMode:
+    """Choose how to draw: as wanted, or the finest that the terminal has.
 
-    Asks the terminal where that is left to it: to be called before the application runs.
+    May ask the terminal: to be called before the application runs.
     """
     if wanted in BY_NAME:
-        return Drawn(blocks=BY_NAME[wanted])
-    if wanted in {"kitty", "sixel"}:
-        kind: GraphicsKind | None = "kitty" if wanted == "kitty" else "sixel"
-        return _made_ready(Drawn(graphics=kind))
-    terminal = asked()
-    kind = None
-    if wanted == "auto":
-        kind = "kitty" if terminal.has_kitty else "sixel" if terminal.has_sixel else None
-    return _made_ready(Drawn(graphics=kind, blocks=blocks_of(terminal)))
-
-
-def _made_ready(drawn: Drawn) -> Drawn:
+        return DrawingMode(blocks=BY_NAME[wanted])
+    if wanted == "kitty" or wanted == "sixel":  # noqa: PLR1714 -- mypy narrows only this
+        drawn = DrawingMode(graphics=wanted)
+    else:
+        terminal = query_terminal()
+        found: GraphicsKind | None = (
+            "kitty" if terminal.has_kitty else "sixel" if terminal.has_sixel else None
+        )
+        kind = found if wanted == "auto" else None
+        drawn = DrawingMode(graphics=kind, blocks=blocks_of(terminal))
     if drawn.graphics is not None:
         # Importing it asks the terminal for the size of its cells, which is not possible later.
         from textual_image import widget
@@ -68,7 +66,7 @@ def _made_ready(drawn: Drawn) -> Drawn:
 
 
 def image_widget(kind: GraphicsKind) -> "Widget":
-    """A widget whose ``image`` is shown in these graphics."""
+    """Make a widget that shows its ``image`` in these graphics."""
     from textual_image.widget import SixelImage, TGPImage
 
     image: Widget = TGPImage() if kind == "kitty" else SixelImage()
@@ -76,7 +74,7 @@ def image_widget(kind: GraphicsKind) -> "Widget":
 
 
 def cell_px() -> tuple[int, int]:
-    """Width and height of a terminal's cell."""
+    """Width and height of a terminal's cell in pixels."""
     from textual_image.widget import get_cell_size
 
     size = get_cell_size()
@@ -92,7 +90,7 @@ def painted(
     cell: tuple[int, int],
     is_red: bool = False,
 ) -> Any:
-    """A picture (PIL) as large as the window's cells: ``grey`` from 0 to 1, marks drawn over it."""
+    """Paint a picture (PIL) as large as the window's cells: ``grey`` 0 to 1, marks over it."""
     import cv2
     from PIL import Image
 

@@ -1,4 +1,4 @@
-"""A streak's two ends being pointed at in a picture, square by square."""
+"""A mark by hand in a picture: a cursor that sets a streak's two ends, square by square."""
 
 from dataclasses import dataclass
 
@@ -12,12 +12,12 @@ MOVES: dict[str, tuple[int, int]] = {
     "right": (1, 0),
 }
 FAR = 5
-"""Squares that a shifted arrow goes."""
+"""Squares that a shifted arrow moves the cursor by."""
 
 
 @dataclass(slots=True, kw_only=True)
 class Marking:
-    """The cursor, and the first end once it is set; pixels of the frame."""
+    """The cursor and the first end, in pixels of the frame."""
 
     frame_id: int
     px_per_square: float
@@ -26,13 +26,13 @@ class Marking:
     cursor_px: tuple[float, float]
     first_px: tuple[float, float] | None = None
     shows_signs: bool = False
-    """Whether the signs of streaks stay over the picture."""
+    """Whether the marks of streaks stay over the picture."""
     coarsest_px: float = 0.0
-    """Of the squares in which the ends were set: how well they are known."""
+    """Side of the largest square in which an end was set: its uncertainty."""
 
     @classmethod
     def begin(cls, frame_id: int, drawing: Drawing) -> "Marking":
-        """In the middle of what is drawn."""
+        """Begin in the middle of what is drawn."""
         low, high = _bounds(drawing)
         return cls(
             frame_id=frame_id,
@@ -43,7 +43,7 @@ class Marking:
         )
 
     def look(self, drawing: Drawing) -> None:
-        """Go on in another view of the same frame."""
+        """Continue in another view of the same frame."""
         self.low_px, self.high_px = _bounds(drawing)
         self.px_per_square = drawing.px_per_square
         self._go(*self.cursor_px)
@@ -67,7 +67,7 @@ class Marking:
         return True
 
     def is_drag(self) -> bool:
-        """Whether the cursor is elsewhere than the first end."""
+        """Whether the cursor has left the square of the first end."""
         if self.first_px is None:
             return False
         away = max(abs(a - b) for a, b in zip(self.first_px, self.cursor_px, strict=True))
@@ -76,9 +76,9 @@ class Marking:
     def set_end(
         self, px_per_square: float | None = None
     ) -> tuple[tuple[float, float], tuple[float, float]] | None:
-        """The cursor is an end; both ends once the second is set.
+        """Set an end at the cursor; returns both ends once the second is set.
 
-        ``px_per_square`` of the view in which it was pointed at; None: of the present one.
+        ``px_per_square``: of the view in which it was pointed at; None: of the present one.
         """
         self.coarsest_px = max(self.coarsest_px, px_per_square or self.px_per_square)
         if self.first_px is None:
@@ -87,7 +87,7 @@ class Marking:
         return self.first_px, self.cursor_px
 
     def marks(self) -> tuple[Mark, ...]:
-        """How it is drawn."""
+        """Return the marks that draw it."""
         x, y = self.cursor_px
         cursor = Mark(x_px=x, y_px=y, kind="cursor")
         if self.first_px is None:

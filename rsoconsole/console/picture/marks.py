@@ -1,8 +1,8 @@
-"""What is pointed at in a frame: detections, and where the track was expected and how surely."""
+"""Marks over a frame's picture: detections, and the tracks' predicted places with their errors."""
 
 import math
 from dataclasses import dataclass, replace
-from typing import Literal
+from typing import Literal, get_args
 
 from rsoconsole.console.drawing.track_marks import Numbered, placed_numbers
 from rsoconsole.night import FrameTrack, NightFrame, is_of_streak, outline_px
@@ -12,23 +12,25 @@ from rsoconsole.words import short, short_name_of
 
 OUTLINE_POINTS = 72
 SHOWN_REJECTED = 0.01
-"""Confidence from which on a rejected candidate is pointed at: the rest is noise."""
+"""Confidence from which on a rejected candidate has a mark: the rest is noise."""
 
 MarkKind = Literal[
-    "followed",
-    "member",
-    "candidate",
+    "box",
     "rejected",
-    "operator",
     "predicted",
     "coasted",
-    "now",
+    "candidate",
+    "operator",
+    "member",
+    "followed",
     "now_rejected",
-    "box",
+    "now",
     "cursor",
 ]
-"""``member``: another track's than the lead's; ``coasted``: of one that is not in this frame;
-``now`` and ``now_rejected``: of a frame that is processed once more; ``box``: the network's."""
+"""In the order in which they are written: the last one stays. ``member``: of another track than the
+lead; ``coasted``: of a track that is not in this frame; ``now``, ``now_rejected``: of a frame
+processed once more; ``box``: the network's."""
+_ORDER: tuple[MarkKind, ...] = get_args(MarkKind)
 
 _BRACKETS: dict[MarkKind, tuple[str, str]] = {
     "followed": ("[", "]"),
@@ -36,17 +38,13 @@ _BRACKETS: dict[MarkKind, tuple[str, str]] = {
     "candidate": ("(", ")"),
     "rejected": ("‹", "›"),
     "operator": ("<", ">"),
-    "predicted": ("", ""),
-    "coasted": ("", ""),
     "now": ("{", "}"),
     "now_rejected": ("«", "»"),
-    "box": ("", ""),
-    "cursor": ("", ""),
 }
 COASTED = "○"
 """Before the number of a track that the frame does not show."""
 _SHORT_COLUMNS = 4
-"""A streak of so few cells has its signs in one row; a longer one has its ends pointed at."""
+"""Columns of a streak up to which its signs are in one row; a longer one has them at its ends."""
 MAX_STEPS = 2000
 """Cells along a streak: nobody's terminal has more."""
 
@@ -54,45 +52,30 @@ MAX_STEPS = 2000
 Cells = dict[tuple[int, int], tuple[str, str]]
 """(column, row) -> (character, kind of mark)."""
 
-_ORDER: dict[MarkKind, int] = {
-    "box": -1,
-    "rejected": 0,
-    "predicted": 1,
-    "coasted": 2,
-    "candidate": 3,
-    "operator": 4,
-    "member": 5,
-    "followed": 6,
-    "now_rejected": 7,
-    "now": 8,
-    "cursor": 9,
-}
-"""What is written last stays."""
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Mark:
-    """Something to point at, in pixels of the whole frame."""
+    """A mark over a picture, in pixels of the whole frame."""
 
     x_px: float
     y_px: float
     kind: MarkKind
     ends_px: tuple[tuple[float, float], tuple[float, float]] | None = None
-    """Of a streak, the left one first."""
+    """Both ends of a streak, the left one first."""
     label: str = ""
     outline_px: tuple[tuple[float, float], ...] = ()
-    """Points of a line about it: where the track is with 3 sigma, or a candidate's box."""
+    """Points of a line about it: the 3-sigma ellipse of a track, or a candidate's box."""
     is_outer: bool = False
-    """Written about another mark of the same streak, with its label a row below."""
+    """Whether it stands about another mark of the same streak, with its label a row below."""
     gap: int = 0
     """Cells between its sign and its label."""
     is_numbered: bool = False
-    """Its label is the number of a track: it stands where there is room for it."""
+    """Whether its label is a track's number, placed where there is room."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Window:
-    """A piece of a frame drawn into cells; a cell is two squares high."""
+    """A part of a frame drawn into cells; a cell is two squares high."""
 
     x0_px: float
     """Left edge; the centre of the frame's first pixel is at 0."""
@@ -102,23 +85,33 @@ class Window:
     columns: int
     rows: int
 
+    @classmethod
+    def at(
+        cls, corner_px: tuple[float, float], size_px: tuple[float, float], cells: tuple[int, int]
+    ) -> "Window":
+        """Make one of its corner, its width and height, and its columns and rows."""
+        (x0, y0), (width, height), (columns, rows) = corner_px, size_px, cells
+        return cls(x0_px=x0, y0_px=y0, width_px=width, height_px=height, columns=columns, rows=rows)
+
     def cell(self, x_px: float, y_px: float) -> tuple[int, int]:
-        """Column and row of the cell in which a place lies, which may be outside."""
+        """Return column and row of the cell of a place, which may be outside."""
         column = (x_px - self.x0_px) / self.width_px * self.columns
         row = (y_px - self.y0_px) / self.height_px * self.rows
         return math.floor(column), math.floor(row)
 
     def has(self, column: int, row: int) -> bool:
-        """Whether a cell is one of them."""
+        """Whether a cell is in the window."""
         return 0 <= column < self.columns and 0 <= row < self.rows
 
 
 def marks_of(detail: NightFrame) -> tuple[Mark, ...]:
-    """All that can be pointed at in one frame."""
+    """Return all marks of one frame."""
     found = detail.detections
     if found is None or found.width_px <= 0 or found.height_px <= 0:
         return ()
-    members = _members(detail)
+    several = detail.tracks if len(detail.tracks) > 1 else ()
+    taken = ((m, detail.track_of(m)) for m in detail.all_measured if several)
+    members = [(m, track) for m, track in taken if track is not None]
     marks = [
         _numbered(mark_of(d, "candidate", detail.followed), d, members) for d in found.detections
     ]
@@ -132,31 +125,17 @@ def marks_of(detail: NightFrame) -> tuple[Mark, ...]:
         for m in detail.measurements
         if m.source == "operator"
     ]
-    unseen = [_coasted_mark(detail, track) for track in _unseen(detail)]
-    if detail.predicted is not None and not any(t.is_lead for t in _unseen(detail)):
+    coasted = [track for track in several if track.updated is None]
+    unseen = [_coasted_mark(detail, track) for track in coasted]
+    if detail.predicted is not None and not any(track.is_lead for track in coasted):
         unseen.append(_mark_at(detail.predicted, detail, "predicted"))
     return (*marks, *(mark for mark in unseen if mark is not None))
-
-
-def _members(detail: NightFrame) -> list[tuple[Measurement, FrameTrack]]:
-    """What was measured of each of several tracks; empty where there is one alone."""
-    if len(detail.tracks) < 2:
-        return []
-    found = ((m, detail.track_of(m)) for m in detail.all_measured)
-    return [(m, track) for m, track in found if track is not None]
-
-
-def _unseen(detail: NightFrame) -> list[FrameTrack]:
-    """Of several tracks those that the frame does not show."""
-    if len(detail.tracks) < 2:
-        return []
-    return [each for each in detail.tracks if each.updated is None]
 
 
 def _numbered(
     mark: Mark, detection: Detection, members: list[tuple[Measurement, FrameTrack]]
 ) -> Mark:
-    """With the number of the track that took it; as it is where none did."""
+    """The mark with the number of the track that took it; as it is where none did."""
     for measured, track in members:
         if is_of_streak(detection, measured):
             kind: MarkKind = "followed" if track.is_lead else "member"
@@ -167,15 +146,14 @@ def _numbered(
 def _coasted_mark(detail: NightFrame, track: FrameTrack) -> Mark | None:
     """Where a track is predicted that the frame does not show."""
     mark = None if track.predicted is None else _mark_at(track.predicted, detail, "coasted")
-    return (
-        None if mark is None else replace(mark, label=f"{COASTED}{track.number}", is_numbered=True)
-    )
+    label = f"{COASTED}{track.number}"
+    return None if mark is None else replace(mark, label=label, is_numbered=True)
 
 
 def mark_of(detection: Detection, kind: MarkKind, followed: Measurement | None = None) -> Mark:
-    """A streak's two ends, its confidence and what it is taken for.
+    """Return a streak's mark: its ends, with confidence and class as the label.
 
-    ``followed``: what was measured of the lead; its streak is marked as followed.
+    ``followed``: the lead's measurement, whose streak is marked as followed.
     """
     is_followed = is_of_streak(detection, followed)
     ends = (detection.x_a_px, detection.y_a_px), (detection.x_b_px, detection.y_b_px)
@@ -189,7 +167,7 @@ def mark_of(detection: Detection, kind: MarkKind, followed: Measurement | None =
 
 
 def _mark_at(track: TrackState, detail: NightFrame, kind: MarkKind) -> Mark | None:
-    """A state's place with three sigma about it; None where the frame has no plate."""
+    """A state's position with its 3-sigma ellipse; None where the frame is not solved."""
     if not isinstance(detail.solution, Solution):
         return None
     ra, _, dec, _ = track.x
@@ -201,14 +179,14 @@ def _mark_at(track: TrackState, detail: NightFrame, kind: MarkKind) -> Mark | No
 
 
 def overlay(marks: tuple[Mark, ...], window: Window, *, has_rejected: bool = False) -> Cells:
-    """What is written over a picture; what is followed is written last.
+    """Return the characters that the marks write over a picture.
 
     Everything stands beside the streaks: their own cells are kept free of signs.
     """
     shown = [mark for mark in marks if mark.kind != "rejected" or has_rejected]
     streaks = _streak_cells(shown, window)
     cells: Cells = {}
-    for mark in sorted(shown, key=lambda m: _ORDER[m.kind]):
+    for mark in sorted(shown, key=lambda m: _ORDER.index(m.kind)):
         centre = window.cell(mark.x_px, mark.y_px)
         for point in mark.outline_px:
             at = window.cell(*point)
@@ -280,8 +258,8 @@ def _streak_signs(
         left, right = window.cell(*end_a), window.cell(*end_b)
     if right[0] - left[0] <= _SHORT_COLUMNS:
         left, right = (left[0], row), (right[0], row)
-    if mark.kind == "member" and right[0] - left[0] <= _SHORT_COLUMNS:
-        return []  # the number alone: brackets about each of a slot would hide them all
+        if mark.kind == "member":
+            return []  # the number alone: brackets about each of a slot would hide them all
     beside = 2 if mark.is_outer else 1
     left = (_edged(left[0], -beside, window), left[1])
     right = (_edged(right[0], beside, window), right[1])

@@ -24,7 +24,7 @@ NOISE_SIGMAS = 6.0
 DARK_PERCENT, BRIGHT_PERCENT = 65.0, 99.7
 BRIGHTEST_SHARE = 0.5
 MARGIN = 1.3
-"""How much more than its streak a close-up shows."""
+"""Size of a close-up over that of its streak."""
 
 ByteImage = npt.NDArray[np.uint8]
 LightImage = npt.NDArray[np.float32]
@@ -36,29 +36,29 @@ _PERCENT: dict[Stretch, tuple[float, float]] = {
     "asinh": (2.0, 99.8),
     "linear": (2.0, 99.5),
 }
-"""Of the squares: what is black and what is white."""
+"""Percentiles of the squares that are black and white."""
 _MIN_RANGE = 0.02
-"""Of a picture without anything in it: noise is not drawn up."""
+"""Range of light that is drawn at least: the noise of an empty picture stays dark."""
 _LINEAR_PER_CODE = 5.0 / 255.0
 """The small pictures are asinh of light over two sigmas, from -1 to 4 in 255 steps."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Picture:
-    """A frame's small pictures and what is pointed at in them."""
+    """A frame's small pictures with their marks."""
 
     frame_id: int
     codes: ByteImage
     """(height, width): the whole frame as the session keeps it; row 0 at the top."""
     light: LightImage
-    """The same above its sky and noise."""
+    """The codes above sky and noise."""
     detail: NightFrame
-    """What was said of the frame."""
+    """What is on record of the frame."""
     marks: tuple[Mark, ...] = ()
     closeup: ByteImage | None = None
-    """A piece of it at full resolution."""
+    """A part of it at full resolution."""
     place: Closeup | None = None
-    """Where in the frame that piece lies."""
+    """Where in the frame the close-up lies."""
 
     @property
     def aspect(self) -> float:
@@ -73,14 +73,14 @@ class Drawing:
     greys: ByteImage
     """(blocks.down * rows, blocks.across * columns): steps of grey, 0 to GREYS - 1."""
     blocks: Blocks
-    """The characters that it is for."""
+    """The characters it is made for."""
     window: Window
     px_per_square: float
     """Pixels of the frame across a cell, or down half of one."""
 
 
 def read_codes(path: Path) -> ByteImage | None:
-    """A small picture of a session, (height, width); None when it cannot be read (yet)."""
+    """Read a small picture of a session, (height, width); None when it cannot be read (yet)."""
     import cv2
 
     try:
@@ -94,7 +94,7 @@ def read_codes(path: Path) -> ByteImage | None:
 
 
 def light_of(codes: ByteImage) -> LightImage:
-    """What stands out of sky and noise: stars and streaks; vignetting and moonlight are gone."""
+    """Return the light above sky and noise: stars and streaks, without vignetting and moonlight."""
     above = codes.astype(np.float32) - _sky_of(codes)
     noise = 1.4826 * float(np.median(np.abs(above)))
     return np.asarray(np.clip(above - NOISE_SIGMAS * max(noise, 0.5), 0.0, None), np.float32)
@@ -116,21 +116,14 @@ def _sky_of(codes: ByteImage) -> LightImage:
 def draw_field(
     picture: Picture, stretch: Stretch, columns: int, rows: int, blocks: Blocks = QUADRANTS
 ) -> Drawing:
-    """The whole frame in the most cells that fit."""
+    """Draw the whole frame in the most cells that fit."""
     columns, rows = fitted_cells(picture.aspect, columns, rows)
-    light = picture.light if stretch == "streaks" else _light(picture.codes, stretch)
+    light = _field_light(picture, stretch)
     found = picture.detail.detections
     size = (found.width_px, found.height_px) if found is not None else light.shape[::-1]
-    window = Window(
-        x0_px=-0.5,
-        y0_px=-0.5,
-        width_px=float(size[0]),
-        height_px=float(size[1]),
-        columns=columns,
-        rows=rows,
-    )
+    window = Window.at((-0.5, -0.5), (float(size[0]), float(size[1])), (columns, rows))
     return Drawing(
-        greys=_greys(_reduced(light, columns, rows, blocks), stretch),
+        greys=greys(shares_of(_reduced(light, columns, rows, blocks), stretch)),
         blocks=blocks,
         window=window,
         px_per_square=window.width_px / columns,
@@ -146,9 +139,9 @@ def draw_closeup(
     is_native: bool = False,
     blocks: Blocks = QUADRANTS,
 ) -> Drawing | None:
-    """The close-up about its middle, at a whole number of pixels a square; None without one.
+    """Draw the close-up's middle at a whole number of pixels a square; None: there is none.
 
-    As many pixels a square as show the streak in its middle, or one where ``is_native``.
+    That number shows the streak in the middle; it is 1 where ``is_native``.
     """
     codes, place = picture.closeup, picture.place
     if codes is None or place is None or not columns or not rows:
@@ -164,22 +157,16 @@ def draw_closeup(
     piece = codes[y0 : y0 + 2 * n * rows, x0 : x0 + n * columns]
     shown = "asinh" if stretch == "streaks" else stretch
     light = _light(piece, shown)
-    window = Window(
-        x0_px=place.x0_px + x0 - 0.5,
-        y0_px=place.y0_px + y0 - 0.5,
-        width_px=float(n * columns),
-        height_px=float(2 * n * rows),
-        columns=columns,
-        rows=rows,
-    )
-    greys = _greys(_reduced(light, columns, rows, blocks), shown)
-    return Drawing(greys=greys, blocks=blocks, window=window, px_per_square=float(n))
+    corner_px = place.x0_px + x0 - 0.5, place.y0_px + y0 - 0.5
+    window = Window.at(corner_px, (float(n * columns), float(2 * n * rows)), (columns, rows))
+    made = greys(shares_of(_reduced(light, columns, rows, blocks), shown))
+    return Drawing(greys=made, blocks=blocks, window=window, px_per_square=float(n))
 
 
 def _pixels_a_square(
     marks: tuple[Mark, ...], middle: tuple[float, float], columns: int, rows: int
 ) -> int:
-    """As many as the streak nearest to the middle needs."""
+    """Pixels a square that show the streak nearest to the middle."""
     streaks = [mark for mark in marks if mark.ends_px is not None]
     if not streaks:
         return 1
@@ -188,6 +175,10 @@ def _pixels_a_square(
     (xa, ya), (xb, yb) = nearest.ends_px
     wide, high = MARGIN * abs(xb - xa), MARGIN * abs(yb - ya)
     return max(1, math.ceil(wide / columns), math.ceil(high / (2 * rows)))
+
+
+def _field_light(picture: Picture, stretch: Stretch) -> LightImage:
+    return picture.light if stretch == "streaks" else _light(picture.codes, stretch)
 
 
 def _light(codes: ByteImage, stretch: Stretch) -> LightImage:
@@ -211,30 +202,25 @@ def _reduced(light: LightImage, columns: int, rows: int, blocks: Blocks) -> Ligh
     return np.asarray(np.maximum(mean, BRIGHTEST_SHARE * most), np.float32)
 
 
-def _greys(light: LightImage, stretch: Stretch) -> ByteImage:
-    """Steps of grey between the darkest and the brightest part of the squares.
-
-    A crowded field fills every square with faint stars: the fainter part of them stays dark.
-    """
-    return greys(shares_of(light, stretch))
-
-
 def greys(shares: LightImage) -> ByteImage:
-    """Shares of brightness as steps of grey."""
+    """Turn shares of brightness, 0 to 1, into steps of grey."""
     return np.asarray(np.round(shares * (GREYS - 1)), np.uint8)
 
 
 def shares_of(light: LightImage, stretch: Stretch) -> LightImage:
-    """Dark 0 to bright 1, between what is dark and what is bright of these squares."""
+    """Scale light to dark 0 to bright 1, between two percentiles of these squares.
+
+    A crowded field fills every square with faint stars: the fainter part of them stays dark.
+    """
     low, high = (float(v) for v in np.percentile(light, _PERCENT[stretch]))
     share = np.clip((light - low) / max(high - low, _MIN_RANGE), 0.0, 1.0)
     return np.asarray(FLOOR + (1 - FLOOR) * share, np.float32)
 
 
 def shares(picture: Picture, drawing: Drawing, stretch: Stretch, *, is_field: bool) -> LightImage:
-    """The same piece of the picture in its own squares, dark 0 to bright 1, (height, width)."""
+    """Return what a drawing shows in the picture's own squares: (height, width), 0 to 1."""
     if is_field:
-        light = picture.light if stretch == "streaks" else _light(picture.codes, stretch)
+        light = _field_light(picture, stretch)
     else:
         assert picture.closeup is not None
         assert picture.place is not None
@@ -248,13 +234,13 @@ def shares(picture: Picture, drawing: Drawing, stretch: Stretch, *, is_field: bo
 
 
 def fitted_cells(aspect: float, columns: int, rows: int) -> tuple[int, int]:
-    """(columns, rows) of the largest picture of that aspect: a cell is twice as high as wide."""
+    """Return (columns, rows) of the largest picture of an aspect, with cells twice as high."""
     fitting = min(columns, max(1, round(2 * rows * aspect)))
     return fitting, min(rows, max(1, round(fitting / aspect / 2)))
 
 
 def read_picture(reader: SessionReader, frame_id: int, detail: NightFrame) -> Picture | None:
-    """The frame's picture with what was said of it; None where none is kept, or not yet.
+    """Read a frame's picture and make its marks; None where none is kept, or not yet.
 
     Raises SessionError.
     """
@@ -274,7 +260,7 @@ def read_picture(reader: SessionReader, frame_id: int, detail: NightFrame) -> Pi
 
 
 def read_closeup(reader: SessionReader, detail: NightFrame) -> ByteImage | None:
-    """The piece at full resolution; None where none is kept, or not yet. Raises SessionError."""
+    """Read the close-up; None where none is kept, or not yet. Raises SessionError."""
     if detail.closeup is None:
         return None
     path = reader.closeup_path(detail.closeup.frame_id)

@@ -1,4 +1,4 @@
-"""A frame's pixels at any scale: means of blocks, made when first looked at, and their stretch.
+"""A frame's pixels at any scale: means of blocks, made when first needed, stretched to greys.
 
 Beside the frame itself there are maps of a sixteenth of its size and smaller: 4 bytes for each
 block of 4 x 4 pixels and a third on top, twice that where faint streaks are to stand out.
@@ -24,11 +24,11 @@ from rsoconsole.vision import (
 )
 
 COARSE = 2
-"""Two to this is the side of the smallest blocks that are kept; nearer views read the frame."""
+"""Log2 of the side of the smallest blocks that are kept; nearer views read the frame."""
 CLIPPED_SIGMA = 3.0
-"""Of a coarse block: what is fainter is sky where streaks are to stand out."""
+"""Sigmas of a coarse block below which light is sky where streaks are to stand out."""
 SOFTENING_SIGMAS = 2.0
-"""From where on asinh is a logarithm."""
+"""Sigmas above the sky from which on asinh is a logarithm."""
 OUTSIDE = FLOOR / 2
 """Grey beyond the frame's edge."""
 _STRIP_ROWS = 256
@@ -37,7 +37,7 @@ Edges = npt.NDArray[np.intp]
 
 
 class SheetPixels:
-    """One frame's pixels for anyone who looks at them. For one thread at a time."""
+    """A frame's pixels and the block means made of them. For one thread at a time."""
 
     def __init__(self, pixels: PixelArray) -> None:
         self.pixels = pixels
@@ -46,16 +46,16 @@ class SheetPixels:
         self._levels: dict[tuple[Kind, int], LightImage] = {}
 
     def warm(self) -> None:
-        """Make what the first look needs, which takes a tenth of a second."""
+        """Make the maps of the first view, which takes a tenth of a second."""
         self._level("streaks", COARSE)
 
     @property
     def nbytes(self) -> int:
-        """Memory that all of it takes."""
+        """Bytes of pixels and maps."""
         return self.pixels.nbytes + sum(level.nbytes for level in self._levels.values())
 
     def adu(self, x_px: float, y_px: float) -> float:
-        """The pixel in which a place lies."""
+        """Return the value of the pixel in which a place lies."""
         height, width = self.pixels.shape
         column = min(max(math.floor(x_px + 0.5), 0), width - 1)
         row = min(max(math.floor(y_px + 0.5), 0), height - 1)
@@ -64,7 +64,7 @@ class SheetPixels:
     def shares(
         self, window: Window, stretch: Stretch, across: int = 1, down: int = 2
     ) -> LightImage:
-        """(rows * down, columns * across), from dark 0 to bright 1, of what is seen.
+        """Return a window's brightness, dark 0 to bright 1: (rows * down, columns * across).
 
         ``across``, ``down``: parts of a cell of the terminal. Streaks stand out of sky and noise
         from afar; from near the eye does better with all of the light.
@@ -141,7 +141,7 @@ class SheetPixels:
 
 
 def averaged(pixels: npt.NDArray[np.generic], block: int) -> LightImage:
-    """Means over blocks of pixels; of the last ones, over what there is of them."""
+    """Return means over blocks of pixels; blocks cut by the edge over what there is of them."""
     import cv2
 
     height, width = pixels.shape
@@ -167,7 +167,7 @@ def averaged(pixels: npt.NDArray[np.generic], block: int) -> LightImage:
 
 
 def map_shares(frame_map: FrameMap, window: Window, across: int = 1, down: int = 2) -> LightImage:
-    """What the network sees, at its own brightness; of several cells in a part the brightest."""
+    """Return a window of the network's map, 0 to 1; of several cells in a part the brightest."""
     size = window.rows * down, window.columns * across
     shape = frame_map.height_px, frame_map.width_px
     y, x, inside = _edges(window, size, shape, frame_map.block)
@@ -178,7 +178,7 @@ def map_shares(frame_map: FrameMap, window: Window, across: int = 1, down: int =
 
 
 def map_sigma(frame_map: FrameMap, x_px: float, y_px: float) -> float:
-    """Signal to noise that a map of mode ``fast`` shows at a place."""
+    """Return the SNR that a map of mode ``fast`` shows at a place."""
     rows, columns = frame_map.values.shape
     row = min(max(int(frame_map.to_cells(y_px)), 0), rows - 1)
     column = min(max(int(frame_map.to_cells(x_px)), 0), columns - 1)
@@ -222,9 +222,9 @@ def _counts(light: npt.NDArray[np.generic], y: Edges, x: Edges) -> npt.NDArray[n
 
 
 CLOSEST = -2
-"""Of the powers of two that are pixels a square: a quarter of a pixel."""
+"""Log2 of pixels a square in the nearest view: a quarter of a pixel."""
 STEPS = (1, 4, 16, 64)
-"""Squares that the cross goes with one key."""
+"""Squares that a key moves the cross by."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -235,16 +235,16 @@ class View:
     height_px: int
     columns: int
     rows: int
-    """What there is room for."""
+    """Cells that there is room for."""
     x_px: float
     y_px: float
-    """Where the cross is; it is in the middle wherever the frame goes on far enough."""
+    """Place of the cross, which is in the middle unless the frame's edge is near."""
     zoom: int | None = None
-    """Two to this are pixels a square; None: the whole frame in the most cells that fit."""
+    """Log2 of pixels a square; None: the whole frame in the most cells that fit."""
 
     @property
     def farthest(self) -> int:
-        """The largest zoom at which not all of the frame is seen; below CLOSEST there is none."""
+        """The largest zoom that does not show the whole frame; below CLOSEST: there is none."""
         zoom = 0
         while self._has_room(zoom) and zoom >= CLOSEST:
             zoom -= 1
@@ -264,12 +264,12 @@ class View:
 
     @property
     def window(self) -> Window:
-        """The piece that is seen; it may reach a little beyond the frame's far edges."""
+        """The part of the frame in view; it may reach a little beyond the frame's far edges."""
         if self.zoom is None:
             aspect = self.width_px / self.height_px
             columns, rows = fitted_cells(aspect, self.columns, self.rows)
             size = float(self.width_px), float(self.height_px)
-            return _window(-0.5, -0.5, size, columns, rows)
+            return Window.at((-0.5, -0.5), size, (columns, rows))
         scale = 2.0**self.zoom
         all_columns = math.ceil(self.width_px / scale)
         all_squares = math.ceil(self.height_px / scale)
@@ -278,10 +278,10 @@ class View:
         column = _first(self.x_px, scale, columns, all_columns)
         square = _first(self.y_px, scale, 2 * rows, all_squares)
         size = columns * scale, 2 * rows * scale
-        return _window(column * scale - 0.5, square * scale - 0.5, size, columns, rows)
+        return Window.at((column * scale - 0.5, square * scale - 0.5), size, (columns, rows))
 
     def zoomed(self, by: int) -> "View":
-        """Nearer (below 0) or farther, about the cross; beyond the ends nothing changes."""
+        """Return a nearer (below 0) or farther view about the cross; the same at the ends."""
         farthest = self.farthest
         if farthest < CLOSEST:
             return replace(self, zoom=None)
@@ -291,31 +291,31 @@ class View:
         return replace(self, zoom=None if zoom > farthest else zoom)
 
     def moved(self, across: float, down: float) -> "View":
-        """With the cross moved by some squares; it stays in the frame."""
+        """Return the view with the cross moved by some squares, within the frame."""
         step = self.px_per_square
         return self.at(self.x_px + across * step, self.y_px + down * step)
 
     def at(self, x_px: float, y_px: float) -> "View":
-        """With the cross at that pixel, or at the nearest one that there is."""
+        """Return the view with the cross at a pixel, or at the nearest one of the frame."""
         x = min(max(x_px, 0.0), self.width_px - 1.0)
         y = min(max(y_px, 0.0), self.height_px - 1.0)
         return replace(self, x_px=x, y_px=y)
 
     def showing(self, wide_px: float, high_px: float) -> "View":
-        """As near as so much has room about the cross; never nearer than pixel by pixel."""
+        """Return the nearest view with that much room about the cross, at most pixel by pixel."""
         squares = max(wide_px / self.columns, high_px / (2 * self.rows), 1.0)
         zoom = math.ceil(math.log2(squares))
         return replace(self, zoom=None if zoom > self.farthest else zoom)
 
     def resized(self, columns: int, rows: int) -> "View":
-        """In another terminal; where all of it has room now, all of it is seen."""
+        """Return the view in another number of cells; the whole frame where that has room now."""
         other = replace(self, columns=max(columns, 1), rows=max(rows, 1))
         is_all = other.zoom is not None and other.zoom > other.farthest
         return replace(other, zoom=None) if is_all else other
 
 
 def whole(width_px: int, height_px: int, columns: int, rows: int) -> View:
-    """All of a frame, with the cross in its middle."""
+    """Return a view of the whole frame, with the cross in its middle."""
     return View(
         width_px=width_px,
         height_px=height_px,
@@ -329,9 +329,3 @@ def whole(width_px: int, height_px: int, columns: int, rows: int) -> View:
 def _first(at_px: float, scale: float, count: int, all_of_them: int) -> int:
     """Number of the first square that is seen, with the cross in the middle where that can be."""
     return min(max(math.floor((at_px + 0.5) / scale) - count // 2, 0), max(all_of_them - count, 0))
-
-
-def _window(x0: float, y0: float, size: tuple[float, float], columns: int, rows: int) -> Window:
-    return Window(
-        x0_px=x0, y0_px=y0, width_px=size[0], height_px=size[1], columns=columns, rows=rows
-    )

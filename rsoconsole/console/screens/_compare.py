@@ -12,9 +12,9 @@ from rsoconsole.console.dialogs.dialogs import Dialog, framed
 from rsoconsole.console.drawing.plot import Line
 from rsoconsole.console.panes.panes import LinesPane
 from rsoconsole.console.screens._review_moves import ReviewMoves, ReviewSeat
-from rsoconsole.console.timeline.lines import SIGNS, holder_then
+from rsoconsole.console.timeline.lines import SIGNS, recorded_holder
 from rsoconsole.console.timeline.moments import Moment
-from rsoconsole.console.timeline.night_line import KINDS, Timeline, TimelineEventKind
+from rsoconsole.console.timeline.timeline import KINDS, Timeline, TimelineEventKind
 from rsoconsole.console.words.words import clipped, cos_deg
 from rsoconsole.night import FrameRow, predicted_sigma_arcsec
 from rsoconsole.records import Solution
@@ -72,7 +72,7 @@ def _course(a: Moment, b: Moment) -> list[Compared]:
         Compared(label="time", a=clock(t_a), b=clock(t_b), difference=since),
         Compared(label="frame", a=_number(ids[0]), b=_number(ids[1]), difference=frames),
         _both("state", a, b, lambda m: m.view.state),
-        _both("mount", a, b, lambda m: holder_then(m.view)),
+        _both("mount", a, b, lambda m: recorded_holder(m.view)),
         _both("τ", a, b, lambda m: short(m.view.tau)),
         _both("filter", a, b, _filter_words),
         _both("Q, R", a, b, _multiplier_words),

@@ -15,7 +15,7 @@ from rsoconsole.console.drawing.pane_layout import (
     Name,
     banner_box,
     fold,
-    has_tune_of_its_own,
+    has_tuning_column,
     orbit_box,
     timeline_rows,
     tune_box,
@@ -57,7 +57,7 @@ def place_panes(
         for box_of in (orbit_box, tune_box)
     )
     _place_orbit(seat, boxes.get("orbit"), over_plots)
-    is_tune_over = tune.is_open and not has_tune_of_its_own(width, height)
+    is_tune_over = tune.is_open and not has_tuning_column(width, height)
     is_covered = seat.is_log_open or seat.is_orbit_open or is_tune_over
     plots.place(over_plots, is_covered=is_covered)
     _place_tune(seat, tune, boxes, tune_place)
@@ -83,7 +83,7 @@ def _place_orbit(seat: Seat, standing: Box | None, over_plots: Box) -> None:
 
 def _place_tune(seat: Seat, tune: TuneActions, boxes: Mapping[Name, Box], place: Box) -> None:
     pane = tune.pane
-    pane.display = (tune.is_open or has_tune_of_its_own(*seat.size)) and not seat.is_log_open
+    pane.display = (tune.is_open or has_tuning_column(*seat.size)) and not seat.is_log_open
     if not pane.display:
         return
     _put(pane, place)

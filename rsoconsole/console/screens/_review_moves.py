@@ -9,14 +9,14 @@ from rsoconsole.console.panes.panes import MomentField, TimelinePane
 from rsoconsole.console.screens.night_screen import NightScreen
 from rsoconsole.console.timeline.lines import SIGNS, Place, place_words, reading_words, time_at
 from rsoconsole.console.timeline.moments import Moment
-from rsoconsole.console.timeline.night_line import (
+from rsoconsole.console.timeline.timeline import (
     KINDS,
     Player,
     Timeline,
     TimelineEventKind,
+    parse_place,
     seq_of,
     speed_words,
-    understood,
 )
 from rsoconsole.night import LogLine
 
@@ -132,7 +132,7 @@ class ReviewMoves:
     def go_to_text(self, text: str) -> None:
         """To what was typed; why not, where there is no such moment."""
         try:
-            self.go(seq_of(understood(text), self._review.timeline))
+            self.go(seq_of(parse_place(text), self._review.timeline))
         except ValueError as error:
             self._review.say(str(error), "warn")
 

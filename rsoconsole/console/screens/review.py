@@ -33,9 +33,9 @@ from rsoconsole.console.screens._review_moves import (
     place_of,
 )
 from rsoconsole.console.screens.night_screen import NightScreen
-from rsoconsole.console.timeline.lines import engine_then, review_top_lines, timeline_lines
+from rsoconsole.console.timeline.lines import recorded_engine, review_top_lines, timeline_lines
 from rsoconsole.console.timeline.moments import ReviewWatch
-from rsoconsole.console.timeline.night_line import Player, Timeline
+from rsoconsole.console.timeline.timeline import Player, Timeline
 from rsoconsole.console.watches.messages import MomentSeen, ReviewFailed, TimelineSeen
 from rsoconsole.night import LogLine, NightView
 
@@ -119,7 +119,7 @@ class ReviewScreen(ReviewSeat):
         self.kind, self.searched, self.player = ANY, "", Player()
         self.night, self.picture, self.outlook = NightView(folder=folder), None, None
         self.orbit_ahead = None
-        self.engine = engine_then(self.night)
+        self.engine = recorded_engine(self.night)
         self._watch_session.follow(folder)
         self.show_place()
 
@@ -162,7 +162,7 @@ class ReviewScreen(ReviewSeat):
         moment = message.moment
         has_other_shape = aspect_of(moment.picture) != aspect_of(self.picture)
         self.moment, self.night, self.picture = moment, moment.view, moment.picture
-        self.engine, self.outlook = engine_then(moment.view), self.outlook
+        self.engine, self.outlook = recorded_engine(moment.view), self.outlook
         if has_other_shape and moment.picture is not None:
             self.place_panes()
         self._ask_outlook()

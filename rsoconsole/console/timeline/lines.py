@@ -1,4 +1,4 @@
-"""The time line in cells: states as words and rules, what came to pass as signs, and where one is.
+"""The time line in cells: the loop's states, signs of events, and the place that is shown.
 
 Nothing is told by colour alone: every state has its word where there is room and its own sign, and
 every kind of event a sign that ``plain`` keeps apart from the others.
@@ -12,7 +12,7 @@ from itertools import groupby
 
 from rsoconsole.console.drawing.plot import Ink, Line, joined
 from rsoconsole.console.night.engine_seen import EngineView
-from rsoconsole.console.timeline.night_line import Timeline, TimelineEventKind
+from rsoconsole.console.timeline.timeline import Timeline, TimelineEventKind
 from rsoconsole.console.words.words import STATE_INKS, clipped, fitted, justified
 from rsoconsole.control import holder_words
 from rsoconsole.night import NightView
@@ -27,7 +27,7 @@ SIGNS: dict[TimelineEventKind, str] = {
     "rejection": "×",
     "miss": "○",
 }
-"""Of each kind; where a cell has several, the first."""
+"""Sign of each kind of event; where a cell has several, the first of these."""
 KIND_INKS: dict[TimelineEventKind, Ink] = {
     "loss": "alarm",
     "alarm": "alarm",
@@ -39,7 +39,7 @@ KIND_INKS: dict[TimelineEventKind, Ink] = {
 FREQUENT: frozenset[TimelineEventKind] = frozenset(("miss", "rejection"))
 FOUND, HERE, KEPT, UNREAD, PIXELS = "/", "┃", "A", "░", "▫"
 SHARE = 0.25
-"""Of its frames that a cell must have before it shows what is frequent, among other kinds."""
+"""Share of a cell's frames from which on it shows a frequent kind, among other kinds."""
 FILLS: dict[LoopState | None, tuple[str, Ink]] = {
     "TRACK": ("━", "good"),
     "COAST": ("╍", "warn"),
@@ -52,7 +52,7 @@ FILLS: dict[LoopState | None, tuple[str, Ink]] = {
     None: (" ", "dim"),
 }
 GRAVE: tuple[LoopState, ...] = ("FAULT", "LOST", "MANUAL")
-"""States that are shown however short they were."""
+"""States that a cell shows however short they were."""
 LONG_RUN_COLUMNS = 24
 END_COLUMNS = 7
 MIN_STRIP_COLUMNS = 20
@@ -60,21 +60,21 @@ MIN_STRIP_COLUMNS = 20
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Place:
-    """Where one is on the time line, and how one goes on."""
+    """The place of the log that is shown, and which events to show."""
 
     seq: int = 0
     words: tuple[str, ...] = ()
-    """What is said of it, most important first."""
+    """Words on it, most important first."""
     kept_seq: int | None = None
-    """The moment kept to compare with."""
+    """Place kept to compare with."""
     kinds: tuple[TimelineEventKind, ...] = tuple(SIGNS)
-    """What is shown and jumped to."""
+    """Kinds of events to show and to jump to."""
     found: tuple[int, ...] = ()
-    """Places in the log that have been searched for; shown instead of ``kinds`` where any are."""
+    """Places that a search has found; shown instead of ``kinds`` where there are any."""
 
 
 def timeline_lines(timeline: Timeline, place: Place, width: int, height: int) -> list[Line]:
-    """As many rows as there are: words and a strip in one; strip, words; events, strip, words."""
+    """Build up to three rows: words and strip in one; strip, words; events, strip, words."""
     if height <= 0 or width <= 0:
         return []
     words = f" {fitted(place.words, width - 1)}"
@@ -97,14 +97,14 @@ def timeline_lines(timeline: Timeline, place: Place, width: int, height: int) ->
 
 
 def strip_place(width: int) -> tuple[int, int]:
-    """(first column, number of columns) of the strip in a pane of that width."""
+    """Return (first column, number of columns) of the strip in a pane of that width."""
     if width < MIN_STRIP_COLUMNS + 2 * END_COLUMNS:
         return 0, width
     return END_COLUMNS, width - 2 * END_COLUMNS - 1
 
 
 def time_at(timeline: Timeline, column: int, columns: int) -> int | None:
-    """The last instant of a cell of the strip; None for a night without any."""
+    """Return the last instant of a cell of the strip; None for a night without frames."""
     first, last = timeline.first_utc_ns, timeline.last_utc_ns
     if first is None or last is None or columns <= 0:
         return None
@@ -115,7 +115,7 @@ def time_at(timeline: Timeline, column: int, columns: int) -> int | None:
 def _strip(
     timeline: Timeline, place: Place, columns: int, *, is_one_row: bool
 ) -> tuple[Line, Line]:
-    """The states, with what came to pass among them where there is but one row; those alone."""
+    """The row of states, with the events in it where it is the only row, and the row of events."""
     cells = list(_states(timeline, columns))
     events = _events(timeline, place.kinds, place.found, columns)
     row: list[tuple[str, Ink]] = [events.get(column, (" ", "")) for column in range(columns)]
@@ -136,7 +136,7 @@ def _strip(
 
 @lru_cache(maxsize=8)
 def _with_pixels(timeline: Timeline, columns: int) -> frozenset[int]:
-    """The cells that have a frame whose pixels are there."""
+    """Cells of frames whose pixels are kept."""
     kept = timeline.with_pixels
     if not kept or columns <= 0:
         return frozenset()
@@ -155,7 +155,7 @@ def _column(timeline: Timeline, t_utc_ns: int, columns: int) -> int:
 
 @lru_cache(maxsize=8)
 def _states(timeline: Timeline, columns: int) -> tuple[tuple[str, Ink], ...]:
-    """One cell each: the state that it was in longest, or a grave one."""
+    """The state of each cell: the longest of its time, or a grave one."""
     first, last = timeline.first_utc_ns, timeline.last_utc_ns
     if first is None or last is None:
         return ((" ", "dim"),) * columns
@@ -187,18 +187,15 @@ def _states(timeline: Timeline, columns: int) -> tuple[tuple[str, Ink], ...]:
 
 
 def _word(name: str, columns: int) -> str:
-    """The state's name, or its letter, where a run of that length has room for it."""
+    """The state's name, or its first letter, where a run of that length has room for it."""
     if columns > len(name) + 1:
         return name
     return name[:1] if columns > 2 else ""
 
 
 def _of(share: Counter[LoopState]) -> LoopState | None:
-    for state in GRAVE:
-        if state in share:
-            return state
     ((longest, _),) = share.most_common(1) or ((None, 0),)
-    return longest
+    return next((state for state in GRAVE if state in share), longest)
 
 
 @lru_cache(maxsize=8)
@@ -234,22 +231,20 @@ def _frames_in(timeline: Timeline, column: int, columns: int) -> int:
     return b - a
 
 
-UNHELD = frozenset(("IDLE", "FAULT"))
+def recorded_holder(night: NightView) -> str | None:
+    """Return who had control by the recorded state; None where no state is on record."""
+    if night.state is None:
+        return None
+    holders = {"IDLE": "nobody", "FAULT": "nobody", "MANUAL": "operator"}
+    return holders.get(night.state, "autonomy")
 
 
-def holder_then(night: NightView) -> str | None:
-    """Who had the mount by the state on record; None where none is."""
-    if night.state is None or night.state in UNHELD:
-        return None if night.state is None else "nobody"
-    return "operator" if night.state == "MANUAL" else "autonomy"
-
-
-def engine_then(night: NightView) -> EngineView:
-    """The engine as the record has it at that moment."""
+def recorded_engine(night: NightView) -> EngineView:
+    """Return the engine's status as the record has it at that moment."""
     return EngineView(
         reach="recorded",
         state=night.state,
-        holder=holder_then(night),
+        holder=recorded_holder(night),
         now_utc_ns=night.last_utc_ns,
         session=night.folder,
     )
@@ -264,10 +259,10 @@ def review_top_lines(
     *,
     found: tuple[str, str, str] = ("", "", ""),
 ) -> list[Line]:
-    """That this is the past; state and holder then, the night's name, the live state, the clock.
+    """Build a review's first lines: state and control then, night's name, live state, the clock.
 
-    ``live``: what is known of the night that goes on behind, None where there is none; ``found``:
-    the target's name and its orbit's size, as much of it as there is room for.
+    ``live``: the night that goes on meanwhile, None where there is none; ``found``: the target's
+    name and its orbit's size, as far as there is room.
     """
     state = f"{night.state or 'no state yet'}"
     if night.state and night.state_since_utc_ns and night.last_utc_ns:
@@ -307,7 +302,7 @@ def _live_words(live: tuple[NightView, EngineView] | None) -> tuple[str, Ink] | 
 
 
 def place_words(timeline: Timeline, seq: int, t_utc_ns: int | None) -> list[str]:
-    """Which frame of how many, and when."""
+    """Say which frame of how many it is, when, and whether it can be opened."""
     count = len(timeline.frames)
     if not count:
         return ["no frames", clock(t_utc_ns)]
@@ -324,7 +319,7 @@ def place_words(timeline: Timeline, seq: int, t_utc_ns: int | None) -> list[str]
 
 
 def reading_words(timeline: Timeline) -> str:
-    """How far the log has been read; empty when it is."""
+    """Say how far the log has been read; empty: to its end."""
     if timeline.is_whole or not timeline.last_seq:
         return ""
     return f"reading {timeline.read_seq / timeline.last_seq:.0%}"

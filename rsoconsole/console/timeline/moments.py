@@ -1,54 +1,53 @@
-"""A session at any place of its log: folded once to its end, with places to begin again from.
+"""A session at any place of its log, folded from the nearest place kept while it was read.
 
-While the log is read, the fold is kept at intervals of frames. A moment is the fold from the
-nearest kept place before it. What has not been read yet is shown from a little before it, and
-said to be so.
+What has not been read yet is folded from a little before it, and said to be in part.
 """
 
 import logging
 import time
 from bisect import bisect_right
-from collections import OrderedDict
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 from time import monotonic
 from typing import Any
 
+from textual.cache import LRUCache
+
 from rsoconsole.base import SessionError
 from rsoconsole.config import Config
 from rsoconsole.console.picture.marks import marks_of
 from rsoconsole.console.picture.picture import Picture, read_picture
-from rsoconsole.console.timeline.night_line import READ_IN_FULL, FrameMark, Timeline, TimelineFold
+from rsoconsole.console.timeline.timeline import READ_IN_FULL, FrameMark, Timeline, TimelineFold
 from rsoconsole.control import Poller
-from rsoconsole.night import KeptNight, LogLine, Night, NightFrame, NightView
+from rsoconsole.night import LogLine, Night, NightCheckpoint, NightFrame, NightView
 from rsoconsole.records import FrameTaken, ParameterChange, Record, StateChange
 from rsoconsole.session import SessionReader
 
 KEPT_EVERY_FRAMES = 50
 KEPT_EVERY_RECORDS = 1000
-"""Where a log has few frames."""
+"""Records between two kept places where a log has few frames."""
 FRAMES_BEFORE = 60
-"""Of a moment that has not been read yet: frames before it that are read."""
+"""Frames that are folded before a moment that has not been read yet."""
 PICTURES, MOMENTS = 12, 4
-"""How many of the last ones shown are at hand."""
+"""How many pictures and moments are cached."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Moment:
-    """A session as the seat showed it when the log had come so far."""
+    """A session as the console showed it at one place of its log."""
 
     seq: int
     view: NightView
     detail: NightFrame
-    """Of the frame that was the newest then."""
+    """The newest frame of that moment."""
     picture: Picture | None
     is_whole: bool = True
-    """False where what came long before has not been read yet."""
+    """Whether the whole log before it has been read."""
 
 
 class Moments:
-    """Reads a session and gives its moments. For one thread; every method raises SessionError."""
+    """Reads a session and gives its moments. For one thread; its methods raise SessionError."""
 
     def __init__(self, reader: SessionReader, about: dict[str, Any], config: Config | None) -> None:
         self.reader = reader
@@ -58,32 +57,32 @@ class Moments:
         self._shown = self._night()
         """The fold of the moment shown last."""
         self._kept_seqs: list[int] = [0]
-        self._kept: list[KeptNight] = [self._head.keep()]
+        self._kept: list[NightCheckpoint] = [self._head.keep()]
         self._frames_since = 0
         self._reading: Iterator[tuple[int, int, Record]] | None = None
         self._timeline = TimelineFold()
         self._outlined_seq = 0
         self._last_frame: FrameMark | None = None
-        self._pictures: OrderedDict[int, Picture] = OrderedDict()
-        self._moments: OrderedDict[int, Moment] = OrderedDict()
+        self._pictures: LRUCache[int, Picture] = LRUCache(PICTURES)
+        self._moments: LRUCache[int, Moment] = LRUCache(MOMENTS)
         self._outline()
 
     @property
     def read_seq(self) -> int:
-        """How far the log has been read."""
+        """Place up to which the log has been read."""
         return self._head.seq
 
     def timeline(self) -> Timeline:
-        """What is known of the night's course."""
+        """Return the time line as far as it is known, with the frames whose pixels are kept."""
         return replace(self._course(), with_pixels=self.reader.frames_with_pixels())
 
     def _course(self) -> Timeline:
-        """The same without which frames' pixels are there: that takes a look into a folder."""
+        """The time line without the frames with pixels, which takes a look into a folder."""
         return self._timeline.so_far(self.read_seq, is_closed=self._head.is_closed)
 
     @property
     def is_read(self) -> bool:
-        """Whether all that is known of the log has been read."""
+        """Whether the log has been read as far as it is known."""
         return self.read_seq >= self.last_seq
 
     @property
@@ -92,20 +91,20 @@ class Moments:
         return self._timeline.last_seq
 
     def log(self) -> tuple[LogLine, ...]:
-        """Every line of what has been read, oldest first."""
+        """Return the log lines of all that has been read, oldest first."""
         return self._head.log
 
     @property
     def is_closed(self) -> bool:
-        """Whether nothing more will come."""
+        """Whether the session is closed: no record follows."""
         return self._head.is_closed
 
     def close(self) -> None:
-        """The session has ended."""
+        """Note that the session is closed."""
         self._head.close()
 
     def read_on(self, for_s: float) -> bool:
-        """Read for so long, or to the log's end; True when that is reached."""
+        """Read for some seconds, or to the log's end; True when that is reached."""
         until_s = monotonic() + for_s
         # What has been fetched of the log and not taken yet is there for the next call.
         reading = self._reading or self.reader.records(since_seq=self.read_seq)
@@ -119,10 +118,9 @@ class Moments:
         return True
 
     def at(self, seq: int) -> Moment:
-        """The session as of that place of its log."""
+        """Return the session as of a place of its log."""
         known = self._moments.get(seq)
         if known is not None:
-            self._moments.move_to_end(seq)
             return known
         is_whole = seq <= self.read_seq
         night = self._fold_to(seq) if is_whole else self._fold_near(seq)
@@ -136,7 +134,7 @@ class Moments:
             is_whole=is_whole,
         )
         if seq < self.read_seq:  # of the last frame, more may come
-            _remember(self._moments, seq, moment, MOMENTS)
+            self._moments[seq] = moment
         return moment
 
     # -- the log, once --------------------------------------------------------------------------
@@ -172,7 +170,7 @@ class Moments:
             self._last_frame = FrameMark(seq, t_utc_ns, record.frame_id)
 
     def _end_frame(self, *, is_over: bool) -> None:
-        """What became of the last frame goes onto the time line, once it is known."""
+        """Put the last frame's outcome on the time line, once it is known."""
         mark = self._last_frame
         row = self._head.row(mark.frame_id) if mark is not None else None
         if mark is None or row is None or not (is_over or self._head.is_closed):
@@ -183,7 +181,7 @@ class Moments:
     # -- one moment -----------------------------------------------------------------------------
 
     def _fold_to(self, seq: int) -> Night:
-        """The fold of the log to that place, by the shortest way."""
+        """The log folded to a place, from the nearest kept one or the moment shown last."""
         at = bisect_right(self._kept_seqs, seq) - 1
         if not self._kept_seqs[at] <= self._shown.seq <= seq:
             self._shown.go_back(self._kept[at])
@@ -191,7 +189,7 @@ class Moments:
         return self._shown
 
     def _fold_near(self, seq: int) -> Night:
-        """What is there to see at that place, without what came long before."""
+        """The log folded to a place from a little before it."""
         timeline = self._course()
         index = timeline.index_of(seq)
         first = 0 if index is None else timeline.frames[max(index - FRAMES_BEFORE, 0)].seq - 1
@@ -224,24 +222,17 @@ class Moments:
                 return None
         if known.detail != detail:
             known = replace(known, detail=detail, marks=marks_of(detail), place=detail.closeup)
-        _remember(self._pictures, frame_id, known, PICTURES)
+        self._pictures[frame_id] = known
         return known
-
-
-def _remember(kept: "OrderedDict[int, Any]", key: int, value: Any, most: int) -> None:
-    kept[key] = value
-    kept.move_to_end(key)
-    while len(kept) > most:
-        kept.popitem(last=False)
 
 
 log = logging.getLogger(__name__)
 
 LOOK_S = 0.25
 READ_AT_ONCE_S = 0.02
-"""So long the log is read before it is looked whether another moment is wanted."""
+"""Seconds of reading between two looks whether another moment is wanted."""
 BREATH_S = 0.2
-"""So long the reading rests after a moment was shown: drawing it comes first."""
+"""Seconds that the reading rests after a moment was shown: drawing it comes first."""
 REPORT_S, REPORT_RECORDS = 0.3, 40_000
 """Seconds between reports while the log is read, of a log with this number of records."""
 CLOSED_CHECK_S = 2.0
@@ -252,7 +243,7 @@ OnFault = Callable[[Path, str], None]
 
 
 class ReviewWatch(Poller):
-    """Shows the moment that is wanted last; between such wishes it reads on.
+    """A thread that shows the moment asked for last, and else reads on.
 
     Its callbacks are called on its own thread and must return at once.
     """
@@ -274,7 +265,7 @@ class ReviewWatch(Poller):
         self.look_now()
 
     def want(self, folder: Path, seq: int) -> None:
-        """Show that moment (any thread); one that was wanted before and not shown is dropped."""
+        """Show a moment (any thread); one asked for before and not shown is dropped."""
         self._wanted = (folder, seq)
         self.look_now()
 

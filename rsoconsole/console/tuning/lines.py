@@ -1,4 +1,4 @@
-"""The tuning pane's lines: settings, figures as it was and if tried, and the verdict. Pure."""
+"""The tuning pane's lines: settings, figures as it was and if tried, and their comparison. Pure."""
 
 from collections.abc import Callable
 from typing import TYPE_CHECKING, NamedTuple
@@ -6,30 +6,30 @@ from typing import TYPE_CHECKING, NamedTuple
 from rsoconsole.console.drawing.plot import Ink, Line
 from rsoconsole.console.tuning.tuning_pane import LAST_FRAMES, Tunable, Tuning
 from rsoconsole.console.words.words import clipped, rule, wrapped
-from rsoconsole.night import shown
+from rsoconsole.night import merit
 
 if TYPE_CHECKING:
     from rsoconsole.night import TrackFigures
 
 LABEL_COLUMNS, VALUE_COLUMNS = 16, 10
 CURVE_ROWS, CURVE_LABEL, MIN_SETTINGS = 2, 17, 6
-"""Rows of the curves, columns before them, and settings that must stay in sight beside them."""
+"""Rows of the curves, columns before them, and settings that stay in sight with them."""
 MIN_BESIDE = 3
-"""Settings that stay in sight beside what the figures cannot be compared by."""
+"""Settings that stay in sight with the cautions."""
 BARS = "▁▂▃▄▅▆▇█"
 ALIKE_LOG_L = 2.0
-"""Log L of all frames together that differs by less speaks for neither setting."""
+"""Difference of log L over all frames below which neither setting is better."""
 UNLIKELY_NIS = 9.21
-"""One update in a hundred of a sound filter exceeds it."""
+"""NIS that one update in a hundred of a sound filter exceeds."""
 
 
 class TuneWords(NamedTuple):
-    """What the pane says that depends on the screen it is on."""
+    """Words of the pane that depend on its screen."""
 
     frames: str = "last {count} frames"
-    """Over which its figures are; how many there are is put in."""
+    """Frames of the figures, with a place for their number."""
     of_present: int | None = None
-    """How many of those ran with what is in force now; None: not known."""
+    """How many of them ran with the settings in force now; None: not known."""
     keys: str = "0-9 type  enter apply  u undo  w save  o load"
 
 
@@ -40,7 +40,7 @@ def tune_lines(
     *,
     words: TuneWords = TuneWords(),  # noqa: B008 -- it cannot be changed
 ) -> Callable[[int, int], list[Line]]:
-    """What builds the pane's lines: settings, then figures now and with what is tried."""
+    """Return what builds the pane's lines: settings, then figures as it was and if tried."""
 
     def build(width: int, height: int) -> list[Line]:
         waiting = sum(tuning.sent.get(name) == value for name, value in tuning.changes.items())
@@ -70,7 +70,7 @@ def tune_lines(
 
 
 def _settings(tuning: Tuning, room: int) -> list[Line]:
-    """As many as there is room for, the chosen one among them; a sign where there are more."""
+    """As many settings as there is room for, the chosen one among them; a sign for more."""
     every = tuning.tunables
     first = min(max(tuning.row - room // 2, 0), max(len(every) - room, 0))
     shown = range(first, min(first + room, len(every)))
@@ -83,7 +83,7 @@ def _settings(tuning: Tuning, room: int) -> list[Line]:
 
 
 def _with_sign(sign: str, line: Line) -> Line:
-    """There are more beyond this one, which is never the chosen one then."""
+    """A line with a sign that more settings follow."""
     (text, ink), *rest = line
     return [(f" {sign}", "dim"), (text[2:], ink), *rest]
 
@@ -114,11 +114,11 @@ def _figures(
         [(f"{head}{'as it was':>{VALUE_COLUMNS}}{'if tried':>{VALUE_COLUMNS}}", "dim")]
     ]
     inks: dict[bool | None, Ink] = {True: "good", False: "warn", None: ""}
-    for each in shown.TUNED:
+    for each in merit.TUNED:
         line: Line = [(f"  {each.label:<{LABEL_COLUMNS + 2}}", "")]
         for figures, is_coming in ((now, True), (then, has_changes)):
             text = ("…" if is_coming else "-") if figures is None else each.words(figures)
-            is_sound = figures.is_nis_sound if figures and each is shown.NIS_MEAN else None
+            is_sound = figures.is_nis_sound if figures and each is merit.NIS_MEAN else None
             line.append((f"{text:>{VALUE_COLUMNS}}", "dim" if figures is None else inks[is_sound]))
         lines.append(line)
     return lines
@@ -131,7 +131,7 @@ def _comparison(
     of_present: int | None,
     width: int,
 ) -> list[Line]:
-    """Which of the two the same frames speak for, by their log L; none where nothing can be said.
+    """Which settings the same frames speak for, by their log L; none where that cannot be said.
 
     Source: two models whose log likelihoods differ by less than 2 (Burnham & Anderson 2002, 2.6).
     """
@@ -154,7 +154,7 @@ def _comparison(
 def _cautions(
     now: "TrackFigures | None", then: "TrackFigures | None", of_present: int | None
 ) -> list[Line]:
-    """What the figures cannot be compared by; none as a rule."""
+    """Reasons why the figures cannot be compared; none as a rule."""
     lines: list[Line] = []
     if now is not None and then is not None and then.updates != now.updates:
         fewer = now.updates - then.updates
@@ -174,7 +174,7 @@ def _cautions(
 
 
 def _curves(now: "TrackFigures | None", then: "TrackFigures | None", width: int) -> list[Line]:
-    """NIS frame by frame, as it was and with what is tried, one over the other."""
+    """NIS frame by frame, as it was and if tried, one over the other."""
     room = max(width - CURVE_LABEL, 1)
     lines: list[Line] = []
     for label, figures in (("NIS as it was", now), ("NIS if tried", then)):
@@ -187,7 +187,7 @@ def _curves(now: "TrackFigures | None", then: "TrackFigures | None", width: int)
 
 
 def _bar(nis: float | None) -> str:
-    """Of eight heights; the last is what one update in a hundred exceeds, a dot is a miss."""
+    """A bar of eight heights up to ``UNLIKELY_NIS``; a dot is a miss."""
     if nis is None:
         return "·"
     return BARS[min(int(nis / UNLIKELY_NIS * (len(BARS) - 1)), len(BARS) - 1)]

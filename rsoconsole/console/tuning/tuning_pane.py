@@ -1,4 +1,4 @@
-"""The tuning pane: settings, what each would have made of this night, and the word to apply."""
+"""The tuning pane: settings that can be tried on a night, applied, undone and kept as presets."""
 
 import math
 import re
@@ -10,7 +10,7 @@ from typing import ClassVar, Literal
 from textual.binding import Binding, BindingType
 from textual.message import Message
 
-from rsoconsole.base import ConfigError, read_foreign, said_as, toml_of, write_durably
+from rsoconsole.base import ConfigError, raised_as, read_foreign, said_as, toml_of, write_durably
 from rsoconsole.config import Config, toml_value, with_setting
 from rsoconsole.console.panes.panes import LinesPane
 
@@ -21,21 +21,21 @@ LAST_FRAMES = 40
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Tunable:
-    """One setting and how it steps."""
+    """A setting that can be tuned, and how it steps."""
 
     name: str
     label: str
     unit: str = ""
     factor: float = 1.25
-    """Of one step."""
+    """Factor of one step."""
     low: float = 0.0
     high: float = math.inf
     choices: tuple[str, ...] = ()
     preset: str | None = None
-    """Of the filter, which alone asks for it; None: every one does."""
+    """The filter's preset that uses the setting; None: all do."""
 
     def stepped(self, value: Value, by: int) -> Value:
-        """A value moved by a number of steps, in figures that a person would type."""
+        """Return a value moved by some steps, rounded to three digits."""
         if self.choices:
             at = self.choices.index(str(value)) if value in self.choices else 0
             return self.choices[(at + by) % len(self.choices)]
@@ -43,13 +43,13 @@ class Tunable:
         return float(f"{min(max(stepped, self.low), self.high):.3g}")
 
     def words(self, value: Value | None) -> str:
-        """The value as it is shown."""
+        """Format a value with its unit."""
         if value is None:
             return "-"
         return f"{value:.4g}{self.unit}" if isinstance(value, float | int) else value
 
     def change_words(self, before: Value | None, after: Value) -> str:
-        """From one value to another: Q× 1 → 2.25."""
+        """Say a change from one value to another: Q× 1 → 2.25."""
         return f"{self.label.replace(' ×', '×')} {self.words(before)} → {self.words(after)}"
 
 
@@ -90,31 +90,31 @@ PRESET = "filter.preset"
 
 @dataclass(slots=True)
 class Tuning:
-    """What is in force, what is tried, and what was in force before that was applied."""
+    """Settings in force, settings that are tried, and those from before each application."""
 
     present: dict[str, Value | None] = field(default_factory=dict)
     changes: dict[str, Value] = field(default_factory=dict)
     before: list[dict[str, Value]] = field(default_factory=list)
-    """What each application changed, the last one at the end."""
+    """Values from before each application, the last one at the end."""
     steps: dict[str, int] = field(default_factory=dict)
-    """How many each is away from what is in force, or from what a preset said."""
+    """Steps of each setting from its value in force, loaded or typed."""
     loaded: dict[str, Value] = field(default_factory=dict)
-    """What a loaded preset said."""
+    """Values loaded from a preset or typed."""
     row: int = 0
     sent: dict[str, Value] = field(default_factory=dict)
-    """What the engine has been given and the record does not show yet."""
+    """Values sent to the engine that the record does not show yet."""
     replaced: dict[str, Value | None] = field(default_factory=dict)
-    """What each setting was before it was sent."""
+    """Value of each setting before it was sent."""
 
     @property
     def tunables(self) -> tuple[Tunable, ...]:
-        """Those that have a part with the preset that is tried, or in force."""
+        """The settings used by the filter's preset that is tried, or in force."""
         preset = self.changes.get(PRESET, self.present.get(PRESET))
         return tuple(t for t in TUNABLES if t.preset is None or preset in (None, t.preset))
 
     @property
     def applied_words(self) -> str:
-        """What the last application changed; empty: nothing was applied, or it is not there yet."""
+        """Words on the last application; empty: nothing was applied, or it is not in force yet."""
         before = self.before[-1] if self.before else {}
         if len(before) > 1:
             return f"{len(before)} in force"
@@ -126,7 +126,7 @@ class Tuning:
 
     @property
     def against_words(self) -> str:
-        """What is tried, against what: Q× 2.25 against 1."""
+        """Words on what is tried against what: Q× 2.25 against 1."""
         if len(self.changes) != 1:
             return f"{len(self.changes)} settings tried"
         ((name, value),) = self.changes.items()
@@ -134,7 +134,7 @@ class Tuning:
         return f"{label} {tunable.words(value)} against {tunable.words(self.present.get(name))}"
 
     def see(self, present: Mapping[str, Value | None]) -> None:
-        """What is in force now; what is tried and has become so is no trial any more."""
+        """Take the settings in force; a tried value that is in force is no trial any more."""
         self.present = dict(present)
         self.row = min(self.row, len(self.tunables) - 1)
         self.changes = {n: v for n, v in self.changes.items() if self.present.get(n) != v}
@@ -143,7 +143,7 @@ class Tuning:
         self.sent = {n: v for n, v in self.sent.items() if self.changes.get(n) == v}
 
     def step(self, by: int) -> None:
-        """Change the chosen one."""
+        """Change the chosen setting by some steps."""
         tunable = self.tunables[self.row]
         present = self.present.get(tunable.name)
         if present is None:
@@ -164,7 +164,7 @@ class Tuning:
             self.changes = {n: v for n, v in self.changes.items() if n in names}
 
     def type(self, text: str) -> str:
-        """Try the number that was typed for the chosen one; what is wrong with it, else nothing."""
+        """Try a typed value for the chosen setting; returns what is wrong with it, else nothing."""
         tunable = self.tunables[self.row]
         if tunable.choices:
             if text not in tunable.choices:
@@ -187,12 +187,12 @@ class Tuning:
         return ""
 
     def load(self, preset: Mapping[str, Value]) -> None:
-        """Try what a preset says."""
+        """Try the values of a preset."""
         self.changes = {n: v for n, v in preset.items() if self.present.get(n) != v}
         self.loaded, self.steps = dict(self.changes), {}
 
     def apply(self) -> dict[str, Value]:
-        """What is to be set; it can be undone."""
+        """Return the settings to send; they can be undone."""
         wanted = dict(self.changes)
         present = {name: self.present.get(name) for name in wanted}
         if wanted:
@@ -201,7 +201,7 @@ class Tuning:
         return wanted
 
     def undo(self) -> dict[str, Value]:
-        """What is to be set so that it is as it was before the last application."""
+        """Return the settings to send to undo the last application."""
         wanted = self.before.pop() if self.before else {}
         self.changes.clear()
         self.steps.clear()
@@ -209,7 +209,7 @@ class Tuning:
 
 
 class TunePane(LinesPane, can_focus=False):
-    """Shows a tuning; its keys change it, and say what is wanted. Open, it may have the focus."""
+    """Shows a tuning; its keys change it or post what is wanted. Open, it may have the focus."""
 
     BINDINGS: ClassVar[list[BindingType]] = [
         Binding("up", "row(-1)", "Setting above"),
@@ -233,7 +233,7 @@ class TunePane(LinesPane, can_focus=False):
         """Something is to be done with the tuning."""
 
         def __init__(self, what: Wanting, begun: str = "") -> None:
-            """``begun``: what has been typed of a number."""
+            """``begun``: the digits typed so far."""
             super().__init__()
             self.what, self.begun = what, begun
 
@@ -266,7 +266,7 @@ NAMING = "letters, digits, blanks and . _ -"
 
 
 def load_presets(path: Path) -> dict[str, dict[str, Value]]:
-    """Every preset by its name; none without a file. Raises ConfigError for one that is no such."""
+    """Read all presets by name; none without a file. Raises ConfigError for a bad preset."""
     try:
         table = toml_of(read_foreign(path))
     except FileNotFoundError:
@@ -280,15 +280,18 @@ def load_presets(path: Path) -> dict[str, dict[str, Value]]:
         if not _NAME.fullmatch(name):
             raise ConfigError(f"{path}: {name!r} is no name for a preset: {NAMING}")
         for key, value in settings.items():
-            _expect_value(path, name, key, value)
+            if isinstance(value, bool):
+                raise ConfigError(f"{path}: preset {name!r}: {key} = {value} is no number")
+            with raised_as(ConfigError, f"{path}: preset {name!r}: ", ConfigError):
+                with_setting(Config(), key, value)
         presets[name] = settings
     return presets
 
 
 def save_preset(path: Path, name: str, settings: Mapping[str, Value | None]) -> None:
-    """Add one, or put it in the place of another of that name.
+    """Add a preset, or replace that of the same name.
 
-    Raises ConfigError for a name that cannot be, and where the file cannot be written.
+    Raises ConfigError for a bad name, and where the file cannot be written.
     """
     if not _NAME.fullmatch(name):
         raise ConfigError(f"{name!r} is no name for a preset: {NAMING}")
@@ -302,13 +305,3 @@ def save_preset(path: Path, name: str, settings: Mapping[str, Value | None]) -> 
     with said_as(ConfigError, f"{path} cannot be written: "):
         path.parent.mkdir(parents=True, exist_ok=True)
         write_durably(path, "\n".join(lines).encode())
-
-
-def _expect_value(path: Path, preset: str, name: str, value: object) -> None:
-    """Raises ConfigError for a value that the setting cannot have."""
-    if isinstance(value, bool):
-        raise ConfigError(f"{path}: preset {preset!r}: {name} = {value} is no number")
-    try:
-        with_setting(Config(), name, value)
-    except ConfigError as error:
-        raise ConfigError(f"{path}: preset {preset!r}: {error}") from error

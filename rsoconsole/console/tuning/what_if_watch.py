@@ -1,4 +1,4 @@
-"""Computes on a thread of its own what the night would have been with what is being tried."""
+"""What-if figures on a thread of their own, and the quality of the lead track."""
 
 import logging
 import math
@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 from rsoconsole.base import RsoconsoleError
 from rsoconsole.config import Config
 from rsoconsole.console.tuning.tuning_pane import LAST_FRAMES, NAMES, Value
+from rsoconsole.control import Poller
 from rsoconsole.night import FrameRow, NightView, Quality, Update, quality_of
 from rsoconsole.pipeline import LogOfOneSession, Question, WhatIfProcess
 from rsoconsole.tracking import lag_one
@@ -21,23 +22,24 @@ if TYPE_CHECKING:
 
 log = logging.getLogger(__name__)
 
+IDLE_S = 60.0
+"""Seconds between looks without a question: each question wakes the thread."""
 
-class WhatIfWatch:
-    """Takes the newest question only; an older one that is still being computed is dropped.
 
-    What was recorded is added up here; what is tried is computed in a process of its own.
+class WhatIfWatch(Poller):
+    """Answers the newest question only; an older one that is still being computed is dropped.
+
+    The recorded figures are added up here, those with changed settings in a process of its own.
     """
 
     def __init__(
         self, on_seen: Callable[["TrackFigures | None", "TrackFigures | None", str], None]
     ) -> None:
-        """``on_seen``: hears the figures as recorded, those with what is tried, and a fault."""
+        """``on_seen``: called with the recorded figures, those with the changes, and a fault."""
+        super().__init__("what-if", IDLE_S)
         self._on_seen = on_seen
         self._asked: Question | None = None
-        self._wake = threading.Event()
-        self._is_closing = False
         self._log, self._process = LogOfOneSession(), WhatIfProcess()
-        self._thread: threading.Thread | None = None
 
     def ask(
         self,
@@ -48,7 +50,7 @@ class WhatIfWatch:
         until_seq: int | None = None,
         last: int | None = LAST_FRAMES,
     ) -> None:
-        """Compute with these settings tried (any thread).
+        """Compute the figures with changed settings (any thread).
 
         ``until_seq``: as of that place of the log, None: its end; ``last``: over how many frames,
         None: over all.
@@ -61,41 +63,32 @@ class WhatIfWatch:
             last=last,
             of_lead=True,
         )
-        if self._thread is None:
-            self._thread = threading.Thread(target=self._run, name="console-what-if", daemon=True)
-            self._thread.start()
-        self._wake.set()
+        if not (self.is_running or self._is_closing):
+            self.start()
+        self.look_now()
 
     def prepare(self) -> None:
-        """Start what computes trials, before there is one: its libraries take seconds to load."""
-        starting = threading.Thread(
-            target=self._process.start, name="console-what-if-start", daemon=True
-        )
-        starting.start()
+        """Start the process before there is a question: its libraries take seconds to load."""
+        threading.Thread(target=self._process.start, name="what-if-start", daemon=True).start()
 
     def close(self) -> None:
-        """End."""
+        """End thread and process."""
         self._is_closing = True
-        self._wake.set()
         self._process.close()
+        super().close()
 
-    def _run(self) -> None:
-        while True:
-            self._wake.wait()
-            self._wake.clear()
-            if self._is_closing:
-                return
-            asked, self._asked = self._asked, None
-            if asked is None:
-                continue
-            try:
-                self._answer(asked)
-            except RsoconsoleError as error:
-                if not self._is_closing:
-                    self._on_seen(None, None, str(error))
-            except Exception as error:  # the seat must hear of it, whatever it is
-                log.exception(NO_EFFECT)
-                self._on_seen(None, None, f"{NO_EFFECT}: {error}")
+    def _look(self) -> None:
+        asked, self._asked = self._asked, None
+        if asked is None or self._is_closing:
+            return
+        try:
+            self._answer(asked)
+        except RsoconsoleError as error:
+            if not self._is_closing:
+                self._on_seen(None, None, str(error))
+        except Exception as error:  # the seat must hear of it, whatever it is
+            log.exception(NO_EFFECT)
+            self._on_seen(None, None, f"{NO_EFFECT}: {error}")
 
     def _answer(self, asked: Question) -> None:
         from rsoconsole.night import as_recorded
@@ -109,21 +102,21 @@ class WhatIfWatch:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TrackQuality(Quality):
-    """Of the frames in which it was looked for."""
+    """Figures of the lead track over the frames that were pointed at it."""
 
     frames: int
     misses: int
     lag_one: float | None
-    """Correlation of each residual, in its sigmas, with the next: None where there are too few."""
+    """Correlation of each residual, in its sigmas, with the next; None: too few."""
 
     @property
     def lag_one_bound(self) -> float:
-        """Within which that lies for a sound filter, 95 times in 100."""
+        """Bound of that for a sound filter, 95 times in 100."""
         return 2.0 / math.sqrt(self.updates)
 
 
 def track_quality(night: NightView, last: int = LAST_FRAMES) -> TrackQuality | None:
-    """Of the lead's last frames; None before it has been measured against a prediction."""
+    """Return the lead track's quality over its last frames; None before its first update."""
     rows = frames_of_track(night, last)
     updates = [
         Update(row.residual_arcsec, row.sigma_arcsec, row.nis)
@@ -146,14 +139,14 @@ def track_quality(night: NightView, last: int = LAST_FRAMES) -> TrackQuality | N
 
 
 def frames_of_track(night: NightView, last: int = LAST_FRAMES) -> list[FrameRow]:
-    """The lead's last frames: processed, and pointed at it. The tuning pane shows these."""
+    """Return the lead track's last frames that were processed and pointed at it."""
     first = night.track_frame_id if night.track is not None else 0
     own = (row for row in night.rows if row.frame_id >= first)
     return [row for row in own if row.was_sought and row.is_reduced][-last:]
 
 
-def of_settings_now(night: NightView, last: int) -> int:
-    """How many of those frames were processed with what is in force now, whenever that was."""
+def count_by_present_settings(night: NightView, last: int) -> int:
+    """Count those frames that were processed with the settings in force now."""
     now = {name: night.setting(name) for name in NAMES}
     return sum(
         all(night.setting(name, row.settings) == value for name, value in now.items())

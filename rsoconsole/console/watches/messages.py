@@ -9,7 +9,7 @@ from textual.message import Message
 from rsoconsole.console.night.engine_seen import EngineView, OrbitAhead
 from rsoconsole.console.picture.picture import Picture
 from rsoconsole.console.timeline.moments import Moment
-from rsoconsole.console.timeline.night_line import Timeline
+from rsoconsole.console.timeline.timeline import Timeline
 from rsoconsole.control import Command, Outcome, StopNews
 from rsoconsole.night import LogLine, NightView
 

@@ -1,6 +1,7 @@
-"""What observers look for beside the track: sharpness, sky, stars, focus, drift."""
+"""The curves' pages beside the track: image quality, focus, drift and polar alignment."""
 
 from collections.abc import Sequence
+from statistics import median_high
 from typing import Literal
 
 from rsoconsole.console.drawing.plot import Ink, Line, value_plot
@@ -13,10 +14,11 @@ from rsoconsole.words import span
 
 Page = Literal["quality", "focus", "alignment", "tracks"]
 LOOKS = 600
-"""The last frames that the drift is looked for in."""
+"""Last frames of which the drift is fitted."""
 TREND_FRAMES = 10
+"""Last frames of which the trend of the focus is told."""
 WORSE_MAG = 0.3
-"""Transparency so far below the night's best is said loudly."""
+"""Magnitudes below the night's best transparency from which on that is a warning."""
 DIGITS = {
     "0": "█▀█|█ █|▀▀▀",
     "1": " ▄█|  █|  ▀",
@@ -35,9 +37,9 @@ DIGITS = {
 def quality_lines(
     rows: Sequence[FrameRow], width: int, height: int, *, window: PlotWindow = NEWEST
 ) -> list[Line]:
-    """FWHM, background, transparency and stars, one above the other, over one time axis.
+    """Plot FWHM, background, transparency and stars, one above the other, over one time axis.
 
-    A title has the newest frame's value and the span of all frames that have a mark.
+    Each title has the newest frame's value and the range of all frames shown.
     """
     marks, visible = window.rows(rows, width), window.visible(rows, width)
     best = max((row.zero_point_mag for row in window.seen(rows) if row.zero_point_mag), default=0.0)
@@ -52,7 +54,7 @@ def quality_lines(
 
 
 def focus_lines(night: NightView, width: int, height: int) -> list[Line]:
-    """The width of the stars in large figures, and whether they grow or shrink."""
+    """Show the FWHM of the stars in large figures, its trend and its curve."""
     rows = [row for row in night.rows if row.fwhm_px is not None]
     if not rows:
         return [
@@ -60,11 +62,11 @@ def focus_lines(night: NightView, width: int, height: int) -> list[Line]:
             [(" no frame has shown stars whose width it tells", "dim")],
         ]
     widths = [row.fwhm_px for row in rows if row.fwhm_px is not None]
+    config = night.config
     now, best = widths[-1], min(widths)
     lines = [rule("focus: FWHM of the stars", f"frame {rows[-1].frame_id:04d}", width)]
     lines += [[(f"  {line}", "title")] for line in large(f"{now:.2f}")]
-    scale = _scale_arcsec_px(night)
-    arcsec = f" = {now * scale:.1f}″" if scale else ""
+    arcsec = "" if config is None else f" = {now * config.optics.scale_arcsec_px:.1f}″"
     best_row = next(row for row in rows if row.fwhm_px == best)
     figures = f"  FWHM {now:.2f} px{arcsec}   best {best:.2f} in frame {best_row.frame_id:04d}"
     lines.append([(figures, "")])
@@ -84,14 +86,14 @@ def focus_lines(night: NightView, width: int, height: int) -> list[Line]:
 
 
 def trend_words(widths: Sequence[float]) -> tuple[str, Ink]:
-    """Whether the stars have grown over the last frames, against how much they scatter."""
+    """Say whether the FWHM has changed over the last frames, against its scatter; with an ink."""
     last = list(widths)[-TREND_FRAMES:]
     if len(last) < 4:
         return f"{len(last)} of the 4 frames that a trend takes", "dim"
     half = len(last) // 2
-    before, after = sorted(last[:half]), sorted(last[-half:])
-    change = after[len(after) // 2] - before[len(before) // 2]
-    scatter = max(before[-1] - before[0], after[-1] - after[0], 0.02)
+    before, after = last[:half], last[-half:]
+    change = median_high(after) - median_high(before)
+    scatter = max(max(before) - min(before), max(after) - min(after), 0.02)
     said = f"over the last {len(last)} frames"
     if abs(change) <= scatter:
         return f"steady {said} (within {scatter:.2f} px)", ""
@@ -101,7 +103,7 @@ def trend_words(widths: Sequence[float]) -> tuple[str, Ink]:
 
 
 def alignment_lines(night: NightView, width: int, height: int) -> list[Line]:
-    """Drift between mount and stars, the field's rotation, and what they say of the polar axis."""
+    """Show the drift between mount and stars, the field's rotation, the error of the polar axis."""
     looks = looks_of(night.rows)
     title = rule("pointing drift and polar alignment", f"{len(looks)} solved frames", width)
     drift = drift_of(looks)
@@ -109,9 +111,7 @@ def alignment_lines(night: NightView, width: int, height: int) -> list[Line]:
         words = " five solved frames over three minutes on one side of the pier, at least"
         return [title, clipped([(words, "dim")], width)][:height]
     lines = [title, *_drift_words(drift)]
-    hint = _hint(night, looks, drift)
-    if hint is not None:
-        lines += hint
+    lines += _hint(night, looks, drift)
     left = (height - len(lines) - 1) // 2
     if left >= 3:
         offsets = offsets_arcsec(looks)
@@ -125,12 +125,12 @@ def alignment_lines(night: NightView, width: int, height: int) -> list[Line]:
 
 
 def looks_of(rows: Sequence[FrameRow]) -> list[SolvedPointing]:
-    """The last solved frames with the mount's word and their plate's."""
+    """Return the directions of the last solved frames, by the mount and by their plate."""
     return [look for row in rows[-LOOKS:] if (look := _look(row)) is not None]
 
 
 def large(text: str) -> list[str]:
-    """Figures three cells high; three lines."""
+    """Return figures three cells high, as three lines."""
     rows = ["", "", ""]
     for character in text:
         for number, part in enumerate(DIGITS[character].split("|")):
@@ -141,7 +141,7 @@ def large(text: str) -> list[str]:
 def _title(
     fact: FrameFact, values: Sequence[float | None], width: int, *, best_mag: float = 0.0
 ) -> Line:
-    """Name, last value and span; ``best_mag``: the night's clearest sky."""
+    """Name, last value and range; ``best_mag``: the night's best zero point."""
     _, name, unit, form = fact
     known = [value for value in values if value is not None]
     now = next((value for value in reversed(values) if value is not None), None)
@@ -165,9 +165,10 @@ def _drift_words(drift: Drift) -> list[Line]:
     ]
 
 
-def _hint(night: NightView, looks: Sequence[SolvedPointing], drift: Drift) -> list[Line] | None:
+def _hint(night: NightView, looks: Sequence[SolvedPointing], drift: Drift) -> list[Line]:
+    """What the drift says of the polar axis; nothing where the site is not known."""
     if night.config is None:
-        return None
+        return []
     from rsoconsole.sky import hour_angle_icrs_deg
 
     site = night.config.site.to_site()
@@ -178,7 +179,7 @@ def _hint(night: NightView, looks: Sequence[SolvedPointing], drift: Drift) -> li
 
 
 def hint_words(hint: PolarHint) -> list[str]:
-    """What to do at the mount's base, in lines that fit half of 80 columns."""
+    """Say how the polar axis is off, in lines that fit half of 80 columns."""
     if hint.axis == "both":
         return [
             "polar axis: here both its errors mix;",
@@ -202,7 +203,3 @@ def _look(row: FrameRow) -> SolvedPointing | None:
         plate_icrs_deg=row.plate_icrs_deg or (0.0, 0.0),
         rotation_deg=row.rotation_deg or 0.0,
     )
-
-
-def _scale_arcsec_px(night: NightView) -> float | None:
-    return None if night.config is None else night.config.optics.scale_arcsec_px

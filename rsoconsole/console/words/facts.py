@@ -1,10 +1,11 @@
-"""Where things stand, in figures: place, motion, what comes next, the last cycle, the machine.
+"""The facts' pane: position, motion, what comes next, the last cycle, the machine, in figures.
 
-Each group of facts is made here; how much of it is shown depends on the room: three lines in a
-small terminal, a line a group in a larger one, a block a group in a column of its own.
+How much of each group is shown depends on the room: three lines in a small terminal, a line a group
+in a larger one, a block a group in a column of its own.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
+from statistics import median_high
 from typing import TYPE_CHECKING
 
 from rsoconsole.console.drawing.plot import Ink, Line
@@ -12,7 +13,6 @@ from rsoconsole.console.night.engine_seen import EngineView
 from rsoconsole.console.words.leaving import coast_words, leaving_words
 from rsoconsole.console.words.words import Item, cos_deg, packed, present_utc_ns
 from rsoconsole.control import (
-    Health,
     is_silent,
     limit_left_s,
     limit_words,
@@ -39,11 +39,13 @@ if TYPE_CHECKING:
     from rsoconsole.pipeline import Outlook
 
 OLD_S = 120.0
-"""A direction older than this is shown with its instant."""
+"""Age in seconds from which on a direction is shown with its instant."""
 LIMIT_SOON_S = 3600.0
+"""Seconds ahead within which a limit is shown."""
 SOON_S = 900.0
+"""Seconds ahead within which what comes is a warning."""
 NEAR_DEG = 5.0
-"""A limit so near is said loudly."""
+"""Degrees to a limit within which that is a warning."""
 WIDE_COLUMNS = 72
 GROUPS_ROWS, BLOCKS_ROWS = 5, 10
 STAGES = {
@@ -54,13 +56,13 @@ STAGES = {
     "filter": "filt",
     "order": "slew cmd",
 }
-"""What of a cycle is shown, and under which short name."""
+"""Stages of a cycle that are shown, with their short names."""
 SOLVER_FRAMES = 10
 FOCUS_WINDOW, FOCUS_FRAMES = 300, 5
 MACHINE = {"power", "CPU"}
-"""What of the health is an alarm where it is not well."""
+"""Parts of the machine whose fault is an alarm."""
 FOCUS_WORSE = 1.15
-"""Stars so much wider than they were at best are said to drift."""
+"""Factor on the night's best FWHM beyond which the focus is a warning."""
 
 
 def fact_lines(
@@ -72,10 +74,10 @@ def fact_lines(
     *,
     keymap: Mapping[str, str] | None = None,
 ) -> list[Line]:
-    """What there is room for, most important first."""
+    """Build the pane's lines as far as there is room, most important first."""
     now = present_utc_ns(night, engine)
     leaving = leaving_words(night, engine, now, keymap)
-    place, motion = _place_items(night, engine), _motion_items(night, engine, now, leaving)
+    place, motion = _place_items(night, engine, now), _motion_items(night, engine, now, leaving)
     mount, plate = _mount_items(engine), _plate_items(night, engine)
     is_mounts = bool(mount) and place[0] == mount[0]
     schedule, cycle = _schedule_items(engine), _cycle_items(night, engine)
@@ -116,11 +118,12 @@ def fact_lines(
     return packed([*place, *worst, *motion, *schedule[:1], *cycle], width, rows)
 
 
-def _place_items(night: NightView, engine: EngineView) -> list[Item]:
+def _place_items(night: NightView, engine: EngineView, now: int | None) -> list[Item]:
+    """Where the telescope looks or the track is, limits that are near, altitude, pier side."""
     ra, dec = engine.ra_icrs_deg, engine.dec_icrs_deg
     alt, az = engine.alt_deg, engine.az_deg
     word, age = "", ""
-    track, now = night.track, present_utc_ns(night, engine)
+    track = night.track
     seen_ns = engine.t_utc_ns
     if ra is None and track is not None:
         ra, dec, seen_ns = track.x[0] % 360.0, track.x[2], track.t_utc_ns
@@ -133,8 +136,7 @@ def _place_items(night: NightView, engine: EngineView) -> list[Item]:
         word = "sent to " if pointing.is_ordered else "pointing "
         ra, dec = pointing.ra_icrs_deg, pointing.dec_icrs_deg
         alt, az = pointing.alt_deg, pointing.az_deg
-        is_old = (present_utc_ns(night, engine) or 0) - pointing.t_utc_ns > OLD_S * NS_PER_S
-        if is_old:
+        if (now or 0) - pointing.t_utc_ns > OLD_S * NS_PER_S:
             word, age = f"last {word}", f"as of {clock(pointing.t_utc_ns, zone='')}"
     elif ra is not None and dec is not None:
         word, age, (ra, dec) = _followed(track, (ra, dec), seen_ns, now)
@@ -166,7 +168,7 @@ def _followed(
 
 
 def _mount_items(engine: EngineView) -> list[Item]:
-    """Where the mount stands and what it does, by its own word; an old one is said loudly."""
+    """Where the mount points and what it does, as it reports; an old report is a warning."""
     if not engine.is_attached:
         return []
     ink: Ink = "warn" if is_silent(engine) else ""
@@ -174,7 +176,7 @@ def _mount_items(engine: EngineView) -> list[Item]:
 
 
 def _plate_items(night: NightView, engine: EngineView) -> list[Item]:
-    """Where the last frame really looks by its stars, and how far that is from the mount's word."""
+    """Centre of the last frame by its plate, and how far that is from what the mount reports."""
     row = next((each for each in reversed(night.rows) if each.is_solved is not None), None)
     if row is None or row.plate_icrs_deg is None or engine.is_slewing:
         return []
@@ -189,7 +191,7 @@ def _plate_items(night: NightView, engine: EngineView) -> list[Item]:
 
 
 def _limit_item(engine: EngineView) -> list[Item]:
-    """What the mount runs into if it only tracks on, where that is soon."""
+    """The limit that the mount reaches by tracking, where that is soon."""
     left_s = limit_left_s(engine)
     if left_s is None or left_s >= LIMIT_SOON_S:
         return []
@@ -226,7 +228,7 @@ def _motion_items(
 
 
 def _aim_words(night: NightView, engine: EngineView) -> str:
-    """By what the next aim is predicted: what the log calls it, too."""
+    """What the next aim is predicted by, as the log words it."""
     if engine.is_attached and engine.next_aim is not None:
         return f"aim: {engine.next_aim.reason}"
     # What led nowhere yet says nothing once something is followed.
@@ -236,7 +238,7 @@ def _aim_words(night: NightView, engine: EngineView) -> str:
 
 
 def _schedule_items(engine: EngineView) -> list[Item]:
-    """What the telescope does at this moment, and until when."""
+    """The slew or the exposure under way, and until when."""
     if not engine.is_attached:
         return []
     is_closed = engine.exposing_until_utc_ns is None
@@ -245,7 +247,7 @@ def _schedule_items(engine: EngineView) -> list[Item]:
 
 
 def _ahead_items(outlook: "Outlook | None", now: int | None) -> list[Item]:
-    """What comes, the soonest first; the Moon last."""
+    """Coming events, the soonest first, then Moon and Sun."""
     if outlook is None or now is None:
         return []
     coming: list[tuple[int, str]] = []
@@ -273,7 +275,7 @@ def _ahead_items(outlook: "Outlook | None", now: int | None) -> list[Item]:
 
 
 def _margin_items(outlook: "Outlook | None", before: str = "") -> list[Item]:
-    """How far each limit is from where the telescope looks; ``before``: the first one's words."""
+    """Degrees to each limit from where the telescope looks; ``before``: words before the first."""
     items: list[Item] = []
     for name, margin in () if outlook is None else outlook.margins_deg:
         words = f"{name} {margin:.0f}°" if margin >= 0.0 else f"{-margin:.0f}° beyond {name}"
@@ -300,7 +302,7 @@ def _cycle_items(night: NightView, engine: EngineView) -> list[Item]:
 
 
 def _health_items(night: NightView, engine: EngineView) -> list[Item]:
-    """Alarms, focus, then machine and instruments; what is not well is inked."""
+    """Focus, solver, machine and instruments, what is not well first."""
     items = [*_focus_items(night), *_solver_items(night)]
     detect_ms = None if night.timing is None else night.timing.stage_ms.get("detect")
     if detect_ms is not None:
@@ -310,20 +312,16 @@ def _health_items(night: NightView, engine: EngineView) -> list[Item]:
     if engine.is_attached:
         lent = engine.temporary.items()
         items += [(f"{name} for {n} more frame{'s' if n > 1 else ''}", "warn") for name, n in lent]
-        items += [(f"{each.name} {each.text}", _health_ink(each)) for each in engine.health]
+        for each in engine.health:
+            # A weak supply or a slowed processor spoils the frames meanwhile.
+            ink: Ink = "" if each.ok else "alarm" if each.name in MACHINE else "warn"
+            items.append((f"{each.name} {each.text}", ink))
     # What has no room is left out: what is well before what is not.
     return sorted(items, key=lambda item: {"alarm": 0, "warn": 1}.get(item[1], 2))
 
 
-def _health_ink(each: Health) -> Ink:
-    """A weak supply or a processor that is slowed down spoils what is on record meanwhile."""
-    if each.ok:
-        return ""
-    return "alarm" if each.name in MACHINE else "warn"
-
-
 def _solver_items(night: NightView) -> list[Item]:
-    """How many of the last frames have found their place by their stars."""
+    """How many of the last frames were plate-solved."""
     known = [row.is_solved for row in night.rows[-SOLVER_FRAMES:] if row.is_solved is not None]
     if not known:
         return []
@@ -332,25 +330,20 @@ def _solver_items(night: NightView) -> list[Item]:
 
 
 def _focus_items(night: NightView) -> list[Item]:
-    """Width of the stars, and whether they have grown since they were sharpest."""
+    """FWHM of the stars, and whether it has grown since the night's best."""
     widths = [row.fwhm_px for row in night.rows[-FOCUS_WINDOW:] if row.fwhm_px is not None]
     if not widths:
         return []
-    means = _running_medians(widths)
-    now_px, best_px = means[-1], min(means)
+    n = min(FOCUS_FRAMES, len(widths))
+    medians = [median_high(widths[at : at + n]) for at in range(len(widths) - n + 1)]
+    now_px, best_px = medians[-1], min(medians)
     if now_px > FOCUS_WORSE * best_px:
         return [(f"FWHM {now_px:.1f} px, was {best_px:.1f}: focus or seeing", "warn")]
     return [(f"FWHM {now_px:.1f} px", "")]
 
 
-def _running_medians(values: Sequence[float]) -> list[float]:
-    n = min(FOCUS_FRAMES, len(values))
-    windows = (sorted(values[at : at + n]) for at in range(len(values) - n + 1))
-    return [window[n // 2] for window in windows]
-
-
 def _blocks(titled: dict[str, list[Item]], width: int, rows: int) -> list[Line]:
-    """Each group under the word for it, as many lines as it takes while there is room."""
+    """Each group behind its title, as many lines as it takes while there is room."""
     label_columns = max(len(title) for title in titled) + 2
     lines: list[Line] = []
     for title, items in titled.items():

@@ -1,4 +1,4 @@
-"""When a track is next seen, leaves the field or is kept: as words beside it."""
+"""Words on how a track goes on: when it leaves the field, how it coasts, how long it is kept."""
 
 import math
 from collections.abc import Mapping
@@ -12,7 +12,7 @@ from rsoconsole.sky import wrap_180
 from rsoconsole.words import NS_PER_S, clock, left
 
 MAX_S = 3600.0
-"""Later than that is not said."""
+"""Seconds ahead beyond which leaving the field is not said."""
 
 
 def leaving_words(
@@ -21,9 +21,10 @@ def leaving_words(
     now_utc_ns: int | None,
     keymap: Mapping[str, str] | None = None,
 ) -> str:
-    """INTELSAT 21 leaves the field in 4 min; empty: the mount follows, or nobody can say.
+    """Say when the satellite leaves the field; empty: the mount follows it, or that is not known.
 
-    Where autonomy is held the mount stays with the stars as well, and one key ends that.
+    E.g. "INTELSAT 21 leaves the field in 4 min". The mount stays with the stars while the operator
+    has control, and while autonomy is held, which one key ends.
     """
     is_by_hand = engine.is_attached and engine.state == "MANUAL" and engine.kept is not None
     is_held = engine.is_attached and engine.is_held and engine.holder == "autonomy"
@@ -48,9 +49,9 @@ def leaving_words(
 def left_in_field_s(
     night: NightView, track: TrackState, row: FrameRow, now_utc_ns: int
 ) -> float | None:
-    """Until its place leaves the field of that solved frame, in seconds; None: it stays there.
+    """Seconds until a track leaves the field of a solved frame; None: it stays there.
 
-    0 where it is outside. The field stands among the stars, the track goes on at its rates.
+    0 where it is outside. The field stays among the stars, the track goes on at its rates.
     """
     if night.config is None or night.frame is None or row.plate_icrs_deg is None:
         return None
@@ -75,9 +76,9 @@ def left_in_field_s(
 
 
 def _looked_at(night: NightView, *, is_held: bool) -> FrameRow | None:
-    """The last solved frame, of those since the operator has had the mount.
+    """The last solved frame since the operator has had control; None: there is none.
 
-    While autonomy is held, of all, unless a slew has been ordered since.
+    While autonomy is held the last of all, unless a slew has been ordered since.
     """
     since_ns = night.state_since_utc_ns
     if is_held:
@@ -93,11 +94,14 @@ def _looked_at(night: NightView, *, is_held: bool) -> FrameRow | None:
 
 
 FRAMES_COUNTED = 60
-"""Where it is given up later than after this number of frames, the instant is shown instead."""
+"""Frames ahead beyond which the instant of giving a track up is said, not the frame."""
 
 
 def coast_words(night: NightView, now_utc_ns: int | None) -> str:
-    """Last seen 05:39:40Z, 60 s ago · coasted 2 · given up after 6 more; empty: no coast."""
+    """Say how a track coasts: "last seen 05:39:40Z, 60 s ago · coasted 2 · given up after 6 more".
+
+    Empty: it does not coast.
+    """
     track = night.track
     if track is None or not track.misses:
         return ""
@@ -106,22 +110,16 @@ def coast_words(night: NightView, now_utc_ns: int | None) -> str:
     if seen_ns is not None:
         ago = "" if now_utc_ns is None else f", {left((now_utc_ns - seen_ns) / NS_PER_S)} ago"
         parts.append(f"last seen {clock(seen_ns)}{ago}")
-    elsewhere = _looked_elsewhere(night, track.misses)
+    reduced = [row for row in night.rows if row.is_reduced][-track.misses :]
+    elsewhere = sum(row.miss == ELSEWHERE for row in reduced)
     parts.append(f"coasted {track.misses}{f', {elsewhere} not pointed at it' if elsewhere else ''}")
     parts.append(_end_words(night, track, seen_ns))
     return " · ".join(part for part in parts if part)
 
 
-def _looked_elsewhere(night: NightView, last: int) -> int:
-    """Of the last frames, in how many it could not be seen: they are no misses."""
-    reduced = [row for row in night.rows if row.is_reduced][-last:]
-    return sum(row.miss == ELSEWHERE for row in reduced)
-
-
 def _end_words(night: NightView, track: TrackState, seen_ns: int | None) -> str:
-    """By which frame, or when, it is lost at the latest; empty where the session cannot say."""
-    config = night.config
-    if config is None:
+    """The frame or the instant by which it is lost; empty where the session cannot say."""
+    if night.config is None:
         return ""
     cadence_s = float(night.setting("exposure.cadence_s") or 0.0)
     since_ns = track.t_utc_ns if seen_ns is None else seen_ns
@@ -137,7 +135,7 @@ def _end_words(night: NightView, track: TrackState, seen_ns: int | None) -> str:
 
 
 def _is_unsure(night: NightView, track: TrackState, ahead_s: float) -> bool:
-    """Whether its place is known too badly by then; process noise is left out, which is less."""
+    """Whether its position is too uncertain by then, process noise left out."""
     config, frame = night.config, night.frame
     if config is None or frame is None or config.filter.preset == "paper":
         return False
@@ -150,16 +148,16 @@ def _is_unsure(night: NightView, track: TrackState, ahead_s: float) -> bool:
 
 
 def _bound_deg(track: TrackState, ahead_s: float) -> float:
-    """The longer side of its 3-sigma box, half, so much later at its own rates."""
+    """Half the longer side of its 3-sigma box after a time at its own rates."""
     covariance, dt = track.P, ahead_s
-    cos_dec = math.cos(math.radians(track.x[2]))
     ra, dec = (
         covariance[at][at]
         + 2.0 * covariance[at][at + 1] * dt
         + covariance[at + 1][at + 1] * dt * dt
         for at in (0, 2)
     )
-    return 3.0 * max(math.sqrt(max(ra, 0.0)) * cos_dec, math.sqrt(max(dec, 0.0)))
+    east, north = math.sqrt(max(ra, 0.0)) * cos_deg(track.x[2]), math.sqrt(max(dec, 0.0))
+    return 3.0 * max(east, north)
 
 
 def kept_words(
@@ -169,10 +167,10 @@ def kept_words(
     *,
     is_asked_for: bool = False,
 ) -> tuple[str, ...]:
-    """The same from the longest to the shortest; none where nothing can be said of it.
+    """Say which ended track is kept, from the longest wording to the shortest; empty: none.
 
-    ``now_utc_ns``: the frame clock, by which what is left of its time is counted;
-    ``is_asked_for``: the key was pressed, and the engine has yet to take it up.
+    ``now_utc_ns``: the frame clock, by which its remaining time is counted; ``is_asked_for``: the
+    key to follow it again was pressed, and the engine has not answered yet.
     """
     if not engine.is_attached:
         return ()

@@ -1,4 +1,4 @@
-"""What each plot pane says and draws, from a view of the night: title, dots, the NIS line."""
+"""The plots' panes: confidence, residuals and NIS of a window of the night, with titles."""
 
 import itertools
 import math
@@ -28,23 +28,23 @@ from rsoconsole.words import angle, clock, short, signed_angle
 
 MAX_FRAMES_A_MARK = 64
 LABEL_COLUMNS = 12
-"""From one time to the next, at least."""
+"""Columns between two times on the axis, at least."""
 LIVE_STEP = 12
-"""Marks that one key goes back or on."""
+"""Marks that one key moves the window by."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PlotWindow:
-    """A piece of the night; the newest frames, one to a mark, to begin with."""
+    """The frames that the plots show: at first the newest, one to a mark."""
 
     back: int = 0
-    """Frames after it that are not shown."""
+    """Frames after the window."""
     frames_a_mark: int = 1
 
     def moved(self, marks: int, count: int, room: int = 1) -> "PlotWindow":
-        """Moved on by a number of marks (negative: back), in a night of ``count`` frames.
+        """Return the window moved on by some marks (negative: back) in ``count`` frames.
 
-        ``room``: marks that the plot has room for: it goes back until the oldest ones fill it.
+        ``room``: marks that the plot has room for; the window stops where the oldest fill it.
         """
         n = self.frames_a_mark
         back = self.back - marks * n
@@ -53,22 +53,22 @@ class PlotWindow:
         return replace(self, back=min(max(back, 0), most))
 
     def zoomed(self, factor: float) -> "PlotWindow":
-        """With a factor on the frames to a mark: 2 or 0.5."""
+        """Return the window with a factor, 2 or 0.5, on the frames to a mark."""
         frames = min(max(round(self.frames_a_mark * factor), 1), MAX_FRAMES_A_MARK)
         return replace(self, frames_a_mark=frames)
 
     def seen(self, rows: Sequence[FrameRow]) -> Sequence[FrameRow]:
-        """The frames up to the right edge."""
+        """Return the frames up to the right edge."""
         return rows[: len(rows) - self.back] if self.back else rows
 
     def visible(self, rows: Sequence[FrameRow], width: int) -> Sequence[FrameRow]:
-        """The frames that a plot of ``width`` columns, axis and all, has marks of."""
+        """Return the frames with marks in a plot of ``width`` columns, its axis included."""
         seen, n = self.seen(rows), self.frames_a_mark
         marks = -(-len(seen) // n)
         return seen[max(marks - max(width - AXIS_COLUMNS, 0), 0) * n :]
 
     def frames_words(self, rows: Sequence[FrameRow], width: int) -> str:
-        """Which frames of the night such a plot shows."""
+        """Say which frames of the night such a plot shows."""
         visible = self.visible(rows, width)
         if self.back and visible:
             return f"{visible[0].frame_id:04d}-{visible[-1].frame_id:04d} of {len(rows)}"
@@ -76,9 +76,9 @@ class PlotWindow:
         return f"{len(rows)} frames" if is_all else f"last {len(visible)} of {len(rows)}"
 
     def rows(self, rows: Sequence[FrameRow], width: int | None = None) -> tuple[FrameRow, ...]:
-        """One row a mark, oldest first; of several frames that with the worst fit.
+        """Return one row a mark, oldest first; of several frames the one with the worst fit.
 
-        ``width``: only those that a plot of that width has room for.
+        ``width``: only those in a plot of that width.
         """
         seen = self.seen(rows) if width is None else self.visible(rows, width)
         n = self.frames_a_mark
@@ -88,19 +88,18 @@ class PlotWindow:
         return tuple(max(seen[at : at + n], key=_misfit) for at in range(0, len(seen), n))
 
     def words(self, rows: Sequence[FrameRow]) -> str:
-        """What is shown, where that is not the newest frame by frame; else empty."""
+        """Say what is shown; empty where that is the newest, frame by frame."""
         parts = []
         if self.frames_a_mark > 1:
             parts.append(f"a mark is {self.frames_a_mark} frames, the worst shown")
-        if self.back:
-            last = rows[len(rows) - 1 - self.back] if len(rows) > self.back else None
-            if last is not None:
-                parts.append(f"to frame {last.frame_id:04d}, {clock(last.t_utc_ns, 'minute')}")
+        if 0 < self.back < len(rows):
+            last = rows[len(rows) - 1 - self.back]
+            parts.append(f"to frame {last.frame_id:04d}, {clock(last.t_utc_ns, 'minute')}")
         return " · ".join(parts)
 
 
 def axis_lines(shown: Sequence[FrameRow], width: int, height: int, words: str = "") -> list[Line]:
-    """The times of the frames under their marks; ``words`` stand first where there are any."""
+    """Write the frames' times under their marks, ``words`` first where there are any."""
     if height < 1:
         return []
     room = max(width - AXIS_COLUMNS, 0)
@@ -122,7 +121,7 @@ def axis_lines(shown: Sequence[FrameRow], width: int, height: int, words: str = 
 
 
 def _misfit(row: FrameRow) -> tuple[int, float]:
-    """What was measured before what was missed, and of that the largest residual over its sigma."""
+    """Key of the worst fit: the largest residual in sigmas, then a miss, then nothing."""
     if row.residual_arcsec is None or row.sigma_arcsec is None:
         return (1 if row.miss is not None else 0), 0.0
     pairs = zip(row.residual_arcsec, row.sigma_arcsec, strict=True)
@@ -133,14 +132,14 @@ NEWEST = PlotWindow()
 MISS = "○"
 STRIP_LABEL_COLUMNS = 22
 NIS_FRAMES = 10
-AXES = {"east": 0, "north": 1}
-AXIS_NAMES = {"east": "RA·cosδ", "north": "δ"}
+AXES = {"east": (0, "RA·cosδ", "RA"), "north": (1, "δ", "δ ")}
+"""Of each axis its place in a residual, its name, and its name in a strip."""
 
 
 def confidence_lines(
     night: NightView, width: int, height: int, *, window: PlotWindow = NEWEST
 ) -> list[Line]:
-    """Each frame's best detection, misses at 0 under their own sign, tau as a line."""
+    """Plot each frame's best detection, misses at 0 by their own sign, tau as a line."""
     columns = [_confidence_column(row) for row in window.rows(night.rows, width)]
     last = next((row for row in reversed(window.seen(night.rows)) if row.is_reduced), None)
     now = _confidence_words(last)
@@ -160,24 +159,24 @@ def residual_lines(
     window: PlotWindow = NEWEST,
     of: str = "",
 ) -> list[Line]:
-    """Measured minus predicted on one axis, in 3-sigma bounds; coasted frames on zero.
+    """Plot measured minus predicted on one axis, in 3-sigma bounds; coasted frames on zero.
 
-    ``of``: whose they are, where they are not the lead's. The title tells of the newest frame up
-    to the right edge, however many a mark stands for.
+    ``of``: the track's name where it is not the lead. The title is of the newest frame up to the
+    right edge, however many a mark stands for.
     """
-    columns = [_column(row, AXES[axis]) for row in window.rows(night.rows, width)]
-    name = AXIS_NAMES[axis]
-    newest_first = (_column(row, AXES[axis]) for row in reversed(window.visible(night.rows, width)))
-    last = next((column for column in newest_first if column.bound is not None), None)
+    place, name, strip_name = AXES[axis]
+    columns = [_column(row, place) for row in window.rows(night.rows, width)]
+    newest_first = reversed(window.visible(night.rows, width))
+    newest = next((row for row in newest_first if row.sigma_arcsec is not None), None)
+    last = None if newest is None else _column(newest, place)
     value = "" if last is None or last.value is None else signed_angle(last.value)
     if last is not None and last.value is None:
         value = f"{MISS} coasted"
-    elif value:
-        value += _by_orbit(window, night, width)
+    elif newest is not None and newest.is_by_orbit and value:
+        value += " by the orbit"
     bound = "3σ -" if last is None or last.bound is None else f"3σ {angle(last.bound)}"
     if height <= 1:
-        name = {"east": "RA", "north": "δ "}[axis]
-        label = f" {of.removeprefix('track ')}{':' if of else ''}{name} {value or '-'} {bound}"
+        label = f" {_of(of.removeprefix('track '), ':')}{strip_name} {value or '-'} {bound}"
         return [_strip(label, width, residual_strip(columns, _strip_room(width)))]
     return [
         rule(f"{_of(of)}{name} residual {value}", f"bounds {bound}", width),
@@ -185,21 +184,14 @@ def residual_lines(
     ]
 
 
-def _by_orbit(window: PlotWindow, night: NightView, width: int) -> str:
-    """Whose prediction the newest residual is measured from, where it is not the filter's."""
-    seen = reversed(window.visible(night.rows, width))
-    last = next((row for row in seen if row.sigma_arcsec is not None), None)
-    return " by the orbit" if last is not None and last.is_by_orbit else ""
-
-
-def _of(of: str) -> str:
-    return f"{of}: " if of else ""
+def _of(of: str, gap: str = ": ") -> str:
+    return f"{of}{gap}" if of else ""
 
 
 def nis_lines(
     night: NightView, width: int, height: int, *, window: PlotWindow = NEWEST, of: str = ""
 ) -> list[Line]:
-    """The normalised innovation squared of the last frames against its band; ``of``: whose."""
+    """Plot the normalised innovation squared against its band; ``of``: as in residual_lines."""
     newest_first = (row for row in reversed(window.seen(night.rows)) if row.nis is not None)
     judged_rows = list(itertools.islice(newest_first, WINDOW))[::-1]
     values = [row.nis for row in judged_rows if row.nis is not None]
@@ -239,7 +231,7 @@ def _column(row: FrameRow, axis: int) -> Column:
 
 
 def _confidence_column(row: FrameRow) -> Column:
-    refused = refused_of(row)
+    refused = likeliest_refused(row)
     value = row.confidence if refused is None else None
     is_miss = row.is_reduced and value is None and row.was_sought
     return Column(
@@ -247,8 +239,8 @@ def _confidence_column(row: FrameRow) -> Column:
     )
 
 
-def refused_of(row: FrameRow) -> tuple[float, str] | None:
-    """The likeliest streak where it was not taken, and the reason; None where one was."""
+def likeliest_refused(row: FrameRow) -> tuple[float, str] | None:
+    """Return the likeliest streak that was not taken: confidence, reason; None: one was taken."""
     if row.is_followed or row.refused is None or row.refused[0] < SHOWN_REJECTED:
         return None
     return row.refused if row.refused[0] >= (row.confidence or 0.0) else None
@@ -257,7 +249,7 @@ def refused_of(row: FrameRow) -> tuple[float, str] | None:
 def _confidence_words(row: FrameRow | None) -> str:
     if row is None:
         return ""
-    refused = refused_of(row)
+    refused = likeliest_refused(row)
     if refused is not None:
         return f"{REFUSED} {short(refused[0])} {refused[1]}"
     if row.confidence is not None:

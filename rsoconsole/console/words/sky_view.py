@@ -11,35 +11,47 @@ if TYPE_CHECKING:
     from rsoconsole.config import Config
     from rsoconsole.pipeline import Outlook
 
-Cells = dict[tuple[int, int], tuple[str, Ink]]
 RIM_STEPS = 240
+"""Points of which the horizon and the limits are drawn."""
 MOON, SUN, TARGET, MOUNT = "☾", "☼", "◆", "+"
 
 
 def sky_lines(
     config: "Config | None", outlook: "Outlook | None", width: int, rows: int
 ) -> list[Line]:
-    """Limits as a line, the geostationary belt, Moon, Sun, the mount, the target and its way."""
+    """Draw limits, geostationary belt, Moon, Sun, the mount, the target and its way."""
     title = rule("sky", "", width)
     if config is None or outlook is None or rows < 4 or width < 8:
         return [title]
     disc_rows = rows - 2
-    cells: Cells = {}
-    _draw_rim(cells, width, disc_rows)
-    _draw_limits(cells, config, width, disc_rows)
-    for alt, az in outlook.belt_altaz_deg:
-        _put(cells, (alt, az), "∙", "dim", width, disc_rows)
-    for alt, az in outlook.way_altaz_deg:
-        _put(cells, (alt, az), "•", "good", width, disc_rows)
-    moon = (outlook.moon_altitude_deg, outlook.moon_azimuth_deg)
-    _put(cells, moon, MOON, "warn", width, disc_rows)
-    _put(cells, (outlook.sun_altitude_deg, outlook.sun_azimuth_deg), SUN, "alarm", width, disc_rows)
+    cells: dict[tuple[int, int], tuple[str, Ink]] = {}
+
+    def put(altaz_deg: tuple[float, float], sign: str, ink: Ink) -> None:
+        at = place(altaz_deg, width, disc_rows)
+        if at is not None:
+            cells[at] = sign, ink
+
+    azimuths_deg = [step * 360.0 / RIM_STEPS for step in range(RIM_STEPS)]
+    for az in azimuths_deg:
+        put((0.0, az), "·", "dim")
+    for az in azimuths_deg:
+        put((_lowest_deg(config, az), az), "·", "")
+    for altaz_deg in outlook.belt_altaz_deg:
+        put(altaz_deg, "∙", "dim")
+    for altaz_deg in outlook.way_altaz_deg:
+        put(altaz_deg, "•", "good")
+    put((outlook.moon_altitude_deg, outlook.moon_azimuth_deg), MOON, "warn")
+    put((outlook.sun_altitude_deg, outlook.sun_azimuth_deg), SUN, "alarm")
     if outlook.here_altaz_deg is not None:
-        _put(cells, outlook.here_altaz_deg, MOUNT, "title", width, disc_rows)
+        put(outlook.here_altaz_deg, MOUNT, "title")
     if outlook.way_altaz_deg:
-        _put(cells, outlook.way_altaz_deg[0], TARGET, "good", width, disc_rows)
-    _draw_letters(cells, width, disc_rows)
-    lines = [_row(cells, row, width) for row in range(disc_rows)]
+        put(outlook.way_altaz_deg[0], TARGET, "good")
+    for letter, az in (("N", 0.0), ("E", 90.0), ("S", 180.0), ("W", 270.0)):
+        put((0.0, az), letter, "title")
+    lines = [
+        joined(cells.get((column, row), (" ", "")) for column in range(width))
+        for row in range(disc_rows)
+    ]
     legend = f" {TARGET} target • its way {MOUNT} mount ∙ belt {MOON} Moon · limits"
     return [title, *lines, [(legend[:width], "dim")]]
 
@@ -49,44 +61,16 @@ def place(altaz_deg: tuple[float, float], width: int, rows: int) -> tuple[int, i
     alt, az = altaz_deg
     if alt < 0.0:
         return None
-    radius = _radius_rows(width, rows) * (90.0 - alt) / 90.0
+    radius = min((rows - 1) / 2.0, (width - 1) / 4.0) * (90.0 - alt) / 90.0
     x = -math.sin(math.radians(az)) * radius * 2.0
     y = -math.cos(math.radians(az)) * radius
     return round((width - 1) / 2.0 + x), round((rows - 1) / 2.0 + y)
 
 
-def _radius_rows(width: int, rows: int) -> float:
-    return min((rows - 1) / 2.0, (width - 1) / 4.0)
-
-
-def _put(  # noqa: PLR0917 -- one call, each argument a different thing
-    cells: Cells, altaz_deg: tuple[float, float], sign: str, ink: Ink, width: int, rows: int
-) -> None:
-    at = place(altaz_deg, width, rows)
-    if at is not None:
-        cells[at] = sign, ink
-
-
-def _draw_rim(cells: Cells, width: int, rows: int) -> None:
-    for step in range(RIM_STEPS):
-        _put(cells, (0.0, step * 360.0 / RIM_STEPS), "·", "dim", width, rows)
-
-
-def _draw_limits(cells: Cells, config: "Config", width: int, rows: int) -> None:
-    """The lowest altitude that is allowed, all round: the limit, or walls above it."""
+def _lowest_deg(config: "Config", az_deg: float) -> float:
+    """The lowest altitude allowed at an azimuth: the limit, or walls above it."""
     limits = config.limits
-    for step in range(RIM_STEPS):
-        az = step * 360.0 / RIM_STEPS
-        alt = limits.min_altitude_deg
-        if limits.horizon:
-            alt = max(alt, float(horizon_altitude_deg(limits.horizon, az)))  # type: ignore[arg-type]
-        _put(cells, (alt, az), "·", "", width, rows)
-
-
-def _draw_letters(cells: Cells, width: int, rows: int) -> None:
-    for letter, az in (("N", 0.0), ("E", 90.0), ("S", 180.0), ("W", 270.0)):
-        _put(cells, (0.0, az), letter, "title", width, rows)
-
-
-def _row(cells: Cells, row: int, width: int) -> Line:
-    return joined(cells.get((column, row), (" ", "")) for column in range(width))
+    if not limits.horizon:
+        return limits.min_altitude_deg
+    horizon_deg = horizon_altitude_deg(limits.horizon, az_deg)  # type: ignore[arg-type]
+    return max(limits.min_altitude_deg, float(horizon_deg))

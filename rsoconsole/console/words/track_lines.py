@@ -1,11 +1,11 @@
-"""The list of tracks: as many columns as there is room for, and the chosen one in full. Pure."""
+"""The list of tracks and that of neighbours, each with the chosen track in full. Pure."""
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 from rsoconsole.console.drawing.plot import Ink, Line
-from rsoconsole.console.words.words import clipped, first_shown, packed, rule
+from rsoconsole.console.words.words import Item, clipped, first_shown, packed, rule
 from rsoconsole.control import NextAim, aim_parts, one_line, state_words
 from rsoconsole.night import FollowedTrack, NightView
 from rsoconsole.records import PairMotion
@@ -18,6 +18,7 @@ from rsoconsole.words import (
     closest_words,
     identity,
     nearing_words,
+    number,
     signed_angle,
     span,
     tracks_words,
@@ -25,29 +26,31 @@ from rsoconsole.words import (
 )
 
 NAME_COLUMNS = (8, 24)
-"""At least, at most."""
+"""Width of the names' column, at least and at most."""
 ORBIT_WORDS = {
     "free": "free",
     "constrained by prior": "prior",
     "weak geometry": "weak",
     "not observable": "none",
 }
-"""An orbit's label, short."""
+"""Short words for an orbit's label."""
 MIN_AIM_ROWS = 2
-"""Rows that the next aim may take where every track has its own."""
+"""Rows that are left for the next aim once every track has one."""
 _RULE_CELLS = 6
-"""What a title's line has beside its words."""
-MIN_DETAIL_ROWS = 5
-"""Rows for tracks that stay where the chosen one is told in full."""
+"""Cells of a title's line beside its words."""
+MIN_TRACK_ROWS = 5
+"""Tracks that stay in sight where the chosen one is shown in full."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Column:
-    """One column: the widest of its words, and which of them go first where there is no room."""
+    """A column of the list."""
 
     head: str
     width: int
+    """Cells of its widest word; 0: what the others leave."""
     rank: int
+    """The column of the highest rank goes first where there is no room."""
     words: Callable[[NightView, FollowedTrack, int | None], str]
     is_left: bool = False
 
@@ -61,7 +64,7 @@ def track_list_lines(
     *,
     next_aim: NextAim | None = None,
 ) -> list[Line]:
-    """Title, heads, the tracks by their numbers, the chosen one in full, the next aim.
+    """Build the list: title, heads, the tracks by number, the chosen one in full, the next aim.
 
     ``chosen``: a track's number, None: the lead.
     """
@@ -75,28 +78,48 @@ def track_list_lines(
     if not tracks:
         said = [clipped([(" nothing is followed", "dim")], width)]
         return [title, *said][: max(height, 1)]
+    columns = columns_for(width)
+
+    def row(track: FollowedTrack) -> Item:
+        words = [column.words(night, track, now_utc_ns) for column in columns]
+        return _joined(columns, words, width), _ink(track)
+
     at = next((n for n, each in enumerate(tracks) if is_chosen(each, chosen)), 0)
-    room = max(height - 2, 1)
+    heads = _joined(columns, [column.head for column in columns], width)
     detail = detail_lines(night, tracks[at], now_utc_ns, width)
-    detail = detail[: max(room - min(len(tracks), MIN_DETAIL_ROWS), 0)]
+    return [title, *_listed(tracks, at, heads, row, detail, width, height - 1)][: max(height, 1)]
+
+
+def _listed(  # noqa: PLR0917 -- one call, each argument a different thing
+    tracks: Sequence[FollowedTrack],
+    at: int,
+    heads: str,
+    row: Callable[[FollowedTrack], Item],
+    detail: Sequence[Line],
+    width: int,
+    height: int,
+) -> list[Line]:
+    """Heads, the tracks about the chosen one, which has number ``at``, and its detail below.
+
+    The list comes first: what the detail says is on the list in short.
+    """
+    room = max(height - 1, 1)
+    detail = detail[: max(room - min(len(tracks), MIN_TRACK_ROWS), 0)]
     if len(tracks) + len(detail) > room:
-        # The list first; what is told in full of one is on the list in short.
         detail = detail[: max(room - len(tracks), 0)]
     room -= len(detail)
-    columns = columns_for(width)
     first = first_shown(at, len(tracks), room)
-    lines = [title, clipped([(_heads(columns, width), "dim")], width)]
-    for number, track in enumerate(tracks[first : first + room], first):
-        text = _row(columns, night, track, now_utc_ns, width)
-        sign = "▸" if number == at else " "
-        ink: Ink = "here" if number == at else _ink(track)
+    lines = [clipped([(f" {heads}", "dim")], width)]
+    for n, track in enumerate(tracks[first : first + room], first):
+        text, ink = row(track)
+        sign, ink = ("▸", "here") if n == at else (" ", ink)
         lines.append(clipped([(f"{sign}{text}".ljust(width), ink)], width))
     lines += [[("", "")]] * max(height - len(lines) - len(detail), 0)
-    return [*lines, *detail][: max(height, 1)]
+    return [*lines, *detail]
 
 
 def _title(night: NightView, width: int) -> Line:
-    """How many there are, and what the signs mean as far as there is room."""
+    """How many tracks there are, and what the signs mean as far as there is room."""
     most = night.setting("filter.most_tracks")
     dropped = f" · dropped: {' '.join(map(str, night.dropped))}" if night.dropped else ""
     left = f"tracks: {len(night.tracks)}{dropped}"
@@ -107,26 +130,26 @@ def _title(night: NightView, width: int) -> Line:
 
 
 def is_chosen(track: FollowedTrack, chosen: int | None) -> bool:
-    """Whether the cursor is on it."""
+    """Whether the cursor is on a track; ``chosen``: a track's number, None: the lead."""
     return track.is_lead if chosen is None else track.track_id == chosen
 
 
 def _state(track: FollowedTrack) -> str:
-    """What became of it in the last frame; "+": the operator keeps it."""
+    """A track's state after the last frame; "+": the operator keeps it."""
     misses = track.state.misses
     state = "COAST" if misses else "trial" if track.is_on_trial else "TRACK"
     return state_words(state, misses, is_kept=track.state.is_kept)
 
 
 def name_words(night: NightView, track_id: int) -> str:
-    """Its name in the catalogue, else in the ledger; a sign stands for doubt."""
+    """A track's name in the catalogue, else in the ledger; "?" stands for doubt."""
     return one_line(identity(night.identifications.get(track_id)))
 
 
 def detail_lines(
     night: NightView, track: FollowedTrack, now_utc_ns: int | None, width: int
 ) -> list[Line]:
-    """Everything that the list says of one track, and what it has no room for."""
+    """One track in full: what the list says of it, and what it has no room for."""
     orbit = night.orbits.get(track.track_id)
     parts = [
         f"{track.number} {name_words(night, track.track_id)}",
@@ -147,13 +170,13 @@ def detail_lines(
 
 
 def aim_lines(aim: NextAim, width: int) -> list[Line]:
-    """Where the telescope looks in the exposure after the next one, and by which policy."""
+    """Where the telescope looks after the next exposure, and by which policy."""
     what, _place, *rest = aim_parts(aim)
     return packed([(part, "dim") for part in (what, *rest)], width, gap=" · ")
 
 
 def columns_for(width: int) -> tuple[_Column, ...]:
-    """Those that there is room for; the name has what the others leave."""
+    """Return the columns that there is room for; the name has what the others leave."""
     kept = list(_COLUMNS)
     while len(kept) > 2 and _taken(kept) + NAME_COLUMNS[0] > width:
         kept.remove(max(kept, key=lambda column: column.rank))
@@ -161,33 +184,16 @@ def columns_for(width: int) -> tuple[_Column, ...]:
 
 
 def _taken(columns: list[_Column] | tuple[_Column, ...]) -> int:
-    """Cells beside the name: the cursor's, and one before each column."""
-    return 1 + sum(column.width + 1 for column in columns) - 1
-
-
-def _widths(columns: tuple[_Column, ...], width: int) -> list[int]:
-    least, most = NAME_COLUMNS
-    name = min(max(width - _taken(columns), least), most)
-    return [column.width or name for column in columns]
-
-
-def _heads(columns: tuple[_Column, ...], width: int) -> str:
-    return " " + _joined(columns, [column.head for column in columns], width)
-
-
-def _row(
-    columns: tuple[_Column, ...],
-    night: NightView,
-    track: FollowedTrack,
-    now_utc_ns: int | None,
-    width: int,
-) -> str:
-    return _joined(columns, [column.words(night, track, now_utc_ns) for column in columns], width)
+    """Cells beside the name: the other columns, and one before each."""
+    return sum(column.width + 1 for column in columns)
 
 
 def _joined(columns: tuple[_Column, ...], words: list[str], width: int) -> str:
+    least, most = NAME_COLUMNS
+    name_columns = min(max(width - _taken(columns), least), most)
     cells = []
-    for column, said, wide in zip(columns, words, _widths(columns, width), strict=True):
+    for column, said in zip(columns, words, strict=True):
+        wide = column.width or name_columns
         cut = said if len(said) <= wide else f"{said[: wide - 1]}…"
         cells.append(f"{cut:<{wide}}" if column.is_left else f"{cut:>{wide}}")
     return " ".join(cells)
@@ -209,10 +215,6 @@ def _residual(_night: NightView, track: FollowedTrack, _now: int | None) -> str:
 
 def _nis(_night: NightView, track: FollowedTrack, _now: int | None) -> str:
     return "-" if track.nis is None else f"{track.nis:.1f}" if track.nis < 1000.0 else ">999"
-
-
-def _snr(_night: NightView, track: FollowedTrack, _now: int | None) -> str:
-    return "-" if track.snr is None else f"{track.snr:.0f}"
 
 
 def _age(night: NightView, track: FollowedTrack, now_utc_ns: int | None) -> str:
@@ -243,19 +245,18 @@ _COLUMNS = (
     ),
     _Column(head="resid", width=5, rank=3, words=_residual),
     _Column(head="NIS", width=4, rank=4, words=_nis),
-    _Column(head="SNR", width=4, rank=5, words=_snr),
+    _Column(head="SNR", width=4, rank=5, words=lambda _n, track, _t: number(track.snr, ".0f")),
     _Column(head="age", width=6, rank=6, words=_age),
     _Column(head="orbit", width=5, rank=7, words=_orbit, is_left=True),
 )
 
 
 _HEADS = f"{'#':>3} {'by':>3} {'apart':>6} {'/min':>6} {'least':>6} {'at UT':>5}"
-_MIN_TRACK_ROWS = 5
 _MAX_UNSEEN = 4
 
 
 def neighbour_lines(night: NightView, chosen: int | None, width: int, height: int) -> list[Line]:
-    """Title, heads, each track with its nearest neighbour, the chosen pair in full, the missing.
+    """Build the list of neighbours: each track's nearest, the chosen pair in full, the missing.
 
     ``chosen``: a track's number, None: the lead.
     """
@@ -265,27 +266,19 @@ def neighbour_lines(night: NightView, chosen: int | None, width: int, height: in
     if len(tracks) < 2:
         said = clipped([(" no two are followed", "dim")], width)
         return [title, said, *below][: max(height, 1)]
-    at = next((n for n, each in enumerate(tracks) if is_chosen(each, chosen)), 0)
-    room = max(height - 2, 1)
-    detail = [*pair_detail(night, tracks[at], width), *below]
-    detail = detail[: max(room - min(len(tracks), _MIN_TRACK_ROWS), 0)]
-    if len(tracks) + len(detail) > room:
-        detail = detail[: max(room - len(tracks), 0)]
-    room -= len(detail)
-    first = first_shown(at, len(tracks), room)
-    lines = [title, clipped([(f" {_HEADS}", "dim")], width)]
-    for number, track in enumerate(tracks[first : first + room], first):
+
+    def row(track: FollowedTrack) -> Item:
         pair = nearest_of(night, track.track_id)
-        sign = "▸" if number == at else " "
-        ink: Ink = "here" if number == at else "warn" if pair and pair.is_close else ""
-        row = f"{sign}{track.number:>3} {_pair_row(pair, track.track_id)}"
-        lines.append(clipped([(row.ljust(width), ink)], width))
-    lines += [[("", "")]] * max(height - len(lines) - len(detail), 0)
-    return [*lines, *detail][: max(height, 1)]
+        text = f"{track.number:>3} {_pair_row(pair, track.track_id)}"
+        return text, "warn" if pair and pair.is_close else ""
+
+    at = next((n for n, each in enumerate(tracks) if is_chosen(each, chosen)), 0)
+    detail = [*pair_detail(night, tracks[at], width), *below]
+    return [title, *_listed(tracks, at, _HEADS, row, detail, width, height - 1)][: max(height, 1)]
 
 
 def nearest_of(night: NightView, track_id: int) -> PairMotion | None:
-    """The pair of a track with its nearest neighbour; None where none is known."""
+    """Return the pair of a track with its nearest neighbour; None where none is known."""
     followed = {each.track_id for each in night.tracks}
     own = (
         each
@@ -319,7 +312,8 @@ def pair_detail(night: NightView, track: FollowedTrack, width: int) -> list[Line
 def field_lines(night: NightView, width: int) -> list[Line]:
     """Catalogued objects that should be in the field and have no track, and tracks of none."""
     parts = []
-    nameless = [t.number for t in night.tracks if is_uncatalogued(night, t.track_id)]
+    unknown = {n for n, found in night.identifications.items() if found.verdict == "unknown"}
+    nameless = [t.number for t in night.tracks if t.track_id in unknown]
     if nameless:
         parts.append(f"not in the catalogue: {tracks_words(nameless)}")
     unseen = () if night.expected is None else night.expected.unseen
@@ -332,14 +326,8 @@ def field_lines(night: NightView, width: int) -> list[Line]:
     return packed([(part, "dim") for part in parts], width, gap=" · ")
 
 
-def is_uncatalogued(night: NightView, track_id: int) -> bool:
-    """Whether no catalogued object explains a track."""
-    found = night.identifications.get(track_id)
-    return found is not None and found.verdict == "unknown"
-
-
 def other_of(pair: PairMotion, track_id: int) -> int:
-    """The other one of a pair."""
+    """Return a pair's other track."""
     return pair.other_track_id if pair.track_id == track_id else pair.track_id
 
 

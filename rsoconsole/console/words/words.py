@@ -1,4 +1,4 @@
-"""The seat's lines of text, made to fit: what is said, never how it is drawn."""
+"""Lines of text made to fit: the first lines, titles and captions, and the cutting of lines."""
 
 import bisect
 import math
@@ -27,7 +27,7 @@ STATE_INKS: dict[str, Ink] = {
 
 
 def present_utc_ns(night: NightView, engine: EngineView) -> int | None:
-    """The frame clock: the engine's word, else the last that was heard of it."""
+    """The frame clock: the engine's, else the last instant known of it; None: none is known."""
     if engine.is_attached and engine.now_utc_ns:
         return engine.now_utc_ns
     return max(engine.since_utc_ns or 0, night.last_utc_ns or 0) or None
@@ -44,12 +44,12 @@ def top_lines(
     kept: Sequence[str] = (),
     is_stopping: bool = False,
 ) -> list[Line]:
-    """State and since when, who holds the mount, the target, the frame clock.
+    """Build the first lines: state and since when, who has control, the target, the frame clock.
 
-    ``only_looks``: this seat may do nothing but STOP; ``found``: the target's name, its orbit's
-    size and whether that was assumed, each where it is known; as much of it is said as there is
-    room for. ``kept``: what is kept of a track that was ended, the longest way to say it first;
-    ``is_stopping``: STOP was given, and what the engine said last is from before it.
+    ``only_looks``: this console may do nothing but STOP; ``found``: the target's name, its orbit's
+    size and whether that was assumed, each where it is known, as far as there is room; ``kept``:
+    words on a track that was ended, the longest first; ``is_stopping``: STOP was given, and the
+    engine's last status is from before it.
     """
     now = present_utc_ns(night, engine)
     state_words, holder = _state_words(night, engine, now)
@@ -92,7 +92,7 @@ def top_lines(
 
 
 def demo_badge(night: NightView, width: int, engine: EngineView | None = None) -> Line:
-    """That the night is a simulated one, and how fast it runs; nothing of a real one."""
+    """A badge that the night is simulated, and how fast it runs; empty for a real one."""
     if not night.is_simulated:
         return []
     speed = engine.simulated_speed if engine is not None and engine.is_attached else None
@@ -134,7 +134,7 @@ def _state_words(
 
 
 def alert_text(night: NightView, engine: EngineView) -> str:
-    """What must not be missed; empty when all is well."""
+    """The alert's text: faults of engine and session with their remedies; empty: all is well."""
     parts: list[str] = []
     if engine.reach == "gone" and night.has_ended:
         parts.append("the engine has ended: 'rsoconsole engine' starts one")
@@ -152,12 +152,12 @@ def alert_text(night: NightView, engine: EngineView) -> str:
 
 
 def first_shown(chosen: int, count: int, room: int) -> int:
-    """The first row of a list that is shown, so that the chosen one is in view."""
+    """Number of the first row of a list that is shown, so that the chosen one is in view."""
     return min(max(chosen - room // 2, 0), max(count - room, 0))
 
 
 def fitted(parts: Sequence[str], width: int, gap: str = " · ") -> str:
-    """As many of the parts as fit, the first ones first; the first is cut where it must be."""
+    """Join as many of the parts as fit, the first ones first; the first is cut where it must be."""
     kept = ""
     for part in parts:
         longer = f"{kept}{gap}{part}" if kept else part
@@ -175,7 +175,7 @@ def is_past_unread(night: NightView, engine: EngineView) -> bool:
 def frame_title(
     night: NightView, picture: Picture | None, *, is_reading: bool = False
 ) -> list[str]:
-    """What is in the picture: which frame, how long, whether it was solved.
+    """The parts of the picture's title: frame, exposure, whether it was not solved.
 
     ``is_reading``: no frame has been read yet, though there may be some.
     """
@@ -194,7 +194,7 @@ def frame_title(
 
 
 def closeup_title(picture: Picture | None, drawing: Drawing | None) -> list[str]:
-    """At which scale, and what is known of the streak in its middle."""
+    """The parts of the close-up's title: frame, scale, SNR and size of the followed streak."""
     if picture is None or drawing is None:
         return ["close-up"]
     n = round(drawing.px_per_square)
@@ -210,7 +210,7 @@ def closeup_title(picture: Picture | None, drawing: Drawing | None) -> list[str]
 
 
 def closeup_caption(picture: Picture | None, width: int = BADGE_COLUMNS) -> list[str]:
-    """Where the followed streak was measured, and how well, in at most ``width`` columns."""
+    """Position and errors of the followed measurement, in at most ``width`` columns."""
     followed = picture.detail.followed if picture is not None else None
     if followed is None:
         return []
@@ -230,28 +230,19 @@ def _followed_detection(picture: Picture) -> Detection | None:
 
 
 def frame_caption(picture: Picture | None) -> list[str]:
-    """Where north is, how wide the field, how many stars, from the frame's plate."""
+    """The plate's orientation, field of view, matched stars and RMS; empty: not solved."""
     frame = picture.detail.taken if picture is not None else None
     solution = picture.detail.solution if picture is not None else None
     if frame is None or not isinstance(solution, Solution):
         return []
     wide, high = (n * solution.scale_arcsec_px / 60 for n in (frame.width_px, frame.height_px))
-    compass = f"N{_north_arrow(solution)}E{_east_arrow(solution)} {wide:.0f}′×{high:.0f}′"
+    # Row 0 is at the top: +y is down, and lies at the plate's rotation east of north.
+    turn, sign = math.radians(solution.rotation_deg), -1.0 if solution.is_flipped else 1.0
+    north = _arrow(sign * math.sin(turn), math.cos(turn))
+    east = _arrow(-sign * math.cos(turn), math.sin(turn))
+    compass = f"N{north}E{east} {wide:.0f}′×{high:.0f}′"
     stars = f"{solution.matched} {'matched' if solution.path != 'shift' else 'left by cloud'}"
     return [compass, stars, f"RMS {short(solution.rms_arcsec)}″"]
-
-
-def _north_arrow(solution: Solution) -> str:
-    """Row 0 is at the top: +y is down, and lies at the plate's rotation east of north."""
-    sign = -1.0 if solution.is_flipped else 1.0
-    x, y = sign * _sin_deg(solution.rotation_deg), cos_deg(solution.rotation_deg)
-    return _arrow(x, y)
-
-
-def _east_arrow(solution: Solution) -> str:
-    sign = -1.0 if solution.is_flipped else 1.0
-    x, y = -sign * cos_deg(solution.rotation_deg), _sin_deg(solution.rotation_deg)
-    return _arrow(x, y)
 
 
 def _arrow(x: float, y: float) -> str:
@@ -259,7 +250,7 @@ def _arrow(x: float, y: float) -> str:
 
 
 def justified(left: Line, right: str, width: int) -> Line:
-    """``left``, and ``right`` at the right edge, which is kept when there is too little room."""
+    """Put ``right`` at the right edge behind ``left``, which is cut where there is no room."""
     room = width - len(right)
     cut = clipped(left, max(room, 0))
     pad = max(room - _columns(cut), 0)
@@ -267,7 +258,7 @@ def justified(left: Line, right: str, width: int) -> Line:
 
 
 def clipped(line: Line, width: int) -> Line:
-    """A line cut to a width, with a sign where something is missing."""
+    """Cut a line to a width, with "…" at the cut."""
     if _columns(line) <= width:
         return line
     kept: Line = []
@@ -281,7 +272,7 @@ def clipped(line: Line, width: int) -> Line:
 
 
 def rule(left: str | Line, right: str, width: int) -> Line:
-    """A title in a line; what is right is dropped first."""
+    """Draw a title into a horizontal rule; ``right`` goes first where there is no room."""
     title: Line = [(left.strip(), "title")] if isinstance(left, str) else left
     used = 3 + _columns(title)
     tail = f" {right} ─" if right and used + len(right) + 3 <= width else ""
@@ -292,7 +283,7 @@ def rule(left: str | Line, right: str, width: int) -> Line:
 def packed(
     items: Iterable[Item], width: int, rows: int | None = None, gap: str = "  "
 ) -> list[Line]:
-    """Items over as many rows as there are; what has no room is left out."""
+    """Spread items over as many rows as there are; what has no room is left out."""
     lines: list[Line] = []
     for text, ink in items:
         if lines and _columns(lines[-1]) + len(gap) + len(text) <= width:
@@ -312,15 +303,10 @@ def cos_deg(angle_deg: float) -> float:
     return math.cos(math.radians(angle_deg))
 
 
-def _sin_deg(angle_deg: float) -> float:
-    return math.sin(math.radians(angle_deg))
-
-
 def wrapped(text: str, width: int, rows: int, cut: str = "…") -> list[Line]:
-    """Text over as many rows as there are, broken between words; what is too long loses its middle.
+    """Break text between words over as many rows as there are; what is too long loses its middle.
 
-    What happened stands first and the remedy last: neither is what is left out. ``cut`` stands in
-    place of it.
+    What happened stands first and the remedy last: neither is left out; ``cut`` stands for it.
     """
     return [[(line, "")] for line in _broken(text, max(width, 1), rows, cut)]
 

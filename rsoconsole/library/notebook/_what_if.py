@@ -8,7 +8,7 @@ from rsoconsole.config import Config, with_changes
 from rsoconsole.library.notebook.figures.figures import NightPlots
 from rsoconsole.library.notebook.night.night import DrawnNight, night_of
 from rsoconsole.library.notebook.night.svg import text
-from rsoconsole.night import NightFrames, Summary, shown, summary_of
+from rsoconsole.night import NightFrames, Summary, merit, summary_of
 from rsoconsole.pipeline import ReplayedFrame, replay
 from rsoconsole.records import FrameTaken, ParameterChange, Record
 from rsoconsole.words import settings_words
@@ -97,7 +97,7 @@ class WhatIf(NightPlots):
     def rows(self) -> Iterator[tuple[str, str, str]]:
         """(what, as recorded, as tried) in words."""
         old, new = self.recorded, self.changed
-        for each in shown.NIGHT:
+        for each in merit.NIGHT:
             yield each.label, each.words(old), each.words(new)
 
     def __repr__(self) -> str:

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 from rsoconsole.library.notebook._pictures import Picture, layered
 from rsoconsole.library.notebook.night.svg import GREEN, GREY, RED, text
-from rsoconsole.night import Spell, Summary, shown
+from rsoconsole.night import StateSpan, Summary, merit
 from rsoconsole.words import span
 
 STATE_COLOURS = {
@@ -42,7 +42,7 @@ class Card:
     kept: int
     """Frames whose pixels are there."""
     summary: Summary
-    spells: tuple[Spell, ...]
+    spells: tuple[StateSpan, ...]
     misses: tuple[int, ...]
     """Instants of frames in which the object was not measured, UTC ns."""
     picture: Picture | None
@@ -54,10 +54,10 @@ def rows_of(card: Card) -> list[tuple[str, str]]:
     rows = [
         ("when", card.when),
         ("frames", f"{card.frames}, {card.kept} kept in full"),
-        (shown.LOCK.label, shown.LOCK.words(s)),
-        (shown.MISSES.label, f"{s.misses} of {s.followed + s.misses} frames with a track"),
-        (shown.RMS.label, shown.RMS.words(s)),
-        (shown.NIS_MEAN.label, f"{shown.NIS_MEAN.words(s)}, band {shown.BAND.words(s)}"),
+        (merit.LOCK.label, merit.LOCK.words(s)),
+        (merit.MISSES.label, f"{s.misses} of {s.followed + s.misses} frames with a track"),
+        (merit.RMS.label, merit.RMS.words(s)),
+        (merit.NIS_MEAN.label, f"{merit.NIS_MEAN.words(s)}, band {merit.BAND.words(s)}"),
     ]
     if card.branch_of is not None:
         rows.insert(
@@ -101,7 +101,7 @@ def card_text(card: Card) -> str:
     return f"{card.title}  ({card.folder})\n{rows}{states}"
 
 
-def strip_svg(spells: Sequence[Spell], misses: Iterable[int] = ()) -> str:
+def strip_svg(spells: Sequence[StateSpan], misses: Iterable[int] = ()) -> str:
     """The states of the loop along time, and a mark below for every miss; words under it."""
     if not spells:
         return ""
@@ -136,7 +136,7 @@ def strip_svg(spells: Sequence[Spell], misses: Iterable[int] = ()) -> str:
     )
 
 
-def _strip_words(spells: Iterable[Spell]) -> str:
+def _strip_words(spells: Iterable[StateSpan]) -> str:
     total: dict[str, float] = {}
     for spell in spells:
         total[spell.state] = total.get(spell.state, 0.0) + spell.seconds

@@ -20,7 +20,7 @@ from rsoconsole.night import (
     Row,
     Summary,
     rows_of,
-    spells_of,
+    state_spans,
     summary_of,
     tracks_of,
 )
@@ -311,7 +311,7 @@ class Session(SessionPictures, NightPlots):
             frames=self._reader.counts().frames,
             kept=len(self._kept()),
             summary=summary_of(night.frames),
-            spells=spells_of(self._log),
+            spells=state_spans(self._log),
             misses=tuple(f.t_mid_utc_ns for f in night.frames if f.missed is not None),
             picture=picture,
         )

@@ -274,11 +274,11 @@ def effect_rows(
     Raises ConfigError for a value that cannot be. Both are followed again from the record;
     ``config`` is that of the session's beginning.
     """
-    from rsoconsole.night import shown
+    from rsoconsole.night import merit
     from rsoconsole.pipeline import what_if
 
     was, then = (what_if(records, config, each, LAST_FRAMES) for each in ({}, changes))
-    return [[each.label, each.words(was), each.words(then)] for each in shown.TUNED]
+    return [[each.label, each.words(was), each.words(then)] for each in merit.TUNED]
 
 
 def _mapping(value: Any) -> Mapping[str, Any]:

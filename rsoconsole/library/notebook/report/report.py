@@ -25,7 +25,7 @@ from rsoconsole.library.notebook.report._report_facts import (
     track_facts,
 )
 from rsoconsole.library.notebook.report._report_pictures import inline_figures, shown_frames
-from rsoconsole.night import FRAME_FACTS, Summary, facts_of, shown, span_text, summary_of, tracks_of
+from rsoconsole.night import FRAME_FACTS, Summary, facts_of, merit, span_text, summary_of, tracks_of
 from rsoconsole.pipeline import usual_sigma_s
 from rsoconsole.records import (
     ExpectedMembers,
@@ -320,11 +320,11 @@ def _misses(number: int) -> str:
 def _key_figures(figures: Summary, course: Course) -> list[tuple[str, str, str]]:
     """(what, figure, beside it) of the head's row."""
     beside = {
-        shown.LOCK: "" if course.locked_frame is None else f"with frame {course.locked_frame}",
-        shown.MISSES: "frames without the object",
-        shown.RMS: "measured − predicted",
-        shown.NIS_MEAN: f"{shown.BAND.label} {shown.BAND.words(figures)}",
-        shown.INSIDE: "of residuals, on both axes",
+        merit.LOCK: "" if course.locked_frame is None else f"with frame {course.locked_frame}",
+        merit.MISSES: "frames without the object",
+        merit.RMS: "measured − predicted",
+        merit.NIS_MEAN: f"{merit.BAND.label} {merit.BAND.words(figures)}",
+        merit.INSIDE: "of residuals, on both axes",
     }
     return [
         ("exposures", str(figures.frames), f"{figures.updates} updates of the track"),

@@ -1,4 +1,4 @@
-"""The figures of a night as all that show them call and write them. Pure."""
+"""Figures of merit of a night: the label and the wording of each, wherever they are shown."""
 
 from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple
@@ -7,7 +7,7 @@ from rsoconsole.words import number
 
 
 class Figure(NamedTuple):
-    """How one figure is called and written wherever a night's are shown."""
+    """One figure of a night: its label, and how its value is written."""
 
     label: str
     words: Callable[[Any], str]
@@ -28,6 +28,6 @@ MISSES = Figure("misses", lambda f: str(f.misses))
 STATE = Figure("state", lambda f: f.state or "-")
 
 TUNED = (RMS, NIS_MEAN, LOG_L, INSIDE, MISSES, STATE)
-"""What is set side by side where a setting is tried on the last frames."""
+"""Figures set side by side where a setting is tried on the last frames."""
 NIGHT = (LOCK, UPDATES, MISSES, RMS, NIS_MEAN, BAND, INSIDE)
-"""And on a whole night."""
+"""Figures set side by side where it is tried on a whole night."""

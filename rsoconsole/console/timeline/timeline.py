@@ -1,4 +1,4 @@
-"""A night along its time: where its frames lie, its states, and what came to pass. Pure.
+"""A night along its time: its frames, the loop's states, its events. Pure.
 
 Places are numbers of the log (``seq``). A frame reaches from its ``FrameTaken`` to the record
 before the next one: what a screen shows at its end is the whole frame.
@@ -9,9 +9,11 @@ from bisect import bisect_left, bisect_right
 from dataclasses import dataclass, field
 from datetime import UTC, date, datetime, timedelta
 from datetime import time as time_of_day
+from itertools import pairwise
+from statistics import median_high
 from typing import Literal, NamedTuple
 
-from rsoconsole.console.words.panels import refused_of
+from rsoconsole.console.words.panels import likeliest_refused
 from rsoconsole.control import BeginMark, Note
 from rsoconsole.night import FrameRow
 from rsoconsole.records import (
@@ -29,11 +31,11 @@ from rsoconsole.words import NS_PER_S, clock
 TimelineEventKind = Literal["miss", "rejection", "loss", "operator", "note", "alarm"]
 KINDS: tuple[TimelineEventKind, ...] = ("miss", "rejection", "loss", "operator", "note", "alarm")
 _OF_FRAMES: frozenset[TimelineEventKind] = frozenset(("miss", "rejection", "loss"))
-"""Kinds that are seen whole only when their frame's last record is there."""
+"""Kinds of events best seen at the end of their frame."""
 
 
 class FrameMark(NamedTuple):
-    """Where a frame begins."""
+    """The begin of a frame."""
 
     seq: int
     t_utc_ns: int
@@ -41,7 +43,7 @@ class FrameMark(NamedTuple):
 
 
 class StateMark(NamedTuple):
-    """Where a state begins."""
+    """The begin of a state of the loop."""
 
     seq: int
     t_utc_ns: int
@@ -49,7 +51,7 @@ class StateMark(NamedTuple):
 
 
 class TimelineEvent(NamedTuple):
-    """Something worth a jump."""
+    """An event that the time line shows and jumps to."""
 
     seq: int
     t_utc_ns: int
@@ -58,7 +60,7 @@ class TimelineEvent(NamedTuple):
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Timeline:
-    """A night along its time, as far as it has been recorded; each is only itself."""
+    """A night along its time, as far as it is recorded; compared by identity."""
 
     frames: tuple[FrameMark, ...] = ()
     states: tuple[StateMark, ...] = ()
@@ -68,10 +70,10 @@ class Timeline:
     last_utc_ns: int | None = None
     last_seq: int = 0
     read_seq: int = 0
-    """How far it has been read, so that any moment before is shown at once and whole."""
+    """Place up to which it has been read: any moment before is shown at once and whole."""
     is_closed: bool = False
     with_pixels: frozenset[int] = frozenset()
-    """Numbers of the frames whose pixels are there: those can be opened at full resolution."""
+    """Numbers of the frames whose pixels are kept: they can be opened at full resolution."""
 
     @property
     def is_whole(self) -> bool:
@@ -79,22 +81,22 @@ class Timeline:
         return self.read_seq >= self.last_seq
 
     def index_of(self, seq: int) -> int | None:
-        """Which frame a place of the log lies in, counted from 0; None before the first."""
+        """Return the index of the frame that a place of the log is in; None before the first."""
         index = bisect_right(self.frames, seq, key=lambda mark: mark.seq) - 1
         return index if index >= 0 else None
 
     def end_of(self, index: int) -> int:
-        """The last place of that frame."""
+        """Return the last place of a frame."""
         after = index + 1
         return self.frames[after].seq - 1 if after < len(self.frames) else self.last_seq
 
     def time_of(self, seq: int) -> int | None:
-        """When the frame began in which a place lies; the night's beginning before the first."""
+        """Return when the frame of a place began; before the first frame, when the night began."""
         index = self.index_of(seq)
         return self.first_utc_ns if index is None else self.frames[index].t_utc_ns
 
     def step(self, seq: int, by: int) -> int | None:
-        """The end of the frame ``by`` on (or back, below 0); None where there is none at all.
+        """Return the end of the frame ``by`` on (or back, below 0); None: the night has no frame.
 
         From a place within a frame, one on is that frame's own end.
         """
@@ -110,14 +112,14 @@ class Timeline:
         return self.end_of(min(max(wanted, 0), len(self.frames) - 1))
 
     def at_time(self, t_utc_ns: int) -> int | None:
-        """The end of the last frame that began by then; of the first one before that."""
+        """Return the end of the last frame that began by then; before the first, that one's."""
         if not self.frames:
             return None
         index = bisect_right(self.frames, t_utc_ns, key=lambda mark: mark.t_utc_ns) - 1
         return self.end_of(max(index, 0))
 
     def moment_of(self, event: TimelineEvent) -> int:
-        """The place from which that is best seen."""
+        """Return the place from which an event is best seen."""
         index = self.index_of(event.seq)
         if event.kind not in _OF_FRAMES or index is None:
             return event.seq
@@ -126,7 +128,7 @@ class Timeline:
     def jump(
         self, seq: int, kinds: tuple[TimelineEventKind, ...], *, is_on: bool
     ) -> TimelineEvent | None:
-        """The next happening of these kinds whose moment lies after (or before) a place."""
+        """Return the next event of these kinds whose moment is after (or before) a place."""
         chosen = [each for each in self.events if each.kind in kinds]
         if is_on:
             at = bisect_right(chosen, seq, key=self.moment_of)
@@ -135,7 +137,7 @@ class Timeline:
         return chosen[at] if at >= 0 else None
 
     def kinds_at(self, moment: int) -> tuple[TimelineEventKind, ...]:
-        """Everything that is best seen from that place."""
+        """Return the kinds of the events that are best seen from a place."""
         index = self.index_of(moment)
         first = 0 if index is None else self.frames[index].seq
         near = [each for each in self.events if first <= each.seq <= moment]
@@ -143,17 +145,15 @@ class Timeline:
         return tuple(kind for kind in KINDS if kind in kinds)
 
     def cadence_s(self) -> float:
-        """The usual time from frame to frame; 1 where there are too few to tell."""
-        steps = [
-            b.t_utc_ns - a.t_utc_ns for a, b in zip(self.frames, self.frames[1:], strict=False)
-        ]
-        usual = sorted(step for step in steps if step > 0)
-        return usual[len(usual) // 2] / 1e9 if usual else 1.0
+        """Return the median time between frames in seconds; 1 where there are too few."""
+        steps = (b.t_utc_ns - a.t_utc_ns for a, b in pairwise(self.frames))
+        forward = [step for step in steps if step > 0]
+        return median_high(forward) / 1e9 if forward else 1.0
 
 
 @dataclass(slots=True)
 class TimelineFold:
-    """Makes the time line of a night: at once from its outline, in full as it is read."""
+    """Folds records into a night's time line: an outline at once, in full as the log is read."""
 
     _frames: list[FrameMark] = field(default_factory=list)
     _states: list[StateMark] = field(default_factory=list)
@@ -162,12 +162,8 @@ class TimelineFold:
     """Rejections: known only when a frame has been read."""
     _first_utc_ns: int | None = None
     _last_utc_ns: int | None = None
-    _last_seq: int = 0
-
-    @property
-    def last_seq(self) -> int:
-        """The last place of the log that is known."""
-        return self._last_seq
+    last_seq: int = 0
+    """The last place of the log that is known."""
 
     def receive(
         self,
@@ -177,13 +173,13 @@ class TimelineFold:
         frame_id: int | None,
         record: Record | None = None,
     ) -> None:
-        """One record, in order; ``record`` is needed of the kinds in ``READ_IN_FULL`` only."""
+        """Fold the next record; ``record`` itself is needed of the ``READ_IN_FULL`` kinds only."""
         # An unreadable record stands at instant 0, and a clock that is set may go back.
         t = max(t_utc_ns, self._last_utc_ns or 0)
         if t:
             self._first_utc_ns = self._first_utc_ns or t
             self._last_utc_ns = t
-        self._last_seq = max(self._last_seq, seq)
+        self.last_seq = max(self.last_seq, seq)
         if kind == FrameTaken.__name__ and frame_id is not None:
             self._frames.append(FrameMark(seq, t, frame_id))
         elif kind == Miss.__name__:
@@ -196,30 +192,30 @@ class TimelineFold:
                 self._events.append(TimelineEvent(seq, t, found))
 
     def receive_row(self, row: FrameRow, mark: FrameMark) -> None:
-        """What became of a frame that has been read to its end."""
-        if refused_of(row) is not None:
+        """Fold the outcome of a frame that has been read to its end."""
+        if likeliest_refused(row) is not None:
             self._refused.append(TimelineEvent(mark.seq, mark.t_utc_ns, "rejection"))
 
     def so_far(self, read_seq: int, *, is_closed: bool) -> Timeline:
-        """What is known."""
+        """Return the time line of what was folded; ``read_seq``: place up to which it is read."""
         return Timeline(
             frames=tuple(self._frames),
             states=tuple(self._states),
             events=tuple(sorted([*self._events, *self._refused])),
             first_utc_ns=self._first_utc_ns,
             last_utc_ns=self._last_utc_ns,
-            last_seq=self._last_seq,
+            last_seq=self.last_seq,
             read_seq=read_seq,
             is_closed=is_closed,
         )
 
 
 READ_IN_FULL = (StateChange, OperatorAction, Event)
-"""Kinds of which the outline alone does not say what came to pass."""
+"""Kinds of records whose event the outline alone does not tell."""
 
 
 def _kind_of(record: Record) -> TimelineEventKind | None:
-    """What a record is on the time line, beside its frame and misses; None: nothing."""
+    """The kind of a record's event on the time line; None: it has none."""
     match record:
         case StateChange():
             if record.after == "FAULT":
@@ -251,31 +247,31 @@ def speed_words(speed: float) -> str:
 
 @dataclass(slots=True)
 class Player:
-    """How fast, whether at all, and the frame clock of what is shown."""
+    """The replay of a night: its pace, whether it runs, and its frame clock."""
 
     speed: float = SPEEDS[0]
     is_playing: bool = False
     _t_utc_ns: float = 0.0
 
     def settle(self, timeline: Timeline) -> None:
-        """About a frame a second."""
+        """Set the pace to about a frame a second."""
         cadence_s = timeline.cadence_s()
         self.speed = min(SPEEDS, key=lambda speed: abs(speed - cadence_s))
 
     def change(self, by: int) -> None:
-        """One step slower or faster."""
+        """Change the pace by steps: below 0 slower."""
         at = SPEEDS.index(self.speed) + by
         self.speed = SPEEDS[min(max(at, 0), len(SPEEDS) - 1)]
 
     def begin(self, timeline: Timeline, seq: int) -> None:
-        """Play from there on."""
+        """Play from a place on."""
         self.is_playing = True
         self._t_utc_ns = float(timeline.time_of(seq) or 0)
 
     def after(self, timeline: Timeline, seq: int, by_s: float) -> int:
-        """The moment that is due when it has played for so long since the last call.
+        """Return the place that is due ``by_s`` seconds after the last call.
 
-        At the end of a night that is over it stops; one that goes on is waited for.
+        At the end of a closed night it stops; for one that goes on it waits.
         """
         following = timeline.step(seq, 1)
         if following is None or following == seq:
@@ -294,24 +290,24 @@ _CLOCK = re.compile(r"(?:(\d{4}-\d\d-\d\d)[T ])?(\d\d?):(\d\d)(?::(\d\d))?Z?", r
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Typed:
-    """What was meant: a frame's number, or a time of day with or without its date, UTC."""
+class TypedPlace:
+    """A place as typed: a frame's number, or a UTC time of day with or without its date."""
 
     frame_id: int | None = None
     clock: time_of_day | None = None
     day: date | None = None
 
 
-def understood(text: str) -> Typed:
-    """What was typed. Raises ValueError in words for what is neither."""
+def parse_place(text: str) -> TypedPlace:
+    """Parse a frame's number or a UTC time. Raises ValueError in words for what is neither."""
     plain = text.strip()
     if plain.isdecimal():
-        return Typed(frame_id=int(plain))
+        return TypedPlace(frame_id=int(plain))
     found = _CLOCK.fullmatch(plain)
     if found is not None:
         day, hour, minute, second = found.groups()
         try:
-            return Typed(
+            return TypedPlace(
                 clock=time_of_day(int(hour), int(minute), int(second or 0)),
                 day=date.fromisoformat(day) if day else None,
             )
@@ -320,29 +316,29 @@ def understood(text: str) -> Typed:
     raise ValueError(f"{plain!r} is no frame and no UTC time: {EXAMPLES}")
 
 
-def seq_of(typed: Typed, timeline: Timeline) -> int:
-    """The moment that was meant: that frame's end, or what was newest then.
+def seq_of(typed: TypedPlace, timeline: Timeline) -> int:
+    """Return the place that was typed: that frame's end, or the newest frame's at that time.
 
-    Raises ValueError in words where the night has none.
+    Raises ValueError in words where the night has no such place.
     """
     if not timeline.frames:
         raise ValueError("the session has no frames")
     if typed.frame_id is not None:
-        for index, mark in enumerate(timeline.frames):
-            if mark.frame_id == typed.frame_id:
-                return timeline.end_of(index)
-        first, last = timeline.frames[0].frame_id, timeline.frames[-1].frame_id
-        raise ValueError(f"there is no frame {typed.frame_id}: frames are {first} to {last}")
+        numbers = [mark.frame_id for mark in timeline.frames]
+        if typed.frame_id in numbers:
+            return timeline.end_of(numbers.index(typed.frame_id))
+        bounds = f"{numbers[0]} to {numbers[-1]}"
+        raise ValueError(f"there is no frame {typed.frame_id}: frames are {bounds}")
     t_utc_ns = _instant(typed, timeline)
     seq = None if t_utc_ns is None else timeline.at_time(t_utc_ns)
     if seq is None:
-        first_utc_ns, last_utc_ns = timeline.first_utc_ns, timeline.last_utc_ns
-        raise ValueError(f"the session goes from {clock(first_utc_ns)} to {clock(last_utc_ns)}")
+        first, last = clock(timeline.first_utc_ns), clock(timeline.last_utc_ns)
+        raise ValueError(f"the session goes from {first} to {last}")
     return seq
 
 
-def _instant(typed: Typed, timeline: Timeline) -> int | None:
-    """That time within the session; None where it has none. A minute that has begun counts."""
+def _instant(typed: TypedPlace, timeline: Timeline) -> int | None:
+    """A typed time within the session, to a minute beyond its ends; None where it is outside."""
     first, last = timeline.first_utc_ns, timeline.last_utc_ns
     if first is None or last is None or typed.clock is None:
         return None
