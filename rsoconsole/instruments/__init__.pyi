@@ -33,10 +33,10 @@ from .ports import SlewEnd as SlewEnd
 from .ports import StopResult as StopResult
 from .process_memory import return_what_is_freed as return_what_is_freed
 from .solver.index_files import IndexFile as IndexFile
-from .solver.index_files import config_search_dirs as config_search_dirs
 from .solver.index_files import install as install
 from .solver.index_files import list_index_files as list_index_files
 from .solver.index_files import needed_scales as needed_scales
+from .solver.index_files import search_dirs as search_dirs
 from .solver.index_files import series_name as series_name
 from .solver.solver import MIN_STARS as MIN_STARS
 from .solver.solver import PlateSolver as PlateSolver

@@ -188,6 +188,9 @@ class Clock(Protocol):
 class MountPort(Protocol):
     """A telescope mount."""
 
+    def start(self) -> None:
+        """Connect. Raises InstrumentError when the mount cannot be reached."""
+
     def slew(self, ra_icrs_deg: float, dec_icrs_deg: float, now_utc_ns: int) -> None:
         """Go there and track at the sidereal rate; returns once the mount has taken the order.
 
@@ -254,6 +257,9 @@ class MountPort(Protocol):
 
 class CameraPort(Protocol):
     """A camera."""
+
+    def start(self) -> None:
+        """Connect. Raises InstrumentError when the camera cannot be reached."""
 
     def start_exposure(self, exposure_s: float, frame_id: int) -> None:
         """Open the shutter; returns once the camera has taken the order.

@@ -44,11 +44,6 @@ from rsoconsole.records import Frame
 MAGIC = (b"\x89PNG", b"II*\0", b"MM\0*", b"II+\0", b"MM\0+")
 
 
-def picture(content: Content, name: str) -> npt.NDArray[Any]:
-    """Its pixels as stored, (height, width) or (height, width, colours). Raises FrameError."""
-    return decoder().decode_picture(content, name)
-
-
 def fits_image(
     content: Content, name: str, extension: str | None = None, min_side_px: int = 1
 ) -> FitsImage:
@@ -149,15 +144,31 @@ def frame_from_bytes(
     ``room`` may give an array (height, width) into which pixels of 16 bits are written; else, and
     for all other pixels, a fresh one is made. ``is_alone``: note that there are other images.
     """
+    full_adu: float | None = None
+    notes: list[str] = []
     try:
-        return _frame(
-            _decompress(content, name),
+        content = _decompress(content, name)
+        if content[: len(_FITS_MAGIC)] == _FITS_MAGIC:
+            image = fits_image(content, name, extension, MIN_SIDE_PX)
+            bits = image.raw.dtype.itemsize * 8
+            notes += _notes_of_others(image) if is_alone else []
+        elif content[:4] in MAGIC:
+            stored = decoder().decode_picture(content, name)
+            bits = stored.dtype.itemsize * 8
+            raw, full_adu, is_coloured = one_plane(stored, name)
+            image = FitsImage(raw=raw, header={})
+            notes += [COLOURS] if is_coloured else []
+        else:
+            raise FrameError(f"{name} is neither FITS, TIFF nor PNG: convert it to FITS")
+        return _frame_of(
+            image,
             frame_id,
             name,
-            extension,
+            notes,
+            full_adu,
+            bits=bits,
             max_nonfinite_fraction=max_nonfinite_fraction,
             room=room,
-            is_alone=is_alone,
         )
     except (ArithmeticError, AttributeError, LookupError, MemoryError, TypeError, ValueError) as e:
         # A header may say anything; whatever stumbles over it, the frame is what is wrong.
@@ -208,42 +219,6 @@ def frame_from_array(
         raise FrameError(
             f"{name}: its header makes no sense ({type(error).__name__}): give it without"
         ) from error
-
-
-def _frame(
-    content: Content,
-    frame_id: int,
-    name: str,
-    extension: str | None,
-    *,
-    max_nonfinite_fraction: float,
-    room: Room,
-    is_alone: bool,
-) -> Frame:
-    full_adu: float | None = None
-    notes: list[str] = []
-    if content[: len(_FITS_MAGIC)] == _FITS_MAGIC:
-        image = fits_image(content, name, extension, MIN_SIDE_PX)
-        raw, bits = image.raw, image.raw.dtype.itemsize * 8
-        notes += _notes_of_others(image) if is_alone else []
-    elif content[:4] in MAGIC:
-        stored = picture(content, name)
-        bits = stored.dtype.itemsize * 8
-        raw, full_adu, is_coloured = one_plane(stored, name)
-        image = FitsImage(raw=raw, header={})
-        notes += [COLOURS] if is_coloured else []
-    else:
-        raise FrameError(f"{name} is neither FITS, TIFF nor PNG: convert it to FITS")
-    return _frame_of(
-        image,
-        frame_id,
-        name,
-        notes,
-        full_adu,
-        bits=bits,
-        max_nonfinite_fraction=max_nonfinite_fraction,
-        room=room,
-    )
 
 
 def _frame_of(

@@ -1,6 +1,5 @@
 """Weather and dome, watched by a plain INDI connection on a thread of its own."""
 
-import contextlib
 import threading
 import time
 from typing import Literal
@@ -177,15 +176,3 @@ class IndiSafetyMonitor:
     def _note(self, trouble: str) -> None:
         with self._changed:
             self._trouble = trouble
-
-
-def open_safety_monitor(
-    config: IndiConfig, release: contextlib.ExitStack, waits: WaitsConfig
-) -> IndiSafetyMonitor | None:
-    """One at work, closed with ``release``; None where nothing is configured to watch."""
-    if not (config.weather or config.dome):
-        return None
-    safety_monitor = IndiSafetyMonitor(config, first_word_s=waits.quiet_s)
-    release.callback(safety_monitor.close)
-    safety_monitor.start()
-    return safety_monitor

@@ -74,7 +74,7 @@ class MountWatch:
         self._wake.set()
 
     def hold_tracking(self, is_on: bool | None) -> None:
-        """Tracking was set behind a STOP: see that it stays so; None: nobody wants it.
+        """Tracking was set behind a STOP: see that it stays so; None: a new order decides of it.
 
         A driver may go back to its own idea of it at its next look at the mount.
         """
@@ -86,10 +86,6 @@ class MountWatch:
         if before is not None:
             before.end()
         self._wake.set()
-
-    def let_tracking(self) -> None:
-        """A new order has something else to say on tracking."""
-        self._held = None
 
     def slew_begins(self) -> None:
         """A slew is about to be ordered."""

@@ -15,19 +15,21 @@ from rsoconsole.base import InstrumentError
 from rsoconsole.instruments.indi.client_choice import open_client
 from rsoconsole.instruments.indi.indi_child import ReplyWriter, run_child
 from rsoconsole.instruments.indi.indi_client import IndiClient, Vector
-from rsoconsole.instruments.indi.reported_motion import ReportedMotion
+from rsoconsole.instruments.indi.reported_motion import (
+    ABORT,
+    COORDINATES,
+    PARK,
+    TRACKING,
+    ReportedMotion,
+)
 from rsoconsole.instruments.motion import AfterStop
 from rsoconsole.instruments.mount._mount_halt import Halt
 from rsoconsole.instruments.mount._mount_owner import MountOwner
 from rsoconsole.instruments.mount._mount_watch import MountWatch
 from rsoconsole.instruments.mount.mount_lease import Lease
 from rsoconsole.instruments.mount.mount_mirror import (
-    ABORT,
-    COORDINATES,
-    PARK,
     SIDE,
     TIME,
-    TRACKING,
     MountEar,
     MountMirror,
 )
@@ -76,9 +78,7 @@ class MountChild:
             MountEar(order["host"], order["port"], order["device"], self._motion).start()
         if self._is_simulated:
             before = client.send_switch("SIM_REPORT", "NOW")
-            self._expect(
-                client.wait(COORDINATES, lambda _: True, self._answer_s, before), "report", before
-            )
+            self._expect(COORDINATES, "report", before)
         elif order.get("stops_first"):
             self._writer.say({"event": "message", "text": CAME_BACK})
             self._stop("track")
@@ -203,10 +203,7 @@ class MountChild:
             return {}
         self._new_order(order)
         before = client.send_switch(PARK, "PARK")
-        answer = self._expect(
-            client.wait(PARK, lambda _: True, self._answer_s, before), "park", before
-        )
-        self._await_report(answer.serial)
+        self._await_report(self._expect(PARK, "park", before).serial)
         return {}
 
     def unpark(self, order: dict[str, Any]) -> dict[str, Any]:
@@ -217,13 +214,10 @@ class MountChild:
             self._stop("track")
         if mirror.says_parked:
             before = client.send_switch(PARK, "UNPARK")
-            released = client.wait(
-                PARK,
-                lambda v: v.state == "Alert" or not v.values.get("PARK"),
-                self._answer_s,
-                before,
+            released = self._expect(
+                PARK, "unpark", before, lambda v: v.state == "Alert" or not v.values.get("PARK")
             )
-            self._await_report(self._expect(released, "unpark", before).serial)
+            self._await_report(released.serial)
         return {}
 
     def set_tracking(self, order: dict[str, Any]) -> dict[str, Any]:
@@ -258,11 +252,7 @@ class MountChild:
             )
             return vector.state == "Alert" or bool(off_deg < _SAME_SITE_DEG)
 
-        self._expect(
-            client.wait("GEOGRAPHIC_COORD", is_answer, self._answer_s, before),
-            "take its site",
-            before,
-        )
+        self._expect("GEOGRAPHIC_COORD", "take its site", before, is_answer)
         return {}
 
     def site(self, _order: dict[str, Any]) -> dict[str, Any]:
@@ -336,7 +326,7 @@ class MountChild:
         self._refuse_if_overtaken(order)
         self._ready()[1].order_begins()
         if self._watch is not None:
-            self._watch.let_tracking()
+            self._watch.hold_tracking(None)
             self._watch.measure_stop(None)
 
     def _is_overtaken(self, order: dict[str, Any]) -> bool:
@@ -375,18 +365,26 @@ class MountChild:
     def _switch(self, name: str, member: str) -> Vector:
         client, _ = self._ready()
         before = client.send_switch(name, member)
-        return self._expect(
-            client.wait(name, lambda _: True, self._answer_s, before), f"set {name}", before
-        )
+        return self._expect(name, f"set {name}", before)
 
     def _await_report(self, answered: int) -> None:
         """The simulated mount reports behind every answer: wait, so that nobody sees it older."""
         if self._is_simulated:
             self._ready()[0].wait(COORDINATES, lambda _: True, self._answer_s, answered)
 
-    def _expect(self, answer: Vector | None, what: str, before: int) -> Vector:
-        """``before``: the number of the last update before the order. Raises InstrumentError."""
+    def _expect(
+        self,
+        name: str,
+        what: str,
+        before: int,
+        is_answer: Callable[[Vector], bool] = lambda _: True,
+    ) -> Vector:
+        """The property with which the driver answers an order; raises InstrumentError for none.
+
+        ``before``: the number of the last update before the order.
+        """
         client, _ = self._ready()
+        answer = client.wait(name, is_answer, self._answer_s, before)
         if answer is None:
             raise InstrumentError(
                 f"the mount did not {what} in {self._answer_s:.0f} s: "

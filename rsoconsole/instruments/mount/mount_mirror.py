@@ -14,18 +14,21 @@ from typing import Any
 from rsoconsole.base import InstrumentError
 from rsoconsole.instruments.indi.indi_client import IndiClient, Vector
 from rsoconsole.instruments.indi.indi_wire import IndiWire
-from rsoconsole.instruments.indi.reported_motion import POLLING, ReportedMotion
+from rsoconsole.instruments.indi.reported_motion import (
+    ABORT,
+    COORDINATES,
+    PARK,
+    POLLING,
+    TRACKING,
+    ReportedMotion,
+)
 from rsoconsole.instruments.motion import AfterStop, Motion, tracking_after_stop
 from rsoconsole.instruments.ports import MountAbilities
 from rsoconsole.sky import hours_to_deg, iso_to_utc_ns, jnow_to_icrs, wrap_180
 
-COORDINATES = "EQUATORIAL_EOD_COORD"
-PARK = "TELESCOPE_PARK"
-TRACKING = "TELESCOPE_TRACK_STATE"
 SIDE = "TELESCOPE_PIER_SIDE"
 TIME = "TIME_UTC"
 SITE = "GEOGRAPHIC_COORD"
-ABORT = "TELESCOPE_ABORT_MOTION"
 OFFERED = (ABORT, TRACKING, PARK, SIDE, SITE, TIME)
 """Properties that not every driver has."""
 SILENT_SLEW_S = 10.0

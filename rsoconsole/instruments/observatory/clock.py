@@ -13,7 +13,7 @@ from rsoconsole.base import InstrumentError, LongWait
 from rsoconsole.config import APP, Config, WaitsConfig
 from rsoconsole.instruments.clock_watch import ClockReadings, ClockWatch
 from rsoconsole.instruments.indi.indi_wire import IndiVector, IndiWire
-from rsoconsole.instruments.indi.safety_monitor import open_safety_monitor
+from rsoconsole.instruments.indi.safety_monitor import IndiSafetyMonitor
 from rsoconsole.instruments.observatory.protocols import Connection, camera_by, mount_by
 from rsoconsole.instruments.ports import Clock, ClockFault, Instruments
 
@@ -199,7 +199,12 @@ class SimulatedClock:
 
     def _answer(self, tag: str, timeout_s: float) -> IndiVector | None:
         deadline_s = time.monotonic() + timeout_s
-        is_answer = _advance_answer(tag)
+
+        def is_answer(vector: IndiVector) -> bool:
+            if vector.name != "SIM_ADVANCE" or vector.is_definition:
+                return False
+            return vector.state == "Alert" or vector.values.get("TAG") == tag
+
         while (left_s := deadline_s - time.monotonic()) > 0:
             answer = self._wire.wait(is_answer, min(left_s, _WAKE_EVERY_S))
             if answer is not None:
@@ -207,15 +212,6 @@ class SimulatedClock:
             if self._wake.is_set():
                 self._wire.new("Switch", CLOCK_DEVICE, "SIM_INTERRUPT", {"INTERRUPT": "On"})
         return None
-
-
-def _advance_answer(tag: str) -> Callable[[IndiVector], bool]:
-    def is_answer(vector: IndiVector) -> bool:
-        if vector.name != "SIM_ADVANCE" or vector.is_definition:
-            return False
-        return vector.state == "Alert" or vector.values.get("TAG") == tag
-
-    return is_answer
 
 
 @contextmanager
@@ -250,7 +246,11 @@ def connect_instruments(
             )
             release.callback(own.close)
             clock = own
-        safety_monitor = open_safety_monitor(config.indi, release, config.waits)
+        safety_monitor = None
+        if config.indi.weather or config.indi.dome:
+            safety_monitor = IndiSafetyMonitor(config.indi, first_word_s=config.waits.quiet_s)
+            release.callback(safety_monitor.close)
+            safety_monitor.start()
         yield Instruments(
             clock=clock,
             mount=mount,

@@ -2,15 +2,15 @@
 
 A package brings a protocol as an entry point of group ``rsoconsole.mounts`` or
 ``rsoconsole.cameras``: a callable that is given a ``Connection`` and returns something with the
-methods of ``MountPort`` or ``CameraPort`` (``instruments/ports.py``) and ``start()``. Its settings
-are ``[instruments.options]``.
+methods of ``MountPort`` or ``CameraPort`` (``instruments/ports.py``). Its settings are
+``[instruments.options]``.
 """
 
 from collections.abc import Callable
 from dataclasses import dataclass
 from importlib.metadata import entry_points
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 from rsoconsole.base import InstrumentError
 from rsoconsole.config import Config
@@ -30,21 +30,7 @@ class Connection:
     """Where a process of its own may leave what its library prints."""
 
 
-class StartedMount(MountPort, Protocol):
-    """A mount that is connected when it is told to."""
-
-    def start(self) -> None:
-        """Connect. Raises InstrumentError when the mount cannot be reached."""
-
-
-class StartedCamera(CameraPort, Protocol):
-    """A camera that is connected when it is told to."""
-
-    def start(self) -> None:
-        """Connect. Raises InstrumentError when the camera cannot be reached."""
-
-
-def mount_by(connection: Connection) -> StartedMount:
+def mount_by(connection: Connection) -> MountPort:
     """The configured mount, not yet connected.
 
     Raises InstrumentError where no such protocol is installed or its package cannot be loaded.
@@ -53,11 +39,11 @@ def mount_by(connection: Connection) -> StartedMount:
     if name == "indi":
         config = connection.config
         return IndiMount(config.indi, connection.log_dir / "mount.log", config.mount, config.waits)
-    mount: StartedMount = _factory(MOUNTS, "mount", name)(connection)
+    mount: MountPort = _factory(MOUNTS, "mount", name)(connection)
     return mount
 
 
-def camera_by(connection: Connection) -> StartedCamera:
+def camera_by(connection: Connection) -> CameraPort:
     """The configured camera, not yet connected.
 
     Raises InstrumentError where no such protocol is installed or its package cannot be loaded.
@@ -66,7 +52,7 @@ def camera_by(connection: Connection) -> StartedCamera:
     if name == "indi":
         config, log_file = connection.config, connection.log_dir / "camera.log"
         return IndiCamera(config.indi, config.optics, log_file, config.waits)
-    camera: StartedCamera = _factory(CAMERAS, "camera", name)(connection)
+    camera: CameraPort = _factory(CAMERAS, "camera", name)(connection)
     return camera
 
 

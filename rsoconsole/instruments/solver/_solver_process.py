@@ -20,13 +20,6 @@ MAX_SOLVERS = 4
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Ready:
-    """First word of the process: it can search, or why it never will."""
-
-    error: str = ""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
 class MatchRequest:
     """One search."""
 
@@ -67,7 +60,8 @@ def main(socket_fd: int) -> None:
                 os._exit(0)
 
     threading.Thread(target=listen, daemon=True).start()
-    _say(connection, Ready(error=_why_useless()))
+    # The first word: why it never will search; empty where it can.
+    _say(connection, _why_useless())
     searcher = Searcher()
     while True:
         request = requests.get()
@@ -86,7 +80,7 @@ def _why_useless() -> str:
     return ""
 
 
-def _say(connection: Connection, word: Ready | MatchReply) -> None:
+def _say(connection: Connection, word: str | MatchReply) -> None:
     try:
         connection.send(word)
     except OSError:

@@ -5,6 +5,7 @@ Files of the 4100 series (Tycho-2): number n holds star quads of ``QUAD_ARCMIN[n
 data.astrometry.net through the ``astrometry`` package, and, for |dec| <= 12 deg, with rsoconsole.
 """
 
+import functools
 import math
 import os
 import shutil
@@ -12,11 +13,10 @@ import tempfile
 import threading
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
-from functools import lru_cache
 from pathlib import Path
 
 from rsoconsole.base import SolverError, resource, said_as
-from rsoconsole.config import SolverConfig, data_dir
+from rsoconsole.config import data_dir
 from rsoconsole.instruments.solver._index_fits import dec_limits_deg, read_header
 
 QUAD_ARCMIN = (
@@ -34,13 +34,13 @@ class IndexFile:
     """One index file as found on disk."""
 
     path: Path
-    scale: int | None
+    scale: int | None = None
     """Its number in the series; None for files of another one."""
-    quad_deg: tuple[float, float]
+    quad_deg: tuple[float, float] = (0.0, 0.0)
     """Least and greatest size of its star quads."""
-    dec_deg: tuple[float, float]
+    dec_deg: tuple[float, float] = (0.0, 0.0)
     """Declinations of its stars."""
-    size_bytes: int
+    size_bytes: int = 0
     fault: str = ""
     """Empty when the file is complete."""
 
@@ -81,11 +81,6 @@ def search_dirs(configured: Sequence[Path] = ()) -> tuple[Path, ...]:
         SYSTEM_DIR,
         shipped_index_dir(),
     )
-
-
-def config_search_dirs(config: SolverConfig) -> tuple[Path, ...]:
-    """``search_dirs`` of a configuration."""
-    return search_dirs(config.index_dirs)
 
 
 def list_index_files(dirs: Iterable[Path]) -> tuple[IndexFile, ...]:
@@ -201,18 +196,19 @@ def examine(path: Path) -> IndexFile:
     try:
         state = path.stat()
     except OSError as error:
-        return _faulty(path, 0, f"cannot be read: {error.strerror}")
+        return IndexFile(path=path, fault=f"cannot be read: {error.strerror}")
     return _examine_once(path, state.st_size, state.st_mtime_ns)
 
 
-@lru_cache(maxsize=256)
+@functools.lru_cache(maxsize=256)
 def _examine_once(path: Path, size: int, _mtime_ns: int) -> IndexFile:
+    faulty = functools.partial(IndexFile, path=path, size_bytes=size)
     try:
         header = read_header(path)
         if size < header.expected_size:
-            return _faulty(path, size, f"truncated: {size} of {header.expected_size} bytes")
+            return faulty(fault=f"truncated: {size} of {header.expected_size} bytes")
         if header.cards.get("ENDIAN") != _LITTLE_ENDIAN:
-            return _faulty(path, size, "written for another byte order: get the littleendian one")
+            return faulty(fault="written for another byte order: get the littleendian one")
         dec_low, dec_high = dec_limits_deg(path, header)
         if dec_high - dec_low > 150.0:
             dec_low, dec_high = -90.0, 90.0  # few stars lie near the poles
@@ -225,13 +221,7 @@ def _examine_once(path: Path, size: int, _mtime_ns: int) -> IndexFile:
             size_bytes=size,
         )
     except (SolverError, ValueError, KeyError) as error:
-        return _faulty(path, size, str(error))
-
-
-def _faulty(path: Path, size: int, fault: str) -> IndexFile:
-    return IndexFile(
-        path=path, scale=None, quad_deg=(0.0, 0.0), dec_deg=(0.0, 0.0), size_bytes=size, fault=fault
-    )
+        return faulty(fault=str(error))
 
 
 def _scale_number(quad_low_deg: float) -> int | None:

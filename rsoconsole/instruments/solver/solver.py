@@ -17,7 +17,7 @@ import numpy as np
 
 from rsoconsole.base import FrameError, SolverError
 from rsoconsole.config import WaitsConfig
-from rsoconsole.instruments.solver._solver_child import SolverChild, SolverDied, SolverTimeout
+from rsoconsole.instruments.solver._solver_child import SolverChild
 from rsoconsole.instruments.solver._solver_process import MatchReply, MatchRequest
 from rsoconsole.instruments.solver.index_files import (
     IndexFile,
@@ -237,12 +237,7 @@ class PlateSolver:
             position_deg=hint.position_deg,
             depths=_DEPTHS,
         )
-        try:
-            reply = self._child.ask(request, deadline_s)
-        except SolverTimeout:
-            return f"no match within {deadline_s:g} s; the solver was restarted"
-        except SolverDied:
-            return "the solver process died; it was restarted"
+        reply = self._child.ask(request, deadline_s)
         if reply.wcs_cards is not None:
             return reply
         return reply.error or f"no match for {len(rows)} stars{_searched(hint, files)}{finer}"
