@@ -159,29 +159,24 @@ def config_faults(
         config = Config.model_validate(given.table)
     except ValidationError as error:
         return tuple(_fault(dict(fault), given.variables) for fault in error.errors())
-    return _contradictions(config)
+    return tuple(_contradictions(config))
 
 
-def _contradictions(config: Config) -> tuple[ConfigFault, ...]:
+def _contradictions(config: Config) -> Iterator[ConfigFault]:
     """Values that are each allowed but do not go together."""
-    faults = []
     if config.exposure.cadence_s < config.exposure.exposure_s:
-        faults.append(
-            ConfigFault(
-                name="exposure.cadence_s",
-                problem=f"{config.exposure.cadence_s:g} s is shorter than one exposure",
-                remedy=f"make it at least {config.exposure.exposure_s:g}",
-            )
+        yield ConfigFault(
+            name="exposure.cadence_s",
+            problem=f"{config.exposure.cadence_s:g} s is shorter than one exposure",
+            remedy=f"make it at least {config.exposure.exposure_s:g}",
         )
     if config.detector.model is not None and not config.detector.model.exists():
-        faults.append(
-            ConfigFault(
-                name="detector.model",
-                problem=f"{config.detector.model} does not exist",
-                remedy="name a .tflite file, or leave the setting out for the shipped network",
-            )
+        yield ConfigFault(
+            name="detector.model",
+            problem=f"{config.detector.model} does not exist",
+            remedy="name a .tflite file, or leave the setting out for the shipped network",
         )
-    return (*faults, *_calibration_faults(config.calibration))
+    yield from _calibration_faults(config.calibration)
 
 
 def _calibration_faults(calibration: CalibrationConfig) -> Iterator[ConfigFault]:

@@ -5,8 +5,6 @@ from pathlib import Path
 from typing import Literal, Self
 
 from pydantic import (
-    BaseModel,
-    ConfigDict,
     Field,
     field_serializer,
     field_validator,
@@ -17,10 +15,8 @@ from rsoconsole.config.observatory import Section
 from rsoconsole.config.source_names import expect_url, shown, split_source
 
 
-class MeasuredErrors(BaseModel):
+class MeasuredErrors(Section):
     """Factors on the assumed errors of one kind of orbit, each with its one-sigma error."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
     regime: Literal["GEO", "MEO", "LEO", "HEO"]
     along_at_epoch: float = Field(ge=0.01, le=100)

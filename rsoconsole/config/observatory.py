@@ -20,10 +20,19 @@ from rsoconsole.records import Site
 TimeSource = Literal["header", "gps"]
 
 
-class CalibratedTiming(BaseModel):
-    """What a calibration found of one camera mode; a trait that is left out was not told."""
-
+class Section(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+
+    @field_validator("*")
+    @classmethod
+    def _home_is_where_the_tilde_says(cls, value: Any) -> Any:
+        if isinstance(value, tuple):
+            return tuple(home_path(part) if isinstance(part, Path) else part for part in value)
+        return home_path(value) if isinstance(value, Path) else value
+
+
+class CalibratedTiming(Section):
+    """What a calibration found of one camera mode; a trait that is left out was not told."""
 
     exposure_s: float | None = Field(None, gt=0, le=1e6)
     """None: of whatever length."""
@@ -59,17 +68,6 @@ class CalibratedTiming(BaseModel):
         """The mode but for the length of its exposure."""
         sides = (self.width_px, self.height_px, self.x0_px, self.y0_px)
         return (self.binning, *sides, self.gain, self.time_by)
-
-
-class Section(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
-
-    @field_validator("*")
-    @classmethod
-    def _home_is_where_the_tilde_says(cls, value: Any) -> Any:
-        if isinstance(value, tuple):
-            return tuple(home_path(part) if isinstance(part, Path) else part for part in value)
-        return home_path(value) if isinstance(value, Path) else value
 
 
 class SiteConfig(Section):

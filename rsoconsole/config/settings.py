@@ -64,24 +64,13 @@ class VariableError(ConfigError):
         self.variable = variable
 
 
-@dataclass(frozen=True, slots=True)
-class Given:
-    """One setting of the environment."""
-
-    variable: str
-    name: str
-    """Dotted."""
-    value: Any
-    """Text, or what its JSON says."""
-
-
 def variable_of(name: str) -> str:
     """The variable of a setting, of ``site.latitude_deg`` RSOCONSOLE_SITE__LATITUDE_DEG."""
     return PREFIX + name.replace(".", BETWEEN).upper()
 
 
-def given_settings(model: type[BaseModel], environ: Mapping[str, str]) -> Iterator[Given]:
-    """The settings that variables give, in the order of the model.
+def given_settings(model: type[BaseModel], environ: Mapping[str, str]) -> Iterator[tuple[str, Any]]:
+    """(dotted name, value) of each setting that a variable gives, in the order of the model.
 
     Raises VariableError for JSON that is none.
     """
@@ -109,12 +98,7 @@ def given_settings(model: type[BaseModel], environ: Mapping[str, str]) -> Iterat
             value = source()[section][key]
         except (SettingsError, KeyError) as error:
             raise VariableError(variable) from error
-        yield Given(variable, name, value)
-
-
-def setting_variables(model: type[BaseModel], environ: Mapping[str, str]) -> list[str]:
-    """Those that are set."""
-    return hiding_variables(_names(model), environ)
+        yield name, value
 
 
 def hiding_variables(names: Iterable[str], environ: Mapping[str, str]) -> list[str]:
@@ -122,10 +106,10 @@ def hiding_variables(names: Iterable[str], environ: Mapping[str, str]) -> list[s
     return [each for each in map(variable_of, names) if environ.get(each)]
 
 
-def unknown_variables(model: type[BaseModel], environ: Mapping[str, str]) -> Iterator[str]:
-    """For each variable with this program's prefix that it does not know, a line that says so."""
-    known = {_plain(each): each for each in (*map(variable_of, _names(model)), *OTHERS)}
-    for variable in sorted(environ):
+def environment_warnings() -> Iterator[str]:
+    """For each variable that looks like a setting and is none, a line with the one meant."""
+    known = {_plain(each): each for each in (*map(variable_of, _names(Config)), *OTHERS)}
+    for variable in sorted(os.environ):
         if variable.startswith(PREFIX) and variable not in known.values():
             near = nearest(_plain(variable), known)
             meant = f"did you mean {known[near]}?" if near else "'rsoconsole config show' has all"
@@ -346,8 +330,8 @@ class Layers:
         source = path or default_config_path()
         in_file = read_toml(source) if path is not None or source.exists() else {}
         table = {k: dict(v) if isinstance(v, dict) else v for k, v in in_file.items()}
-        given = list(given_settings(Config, os.environ if environ is None else environ))
-        of_environment = {each.name: each.value for each in given}
+        given = given_settings(Config, os.environ if environ is None else environ)
+        of_environment = dict(given)
         for dotted, value in {**of_environment, **(overrides or {})}.items():
             section, _, key = dotted.partition(".")
             if not isinstance(table.setdefault(section, {}), dict):
@@ -356,7 +340,7 @@ class Layers:
             if value is None and dotted in of_environment:
                 del table[section][key]
         variables = {
-            each.name: each.variable for each in given if each.name not in (overrides or {})
+            name: variable_of(name) for name in of_environment if name not in (overrides or {})
         }
         return cls(source, in_file, variables, table)
 
@@ -387,14 +371,9 @@ def with_changes(config: Config, changes: Mapping[str, Any]) -> Config:
     return config
 
 
-def environment_warnings() -> list[str]:
-    """For each variable that looks like a setting and is none, a line with the one meant."""
-    return list(unknown_variables(Config, os.environ))
-
-
 def variables_set() -> list[str]:
     """The environment variables that set something."""
-    return setting_variables(Config, os.environ)
+    return hiding_variables(_names(Config), os.environ)
 
 
 def unknown_setting(name: str, known: Iterable[str]) -> str:

@@ -13,7 +13,7 @@ A column's unit is the one in its name, so that no table can say another.
 
 import sys
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any, Literal, TypeAlias
@@ -191,15 +191,7 @@ _ABOUT: tuple[Table, ...] = (
         row="a candidate not taken",
         own=(
             *columns_of("number=# integer place among them, from 0"),
-            *(
-                Column(
-                    name=each.name,
-                    type=each.type,
-                    meaning=each.meaning,
-                    path=f"detection.{each.place}",
-                )
-                for each in columns_of(OF_CANDIDATE)
-            ),
+            *(replace(each, path=f"detection.{each.place}") for each in columns_of(OF_CANDIDATE)),
             *columns_of("reason text why not"),
         ),
     ),

@@ -7,17 +7,14 @@ from .files.kept_frames import compress_frame as compress_frame
 from .files.upkeep_log import pruned_on as pruned_on
 from .files.upkeep_log import read_notes as read_notes
 from .ledgers.element_ledger import ElementLedger as ElementLedger
-from .ledgers.element_ledger import element_damage_words as element_damage_words
 from .ledgers.element_ledger import element_ledger_path as element_ledger_path
 from .ledgers.element_ledger import keep_rows as keep_rows
 from .ledgers.element_ledger import read_element_ledger as read_element_ledger
-from .ledgers.ledger import Change as Change
 from .ledgers.ledger import Ledger as Ledger
 from .ledgers.ledger import LedgerObject as LedgerObject
 from .ledgers.ledger import LedgerOrbit as LedgerOrbit
 from .ledgers.ledger import LedgerTrack as LedgerTrack
 from .ledgers.ledger import change_ledger as change_ledger
-from .ledgers.ledger import damage_words as damage_words
 from .ledgers.ledger import forgotten as forgotten
 from .ledgers.ledger import kept as kept
 from .ledgers.ledger import ledger_path as ledger_path
@@ -27,6 +24,8 @@ from .ledgers.ledger import taken_back as taken_back
 from .log.codec import decode as decode
 from .log.codec import encode as encode
 from .log.codec import to_json_value as to_json_value
+from .log.line_file import Change as Change
+from .log.line_file import damage_words as damage_words
 from .log.schema import DATABASE as DATABASE
 from .log.schema import WORLD as WORLD
 from .reading.reader import SessionReader as SessionReader

@@ -128,7 +128,7 @@ def test_damage_costs_only_its_own_line_and_the_file_is_moved_aside(
     broken = path.read_bytes()
     found = read_ledger(path)
     assert [each.number for each in found.objects] == [1, 2]
-    assert "line 3 cannot be read; all others hold" in damage_words(found, path)
+    assert "line 3 cannot be read; all others hold" in damage_words(found.unreadable, path)
     assert path.read_bytes() == broken  # who only reads changes nothing
     after, aside = change_ledger(lambda _: [kept(3, track("wednesday"))], path)
     assert aside is not None

@@ -151,7 +151,7 @@ def _read(*, simulated: bool) -> Any:
 
     path = ledger_path(is_simulated=simulated)
     found = read_ledger(path)
-    if words := damage_words(found, path):
+    if words := damage_words(found.unreadable, path):
         output.complain(f"rsoconsole: {words}")
     return found
 

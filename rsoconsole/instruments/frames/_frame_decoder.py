@@ -9,10 +9,8 @@ import atexit
 import os
 import threading
 from multiprocessing.connection import Connection
-from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from rsoconsole.base import ChildProcess, FrameError
 from rsoconsole.instruments.frames._decoder_child import DecodeReply, DecodeRequest
@@ -31,18 +29,11 @@ class FrameDecoder:
         self._lock = threading.Lock()
         self._child = ChildProcess("rsoconsole.instruments.frames._decoder_child")
 
-    def decode(
-        self, content: Content, name: str, extension: str | None, min_side_px: int
-    ) -> FitsImage:
-        """As ``image_by_astropy``. Raises FrameError, also where the file ends the process."""
-        request = DecodeRequest(name=name, extension=extension, min_side_px=min_side_px)
-        return self._decoded(request, content)
+    def decode(self, request: DecodeRequest, content: Content) -> FitsImage:
+        """As ``image_by_astropy``, or ``picture_by_opencv`` without a header.
 
-    def decode_picture(self, content: Content, name: str) -> npt.NDArray[Any]:
-        """As ``picture_by_opencv``. Raises FrameError, also where the file ends the process."""
-        return self._decoded(DecodeRequest(name=name, is_picture=True), content).raw
-
-    def _decoded(self, request: DecodeRequest, content: Content) -> FitsImage:
+        Raises FrameError, also where the file ends the process.
+        """
         with self._lock:
             try:
                 return self._ask(request, content)

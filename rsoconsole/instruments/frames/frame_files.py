@@ -19,6 +19,7 @@ import numpy as np
 import numpy.typing as npt
 
 from rsoconsole.base import FrameError
+from rsoconsole.instruments.frames._decoder_child import DecodeRequest
 from rsoconsole.instruments.frames._fits_by_astropy import ALL, structure_fault
 from rsoconsole.instruments.frames._frame_decoder import decoder
 from rsoconsole.instruments.frames._frame_pixels import (
@@ -59,7 +60,8 @@ def fits_image(
     plain = read_plain(content)
     if plain is not None and extension in (None, "0"):
         return FitsImage(raw=plain[0], header=plain[1])
-    return decoder().decode(content, name, extension, min_side_px)
+    request = DecodeRequest(name=name, extension=extension, min_side_px=min_side_px)
+    return decoder().decode(request, content)
 
 
 MIN_SIDE_PX = 64
@@ -153,7 +155,7 @@ def frame_from_bytes(
             bits = image.raw.dtype.itemsize * 8
             notes += _notes_of_others(image) if is_alone else []
         elif content[:4] in MAGIC:
-            stored = decoder().decode_picture(content, name)
+            stored = decoder().decode(DecodeRequest(name=name, is_picture=True), content).raw
             bits = stored.dtype.itemsize * 8
             raw, full_adu, is_coloured = one_plane(stored, name)
             image = FitsImage(raw=raw, header={})

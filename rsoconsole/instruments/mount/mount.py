@@ -1,5 +1,6 @@
 """The mount port over a child process, with a second way to STOP beside it."""
 
+import dataclasses
 import itertools
 import logging
 import queue
@@ -221,13 +222,7 @@ class IndiMount:
 
     def set_site(self, site: Site) -> None:
         """Tell the mount where it stands."""
-        self.process.request(
-            "set_site",
-            self._order_s,
-            latitude_deg=site.latitude_deg,
-            longitude_deg=site.longitude_deg,
-            elevation_m=site.elevation_m,
-        )
+        self.process.request("set_site", self._order_s, **dataclasses.asdict(site))
 
     def check_site(self, site: Site) -> SiteCheck:
         """Compare the mount's site with the configured one."""

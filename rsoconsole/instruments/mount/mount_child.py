@@ -81,7 +81,7 @@ class MountChild:
             self._expect(COORDINATES, "report", before)
         elif order.get("stops_first"):
             self._writer.say({"event": "message", "text": CAME_BACK})
-            self._stop("track")
+            self._ready_halt().end_motion("track")
         if client.has_connected_device and not self._is_simulated:
             # What it tells before its first look is no place of the mount.
             client.wait(COORDINATES, lambda vector: not vector.is_definition, _FIRST_LOOK_S)
@@ -103,7 +103,7 @@ class MountChild:
             lease=Lease(float(order["lease_s"])),
             mirror=self._mirror,
             owner=owner,
-            stop=lambda: self._stop("track"),
+            stop=lambda: self._ready_halt().end_motion("track"),
             track=self._track,
             park=lambda: client.send_switch(PARK, "PARK"),
             say=lambda text: self._writer.say({"event": "message", "text": text}),
@@ -186,7 +186,7 @@ class MountChild:
 
     def abort(self, order: dict[str, Any]) -> dict[str, Any]:
         """End motion; answers when the driver has, or has not for 2 s."""
-        return self._stop(
+        return self._ready_halt().end_motion(
             self._after_stop,
             had_tracking=bool(order.get("had_tracking")),
             on_progress=lambda what: self._writer.say(
@@ -211,7 +211,7 @@ class MountChild:
         client, mirror = self._ready()
         self._new_order(order)
         if mirror.is_parking:
-            self._stop("track")
+            self._ready_halt().end_motion("track")
         if mirror.says_parked:
             before = client.send_switch(PARK, "UNPARK")
             released = self._expect(
@@ -284,23 +284,17 @@ class MountChild:
             return
         self._watch.end()
         if not self._watch.is_taken_over and not self._mirror.is_parking:
-            self._stop("track")
+            self._ready_halt().end_motion("track")
             if not (is_orderly or self._is_simulated):
                 self._watch.finish_stop()
         if not is_orderly:
             self._watch.watch_unattended()
         self._watch.owner.release()
 
-    def _stop(
-        self,
-        after_stop: AfterStop,
-        *,
-        had_tracking: bool = False,
-        on_progress: Callable[[str], None] = lambda _what: None,
-    ) -> dict[str, Any]:
+    def _ready_halt(self) -> Halt:
         self._ready()
         assert self._halt is not None
-        return self._halt.end_motion(after_stop, had_tracking=had_tracking, on_progress=on_progress)
+        return self._halt
 
     def _track(self, is_on: bool) -> bool | None:
         """Tracking on or off, and whether it is then; None for a mount that does not tell."""

@@ -249,11 +249,10 @@ class MountEar:
     def __init__(self, host: str, port: int, device: str, motion: ReportedMotion) -> None:
         """``motion`` hears the answers; what the driver tells by itself comes another way."""
         self._host, self._port, self._device, self._motion = host, port, device, motion
-        self._thread = threading.Thread(target=self._run, daemon=True, name="ear")
 
     def start(self) -> None:
         """Begin to listen."""
-        self._thread.start()
+        threading.Thread(target=self._run, daemon=True, name="ear").start()
 
     def _run(self) -> None:
         while True:

@@ -2,7 +2,7 @@
 
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
@@ -59,11 +59,9 @@ class SystemClock:
     is_simulated = False
     speed = 1.0
 
-    def __init__(self, read: Callable[[], ClockReadings] = read_clocks) -> None:
-        """``read``: where the readings come from."""
-        self._read = read
+    def __init__(self) -> None:
         self._wake = threading.Event()
-        self._watch = ClockWatch(read())
+        self._watch = ClockWatch(read_clocks())
         self._faults: list[ClockFault] = []
         self._looking = threading.Lock()
         self._is_over = threading.Event()
@@ -93,7 +91,7 @@ class SystemClock:
     def _look(self) -> bool:
         """Whether something has happened."""
         with self._looking:
-            found = self._watch.look(self._read())
+            found = self._watch.look(read_clocks())
             self._faults += found
         return bool(found)
 

@@ -60,8 +60,12 @@ def main(socket_fd: int) -> None:
                 os._exit(0)
 
     threading.Thread(target=listen, daemon=True).start()
-    # The first word: why it never will search; empty where it can.
-    _say(connection, _why_useless())
+    try:
+        import astrometry  # noqa: F401 - loaded now, so that the first search does not wait
+    except ImportError as error:
+        _say(connection, str(error))
+    else:
+        _say(connection, "")
     searcher = Searcher()
     while True:
         request = requests.get()
@@ -72,15 +76,8 @@ def main(socket_fd: int) -> None:
         _say(connection, reply)
 
 
-def _why_useless() -> str:
-    try:
-        import astrometry  # noqa: F401 - loaded now, so that the first search does not wait
-    except ImportError as error:
-        return str(error)
-    return ""
-
-
 def _say(connection: Connection, word: str | MatchReply) -> None:
+    """A reply, or as the first word why the process never will search; empty where it can."""
     try:
         connection.send(word)
     except OSError:

@@ -50,9 +50,14 @@ class IndexFile:
         return not self.fault
 
     @property
+    def dec_span_deg(self) -> float:
+        """How much of the declinations its stars cover."""
+        return self.dec_deg[1] - self.dec_deg[0]
+
+    @property
     def is_whole_sky(self) -> bool:
         """True when it reaches from pole to pole."""
-        return self.dec_deg[1] - self.dec_deg[0] > 150.0
+        return self.dec_span_deg > 150.0
 
     def covers(self, dec_icrs_deg: float, radius_deg: float = 0.0) -> bool:
         """Whether fields around that declination may lie on its sky, whole or in part."""
@@ -182,13 +187,9 @@ def choose_index_files(
             continue
         key: object = file.scale if file.scale is not None else file.path.name
         rival = chosen.get(key)
-        if rival is None or _sky(file) > _sky(rival) + 0.5:
+        if rival is None or file.dec_span_deg > rival.dec_span_deg + 0.5:
             chosen[key] = file
     return tuple(sorted(chosen.values(), key=lambda f: (f.quad_deg, f.path.name)))
-
-
-def _sky(file: IndexFile) -> float:
-    return file.dec_deg[1] - file.dec_deg[0]
 
 
 def examine(path: Path) -> IndexFile:

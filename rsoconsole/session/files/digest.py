@@ -17,7 +17,7 @@ from pathlib import Path, PurePosixPath
 from typing import Any, Literal, TypeAlias
 
 from rsoconsole.session.log.database import LOG_ROWS, transaction
-from rsoconsole.session.log.worker import is_written
+from rsoconsole.session.log.liveness import is_written
 
 META_KEY = "log_digest"
 

@@ -13,7 +13,7 @@ from typing import Any
 from rsoconsole.base import SessionError
 from rsoconsole.config import state_dir
 from rsoconsole.session.log.codec import from_json_value
-from rsoconsole.session.log.line_file import LineFile, Lines, objects_of
+from rsoconsole.session.log.line_file import Change, LineFile, Lines
 
 FORMAT = 1
 _MAX_NAME = 40
@@ -126,10 +126,6 @@ class Ledger:
         return None
 
 
-Change = Mapping[str, Any]
-"""A line: one of ``kept``, ``renamed`` and ``forgotten``."""
-
-
 def ledger_path(*, is_simulated: bool = False) -> Path:
     """Where this user's ledger lies; simulated nights have one of their own."""
     return state_dir() / ("ledger-simulated.jsonl" if is_simulated else "ledger.jsonl")
@@ -163,11 +159,6 @@ def read_ledger(path: Path | None = None) -> Ledger:
     return _folded(file, file.lines())
 
 
-def damage_words(ledger: Ledger, path: Path) -> str:
-    """What is wrong with it, and what comes of that; empty for a whole one."""
-    return _file(path).damage_words(ledger.unreadable)
-
-
 def change_ledger(
     change: Callable[[Ledger], Sequence[Change]], path: Path | None = None
 ) -> tuple[Ledger, Path | None]:
@@ -176,14 +167,7 @@ def change_ledger(
     Nobody else writes meanwhile. Returns the ledger, and where a damaged file was moved. Raises
     SessionError where another writer takes too long, and where the file cannot be written.
     """
-    file = _file(path or ledger_path())
-
-    def step(lines: Lines) -> tuple[Sequence[int], Sequence[Change]]:
-        before = _folded(file, lines)
-        return before.unreadable, change(before)
-
-    lines, aside = file.change(step)
-    return _folded(file, lines), aside
+    return _file(path or ledger_path()).change(_folded, change)
 
 
 def _file(path: Path) -> LineFile:
@@ -200,8 +184,6 @@ def _folded(file: LineFile, lines: Lines) -> Ledger:
     def take(said: Mapping[str, Any]) -> None:
         nonlocal highest
         match said["did"]:
-            case "begun":
-                file.expect_format(said["format"])
             case "kept":
                 track = _track(said["track"])
                 tracks[track.session, track.track_id] = (_whole(said["number"]), track)
@@ -215,7 +197,7 @@ def _folded(file: LineFile, lines: Lines) -> Ledger:
                 raise ValueError(f"{said['did']!r} is nothing that a ledger says")
         highest = max(highest, said.get("number", 0))
 
-    bad = objects_of(lines, take)
+    bad = file.read(lines, take)
     by_number: dict[int, list[LedgerTrack]] = {}
     for number, track in tracks.values():
         if number not in gone:

@@ -62,7 +62,7 @@ def archive_session(
     """
     folder, out = Path(folder).resolve(), Path(out)
     target = out / f"{folder.name}.tar"
-    report = on_bytes or _report_nothing
+    report = on_bytes or (lambda _doing, _done, _total: None)
     _check_fit(folder, report)
     if target.exists():
         raise SessionError(f"{target} is there already: name another folder with --out")
@@ -177,7 +177,3 @@ def _add(tar: tarfile.TarFile, name: str, content: IO[bytes], mtime_s: float) ->
     member.mtime = int(mtime_s)
     tar.addfile(member, content)
     return member.size
-
-
-def _report_nothing(_doing: str, _done: int, _total: int) -> None:
-    return

@@ -15,8 +15,8 @@ from rsoconsole.session.files.digest import content_fault, found_row, mark_close
 from rsoconsole.session.files.holdings import FolderHoldings
 from rsoconsole.session.files.upkeep_log import add_note
 from rsoconsole.session.log.database import INSERT_FILE, connect_to_write, leave_wal, transaction
+from rsoconsole.session.log.liveness import is_written
 from rsoconsole.session.log.schema import BRANCHES, DATABASE, JOURNAL, WAL, role_of
-from rsoconsole.session.log.worker import is_written
 from rsoconsole.session.reading.reader import OtherSchemaError, SessionReader
 from rsoconsole.session.upkeep._recover import Recovered, recover_session
 from rsoconsole.session.upkeep.merge import (

@@ -16,8 +16,8 @@ from rsoconsole.base import PART, SessionError, said_as, sample_resource, sync_f
 from rsoconsole.session.files.digest import State, state_of
 from rsoconsole.session.files.holdings import folders_in, written_ns
 from rsoconsole.session.files.upkeep_log import add_note, is_kept
+from rsoconsole.session.log.liveness import is_written
 from rsoconsole.session.log.schema import BRANCHES, DATABASE, SCHEMA_VERSION
-from rsoconsole.session.log.worker import is_written
 from rsoconsole.session.reading.reader import OtherSchemaError, SessionReader
 
 _MAX_TITLE = 40
@@ -267,9 +267,12 @@ def plan_pruning(root: Path, policy: Policy, now_utc_ns: int) -> tuple[Step, ...
     the clock of a simulated night may stand years ago. Raises SessionError when the root cannot be
     looked into.
     """
-    ages = sorted(((_last_touched_ns(each), each) for each in list_sessions(root)), key=_by_age)
+    ages = [
+        (max(written_ns(each.folder), each.t_last_utc_ns or 0), each)
+        for each in list_sessions(root)
+    ]
+    ages.sort(key=lambda pair: pair[0])  # sessions of one age stay in order of name
     protected_from = len(ages) - (policy.keep_last or 0)
-    is_wanted = policy.free_bytes is not None
     missing = policy.free_bytes - _free_bytes(root) if policy.free_bytes is not None else 0
     steps: list[Step] = []
     for place, (touched_ns, session) in enumerate(ages):
@@ -279,7 +282,7 @@ def plan_pruning(root: Path, policy: Policy, now_utc_ns: int) -> tuple[Step, ...
             stays = f"one of the last {policy.keep_last}"
         if stays is None and policy.keep_days is not None and age_days < policy.keep_days:
             stays = f"{age_days:.1f} days old, kept for {policy.keep_days:g}"
-        if stays is None and is_wanted and missing <= 0:
+        if stays is None and policy.free_bytes is not None and missing <= 0:
             stays = "enough disk is free without it"
         if stays is not None:
             steps.append(Step(session=session.folder, goes=False, why=stays))
@@ -308,14 +311,6 @@ def prune(steps: Iterable[Step], policy: Policy, now_utc_ns: int) -> None:
             add_note(step.session, "prune", now_utc_ns, note)
             for path in step.files:
                 (step.session / path).unlink(missing_ok=True)
-
-
-def _by_age(pair: tuple[int, SessionSummary]) -> tuple[int, str]:
-    return pair[0], pair[1].folder.name
-
-
-def _last_touched_ns(session: SessionSummary) -> int:
-    return max(written_ns(session.folder), session.t_last_utc_ns or 0)
 
 
 def _free_bytes(root: Path) -> int:

@@ -6,8 +6,8 @@ Nothing is changed. A session that was cut off is not damaged: every acknowledge
 import sqlite3
 from collections.abc import Callable, Iterable
 from contextlib import closing
-from dataclasses import dataclass
 from pathlib import Path
+from typing import TypeAlias
 
 from rsoconsole.base import PART, SessionError
 from rsoconsole.session.files.digest import REPAIR, Digester, LogDigest, Verification, state_of
@@ -37,13 +37,8 @@ from rsoconsole.session.reading.reader import OtherSchemaError, SessionReader
 _KNOWN = {DATABASE, *BESIDE_DATABASE, CONFIG, WORLD, UPKEEP, KEEP, MANIFEST}
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class FileRow:
-    """A row of the table ``files`` that names a file."""
-
-    path: str
-    bytes: int | None
-    sha256: str | None
+FileRow: TypeAlias = tuple[str, int | None, str | None]
+"""Path, bytes and SHA-256 of a row of the table ``files`` that names a file."""
 
 
 class FilesCheck:
@@ -62,41 +57,41 @@ class FilesCheck:
         self._rows = tuple(rows)
         self._on_bytes = on_bytes
         self._sizes = holdings.sizes()
-        self._total = sum(self._sizes.get(row.path, 0) for row in self._rows)
+        self._total = sum(self._sizes.get(path, 0) for path, _, _ in self._rows)
 
     def run(self) -> None:
         """Judge every file that the session names, and those it does not. Raises OSError."""
         pruned = pruned_on(parse_notes(self._read(UPKEEP)))
         gone: dict[str, int] = {}
-        for row in self._rows:
-            if row.path in self._sizes:
-                self._judge(row)
-            elif row.path in pruned:
-                gone[pruned[row.path]] = gone.get(pruned[row.path], 0) + 1
+        for path, size_bytes, sha256 in self._rows:
+            if path in self._sizes:
+                self._judge(path, size_bytes, sha256)
+            elif path in pruned:
+                gone[pruned[path]] = gone.get(pruned[path], 0) + 1
             elif self._found.state != "live":
-                self._found.damage(row.path, "the file is not there")
+                self._found.damage(path, "the file is not there")
         for t_utc, number in gone.items():
             self._found.remark("files", f"{number} were pruned on {t_utc}")
         manifest = parse_manifest(self._read(MANIFEST).decode("utf-8", errors="replace"))
-        judged = {row.path for row in self._rows} | set(pruned)
+        judged = {path for path, _, _ in self._rows} | set(pruned)
         self._judge_manifest(manifest, judged)
         if self._found.state != "live":
             for path in sorted(set(self._sizes) - judged - set(manifest)):
                 self._judge_stray(path)
 
-    def _judge(self, row: FileRow) -> None:
-        size = self._sizes[row.path]
+    def _judge(self, path: str, size_bytes: int | None, sha256: str | None) -> None:
+        size = self._sizes[path]
         self._found.files += 1
         try:
-            if row.sha256 is None:
-                self._found.damage(row.path, "no hash of it is on record")
-            elif hash_of(self._holdings, row.path, self._count) != row.sha256:
-                what = f"{size} bytes, not the {row.bytes} that were written"
-                if row.bytes is None or row.bytes == size:
+            if sha256 is None:
+                self._found.damage(path, "no hash of it is on record")
+            elif hash_of(self._holdings, path, self._count) != sha256:
+                what = f"{size} bytes, not the {size_bytes} that were written"
+                if size_bytes is None or size_bytes == size:
                     what = "its bytes are not those that were written"
-                self._found.damage(row.path, what)
+                self._found.damage(path, what)
         except OSError as error:
-            self._found.damage(row.path, f"cannot be read: {error.strerror or error}")
+            self._found.damage(path, f"cannot be read: {error.strerror or error}")
 
     def _judge_stray(self, path: str) -> None:
         is_closed = self._found.state == "closed"
@@ -194,10 +189,7 @@ def _verify_database(holdings: Holdings, found: Verification) -> list[FileRow] |
             for words in page_faults(connection)[:_MAX_SQLITE_WORDS]:
                 found.damage(DATABASE, f"SQLite: {' '.join(words.split())}", REPAIR)
             _verify_log(connection, found, LogDigest.from_meta(about))
-            rows = [
-                FileRow(path=path, bytes=size, sha256=sha256)
-                for path, size, sha256 in connection.execute(_FILE_ROWS)
-            ]
+            rows: list[FileRow] = connection.execute(_FILE_ROWS).fetchall()
     except (SessionError, sqlite3.Error) as error:
         found.damage(DATABASE, f"the table of files cannot be read: {error}", REPAIR)
         return None

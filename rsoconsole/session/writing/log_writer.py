@@ -13,7 +13,6 @@ from dataclasses import astuple, dataclass
 from pathlib import Path
 from typing import Any
 
-from rsoconsole.base import write_durably
 from rsoconsole.config import state_dir
 from rsoconsole.records import Event, Record
 from rsoconsole.session.log.codec import encode
@@ -25,11 +24,11 @@ from rsoconsole.session.log.database import (
     LogPlace,
     connect_to_read,
     connect_to_write,
-    create_database,
+    lay_out_session,
     transaction,
 )
-from rsoconsole.session.log.schema import CONFIG, DATABASE, FOLDERS
-from rsoconsole.session.log.worker import Faults
+from rsoconsole.session.log.schema import DATABASE
+from rsoconsole.session.writing.worker import Faults
 
 Statement = tuple[str, tuple[object, ...]]
 MIN_BYTES = 200_000_000
@@ -77,7 +76,9 @@ class Rescue:
                 if shutil.disk_usage(place).free < MIN_BYTES or folder.exists():
                     _leave(place)
                     continue
-                self._make(folder)
+                folder.mkdir()
+                lay_out_session(folder, self._config, self._facts)
+                self._connection = connect_to_write(folder / DATABASE)
             except (OSError, sqlite3.Error, ValueError):
                 shutil.rmtree(folder, ignore_errors=True)
                 _leave(place)
@@ -86,21 +87,11 @@ class Rescue:
             return True
         return False
 
-    def _make(self, folder: Path) -> None:
-        folder.mkdir()
-        for name in FOLDERS.values():
-            (folder / name).mkdir()
-        write_durably(folder / CONFIG, self._config)
-        create_database(folder / DATABASE, self._facts)
-        self._connection = connect_to_write(folder / DATABASE)
-
     def copy(self, source: sqlite3.Connection | None, newest: Sequence[Statement]) -> bool:
         """Take all that ``source`` can still read, although its file may have no name any more.
 
         Then ``newest``, which it may have lost. False where this disk does not take them.
         """
-        if self._connection is None:
-            return False
         if source is not None:
             with contextlib.suppress(sqlite3.Error, MemoryError):
                 for table in _TABLES:
@@ -116,8 +107,7 @@ class Rescue:
 
     def write(self, statements: Sequence[Statement]) -> bool:
         """Commit them; False where this disk does not take them either."""
-        if self._connection is None:
-            return False
+        assert self._connection is not None
         try:
             with transaction(self._connection):
                 for sql, values in statements:
@@ -179,14 +169,7 @@ class LogWriter:
     somebody has removed or damaged the log it goes on in that one.
     """
 
-    def __init__(
-        self,
-        path: Path,
-        faults: Faults,
-        connect: Callable[[Path], sqlite3.Connection],
-        *,
-        rescue: Rescue | None = None,
-    ) -> None:
+    def __init__(self, path: Path, faults: Faults, rescue: Rescue) -> None:
         self._path = path
         self._place = LogPlace(path)
         self._rescue = rescue
@@ -200,7 +183,6 @@ class LogWriter:
         self._recent: deque[Statement] = deque(maxlen=_MAX_RECENT)
         """What was committed last: some of it may be lost with the log."""
         self._faults = faults
-        self._connect = connect
         self._waiting: deque[_Entry] = deque()
         self._unwritten: deque[Statement] = deque()
         self._lock = threading.Lock()
@@ -217,9 +199,8 @@ class LogWriter:
     @property
     def path(self) -> Path:
         """The database that has the whole night: the rescue session's where the own one is lost."""
-        folder = None if self._rescue is None else self._rescue.folder
-        has_all = self._has_taken_over and folder is not None
-        return folder / DATABASE if has_all and folder is not None else self._path
+        folder = self._rescue.folder if self._has_taken_over else None
+        return self._path if folder is None else folder / DATABASE
 
     def put(self, record: Record, t_utc_ns: int) -> int:
         """Take a record; returns its place in the order of the log."""
@@ -269,7 +250,7 @@ class LogWriter:
             self._is_closing = True
         self._wake.set()
         self._thread.join(timeout_s)
-        if self._rescued and self._rescue is not None:
+        if self._rescued:
             words = f"its newest records are in the rescue session {self._rescue.folder} alone"
             self._faults.report("close", f"the session is not complete: {words}")
             return False
@@ -288,8 +269,7 @@ class LogWriter:
             if is_last_round:
                 self._disconnect()
                 self._place.close()
-                if self._rescue is not None:
-                    self._rescue.close()
+                self._rescue.close()
                 if not is_written and len(self._unwritten) > self._rescued:
                     lost = f"the session is closed without its last {len(self._unwritten)} records"
                     self._faults.report("close", lost)
@@ -308,7 +288,7 @@ class LogWriter:
             batch = list(itertools.islice(self._unwritten, MAX_BATCH))
             try:
                 if self._connection is None:
-                    self._connection = self._connect(self._path)
+                    self._connection = connect_to_write(self._path)
                 with transaction(self._connection):
                     for sql, values in batch:
                         self._connection.execute(sql, values)
@@ -316,7 +296,7 @@ class LogWriter:
                 waiting = f"{len(self._unwritten)} records wait in memory"
                 text = f"the session's log cannot be written ({error}): free space; {waiting}"
                 self._disconnect()
-                if self._write_elsewhere() and self._rescue is not None:
+                if self._write_elsewhere():
                     text += f" and in the rescue session {self._rescue.folder}"
                 self._faults.report("log", text)
                 return False
@@ -330,7 +310,7 @@ class LogWriter:
                 self._unwritten.extendleft(reversed(batch))
                 return False
             self._rescued -= again
-            if is_there and self._rescue is not None and not self._rescued:
+            if is_there and not self._rescued:
                 self._rescue.discard()
             self._advance(len(batch) - again)
             if self._is_lost:
@@ -346,7 +326,7 @@ class LogWriter:
     def _write_elsewhere(self) -> bool:
         """Put into the rescue session what is unwritten; False where that cannot be."""
         rescue = self._rescue
-        if rescue is None or not (self._takes_over(rescue) if self._is_lost else rescue.begin()):
+        if not (self._takes_over() if self._is_lost else rescue.begin()):
             return False
         fresh = list(itertools.islice(self._unwritten, self._rescued, None))
         if fresh and not rescue.write(fresh):
@@ -365,17 +345,18 @@ class LogWriter:
         if damage is None:
             return True
         self._is_lost, self._damage = True, damage
-        if self._rescue is None or not self._takes_over(self._rescue):
+        if not self._takes_over():
             self._faults.report("log", f"{damage}: what comes is not on any disk")
         return False
 
-    def _takes_over(self, rescue: Rescue) -> bool:
+    def _takes_over(self) -> bool:
         """Whether the rescue session has what the lost log had; False where that cannot be yet.
 
         As long as the connection lives, most of it can still be read.
         """
         if self._has_taken_over:
             return True
+        rescue = self._rescue
         if not rescue.begin() or not rescue.copy(self._connection, list(self._recent)):
             return False
         self._has_taken_over = True
