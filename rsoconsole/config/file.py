@@ -20,7 +20,7 @@ from rsoconsole.base import ConfigError, plain_fault, read_foreign, said_as, tom
 from rsoconsole.config.observatory import CalibrationConfig
 from rsoconsole.config.settings import (
     Config,
-    Layers,
+    ConfigLayers,
     VariableError,
     default_config_path,
     load_config,
@@ -120,7 +120,7 @@ def effective_settings(
 ) -> tuple[Setting, ...]:
     """Every setting in force, in order, with its origin. Raises ConfigError as load_config does."""
     config = load_config(path, overrides)
-    given = Layers.read(path, overrides)
+    given = ConfigLayers.read(path, overrides)
     values = config.model_dump(mode="json")
 
     def origin(name: str) -> Origin:
@@ -148,7 +148,7 @@ def config_faults(
 ) -> tuple[ConfigFault, ...]:
     """Everything that is wrong with a configuration, each with its remedy; empty when sound."""
     try:
-        given = Layers.read(path, overrides)
+        given = ConfigLayers.read(path, overrides)
     except VariableError as error:
         remedy = "set it so, or unset it"
         return (ConfigFault(name=error.variable, problem=str(error), remedy=remedy),)
@@ -260,9 +260,9 @@ def toml_value(value: Any) -> str:
 
 
 _TABLES = (Table, AoT, OutOfOrderTableProxy)
-"""What has lines of its own; an inline table is a value like any other."""
+"""Tables with lines of their own; an inline table is a value like any other."""
 _Body = list[tuple[Key | None, Item]]
-"""What stands in a table, line by line: settings, comments, empty lines."""
+"""The lines of a table: settings, comments, empty lines."""
 
 
 def write_settings(path: Path, settings: Mapping[str, Any], *, is_secret: bool = False) -> None:

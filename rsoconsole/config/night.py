@@ -164,7 +164,7 @@ class AimConfig(Section):
 
     @property
     def is_offset(self) -> bool:
-        """Whether it looks beside the prediction by hand."""
+        """True when the operator has the telescope look beside the prediction."""
         return any((self.lead_s, self.along_arcmin, self.across_arcmin))
 
 

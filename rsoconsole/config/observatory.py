@@ -60,12 +60,12 @@ class CalibratedTiming(Section):
 
     @property
     def mode(self) -> tuple[object, ...]:
-        """What tells it from other modes."""
+        """The traits that tell this camera mode from others."""
         return (self.exposure_s, *self.read_out)
 
     @property
     def read_out(self) -> tuple[object, ...]:
-        """The mode but for the length of its exposure."""
+        """The mode without its exposure time."""
         sides = (self.width_px, self.height_px, self.x0_px, self.y0_px)
         return (self.binning, *sides, self.gain, self.time_by)
 

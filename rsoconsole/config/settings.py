@@ -69,7 +69,9 @@ def variable_of(name: str) -> str:
     return PREFIX + name.replace(".", BETWEEN).upper()
 
 
-def given_settings(model: type[BaseModel], environ: Mapping[str, str]) -> Iterator[tuple[str, Any]]:
+def environment_settings(
+    model: type[BaseModel], environ: Mapping[str, str]
+) -> Iterator[tuple[str, Any]]:
     """(dotted name, value) of each setting that a variable gives, in the order of the model.
 
     Raises VariableError for JSON that is none.
@@ -101,7 +103,7 @@ def given_settings(model: type[BaseModel], environ: Mapping[str, str]) -> Iterat
         yield name, value
 
 
-def hiding_variables(names: Iterable[str], environ: Mapping[str, str]) -> list[str]:
+def active_variables(names: Iterable[str], environ: Mapping[str, str]) -> list[str]:
     """Which of the settings' variables are set: what a file says of these does not count."""
     return [each for each in map(variable_of, names) if environ.get(each)]
 
@@ -294,7 +296,7 @@ def load_config(
     than the file (see ``environment.py``); None: the process's own; empty: what the file says.
     Raises ConfigError with every fault.
     """
-    given = Layers.read(path, overrides, environ)
+    given = ConfigLayers.read(path, overrides, environ)
     try:
         return Config.model_validate(given.table)
     except ValidationError as error:
@@ -309,8 +311,8 @@ def load_config(
 
 
 @dataclass(frozen=True, slots=True)
-class Layers:
-    """What is set, before it is looked at, and where."""
+class ConfigLayers:
+    """The settings that are given, not yet validated, by where they come from."""
 
     source: Path
     in_file: Mapping[str, Any]
@@ -330,7 +332,7 @@ class Layers:
         source = path or default_config_path()
         in_file = read_toml(source) if path is not None or source.exists() else {}
         table = {k: dict(v) if isinstance(v, dict) else v for k, v in in_file.items()}
-        given = given_settings(Config, os.environ if environ is None else environ)
+        given = environment_settings(Config, os.environ if environ is None else environ)
         of_environment = dict(given)
         for dotted, value in {**of_environment, **(overrides or {})}.items():
             section, _, key = dotted.partition(".")
@@ -373,18 +375,18 @@ def with_changes(config: Config, changes: Mapping[str, Any]) -> Config:
 
 def variables_set() -> list[str]:
     """The environment variables that set something."""
-    return hiding_variables(_names(Config), os.environ)
+    return active_variables(_names(Config), os.environ)
 
 
 def unknown_setting(name: str, known: Iterable[str]) -> str:
-    """That there is no setting of this name, with the name that was probably meant."""
+    """The fault of a name that is no setting, with the name that was probably meant."""
     near = nearest(name, known)
     remedy = f"did you mean {near}?" if near else "'rsoconsole config show' lists them"
     return f"there is no setting {name!r}: {remedy}"
 
 
 def read_toml(path: Path, absent: str = INIT_WRITES, holds: str = "") -> dict[str, Any]:
-    """What a file says. Raises ConfigError with what to do, and with what it should hold."""
+    """A TOML file as a dict. Raises ConfigError with what to do, and with what it should hold."""
     try:
         return toml_of(read_foreign(path))
     except FileNotFoundError as error:

@@ -11,8 +11,8 @@ from .frames.frame_header import exposure_s as exposure_s
 from .frames.frame_header import header_start as header_start
 from .frames.frame_header import sensor_temperature_c as sensor_temperature_c
 from .indi.client_choice import ANY_CLIENT as ANY_CLIENT
+from .indi.client_choice import allowed_libraries as allowed_libraries
 from .indi.client_choice import client_library as client_library
-from .indi.client_choice import meant_libraries as meant_libraries
 from .indi.indi_wire import IndiWire as IndiWire
 from .motion import SIDEREAL_ARCSEC_S as SIDEREAL_ARCSEC_S
 from .mount.mount_mirror import abilities_by as abilities_by

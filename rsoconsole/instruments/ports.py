@@ -19,7 +19,7 @@ StopPath = Literal["mount", "indi"]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MountReport:
-    """What the mount says of itself at one instant."""
+    """The mount's state at one instant, as its driver reports it and as its motion is measured."""
 
     t_utc_ns: int
     """When the mount said so: the simulated instant, or the arrival of the report."""
@@ -100,7 +100,7 @@ class SlewEnd:
 
 
 def unheard(_result: StopResult) -> None:
-    """For who waits for the end only."""
+    """Ignore the news of a STOP, where only its end is waited for."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -115,7 +115,7 @@ class SiteCheck:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SkyReport:
-    """What the weather station and the dome say, at one instant."""
+    """Weather and dome as their drivers report them, at one instant."""
 
     weather: Literal["ok", "warning", "alert", "silent"] | None
     """None where no station is configured; "silent" where it is and does not answer."""
@@ -125,7 +125,7 @@ class SkyReport:
 
 
 class SafetyMonitorPort(Protocol):
-    """What watches weather and dome."""
+    """A monitor of weather and dome."""
 
     def look(self) -> SkyReport:
         """The latest word, at once; never raises."""
@@ -139,7 +139,7 @@ ClockFaultKind = Literal["set", "leap second", "runs wrong", "runs right", "slep
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ClockFault:
-    """What went wrong with the machine's time."""
+    """A fault of the machine's clock."""
 
     kind: ClockFaultKind
     """"set": UTC was stepped, by somebody or a time service; "leap second": by one; "runs wrong":

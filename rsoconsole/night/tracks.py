@@ -133,7 +133,7 @@ def rows_of(name: str, log: Sequence[Logged], files: Iterable[Row] = ()) -> list
     """
     table = TABLES[name]
     rows = list(_rows(table, log))
-    if table.is_followed_again:
+    if table.may_be_superseded:
         _mark_superseded(rows, log)
     of_files = [column.name for column in table.own if column.source == "files"]
     kept = {row["seq"]: row for row in files} if of_files else {}

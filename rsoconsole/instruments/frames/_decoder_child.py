@@ -31,7 +31,7 @@ class DecodeRequest:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DecodeReply:
-    """What came of it; the pixels follow, as bytes."""
+    """The decoded image without its pixels, which follow as bytes; or why there is none."""
 
     fault: str = ""
     dtype: str = ""

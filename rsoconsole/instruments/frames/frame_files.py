@@ -66,7 +66,7 @@ def fits_image(
 
 MIN_SIDE_PX = 64
 MAX_BYTES = 400_000_000
-"""Of a file, packed or not: 200 million pixels of 16 bits."""
+"""Largest file that is read, packed or not: 200 million pixels of 16 bits."""
 MAX_NONFINITE_FRACTION = 0.0
 """A camera gives numbers: a frame with anything else is not what it saw."""
 _FITS_MAGIC = b"SIMPLE  ="
@@ -141,7 +141,7 @@ def frame_from_bytes(
     room: Room = lambda _: None,
     is_alone: bool = True,
 ) -> Frame:
-    """The same as ``read_frame`` for a file that is already in memory (a camera's BLOB).
+    """Read a frame, as ``read_frame`` does, from a file in memory (a camera's BLOB).
 
     ``room`` may give an array (height, width) into which pixels of 16 bits are written; else, and
     for all other pixels, a fresh one is made. ``is_alone``: note that there are other images.
@@ -189,7 +189,7 @@ def frame_from_array(
     header: Mapping[str, Any] | None = None,
     max_nonfinite_fraction: float = MAX_NONFINITE_FRACTION,
 ) -> Frame:
-    """The same as ``read_frame`` for pixels that are an array already, (height, width).
+    """Make a frame, as ``read_frame`` does, from pixels that are an array, (height, width).
 
     ``array``: integers or real numbers of any size, ADU; it stays as it is. ``header``: cards by
     name, as FITS has them (without BZERO and BSCALE, which are in the numbers already). Raises

@@ -1,4 +1,4 @@
-"""What a frame's header promises: start, length, scale and pointing, in the program's units."""
+"""Start, exposure time, scale and pointing from a frame's header, in the program's units."""
 
 import math
 import re
@@ -177,7 +177,7 @@ def scale(header: Mapping[str, Any]) -> float | None:
 
 
 def absurd_scale(header: Mapping[str, Any]) -> str | None:
-    """What to say of a header whose scale cannot be, else None."""
+    """A note on a header whose plate scale is impossible; None for any other."""
     stated = _stated_scale(header)
     if stated is None or scale(header) is not None:
         return None

@@ -49,7 +49,7 @@ END = "end"
 def device_settings(
     kind: str, device: str, config: "IndiConfig", waits: "WaitsConfig"
 ) -> dict[str, Any]:
-    """What a child has to know of its device, and how long it waits for what."""
+    """The settings that a child starts with: server, device, and how long it waits."""
     return {
         "client": config.client,
         "host": config.host,
@@ -62,8 +62,8 @@ def device_settings(
     }
 
 
-def drained(messages: deque[str]) -> tuple[str, ...]:
-    """Those that are there, taken out; others may be put in meanwhile."""
+def drain_messages(messages: deque[str]) -> tuple[str, ...]:
+    """Take out all messages; others may be put in meanwhile."""
     taken = []
     while messages:
         taken.append(messages.popleft())

@@ -21,7 +21,7 @@ _WEATHER: dict[str, Weather] = {"Ok": "ok", "Busy": "warning", "Alert": "alert"}
 
 
 class IndiSafetyMonitor:
-    """What watches weather station and dome, as far as they are configured.
+    """The monitor of weather station and dome, as far as they are configured.
 
     A device counts as silent when it has never said how things stand, when it has gone, and when
     it has said nothing for a minute although it is asked four times in that.

@@ -118,11 +118,11 @@ class _WireStop:
             looked_s = time.monotonic()
             self._read_next(_LOOK_S)
             if time.monotonic() - looked_s > 10.0 * _LOOK_S:
-                self._motion.held_up()
+                self._motion.reset_after_delay()
             if polling_ms is None and (self._motion.polling_ms or 0.0) > POLLING_MS:
                 polling_ms = self._motion.polling_ms
                 self._look_every(POLLING_MS)
-            if self._motion.wants_word():
+            if self._motion.needs_query():
                 self._wire.ask(self._device, COORDINATES)
             step = measure.step(
                 time.monotonic(), self._motion.motion(), is_answered=self._is_answered

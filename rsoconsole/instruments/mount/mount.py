@@ -13,7 +13,7 @@ from typing import Any
 
 from rsoconsole.base import InstrumentError
 from rsoconsole.config import IndiConfig, MountConfig, WaitsConfig
-from rsoconsole.instruments.indi.indi_process import IndiProcess, device_settings, drained
+from rsoconsole.instruments.indi.indi_process import IndiProcess, device_settings, drain_messages
 from rsoconsole.instruments.indi.wire_stop import WatchedStop, stop_mount
 from rsoconsole.instruments.motion import REPEATS_FOR_S, Motion
 from rsoconsole.instruments.mount._mount_stop import MountStop
@@ -254,7 +254,7 @@ class IndiMount:
 
     def take_messages(self) -> tuple[str, ...]:
         """What the mount's process has done of its own accord since this was last asked."""
-        return drained(self._messages)
+        return drain_messages(self._messages)
 
     def take_slew_end(self) -> SlewEnd | None:
         """What its own process has done to the slew ordered last; None: nothing, or told before."""

@@ -30,7 +30,7 @@ from rsoconsole.instruments.mount.mount_lease import Lease
 from rsoconsole.instruments.mount.mount_mirror import (
     SIDE,
     TIME,
-    MountEar,
+    CoordinatePoller,
     MountMirror,
 )
 from rsoconsole.sky import deg_to_hours, hours_to_deg, icrs_to_jnow, separation_deg, wrap_360
@@ -75,7 +75,7 @@ class MountChild:
         owner = MountOwner(order["host"], order["port"], order["device"])
         self.attach(client, order, owner).start()
         if not self._is_simulated:
-            MountEar(order["host"], order["port"], order["device"], self._motion).start()
+            CoordinatePoller(order["host"], order["port"], order["device"], self._motion).start()
         if self._is_simulated:
             before = client.send_switch("SIM_REPORT", "NOW")
             self._expect(COORDINATES, "report", before)

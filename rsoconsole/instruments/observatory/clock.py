@@ -14,7 +14,7 @@ from rsoconsole.config import APP, Config, WaitsConfig
 from rsoconsole.instruments.clock_watch import ClockReadings, ClockWatch
 from rsoconsole.instruments.indi.indi_wire import IndiVector, IndiWire
 from rsoconsole.instruments.indi.safety_monitor import IndiSafetyMonitor
-from rsoconsole.instruments.observatory.protocols import Connection, camera_by, mount_by
+from rsoconsole.instruments.observatory.protocols import ProtocolContext, camera_by, mount_by
 from rsoconsole.instruments.ports import Clock, ClockFault, Instruments
 
 CLOCK_DEVICE = "Simulated Clock"
@@ -65,7 +65,7 @@ class SystemClock:
         self._faults: list[ClockFault] = []
         self._looking = threading.Lock()
         self._is_over = threading.Event()
-        threading.Thread(target=self._look_on, daemon=True, name="clock").start()
+        threading.Thread(target=self._run, daemon=True, name="clock").start()
 
     def now_utc_ns(self) -> int:
         """The present instant."""
@@ -83,7 +83,7 @@ class SystemClock:
         """False while this clock does not run as fast as the others."""
         return self._watch.is_steady
 
-    def _look_on(self) -> None:
+    def _run(self) -> None:
         while not self._is_over.wait(_LOOK_EVERY_S):
             if self._look():
                 self._wake.set()
@@ -227,10 +227,10 @@ def connect_instruments(
     """
     folder = log_dir or platformdirs.user_log_path(APP)
     with ExitStack() as release:
-        connection = Connection(config=config, log_dir=folder)
-        mount = mount_by(connection)
+        context = ProtocolContext(config=config, log_dir=folder)
+        mount = mount_by(context)
         release.callback(mount.close)
-        camera = camera_by(connection)
+        camera = camera_by(context)
         release.callback(camera.close)
         with ThreadPoolExecutor(2) as both:
             starts = [both.submit(mount.start), both.submit(camera.start)]

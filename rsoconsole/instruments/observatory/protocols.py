@@ -1,8 +1,8 @@
 """Which code speaks to the mount and to the camera: INDI's, or that of an installed package.
 
 A package brings a protocol as an entry point of group ``rsoconsole.mounts`` or
-``rsoconsole.cameras``: a callable that is given a ``Connection`` and returns something with the
-methods of ``MountPort`` or ``CameraPort`` (``instruments/ports.py``). Its settings are
+``rsoconsole.cameras``: a callable that is given a ``ProtocolContext`` and returns something with
+the methods of ``MountPort`` or ``CameraPort`` (``instruments/ports.py``). Its settings are
 ``[instruments.options]``.
 """
 
@@ -22,42 +22,42 @@ MOUNTS, CAMERAS = "rsoconsole.mounts", "rsoconsole.cameras"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Connection:
-    """What a protocol goes by."""
+class ProtocolContext:
+    """The configuration and the log folder, for the factory of a protocol."""
 
     config: Config
     log_dir: Path
     """Where a process of its own may leave what its library prints."""
 
 
-def mount_by(connection: Connection) -> MountPort:
+def mount_by(context: ProtocolContext) -> MountPort:
     """The configured mount, not yet connected.
 
     Raises InstrumentError where no such protocol is installed or its package cannot be loaded.
     """
-    name = connection.config.instruments.mount
+    name = context.config.instruments.mount
     if name == "indi":
-        config = connection.config
-        return IndiMount(config.indi, connection.log_dir / "mount.log", config.mount, config.waits)
-    mount: MountPort = _factory(MOUNTS, "mount", name)(connection)
+        config = context.config
+        return IndiMount(config.indi, context.log_dir / "mount.log", config.mount, config.waits)
+    mount: MountPort = _factory(MOUNTS, "mount", name)(context)
     return mount
 
 
-def camera_by(connection: Connection) -> CameraPort:
+def camera_by(context: ProtocolContext) -> CameraPort:
     """The configured camera, not yet connected.
 
     Raises InstrumentError where no such protocol is installed or its package cannot be loaded.
     """
-    name = connection.config.instruments.camera
+    name = context.config.instruments.camera
     if name == "indi":
-        config, log_file = connection.config, connection.log_dir / "camera.log"
+        config, log_file = context.config, context.log_dir / "camera.log"
         return IndiCamera(config.indi, config.optics, log_file, config.waits)
-    camera: CameraPort = _factory(CAMERAS, "camera", name)(connection)
+    camera: CameraPort = _factory(CAMERAS, "camera", name)(context)
     return camera
 
 
 def missing_protocol(config: Config) -> str | None:
-    """What is wrong with the configured names of protocols; None where both are installed."""
+    """The fault of a configured protocol's name, in words; None where both are installed."""
     named = (
         ("mount", MOUNTS, config.instruments.mount),
         ("camera", CAMERAS, config.instruments.camera),
@@ -71,12 +71,12 @@ def missing_protocol(config: Config) -> str | None:
     return None
 
 
-def _factory(group: str, kind: str, name: str) -> Callable[[Connection], Any]:
+def _factory(group: str, kind: str, name: str) -> Callable[[ProtocolContext], Any]:
     found = entry_points(group=group)
     for each in found:
         if each.name == name:
             try:
-                factory: Callable[[Connection], Any] = each.load()
+                factory: Callable[[ProtocolContext], Any] = each.load()
             except Exception as error:  # a vendor's library may fail in any way
                 raise InstrumentError(
                     f"the {kind} protocol {name!r} of {each.value} cannot be loaded: {error}"

@@ -31,12 +31,12 @@ class Table:
     row_bytes: int
     rows: int
     offset: int
-    """Of the first data byte in the file."""
+    """Place of the first data byte in the file."""
 
 
 @dataclass(frozen=True, slots=True)
 class IndexHeader:
-    """What the headers of an index file promise."""
+    """The headers of an index file."""
 
     cards: dict[str, str]
     """Primary header, keyword to value as written (strings without their quotes)."""

@@ -27,7 +27,7 @@ class SolverChild:
 
     @property
     def pid(self) -> int | None:
-        """Of the running process."""
+        """Number of the running process; None where there is none."""
         return self._child.pid
 
     def start(self) -> None:
@@ -36,7 +36,7 @@ class SolverChild:
         Raises SolverError when the system cannot start one.
         """
         with self._lock:
-            self._ensure()
+            self._running()
 
     def ask(self, request: MatchRequest, deadline_s: float) -> MatchReply:
         """The reply within ``deadline_s`` seconds of wall time, or one that says what went wrong.
@@ -58,8 +58,8 @@ class SolverChild:
                 self._child.end()
             except (EOFError, OSError):
                 error = "the solver process died; it was restarted"
-                self._bury()
-            self._ensure()
+                self._end_dead()
+            self._running()
             return MatchReply(request_id=request.request_id, error=error)
 
     def close(self) -> None:
@@ -70,14 +70,14 @@ class SolverChild:
     def _send(self, request: MatchRequest) -> Connection:
         """Hand the request over to a process that is ready; one that died idle is replaced."""
         for _ in range(2):
-            connection = self._ensure()
+            connection = self._running()
             try:
                 if not self._is_ready:
                     self._await_ready(connection)
                 connection.send(request)
                 return connection
             except (EOFError, OSError):
-                self._bury()
+                self._end_dead()
         raise SolverError("the solver process dies as soon as it starts: reinstall rsoconsole")
 
     def _await_ready(self, connection: Connection) -> None:
@@ -95,16 +95,16 @@ class SolverChild:
             raise SolverError(f"the solver process cannot work ({fault}): reinstall rsoconsole")
         self._is_ready = True
 
-    def _ensure(self) -> Connection:
+    def _running(self) -> Connection:
         if self._child.pid is not None:
             return self._child.start()
         if self._child.has_died:
-            self._bury()
+            self._end_dead()
         self._is_ready = False
         with said_as(SolverError, "the solver process cannot start: "):
             return self._child.start()
 
-    def _bury(self) -> None:
+    def _end_dead(self) -> None:
         """Clear away a process that ended without being told to, and say so."""
         status = self._child.end()
         log.warning("the plate solver's process ended (status %s): another one starts", status)

@@ -36,7 +36,7 @@ class MatchRequest:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MatchReply:
-    """What came of it."""
+    """The result of one search."""
 
     request_id: int
     error: str = ""

@@ -24,7 +24,7 @@ QUAD_ARCMIN = (
     *(240.0, 340.0, 480.0, 680.0, 1000.0, 1400.0, 2000.0),
 )
 SERIES_SCALES = range(7, 20)
-"""What exists of the series: Tycho-2 has too few stars for smaller quads."""
+"""Numbers of the series that exist: Tycho-2 has too few stars for smaller quads."""
 _LITTLE_ENDIAN = "04:03:02:01"
 SYSTEM_DIR = Path("/usr/share/astrometry")
 
@@ -130,14 +130,14 @@ def wanted_numbers(short_arcmin: float) -> tuple[int, ...]:
 
 
 def series_name(number: int) -> str:
-    """What the index files of a number are called at data.astrometry.net: 5204, 4107.
+    """Name of the index files of a number at data.astrometry.net: 5204, 4107.
 
     Tycho-2 (4100) ends where its stars get too few; Gaia's (5200) go on.
     """
     return f"{41 if number in SERIES_SCALES else 52}{number:02d}"
 
 
-def missing_for(
+def missing_numbers(
     files: Sequence[IndexFile],
     *,
     short_arcmin: float,

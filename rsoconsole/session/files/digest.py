@@ -1,4 +1,4 @@
-"""What tells whether a session is still what was written: hashes of files, the digest of a log.
+"""Integrity of a session: hashes of its files, the digest of its log, and what a check found.
 
 The digest is SHA-256 over one line a record, in order of ``seq``, each ended by a line feed:
 ``seq|t_utc_ns|kind|frame_id|body`` in UTF-8, integers in decimal, ``frame_id`` empty where it is
@@ -17,7 +17,7 @@ from pathlib import Path, PurePosixPath
 from typing import Any, Literal, TypeAlias
 
 from rsoconsole.session.log.database import LOG_ROWS, transaction
-from rsoconsole.session.log.liveness import is_written
+from rsoconsole.session.log.liveness import is_being_written
 
 META_KEY = "log_digest"
 
@@ -61,7 +61,7 @@ class Digester:
         self._records += 1
 
     def result(self) -> LogDigest:
-        """Of all that was taken."""
+        """The digest of the rows added so far."""
         return LogDigest(sha256=self._hash.hexdigest(), records=self._records)
 
 
@@ -101,7 +101,7 @@ _CHUNK_BYTES_BESIDE_DATA = 12
 """Length, type and CRC. Source: PNG specification (ISO/IEC 15948), 5.3."""
 
 
-def found_row(path: str, role: str, frame_id: int, content: bytes) -> tuple[object, ...]:
+def stray_file_row(path: str, role: str, frame_id: int, content: bytes) -> tuple[object, ...]:
     """The row of the table ``files`` for a file that was found without one."""
     return frame_id, role, path, len(content), None, None, sha256_of(content)
 
@@ -173,7 +173,7 @@ class Finding:
 
 @dataclass(slots=True, kw_only=True)
 class Verification:
-    """What was looked at in one session, and what was found."""
+    """The result of checking one session."""
 
     session: Path
     state: State = "unreadable"
@@ -209,7 +209,7 @@ class Verification:
 
 
 def state_of(about: Mapping[str, Any]) -> State:
-    """What the session's table ``meta`` says of its end."""
+    """Whether a session is closed, live or cut off, by its table ``meta``."""
     if about.get("is_closed") is True:
         return "closed"
-    return "live" if is_written(about) else "cut off"
+    return "live" if is_being_written(about) else "cut off"

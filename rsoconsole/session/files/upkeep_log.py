@@ -1,4 +1,4 @@
-"""What was done to a session after its night, on record beside it: ``upkeep.jsonl``, and KEEP.
+"""Notes on a session's upkeep after its night, beside it: ``upkeep.jsonl``, and KEEP.
 
 The database is the night's own and is not written for the house's sake. Anyone who repairs, prunes
 or archives a session adds a line to ``upkeep.jsonl``: a JSON object with ``t_utc``, ``verb`` and

@@ -19,7 +19,7 @@ FORMAT = 1
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ElementLedger:
-    """What holds."""
+    """The rows that hold."""
 
     rows: tuple[ElementRow, ...] = ()
     """In order of time."""

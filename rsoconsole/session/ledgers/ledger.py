@@ -92,7 +92,7 @@ class LedgerObject:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Ledger:
-    """What holds."""
+    """The uncatalogued objects that hold."""
 
     objects: tuple[LedgerObject, ...] = ()
     """By number."""
@@ -110,7 +110,7 @@ class Ledger:
         raise SessionError(f"the ledger has no UCT {number}; there are: {known}")
 
     def without(self, session: str) -> "Ledger":
-        """What other sessions left."""
+        """The ledger without the tracks of a session."""
         objects = []
         for each in self.objects:
             tracks = tuple(track for track in each.tracks if track.session != session)
@@ -119,7 +119,7 @@ class Ledger:
         return replace(self, objects=tuple(objects))
 
     def number_of(self, session: str, track_id: int) -> int | None:
-        """Of the object that a track was kept as."""
+        """Number of the object that a track was kept as; None where it was not."""
         for each in self.objects:
             if any((t.session, t.track_id) == (session, track_id) for t in each.tracks):
                 return each.number
@@ -131,25 +131,25 @@ def ledger_path(*, is_simulated: bool = False) -> Path:
     return state_dir() / ("ledger-simulated.jsonl" if is_simulated else "ledger.jsonl")
 
 
-def kept(number: int, track: LedgerTrack) -> Change:
-    """A track of an object, new or known."""
+def keep_change(number: int, track: LedgerTrack) -> Change:
+    """Change: a track is kept, of an object that is new or known."""
     return {"did": "kept", "number": number, "track": asdict(track)}
 
 
-def renamed(number: int, name: str) -> Change:
-    """The operator's name for it. Raises SessionError for one that cannot be shown."""
+def rename_change(number: int, name: str) -> Change:
+    """Change: an object gets a name. Raises SessionError for one that cannot be shown."""
     if len(name) > _MAX_NAME or not name.isprintable():
         raise SessionError(f"a name has at most {_MAX_NAME} characters, all of them printable")
     return {"did": "renamed", "number": number, "name": name.strip()}
 
 
-def forgotten(number: int) -> Change:
-    """It is listed and matched no more; its lines stay in the file."""
+def forget_change(number: int) -> Change:
+    """Change: an object is listed and matched no more; its lines stay in the file."""
     return {"did": "forgotten", "number": number}
 
 
-def taken_back(session: str, track_id: int) -> Change:
-    """A track that has got a catalogued name since."""
+def withdraw_change(session: str, track_id: int) -> Change:
+    """Change: a track is taken back, because it has got a catalogued name since."""
     return {"did": "taken back", "session": session, "track_id": track_id}
 
 

@@ -56,7 +56,7 @@ def decode(kind: str, body: str) -> Record:
 
 
 def from_json_value(hint: Any, value: Any) -> Any:
-    """What ``to_json_value`` was given, of the type ``hint``.
+    """A value of the type ``hint`` from the JSON that ``to_json_value`` made of it.
 
     Raises ValueError, TypeError or KeyError for what is none.
     """

@@ -45,7 +45,7 @@ _INDEXES = (
 )
 
 
-def bound(connection: sqlite3.Connection, path: Path) -> None:
+def limit_work(connection: sqlite3.Connection, path: Path) -> None:
     """End whatever asks for more than a file of this size explains, and refuse huge rows.
 
     SQLite then raises OperationalError with the code SQLITE_INTERRUPT, or DataError.
@@ -67,7 +67,7 @@ def is_interrupted(error: BaseException) -> bool:
 
 
 def computed_part(connection: sqlite3.Connection) -> str | None:
-    """What of the tables is none or computes something, in words; None where all is plain.
+    """Why the tables cannot be trusted: one is missing or computes values; None where all is plain.
 
     Raises sqlite3.Error.
     """
@@ -102,7 +102,7 @@ class Database(sqlite3.Connection):
     """
 
     def execute(self, sql: str, parameters: Any = (), /) -> sqlite3.Cursor:
-        """As of any connection."""
+        """Execute a statement; an unreadable schema is a sqlite3.DatabaseError."""
         try:
             return super().execute(sql, parameters)
         except UnicodeDecodeError as error:
@@ -145,7 +145,7 @@ def connect_to_read(path: Path, *, is_immutable: bool = False) -> sqlite3.Connec
     connection = sqlite3.connect(
         f"{path.resolve().as_uri()}?{mode}", uri=True, timeout=2.0, factory=Database
     )
-    bound(connection, path)
+    limit_work(connection, path)
     try:
         connection.execute("SELECT 1 FROM sqlite_master LIMIT 1").fetchall()
     except sqlite3.Error:
@@ -229,8 +229,8 @@ def leave_wal(path: Path, timeout_s: float) -> None:
 _MAGIC = b"SQLite format 3\x00"
 
 
-class LogPlace:
-    """The database and its write-ahead log, as they were when last looked at."""
+class LogFileWatch:
+    """Watch over the database and its write-ahead log: removed, replaced, cut, overwritten."""
 
     def __init__(self, database: Path) -> None:
         self._paths = {"log": database, "write-ahead log": database.with_name(WAL)}
@@ -253,7 +253,7 @@ class LogPlace:
         self._before.pop("write-ahead log", None)
 
     def damage(self, has_all: Callable[[], bool]) -> str | None:
-        """What has become of them since the first look, in words; None where all is well.
+        """The damage to the files since the first look, in words; None where there is none.
 
         ``has_all``: whether a reader finds every record; asked where the write-ahead log is
         shorter, which is so after somebody has had SQLite fold it into the database, too.

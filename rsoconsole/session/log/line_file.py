@@ -20,11 +20,11 @@ _MAX_BYTES = 200_000_000
 
 Lines = Sequence[bytes]
 Change = Mapping[str, Any]
-"""What a line says."""
+"""A line to be added: ``did`` names the change."""
 
 
 class Folded(Protocol):
-    """What holds by all lines of a file."""
+    """The state that all lines of a file add up to."""
 
     @property
     def unreadable(self) -> tuple[int, ...]:
@@ -131,7 +131,7 @@ class LineFile:
 
 
 def damage_words(unreadable: Sequence[int], path: Path) -> str:
-    """What is wrong with a file of lines, and what comes of that; empty for a whole one."""
+    """The damage to a file of lines in words, and what comes of it; empty for a whole one."""
     if not unreadable:
         return ""
     first, count = unreadable[0], len(unreadable)

@@ -11,13 +11,13 @@ _START_FIELD = 19
 """Place of ``starttime`` in /proc/PID/stat, counted after the name. Source: proc(5), field 22."""
 
 
-def own_mark() -> dict[str, Any]:
+def writer_mark() -> dict[str, Any]:
     """This process, so that it is told apart from every other one, as JSON carries it."""
     pid = os.getpid()
     return {"pid": pid, "boot_id": _boot_id(), "start_ticks": _start_ticks(pid)}
 
 
-def is_written(about: Mapping[str, Any]) -> bool:
+def is_being_written(about: Mapping[str, Any]) -> bool:
     """Whether somebody still writes the session: it is not closed, and its process lives.
 
     ``about`` is the session's table ``meta``. A session that names no process counts as left.

@@ -16,10 +16,10 @@ DATABASE = "session.db"
 WAL = f"{DATABASE}-wal"
 JOURNAL = f"{DATABASE}-journal"
 BESIDE_DATABASE = (WAL, JOURNAL, f"{DATABASE}-shm")
-"""What SQLite keeps beside the database while it is written, or after it was cut off."""
+"""Files that SQLite keeps beside the database while it is written, or after it was cut off."""
 CONFIG = "config.toml"
 WORLD = "world.toml"
-"""What was imperfect about a simulated night."""
+"""Settings of the simulated observatory of a simulated night."""
 BRANCHES = "branches"
 """Folder of what others derive from the session: never part of its record."""
 
@@ -94,11 +94,11 @@ def role_of(path: str) -> tuple[str, int] | None:
 
 
 def select_of(name: str) -> str:
-    """What a public view selects."""
+    """SQL that selects the rows of a public view."""
     table = TABLES[name]
     columns = ["seq", "t_utc_ns", "log.frame_id AS frame_id"]
     columns += [f"{_value(table, column)} AS {column.name}" for column in table.own]
-    columns += [f"{_SUPERSEDED} AS {SUPERSEDED.name}"] * table.is_followed_again
+    columns += [f"{_SUPERSEDED} AS {SUPERSEDED.name}"] * table.may_be_superseded
     parts = f", json_each(body, '$.{table.parts}') AS one" if table.parts else ""
     files = _WITH_FILES if any(column.source == "files" for column in table.own) else ""
     kind = table.kind.__name__

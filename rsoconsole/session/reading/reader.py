@@ -43,7 +43,7 @@ from rsoconsole.session.log.schema import (
     WAL,
     select_of,
 )
-from rsoconsole.session.reading._plausible import LAST_UTC_NS, expect_plausible
+from rsoconsole.session.reading._plausibility import LAST_UTC_NS, expect_plausible
 from rsoconsole.words import utc_ns_to_iso
 
 PAGE_RECORDS = 500
@@ -74,7 +74,7 @@ def expect_schema(folder: Path, version: int) -> None:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Counts:
-    """How much a session holds."""
+    """Numbers of records and frames of a session, and its first and last instant."""
 
     records: int
     frames: int
@@ -125,7 +125,7 @@ class SessionReader:
         return connection
 
     def about(self) -> dict[str, Any]:
-        """What the session said of itself when it began: config, model_sha256, versions and so on.
+        """The session's table ``meta``: config, model_sha256, versions and so on.
 
         ``is_closed`` is False for a session that is live or was cut off. Raises SessionError where
         that cannot be read.

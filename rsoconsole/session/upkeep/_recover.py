@@ -1,4 +1,4 @@
-"""What can be saved of a session whose database is damaged, as a new session beside it.
+"""Recovery of a session whose database is damaged, into a new session beside it.
 
 The damaged one is only copied from. Its rows are read twice: by SQLite itself around the pages that
 it cannot read, and page by page, which finds rows that no table leads to any more.
@@ -18,8 +18,8 @@ from typing import Any
 
 from rsoconsole.base import PART, SessionError, json_of, read_foreign, sync_folder, toml_of
 from rsoconsole.session.files.digest import META_KEY as DIGEST_KEY
-from rsoconsole.session.files.digest import Row, content_fault, found_row, mark_closed
-from rsoconsole.session.files.holdings import FolderHoldings
+from rsoconsole.session.files.digest import Row, content_fault, mark_closed, stray_file_row
+from rsoconsole.session.files.session_files import FolderFiles
 from rsoconsole.session.files.upkeep_log import add_note
 from rsoconsole.session.log.codec import KINDS, decode
 from rsoconsole.session.log.database import (
@@ -27,11 +27,11 @@ from rsoconsole.session.log.database import (
     INSERT_RECORD,
     LOG_COLUMNS,
     Database,
-    bound,
     computed_part,
     connect_to_write,
     create_database,
     leave_wal,
+    limit_work,
     transaction,
 )
 from rsoconsole.session.log.pages import MAGIC, Fields, Pages
@@ -50,7 +50,7 @@ from rsoconsole.session.reading.reader import SessionReader, expect_schema
 
 RECOVERED = ".recovered"
 PAGE_BYTES = 4096
-"""What SQLite reads at a time, and disks too."""
+"""Bytes that SQLite reads at a time, and disks too."""
 MAX_DEAD_ROWS = 20_000
 """Unreadable records in a row that count as the end of the log."""
 MAX_GROWTH = 1000
@@ -160,7 +160,7 @@ def _walk(database: Path, read: _Read) -> None:
         suppress(sqlite3.Error),
         closing(sqlite3.connect(database, factory=Database)) as connection,
     ):
-        bound(connection, database)
+        limit_work(connection, database)
         if computed_part(connection):
             return  # what its tables hold stands on the pages
         for row in _log_around_damage(connection):
@@ -266,7 +266,7 @@ def _facts(meta: dict[str, str], folder: Path) -> dict[str, Any]:
 def _save_files(folder: Path, target: Path) -> int:
     """Bring the frames and pictures over, with rows for those that the table lost."""
     saved: dict[str, tuple[str, int]] = {}
-    for path in sorted(FolderHoldings(folder).sizes()):
+    for path in sorted(FolderFiles(folder).sizes()):
         if path in (DATABASE, *BESIDE_DATABASE) or path.endswith(PART):
             continue
         if path.startswith(f"{BRANCHES}/"):
@@ -283,7 +283,7 @@ def _save_files(folder: Path, target: Path) -> int:
             content = b"" if path in named else (target / path).read_bytes()
             if path in named or content_fault(path, content) is not None:
                 continue
-            connection.execute(INSERT_FILE, found_row(path, role, frame_id, content))
+            connection.execute(INSERT_FILE, stray_file_row(path, role, frame_id, content))
     return len(saved)
 
 

@@ -19,7 +19,7 @@ from typing import IO, TypeAlias
 
 from rsoconsole.base import PART, SessionError, sync_folder
 from rsoconsole.session.files.digest import Verification
-from rsoconsole.session.files.holdings import MANIFEST, FolderHoldings
+from rsoconsole.session.files.session_files import MANIFEST, FolderFiles
 from rsoconsole.session.files.upkeep_log import UPKEEP, add_note
 from rsoconsole.session.log.schema import BESIDE_DATABASE, DATABASE
 from rsoconsole.session.reading.reader import SessionReader
@@ -41,7 +41,7 @@ class Archive:
     files: int
     bytes: int
     verification: Verification
-    """Of the archive, as it lies on its disk."""
+    """The check of the archive, as it lies on its disk."""
     is_removed: bool
     """Whether the original was removed."""
 
@@ -118,7 +118,7 @@ def _check_fit(folder: Path, report: OnBytes) -> None:
 
 
 def _check_room(folder: Path, out: Path) -> None:
-    needed = ROOM * sum(FolderHoldings(folder).sizes().values())
+    needed = ROOM * sum(FolderFiles(folder).sizes().values())
     free = shutil.disk_usage(out).free
     if free < needed:
         raise OSError(f"{needed / 1e9:.1f} GB are needed, {free / 1e9:.1f} GB are free")
@@ -138,7 +138,7 @@ def _scratch_beside(beside: Path) -> Iterator[Path]:
 
 def _stage(folder: Path, scratch: Path, now_utc_ns: int) -> dict[str, Path]:
     """Where each file of the archive is taken from."""
-    sources = {path: folder / path for path in FolderHoldings(folder).sizes()}
+    sources = {path: folder / path for path in FolderFiles(folder).sizes()}
     for name in (*BESIDE_DATABASE, MANIFEST):
         sources.pop(name, None)
     with closing(SessionReader(folder).connect()) as connection:

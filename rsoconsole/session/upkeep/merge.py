@@ -28,7 +28,7 @@ from rsoconsole.session.log.database import (
     leave_wal,
     transaction,
 )
-from rsoconsole.session.log.liveness import is_written
+from rsoconsole.session.log.liveness import is_being_written
 from rsoconsole.session.log.schema import DATABASE
 from rsoconsole.session.reading.reader import SessionReader
 from rsoconsole.session.upkeep.store import remove_folder
@@ -40,7 +40,7 @@ LEAVE_WAL_S = 3.0
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Merged:
-    """What came from a rescue session into its session; the rescue is gone."""
+    """The result of merging a rescue session into its session; the rescue is gone."""
 
     rescue: Path
     session: Path
@@ -96,7 +96,7 @@ def merge_rescue(rescue: Path, now_utc_ns: int) -> Merged:
         target = SessionReader(session)
     for reader in (source, target):
         about = reader.about()
-        if is_written(about):
+        if is_being_written(about):
             raise SessionError(f"{reader.folder} is being written: end its engine first")
         with closing(reader.connect()) as connection:
             if page_faults(connection):

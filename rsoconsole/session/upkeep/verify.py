@@ -11,12 +11,12 @@ from typing import TypeAlias
 
 from rsoconsole.base import PART, SessionError
 from rsoconsole.session.files.digest import REPAIR, Digester, LogDigest, Verification, state_of
-from rsoconsole.session.files.holdings import (
+from rsoconsole.session.files.session_files import (
     MANIFEST,
-    FolderHoldings,
-    Holdings,
+    FolderFiles,
+    SessionFiles,
     hash_of,
-    holdings_of,
+    open_session_files,
     parse_manifest,
 )
 from rsoconsole.session.files.upkeep_log import KEEP, UPKEEP, parse_notes, pruned_on
@@ -46,17 +46,17 @@ class FilesCheck:
 
     def __init__(
         self,
-        holdings: Holdings,
+        session_files: SessionFiles,
         found: Verification,
         rows: Iterable[FileRow],
         on_bytes: Callable[[int, int], None] | None,
     ) -> None:
         """Raises OSError when the files cannot be listed."""
-        self._holdings = holdings
+        self._session_files = session_files
         self._found = found
         self._rows = tuple(rows)
         self._on_bytes = on_bytes
-        self._sizes = holdings.sizes()
+        self._sizes = session_files.sizes()
         self._total = sum(self._sizes.get(path, 0) for path, _, _ in self._rows)
 
     def run(self) -> None:
@@ -85,7 +85,7 @@ class FilesCheck:
         try:
             if sha256 is None:
                 self._found.damage(path, "no hash of it is on record")
-            elif hash_of(self._holdings, path, self._count) != sha256:
+            elif hash_of(self._session_files, path, self._count) != sha256:
                 what = f"{size} bytes, not the {size_bytes} that were written"
                 if size_bytes is None or size_bytes == size:
                     what = "its bytes are not those that were written"
@@ -114,13 +114,13 @@ class FilesCheck:
 
         An unpacked session lives on: notes and branches may have changed since, its log not.
         """
-        is_archive = not isinstance(self._holdings, FolderHoldings)
+        is_archive = not isinstance(self._session_files, FolderFiles)
         for path in sorted(set(manifest) - judged):
             if not (is_archive or path == DATABASE):
                 continue
             if path not in self._sizes:
                 self._found.damage(path, "the archive's list names it; it is not there")
-            elif hash_of(self._holdings, path) != manifest[path]:
+            elif hash_of(self._session_files, path) != manifest[path]:
                 self._found.damage(path, "its bytes are not those that were archived")
         if is_archive and not manifest:
             self._found.remark(MANIFEST, "the archive has no list of hashes")
@@ -128,7 +128,7 @@ class FilesCheck:
     def _read(self, path: str) -> bytes:
         if path not in self._sizes:
             return b""
-        with self._holdings.open(path) as stream:
+        with self._session_files.open(path) as stream:
             return stream.read()
 
     def _count(self, size: int) -> None:
@@ -153,18 +153,18 @@ def verify_session(place: Path, on_bytes: Callable[[int, int], None] | None = No
     if not (place.is_file() or (place / DATABASE).is_file()):
         SessionReader(place)  # says what is missing
     found = Verification(session=place)
-    with holdings_of(place) as holdings:
-        rows = _verify_database(holdings, found)
+    with open_session_files(place) as session_files:
+        rows = _verify_database(session_files, found)
         if rows is not None:
             try:
-                FilesCheck(holdings, found, rows, on_bytes).run()
+                FilesCheck(session_files, found, rows, on_bytes).run()
             except OSError as error:
                 found.damage(str(place), f"cannot be read: {error}", "check the disk")
     return found
 
 
 def page_faults(connection: sqlite3.Connection) -> list[str]:
-    """What SQLite finds wrong with the database as a file; empty when all is well."""
+    """Faults that SQLite finds in the database file; empty for a sound one."""
     try:
         words = [str(row[0]) for row in connection.execute("PRAGMA integrity_check(20)")]
     except sqlite3.Error as error:
@@ -172,10 +172,10 @@ def page_faults(connection: sqlite3.Connection) -> list[str]:
     return [] if words == ["ok"] else words
 
 
-def _verify_database(holdings: Holdings, found: Verification) -> list[FileRow] | None:
+def _verify_database(session_files: SessionFiles, found: Verification) -> list[FileRow] | None:
     """Judge the database; returns what files it names, None when it cannot be read."""
     try:
-        reader = SessionReader(holdings.folder())
+        reader = SessionReader(session_files.folder())
         about = reader.about()
     except OtherSchemaError:
         raise

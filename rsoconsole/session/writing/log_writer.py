@@ -21,7 +21,7 @@ from rsoconsole.session.log.database import (
     INSERT_FILE,
     INSERT_RECORD,
     LOG_ROWS,
-    LogPlace,
+    LogFileWatch,
     connect_to_read,
     connect_to_write,
     lay_out_session,
@@ -33,7 +33,7 @@ from rsoconsole.session.writing.worker import Faults
 Statement = tuple[str, tuple[object, ...]]
 MIN_BYTES = 200_000_000
 """Free on a disk that a rescue is begun on: many nights' logs."""
-_AT_A_TIME = 1000
+_ROWS_PER_BATCH = 1000
 _TABLES = ((LOG_ROWS, INSERT_RECORD), (FILE_ROWS, INSERT_FILE))
 
 
@@ -74,14 +74,14 @@ class Rescue:
             try:
                 place.mkdir(mode=0o700, parents=True, exist_ok=True)
                 if shutil.disk_usage(place).free < MIN_BYTES or folder.exists():
-                    _leave(place)
+                    _remove_if_empty(place)
                     continue
                 folder.mkdir()
                 lay_out_session(folder, self._config, self._facts)
                 self._connection = connect_to_write(folder / DATABASE)
             except (OSError, sqlite3.Error, ValueError):
                 shutil.rmtree(folder, ignore_errors=True)
-                _leave(place)
+                _remove_if_empty(place)
                 continue
             self.folder = folder
             return True
@@ -101,7 +101,7 @@ class Rescue:
     def _copy_table(self, source: sqlite3.Connection, table: tuple[str, str]) -> None:
         assert self._connection is not None
         rows = source.execute(table[0])
-        while some := rows.fetchmany(_AT_A_TIME):
+        while some := rows.fetchmany(_ROWS_PER_BATCH):
             with transaction(self._connection):
                 self._connection.executemany(table[1], some)
 
@@ -117,11 +117,11 @@ class Rescue:
         return True
 
     def discard(self) -> None:
-        """It is not needed any more: the session itself has everything."""
+        """Remove the rescue session: the session itself has everything."""
         self.close()
         if self.folder is not None:
             shutil.rmtree(self.folder, ignore_errors=True)
-            _leave(self.folder.parent)
+            _remove_if_empty(self.folder.parent)
             self.folder = None
 
     def close(self) -> None:
@@ -132,7 +132,7 @@ class Rescue:
             self._connection = None
 
 
-def _leave(place: Path) -> None:
+def _remove_if_empty(place: Path) -> None:
     """No empty folder stays behind in somebody's home."""
     with contextlib.suppress(OSError):  # it holds other rescues, or was never made
         place.rmdir()
@@ -171,7 +171,7 @@ class LogWriter:
 
     def __init__(self, path: Path, faults: Faults, rescue: Rescue) -> None:
         self._path = path
-        self._place = LogPlace(path)
+        self._place = LogFileWatch(path)
         self._rescue = rescue
         self._rescued = 0
         """Of the unwritten ones, the oldest: in the rescue session already."""
@@ -281,9 +281,9 @@ class LogWriter:
     def _write(self) -> bool:
         """Commit what is unwritten, oldest first; False as soon as the disk refuses."""
         if not self._is_lost and self._connection is not None:
-            self._look()
+            self._check_log_file()
         if self._is_lost:
-            return self._write_elsewhere()
+            return self._write_to_rescue()
         while self._unwritten:
             batch = list(itertools.islice(self._unwritten, MAX_BATCH))
             try:
@@ -296,7 +296,7 @@ class LogWriter:
                 waiting = f"{len(self._unwritten)} records wait in memory"
                 text = f"the session's log cannot be written ({error}): free space; {waiting}"
                 self._disconnect()
-                if self._write_elsewhere():
+                if self._write_to_rescue():
                     text += f" and in the rescue session {self._rescue.folder}"
                 self._faults.report("log", text)
                 return False
@@ -305,7 +305,7 @@ class LogWriter:
                 self._recent.append(self._unwritten.popleft())
             again = min(self._rescued, len(batch))
             # Acknowledged is what a reader finds.
-            is_there = self._look()
+            is_there = self._check_log_file()
             if not is_there and not self._has_taken_over:
                 self._unwritten.extendleft(reversed(batch))
                 return False
@@ -314,7 +314,7 @@ class LogWriter:
                 self._rescue.discard()
             self._advance(len(batch) - again)
             if self._is_lost:
-                return self._write_elsewhere()
+                return self._write_to_rescue()
         return True
 
     def _advance(self, count: int) -> None:
@@ -323,10 +323,10 @@ class LogWriter:
             self._committed += count
             self._progress.notify_all()
 
-    def _write_elsewhere(self) -> bool:
+    def _write_to_rescue(self) -> bool:
         """Put into the rescue session what is unwritten; False where that cannot be."""
         rescue = self._rescue
-        if not (self._takes_over() if self._is_lost else rescue.begin()):
+        if not (self._take_over() if self._is_lost else rescue.begin()):
             return False
         fresh = list(itertools.islice(self._unwritten, self._rescued, None))
         if fresh and not rescue.write(fresh):
@@ -339,17 +339,17 @@ class LogWriter:
         self._advance(len(fresh))
         return True
 
-    def _look(self) -> bool:
+    def _check_log_file(self) -> bool:
         """Whether the log is still where it was; SQLite does not notice when it is not."""
         damage = self._place.damage(self._has_all)
         if damage is None:
             return True
         self._is_lost, self._damage = True, damage
-        if not self._takes_over():
+        if not self._take_over():
             self._faults.report("log", f"{damage}: what comes is not on any disk")
         return False
 
-    def _takes_over(self) -> bool:
+    def _take_over(self) -> bool:
         """Whether the rescue session has what the lost log had; False where that cannot be yet.
 
         As long as the connection lives, most of it can still be read.

@@ -13,10 +13,13 @@ OnError: TypeAlias = Callable[[BaseException], None]
 
 
 class BoundedWorker:
-    """Runs jobs one after another; takes no more than ``most`` at a time, the running included."""
+    """A thread that runs jobs one after another.
 
-    def __init__(self, name: str, most: int) -> None:
-        self._most = most
+    It takes at most ``max_jobs`` at a time, the running one included.
+    """
+
+    def __init__(self, name: str, max_jobs: int) -> None:
+        self._max_jobs = max_jobs
         self._jobs: deque[tuple[Job, OnError]] = deque()
         self._is_running_job = False
         self._is_closing = False
@@ -31,7 +34,7 @@ class BoundedWorker:
         follows in any case.
         """
         with self._changed:
-            if self._is_closing or len(self._jobs) + self._is_running_job >= self._most:
+            if self._is_closing or len(self._jobs) + self._is_running_job >= self._max_jobs:
                 return False
             self._jobs.append((job, on_error))
             self._changed.notify_all()

@@ -1,4 +1,4 @@
-"""The engine's pen: records, frames and previews of a live session.
+"""The writer of a live session: records, frames and previews.
 
 Nothing here waits for a disk or raises because of one: the telescope goes on, and ``faults``
 says what the record lacks.
@@ -21,11 +21,11 @@ from rsoconsole.base import SessionError, sync_folder, write_durably
 from rsoconsole.config import Config, config_to_toml
 from rsoconsole.records import Frame, Record
 from rsoconsole.session.files.digest import mark_closed, sha256_of
-from rsoconsole.session.files.kept_frames import compress_frame, encode_preview
+from rsoconsole.session.files.frame_encoding import compress_frame, encode_preview
 from rsoconsole.session.log.codec import to_json_value
 from rsoconsole.session.log.database import connect_to_write, lay_out_session, leave_wal
 from rsoconsole.session.log.liveness import META_KEY as WRITER_KEY
-from rsoconsole.session.log.liveness import own_mark
+from rsoconsole.session.log.liveness import writer_mark
 from rsoconsole.session.log.schema import DATABASE, SCHEMA_VERSION, file_name
 from rsoconsole.session.writing.log_writer import KeptFile, LogWriter, Rescue
 from rsoconsole.session.writing.worker import BoundedWorker, Faults
@@ -66,7 +66,7 @@ class SessionWriter:
             "schema_version": SCHEMA_VERSION,
             "config": config.model_dump(mode="json"),
             "is_closed": False,
-            WRITER_KEY: own_mark(),
+            WRITER_KEY: writer_mark(),
             **{key: to_json_value(value, key) for key, value in about.items()},
         }
         try:
@@ -104,7 +104,7 @@ class SessionWriter:
 
     @property
     def faults(self) -> tuple[str, ...]:
-        """What the record lacks at this moment, in words; empty when all is well."""
+        """Present faults of the record in words; empty for a whole one."""
         return self._faults.texts()
 
     def append(self, record: Record, t_utc_ns: int) -> int:
@@ -243,7 +243,7 @@ class BatchRecording:
 
     @property
     def faults(self) -> tuple[str, ...]:
-        """What the record lacks, in words; empty when all is well."""
+        """Faults of the record in words; empty for a whole one."""
         return () if self._writer is None else self._writer.faults
 
     def append(self, records: Iterable[Record], t_utc_ns: int | None) -> None:

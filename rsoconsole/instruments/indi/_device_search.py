@@ -14,7 +14,7 @@ _POLL_S = 0.2
 _READ_S = 2.0
 
 
-class DevicesThere:
+class DeviceSearch:
     """One device that is waited for, and what the server announces meanwhile."""
 
     def __init__(
