@@ -16,7 +16,6 @@ from .night import DetectorConfig as DetectorConfig
 from .night import FilterConfig as FilterConfig
 from .night import MeasuredErrors as MeasuredErrors
 from .night import SearchConfig as SearchConfig
-from .night import SolverConfig as SolverConfig
 from .night import TargetConfig as TargetConfig
 from .observatory import CalibratedTiming as CalibratedTiming
 from .observatory import CalibrationConfig as CalibrationConfig

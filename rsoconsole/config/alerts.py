@@ -1,4 +1,4 @@
-"""What the operator wants to be told of, and by which services; addresses are secrets."""
+"""Settings of the alerts: which events, by which services; addresses are secrets."""
 
 import re
 from pathlib import Path
@@ -84,5 +84,5 @@ def expect_service(url: str) -> None:
 
 
 def scheme_of(url: str) -> str:
-    """Which service it is: all of an address that is no secret."""
+    """The service of an address: its scheme, the only part that is no secret."""
     return url.partition(":")[0].lower()

@@ -46,10 +46,10 @@ class Setting:
     name: str
     """Dotted, e.g. ``detector.tau``."""
     value: Any
-    """As JSON carries it."""
+    """The value as JSON carries it."""
     origin: Origin
     variable: str | None
-    """Of the environment, where it came from there."""
+    """Environment variable that it came from; None where it did not."""
     description: str
 
 
@@ -146,7 +146,7 @@ def effective_settings(
 def config_faults(
     path: Path | None = None, overrides: Mapping[str, Any] | None = None
 ) -> tuple[ConfigFault, ...]:
-    """Everything that is wrong with a configuration, each with its remedy; empty when sound."""
+    """All faults of a configuration, each with its remedy; empty for a sound one."""
     try:
         given = ConfigLayers.read(path, overrides)
     except VariableError as error:

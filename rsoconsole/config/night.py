@@ -29,7 +29,7 @@ class MeasuredErrors(Section):
     """Rows of the ledger that they were found from."""
     objects: int = Field(ge=1, le=100_000_000)
     oldest_days: float = Field(ge=0, le=1e5)
-    """Of their elements."""
+    """Largest age of the elements."""
     measured_on: date
     """Day of the last row (UTC)."""
 

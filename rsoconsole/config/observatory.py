@@ -40,7 +40,7 @@ class CalibratedTiming(Section):
     width_px: int | None = Field(None, ge=1, le=100_000)
     height_px: int | None = Field(None, ge=1, le=100_000)
     x0_px: int | None = Field(None, ge=0, le=100_000)
-    """Where a subframe begins on the sensor."""
+    """First column of a subframe on the sensor."""
     y0_px: int | None = Field(None, ge=0, le=100_000)
     gain: float | None = None
     time_by: TimeSource = "header"
@@ -162,12 +162,12 @@ class WaitsConfig(Section):
 
     @property
     def connected_s(self) -> float:
-        """At most, from the start of a device's process until the device is ready."""
+        """Longest time from the start of a device's process until the device is ready."""
         return self.process_s + 2.0 * self.device_s
 
     @property
     def order_s(self) -> float:
-        """At most, for an order of several steps."""
+        """Longest time for an order of several steps."""
         return 3.0 * self.answer_s + 5.0
 
 

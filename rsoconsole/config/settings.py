@@ -104,7 +104,7 @@ def environment_settings(
 
 
 def active_variables(names: Iterable[str], environ: Mapping[str, str]) -> list[str]:
-    """Which of the settings' variables are set: what a file says of these does not count."""
+    """The variables of these settings that are set: what a file says of them does not count."""
     return [each for each in map(variable_of, names) if environ.get(each)]
 
 
@@ -328,7 +328,7 @@ class ConfigLayers:
         overrides: Mapping[str, Any] | None = None,
         environ: Mapping[str, str] | None = None,
     ) -> Self:
-        """As ``load_config`` takes them. Raises ConfigError."""
+        """Read the layers, with the arguments of ``load_config``. Raises ConfigError."""
         source = path or default_config_path()
         in_file = read_toml(source) if path is not None or source.exists() else {}
         table = {k: dict(v) if isinstance(v, dict) else v for k, v in in_file.items()}

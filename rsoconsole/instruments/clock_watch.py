@@ -27,7 +27,7 @@ STEADY_S = 10.0
 """Time that a clock must run right before it is believed again."""
 MIN_SLEEP_S = 0.5
 MIN_PAUSE_S = 5.0
-"""No look is that late on a machine that merely has much to do."""
+"""Pause between two looks that counts as a process that stood still."""
 _READ_S = 0.01
 """Between the readings of two clocks."""
 _MIDNIGHT_S = 5.0
@@ -42,7 +42,7 @@ class ClockReadings:
     utc_ns: int
     monotonic_ns: int
     boottime_ns: int
-    """As monotonic, but it goes on while the machine sleeps."""
+    """Monotonic time that goes on while the machine sleeps."""
 
 
 class ClockWatch:

@@ -1,4 +1,4 @@
-"""How a mount moves, measured from the directions that it reports and from nothing else.
+"""The motion of a mount, measured from the directions that it reports and from nothing else.
 
 A driver's Idle, parked or tracking is a claim. What counts are the coordinates over a span of time,
 as rates of the two coordinates, right ascension and declination of date: a mount that tracks keeps
@@ -14,7 +14,7 @@ from typing import Literal
 MotionKind = Literal["stands", "tracks", "moves", "unknown"]
 
 SIDEREAL_ARCSEC_S = 15.041067
-"""By which the right ascension of a mount at rest grows in a second."""
+"""Rate of the right ascension of a mount that stands still."""
 STEPS_ARCSEC: tuple[float, ...] = (1.5, 15.0, 90.0)
 """In which right ascensions are told: INDI's base class tells changes of 1.5; drivers that read
 seconds, or tenths of a minute, know no finer ones."""
@@ -41,14 +41,14 @@ _MAX_REPORTS = 600
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Motion:
-    """How a mount moves, by the directions that it reports."""
+    """The motion of a mount, by the directions that it reports."""
 
     kind: MotionKind = "unknown"
     ra_rate_arcsec_s: float = 0.0
-    """Of the right ascension (not times cos declination): 0 where it tracks, 15.04 at rest."""
+    """Rate of the right ascension (not times cos declination): 0 where it tracks, 15.04 at rest."""
     dec_rate_arcsec_s: float = 0.0
     host_since_s: float = field(default=math.inf, compare=False)
-    """Of "moves": the host's time of the first report that shows it."""
+    """Host's time of the first report that shows the kind "moves"."""
 
     @property
     def is_at_rest(self) -> bool:
@@ -68,12 +68,12 @@ class Motion:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DirectionReport:
-    """Where the mount said that it was, epoch of date, as it came."""
+    """A direction as the mount reported it, epoch of date."""
 
     t_s: float
-    """In the clock in which the mount moves."""
+    """Time by the clock in which the mount moves."""
     host_s: float
-    """In the host's: another one where the observatory is simulated."""
+    """Time by the host's clock: another one where the observatory is simulated."""
     ra_deg: float
     dec_deg: float
 
@@ -137,7 +137,7 @@ class MotionMeter:
             self.add(same)
 
     def motion(self, t_s: float) -> Motion:
-        """How it moves at ``t_s``; unknown where the reports since the last order do not tell.
+        """The motion at ``t_s``; unknown where the reports since the last order do not tell.
 
         A rest is named where, of all constant rates, those that pass every report of the span
         within half its step are so few that there is no room for another motion (set membership:

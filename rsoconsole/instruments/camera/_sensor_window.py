@@ -1,4 +1,4 @@
-"""Which part of its sensor a camera reads: CCD_FRAME of INDI, in single pixels of the sensor.
+"""The part of its sensor that a camera reads: CCD_FRAME of INDI, in single pixels of the sensor.
 
 A driver answers an order twice as a rule: with what it made of it, in the state it was in before,
 then in the state it is in now. One that cannot read parts may say nothing at all. Drivers round
@@ -16,9 +16,9 @@ from rsoconsole.instruments.indi.indi_client import IndiClient, Vector
 _FRAME, _BINNING, _INFO = "CCD_FRAME", "CCD_BINNING", "CCD_INFO"
 _SIDES = ("X", "Y", "WIDTH", "HEIGHT")
 _GRID_PX = 16
-"""Places and sides of a part, joined, are multiples of it."""
+"""Places and sides of a part are multiples of this, in joined pixels."""
 _ROUNDED_PX = 64
-"""By more than that a driver has not rounded, but done something else."""
+"""Largest rounding of a place or side by a driver, in pixels."""
 _ANSWER_S, _SECOND_WORD_S = 3.0, 1.0
 
 Window = list[int]
@@ -129,7 +129,7 @@ def central_window(window: Window, share: float, grid_px: int) -> Window:
 
 
 def whole_sensor(info: Vector | None, size_px: Sequence[int]) -> Window | None:
-    """All of it, where the configured size is that of all of it, joined or not."""
+    """The whole sensor, where the configured size is that, joined or not; None otherwise."""
     if info is None:
         return None
     sensor = [int(float(info.values.get(key, 0.0))) for key in ("CCD_MAX_X", "CCD_MAX_Y")]

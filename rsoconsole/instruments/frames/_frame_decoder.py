@@ -30,7 +30,7 @@ class FrameDecoder:
         self._child = ChildProcess("rsoconsole.instruments.frames._decoder_child")
 
     def decode(self, request: DecodeRequest, content: Content) -> FitsImage:
-        """As ``image_by_astropy``, or ``picture_by_opencv`` without a header.
+        """Decode a file, by ``image_by_astropy`` or ``picture_by_opencv``, in the process.
 
         Raises FrameError, also where the file ends the process.
         """
@@ -90,7 +90,7 @@ _decoders: dict[int, FrameDecoder] = {}
 
 
 def decoder() -> FrameDecoder:
-    """This process's."""
+    """The decoder of this process."""
     found = _decoders.get(os.getpid())
     if found is None:
         _decoders.clear()

@@ -114,7 +114,7 @@ def read_frames(
     extension: str | None = None,
     max_nonfinite_fraction: float = MAX_NONFINITE_FRACTION,
 ) -> Iterator[Frame]:
-    """As ``read_frame``; with the extension ``ALL`` every image of the file, one after another."""
+    """Read the frames of a file: as ``read_frame``, and with the extension ``ALL`` every image."""
     path = Path(path)
     is_all = extension is not None and extension.strip().lower() == ALL
     read = partial(

@@ -13,7 +13,7 @@ LOCKED = 3
 _FARTHEST_S = 900.0
 """From DATE-OBS: a receiver that says another quarter of an hour is not believed."""
 _SAME_SHARE, _SAME_S = 0.05, 0.01
-"""By how much its exposure may differ from the header's."""
+"""Largest differences of the receiver's exposure time from the header's, as share and seconds."""
 
 
 def gps_time(
@@ -94,7 +94,7 @@ def start(header: Mapping[str, Any]) -> tuple[int | None, str | None]:
 
 
 def camera_mode(header: Mapping[str, Any]) -> CameraMode:
-    """How the frame was read out, and whose its time is."""
+    """The read-out of the frame, and the source of its time."""
     gps_ns, _ = gps_time(header, header_start(header)[0], exposure_s(header))
     binned = [_number(header.get(key)) for key in ("XBINNING", "YBINNING")]
     whole = [int(each) for each in binned if each is not None and 1.0 <= each < 100.0]
@@ -110,7 +110,7 @@ def camera_mode(header: Mapping[str, Any]) -> CameraMode:
 
 
 def header_start(header: Mapping[str, Any]) -> tuple[int | None, str | None]:
-    """As ``start``, without the camera's GPS receiver."""
+    """Start of the exposure as ``start`` gives it, without the camera's GPS receiver."""
     stated = header.get("DATE-OBS")
     if not isinstance(stated, str) or not stated.strip():
         return _standard_start(header)

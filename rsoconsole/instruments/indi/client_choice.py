@@ -1,4 +1,4 @@
-"""Which client library speaks INDI: the configured one, or the first that is installed."""
+"""Choice of the INDI client library: the configured one, or the first that is installed."""
 
 import importlib.metadata
 import importlib.util
@@ -19,7 +19,7 @@ class ClientLibrary:
     """One library that speaks INDI."""
 
     name: str
-    """As ``indi.client`` has it."""
+    """Value of ``indi.client``."""
     module: str
     package: str
     install: str
@@ -27,7 +27,7 @@ class ClientLibrary:
 
     @property
     def is_there(self) -> bool:
-        """Its module is installed; whether it loads is another question."""
+        """True when its module is installed; it may still fail to load."""
         return importlib.util.find_spec(self.module) is not None
 
     @property

@@ -37,11 +37,12 @@ class Vector:
     state: str
     values: Mapping[str, Any]
     serial: int
-    """Counts up with every update of any property."""
+    """Number of the update, counted over all properties."""
     is_definition: bool
     """The answer to what there is, however old the values are by then."""
     arrived_monotonic_s: float
-    """When the library handed it over; time.monotonic(), the same in all processes of a machine."""
+    """Instant at which the library handed it over, by ``time.monotonic()``: that is the same in all
+    processes of a machine."""
     blobs: Mapping[str, memoryview] = field(default_factory=dict)
     """Contents of a BLOB vector, in the library's memory: there only while ``on_vector`` runs."""
 

@@ -62,7 +62,7 @@ class ReportedMotion:
         """What the driver says of its looks; None where it says nothing."""
 
     def take(self, vector: "Vector | IndiVector") -> None:
-        """One more word of the mount's driver."""
+        """Take a vector of the mount's driver."""
         with self._lock:
             now_s = self._now_s()
             if vector.name == POLLING:
@@ -83,7 +83,7 @@ class ReportedMotion:
             self.begin()
 
     def motion(self) -> Motion:
-        """As measured up to now."""
+        """The motion as measured up to now."""
         with self._lock:
             if self.state == "Alert":
                 return Motion()

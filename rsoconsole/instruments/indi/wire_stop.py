@@ -33,7 +33,7 @@ _UNTOLD = f"{NO_ANSWER}: look at its driver and its cable, and at the telescope"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class WatchedStop:
-    """Who hears of a STOP while it is under way, and may give it up."""
+    """Callbacks of a STOP under way, which may also end it."""
 
     on_ordered: Callable[[], None] = lambda: None
     """ABORT has been handed to the system for the server."""

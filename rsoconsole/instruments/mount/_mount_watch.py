@@ -67,7 +67,7 @@ class MountWatch:
         self._thread.start()
 
     def keep(self, lease_s: float, track_until_utc_ns: int | None) -> None:
-        """Somebody watches."""
+        """Renew the lease: somebody watches."""
         self.lease.begin(self._monotonic_s(), lease_s)
         self.lease.set_limit(track_until_utc_ns)
         self.owner.claim()
@@ -105,7 +105,7 @@ class MountWatch:
         self._thread.join()
 
     def watch_unattended(self) -> None:
-        """Nobody is left: stay until the limit, or until somebody else takes the mount."""
+        """Watch without a parent until the limit, or until another process claims the mount."""
         limit_utc_ns = self.lease.open_limit_utc_ns()
         if limit_utc_ns is None or not self.owner.has_claimed or self._mirror.is_parked:
             return
@@ -120,7 +120,7 @@ class MountWatch:
             self._look_at_limit()
 
     def finish_stop(self) -> None:
-        """Nobody is left: see the last STOP through."""
+        """Finish the measurement of the last STOP without a parent."""
         while self._measurement is not None and not self._measurement.is_over:
             self._measurement.look()
             time.sleep(_LOOK_EVERY_S)

@@ -1,4 +1,4 @@
-"""What came of a STOP, measured in the mount's process while the mount's reports come in."""
+"""Measurement of a STOP in the mount's process, while the mount's reports come in."""
 
 import dataclasses
 import time

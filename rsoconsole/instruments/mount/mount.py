@@ -217,7 +217,7 @@ class IndiMount:
         self.process.request("set_tracking", self._order_s, is_on=is_on)
 
     def abilities(self) -> MountAbilities:
-        """What its driver offers."""
+        """The abilities of its driver."""
         return MountAbilities(**self.process.request("abilities", self._order_s)["abilities"])
 
     def set_site(self, site: Site) -> None:
@@ -253,11 +253,11 @@ class IndiMount:
         return None if offset is None else float(offset)
 
     def take_messages(self) -> tuple[str, ...]:
-        """What the mount's process has done of its own accord since this was last asked."""
+        """Messages of the mount's process on what it did by itself, since the last call."""
         return drain_messages(self._messages)
 
     def take_slew_end(self) -> SlewEnd | None:
-        """What its own process has done to the slew ordered last; None: nothing, or told before."""
+        """The end of the last slew by the mount's process, once; None where it ended none."""
         taken, self._slew_end = self._slew_end, None
         return taken
 

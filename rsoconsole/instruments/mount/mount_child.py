@@ -125,7 +125,7 @@ class MountChild:
         return self._watch
 
     def abilities(self, _order: dict[str, Any]) -> dict[str, Any]:
-        """What the driver offers."""
+        """The abilities of the driver."""
         return {"abilities": dataclasses.asdict(self._ready()[1].abilities)}
 
     def on_order(self, order: dict[str, Any]) -> None:
@@ -137,7 +137,7 @@ class MountChild:
             self._watch.lease.renew(self._monotonic_s())
 
     def keep(self, order: dict[str, Any]) -> dict[str, Any]:
-        """Somebody watches the mount, and knows when it will run into a limit."""
+        """Renew the lease, with the instant at which tracking runs into a limit."""
         if self._watch is not None:
             self._watch.keep(float(order["lease_s"]), order["track_until_utc_ns"])
         return {}
@@ -256,11 +256,11 @@ class MountChild:
         return {}
 
     def site(self, _order: dict[str, Any]) -> dict[str, Any]:
-        """The mount's own idea of its site."""
+        """The site as the mount has it."""
         return {"site": self._ready()[1].site()}
 
     def utc_offset(self, _order: dict[str, Any]) -> dict[str, Any]:
-        """How far the mount's clock is off."""
+        """The mount's clock minus the machine's, in seconds."""
         client, mirror = self._ready()
         if self._is_simulated:
             before = client.send_switch("SIM_REPORT", "NOW")

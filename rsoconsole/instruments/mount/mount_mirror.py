@@ -1,4 +1,4 @@
-"""What an INDI mount says of itself, and how it is measured to move where the two differ.
+"""The state of an INDI mount: its properties, and its measured motion where the two differ.
 
 A driver's state is a claim. Where the reported directions tell how the mount moves, that counts.
 """
@@ -78,7 +78,7 @@ class MountMirror:
 
     @property
     def abilities(self) -> MountAbilities:
-        """What the driver offers."""
+        """The abilities of the driver."""
 
         return abilities_by({name for name in OFFERED if self._client.get(name) is not None})
 
@@ -139,7 +139,7 @@ class MountMirror:
         return int(sim_time.values["UTC_NS"]) if sim_time is not None else 0
 
     def tracking_after(self, after_stop: AfterStop) -> bool | None:
-        """What is to become of tracking if motion is stopped now; None: left as it is."""
+        """Whether tracking is to be on after a STOP now; None: left as it is."""
         return tracking_after_stop(
             after_stop,
             was_slewing=self.is_slewing,

@@ -72,7 +72,7 @@ class SystemClock:
         return utc_now_ns()
 
     def take_faults(self) -> tuple[ClockFault, ...]:
-        """What has gone wrong with time since this was last asked, up to now."""
+        """Faults of the clock since the last call, up to now."""
         self._look()
         with self._looking:
             taken, self._faults = tuple(self._faults), []
@@ -149,7 +149,7 @@ class SimulatedClock:
 
     @staticmethod
     def take_faults() -> tuple[ClockFault, ...]:
-        """Nobody sets this one."""
+        """No faults: nobody sets this clock."""
         return ()
 
     def wait_until(self, t_utc_ns: int) -> bool:

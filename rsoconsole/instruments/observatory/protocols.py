@@ -1,4 +1,4 @@
-"""Which code speaks to the mount and to the camera: INDI's, or that of an installed package.
+"""Protocols of mount and camera: INDI, or that of an installed package.
 
 A package brings a protocol as an entry point of group ``rsoconsole.mounts`` or
 ``rsoconsole.cameras``: a callable that is given a ``ProtocolContext`` and returns something with
@@ -27,7 +27,7 @@ class ProtocolContext:
 
     config: Config
     log_dir: Path
-    """Where a process of its own may leave what its library prints."""
+    """Folder for what a library prints in a process of its own."""
 
 
 def mount_by(context: ProtocolContext) -> MountPort:

@@ -40,7 +40,7 @@ class MatchReply:
 
     request_id: int
     error: str = ""
-    """What the native library said, where it could not search at all."""
+    """Fault of the native library, or of the process; empty for none."""
     wcs_cards: dict[str, Any] | None = None
     """FITS cards of the quad's plate; None when nothing matched."""
     stars: tuple[tuple[float, float, float], ...] = ()

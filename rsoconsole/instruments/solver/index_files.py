@@ -35,7 +35,7 @@ class IndexFile:
 
     path: Path
     scale: int | None = None
-    """Its number in the series; None for files of another one."""
+    """Number in the series; None for files of another one."""
     quad_deg: tuple[float, float] = (0.0, 0.0)
     """Least and greatest size of its star quads."""
     dec_deg: tuple[float, float] = (0.0, 0.0)
@@ -51,7 +51,7 @@ class IndexFile:
 
     @property
     def dec_span_deg(self) -> float:
-        """How much of the declinations its stars cover."""
+        """Range of its stars' declinations."""
         return self.dec_deg[1] - self.dec_deg[0]
 
     @property
@@ -69,7 +69,7 @@ class IndexFile:
 
 
 def user_index_dir() -> Path:
-    """Where ``rsoconsole index install`` puts files."""
+    """Folder into which ``rsoconsole index install`` puts files."""
     return data_dir() / "index"
 
 
@@ -154,7 +154,7 @@ def missing_numbers(
 
 
 def missing_words(numbers: Sequence[int]) -> str:
-    """How to get these index files; empty for none."""
+    """Remedy for missing index files, in words; empty for none."""
     parts = []
     if finer := [series_name(n) for n in numbers if n not in SERIES_SCALES]:
         parts.append(

@@ -58,7 +58,7 @@ class SolveHint:
     ra_icrs_deg: float | None = None
     dec_icrs_deg: float | None = None
     radius_deg: float = 3.0
-    """How far the field's centre may be from there."""
+    """Largest distance of the field's centre from there."""
     scale_low_arcsec_px: float | None = None
     scale_high_arcsec_px: float | None = None
 

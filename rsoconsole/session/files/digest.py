@@ -34,12 +34,12 @@ class LogDigest:
     records: int
 
     def to_json(self) -> str:
-        """As the table ``meta`` carries it."""
+        """JSON for the table ``meta``."""
         return json.dumps({"sha256": self.sha256, "records": self.records})
 
     @classmethod
     def from_meta(cls, meta: Mapping[str, Any]) -> "LogDigest | None":
-        """As the session carries it; None for one that is not closed."""
+        """The digest in a session's table ``meta``; None where it is not closed."""
         found = meta.get(META_KEY)
         if not isinstance(found, dict):
             return None
@@ -79,7 +79,7 @@ def digest_log(connection: sqlite3.Connection) -> LogDigest:
 
 
 def mark_closed(connection: sqlite3.Connection) -> None:
-    """Say in ``meta`` that the session is complete, with the digest of its log, in one commit.
+    """Mark in ``meta`` that the session is complete, with the digest of its log, in one commit.
 
     ``connection`` is in autocommit mode. Raises sqlite3.Error.
     """
@@ -184,7 +184,7 @@ class Verification:
     """Files whose bytes were read."""
     bytes: int = 0
     digest: Digest = "none"
-    """Of the log; none: it is not closed."""
+    """Result for the log; none: it is not closed."""
     findings: list[Finding] = field(default_factory=list)
 
     @property
@@ -193,15 +193,15 @@ class Verification:
         return all(found.severity != "damage" for found in self.findings)
 
     def damage(self, place: str, what: str, remedy: str = FROM_COPY) -> None:
-        """Something of the record is lost or changed."""
+        """Add a finding: something of the record is lost or changed."""
         self._add("damage", place, what, remedy)
 
     def leftover(self, place: str, what: str, remedy: str = REPAIR) -> None:
-        """Something waits to be repaired; nothing is lost."""
+        """Add a finding: something waits to be repaired; nothing is lost."""
         self._add("leftover", place, what, remedy)
 
     def remark(self, place: str, what: str, remedy: str = NOTHING_TO_DO) -> None:
-        """Something is good to know."""
+        """Add a finding that is good to know."""
         self._add("remark", place, what, remedy)
 
     def _add(self, severity: Severity, place: str, what: str, remedy: str) -> None:

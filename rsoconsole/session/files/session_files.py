@@ -152,7 +152,7 @@ def folders_in(root: Path) -> list[Path]:
 
 
 def written_ns(folder: Path) -> int:
-    """When a session's log was written to last; 0: nobody can say."""
+    """Time of the last write to a session's log, UTC ns; 0 where it is not known."""
     with contextlib.suppress(OSError):
         return (folder / DATABASE).stat().st_mtime_ns
     return 0

@@ -59,7 +59,7 @@ def add_note(folder: Path, verb: str, t_utc_ns: int, details: Mapping[str, Any])
 
 
 def pruned_on(notes: Iterable[Note]) -> dict[str, str]:
-    """When each pruned file went, ISO 8601 UTC, by its path in the session's folder."""
+    """Instant at which each pruned file went, ISO 8601 UTC, by its path in the session's folder."""
     return {
         str(path): str(note.get("t_utc"))
         for note in notes

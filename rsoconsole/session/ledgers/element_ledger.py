@@ -28,7 +28,7 @@ class ElementLedger:
 
 
 def element_ledger_path(*, is_simulated: bool = False) -> Path:
-    """Where this user's rows lie; simulated nights have a file of their own."""
+    """Path of this user's element ledger; simulated nights have a file of their own."""
     return state_dir() / ("elements-simulated.jsonl" if is_simulated else "elements.jsonl")
 
 

@@ -46,7 +46,7 @@ class LedgerTrack:
     session: str
     """Name of its folder."""
     folder: str
-    """Where that was."""
+    """Path of that folder."""
     track_id: int
     latitude_deg: float
     longitude_deg: float
@@ -55,7 +55,7 @@ class LedgerTrack:
     t_last_utc_ns: int
     observations: int
     t_utc_ns: int
-    """Of the direction and its rates, the middle of the track."""
+    """Instant of the direction and its rates, the middle of the track."""
     ra_icrs_deg: float
     dec_icrs_deg: float
     rate_east_arcsec_s: float
@@ -81,7 +81,7 @@ class LedgerObject:
 
     @property
     def called(self) -> str:
-        """As it is shown."""
+        """Name as it is shown."""
         return self.name or f"UCT {self.number}"
 
     @property
@@ -127,7 +127,7 @@ class Ledger:
 
 
 def ledger_path(*, is_simulated: bool = False) -> Path:
-    """Where this user's ledger lies; simulated nights have one of their own."""
+    """Path of this user's ledger; simulated nights have one of their own."""
     return state_dir() / ("ledger-simulated.jsonl" if is_simulated else "ledger.jsonl")
 
 

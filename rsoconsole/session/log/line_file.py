@@ -36,7 +36,7 @@ F = TypeVar("F", bound=Folded)
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LineFile:
-    """One such file, there or not."""
+    """One file of lines, which need not exist yet."""
 
     path: Path
     called: str
@@ -44,7 +44,7 @@ class LineFile:
     format: int
 
     def lines(self) -> list[bytes]:
-        """All of them; none where there is no file. Raises SessionError."""
+        """All lines; none where there is no file. Raises SessionError."""
         with said_as(SessionError, f"{self.called} {self.path} cannot be read: "):
             try:
                 if self.path.stat().st_size > _MAX_BYTES:

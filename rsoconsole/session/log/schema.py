@@ -26,7 +26,7 @@ BRANCHES = "branches"
 FOLDERS: Mapping[str, str] = MappingProxyType(
     {"frame": "frames", "preview": "previews", "closeup": "closeups"}
 )
-"""Where the files of each role lie."""
+"""Folder of the files of each role."""
 _ENDINGS = {"frame": ".fits.fz", "preview": ".png", "closeup": ".png"}
 _NUMBERED = re.compile(r"(?P<folder>[a-z]+)/(?P<frame_id>\d{6,})(?P<ending>(\.[a-z]+)+)")
 
@@ -78,7 +78,7 @@ VIEWS = tuple(TABLES)
 
 
 def file_name(role: str, frame_id: int) -> str:
-    """Where a file of this role lies in the session's folder, as the table ``files`` has it."""
+    """Path of a file of this role in the session's folder, as the table ``files`` has it."""
     return f"{FOLDERS[role]}/{frame_id:06d}{_ENDINGS[role]}"
 
 

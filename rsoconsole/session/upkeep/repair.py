@@ -35,7 +35,7 @@ class Repair:
 
     session: Path
     closed: bool = False
-    """It was cut off: its end is now marked, with the digest of its log."""
+    """True when a session that was cut off now has its end marked, with the digest of its log."""
     folded: bool = False
     """The write-ahead log went into the database."""
     adopted: list[str] = field(default_factory=list)
@@ -49,7 +49,7 @@ class Repair:
     unmerged: dict[Path, str] = field(default_factory=dict)
     """Rescue sessions that were not merged, and why not."""
     recovered: Recovered | None = None
-    """Where the database was damaged: the new session with what could be saved."""
+    """The new session with what could be saved of a damaged database; None where it was sound."""
 
     @property
     def has_changes(self) -> bool:

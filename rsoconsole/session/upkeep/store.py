@@ -23,7 +23,7 @@ from rsoconsole.session.reading.reader import OtherSchemaError, SessionReader
 _MAX_TITLE = 40
 MAX_SEARCHED = 20
 REMOVED = ".removed-"
-"""Before the name of a session's folder that is on its way out."""
+"""Prefix of the name of a session's folder that is being removed."""
 _FOLLOWED = """
 SELECT count(DISTINCT frame_id) FROM track WHERE step != 'predicted' AND NOT is_superseded
 """
@@ -66,7 +66,7 @@ class SessionSummary:
 
     @property
     def followed_share(self) -> float | None:
-        """Of all frames, those in which the object followed was measured, 0 to 1."""
+        """Share of the frames in which the object followed was measured, 0 to 1."""
         return self.followed_frames / self.frames if self.frames else None
 
 

@@ -66,7 +66,7 @@ class Rescue:
         """Where it is; None before it is begun."""
 
     def begin(self) -> bool:
-        """Make it; False where no place can be had."""
+        """Make the rescue session; False where no place can be had."""
         if self._connection is not None:
             return True
         for place in self._places():
@@ -125,7 +125,7 @@ class Rescue:
             self.folder = None
 
     def close(self) -> None:
-        """Let go of it."""
+        """Close the rescue session's database."""
         if self._connection is not None:
             with contextlib.suppress(sqlite3.Error):
                 self._connection.close()

@@ -95,7 +95,7 @@ class Faults:
         self._lock = threading.Lock()
 
     def report(self, place: str, text: str) -> None:
-        """There is a fault at ``place``; the alarm sounds when there was none before."""
+        """Report a fault at ``place``; the alarm sounds when there was none before."""
         with self._lock:
             is_new = place not in self._texts
             self._texts[place] = text
@@ -107,7 +107,7 @@ class Faults:
                     self._texts["alarm"] = f"the alarm could not be given: {error}"
 
     def clear(self, place: str) -> None:
-        """All is well at ``place`` again."""
+        """Clear the fault at ``place``."""
         with self._lock:
             self._texts.pop(place, None)
 
