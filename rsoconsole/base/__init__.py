@@ -1,4 +1,4 @@
-"""What every room stands on: faults with their remedies, files that are whole, text of others."""
+"""The bottom of all rooms: faults with their remedies, files that are whole, text of others."""
 
 from lazy_loader import attach_stub
 

@@ -14,40 +14,62 @@ _LEAVES_S = 5.0
 
 
 class ChildProcess:
-    """A process from its start to its end; a dead one is replaced by another object."""
+    """A module's process, one at a time: one that has ended is replaced with the next ``start``."""
 
     def __init__(self, module: str, *, is_group_of_its_own: bool = False) -> None:
-        """Start ``main(socket_fd)`` of the module, which ends where the socket does.
+        """``module``: has ``main(socket_fd)``, which ends where the socket does.
 
-        ``is_group_of_its_own``: Ctrl+C in the terminal does not reach it. Raises OSError.
+        ``is_group_of_its_own``: Ctrl+C in the terminal does not reach the process.
         """
-        ours, theirs = socket.socketpair()
-        with ours, theirs:
-            self._process = subprocess.Popen(
-                [sys.executable, "-c", _CODE.format(module), str(theirs.fileno()), *sys.path],
-                pass_fds=(theirs.fileno(),),
-                stdin=subprocess.DEVNULL,
-                # Native code writes to whatever it likes; the terminal belongs to the console.
-                stdout=subprocess.DEVNULL,
-                stderr=subprocess.DEVNULL,
-                start_new_session=is_group_of_its_own,
-            )
-            self.connection = Connection(ours.detach())
+        self._code, self._is_group_of_its_own = _CODE.format(module), is_group_of_its_own
+        self._process: subprocess.Popen[bytes] | None = None
+        self._connection: Connection | None = None
 
     @property
     def pid(self) -> int | None:
-        """Its number; None once it has ended."""
-        return self._process.pid if self._process.poll() is None else None
+        """Number of the living process; None where there is none."""
+        process = self._process
+        return process.pid if process is not None and process.poll() is None else None
+
+    @property
+    def has_died(self) -> bool:
+        """Whether the process has ended by itself, and nobody has called ``end`` since."""
+        return self._process is not None and self.pid is None
+
+    def start(self) -> Connection:
+        """The parent's end of the socket, of a new process where none lives. Raises OSError."""
+        if self.pid is None or self._connection is None:
+            self.end()
+            ours, theirs = socket.socketpair()
+            with ours, theirs:
+                self._process = subprocess.Popen(
+                    [sys.executable, "-c", self._code, str(theirs.fileno()), *sys.path],
+                    pass_fds=(theirs.fileno(),),
+                    stdin=subprocess.DEVNULL,
+                    # Native code writes to whatever it likes; the terminal belongs to the console.
+                    stdout=subprocess.DEVNULL,
+                    stderr=subprocess.DEVNULL,
+                    start_new_session=self._is_group_of_its_own,
+                )
+                self._connection = Connection(ours.detach())
+        return self._connection
 
     def end(self, grace_s: float = 0.0) -> int | None:
-        """End it, and say with what status: with ``grace_s`` by itself, as its socket closes."""
+        """End the process; with ``grace_s`` it may end by itself first, as its socket closes.
+
+        Returns its exit status, None where there was no process.
+        """
+        process, connection = self._process, self._connection
+        self._process = self._connection = None
+        if process is None or connection is None:
+            return None
         if grace_s > 0.0:
-            self.connection.close()
+            connection.close()
             with contextlib.suppress(subprocess.TimeoutExpired):
-                self._process.wait(grace_s)
-        self._process.kill()
+                process.wait(grace_s)
+        process.kill()
         with contextlib.suppress(subprocess.TimeoutExpired):
-            self._process.wait(_LEAVES_S)
+            process.wait(_LEAVES_S)
         # Last, so that a thread that waits for an answer is woken by the end of the process.
-        self.connection.close()
-        return self._process.returncode
+        connection.close()
+        return process.returncode

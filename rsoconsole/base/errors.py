@@ -1,6 +1,6 @@
-"""What is broken, in words that name the remedy.
+"""The exceptions of the program: what is broken, with the remedy in its words.
 
-What is merely expected (nothing detected, not solved) is a value, never one of these.
+What is to be expected (nothing detected, not solved) is a value, never one of these.
 """
 
 import contextlib

@@ -1,4 +1,4 @@
-"""What the library that reads settings and options says of a value, in the program's own words."""
+"""Validation errors of pydantic and click in the program's own words; the nearest known name."""
 
 import difflib
 import re
@@ -29,7 +29,7 @@ _PHRASES: tuple[tuple[str, str], ...] = (
 
 
 def plain_fault(message: str) -> str:
-    """The same fault in plain words."""
+    """A validation error's message in plain words."""
     for pattern, words in _PHRASES:
         message = re.sub(pattern, words, message)
     return message.strip().rstrip(".")

@@ -1,4 +1,4 @@
-"""Text that others wrote, read within bounds: kind of file, size, and depth of JSON and TOML.
+"""Bounded reading of files that others wrote: kind of file, size, depth of JSON and TOML.
 
 A pipe never ends to be read, and the readers of JSON and TOML follow every bracket one level down.
 """
@@ -58,7 +58,7 @@ def named_text(path: Path, fault: type[Exception], absent: str) -> str:
 
 
 def json_of(text: str | bytes) -> Any:
-    """What a text of JSON says. Raises ValueError, also where it is nested too deeply."""
+    """Parse JSON. Raises ValueError, also where it is nested too deeply."""
     try:
         return json.loads(text)
     except RecursionError as error:
@@ -66,7 +66,7 @@ def json_of(text: str | bytes) -> Any:
 
 
 def toml_of(text: str) -> dict[str, Any]:
-    """What a text of TOML says. Raises ValueError, also where it is nested too deeply."""
+    """Parse TOML. Raises ValueError, also where it is nested too deeply."""
     try:
         return tomllib.loads(text)
     except RecursionError as error:

@@ -1,7 +1,7 @@
 """The port of an INDI server, and what INDI's own tools are given to reach another."""
 
 INDI_PORT = 7624
-"""Where nothing else is said."""
+"""Default port of an INDI server."""
 
 
 def indi_port_option(port: int) -> str:

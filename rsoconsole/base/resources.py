@@ -1,4 +1,4 @@
-"""Where shipped files are, both in a wheel and in a checkout."""
+"""Paths of shipped files, both in a wheel and in a checkout."""
 
 from pathlib import Path
 

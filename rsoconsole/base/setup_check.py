@@ -16,12 +16,12 @@ from dataclasses import dataclass
 from pathlib import Path
 
 APT_LINE = "sudo apt install git python3-venv python3-dev gcc"
-"""What a fresh Raspberry Pi OS (64 bit, Lite), Debian or Ubuntu lacks, as the README names it."""
+"""Command that installs what a fresh Raspberry Pi OS (64 bit, Lite), Debian or Ubuntu lacks."""
 OLDEST_PYTHON = (3, 11)
 WHEEL_PYTHONS = ((3, 11), (3, 12), (3, 13))
 """Pythons for which ``astrometry`` comes compiled, on x86-64 with glibc alone (PyPI, 4.3.0)."""
 MACHINES = ("x86_64", "aarch64")
-"""Those for which every other library comes compiled."""
+"""Machines for which every other library comes compiled."""
 NEEDED_MB = 1500
 """Free disk for the virtual environment and what pip unpacks on the way to it."""
 _COMPILER_S = 60.0
@@ -29,13 +29,13 @@ _COMPILER_S = 60.0
 
 @dataclass(frozen=True)
 class Machine:
-    """What the installation depends on."""
+    """The traits of a machine that the installation depends on."""
 
     python: "tuple[int, int]"
     machine: str
     """As ``uname -m`` says it; a 64-bit kernel may carry a 32-bit system."""
     is_64_bit: bool
-    """Of this Python, and so of the system."""
+    """True for a 64-bit Python, and so system."""
     is_glibc: bool
     has_venv: bool
     header_fault: str
@@ -44,7 +44,7 @@ class Machine:
 
 
 def faults(machine: Machine) -> "list[str]":
-    """What keeps rsoconsole from being installed here, each with its remedy; empty: nothing."""
+    """Faults that keep rsoconsole from being installed here, each with its remedy."""
     if not machine.is_64_bit or machine.machine not in MACHINES or not machine.is_glibc:
         kind = f"{64 if machine.is_64_bit else 32}-bit system on {machine.machine}"
         libc = "" if machine.is_glibc else " without glibc"

@@ -1,4 +1,4 @@
-"""Says what is waited for while something takes its time: a process, a device, a server.
+"""Log lines about long waits: for a process, a device, a server.
 
 What waits makes a ``LongWait`` and looks at it now and then; what starts the program listens
 with ``waits_reported_to``. Everything said is in the log, too.
@@ -15,7 +15,7 @@ log = logging.getLogger(__name__)
 
 
 class LongWait:
-    """One wait; says every few seconds what for and for how long already."""
+    """One wait that logs, every few seconds, what for and for how long already."""
 
     def __init__(self, what: str, now_s: Callable[[], float] = time.monotonic) -> None:
         """``what``: as in "the mount's process"."""
@@ -31,7 +31,7 @@ class LongWait:
         return self._now_s() - self._began_s
 
     def look(self) -> None:
-        """It is not there yet."""
+        """Log what is waited for, every few seconds; called while it is not there yet."""
         now_s = self._now_s()
         if now_s >= self._next_s:
             self._next_s = now_s + SAY_EVERY_S

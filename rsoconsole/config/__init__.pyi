@@ -16,7 +16,6 @@ from .night import DetectorConfig as DetectorConfig
 from .night import FilterConfig as FilterConfig
 from .night import MeasuredErrors as MeasuredErrors
 from .night import SearchConfig as SearchConfig
-from .night import SolverConfig as SolverConfig
 from .night import TargetConfig as TargetConfig
 from .observatory import CalibratedTiming as CalibratedTiming
 from .observatory import CalibrationConfig as CalibrationConfig
@@ -34,10 +33,10 @@ from .settings import Config as Config
 from .settings import ConsoleConfig as ConsoleConfig
 from .settings import Graphics as Graphics
 from .settings import SessionConfig as SessionConfig
+from .settings import active_variables as active_variables
 from .settings import data_dir as data_dir
 from .settings import default_config_path as default_config_path
 from .settings import environment_warnings as environment_warnings
-from .settings import hiding_variables as hiding_variables
 from .settings import load_config as load_config
 from .settings import read_toml as read_toml
 from .settings import runtime_dir as runtime_dir

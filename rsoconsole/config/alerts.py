@@ -1,13 +1,14 @@
-"""What the operator wants to be told of, and by which services; addresses are secrets."""
+"""Settings of the alerts: which events, by which services; addresses are secrets."""
 
 import re
 from pathlib import Path
 from typing import Literal, TypeAlias, get_args
 from urllib.parse import urlsplit
 
-from pydantic import BaseModel, ConfigDict, Field, field_serializer, field_validator
+from pydantic import Field, field_serializer, field_validator
 
-from rsoconsole.config.source_names import expect_url, home_path
+from rsoconsole.config.observatory import Section
+from rsoconsole.config.source_names import expect_url
 
 AlertKind: TypeAlias = Literal[
     "lock", "identification", "loss", "clouds", "limit", "fault", "dawn", "done"
@@ -16,10 +17,8 @@ ALERT_KINDS: tuple[AlertKind, ...] = get_args(AlertKind)
 _SERVICE = re.compile(r"([a-zA-Z][a-zA-Z0-9+.-]*)://\S+")
 
 
-class AlertsConfig(BaseModel):
+class AlertsConfig(Section):
     """Messages to the operator's telephone; a process of their own sends them."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
     services: tuple[str, ...] = Field(
         (),
@@ -47,11 +46,6 @@ class AlertsConfig(BaseModel):
     def is_wanted(self) -> bool:
         """Whether anything is to be sent or called."""
         return bool(self.services or self.services_file or self.heartbeat_url)
-
-    @field_validator("services_file")
-    @classmethod
-    def _home_is_where_the_tilde_says(cls, path: Path | None) -> Path | None:
-        return None if path is None else home_path(path)
 
     @field_validator("services")
     @classmethod
@@ -90,5 +84,5 @@ def expect_service(url: str) -> None:
 
 
 def scheme_of(url: str) -> str:
-    """Which service it is: all of an address that is no secret."""
+    """The service of an address: its scheme, the only part that is no secret."""
     return url.partition(":")[0].lower()

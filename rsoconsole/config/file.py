@@ -20,7 +20,7 @@ from rsoconsole.base import ConfigError, plain_fault, read_foreign, said_as, tom
 from rsoconsole.config.observatory import CalibrationConfig
 from rsoconsole.config.settings import (
     Config,
-    Layers,
+    ConfigLayers,
     VariableError,
     default_config_path,
     load_config,
@@ -46,10 +46,10 @@ class Setting:
     name: str
     """Dotted, e.g. ``detector.tau``."""
     value: Any
-    """As JSON carries it."""
+    """The value as JSON carries it."""
     origin: Origin
     variable: str | None
-    """Of the environment, where it came from there."""
+    """Environment variable that it came from; None where it did not."""
     description: str
 
 
@@ -120,7 +120,7 @@ def effective_settings(
 ) -> tuple[Setting, ...]:
     """Every setting in force, in order, with its origin. Raises ConfigError as load_config does."""
     config = load_config(path, overrides)
-    given = Layers.read(path, overrides)
+    given = ConfigLayers.read(path, overrides)
     values = config.model_dump(mode="json")
 
     def origin(name: str) -> Origin:
@@ -146,9 +146,9 @@ def effective_settings(
 def config_faults(
     path: Path | None = None, overrides: Mapping[str, Any] | None = None
 ) -> tuple[ConfigFault, ...]:
-    """Everything that is wrong with a configuration, each with its remedy; empty when sound."""
+    """All faults of a configuration, each with its remedy; empty for a sound one."""
     try:
-        given = Layers.read(path, overrides)
+        given = ConfigLayers.read(path, overrides)
     except VariableError as error:
         remedy = "set it so, or unset it"
         return (ConfigFault(name=error.variable, problem=str(error), remedy=remedy),)
@@ -159,29 +159,24 @@ def config_faults(
         config = Config.model_validate(given.table)
     except ValidationError as error:
         return tuple(_fault(dict(fault), given.variables) for fault in error.errors())
-    return _contradictions(config)
+    return tuple(_contradictions(config))
 
 
-def _contradictions(config: Config) -> tuple[ConfigFault, ...]:
+def _contradictions(config: Config) -> Iterator[ConfigFault]:
     """Values that are each allowed but do not go together."""
-    faults = []
     if config.exposure.cadence_s < config.exposure.exposure_s:
-        faults.append(
-            ConfigFault(
-                name="exposure.cadence_s",
-                problem=f"{config.exposure.cadence_s:g} s is shorter than one exposure",
-                remedy=f"make it at least {config.exposure.exposure_s:g}",
-            )
+        yield ConfigFault(
+            name="exposure.cadence_s",
+            problem=f"{config.exposure.cadence_s:g} s is shorter than one exposure",
+            remedy=f"make it at least {config.exposure.exposure_s:g}",
         )
     if config.detector.model is not None and not config.detector.model.exists():
-        faults.append(
-            ConfigFault(
-                name="detector.model",
-                problem=f"{config.detector.model} does not exist",
-                remedy="name a .tflite file, or leave the setting out for the shipped network",
-            )
+        yield ConfigFault(
+            name="detector.model",
+            problem=f"{config.detector.model} does not exist",
+            remedy="name a .tflite file, or leave the setting out for the shipped network",
         )
-    return (*faults, *_calibration_faults(config.calibration))
+    yield from _calibration_faults(config.calibration)
 
 
 def _calibration_faults(calibration: CalibrationConfig) -> Iterator[ConfigFault]:
@@ -265,9 +260,9 @@ def toml_value(value: Any) -> str:
 
 
 _TABLES = (Table, AoT, OutOfOrderTableProxy)
-"""What has lines of its own; an inline table is a value like any other."""
+"""Tables with lines of their own; an inline table is a value like any other."""
 _Body = list[tuple[Key | None, Item]]
-"""What stands in a table, line by line: settings, comments, empty lines."""
+"""The lines of a table: settings, comments, empty lines."""
 
 
 def write_settings(path: Path, settings: Mapping[str, Any], *, is_secret: bool = False) -> None:

@@ -5,8 +5,6 @@ from pathlib import Path
 from typing import Literal, Self
 
 from pydantic import (
-    BaseModel,
-    ConfigDict,
     Field,
     field_serializer,
     field_validator,
@@ -17,10 +15,8 @@ from rsoconsole.config.observatory import Section
 from rsoconsole.config.source_names import expect_url, shown, split_source
 
 
-class MeasuredErrors(BaseModel):
+class MeasuredErrors(Section):
     """Factors on the assumed errors of one kind of orbit, each with its one-sigma error."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
     regime: Literal["GEO", "MEO", "LEO", "HEO"]
     along_at_epoch: float = Field(ge=0.01, le=100)
@@ -33,7 +29,7 @@ class MeasuredErrors(BaseModel):
     """Rows of the ledger that they were found from."""
     objects: int = Field(ge=1, le=100_000_000)
     oldest_days: float = Field(ge=0, le=1e5)
-    """Of their elements."""
+    """Largest age of the elements."""
     measured_on: date
     """Day of the last row (UTC)."""
 
@@ -168,7 +164,7 @@ class AimConfig(Section):
 
     @property
     def is_offset(self) -> bool:
-        """Whether it looks beside the prediction by hand."""
+        """True when the operator has the telescope look beside the prediction."""
         return any((self.lead_s, self.along_arcmin, self.across_arcmin))
 
 

@@ -20,10 +20,19 @@ from rsoconsole.records import Site
 TimeSource = Literal["header", "gps"]
 
 
-class CalibratedTiming(BaseModel):
-    """What a calibration found of one camera mode; a trait that is left out was not told."""
-
+class Section(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+
+    @field_validator("*")
+    @classmethod
+    def _home_is_where_the_tilde_says(cls, value: Any) -> Any:
+        if isinstance(value, tuple):
+            return tuple(home_path(part) if isinstance(part, Path) else part for part in value)
+        return home_path(value) if isinstance(value, Path) else value
+
+
+class CalibratedTiming(Section):
+    """What a calibration found of one camera mode; a trait that is left out was not told."""
 
     exposure_s: float | None = Field(None, gt=0, le=1e6)
     """None: of whatever length."""
@@ -31,7 +40,7 @@ class CalibratedTiming(BaseModel):
     width_px: int | None = Field(None, ge=1, le=100_000)
     height_px: int | None = Field(None, ge=1, le=100_000)
     x0_px: int | None = Field(None, ge=0, le=100_000)
-    """Where a subframe begins on the sensor."""
+    """First column of a subframe on the sensor."""
     y0_px: int | None = Field(None, ge=0, le=100_000)
     gain: float | None = None
     time_by: TimeSource = "header"
@@ -51,25 +60,14 @@ class CalibratedTiming(BaseModel):
 
     @property
     def mode(self) -> tuple[object, ...]:
-        """What tells it from other modes."""
+        """The traits that tell this camera mode from others."""
         return (self.exposure_s, *self.read_out)
 
     @property
     def read_out(self) -> tuple[object, ...]:
-        """The mode but for the length of its exposure."""
+        """The mode without its exposure time."""
         sides = (self.width_px, self.height_px, self.x0_px, self.y0_px)
         return (self.binning, *sides, self.gain, self.time_by)
-
-
-class Section(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
-
-    @field_validator("*")
-    @classmethod
-    def _home_is_where_the_tilde_says(cls, value: Any) -> Any:
-        if isinstance(value, tuple):
-            return tuple(home_path(part) if isinstance(part, Path) else part for part in value)
-        return home_path(value) if isinstance(value, Path) else value
 
 
 class SiteConfig(Section):
@@ -164,12 +162,12 @@ class WaitsConfig(Section):
 
     @property
     def connected_s(self) -> float:
-        """At most, from the start of a device's process until the device is ready."""
+        """Longest time from the start of a device's process until the device is ready."""
         return self.process_s + 2.0 * self.device_s
 
     @property
     def order_s(self) -> float:
-        """At most, for an order of several steps."""
+        """Longest time for an order of several steps."""
         return 3.0 * self.answer_s + 5.0
 
 

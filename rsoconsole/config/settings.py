@@ -64,24 +64,15 @@ class VariableError(ConfigError):
         self.variable = variable
 
 
-@dataclass(frozen=True, slots=True)
-class Given:
-    """One setting of the environment."""
-
-    variable: str
-    name: str
-    """Dotted."""
-    value: Any
-    """Text, or what its JSON says."""
-
-
 def variable_of(name: str) -> str:
     """The variable of a setting, of ``site.latitude_deg`` RSOCONSOLE_SITE__LATITUDE_DEG."""
     return PREFIX + name.replace(".", BETWEEN).upper()
 
 
-def given_settings(model: type[BaseModel], environ: Mapping[str, str]) -> Iterator[Given]:
-    """The settings that variables give, in the order of the model.
+def environment_settings(
+    model: type[BaseModel], environ: Mapping[str, str]
+) -> Iterator[tuple[str, Any]]:
+    """(dotted name, value) of each setting that a variable gives, in the order of the model.
 
     Raises VariableError for JSON that is none.
     """
@@ -109,23 +100,18 @@ def given_settings(model: type[BaseModel], environ: Mapping[str, str]) -> Iterat
             value = source()[section][key]
         except (SettingsError, KeyError) as error:
             raise VariableError(variable) from error
-        yield Given(variable, name, value)
+        yield name, value
 
 
-def setting_variables(model: type[BaseModel], environ: Mapping[str, str]) -> list[str]:
-    """Those that are set."""
-    return hiding_variables(_names(model), environ)
-
-
-def hiding_variables(names: Iterable[str], environ: Mapping[str, str]) -> list[str]:
-    """Which of the settings' variables are set: what a file says of these does not count."""
+def active_variables(names: Iterable[str], environ: Mapping[str, str]) -> list[str]:
+    """The variables of these settings that are set: what a file says of them does not count."""
     return [each for each in map(variable_of, names) if environ.get(each)]
 
 
-def unknown_variables(model: type[BaseModel], environ: Mapping[str, str]) -> Iterator[str]:
-    """For each variable with this program's prefix that it does not know, a line that says so."""
-    known = {_plain(each): each for each in (*map(variable_of, _names(model)), *OTHERS)}
-    for variable in sorted(environ):
+def environment_warnings() -> Iterator[str]:
+    """For each variable that looks like a setting and is none, a line with the one meant."""
+    known = {_plain(each): each for each in (*map(variable_of, _names(Config)), *OTHERS)}
+    for variable in sorted(os.environ):
         if variable.startswith(PREFIX) and variable not in known.values():
             near = nearest(_plain(variable), known)
             meant = f"did you mean {known[near]}?" if near else "'rsoconsole config show' has all"
@@ -310,7 +296,7 @@ def load_config(
     than the file (see ``environment.py``); None: the process's own; empty: what the file says.
     Raises ConfigError with every fault.
     """
-    given = Layers.read(path, overrides, environ)
+    given = ConfigLayers.read(path, overrides, environ)
     try:
         return Config.model_validate(given.table)
     except ValidationError as error:
@@ -325,8 +311,8 @@ def load_config(
 
 
 @dataclass(frozen=True, slots=True)
-class Layers:
-    """What is set, before it is looked at, and where."""
+class ConfigLayers:
+    """The settings that are given, not yet validated, by where they come from."""
 
     source: Path
     in_file: Mapping[str, Any]
@@ -342,12 +328,12 @@ class Layers:
         overrides: Mapping[str, Any] | None = None,
         environ: Mapping[str, str] | None = None,
     ) -> Self:
-        """As ``load_config`` takes them. Raises ConfigError."""
+        """Read the layers, with the arguments of ``load_config``. Raises ConfigError."""
         source = path or default_config_path()
         in_file = read_toml(source) if path is not None or source.exists() else {}
         table = {k: dict(v) if isinstance(v, dict) else v for k, v in in_file.items()}
-        given = list(given_settings(Config, os.environ if environ is None else environ))
-        of_environment = {each.name: each.value for each in given}
+        given = environment_settings(Config, os.environ if environ is None else environ)
+        of_environment = dict(given)
         for dotted, value in {**of_environment, **(overrides or {})}.items():
             section, _, key = dotted.partition(".")
             if not isinstance(table.setdefault(section, {}), dict):
@@ -356,7 +342,7 @@ class Layers:
             if value is None and dotted in of_environment:
                 del table[section][key]
         variables = {
-            each.name: each.variable for each in given if each.name not in (overrides or {})
+            name: variable_of(name) for name in of_environment if name not in (overrides or {})
         }
         return cls(source, in_file, variables, table)
 
@@ -387,25 +373,20 @@ def with_changes(config: Config, changes: Mapping[str, Any]) -> Config:
     return config
 
 
-def environment_warnings() -> list[str]:
-    """For each variable that looks like a setting and is none, a line with the one meant."""
-    return list(unknown_variables(Config, os.environ))
-
-
 def variables_set() -> list[str]:
     """The environment variables that set something."""
-    return setting_variables(Config, os.environ)
+    return active_variables(_names(Config), os.environ)
 
 
 def unknown_setting(name: str, known: Iterable[str]) -> str:
-    """That there is no setting of this name, with the name that was probably meant."""
+    """The fault of a name that is no setting, with the name that was probably meant."""
     near = nearest(name, known)
     remedy = f"did you mean {near}?" if near else "'rsoconsole config show' lists them"
     return f"there is no setting {name!r}: {remedy}"
 
 
 def read_toml(path: Path, absent: str = INIT_WRITES, holds: str = "") -> dict[str, Any]:
-    """What a file says. Raises ConfigError with what to do, and with what it should hold."""
+    """A TOML file as a dict. Raises ConfigError with what to do, and with what it should hold."""
     try:
         return toml_of(read_foreign(path))
     except FileNotFoundError as error:

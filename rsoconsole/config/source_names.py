@@ -1,4 +1,4 @@
-"""How a source of elements is written: ``celestrak:geo``, ``url:https://...``, ``file:/...``."""
+"""Names of sources of elements: ``celestrak:geo``, ``url:https://...``, ``file:/...``."""
 
 import re
 from pathlib import Path
@@ -18,7 +18,7 @@ _QUERY = re.compile(r"[A-Za-z0-9_./<>%,+:~-]{1,300}")
 
 
 def split_source(text: str) -> tuple[SourceKind, str]:
-    """Its kind and what is wanted of it. Raises ValueError with what to write instead."""
+    """Kind of a source, and what is wanted of it. Raises ValueError with what to write."""
     kind, colon, what = text.strip().partition(":")
     what = what.strip()
     for each in KINDS:

@@ -1,4 +1,4 @@
-"""What the engine programs to: clock, mount and camera, no matter who stands behind them."""
+"""Clock, mount and camera as the engine uses them, whichever driver is behind them."""
 
 from lazy_loader import attach_stub
 

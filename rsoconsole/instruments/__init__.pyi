@@ -11,8 +11,8 @@ from .frames.frame_header import exposure_s as exposure_s
 from .frames.frame_header import header_start as header_start
 from .frames.frame_header import sensor_temperature_c as sensor_temperature_c
 from .indi.client_choice import ANY_CLIENT as ANY_CLIENT
+from .indi.client_choice import allowed_libraries as allowed_libraries
 from .indi.client_choice import client_library as client_library
-from .indi.client_choice import meant_libraries as meant_libraries
 from .indi.indi_wire import IndiWire as IndiWire
 from .motion import SIDEREAL_ARCSEC_S as SIDEREAL_ARCSEC_S
 from .mount.mount_mirror import abilities_by as abilities_by
@@ -33,10 +33,10 @@ from .ports import SlewEnd as SlewEnd
 from .ports import StopResult as StopResult
 from .process_memory import return_what_is_freed as return_what_is_freed
 from .solver.index_files import IndexFile as IndexFile
-from .solver.index_files import config_search_dirs as config_search_dirs
 from .solver.index_files import install as install
 from .solver.index_files import list_index_files as list_index_files
 from .solver.index_files import needed_scales as needed_scales
+from .solver.index_files import search_dirs as search_dirs
 from .solver.index_files import series_name as series_name
 from .solver.solver import MIN_STARS as MIN_STARS
 from .solver.solver import PlateSolver as PlateSolver

@@ -1,4 +1,4 @@
-"""What is wrong with a machine's time: pure, the readings of its clocks are arguments.
+"""Faults of a machine's clocks, found by comparing them; pure, the readings are arguments.
 
 UTC can be set, monotonic time cannot, and time since boot goes on while the machine sleeps: what
 one does and the other does not tells a clock that is set from one that runs wrong and from a
@@ -15,19 +15,19 @@ MIN_STEP_S = 0.1
 """1.5 arcsec of a geostationary satellite."""
 MAX_DRIFT = 1e-3
 """Time services draw a clock in by half of that."""
-LOOKED_BACK_S = 60.0
-"""For so long drift adds up before it is taken for granted."""
-LATELY_S = 2.0
-"""Steps of one size that follow each other so soon are a clock that runs wrong."""
+DRIFT_WINDOW_S = 60.0
+"""Drift is added up over this time before the reference is renewed."""
+REPEAT_WITHIN_S = 2.0
+"""Steps of one size that follow each other within this time are a clock that runs wrong."""
 MIN_APART_S = 0.02
-"""Of two looks, where their readings are to tell how fast a clock moves."""
+"""Least time between two looks from which a clock's rate is computed."""
 MAX_PACE = 10.0
 """A clock that moves by more than this, in seconds a second, is set, however often."""
 STEADY_S = 10.0
-"""So long it must run right before it is believed again."""
+"""Time that a clock must run right before it is believed again."""
 MIN_SLEEP_S = 0.5
 MIN_PAUSE_S = 5.0
-"""No look is that late on a machine that merely has much to do."""
+"""Pause between two looks that counts as a process that stood still."""
 _READ_S = 0.01
 """Between the readings of two clocks."""
 _MIDNIGHT_S = 5.0
@@ -42,7 +42,7 @@ class ClockReadings:
     utc_ns: int
     monotonic_ns: int
     boottime_ns: int
-    """As monotonic, but it goes on while the machine sleeps."""
+    """Monotonic time that goes on while the machine sleeps."""
 
 
 class ClockWatch:
@@ -61,7 +61,7 @@ class ClockWatch:
         return self._unsteady_since is None
 
     def look(self, now: ClockReadings) -> tuple[ClockFault, ...]:
-        """What has happened since the last look."""
+        """The faults since the last look, in order."""
         last, self._last = self._last, now
         found = [self._time_fault(last, now)]
         stood_s = (now.monotonic_ns - last.monotonic_ns) / _NS
@@ -79,7 +79,7 @@ class ClockWatch:
         since_s = _since_s(self._reference, now)
         if abs(off_s) > MIN_STEP_S + MAX_DRIFT * since_s:
             return self._moved(last, now, off_s)
-        if since_s > LOOKED_BACK_S:
+        if since_s > DRIFT_WINDOW_S:
             self._reference = now
         return None
 
@@ -91,7 +91,7 @@ class ClockWatch:
         before, self._paced = self._paced, (now, pace)
         is_again = (
             before is not None
-            and _since_s(before[0], now) <= LATELY_S
+            and _since_s(before[0], now) <= REPEAT_WITHIN_S
             and abs(pace - before[1]) < 0.5 * abs(pace)
             and abs(pace) < MAX_PACE
         )

@@ -1,4 +1,4 @@
-"""How a mount moves, measured from the directions that it reports and from nothing else.
+"""The motion of a mount, measured from the directions that it reports and from nothing else.
 
 A driver's Idle, parked or tracking is a claim. What counts are the coordinates over a span of time,
 as rates of the two coordinates, right ascension and declination of date: a mount that tracks keeps
@@ -14,23 +14,23 @@ from typing import Literal
 MotionKind = Literal["stands", "tracks", "moves", "unknown"]
 
 SIDEREAL_ARCSEC_S = 15.041067
-"""By which the right ascension of a mount at rest grows in a second."""
+"""Rate of the right ascension of a mount that stands still."""
 STEPS_ARCSEC: tuple[float, ...] = (1.5, 15.0, 90.0)
 """In which right ascensions are told: INDI's base class tells changes of 1.5; drivers that read
 seconds, or tenths of a minute, know no finer ones."""
 MIN_SPAN_S, MIN_HOST_SPAN_S = 2.0, 1.5
 MIN_REPORTS = 3
 MAX_WIDTH_ARCSEC_S = 10.0
-"""Of the rates that no report contradicts: wider, they do not tell."""
-NEAR_ARCSEC_S = 2.5
-"""A rate as near as that to rest is one: a lunar rate, a drift of a bad alignment."""
-LATE_S = 0.1
-"""By which one report may be late against another."""
-HELD_UP_S = 1.0
-"""The same on a busy machine: what only that explains is no motion, and no rest either."""
+"""Largest width of the interval of possible rates from which a motion is named."""
+REST_TOLERANCE_ARCSEC_S = 2.5
+"""A rate this near to a rest counts as one: a lunar rate, a drift of a bad alignment."""
+REPORT_DELAY_S = 0.1
+"""Delay that one report may have against another."""
+HOST_DELAY_S = 1.0
+"""Delay of a report on a busy machine: what only that explains is no motion, and no rest."""
 UNKNOWN_PERIOD_S = 2.0
-"""Of a driver's looks at its mount, where it does not tell."""
-LASTING = 3.0
+"""Polling period that is assumed of a driver that does not report it."""
+DRIFT_SPANS = 3.0
 """Spans over which a slow drift is looked at before it is named."""
 FAST_DEG_S = 0.02
 """Above it a motion is a slew, below it a drift."""
@@ -41,39 +41,39 @@ _MAX_REPORTS = 600
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Motion:
-    """What a mount's reported directions say of how it moves."""
+    """The motion of a mount, by the directions that it reports."""
 
     kind: MotionKind = "unknown"
     ra_rate_arcsec_s: float = 0.0
-    """Of the right ascension (not times cos declination): 0 where it tracks, 15.04 at rest."""
+    """Rate of the right ascension (not times cos declination): 0 where it tracks, 15.04 at rest."""
     dec_rate_arcsec_s: float = 0.0
     host_since_s: float = field(default=math.inf, compare=False)
-    """Of "moves": the host's time of the first report that shows it."""
+    """Host's time of the first report that shows the kind "moves"."""
 
     @property
     def is_at_rest(self) -> bool:
-        """Whether it is measured to stand or to track."""
+        """True when the mount is measured to stand or to track."""
         return self.kind in ("stands", "tracks")
 
     @property
     def rate_deg_s(self) -> float:
-        """Of the faster axis against the sky, degrees a second."""
+        """Rate of the faster axis in its coordinate, degrees a second."""
         return max(abs(self.ra_rate_arcsec_s), abs(self.dec_rate_arcsec_s)) / 3600.0
 
     @property
     def is_fast(self) -> bool:
-        """Whether it is a slew's motion and no drift."""
+        """True for a slew, False for a drift."""
         return self.kind == "moves" and self.rate_deg_s > FAST_DEG_S
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DirectionReport:
-    """Where the mount said that it was, epoch of date, as it came."""
+    """A direction as the mount reported it, epoch of date."""
 
     t_s: float
-    """In the clock in which the mount moves."""
+    """Time by the clock in which the mount moves."""
     host_s: float
-    """In the host's: another one where the observatory is simulated."""
+    """Time by the host's clock: another one where the observatory is simulated."""
     ra_deg: float
     dec_deg: float
 
@@ -92,8 +92,8 @@ class MotionMeter:
 
     @property
     def span_s(self) -> float:
-        """How long it looks before it names a motion."""
-        return max(MIN_SPAN_S, 3.0 * self.period_s, _span_of(self._step_arcsec))
+        """Span of reports, in seconds, that a motion is named from."""
+        return max(MIN_SPAN_S, 3.0 * self.period_s, _min_span_s(self._step_arcsec))
 
     @property
     def last(self) -> DirectionReport | None:
@@ -105,12 +105,12 @@ class MotionMeter:
         self._since_s, self._known = t_s, None
 
     def forget(self) -> None:
-        """What was reported is no place of this mount."""
+        """Drop all reports: they are no places of this mount."""
         self._reports.clear()
         self._known = None
 
     def add(self, report: DirectionReport) -> None:
-        """The next one."""
+        """Take the next report."""
         if not (math.isfinite(report.ra_deg) and math.isfinite(report.dec_deg)):
             return
         if self._reports and report.t_s <= self._reports[-1].t_s:
@@ -119,7 +119,7 @@ class MotionMeter:
                 self._since_s = -math.inf
             else:
                 self._reports.pop()
-        self._step_arcsec = min(self._step_arcsec, _step_shown(report.ra_deg))
+        self._step_arcsec = min(self._step_arcsec, _report_step_arcsec(report.ra_deg))
         self._reports.append(report)
         self._known = None
 
@@ -137,7 +137,7 @@ class MotionMeter:
             self.add(same)
 
     def motion(self, t_s: float) -> Motion:
-        """How it moves at ``t_s``; unknown where the reports since the last order do not tell.
+        """The motion at ``t_s``; unknown where the reports since the last order do not tell.
 
         A rest is named where, of all constant rates, those that pass every report of the span
         within half its step are so few that there is no room for another motion (set membership:
@@ -146,13 +146,13 @@ class MotionMeter:
         if not self._reports or t_s - self._reports[-1].t_s > self.span_s + self.period_s:
             return Motion()
         if self._known is None:
-            self._known = self._by_reports()
+            self._known = self._measure()
         return self._known
 
-    def _by_reports(self) -> Motion:
+    def _measure(self) -> Motion:
         # Reports may be coarser than they look: a driver may have turned them to another epoch.
         steps = [step for step in STEPS_ARCSEC if step >= self._step_arcsec][:2]
-        longest_s = LASTING * max(self.span_s, _span_of(steps[-1]))
+        longest_s = DRIFT_SPANS * max(self.span_s, _min_span_s(steps[-1]))
         begins_s = self._reports[-1].t_s - longest_s - 2.0 * self.period_s
         begins_host_s = self._reports[-1].host_s - 2.0 * MIN_HOST_SPAN_S
         reports = [
@@ -167,14 +167,14 @@ class MotionMeter:
         if fast is not None:
             return fast
         for step in steps:
-            span_s = max(self.span_s, _span_of(step))
+            span_s = max(self.span_s, _min_span_s(step))
             named = path.last(span_s).named(step)
             if named is None:
                 continue
             if named.kind != "moves":
                 return named
             # A drift that small may be a machine that is held up more and more.
-            lasting = path.last(LASTING * span_s).named(step)
+            lasting = path.last(DRIFT_SPANS * span_s).named(step)
             return lasting if lasting is not None and lasting.kind == "moves" else Motion()
         wandering = path.last(self.span_s).wandering(self._step_arcsec)
         # It may have come to rest since.
@@ -217,7 +217,7 @@ class _Path:
                 dec_rate_arcsec_s=dec / span_s,
                 host_since_s=self._reports[index].host_s,
             )
-            slack = step_arcsec + HELD_UP_S * SIDEREAL_ARCSEC_S
+            slack = step_arcsec + HOST_DELAY_S * SIDEREAL_ARCSEC_S
             off = max(min(abs(ra), abs(ra - SIDEREAL_ARCSEC_S * span_s)), abs(dec))
             return motion if off > slack and motion.is_fast else None
         return None
@@ -226,17 +226,17 @@ class _Path:
         """The motion at a constant rate; None where no rate passes, or too many do."""
         if not self._t_s:
             return None
-        room = step_arcsec + LATE_S * SIDEREAL_ARCSEC_S
-        ra, dec = _passing(self._t_s, self._ra, room), _passing(self._t_s, self._dec, room)
+        room = step_arcsec + REPORT_DELAY_S * SIDEREAL_ARCSEC_S
+        ra, dec = _rate_bounds(self._t_s, self._ra, room), _rate_bounds(self._t_s, self._dec, room)
         if max(ra[1] - ra[0], dec[1] - dec[0]) > MAX_WIDTH_ARCSEC_S or not (
             ra[0] <= ra[1] and dec[0] <= dec[1]
         ):
             return None
         kind: MotionKind = "moves"
-        if _allows(dec, 0.0):
-            if _allows(ra, 0.0):
+        if _is_rate_allowed(dec, 0.0):
+            if _is_rate_allowed(ra, 0.0):
                 kind = "tracks"
-            elif _allows(ra, SIDEREAL_ARCSEC_S):
+            elif _is_rate_allowed(ra, SIDEREAL_ARCSEC_S):
                 kind = "stands"
         return Motion(kind=kind, ra_rate_arcsec_s=sum(ra) / 2.0, dec_rate_arcsec_s=sum(dec) / 2.0)
 
@@ -246,8 +246,8 @@ class _Path:
             return Motion()
         standing = [ra - SIDEREAL_ARCSEC_S * t for t, ra in zip(self._t_s, self._ra, strict=True)]
         is_off = min(_spread(self._ra), _spread(standing)) > (
-            step_arcsec + HELD_UP_S * SIDEREAL_ARCSEC_S
-        ) or _spread(self._dec) > 2.0 * (step_arcsec + LATE_S * SIDEREAL_ARCSEC_S)
+            step_arcsec + HOST_DELAY_S * SIDEREAL_ARCSEC_S
+        ) or _spread(self._dec) > 2.0 * (step_arcsec + REPORT_DELAY_S * SIDEREAL_ARCSEC_S)
         if not is_off:
             return Motion()
         span_s = self._t_s[-1] - self._t_s[0]
@@ -259,7 +259,7 @@ class _Path:
         )
 
 
-def _passing(t_s: Sequence[float], x: Sequence[float], room: float) -> tuple[float, float]:
+def _rate_bounds(t_s: Sequence[float], x: Sequence[float], room: float) -> tuple[float, float]:
     """The least and the largest rate of lines that pass all places within half of ``room``."""
     low, high = -math.inf, math.inf
     for j in range(1, len(t_s)):
@@ -270,22 +270,22 @@ def _passing(t_s: Sequence[float], x: Sequence[float], room: float) -> tuple[flo
     return low, high
 
 
-def _allows(rates: tuple[float, float], rate: float) -> bool:
+def _is_rate_allowed(rates: tuple[float, float], rate: float) -> bool:
     """Whether a rate passes, or lies beside the middle of those that do."""
     is_within = rates[0] <= rate <= rates[1]
-    return is_within or abs(sum(rates) / 2.0 - rate) <= NEAR_ARCSEC_S
+    return is_within or abs(sum(rates) / 2.0 - rate) <= REST_TOLERANCE_ARCSEC_S
 
 
 def _spread(x: Sequence[float]) -> float:
     return max(x) - min(x)
 
 
-def _span_of(step_arcsec: float) -> float:
+def _min_span_s(step_arcsec: float) -> float:
     """How long reports in such steps must be looked at."""
     return 2.0 * step_arcsec / (MAX_WIDTH_ARCSEC_S / 2.0)
 
 
-def _step_shown(ra_deg: float) -> float:
+def _report_step_arcsec(ra_deg: float) -> float:
     """The coarsest step whose multiple this right ascension is."""
     arcsec = ra_deg * 3600.0
     for step in reversed(STEPS_ARCSEC[1:]):
@@ -330,7 +330,7 @@ REPEATS_FOR_S = 30.0
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StopStep:
-    """What is to be done and told now."""
+    """What one look at a STOP asks for: ABORT again, news, or its end."""
 
     sends_abort: bool = False
     news: Motion | None = None

@@ -1,4 +1,4 @@
-"""What the engine programs to: a clock, a mount and a camera, no matter who stands behind them.
+"""Interfaces of clock, mount and camera, whichever driver is behind them.
 
 Directions are ICRS degrees on this side of the border; epoch of date and hours exist only in
 the processes that speak INDI. Instants are UTC nanoseconds. Everything that an instrument does
@@ -19,10 +19,10 @@ StopPath = Literal["mount", "indi"]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MountReport:
-    """What the mount says of itself at one instant."""
+    """The mount's state at one instant, as its driver reports it and as its motion is measured."""
 
     t_utc_ns: int
-    """When the mount said so: the simulated instant, or the arrival of the report."""
+    """Time of the report: the simulated instant, or the arrival of the report."""
     ra_icrs_deg: float
     dec_icrs_deg: float
     is_slewing: bool
@@ -31,8 +31,8 @@ class MountReport:
     pier_side: PierSide | None
     """Side of the pier the telescope is on; None when the mount does not tell."""
     age_s: float = 0.0
-    """How old the driver's word was, wall clock; 0 in the simulated observatory. A mount that
-    only tracks may be silent for long."""
+    """Age of the driver's report, wall clock; 0 in the simulated observatory. A mount that only
+    tracks may be silent for long."""
     is_parking: bool = False
     """On its way to its park position, by the driver's word."""
     motion: Motion = field(default_factory=Motion)
@@ -41,7 +41,7 @@ class MountReport:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StopResult:
-    """What came of a STOP so far: ordered, answered by the driver, and measured."""
+    """The result of a STOP so far: ordered, answered by the driver, and measured."""
 
     is_answered: bool
     """The driver has taken ABORT and claims no motion any more: no proof that it stands."""
@@ -54,18 +54,18 @@ class StopResult:
     is_tracking: bool | None = None
     """Whether tracking is on, by the driver's word; None where it does not tell."""
     motion: Motion | None = None
-    """As measured since: it stands, tracks, still moves, or that is not known. None while it is
-    being measured."""
+    """The motion measured since: it stands, tracks, still moves, or is not known. None while it
+    is being measured."""
     measured_ms: float | None = None
     """Wall time from the request until that was known, or given up."""
     detail: str = ""
     """Why it is not answered, or not known."""
     is_superseded: bool = False
-    """Not measured any longer, because another order came."""
+    """True when another order came and ended the measurement."""
 
     @property
     def rate_deg_s(self) -> float | None:
-        """Of the faster axis of a mount that moves on; None where it does not, or nobody knows."""
+        """Rate of the faster axis of a mount that moves on; None for any other, or not known."""
         moves = self.motion is not None and self.motion.kind == "moves"
         return self.motion.rate_deg_s if self.motion is not None and moves else None
 
@@ -77,7 +77,7 @@ class StopResult:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MountAbilities:
-    """What the mount's driver offers, as found when it was connected."""
+    """The abilities of the mount's driver, as found when it was connected."""
 
     can_abort: bool = True
     """Without it nothing but the power switch ends a slew."""
@@ -100,7 +100,7 @@ class SlewEnd:
 
 
 def unheard(_result: StopResult) -> None:
-    """For who waits for the end only."""
+    """Ignore the news of a STOP, where only its end is waited for."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -115,7 +115,7 @@ class SiteCheck:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SkyReport:
-    """What the weather station and the dome say, at one instant."""
+    """Weather and dome as their drivers report them, at one instant."""
 
     weather: Literal["ok", "warning", "alert", "silent"] | None
     """None where no station is configured; "silent" where it is and does not answer."""
@@ -125,7 +125,7 @@ class SkyReport:
 
 
 class SafetyMonitorPort(Protocol):
-    """What watches weather and dome."""
+    """A monitor of weather and dome."""
 
     def look(self) -> SkyReport:
         """The latest word, at once; never raises."""
@@ -139,16 +139,16 @@ ClockFaultKind = Literal["set", "leap second", "runs wrong", "runs right", "slep
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ClockFault:
-    """What went wrong with the machine's time."""
+    """A fault of the machine's clock."""
 
     kind: ClockFaultKind
     """"set": UTC was stepped, by somebody or a time service; "leap second": by one; "runs wrong":
     its seconds are none, until "runs right"; "slept": the whole machine; "stood still": this
     process was not run."""
     seconds: float
-    """How far UTC was stepped, or how long nothing ran."""
+    """Size of the step of UTC, or how long nothing ran."""
     rate: float = 1.0
-    """Of "runs wrong": seconds of UTC in a second."""
+    """Seconds of UTC in a second, of the kind "runs wrong"."""
 
 
 class Clock(Protocol):
@@ -160,7 +160,7 @@ class Clock(Protocol):
 
     @property
     def speed(self) -> float:
-        """Its seconds in a second of the wall's; 0: as many as it goes."""
+        """Its seconds in a second of wall time; 0: as many as possible."""
 
     def now_utc_ns(self) -> int:
         """The present instant."""
@@ -178,7 +178,7 @@ class Clock(Protocol):
         """End a wait that is in progress (from any thread); without one, the next wait."""
 
     def take_faults(self) -> tuple[ClockFault, ...]:
-        """What has gone wrong with time since this was last asked, in order."""
+        """Faults of the clock since the last call, in order."""
 
     @property
     def is_steady(self) -> bool:
@@ -187,6 +187,9 @@ class Clock(Protocol):
 
 class MountPort(Protocol):
     """A telescope mount."""
+
+    def start(self) -> None:
+        """Connect. Raises InstrumentError when the mount cannot be reached."""
 
     def slew(self, ra_icrs_deg: float, dec_icrs_deg: float, now_utc_ns: int) -> None:
         """Go there and track at the sidereal rate; returns once the mount has taken the order.
@@ -229,7 +232,7 @@ class MountPort(Protocol):
         """Compare the mount's site with the configured one."""
 
     def abilities(self) -> MountAbilities:
-        """What its driver offers. Raises InstrumentError where it is not connected."""
+        """The abilities of its driver. Raises InstrumentError where it is not connected."""
 
     def keep(self, lease_s: float, track_until_utc_ns: int | None) -> None:
         """Renew the lease on motion: somebody watches the mount.
@@ -240,7 +243,7 @@ class MountPort(Protocol):
         """
 
     def take_slew_end(self) -> SlewEnd | None:
-        """What its own process has done to the slew ordered last; None: nothing, or told before."""
+        """The end of the last slew by the mount's process, once; None where it ended none."""
 
     def utc_offset_s(self) -> float | None:
         """The mount's own clock minus the engine's; None when it does not tell the time."""
@@ -254,6 +257,9 @@ class MountPort(Protocol):
 
 class CameraPort(Protocol):
     """A camera."""
+
+    def start(self) -> None:
+        """Connect. Raises InstrumentError when the camera cannot be reached."""
 
     def start_exposure(self, exposure_s: float, frame_id: int) -> None:
         """Open the shutter; returns once the camera has taken the order.
@@ -284,7 +290,7 @@ class CameraPort(Protocol):
         """
 
     def take_messages(self) -> tuple[str, ...]:
-        """What the camera's driver has said since last asked, in its own words."""
+        """The driver's messages since the last call, in its own words."""
 
     def abort(self) -> None:
         """Give up the exposure under way; its frame never comes."""

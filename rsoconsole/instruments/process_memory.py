@@ -6,6 +6,7 @@ from heaps that it never shrinks, one for each thread that held one.
 
 import ctypes
 import mmap
+from typing import Any
 
 _LARGE_BYTES = 8 << 20
 _TRIM_THRESHOLD, _MMAP_THRESHOLD = -1, -3
@@ -17,11 +18,10 @@ def return_what_is_freed() -> bool:
 
     False where the C library does not know how: then nothing has changed.
     """
-    try:
-        mallopt = ctypes.CDLL(None).mallopt
-    except (OSError, AttributeError):
-        return False
-    return bool(mallopt(_MMAP_THRESHOLD, _LARGE_BYTES) and mallopt(_TRIM_THRESHOLD, _LARGE_BYTES))
+    return bool(
+        _call("mallopt", _MMAP_THRESHOLD, _LARGE_BYTES)
+        and _call("mallopt", _TRIM_THRESHOLD, _LARGE_BYTES)
+    )
 
 
 def return_free_pages() -> bool:
@@ -29,10 +29,7 @@ def return_free_pages() -> bool:
 
     False where the C library does not know how, or had nothing to give.
     """
-    try:
-        return bool(ctypes.CDLL(None).malloc_trim(0))
-    except (OSError, AttributeError):
-        return False
+    return bool(_call("malloc_trim", 0))
 
 
 def forget_contents(address: int, size: int) -> bool:
@@ -45,8 +42,12 @@ def forget_contents(address: int, size: int) -> bool:
     length = (address + size) // mmap.PAGESIZE * mmap.PAGESIZE - first
     if length <= 0:
         return False
+    return _call("madvise", ctypes.c_void_p(first), ctypes.c_size_t(length), _DONTNEED) == 0
+
+
+def _call(function: str, *arguments: Any) -> int | None:
+    """What a function of the C library returns; None where the library has no such function."""
     try:
-        madvise = ctypes.CDLL(None).madvise
+        return int(getattr(ctypes.CDLL(None), function)(*arguments))
     except (OSError, AttributeError):
-        return False
-    return not madvise(ctypes.c_void_p(first), ctypes.c_size_t(length), _DONTNEED)
+        return None

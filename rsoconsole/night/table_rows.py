@@ -20,7 +20,7 @@ def rows_of(name: str, log: Sequence[Logged], files: Iterable[Row] = ()) -> list
     """
     table = TABLES[name]
     rows = list(_rows(table, log))
-    if table.is_followed_again:
+    if table.may_be_superseded:
         last = {r.frame_id: seq for seq, _, r in log if isinstance(r, FollowedAgain)}
         for row in rows:
             row[SUPERSEDED.name] = last.get(row["frame_id"], 0) > row["seq"]

@@ -1,4 +1,4 @@
-"""What goes on record, and the public columns of it."""
+"""Records of a session, and its public columns."""
 
 from lazy_loader import attach_stub
 

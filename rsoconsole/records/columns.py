@@ -13,12 +13,12 @@ A column's unit is the one in its name, so that no table can say another.
 
 import sys
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any, Literal, TypeAlias
 
-from rsoconsole.records.column_texts import (
+from rsoconsole.records.column_specs import (
     OF_CANDIDATE,
     OF_EXPECTED,
     OF_FILES,
@@ -89,7 +89,7 @@ class Column:
     """Members and indices joined by points, in the record or the part of it that a row is; "#" is
     the part's number or key, "=" its value. Empty: the column's own name."""
     shape: tuple[int, ...] = ()
-    """Of a column of matrices; those of other shapes are JSON."""
+    """Shape of the matrices in the column; those of other shapes are JSON."""
     source: Source = "log"
 
     @property
@@ -118,18 +118,18 @@ class Table:
     kind: type
     """The record that its rows are made of."""
     row: str
-    """What a row is."""
+    """One row in words."""
     own: tuple[Column, ...]
     """Its columns, without those that every table begins with."""
     parts: str = ""
     """The member of the record of which each item is a row; empty: the record is one row."""
-    is_followed_again: bool = False
+    may_be_superseded: bool = False
     """The operator's word may have its frame followed again later."""
 
     @property
     def columns(self) -> tuple[Column, ...]:
         """All of them, in order."""
-        return (*HEAD, *self.own, *((SUPERSEDED,) if self.is_followed_again else ()))
+        return (*HEAD, *self.own, *((SUPERSEDED,) if self.may_be_superseded else ()))
 
 
 def columns_of(spec: str, source: Source = "log") -> tuple[Column, ...]:
@@ -191,15 +191,7 @@ _ABOUT: tuple[Table, ...] = (
         row="a candidate not taken",
         own=(
             *columns_of("number=# integer place among them, from 0"),
-            *(
-                Column(
-                    name=each.name,
-                    type=each.type,
-                    meaning=each.meaning,
-                    path=f"detection.{each.place}",
-                )
-                for each in columns_of(OF_CANDIDATE)
-            ),
+            *(replace(each, path=f"detection.{each.place}") for each in columns_of(OF_CANDIDATE)),
             *columns_of("reason text why not"),
         ),
     ),
@@ -214,7 +206,7 @@ _ABOUT: tuple[Table, ...] = (
         kind=NotFollowed,
         row="a measurement the track did not take",
         own=columns_of(OF_NOT_FOLLOWED),
-        is_followed_again=True,
+        may_be_superseded=True,
     ),
     Table(
         name="timings",
@@ -235,7 +227,7 @@ _ABOUT: tuple[Table, ...] = (
         kind=TrackState,
         row="the filter at one instant",
         own=columns_of(OF_TRACK),
-        is_followed_again=True,
+        may_be_superseded=True,
     ),
     Table(name="slews", kind=SlewCommand, row="an order to the mount", own=columns_of(OF_SLEW)),
     Table(
@@ -243,21 +235,21 @@ _ABOUT: tuple[Table, ...] = (
         kind=Miss,
         row="an exposure without the object",
         own=columns_of(OF_MISS),
-        is_followed_again=True,
+        may_be_superseded=True,
     ),
     Table(
         name="orbits",
         kind=OrbitEstimate,
         row="the orbit through all that a track has measured, after each measurement",
         own=columns_of(OF_ORBIT),
-        is_followed_again=True,
+        may_be_superseded=True,
     ),
     Table(
         name="identifications",
         kind=Identified,
         row="which catalogued object a track is of",
         own=columns_of(OF_NAME),
-        is_followed_again=True,
+        may_be_superseded=True,
     ),
     Table(
         name="pairs",
@@ -265,7 +257,7 @@ _ABOUT: tuple[Table, ...] = (
         parts="pairs",
         row="how two tracks move to each other",
         own=columns_of(OF_PAIR),
-        is_followed_again=True,
+        may_be_superseded=True,
     ),
     Table(
         name="expected",
@@ -326,7 +318,7 @@ TABLES: Mapping[str, Table] = MappingProxyType({each.name: each for each in _ABO
 
 
 def member(record: Any, column: Column) -> Any:
-    """What a record, or the part of it that a row is, has in a column; None for nothing."""
+    """The value of a record, or of the part of it that a row is, in a column; None for none."""
     value = record
     for step in column.place.split("."):
         if value is None:

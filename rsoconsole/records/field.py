@@ -1,4 +1,4 @@
-"""What is on record of a field as a whole: how its tracks move to each other, who is missing."""
+"""Records of a field as a whole: the relative motion of its tracks, and who is missing."""
 
 from dataclasses import dataclass
 from typing import Literal
@@ -22,9 +22,9 @@ class PairMotion:
     track_id: int
     other_track_id: int
     t_utc_ns: int
-    """Of the frame: when they stand so."""
+    """Instant of the separation: mid-exposure of the frame."""
     frames: int
-    """That have shown both."""
+    """Number of frames that have shown both."""
     east_arcsec: float
     north_arcsec: float
     sigma_east_arcsec: float
@@ -32,7 +32,7 @@ class PairMotion:
     separation_arcsec: float
     sigma_separation_arcsec: float
     position_angle_deg: float
-    """Of the other one, from north through east."""
+    """Position angle of the other one, from north through east."""
     sigma_position_angle_deg: float
     rate_east_arcsec_min: float
     rate_north_arcsec_min: float
@@ -46,7 +46,7 @@ class PairMotion:
     """When they are nearest to each other within the horizon."""
     sigma_closest_s: float
     closest_arcsec: float
-    """How near, the median."""
+    """Separation at the closest approach, the median."""
     closest_low_arcsec: float
     """The interval of 68 %."""
     closest_high_arcsec: float
@@ -54,17 +54,18 @@ class PairMotion:
     """The interval of 95 %."""
     closest_highest_arcsec: float
     horizon_s: float
-    """How far ahead was looked."""
+    """Time ahead over which the approach was searched."""
     path: PathKind
     close_probability: float
-    """That they come nearer within the horizon of the warning than its angle; 0 without one."""
+    """Probability that they come nearer than the angle of the warning within its horizon; 0 without
+    one."""
     is_close: bool = False
     """Whether the operator is warned of this approach."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PairMotions:
-    """How the tracks of a field move to each other."""
+    """The relative motion of the tracks of a field."""
 
     frame_id: int
     pairs: tuple[PairMotion, ...]
@@ -82,17 +83,17 @@ class UnseenMember:
     x_px: float
     y_px: float
     sigma_arcsec: float
-    """How far off its elements may be, along its motion."""
+    """One sigma of its elements along its motion."""
     tle_age_days: float
     is_usable: bool
-    """Whether its whole streak is in the frame."""
+    """True when its whole streak is in the frame."""
     is_lit: bool
     """By the Sun; element files do not say how bright an object is."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ExpectedMembers:
-    """Who should be in a frame by the catalogue, and is not followed."""
+    """Catalogued objects that should be in a frame and are not followed."""
 
     frame_id: int
     t_utc_ns: int
@@ -100,5 +101,5 @@ class ExpectedMembers:
     compared: int
     """Catalogued objects that were looked at."""
     in_frame: int
-    """Those of them that should be in it."""
+    """The expected objects that should be in the frame."""
     unseen: tuple[UnseenMember, ...]

@@ -1,4 +1,4 @@
-"""What a frame is, and what was seen in it."""
+"""Records of a frame and of what was detected in it."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -33,7 +33,7 @@ class Site:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CameraMode:
-    """How a frame was read out, as far as its header tells; with its size and exposure its mode."""
+    """The read-out of a frame, as far as its header tells; with its size and exposure its mode."""
 
     binning: str | None = None
     """As ``2x2``."""
@@ -163,7 +163,7 @@ class Rejection:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Detections:
-    """What the detector says of one frame: any number of streaks, most confident first."""
+    """The result of the detector for one frame: any number of streaks, most confident first."""
 
     frame_id: int
     width_px: int

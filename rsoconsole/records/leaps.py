@@ -1,4 +1,4 @@
-"""What is on record of low satellites that are followed by leaps: each leap, and each pass."""
+"""Records of low satellites that are followed by leaps: each leap, and each pass."""
 
 from dataclasses import dataclass
 from typing import Literal
@@ -14,9 +14,9 @@ class LeapDone:
     """One leap: where and when it was to be met, what came of it, and what it took."""
 
     frame_id: int
-    """Of its exposure."""
+    """Number of its exposure."""
     begun_frame_id: int
-    """Of the first streak of what is followed."""
+    """Frame of the first streak of what is followed."""
     number: int
     """1 for the first after that streak."""
     result: LeapResult
@@ -64,9 +64,9 @@ class LowPass:
     frame_id: int
     """The last one."""
     begun_frame_id: int
-    """Of its first streak."""
+    """Frame of its first streak."""
     name: str
-    """Of what was waited for; empty: whatever came."""
+    """Name of what was waited for; empty: whatever came."""
     ended: str
     """Why it was not followed further, in words."""
     streaks: int

@@ -52,9 +52,9 @@ class NotAStreak:
 
     kind: NotAStreakKind
     value: float | None = None
-    """What was measured: a signal to noise, a width or length in pixels, a share, a count."""
+    """The measured value: a signal to noise, a width or length in pixels, a share, a count."""
     limit: float | None = None
-    """What it was held against, in the same unit."""
+    """The limit of the gate, in the same unit."""
 
 
 NotTakenKind: TypeAlias = Literal[
@@ -77,7 +77,7 @@ NotTakenKind: TypeAlias = Literal[
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MotionMismatch:
-    """How a streak does not fit a motion."""
+    """Mismatch between a streak and a motion."""
 
     kind: Literal["direction", "length", "order of time"]
     value: float | None = None
@@ -87,12 +87,12 @@ class MotionMismatch:
 
     @classmethod
     def of_direction(cls, off_deg: float) -> "MotionMismatch":
-        """It runs otherwise."""
+        """A streak in another direction."""
         return cls(kind="direction", value=float(round(off_deg)))
 
     @classmethod
     def of_length(cls, length_arcsec: float, expected_arcsec: float) -> "MotionMismatch":
-        """It is longer or shorter."""
+        """A streak of another length."""
         whole = float(round(length_arcsec)), float(round(expected_arcsec))
         return cls(kind="length", value=whole[0], expected=whole[1])
 
@@ -237,7 +237,7 @@ CLOUD: frozenset[HiddenKind] = frozenset(("fewer stars", "fainter stars", "few s
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class HiddenBy:
-    """What a frame without a measurement is put down to; figures as they are told."""
+    """Cause of a frame without a measurement; figures as they are shown."""
 
     kind: HiddenKind
     """Cloud is "fewer stars" and "fainter stars" than before, and, where nothing is known of
@@ -266,7 +266,7 @@ class HiddenBy:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TrackLost:
-    """What ended a track that no measurement updates any more; figures as they are told."""
+    """Cause of the end of a track; figures as they are shown."""
 
     kind: Literal[
         "too wide",
@@ -292,7 +292,7 @@ class TrackLost:
 
     @classmethod
     def by_time(cls, coasted_s: float) -> "TrackLost":
-        """It has been without a measurement for too long."""
+        """The end of a track that has coasted for too long."""
         return cls(kind="coasted", coasted_min=_whole(coasted_s / 60.0))
 
 
@@ -351,9 +351,9 @@ class Cause:
 
     kind: CauseKind
     by: str = ""
-    """Who wanted it."""
+    """Who ordered it."""
     detail: str = ""
-    """What was said of it."""
+    """Its detail in words for people."""
     step_s: float | None = None
     """By how much the clock was set."""
     detections: int | None = None
@@ -389,7 +389,7 @@ DroppedBy: TypeAlias = Literal["STOP", "limit met", "night ended", "engine ended
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CommandResult:
-    """What came of a command."""
+    """The result of a command."""
 
     kind: ResultKind
     """"accepted": it waits, and what comes of it is on record too; of a STOP: "answered" by the
@@ -397,12 +397,12 @@ class CommandResult:
     detail: str = ""
     """How it was done, where that is worth saying; or why it was not, or is not known."""
     dropped_by: DroppedBy | None = None
-    """What undid it while it waited."""
+    """What overtook the command while it waited."""
     stop_ms: float | None = None
-    """How long it took until a STOP was answered, or measured, and its way to the mount."""
+    """Time until a STOP was answered, or measured, and its way to the mount."""
     stop_path: str = ""
     stop_ordered_ms: float | None = None
-    """How long it took until ABORT was on its way to the mount; None: not known, or never."""
+    """Time until ABORT was on its way to the mount; None: not known, or never."""
     stop_outcome: StopOutcome | None = None
     rate_deg_s: float | None = None
     """Of a mount that moves on: of its faster axis."""
@@ -418,7 +418,7 @@ class CommandResult:
 
     @classmethod
     def refused(cls, why: object) -> "CommandResult":
-        """It cannot be."""
+        """A command that is refused."""
         return cls(kind="refused", detail=str(why))
 
 
@@ -426,7 +426,7 @@ ACCEPTED, DONE = CommandResult(kind="accepted"), CommandResult(kind="done")
 
 
 def done(detail: str) -> CommandResult:
-    """It is done, with what came of it in words for people."""
+    """A command that is done, with its result in words for people."""
     return CommandResult(kind="done", detail=detail)
 
 

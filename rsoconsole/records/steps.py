@@ -64,7 +64,7 @@ class Measurement:
     is_crossing: bool = False
     """Neither end is in the frame: it is somewhere on a line, at a time nobody knows."""
     object_class: ObjectClass = "undetermined"
-    """What the streak's own frame makes of it."""
+    """Class of the object by the streak's own frame."""
     is_clipped: bool = False
 
 
@@ -299,7 +299,7 @@ class Identified:
     reason: str
     """A description, which adds figures to ``verdict``."""
     hint: str
-    """Of a manoeuvre; empty as a rule."""
+    """A hint of a manoeuvre; empty for none."""
     observations: int
     catalogued: int
     """Objects it was compared with."""
@@ -385,7 +385,7 @@ class Event:
     text: str
     frame_id: int | None = None
     topic: Topic = ""
-    """What it is about, where somebody must know without reading it."""
+    """Its subject, where programs must know it."""
 
 
 Record: TypeAlias = (
@@ -413,13 +413,13 @@ Record: TypeAlias = (
     | LowPass
     | Event
 )
-"""What the log of a session holds."""
+"""Every record of a session's log."""
 
 FoldInput: TypeAlias = Detections | Solution | NotSolved | Measurement
-"""What was seen in a frame."""
+"""The records that the fold over the frames takes."""
 FoldRecord: TypeAlias = TrackState | NotFollowed | Miss | StateChange
-"""What the fold over the frames puts on record."""
+"""The records that the fold over the frames makes."""
 OrbitRecord: TypeAlias = OrbitEstimate | Identified | PairMotions | ExpectedMembers
-"""What is made of the tracks, beside the fold."""
+"""The records made of the tracks, beside the fold."""
 BesideRecord: TypeAlias = SlewCommand | LeapDone | LowPass | OperatorAction | Closeup | Event
-"""What else happens beside it."""
+"""All other records beside the fold."""

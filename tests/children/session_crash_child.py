@@ -20,7 +20,7 @@ import numpy as np
 from rsoconsole.config import Config
 from rsoconsole.records import Event, Frame, Miss, Missed
 from rsoconsole.session import SessionWriter, compress_frame
-from rsoconsole.session.files.kept_frames import encode_preview
+from rsoconsole.session.files.frame_encoding import encode_preview
 
 SAID = struct.Struct("=BQ")
 BEGUN, RECORD, FRAME, CLOSING, CLOSED = range(5)

@@ -14,7 +14,13 @@ import pytest
 from rsoconsole.config import load_config
 from rsoconsole.orbits import parse_elements
 from rsoconsole.pipeline import branches_of
-from rsoconsole.session import SessionReader, change_ledger, kept, read_element_ledger, read_ledger
+from rsoconsole.session import (
+    SessionReader,
+    change_ledger,
+    keep_change,
+    read_element_ledger,
+    read_ledger,
+)
 from tests.nights.samples import SAMPLE
 from tests.nights.target_night import INDEX
 from tests.pages.command_house import PROGRAM, Done, House, NearHouse, Recipes, a_house
@@ -292,7 +298,7 @@ def calibrate_elements(house: House, command: str) -> None:
 def with_ledger(house: House) -> Path:
     """Two objects are kept, UCT 7 and UCT 9."""
     path = house.state / "ledger.jsonl"
-    both = [kept(7, track("monday")), kept(9, track("tuesday"))]
+    both = [keep_change(7, track("monday")), keep_change(9, track("tuesday"))]
     change_ledger(lambda _: both, path)
     return path
 

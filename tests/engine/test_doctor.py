@@ -15,7 +15,7 @@ from rsoconsole.config import Config
 from rsoconsole.engine.doctor import doctor, doctor_system
 from rsoconsole.engine.doctor.doctor_system import ClockReading, Terminal, colours_of
 from rsoconsole.engine.machine.medium import disk_outlook
-from rsoconsole.instruments import meant_libraries, utc_now_ns
+from rsoconsole.instruments import allowed_libraries, utc_now_ns
 from rsoconsole.sky import iso_to_utc_ns
 
 SITE_WORDS = b"""
@@ -162,7 +162,7 @@ def test_a_library_that_is_missing_or_crashes_is_named(
 
 @pytest.mark.parametrize("setting", ["pyindi", "indipyclient"])
 def test_the_library_that_speaks_indi_is_told_with_its_version(setting: str) -> None:
-    (library,) = meant_libraries(setting)
+    (library,) = allowed_libraries(setting)
     if not library.is_there:
         pytest.skip(f"{library.package} is not installed")
     check = doctor.doctor_indi.check_client(config_with(indi={"client": setting}))

@@ -17,6 +17,7 @@ import pytest
 
 from rsoconsole.base import FrameError
 from rsoconsole.instruments import frame_from_bytes, read_frame
+from rsoconsole.instruments.frames._decoder_child import DecodeRequest
 from rsoconsole.instruments.frames._fits_by_astropy import structure_fault
 from rsoconsole.instruments.frames._frame_decoder import FrameDecoder
 from tests.drawn.damaged_frames import WHOLE, damaged, holds, pixels, process, table, write
@@ -117,7 +118,7 @@ def test_a_decoder_that_was_ended_is_started_again():
     decoder = FrameDecoder()
     try:
         for _ in range(2):
-            assert decoder.decode(WHOLE["Rice"], "a", None, 1).raw.shape == (96, 128)
+            assert decoder.decode(DecodeRequest(name="a"), WHOLE["Rice"]).raw.shape == (96, 128)
             assert decoder._child is not None
             os.kill(decoder._child.pid, signal.SIGKILL)
             decoder._child._process.wait()
@@ -125,16 +126,20 @@ def test_a_decoder_that_was_ended_is_started_again():
         decoder.close()
 
 
+def picture(name):
+    return DecodeRequest(name=name, is_picture=True)
+
+
 def test_a_picture_that_ends_the_decoder_is_one_frames_fault():
     decoder = FrameDecoder()
     try:
-        assert np.array_equal(decoder.decode_picture(WHOLE["PNG"], "a"), pixels())
+        assert np.array_equal(decoder.decode(picture("a"), WHOLE["PNG"]).raw, pixels())
         assert decoder._child is not None
         os.kill(decoder._child.pid, signal.SIGSTOP)
         threading.Timer(0.2, os.kill, (decoder._child.pid, signal.SIGKILL)).start()
         with pytest.raises(FrameError, match="it crashed the decoder"):
-            decoder.decode_picture(WHOLE["TIFF"], "b.tiff")
-        assert np.array_equal(decoder.decode_picture(WHOLE["TIFF"], "c"), pixels())
+            decoder.decode(picture("b.tiff"), WHOLE["TIFF"])
+        assert np.array_equal(decoder.decode(picture("c"), WHOLE["TIFF"]).raw, pixels())
     finally:
         decoder.close()
 

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 pytest.importorskip("indipyclient")
 
-from rsoconsole.instruments.indi._by_indipyclient import IndiStream
+from rsoconsole.instruments.indi._indipyclient_client import IndiStream
 from rsoconsole.instruments.indi._stream_mender import StreamMender
 
 

@@ -5,7 +5,7 @@ from collections.abc import Callable, Mapping, Sequence
 import pytest
 
 from rsoconsole.base import InstrumentError
-from rsoconsole.instruments.camera._sensor_window import SensorWindow, middle_of
+from rsoconsole.instruments.camera._sensor_window import SensorWindow, central_window
 from rsoconsole.instruments.indi.indi_client import Vector
 
 WHOLE = [0, 0, 4656, 3520]
@@ -68,7 +68,7 @@ def window(client: ScriptedClient) -> SensorWindow:
 
 
 def half(client: ScriptedClient, own: Sequence[int] = (), size=(4656, 3520)) -> dict:
-    return window(client).take_share(0.5, list(own), size)
+    return window(client).set_share(0.5, list(own), size)
 
 
 @pytest.mark.parametrize(
@@ -107,7 +107,7 @@ def test_nothing_is_asked_that_is_so_already() -> None:
 @pytest.mark.parametrize("size", [(4656, 3520), (2328, 1760)])
 def test_what_a_killed_engine_has_left_is_given_back(size) -> None:
     client = ScriptedClient([("Ok", WHOLE)], HALF)
-    window(client).give_back(size)
+    window(client).restore_whole(size)
     assert client.asked == [WHOLE]
 
 
@@ -121,13 +121,13 @@ def test_what_a_killed_engine_has_left_is_given_back(size) -> None:
 )
 def test_what_is_the_operators_own_is_left_alone(now, size) -> None:
     client = ScriptedClient([], now)
-    window(client).give_back(size)
+    window(client).restore_whole(size)
     assert not client.asked
 
 
 def test_a_part_of_a_part_is_about_its_middle() -> None:
     own = [200, 100, 3600, 2400]
-    client = ScriptedClient([("Ok", middle_of(own, 0.5, 16))], own)
+    client = ScriptedClient([("Ok", central_window(own, 0.5, 16))], own)
     found = half(client, size=(3600, 2400))
     assert found["own"] == own
     x, y, width, height = found["window"]
@@ -143,7 +143,7 @@ def test_a_part_is_not_taken_for_the_whole_where_the_configured_size_is_neither(
 
 @pytest.mark.parametrize("joined", [1, 2, 3, 4])
 def test_sides_are_multiples_of_sixteen_joined_pixels(joined) -> None:
-    x, y, width, height = middle_of(WHOLE, 0.4, 16 * joined)
+    x, y, width, height = central_window(WHOLE, 0.4, 16 * joined)
     assert all(each % (16 * joined) == 0 for each in (x, y, width, height))
 
 

@@ -24,7 +24,7 @@ def measurement_id_of(""",
 def measurement_id_of(""",
         )
     ],
-    "rsoconsole/records/column_texts.py": [
+    "rsoconsole/records/column_specs.py": [
         (
             """
 measurement_id text its id, unique in the session

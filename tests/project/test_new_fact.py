@@ -18,7 +18,7 @@ EXAMPLE = {
 """,
         )
     ],
-    "rsoconsole/records/column_texts.py": [
+    "rsoconsole/records/column_specs.py": [
         (
             """
 zero_point_mag real magnitude of a star that would give 1 ADU a second

@@ -15,7 +15,7 @@ import pytest
 from rsoconsole.base import ControlError, InstrumentError, LongWait, waits, waits_reported_to
 from rsoconsole.config import IndiConfig, WaitsConfig
 from rsoconsole.control import AskStatus, ControlClient, EngineLock
-from rsoconsole.instruments.indi._devices_there import DevicesThere
+from rsoconsole.instruments.indi._device_search import DeviceSearch
 from rsoconsole.instruments.indi.indi_process import IndiProcess
 from rsoconsole.instruments.mount.mount import IndiMount
 from rsoconsole.simulator.devices.clock_device import CATCH_UP, MAX_BEHIND_S, VirtualClock
@@ -98,7 +98,7 @@ def server() -> Iterator[StandIn]:
     running.close()
 
 
-def waiting_for(server: StandIn, wall: Wall) -> DevicesThere:
+def waiting_for(server: StandIn, wall: Wall) -> DeviceSearch:
     order = {
         "host": "127.0.0.1",
         "port": server.port,
@@ -106,7 +106,7 @@ def waiting_for(server: StandIn, wall: Wall) -> DevicesThere:
         "device_s": 40.0,
         "quiet_s": 10.0,
     }
-    return DevicesThere(WANTED, order, wall)
+    return DeviceSearch(WANTED, order, wall)
 
 
 # ---- what a server announces -----------------------------------------------------------------

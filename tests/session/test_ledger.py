@@ -15,11 +15,11 @@ from rsoconsole.session import (
     LedgerTrack,
     change_ledger,
     damage_words,
-    forgotten,
-    kept,
+    forget_change,
+    keep_change,
     read_ledger,
-    renamed,
-    taken_back,
+    rename_change,
+    withdraw_change,
 )
 from rsoconsole.session.log import line_file
 
@@ -65,7 +65,7 @@ def add(path: Path, *changes: Change) -> Ledger:
 
 
 def next_kept(path: Path, session: str) -> None:
-    change_ledger(lambda before: [kept(before.next_number, track(session))], path)
+    change_ledger(lambda before: [keep_change(before.next_number, track(session))], path)
 
 
 @pytest.fixture
@@ -75,7 +75,7 @@ def path(tmp_path: Path) -> Path:
 
 def test_what_is_kept_comes_back_as_it_was(path: Path) -> None:
     assert read_ledger(path) == Ledger()
-    add(path, kept(1, track("monday")), kept(2, track("monday", 2, orbit=None)))
+    add(path, keep_change(1, track("monday")), keep_change(2, track("monday", 2, orbit=None)))
     found = read_ledger(path)
     assert [each.number for each in found.objects] == [1, 2]
     assert found.objects[0].tracks == (track("monday"),)
@@ -85,17 +85,17 @@ def test_what_is_kept_comes_back_as_it_was(path: Path) -> None:
 
 
 def test_a_track_that_is_kept_again_takes_its_own_place(path: Path) -> None:
-    add(path, kept(1, track("monday")))
-    add(path, kept(1, track("monday", orbit=None)), kept(1, track("tuesday", 3)))
+    add(path, keep_change(1, track("monday")))
+    add(path, keep_change(1, track("monday", orbit=None)), keep_change(1, track("tuesday", 3)))
     (only,) = read_ledger(path).objects
     assert only.tracks == (track("monday", orbit=None), track("tuesday", 3))
-    add(path, taken_back("tuesday", 3))
+    add(path, withdraw_change("tuesday", 3))
     assert read_ledger(path).objects[0].tracks == (track("monday", orbit=None),)
 
 
 def test_a_number_is_never_given_twice(path: Path) -> None:
-    add(path, kept(1, track("monday")), kept(2, track("monday", 2)))
-    add(path, renamed(1, "the drifter"), forgotten(2))
+    add(path, keep_change(1, track("monday")), keep_change(2, track("monday", 2)))
+    add(path, rename_change(1, "the drifter"), forget_change(2))
     found = read_ledger(path)
     assert [each.called for each in found.objects] == ["the drifter"]
     assert found.next_number == 3
@@ -106,7 +106,7 @@ def test_a_number_is_never_given_twice(path: Path) -> None:
 @pytest.mark.parametrize("name", ["x" * 41, "a\nb", "\x1b[31m"])
 def test_a_name_that_cannot_be_shown_is_refused(name: str) -> None:
     with pytest.raises(SessionError, match="40 characters"):
-        renamed(1, name)
+        rename_change(1, name)
 
 
 @pytest.mark.parametrize(
@@ -122,15 +122,17 @@ def test_a_name_that_cannot_be_shown_is_refused(name: str) -> None:
 def test_damage_costs_only_its_own_line_and_the_file_is_moved_aside(
     path: Path, damage: bytes
 ) -> None:
-    add(path, kept(1, track("monday")))
+    add(path, keep_change(1, track("monday")))
     path.write_bytes(path.read_bytes() + damage + b"\n")
-    path.write_bytes(path.read_bytes() + json.dumps(kept(2, track("tuesday"))).encode() + b"\n")
+    path.write_bytes(
+        path.read_bytes() + json.dumps(keep_change(2, track("tuesday"))).encode() + b"\n"
+    )
     broken = path.read_bytes()
     found = read_ledger(path)
     assert [each.number for each in found.objects] == [1, 2]
-    assert "line 3 cannot be read; all others hold" in damage_words(found, path)
+    assert "line 3 cannot be read; all others hold" in damage_words(found.unreadable, path)
     assert path.read_bytes() == broken  # who only reads changes nothing
-    after, aside = change_ledger(lambda _: [kept(3, track("wednesday"))], path)
+    after, aside = change_ledger(lambda _: [keep_change(3, track("wednesday"))], path)
     assert aside is not None
     assert aside.read_bytes() == broken
     assert [each.number for each in after.objects] == [1, 2, 3]
@@ -139,16 +141,16 @@ def test_damage_costs_only_its_own_line_and_the_file_is_moved_aside(
 
 
 def test_numbers_that_are_none_are_damage(path: Path) -> None:
-    add(path, kept(1, track("monday")))
+    add(path, keep_change(1, track("monday")))
     path.write_text(path.read_text().replace("12.5", "NaN"))
     assert read_ledger(path).objects == ()
     assert read_ledger(path).unreadable == (2,)
 
 
 def test_a_line_that_was_cut_off_does_not_swallow_the_next(path: Path) -> None:
-    add(path, kept(1, track("monday")))
+    add(path, keep_change(1, track("monday")))
     path.write_bytes(path.read_bytes()[:-40])
-    after = add(path, kept(2, track("tuesday")))
+    after = add(path, keep_change(2, track("tuesday")))
     assert [each.number for each in after.objects] == [2]
     assert len(list(path.parent.glob("*.damaged-*"))) == 1
 
@@ -157,7 +159,7 @@ def test_a_file_that_is_no_ledger_at_all_is_kept_aside(path: Path) -> None:
     path.parent.mkdir()
     path.write_bytes(bytes(range(256)) * 20)
     whole = path.read_bytes()
-    after, aside = change_ledger(lambda _: [kept(1, track("monday"))], path)
+    after, aside = change_ledger(lambda _: [keep_change(1, track("monday"))], path)
     assert aside is not None
     assert aside.read_bytes() == whole
     assert [each.number for each in after.objects] == [1]
@@ -167,7 +169,7 @@ def test_a_later_versions_ledger_is_left_alone(path: Path) -> None:
     path.parent.mkdir()
     path.write_text('{"did": "begun", "format": 2}\n')
     with pytest.raises(SessionError, match="later rsoconsole"):
-        add(path, kept(1, track("monday")))
+        add(path, keep_change(1, track("monday")))
     assert path.read_text() == '{"did": "begun", "format": 2}\n'
 
 
@@ -184,18 +186,18 @@ def test_a_writer_that_never_ends_is_not_waited_for_forever(
     path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(line_file, "_WAIT_S", 0.2)
-    add(path, kept(1, track("monday")))
+    add(path, keep_change(1, track("monday")))
     with path.with_suffix(".lock").open("a") as lock:
         fcntl.flock(lock, fcntl.LOCK_EX)
         with pytest.raises(SessionError, match="another process"):
-            add(path, kept(2, track("tuesday")))
-    assert len(add(path, kept(2, track("tuesday"))).objects) == 2
+            add(path, keep_change(2, track("tuesday")))
+    assert len(add(path, keep_change(2, track("tuesday"))).objects) == 2
 
 
 def test_a_folder_that_takes_no_file_is_said(tmp_path: Path) -> None:
     (tmp_path / "state").write_text("a file where the folder should be")
     with pytest.raises(SessionError, match="cannot be"):
-        add(tmp_path / "state" / "ledger.jsonl", kept(1, track("monday")))
+        add(tmp_path / "state" / "ledger.jsonl", keep_change(1, track("monday")))
 
 
 def test_lines_of_another_shape_are_told_by_their_number_and_cost_no_other(tmp_path: Path) -> None:

@@ -254,7 +254,7 @@ def test_repair_brings_a_rescue_back_into_its_session(split, named):
     assert SessionReader(session).about()["is_closed"] is True
     assert not rescue.exists()
     assert read_notes(session)[-1]["verb"] == "merge"
-    assert not repair_session(session, T0_UTC_NS).did_anything
+    assert not repair_session(session, T0_UTC_NS).has_changes
 
 
 def test_a_session_that_was_closed_without_its_end_takes_it_too(split):
@@ -351,7 +351,7 @@ def fail(*_: object) -> None:
     ("name", "stand_in", "words"),
     [
         ("_expect_all", fail, "cannot be read back"),
-        ("is_written", lambda _: True, "is being written"),
+        ("is_being_written", lambda _: True, "is being written"),
         ("shutil.disk_usage", lambda _: SimpleNamespace(free=10), "left on its disk"),
     ],
 )

@@ -60,9 +60,9 @@ from rsoconsole.session import (
 )
 from rsoconsole.session.log.codec import KINDS
 from rsoconsole.session.log.schema import SCHEMA_VERSION, VIEWS
-from rsoconsole.session.log.worker import Faults
 from rsoconsole.session.upkeep.store import size_bytes
 from rsoconsole.session.writing import writer as writer_module
+from rsoconsole.session.writing.worker import Faults
 from tests.nights.leap_samples import leap_of, pass_of
 from tests.nights.orbit_night import estimate_of, identified_of
 from tests.nights.pair_records import expected_of, pair_of, pairs_of, unseen_of

@@ -132,7 +132,7 @@ def check_a_cut(folder: Path, told: dict[str, int]) -> str:
     whole = verify_session(folder)
     assert (whole.state, whole.digest, whole.findings) == ("closed", "confirmed", [])
     if records % 5 == 0:
-        assert not repair_session(folder, NOW_UTC_NS).did_anything
+        assert not repair_session(folder, NOW_UTC_NS).has_changes
     return found.state
 
 
@@ -250,7 +250,7 @@ def test_what_a_cut_log_has_left_is_repaired_once_and_stays_the_same(
     written: Written, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     # It was written by this very process, which lives.
-    monkeypatch.setattr("rsoconsole.session.upkeep.repair.is_written", lambda _about: False)
+    monkeypatch.setattr("rsoconsole.session.upkeep.repair.is_being_written", lambda _about: False)
     half = len(written.wal) // 2
     folder = written.with_wal(tmp_path / "cut", written.wal[:half] + b"garbage")
     assert repair_session(folder, NOW_UTC_NS).folded

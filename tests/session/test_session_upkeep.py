@@ -12,9 +12,9 @@ import pytest
 
 from rsoconsole.base import SessionError
 from rsoconsole.session import (
-    Policy,
+    PruningPolicy,
+    PruningStep,
     SessionReader,
-    Step,
     archive_session,
     cut_off_session,
     list_sessions,
@@ -23,7 +23,7 @@ from rsoconsole.session import (
     verify_session,
 )
 from rsoconsole.session.files import upkeep_log as upkeep
-from rsoconsole.session.files.holdings import MANIFEST
+from rsoconsole.session.files.session_files import MANIFEST
 from rsoconsole.session.log.schema import SCHEMA_VERSION
 from rsoconsole.session.upkeep import archive as archive_module
 from rsoconsole.session.upkeep.store import branches_of, sweep_removed
@@ -160,20 +160,20 @@ def nights(made: Path, tmp_path: Path) -> Path:
     return root
 
 
-def going(steps: tuple[Step, ...]) -> list[str]:
+def going(steps: tuple[PruningStep, ...]) -> list[str]:
     return [step.session.name for step in steps if step.goes]
 
 
 @pytest.mark.parametrize(
     ("policy", "names"),
     [
-        (Policy(keep_days=3.5), ["age6", "age5", "age4"]),
-        (Policy(keep_last=4), ["age6", "age5"]),
-        (Policy(keep_last=4, keep_days=5.5), ["age6"]),
-        (Policy(keep_last=0), ["age6", "age5", "age4", "age3", "age2", "age1"]),
-        (Policy(keep_last=9), []),
-        (Policy(free_bytes=0), []),
-        (Policy(free_bytes=10**18, keep_last=4), ["age6", "age5"]),
+        (PruningPolicy(keep_days=3.5), ["age6", "age5", "age4"]),
+        (PruningPolicy(keep_last=4), ["age6", "age5"]),
+        (PruningPolicy(keep_last=4, keep_days=5.5), ["age6"]),
+        (PruningPolicy(keep_last=0), ["age6", "age5", "age4", "age3", "age2", "age1"]),
+        (PruningPolicy(keep_last=9), []),
+        (PruningPolicy(free_bytes=0), []),
+        (PruningPolicy(free_bytes=10**18, keep_last=4), ["age6", "age5"]),
     ],
 )
 def test_a_policy_names_the_oldest_that_every_rule_lets_go(nights, policy, names) -> None:
@@ -187,9 +187,9 @@ def test_a_policy_names_the_oldest_that_every_rule_lets_go(nights, policy, names
 
 def test_no_more_goes_than_it_takes_until_so_much_is_free(nights, monkeypatch) -> None:
     monkeypatch.setattr("rsoconsole.session.upkeep.store._free_bytes", lambda _root: 1_000_000)
-    (one,) = plan_pruning(nights, Policy(keep_last=5), NOW_UTC_NS)[:1]
+    (one,) = plan_pruning(nights, PruningPolicy(keep_last=5), NOW_UTC_NS)[:1]
     for wanted, number in ((1, 1), (one.bytes, 1), (one.bytes + 1, 2), (10**9, 6)):
-        policy = Policy(free_bytes=1_000_000 + wanted)
+        policy = PruningPolicy(free_bytes=1_000_000 + wanted)
         assert len(going(plan_pruning(nights, policy, NOW_UTC_NS))) == number
 
 
@@ -199,7 +199,7 @@ def test_what_is_kept_live_cut_off_damaged_or_branched_from_is_never_touched(nig
     (nights / "age4" / "session.db").write_bytes(b"x" * 5000)
     begin(nights / "age3" / "branches" / "narrow", branch_of="../..").close()
     live = begin(nights / "live")
-    policy = Policy(keep_last=0, what="all")
+    policy = PruningPolicy(keep_last=0, what="all")
     steps = plan_pruning(nights, policy, NOW_UTC_NS)
     assert sorted(going(steps)) == ["age1", "age2"]
     why = {step.session.name: step.why for step in steps}
@@ -218,7 +218,7 @@ def test_what_is_kept_live_cut_off_damaged_or_branched_from_is_never_touched(nig
 
 
 def test_pruned_frames_are_on_record_and_the_log_stays(nights) -> None:
-    policy = Policy(keep_last=5)
+    policy = PruningPolicy(keep_last=5)
     records = list(SessionReader(nights / "age6").records())
     database = (nights / "age6" / "session.db").read_bytes()
     prune(plan_pruning(nights, policy, NOW_UTC_NS), policy, NOW_UTC_NS)
@@ -239,7 +239,7 @@ def test_pruned_frames_are_on_record_and_the_log_stays(nights) -> None:
 
 
 def test_pruning_that_is_cut_after_its_note_is_finished_the_next_time(nights, monkeypatch) -> None:
-    policy = Policy(keep_last=5)
+    policy = PruningPolicy(keep_last=5)
     steps = plan_pruning(nights, policy, NOW_UTC_NS)
     unlink, gone = Path.unlink, []
 

@@ -46,10 +46,10 @@ def plan_targets(
 
 def whole_sky_stars(config: Config) -> Path | None:
     """The installed whole-sky index file with the most stars; None where there is none."""
-    from rsoconsole.instruments import config_search_dirs, list_index_files
+    from rsoconsole.instruments import list_index_files, search_dirs
     from rsoconsole.sky import holds_stars
 
-    files = list_index_files(config_search_dirs(config.solver))
+    files = list_index_files(search_dirs(config.solver.index_dirs))
     whole = [each for each in files if each.is_healthy and each.is_whole_sky]
     # The smaller its quads, the more stars a file has.
     for each in sorted(whole, key=lambda file: file.quad_deg):

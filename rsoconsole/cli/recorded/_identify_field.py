@@ -158,7 +158,7 @@ class SessionLedger:
         except SessionError as error:
             output.complain(f"rsoconsole: {error}")
             return {}
-        if words := damage_words(ledger, self._path):
+        if words := damage_words(ledger.unreadable, self._path):
             output.complain(f"rsoconsole: {words}")
         if not self._unknown:
             return {}

@@ -160,11 +160,11 @@ def _expect_kind(folder: Path, *, simulated: bool) -> None:
 def _kept(found: "Sequence[NightRows]", path: Path) -> "ElementLedger":
     """The ledger with these rows in it."""
     from rsoconsole.cli.words.ledger_words import say_moved_aside
-    from rsoconsole.session import element_damage_words, keep_rows, read_element_ledger
+    from rsoconsole.session import damage_words, keep_rows, read_element_ledger
 
     if not found:
         ledger = read_element_ledger(path)
-        if words := element_damage_words(ledger, path):
+        if words := damage_words(ledger.unreadable, path):
             output.complain(f"rsoconsole: {words}")
         return ledger
     sessions = [session for each in found for session in each.sessions]

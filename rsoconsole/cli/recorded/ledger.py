@@ -86,11 +86,11 @@ def rename(
 
     Example: rsoconsole ledger rename 7 "drifter near 60W"
     """
-    from rsoconsole.session import Ledger, renamed
+    from rsoconsole.session import Ledger, rename_change
 
     def change(before: Ledger) -> list[Any]:
         before.named(number)
-        return [renamed(number, name)]
+        return [rename_change(number, name)]
 
     found = _changed(change, simulated=simulated).named(number)
     output.answer(json_, found, lambda known: f"UCT {number} is called {known.called}")
@@ -108,14 +108,14 @@ def join(
 
     Example: rsoconsole ledger join 9 7
     """
-    from rsoconsole.session import Ledger, kept
+    from rsoconsole.session import Ledger, keep_change
 
     if number == into:
         raise typer.BadParameter("name two objects")
 
     def change(before: Ledger) -> list[Any]:
         before.named(into)
-        return [kept(into, each) for each in before.named(number).tracks]
+        return [keep_change(into, each) for each in before.named(number).tracks]
 
     found = _changed(change, simulated=simulated).named(into)
     output.answer(
@@ -135,11 +135,11 @@ def forget(
 
     Example: rsoconsole ledger forget 7
     """
-    from rsoconsole.session import Ledger, forgotten
+    from rsoconsole.session import Ledger, forget_change
 
     def change(before: Ledger) -> list[Any]:
         before.named(number)
-        return [forgotten(number)]
+        return [forget_change(number)]
 
     _changed(change, simulated=simulated)
     found = {"number": number, "forgotten": True}
@@ -151,7 +151,7 @@ def _read(*, simulated: bool) -> Any:
 
     path = ledger_path(is_simulated=simulated)
     found = read_ledger(path)
-    if words := damage_words(found, path):
+    if words := damage_words(found.unreadable, path):
         output.complain(f"rsoconsole: {words}")
     return found
 

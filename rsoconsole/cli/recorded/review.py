@@ -63,9 +63,9 @@ def review(
     if sample:
         if session is not None:
             raise typer.BadParameter("--sample is a session itself: leave the other one out")
-        from rsoconsole.session import own_sample
+        from rsoconsole.session import sample_copy
 
-        session = own_sample(load_config().session.root)
+        session = sample_copy(load_config().session.root)
     if session is not None and not session.exists() and len(session.parts) == 1:
         named = load_config().session.root / session
         session = named if named.exists() else session

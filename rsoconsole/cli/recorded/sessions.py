@@ -196,13 +196,13 @@ def prune(
 
     Example: rsoconsole sessions prune --keep-days 30 --keep-last 5 --free 20
     """
-    from rsoconsole.session import Policy, plan_pruning
+    from rsoconsole.session import PruningPolicy, plan_pruning
     from rsoconsole.session import prune as prune_sessions
 
     if keep_days is None and keep_last is None and free is None:
         raise typer.BadParameter("say what may go: --keep-days, --keep-last or --free")
     folder = _root(root, config)
-    policy = Policy(
+    policy = PruningPolicy(
         keep_days=keep_days,
         keep_last=keep_last,
         free_bytes=None if free is None else round(free * BYTES_A_GB),

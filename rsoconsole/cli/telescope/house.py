@@ -140,11 +140,11 @@ def index_list(config: ConfigOption = None, json_: JsonOption = False) -> None:
 
     Example: rsoconsole index list
     """
-    from rsoconsole.instruments import config_search_dirs, list_index_files, needed_scales
+    from rsoconsole.instruments import list_index_files, needed_scales, search_dirs
 
     settings = load_config(config)
     needed = needed_scales(settings.optics.field_deg)
-    for file in list_index_files(config_search_dirs(settings.solver)):
+    for file in list_index_files(search_dirs(settings.solver.index_dirs)):
         is_needed = file.scale in needed
         if json_:
             output.emit_json(file, is_needed=is_needed)

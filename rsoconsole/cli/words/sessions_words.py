@@ -11,7 +11,14 @@ from rsoconsole.control import SCHEMA
 from rsoconsole.words import clock, counted, file_size, span
 
 if TYPE_CHECKING:
-    from rsoconsole.session import Archive, Finding, Repair, SessionSummary, Step, Verification
+    from rsoconsole.session import (
+        Archive,
+        Finding,
+        PruningStep,
+        Repair,
+        SessionSummary,
+        Verification,
+    )
 
 MAX_ALIKE = 3
 """Findings of one sort that are told one by one; --json tells all."""
@@ -111,13 +118,13 @@ def archive_words(made: "Archive") -> str:
     return f"{made.path}: {made.files} files, {size}, read back and verified{gone}"
 
 
-def step_words(step: "Step") -> str:
+def step_words(step: "PruningStep") -> str:
     """What becomes of a session."""
     deed = f"{file_size(step.bytes):>9}" if step.goes else "    stays"
     return f"{deed}  {step.session.name:36} {step.why}"
 
 
-def say_plan(steps: "tuple[Step, ...]", folder: Path, what: str, is_done: bool) -> None:
+def say_plan(steps: "tuple[PruningStep, ...]", folder: Path, what: str, is_done: bool) -> None:
     """What the whole plan comes to."""
     going = [step for step in steps if step.goes]
     total = file_size(sum(step.bytes for step in going))

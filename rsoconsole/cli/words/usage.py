@@ -12,7 +12,7 @@ import typer
 
 from rsoconsole.base import nearest, plain_fault
 from rsoconsole.cli.words import output
-from rsoconsole.config import APP, default_config_path, hiding_variables
+from rsoconsole.config import APP, active_variables, default_config_path
 
 USAGE_EXIT = 2
 # Some versions of typer carry a click of their own: its classes are found through typer's.
@@ -77,7 +77,7 @@ def set_in_file(
 
     path = config or default_config_path()
     write_settings(path, settings, is_secret=is_secret)
-    for each in hiding_variables(settings, os.environ):
+    for each in active_variables(settings, os.environ):
         output.complain(f"{APP}: {each} is set and counts more than the file: unset it")
     return path
 

@@ -139,11 +139,11 @@ def check_camera(config: Config) -> Check:
 
 def check_index_files(config: Config) -> Check:
     """There is an index file of every scale that the configured field needs."""
-    from rsoconsole.instruments import config_search_dirs, list_index_files, needed_scales
+    from rsoconsole.instruments import list_index_files, needed_scales, search_dirs
 
     try:
         scales = needed_scales(config.optics.field_deg)
-        files = list_index_files(config_search_dirs(config.solver))
+        files = list_index_files(search_dirs(config.solver.index_dirs))
     except (RsoconsoleError, FileNotFoundError) as error:
         return bad(str(error), "'rsoconsole index install'")
     width_deg, height_deg = config.optics.field_deg

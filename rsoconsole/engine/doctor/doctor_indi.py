@@ -21,7 +21,7 @@ from rsoconsole.instruments import (
     IndiWire,
     MountAbilities,
     abilities_by,
-    meant_libraries,
+    allowed_libraries,
 )
 from rsoconsole.records import Site
 
@@ -66,7 +66,7 @@ def check_client(config: Config) -> Check:
     setting = config.indi.client
     if "indi" not in (config.instruments.mount, config.instruments.camera):
         return well("not used: neither mount nor camera speaks INDI")
-    meant = meant_libraries(setting)
+    meant = allowed_libraries(setting)
     faults = import_faults([each.module for each in meant])
     found = [
         f"{each.title} does not load: {faults[each.module]}"

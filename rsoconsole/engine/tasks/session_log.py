@@ -142,7 +142,7 @@ def read_past(*, is_simulated: bool) -> tuple[Past | None, str | None]:
         ledger = read_ledger()
     except RsoconsoleError as error:
         return None, f"no track is named by the ledger: {error}"
-    return Past(ledger), damage_words(ledger, ledger_path()) or None
+    return Past(ledger), damage_words(ledger.unreadable, ledger_path()) or None
 
 
 def keep_uncorrelated(folder: Path) -> None:

@@ -1,4 +1,4 @@
-"""Which part of its sensor a camera reads: CCD_FRAME of INDI, in single pixels of the sensor.
+"""The part of its sensor that a camera reads: CCD_FRAME of INDI, in single pixels of the sensor.
 
 A driver answers an order twice as a rule: with what it made of it, in the state it was in before,
 then in the state it is in now. One that cannot read parts may say nothing at all. Drivers round
@@ -16,9 +16,9 @@ from rsoconsole.instruments.indi.indi_client import IndiClient, Vector
 _FRAME, _BINNING, _INFO = "CCD_FRAME", "CCD_BINNING", "CCD_INFO"
 _SIDES = ("X", "Y", "WIDTH", "HEIGHT")
 _GRID_PX = 16
-"""Places and sides of a part, joined, are multiples of it."""
+"""Places and sides of a part are multiples of this, in joined pixels."""
 _ROUNDED_PX = 64
-"""By more than that a driver has not rounded, but done something else."""
+"""Largest rounding of a place or side by a driver, in pixels."""
 _ANSWER_S, _SECOND_WORD_S = 3.0, 1.0
 
 Window = list[int]
@@ -33,7 +33,7 @@ class SensorWindow:
         self._client, self._answer_s = client, min(answer_s, _ANSWER_S)
         self._remembered: Window | None = None
 
-    def take_share(self, share: float, own: Window, size_px: Sequence[int]) -> dict[str, Any]:
+    def set_share(self, share: float, own: Window, size_px: Sequence[int]) -> dict[str, Any]:
         """Read only ``share`` of each side, about the middle of what the driver read before.
 
         ``own``: what that was, where it is known already; it is in the answer. Else it is the whole
@@ -47,35 +47,38 @@ class SensorWindow:
             )
         joined = _joined(self._client.get(_BINNING))
         own = own or self._own_of(now, joined, size_px)
-        wanted = middle_of(own, share, _GRID_PX * joined)
+        wanted = central_window(own, share, _GRID_PX * joined)
         if wanted != now:
-            now = self._take(wanted)
+            now = self._set_window(wanted)
         share = 1.0 if wanted == own else max(now[2] / own[2], now[3] / own[3])
         return {"own": own, "share": share, "window": now}
 
-    def give_back(self, size_px: Sequence[int]) -> None:
-        """What an engine that was killed has left: a part where all of the sensor is configured."""
+    def restore_whole(self, size_px: Sequence[int]) -> None:
+        """Read all of the sensor again where a killed engine has left a part of it.
+
+        ``size_px``: the configured width and height; nothing is done where these are a part, too.
+        """
         now = _window_of(self._client.get(_FRAME))
         whole = whole_sensor(self._client.get(_INFO), size_px)
         if now is None or whole is None or not _is_about_its_middle(now, whole):
             return
         print(f"the camera was left with {now} of its sensor: it reads all", file=sys.stderr)
         with contextlib.suppress(InstrumentError):
-            self._take(whole)
+            self._set_window(whole)
 
     def remember(self) -> None:
-        """What is read before pixels are joined: some drivers round it to what joined ones fill."""
+        """Note the window before pixels are joined: some drivers round it then."""
         self._remembered = _window_of(self._client.get(_FRAME))
 
     def restore(self) -> None:
-        """That again."""
+        """Read the noted window again, where the driver has changed it."""
         before, self._remembered = self._remembered, None
         if before is not None and before != _window_of(self._client.get(_FRAME)):
             with contextlib.suppress(InstrumentError):
-                self._take(before)
+                self._set_window(before)
 
     def _own_of(self, now: Window, joined: int, size_px: Sequence[int]) -> Window:
-        """What the driver reads by the operator's own wish."""
+        """The window that the operator has set in the driver."""
         whole = whole_sensor(self._client.get(_INFO), size_px)
         if whole is not None:
             return whole
@@ -88,8 +91,8 @@ class SensorWindow:
             )
         return now
 
-    def _take(self, wanted: Window) -> Window:
-        """What is read from now on. Raises InstrumentError where it is not that."""
+    def _set_window(self, wanted: Window) -> Window:
+        """Order a window; returns what the driver has made of it. Raises InstrumentError."""
         before = self._client.send_numbers(
             _FRAME, dict(zip(_SIDES, map(float, wanted), strict=True))
         )
@@ -112,7 +115,7 @@ class SensorWindow:
         return _window_of(answer) or wanted
 
 
-def middle_of(window: Window, share: float, grid_px: int) -> Window:
+def central_window(window: Window, share: float, grid_px: int) -> Window:
     """A share of each side about the middle; 1 is the window itself."""
     if share >= 1.0:
         return list(window)
@@ -126,7 +129,7 @@ def middle_of(window: Window, share: float, grid_px: int) -> Window:
 
 
 def whole_sensor(info: Vector | None, size_px: Sequence[int]) -> Window | None:
-    """All of it, where the configured size is that of all of it, joined or not."""
+    """The whole sensor, where the configured size is that, joined or not; None otherwise."""
     if info is None:
         return None
     sensor = [int(float(info.values.get(key, 0.0))) for key in ("CCD_MAX_X", "CCD_MAX_Y")]

@@ -10,7 +10,7 @@ from rsoconsole.base import InstrumentError
 from rsoconsole.config import IndiConfig, OpticsConfig, WaitsConfig
 from rsoconsole.instruments.camera.frame_ring import FrameRing
 from rsoconsole.instruments.frames.frame_header import camera_mode
-from rsoconsole.instruments.indi.indi_process import IndiProcess, device_settings, drained
+from rsoconsole.instruments.indi.indi_process import IndiProcess, device_settings, drain_messages
 from rsoconsole.records import Frame
 
 ARRIVED_KEY = "ARRIVED_MONOTONIC_S"
@@ -41,7 +41,7 @@ class IndiCamera:
         self._ring = FrameRing.create(optics.width_px * optics.height_px * _BYTES_PER_PIXEL)
         self._awaited: int | None = None
         self._outcome: dict[str, Any] | None = None
-        self._own_binning: int | None = None
+        self._driver_binning: int | None = None
         """Of the driver, before this program has set another."""
         self._binning = 1
         """How many of those are joined."""
@@ -88,10 +88,10 @@ class IndiCamera:
             "bin",
             self._order_s,
             binning=binning,
-            own=self._own_binning or 0,
+            own=self._driver_binning or 0,
             width_px=self._size_px[0],
         )
-        self._own_binning, self._binning = int(answer["own"]), binning
+        self._driver_binning, self._binning = int(answer["own"]), binning
         return self._binning
 
     def set_subframe(self, share: float) -> float:
@@ -141,13 +141,13 @@ class IndiCamera:
             key: tuple(value) if isinstance(value, list) else value
             for key, value in facts["header"].items()
         }
-        self._say_corner(facts["header"], pixels.shape)
+        self._add_subframe_origin(facts["header"], pixels.shape)
         facts["header"][ARRIVED_KEY] = outcome["arrived_monotonic_s"]
         facts["camera"] = camera_mode(facts["header"])
         return Frame(pixels=pixels, **facts)
 
-    def _say_corner(self, header: dict[str, Any], shape: tuple[int, ...]) -> None:
-        """Where a part begins, in joined pixels of what is read else: libindi does not tell.
+    def _add_subframe_origin(self, header: dict[str, Any], shape: tuple[int, ...]) -> None:
+        """Add the corner of a subframe to its header, in joined pixels: libindi does not give it.
 
         Not of a frame that is no such part: a driver that was started again reads all.
         """
@@ -170,11 +170,11 @@ class IndiCamera:
         self.process.request("abort", self._order_s)
 
     def take_messages(self) -> tuple[str, ...]:
-        """What the camera's driver has said since this was last asked, at most the last 100.
+        """The driver's messages since the last call, at most the last 100.
 
         What it said before a frame is there when ``wait_frame`` returns it. From any thread.
         """
-        return drained(self._messages)
+        return drain_messages(self._messages)
 
     def restart(self) -> None:
         """A fresh process and a fresh connection."""

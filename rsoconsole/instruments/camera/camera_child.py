@@ -22,15 +22,16 @@ from rsoconsole.instruments.frames.frame_files import frame_from_bytes
 from rsoconsole.instruments.frames.plain_fits import read_plain
 from rsoconsole.instruments.indi.client_choice import open_client
 from rsoconsole.instruments.indi.indi_child import ReplyWriter, run_child
-from rsoconsole.instruments.indi.indi_client import IndiClient, Vector, without_stamp
+from rsoconsole.instruments.indi.indi_client import IndiClient, Vector, without_timestamp
 from rsoconsole.instruments.process_memory import return_free_pages, return_what_is_freed
 from rsoconsole.records import Frame
 
 _EXPOSURE = "CCD_EXPOSURE"
 _IMAGE = "CCD1"
 _BINNING = "CCD_BINNING"
-_SAID = tuple(each.name for each in fields(Frame) if each.name not in ("pixels", "camera"))
-"""Of a frame: its pixels lie in the ring, and what its camera did follows from the header."""
+_SENT_FIELDS = tuple(each.name for each in fields(Frame) if each.name not in ("pixels", "camera"))
+"""Fields of a frame that go by message: its pixels lie in the ring, ``camera`` follows from the
+header."""
 
 
 class CameraChild:
@@ -68,7 +69,7 @@ class CameraChild:
             # Left behind by the process before this one; its frame must not pass for ours.
             self.abort({})
         self._window = SensorWindow(client, self._answer_s)
-        self._window.give_back(list(order["size_px"]))
+        self._window.restore_whole(list(order["size_px"]))
         return {"client": library.title}
 
     def expose(self, order: dict[str, Any]) -> dict[str, Any]:
@@ -100,7 +101,7 @@ class CameraChild:
         if vector is None:
             raise InstrumentError("the camera's driver cannot join pixels: set leap.binning to 1")
         now = int(vector.values["HOR_BIN"])
-        own = int(order["own"]) or _own_binning(client.get("CCD_INFO"), order) or now
+        own = int(order["own"]) or _driver_binning(client.get("CCD_INFO"), order) or now
         wanted = own * int(order["binning"])
         if wanted == now:
             return {"own": own}
@@ -120,8 +121,8 @@ class CameraChild:
         return {"own": own}
 
     def subframe(self, order: dict[str, Any]) -> dict[str, Any]:
-        """Read only ``share`` of each side of the sensor: see ``SensorWindow.take_share``."""
-        return self._ready_window().take_share(
+        """Read only ``share`` of each side of the sensor: see ``SensorWindow.set_share``."""
+        return self._ready_window().set_share(
             float(order["share"]), list(order["own"]), list(order["size_px"])
         )
 
@@ -151,7 +152,7 @@ class CameraChild:
 
     def _on_message(self, text: str) -> None:
         print(text, file=sys.stderr, flush=True)
-        self._writer.say({"event": "message", "text": without_stamp(text)})
+        self._writer.say({"event": "message", "text": without_timestamp(text)})
 
     def _receive(self, content: memoryview, arrived_s: float) -> None:
         frame_id, slot = self._frame_id, self._slot
@@ -193,7 +194,7 @@ class CameraChild:
                 "dtype": frame.pixels.dtype.str,
                 "shape": frame.pixels.shape,
                 "arrived_monotonic_s": arrived_s,
-                **{each: getattr(frame, each) for each in _SAID},
+                **{each: getattr(frame, each) for each in _SENT_FIELDS},
             }
         )
 
@@ -208,7 +209,7 @@ class CameraChild:
         return self._client
 
 
-def _own_binning(info: Vector | None, order: dict[str, Any]) -> int:
+def _driver_binning(info: Vector | None, order: dict[str, Any]) -> int:
     """As many pixels joined on each axis as give the configured width; 0 where none does."""
     sensor_px = 0.0 if info is None else float(info.values.get("CCD_MAX_X", 0.0))
     width_px = int(order.get("width_px", 0))

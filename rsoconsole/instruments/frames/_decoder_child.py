@@ -15,12 +15,12 @@ from typing import Any
 from rsoconsole.base import FrameError
 
 SPARE_BYTES = 900_000_000
-"""Beyond what it weighs itself."""
+"""Memory that a file may take beyond that of the process itself."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DecodeRequest:
-    """Which image of the file that follows, as bytes."""
+    """Order to decode one image of the file that follows as bytes."""
 
     name: str
     extension: str | None = None
@@ -31,7 +31,7 @@ class DecodeRequest:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DecodeReply:
-    """What came of it; the pixels follow, as bytes."""
+    """The decoded image without its pixels, which follow as bytes; or why there is none."""
 
     fault: str = ""
     dtype: str = ""

@@ -17,7 +17,7 @@ from rsoconsole.base import FrameError
 from rsoconsole.instruments.frames.plain_fits import Content, FitsImage
 
 MAX_PIXELS = 400_000_000
-"""Of one image: no camera has more."""
+"""Largest image that is read: no camera has more pixels."""
 _BLOCK, _CARD, _MAX_BLOCKS, _MAX_UNITS = 2880, 80, 1000, 2000
 _WHOLE = re.compile(rb"= +([+-]?[0-9]+)(?:\.0*)? *(?:/.*)?$")
 _BITS = (8, 16, 32, 64, -32, -64)

@@ -9,10 +9,8 @@ import atexit
 import os
 import threading
 from multiprocessing.connection import Connection
-from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from rsoconsole.base import ChildProcess, FrameError
 from rsoconsole.instruments.frames._decoder_child import DecodeReply, DecodeRequest
@@ -22,7 +20,6 @@ START_S = 60.0
 MIN_S, BYTES_A_S = 15.0, 8_000_000
 """A file is given this, and more by its length. A compressed frame of 8 MB takes 0.5 s on an idle
 core, 2 s beside six busy processes, and a Pi is slower than that machine."""
-_MODULE = "rsoconsole.instruments.frames._decoder_child"
 
 
 class FrameDecoder:
@@ -30,25 +27,18 @@ class FrameDecoder:
 
     def __init__(self) -> None:
         self._lock = threading.Lock()
-        self._child: ChildProcess | None = None
+        self._child = ChildProcess("rsoconsole.instruments.frames._decoder_child")
 
-    def decode(
-        self, content: Content, name: str, extension: str | None, min_side_px: int
-    ) -> FitsImage:
-        """As ``image_by_astropy``. Raises FrameError, also where the file ends the process."""
-        request = DecodeRequest(name=name, extension=extension, min_side_px=min_side_px)
-        return self._decoded(request, content)
+    def decode(self, request: DecodeRequest, content: Content) -> FitsImage:
+        """Decode a file, by ``image_by_astropy`` or ``picture_by_opencv``, in the process.
 
-    def decode_picture(self, content: Content, name: str) -> npt.NDArray[Any]:
-        """As ``picture_by_opencv``. Raises FrameError, also where the file ends the process."""
-        return self._decoded(DecodeRequest(name=name, is_picture=True), content).raw
-
-    def _decoded(self, request: DecodeRequest, content: Content) -> FitsImage:
+        Raises FrameError, also where the file ends the process.
+        """
         with self._lock:
             try:
                 return self._ask(request, content)
             except (EOFError, OSError) as error:
-                self._end()
+                self._child.end()
                 raise FrameError(
                     f"{request.name} is damaged: it crashed the decoder;"
                     " copy it again or leave it out"
@@ -56,7 +46,7 @@ class FrameDecoder:
             except FrameError:
                 raise
             except BaseException:
-                self._end()  # what was asked would be the answer to the next question
+                self._child.end()  # what was asked would be the answer to the next question
                 raise
 
     def _ask(self, request: DecodeRequest, content: Content) -> FitsImage:
@@ -65,7 +55,7 @@ class FrameDecoder:
         connection.send_bytes(content)
         patience_s = MIN_S + len(content) / BYTES_A_S
         if not connection.poll(patience_s):
-            self._end()
+            self._child.end()
             raise FrameError(
                 f"{request.name} is damaged: the decoder is not done after {patience_s:.0f} s;"
                 " copy it again or leave it out"
@@ -81,25 +71,18 @@ class FrameDecoder:
         )
 
     def _connected(self) -> Connection:
-        if self._child is not None:
-            if self._child.pid is not None:
-                return self._child.connection
-            self._end()
-        self._child = ChildProcess(_MODULE)
-        if not self._child.connection.poll(START_S):
-            raise OSError("the decoder does not start")
-        self._child.connection.recv()
-        return self._child.connection
-
-    def _end(self) -> None:
-        child, self._child = self._child, None
-        if child is not None:
-            child.end()
+        is_new = self._child.pid is None
+        connection = self._child.start()
+        if is_new:
+            if not connection.poll(START_S):
+                raise OSError("the decoder does not start")
+            connection.recv()
+        return connection
 
     def close(self) -> None:
         """End the process."""
         with self._lock:
-            self._end()
+            self._child.end()
 
 
 _decoders: dict[int, FrameDecoder] = {}
@@ -107,7 +90,7 @@ _decoders: dict[int, FrameDecoder] = {}
 
 
 def decoder() -> FrameDecoder:
-    """This process's."""
+    """The decoder of this process."""
     found = _decoders.get(os.getpid())
     if found is None:
         _decoders.clear()

@@ -19,6 +19,7 @@ import numpy as np
 import numpy.typing as npt
 
 from rsoconsole.base import FrameError
+from rsoconsole.instruments.frames._decoder_child import DecodeRequest
 from rsoconsole.instruments.frames._fits_by_astropy import ALL, structure_fault
 from rsoconsole.instruments.frames._frame_decoder import decoder
 from rsoconsole.instruments.frames._frame_pixels import (
@@ -44,11 +45,6 @@ from rsoconsole.records import Frame
 MAGIC = (b"\x89PNG", b"II*\0", b"MM\0*", b"II+\0", b"MM\0+")
 
 
-def picture(content: Content, name: str) -> npt.NDArray[Any]:
-    """Its pixels as stored, (height, width) or (height, width, colours). Raises FrameError."""
-    return decoder().decode_picture(content, name)
-
-
 def fits_image(
     content: Content, name: str, extension: str | None = None, min_side_px: int = 1
 ) -> FitsImage:
@@ -64,12 +60,13 @@ def fits_image(
     plain = read_plain(content)
     if plain is not None and extension in (None, "0"):
         return FitsImage(raw=plain[0], header=plain[1])
-    return decoder().decode(content, name, extension, min_side_px)
+    request = DecodeRequest(name=name, extension=extension, min_side_px=min_side_px)
+    return decoder().decode(request, content)
 
 
 MIN_SIDE_PX = 64
 MAX_BYTES = 400_000_000
-"""Of a file, packed or not: 200 million pixels of 16 bits."""
+"""Largest file that is read, packed or not: 200 million pixels of 16 bits."""
 MAX_NONFINITE_FRACTION = 0.0
 """A camera gives numbers: a frame with anything else is not what it saw."""
 _FITS_MAGIC = b"SIMPLE  ="
@@ -117,7 +114,7 @@ def read_frames(
     extension: str | None = None,
     max_nonfinite_fraction: float = MAX_NONFINITE_FRACTION,
 ) -> Iterator[Frame]:
-    """As ``read_frame``; with the extension ``ALL`` every image of the file, one after another."""
+    """Read the frames of a file: as ``read_frame``, and with the extension ``ALL`` every image."""
     path = Path(path)
     is_all = extension is not None and extension.strip().lower() == ALL
     read = partial(
@@ -144,20 +141,36 @@ def frame_from_bytes(
     room: Room = lambda _: None,
     is_alone: bool = True,
 ) -> Frame:
-    """The same as ``read_frame`` for a file that is already in memory (a camera's BLOB).
+    """Read a frame, as ``read_frame`` does, from a file in memory (a camera's BLOB).
 
     ``room`` may give an array (height, width) into which pixels of 16 bits are written; else, and
     for all other pixels, a fresh one is made. ``is_alone``: note that there are other images.
     """
+    full_adu: float | None = None
+    notes: list[str] = []
     try:
-        return _frame(
-            _decompress(content, name),
+        content = _decompress(content, name)
+        if content[: len(_FITS_MAGIC)] == _FITS_MAGIC:
+            image = fits_image(content, name, extension, MIN_SIDE_PX)
+            bits = image.raw.dtype.itemsize * 8
+            notes += _notes_of_others(image) if is_alone else []
+        elif content[:4] in MAGIC:
+            stored = decoder().decode(DecodeRequest(name=name, is_picture=True), content).raw
+            bits = stored.dtype.itemsize * 8
+            raw, full_adu, is_coloured = one_plane(stored, name)
+            image = FitsImage(raw=raw, header={})
+            notes += [COLOURS] if is_coloured else []
+        else:
+            raise FrameError(f"{name} is neither FITS, TIFF nor PNG: convert it to FITS")
+        return _frame_of(
+            image,
             frame_id,
             name,
-            extension,
+            notes,
+            full_adu,
+            bits=bits,
             max_nonfinite_fraction=max_nonfinite_fraction,
             room=room,
-            is_alone=is_alone,
         )
     except (ArithmeticError, AttributeError, LookupError, MemoryError, TypeError, ValueError) as e:
         # A header may say anything; whatever stumbles over it, the frame is what is wrong.
@@ -176,7 +189,7 @@ def frame_from_array(
     header: Mapping[str, Any] | None = None,
     max_nonfinite_fraction: float = MAX_NONFINITE_FRACTION,
 ) -> Frame:
-    """The same as ``read_frame`` for pixels that are an array already, (height, width).
+    """Make a frame, as ``read_frame`` does, from pixels that are an array, (height, width).
 
     ``array``: integers or real numbers of any size, ADU; it stays as it is. ``header``: cards by
     name, as FITS has them (without BZERO and BSCALE, which are in the numbers already). Raises
@@ -208,42 +221,6 @@ def frame_from_array(
         raise FrameError(
             f"{name}: its header makes no sense ({type(error).__name__}): give it without"
         ) from error
-
-
-def _frame(
-    content: Content,
-    frame_id: int,
-    name: str,
-    extension: str | None,
-    *,
-    max_nonfinite_fraction: float,
-    room: Room,
-    is_alone: bool,
-) -> Frame:
-    full_adu: float | None = None
-    notes: list[str] = []
-    if content[: len(_FITS_MAGIC)] == _FITS_MAGIC:
-        image = fits_image(content, name, extension, MIN_SIDE_PX)
-        raw, bits = image.raw, image.raw.dtype.itemsize * 8
-        notes += _notes_of_others(image) if is_alone else []
-    elif content[:4] in MAGIC:
-        stored = picture(content, name)
-        bits = stored.dtype.itemsize * 8
-        raw, full_adu, is_coloured = one_plane(stored, name)
-        image = FitsImage(raw=raw, header={})
-        notes += [COLOURS] if is_coloured else []
-    else:
-        raise FrameError(f"{name} is neither FITS, TIFF nor PNG: convert it to FITS")
-    return _frame_of(
-        image,
-        frame_id,
-        name,
-        notes,
-        full_adu,
-        bits=bits,
-        max_nonfinite_fraction=max_nonfinite_fraction,
-        room=room,
-    )
 
 
 def _frame_of(

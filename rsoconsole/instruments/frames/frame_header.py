@@ -1,9 +1,8 @@
-"""What a frame's header promises: start, length, scale and pointing, in the program's units."""
+"""Start, exposure time, scale and pointing from a frame's header, in the program's units."""
 
 import math
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import Any
 
 from rsoconsole.records import CameraMode
@@ -14,26 +13,20 @@ LOCKED = 3
 _FARTHEST_S = 900.0
 """From DATE-OBS: a receiver that says another quarter of an hour is not believed."""
 _SAME_SHARE, _SAME_S = 0.05, 0.01
-"""By how much its exposure may differ from the header's."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class GpsTime:
-    """What the receiver says of one exposure."""
-
-    start_utc_ns: int | None
-    """None: nothing that could be used."""
-    note: str | None = None
-    """Why not."""
+"""Largest differences of the receiver's exposure time from the header's, as share and seconds."""
 
 
 def gps_time(
     header: Mapping[str, Any], header_start_utc_ns: int | None, exposure_s: float | None
-) -> GpsTime | None:
-    """The opening of the shutter, so that its middle is the receiver's; None without a receiver."""
+) -> tuple[int | None, str | None]:
+    """Start of the exposure (UTC ns) by the camera's GPS receiver, or None and why it is not used.
+
+    The start is such that the middle of the exposure is the receiver's. (None, None) where there is
+    no receiver.
+    """
     start_ns = _instant(header, "GPS_SUTC", "GPS_ST", "GPS_SU")
     if start_ns is None:
-        return None
+        return None, None
     for key in ("GPS_SFLG", "GPS_EFLG"):
         flag = header.get(key)
         if isinstance(flag, int) and (flag >> 4 if flag > 15 else flag) != LOCKED:
@@ -44,18 +37,15 @@ def gps_time(
             return _not_used(f"it is {off_s:.0f} s from DATE-OBS")
     end_ns = _instant(header, "GPS_EUTC", "GPS_ET", "GPS_EU")
     if end_ns is None or exposure_s is None:
-        return GpsTime(start_utc_ns=start_ns)
+        return start_ns, None
     open_s = (end_ns - start_ns) / NS_PER_S
     if abs(open_s - exposure_s) > max(_SAME_SHARE * exposure_s, _SAME_S):
         return _not_used(f"its shutter was open for {open_s:.3f} s, by EXPTIME {exposure_s:g} s")
-    return GpsTime(start_utc_ns=(start_ns + end_ns - round(exposure_s * NS_PER_S)) // 2)
+    return (start_ns + end_ns - round(exposure_s * NS_PER_S)) // 2, None
 
 
-def _not_used(why: str) -> GpsTime:
-    return GpsTime(
-        start_utc_ns=None,
-        note=f"the time by the camera's GPS is not used, DATE-OBS is: {why}",
-    )
+def _not_used(why: str) -> tuple[None, str]:
+    return None, f"the time by the camera's GPS is not used, DATE-OBS is: {why}"
 
 
 def _instant(header: Mapping[str, Any], whole: str, second: str, micro: str) -> int | None:
@@ -99,17 +89,13 @@ def start(header: Mapping[str, Any]) -> tuple[int | None, str | None]:
     by DATE-BEG or DATE-AVG. A word also where the receiver's time is not used.
     """
     stated_ns, note = header_start(header)
-    receiver = gps_time(header, stated_ns, exposure_s(header))
-    if receiver is None:
-        return stated_ns, note
-    if receiver.start_utc_ns is None:
-        return stated_ns, note or receiver.note
-    return receiver.start_utc_ns, None
+    gps_ns, why_not = gps_time(header, stated_ns, exposure_s(header))
+    return (stated_ns, note or why_not) if gps_ns is None else (gps_ns, None)
 
 
 def camera_mode(header: Mapping[str, Any]) -> CameraMode:
-    """How the frame was read out, and whose its time is."""
-    receiver = gps_time(header, header_start(header)[0], exposure_s(header))
+    """The read-out of the frame, and the source of its time."""
+    gps_ns, _ = gps_time(header, header_start(header)[0], exposure_s(header))
     binned = [_number(header.get(key)) for key in ("XBINNING", "YBINNING")]
     whole = [int(each) for each in binned if each is not None and 1.0 <= each < 100.0]
     corner = [_number(header.get(key)) for key in ("XORGSUBF", "YORGSUBF")]
@@ -119,12 +105,12 @@ def camera_mode(header: Mapping[str, Any]) -> CameraMode:
         x0_px=x0,
         y0_px=y0,
         gain=_number(header.get("GAIN")),
-        time_by="gps" if receiver is not None and receiver.start_utc_ns is not None else "header",
+        time_by="header" if gps_ns is None else "gps",
     )
 
 
 def header_start(header: Mapping[str, Any]) -> tuple[int | None, str | None]:
-    """As ``start``, without the camera's GPS receiver."""
+    """Start of the exposure as ``start`` gives it, without the camera's GPS receiver."""
     stated = header.get("DATE-OBS")
     if not isinstance(stated, str) or not stated.strip():
         return _standard_start(header)
@@ -191,7 +177,7 @@ def scale(header: Mapping[str, Any]) -> float | None:
 
 
 def absurd_scale(header: Mapping[str, Any]) -> str | None:
-    """What to say of a header whose scale cannot be, else None."""
+    """A note on a header whose plate scale is impossible; None for any other."""
     stated = _stated_scale(header)
     if stated is None or scale(header) is not None:
         return None

@@ -1,4 +1,4 @@
-"""What an INDI server sends, made fit for an XML parser that is strict about its input."""
+"""An INDI server's bytes, mended for an XML parser that is strict about its input."""
 
 import binascii
 import codecs
@@ -51,7 +51,7 @@ class StreamMender:
             return bytearray()
 
     def cleaned(self, data: bytes) -> bytes:
-        """The same, as the parser takes it; what is cut off comes with the next piece."""
+        """A piece of the stream as the parser takes it; what is cut off comes with the next."""
         data, self._cut = self._cut + data, b""
         done = []
         while data:

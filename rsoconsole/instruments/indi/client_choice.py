@@ -1,4 +1,4 @@
-"""Which client library speaks INDI: the configured one, or the first that is installed."""
+"""Choice of the INDI client library: the configured one, or the first that is installed."""
 
 import importlib.metadata
 import importlib.util
@@ -19,15 +19,15 @@ class ClientLibrary:
     """One library that speaks INDI."""
 
     name: str
-    """As ``indi.client`` has it."""
+    """Value of ``indi.client``."""
     module: str
     package: str
     install: str
-    """How it is had where it is missing."""
+    """Command that installs it."""
 
     @property
     def is_there(self) -> bool:
-        """Its module is installed; whether it loads is another question."""
+        """True when its module is installed; it may still fail to load."""
         return importlib.util.find_spec(self.module) is not None
 
     @property
@@ -58,7 +58,7 @@ LIBRARIES = (
 
 def client_library(setting: str) -> ClientLibrary:
     """The library that ``indi.client`` means here. Raises InstrumentError where it is missing."""
-    for library in meant_libraries(setting):
+    for library in allowed_libraries(setting):
         if library.is_there:
             return library
     raise InstrumentError(_missing(setting))
@@ -72,7 +72,7 @@ def open_client(
 ) -> "tuple[IndiClient, ClientLibrary]":
     """A client by the first meant library that loads. Raises InstrumentError where none does."""
     fault: ImportError | None = None
-    for library in meant_libraries(setting):
+    for library in allowed_libraries(setting):
         try:
             return _maker(library)(device, on_vector, on_message), library
         except ImportError as error:
@@ -80,23 +80,23 @@ def open_client(
     raise InstrumentError(f"{_missing(setting)} ({fault})") from fault
 
 
-def meant_libraries(setting: str) -> tuple[ClientLibrary, ...]:
-    """Those that ``indi.client`` allows, the first choice first."""
+def allowed_libraries(setting: str) -> tuple[ClientLibrary, ...]:
+    """The libraries that the setting ``indi.client`` allows, the first choice first."""
     return LIBRARIES if setting == "auto" else tuple(x for x in LIBRARIES if x.name == setting)
 
 
 def _maker(library: ClientLibrary) -> "type[IndiClient]":
     if library.name == "pyindi":
-        from rsoconsole.instruments.indi._by_pyindi import PyIndiClient
+        from rsoconsole.instruments.indi._pyindi_client import PyIndiClient
 
         return PyIndiClient
-    from rsoconsole.instruments.indi._by_indipyclient import IndipyClient
+    from rsoconsole.instruments.indi._indipyclient_client import IndipyClient
 
     return IndipyClient
 
 
 def _missing(setting: str) -> str:
-    meant = meant_libraries(setting)
+    meant = allowed_libraries(setting)
     if setting == "auto":
         return f"no INDI client is installed here: '{meant[-1].install}'"
     return (

@@ -1,4 +1,4 @@
-"""What the mount's and the camera's processes have in common: a command loop and a way to speak.
+"""The command loop and the reply writer that the mount's and the camera's processes share.
 
 Runs only in a child process.
 """

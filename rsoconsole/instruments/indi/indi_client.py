@@ -25,7 +25,7 @@ _LOOK_S = 0.5
 _SAID = 100
 _LATE_WORD_S = 0.2
 _STAMP = re.compile(r"^\d{4}-\d\d-\d\dT[\d:.]+Z?: ")
-"""What a library puts before a driver's words."""
+"""The time stamp that a library puts before a driver's words."""
 _GRAVEST = ("[ERROR]", "[WARNING]")
 
 
@@ -37,11 +37,12 @@ class Vector:
     state: str
     values: Mapping[str, Any]
     serial: int
-    """Counts up with every update of any property."""
+    """Number of the update, counted over all properties."""
     is_definition: bool
     """The answer to what there is, however old the values are by then."""
     arrived_monotonic_s: float
-    """When the library handed it over; time.monotonic(), the same in all processes of a machine."""
+    """Instant at which the library handed it over, by ``time.monotonic()``: that is the same in all
+    processes of a machine."""
     blobs: Mapping[str, memoryview] = field(default_factory=dict)
     """Contents of a BLOB vector, in the library's memory: there only while ``on_vector`` runs."""
 
@@ -196,10 +197,10 @@ class IndiClient(ABC):
         if self.wait("CONNECTION", lambda _: True, _LOOK_S) is not None:
             return
         # Only now: a process that starts in no time needs none of it.
-        from rsoconsole.instruments.indi._devices_there import DevicesThere
+        from rsoconsole.instruments.indi._device_search import DeviceSearch
 
         reported: tuple[str, ...] = ()
-        with contextlib.closing(DevicesThere(self.device, order)) as there:
+        with contextlib.closing(DeviceSearch(self.device, order)) as there:
             while self.wait("CONNECTION", lambda _: True, _LOOK_S) is None:
                 there.look()
                 if there.others != reported:
@@ -235,7 +236,7 @@ class IndiClient(ABC):
                 self._changed.wait(left_s)
 
     def words_since(self, after: int, wait_s: float = 0.0) -> str:
-        """What the driver has said last after update ``after``, that of an order; empty: nothing.
+        """The driver's last message after update ``after``, that of an order; empty for none.
 
         Its errors come before its warnings, those before all else; they are waited for so long.
         """
@@ -249,8 +250,8 @@ class IndiClient(ABC):
         for mark in _GRAVEST:
             grave = [words for words in said if mark in words]
             if grave:
-                return without_stamp(grave[-1])
-        return without_stamp(said[-1])
+                return without_timestamp(grave[-1])
+        return without_timestamp(said[-1])
 
     def reason_since(self, after: int) -> str:
         """Why the driver did not do what it was told then, in its own words where it has any."""
@@ -271,6 +272,6 @@ class IndiClient(ABC):
         return before
 
 
-def without_stamp(words: str) -> str:
+def without_timestamp(words: str) -> str:
     """A driver's words without the instant that a library puts before them."""
     return _STAMP.sub("", words)

@@ -49,7 +49,7 @@ END = "end"
 def device_settings(
     kind: str, device: str, config: "IndiConfig", waits: "WaitsConfig"
 ) -> dict[str, Any]:
-    """What a child has to know of its device, and how long it waits for what."""
+    """The settings that a child starts with: server, device, and how long it waits."""
     return {
         "client": config.client,
         "host": config.host,
@@ -62,8 +62,8 @@ def device_settings(
     }
 
 
-def drained(messages: deque[str]) -> tuple[str, ...]:
-    """Those that are there, taken out; others may be put in meanwhile."""
+def drain_messages(messages: deque[str]) -> tuple[str, ...]:
+    """Take out all messages; others may be put in meanwhile."""
     taken = []
     while messages:
         taken.append(messages.popleft())
@@ -150,16 +150,15 @@ class IndiProcess:
 
     def _await_start(self, process: "subprocess.Popen[bytes]") -> None:
         self._awaits = f"the {self.name}'s process to start"
-        number = self._send(process, "start", {**self._settings, **self._on_start()})
         wait = LongWait(self._awaits)
-        answer = self._await_answer(process, number, time.monotonic() + self._start_s, wait)
-        if answer is None:
+        try:
+            settings = {**self._settings, **self._on_start()}
+            answer = self._ask(process, "start", self._start_s, settings, wait)
+        except _LateError as error:
             raise InstrumentError(
                 f"waited {wait.waited_s:.0f} s for {self._awaits}: on a machine that slow raise "
                 f"waits.process_s or waits.device_s; {self._log_path} may tell more"
-            )
-        if "error" in answer:
-            raise InstrumentError(str(answer["error"]))
+            ) from error
         if "client" in answer:
             log.info("the %s speaks INDI by %s", self.name, answer["client"])
 
@@ -190,16 +189,14 @@ class IndiProcess:
         try:
             return self._ask(process, verb, timeout_s, arguments)
         except _LateError:
-            self._end_if_hung(process)
+            self.end_if_hung(process)
             raise
 
-    def end_if_hung(self) -> None:
+    def end_if_hung(self, process: "subprocess.Popen[bytes] | None" = None) -> None:
         """Kill a child that hears nothing any more; the next order starts another one."""
-        process = self._process
-        if process is not None:
-            self._end_if_hung(process)
-
-    def _end_if_hung(self, process: "subprocess.Popen[bytes]") -> None:
+        process = process or self._process
+        if process is None:
+            return
         try:
             # Whatever it answers, it does so at once, beside all its other work.
             self._ask(process, ARE_YOU_THERE, _HUNG_S, {})
@@ -222,8 +219,7 @@ class IndiProcess:
         if not self._writing.acquire(timeout=_SEND_S):
             return False
         try:
-            self._next_id += 1
-            line = json.dumps({"id": self._next_id, "verb": verb, **arguments}).encode() + b"\n"
+            _, line = self._line(verb, arguments)
             poll = select.poll()
             poll.register(process.stdin.fileno(), select.POLLOUT)
             # A pipe with any room takes a short line whole.
@@ -275,14 +271,33 @@ class IndiProcess:
         verb: str,
         timeout_s: float,
         arguments: Mapping[str, Any],
+        wait: LongWait | None = None,
     ) -> dict[str, Any]:
+        """The child's answer. Raises _LateError, and InstrumentError when it refuses or dies first.
+
+        ``wait`` says what for, as the child itself tells it.
+        """
         number = self._send(process, verb, arguments)
-        answer = self._await_answer(process, number, time.monotonic() + timeout_s)
-        if answer is None:
-            raise _LateError(
-                f"the {self.name} did not answer '{verb}' in {timeout_s:.1f} s: "
-                f"see {self._log_path}"
-            )
+        deadline_s = time.monotonic() + timeout_s
+        with self._changed:
+            try:
+                while number not in self._answers:
+                    left_s = deadline_s - time.monotonic()
+                    if process.stdout is None:
+                        raise self._died(process)
+                    if left_s <= 0:
+                        raise _LateError(
+                            f"the {self.name} did not answer '{verb}' in {timeout_s:.1f} s: "
+                            f"see {self._log_path}"
+                        )
+                    if wait is not None:
+                        wait.what = self._awaits
+                        wait.look()
+                    self._changed.wait(min(left_s, _LOOK_S))
+                answer = self._answers[number]
+            finally:
+                self._open.discard(number)
+                self._answers.pop(number, None)
         if "error" in answer:
             raise InstrumentError(str(answer["error"]))
         return answer
@@ -292,9 +307,7 @@ class IndiProcess:
     ) -> int:
         """The number of the request."""
         with self._writing:
-            self._next_id += 1
-            number = self._next_id
-            line = json.dumps({"id": number, "verb": verb, **arguments}).encode() + b"\n"
+            number, line = self._line(verb, arguments)
             self._open.add(number)
             try:
                 assert process.stdin is not None
@@ -305,33 +318,11 @@ class IndiProcess:
                 raise self._died(process) from error
         return number
 
-    def _await_answer(
-        self,
-        process: "subprocess.Popen[bytes]",
-        number: int,
-        deadline_s: float,
-        wait: LongWait | None = None,
-    ) -> dict[str, Any] | None:
-        """The answer, None when it is late. Raises InstrumentError when the child dies first.
-
-        ``wait`` says what for, as the child itself tells it.
-        """
-        with self._changed:
-            try:
-                while number not in self._answers:
-                    left_s = deadline_s - time.monotonic()
-                    if process.stdout is None:
-                        raise self._died(process)
-                    if left_s <= 0:
-                        return None
-                    if wait is not None:
-                        wait.what = self._awaits
-                        wait.look()
-                    self._changed.wait(min(left_s, _LOOK_S))
-                return self._answers[number]
-            finally:
-                self._open.discard(number)
-                self._answers.pop(number, None)
+    def _line(self, verb: str, arguments: Mapping[str, Any]) -> tuple[int, bytes]:
+        """A request's number and its line; under the lock of writing."""
+        self._next_id += 1
+        order = {"id": self._next_id, "verb": verb, **arguments}
+        return self._next_id, json.dumps(order).encode() + b"\n"
 
     def _read(self, process: "subprocess.Popen[bytes]") -> None:
         """Hand out what the child says until it can say no more; then it counts as dead."""
@@ -342,11 +333,7 @@ class IndiProcess:
                 self._take(line)
         finally:
             # A child that lives on without its voice is of no use and must not be waited for.
-            try:
-                process.wait(_END_S)
-            except subprocess.TimeoutExpired:
-                process.kill()
-                process.wait()
+            _reap(process, _END_S)
             with self._changed:
                 stdout.close()
                 process.stdout = None
@@ -380,11 +367,7 @@ class IndiProcess:
         with contextlib.suppress(OSError, ValueError):
             assert process.stdin is not None
             process.stdin.close()
-        try:
-            process.wait(patience_s)
-        except subprocess.TimeoutExpired:
-            process.kill()
-            process.wait()
+        _reap(process, patience_s)
 
     def _died(self, process: "subprocess.Popen[bytes]") -> InstrumentError:
         # Its pipe may break a moment before its status is there.
@@ -403,3 +386,12 @@ class IndiProcess:
             f"the {self.name}'s process ended (status {process.poll()}): it is started again "
             f"with the next order; its last words are in {self._log_path}"
         )
+
+
+def _reap(process: "subprocess.Popen[bytes]", patience_s: float) -> None:
+    """Wait for a process to end; kill it where it takes longer."""
+    try:
+        process.wait(patience_s)
+    except subprocess.TimeoutExpired:
+        process.kill()
+        process.wait()

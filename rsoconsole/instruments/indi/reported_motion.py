@@ -20,6 +20,9 @@ if TYPE_CHECKING:
     from rsoconsole.instruments.indi.indi_wire import IndiVector
 
 COORDINATES = "EQUATORIAL_EOD_COORD"
+ABORT = "TELESCOPE_ABORT_MOTION"
+PARK = "TELESCOPE_PARK"
+TRACKING = "TELESCOPE_TRACK_STATE"
 POLLING = "POLLING_PERIOD"
 SIM_TIME = "SIM_TIME"
 POLLING_MS = 500.0
@@ -34,7 +37,7 @@ _NS = 1e9
 
 
 class ReportedMotion:
-    """Hears one mount's vectors; safe for several threads.
+    """The motion of one mount from its INDI vectors; safe for several threads.
 
     In a simulated observatory, known by SIM_TIME, that is its time, told before the coordinates.
     """
@@ -44,7 +47,7 @@ class ReportedMotion:
         self._meter = MotionMeter()
         self._lock = threading.Lock()
         self._sim_s: float | None = None
-        self._spoke_s = self._asked_s = self._reported_s = self._changed_s = -math.inf
+        self._last_message_s = self._asked_s = self._reported_s = self._changed_s = -math.inf
         self._apart_s: deque[float] = deque(maxlen=_INTERVALS)
         """Between changes that the driver told by itself."""
         self._is_base_defined = False
@@ -59,7 +62,7 @@ class ReportedMotion:
         """What the driver says of its looks; None where it says nothing."""
 
     def take(self, vector: "Vector | IndiVector") -> None:
-        """One more word of the mount's driver."""
+        """Take a vector of the mount's driver."""
         with self._lock:
             now_s = self._now_s()
             if vector.name == POLLING:
@@ -74,13 +77,13 @@ class ReportedMotion:
         with self._lock:
             self._meter.begin_at(self._now_s() if self._sim_s is None else self._sim_s)
 
-    def held_up(self) -> None:
-        """What comes next may have come long ago: nobody was there to read it."""
+    def reset_after_delay(self) -> None:
+        """Begin again after a pause of the reader: what comes next may have come long ago."""
         if self._sim_s is None:
             self.begin()
 
     def motion(self) -> Motion:
-        """As measured up to now."""
+        """The motion as measured up to now."""
         with self._lock:
             if self.state == "Alert":
                 return Motion()
@@ -92,11 +95,14 @@ class ReportedMotion:
         with self._lock:
             return self._now_s() - self._reported_s <= self._meter.span_s + self._meter.period_s
 
-    def wants_word(self) -> bool:
-        """Whether the driver is to be asked now, because it is silent; counts as asked."""
+    def needs_query(self) -> bool:
+        """True when the silent driver is to be asked for its coordinates now; counts as asked."""
         with self._lock:
             now_s = self._now_s()
-            if self._sim_s is not None or now_s - max(self._spoke_s, self._asked_s) < _ASK_EVERY_S:
+            if (
+                self._sim_s is not None
+                or now_s - max(self._last_message_s, self._asked_s) < _ASK_EVERY_S
+            ):
                 return False
             self._asked_s = now_s
             if self._unanswered_s is None:
@@ -117,8 +123,8 @@ class ReportedMotion:
             self.polling_ms, self._knows_period = value, True
             self._meter.period_s = min(max(value / 1e3, _PERIODS_S[0]), _PERIODS_S[1])
 
-    def _learn_period(self, now_s: float) -> None:
-        """A driver that does not tell it shows how often it looks at a mount that moves."""
+    def _estimate_period(self, now_s: float) -> None:
+        """Estimate a driver's polling period, where it reports none, from a mount that moves."""
         apart_s, self._changed_s = now_s - self._changed_s, now_s
         if self.polling_ms is not None or self._sim_s is not None:
             return
@@ -130,7 +136,7 @@ class ReportedMotion:
             self._meter.period_s = max(_PERIODS_S[0], statistics.median(self._apart_s))
 
     def _take_coordinates(self, vector: "Vector | IndiVector", now_s: float) -> None:
-        was_busy, self._spoke_s = self.state == "Busy", now_s
+        was_busy, self._last_message_s = self.state == "Busy", now_s
         if was_busy is not (vector.state == "Busy"):
             # Where it was on its way here tells nothing of how it moves from now on.
             self._meter.begin_at(now_s if self._sim_s is None else self._sim_s)
@@ -153,7 +159,7 @@ class ReportedMotion:
         if not vector.is_definition:
             self._reported_s = now_s
             if not is_same:
-                self._learn_period(now_s)
+                self._estimate_period(now_s)
         if is_same:
             # Said again, because it was asked for or with another state: of its last look.
             self._is_base_defined = False

@@ -1,6 +1,5 @@
 """Weather and dome, watched by a plain INDI connection on a thread of its own."""
 
-import contextlib
 import threading
 import time
 from typing import Literal
@@ -22,7 +21,7 @@ _WEATHER: dict[str, Weather] = {"Ok": "ok", "Busy": "warning", "Alert": "alert"}
 
 
 class IndiSafetyMonitor:
-    """What watches weather station and dome, as far as they are configured.
+    """The monitor of weather station and dome, as far as they are configured.
 
     A device counts as silent when it has never said how things stand, when it has gone, and when
     it has said nothing for a minute although it is asked four times in that.
@@ -177,15 +176,3 @@ class IndiSafetyMonitor:
     def _note(self, trouble: str) -> None:
         with self._changed:
             self._trouble = trouble
-
-
-def open_safety_monitor(
-    config: IndiConfig, release: contextlib.ExitStack, waits: WaitsConfig
-) -> IndiSafetyMonitor | None:
-    """One at work, closed with ``release``; None where nothing is configured to watch."""
-    if not (config.weather or config.dome):
-        return None
-    safety_monitor = IndiSafetyMonitor(config, first_word_s=waits.quiet_s)
-    release.callback(safety_monitor.close)
-    safety_monitor.start()
-    return safety_monitor

@@ -11,9 +11,12 @@ from dataclasses import dataclass, replace
 from rsoconsole.base import InstrumentError
 from rsoconsole.instruments.indi.indi_wire import IndiVector, IndiWire
 from rsoconsole.instruments.indi.reported_motion import (
+    ABORT,
     COORDINATES,
+    PARK,
     POLLING,
     POLLING_MS,
+    TRACKING,
     ReportedMotion,
 )
 from rsoconsole.instruments.motion import AfterStop, Motion, StopMeasure, tracking_after_stop
@@ -25,15 +28,12 @@ _LOOK_S = 0.05
 _TRACKING_S = 2.0
 _SETTLE_S = 1.2
 """A driver may go back to its own idea of tracking at its next look at the mount."""
-_ABORT = "TELESCOPE_ABORT_MOTION"
-_PARK = "TELESCOPE_PARK"
-_TRACK_STATE = "TELESCOPE_TRACK_STATE"
 _UNTOLD = f"{NO_ANSWER}: look at its driver and its cable, and at the telescope"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class WatchedStop:
-    """Who hears of a STOP while it is under way, and may give it up."""
+    """Callbacks of a STOP under way, which may also end it."""
 
     on_ordered: Callable[[], None] = lambda: None
     """ABORT has been handed to the system for the server."""
@@ -118,11 +118,11 @@ class _WireStop:
             looked_s = time.monotonic()
             self._read_next(_LOOK_S)
             if time.monotonic() - looked_s > 10.0 * _LOOK_S:
-                self._motion.held_up()
+                self._motion.reset_after_delay()
             if polling_ms is None and (self._motion.polling_ms or 0.0) > POLLING_MS:
                 polling_ms = self._motion.polling_ms
                 self._look_every(POLLING_MS)
-            if self._motion.wants_word():
+            if self._motion.needs_query():
                 self._wire.ask(self._device, COORDINATES)
             step = measure.step(
                 time.monotonic(), self._motion.motion(), is_answered=self._is_answered
@@ -148,7 +148,7 @@ class _WireStop:
         if self._watched.is_over():
             return 0
         # Answered in order: one line tells how the mount was before the first ABORT.
-        for name in (_TRACK_STATE, _PARK, COORDINATES):
+        for name in (TRACKING, PARK, COORDINATES):
             self._wire.ask(self._device, name)
         while time.monotonic() < deadline_s and not (self._is_answered or self._watched.is_over()):
             self._send_abort()
@@ -163,7 +163,7 @@ class _WireStop:
         return aborts
 
     def _send_abort(self) -> None:
-        self._wire.new("Switch", self._device, _ABORT, {"ABORT": "On"})
+        self._wire.new("Switch", self._device, ABORT, {"ABORT": "On"})
 
     def _look_every(self, period_ms: float) -> None:
         self._wire.new("Number", self._device, POLLING, {"PERIOD_MS": f"{period_ms:g}"})
@@ -176,49 +176,49 @@ class _WireStop:
 
     def _settle_tracking(self, after_stop: AfterStop, had_tracking: bool | None) -> bool | None:
         """Turn tracking on or off as it is to be; whether it is then, None where untold."""
-        was_parking = self._was_busy(_PARK)
+        was_parking = self._was_busy(PARK)
         wanted = tracking_after_stop(
             after_stop,
             was_slewing=self._was_busy(COORDINATES) and not was_parking,
             was_parking=was_parking,
-            was_tracking=_is_on(self._first.get(_TRACK_STATE), "TRACK_ON"),
-            is_parked=not was_parking and _is_on(self.vectors.get(_PARK), "PARK"),
+            was_tracking=_is_on(self._first.get(TRACKING), "TRACK_ON"),
+            is_parked=not was_parking and _is_on(self.vectors.get(PARK), "PARK"),
         )
         if had_tracking and after_stop == "track":
             wanted = True
-        if _TRACK_STATE not in self.vectors:
+        if TRACKING not in self.vectors:
             return None
         if wanted is None or self._watched.is_over():
-            return _is_on(self.vectors[_TRACK_STATE], "TRACK_ON")
+            return _is_on(self.vectors[TRACKING], "TRACK_ON")
         member = "TRACK_ON" if wanted else "TRACK_OFF"
-        self._wire.new("Switch", self._device, _TRACK_STATE, {member: "On"})
-        del self.vectors[_TRACK_STATE]
-        self._wire.ask(self._device, _TRACK_STATE)
+        self._wire.new("Switch", self._device, TRACKING, {member: "On"})
+        del self.vectors[TRACKING]
+        self._wire.ask(self._device, TRACKING)
         self._await_tracking(member, time.monotonic() + _TRACKING_S)
         if self._was_busy(COORDINATES):
             self._hold_tracking(member, time.monotonic() + _SETTLE_S)
             if not self._watched.is_over():
                 # It may just have been said again.
                 self._await_tracking(member, time.monotonic() + _TRACKING_S)
-        tracking = self.vectors.get(_TRACK_STATE)
+        tracking = self.vectors.get(TRACKING)
         return None if tracking is None else _is_on(tracking, "TRACK_ON")
 
     def _await_tracking(self, member: str, ends_s: float) -> None:
         while (left_s := ends_s - time.monotonic()) > 0:
-            if _is_on(self.vectors.get(_TRACK_STATE), member):
+            if _is_on(self.vectors.get(TRACKING), member):
                 return
             self._read_next(left_s)
 
     def _hold_tracking(self, member: str, ends_s: float) -> None:
         """Say again what is wanted of tracking whenever the driver thinks otherwise."""
-        before = self.vectors.get(_TRACK_STATE)
+        before = self.vectors.get(TRACKING)
         while (left_s := ends_s - time.monotonic()) > 0 and not self._watched.is_over():
             self._read_next(min(left_s, _LOOK_S))
-            now = self.vectors.get(_TRACK_STATE)
+            now = self.vectors.get(TRACKING)
             if self._watched.is_over():
                 return
             if now is not before and not _is_on(now, member):
-                self._wire.new("Switch", self._device, _TRACK_STATE, {member: "On"})
+                self._wire.new("Switch", self._device, TRACKING, {member: "On"})
             before = now
 
     def _read_next(self, timeout_s: float) -> None:
@@ -235,7 +235,7 @@ class _WireStop:
 
     @property
     def _is_refused(self) -> bool:
-        said = self.vectors.get(_ABORT)
+        said = self.vectors.get(ABORT)
         return said is not None and said.state == "Alert" and not said.is_definition
 
     def _was_busy(self, name: str) -> bool:

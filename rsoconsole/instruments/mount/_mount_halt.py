@@ -7,11 +7,11 @@ from typing import Any
 
 from rsoconsole.base import InstrumentError
 from rsoconsole.instruments.indi.indi_client import IndiClient, Vector
-from rsoconsole.instruments.indi.reported_motion import ReportedMotion
+from rsoconsole.instruments.indi.reported_motion import ABORT, COORDINATES, ReportedMotion
 from rsoconsole.instruments.motion import AfterStop
 from rsoconsole.instruments.mount._mount_watch import MountWatch
 from rsoconsole.instruments.mount._stop_measurement import StopMeasurement, is_answered
-from rsoconsole.instruments.mount.mount_mirror import ABORT, COORDINATES, MountMirror
+from rsoconsole.instruments.mount.mount_mirror import MountMirror
 
 _STOP_S = 2.0
 _REPEAT_ABORT_S = 0.5

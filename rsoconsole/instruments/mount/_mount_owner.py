@@ -1,4 +1,4 @@
-"""Which process watches over a mount: a small file in the user's own runtime folder.
+"""The claim of a process to watch over a mount: a file in the user's own runtime folder.
 
 A mount's process that outlives its engine keeps watching until another one claims the mount.
 Processes of other users, or on other machines, are not heard of.

@@ -20,7 +20,7 @@ WAYS: dict[StopPath, str] = {"mount": "the mount's process", "indi": "a second I
 
 
 class MountStop:
-    """What is known of it; its ways report from threads of their own."""
+    """The state of one STOP; its ways report from threads of their own."""
 
     def __init__(self, on_news: Callable[[StopResult], None]) -> None:
         """``on_news`` hears when it is first ordered, when it is first answered, what is measured.
@@ -65,7 +65,7 @@ class MountStop:
         self._on_news(news)
 
     def measured(self, path: StopPath, motion: Motion, at_s: float | None = None) -> None:
-        """How the mount moves since; told where it is another kind of motion than before."""
+        """Take a measured motion; it is news where its kind is another than before."""
         with self._changed:
             last = None if self._last is None or self._last.motion is None else self._last.motion
             if self.is_over or (last is not None and last.kind == motion.kind):
@@ -76,7 +76,7 @@ class MountStop:
         self._on_news(news)
 
     def end(self, detail: str = "", *, is_superseded: bool = False) -> None:
-        """It is measured no longer; ``detail``: why, where nothing was."""
+        """End the measurement; ``detail``: why, where nothing was measured."""
         if not self.is_over and (self._last is None or is_superseded):
             known = self._answered or self._result(is_answered=False, path="mount")
             self.is_over = True
@@ -126,7 +126,7 @@ class MountStop:
             return self._answered is not None
 
     def wait_end(self, deadline_s: float) -> StopResult:
-        """What came of it so far, by the way that ended well first or by the last one."""
+        """The result so far, by the way that ended well first or by the last one."""
         with self._changed:
             self._changed.wait_for(self._is_decided, max(0.0, deadline_s - time.monotonic()))
             self._is_settled = True

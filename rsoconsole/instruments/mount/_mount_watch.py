@@ -67,14 +67,14 @@ class MountWatch:
         self._thread.start()
 
     def keep(self, lease_s: float, track_until_utc_ns: int | None) -> None:
-        """Somebody watches."""
+        """Renew the lease: somebody watches."""
         self.lease.begin(self._monotonic_s(), lease_s)
         self.lease.set_limit(track_until_utc_ns)
         self.owner.claim()
         self._wake.set()
 
     def hold_tracking(self, is_on: bool | None) -> None:
-        """Tracking was set behind a STOP: see that it stays so; None: nobody wants it.
+        """Tracking was set behind a STOP: see that it stays so; None: a new order decides of it.
 
         A driver may go back to its own idea of it at its next look at the mount.
         """
@@ -86,10 +86,6 @@ class MountWatch:
         if before is not None:
             before.end()
         self._wake.set()
-
-    def let_tracking(self) -> None:
-        """A new order has something else to say on tracking."""
-        self._held = None
 
     def slew_begins(self) -> None:
         """A slew is about to be ordered."""
@@ -109,7 +105,7 @@ class MountWatch:
         self._thread.join()
 
     def watch_unattended(self) -> None:
-        """Nobody is left: stay until the limit, or until somebody else takes the mount."""
+        """Watch without a parent until the limit, or until another process claims the mount."""
         limit_utc_ns = self.lease.open_limit_utc_ns()
         if limit_utc_ns is None or not self.owner.has_claimed or self._mirror.is_parked:
             return
@@ -124,7 +120,7 @@ class MountWatch:
             self._look_at_limit()
 
     def finish_stop(self) -> None:
-        """Nobody is left: see the last STOP through."""
+        """Finish the measurement of the last STOP without a parent."""
         while self._measurement is not None and not self._measurement.is_over:
             self._measurement.look()
             time.sleep(_LOOK_EVERY_S)

@@ -1,4 +1,4 @@
-"""What came of a STOP, measured in the mount's process while the mount's reports come in."""
+"""Measurement of a STOP in the mount's process, while the mount's reports come in."""
 
 import dataclasses
 import time
@@ -6,9 +6,14 @@ from collections.abc import Callable
 from typing import Any
 
 from rsoconsole.instruments.indi.indi_client import IndiClient
-from rsoconsole.instruments.indi.reported_motion import POLLING, POLLING_MS, ReportedMotion
+from rsoconsole.instruments.indi.reported_motion import (
+    ABORT,
+    COORDINATES,
+    POLLING,
+    POLLING_MS,
+    ReportedMotion,
+)
 from rsoconsole.instruments.motion import Motion, StopMeasure
-from rsoconsole.instruments.mount.mount_mirror import ABORT, COORDINATES
 
 
 class StopMeasurement:

@@ -1,5 +1,6 @@
 """The mount port over a child process, with a second way to STOP beside it."""
 
+import dataclasses
 import itertools
 import logging
 import queue
@@ -12,7 +13,7 @@ from typing import Any
 
 from rsoconsole.base import InstrumentError
 from rsoconsole.config import IndiConfig, MountConfig, WaitsConfig
-from rsoconsole.instruments.indi.indi_process import IndiProcess, device_settings, drained
+from rsoconsole.instruments.indi.indi_process import IndiProcess, device_settings, drain_messages
 from rsoconsole.instruments.indi.wire_stop import WatchedStop, stop_mount
 from rsoconsole.instruments.motion import REPEATS_FOR_S, Motion
 from rsoconsole.instruments.mount._mount_stop import MountStop
@@ -216,18 +217,12 @@ class IndiMount:
         self.process.request("set_tracking", self._order_s, is_on=is_on)
 
     def abilities(self) -> MountAbilities:
-        """What its driver offers."""
+        """The abilities of its driver."""
         return MountAbilities(**self.process.request("abilities", self._order_s)["abilities"])
 
     def set_site(self, site: Site) -> None:
         """Tell the mount where it stands."""
-        self.process.request(
-            "set_site",
-            self._order_s,
-            latitude_deg=site.latitude_deg,
-            longitude_deg=site.longitude_deg,
-            elevation_m=site.elevation_m,
-        )
+        self.process.request("set_site", self._order_s, **dataclasses.asdict(site))
 
     def check_site(self, site: Site) -> SiteCheck:
         """Compare the mount's site with the configured one."""
@@ -258,11 +253,11 @@ class IndiMount:
         return None if offset is None else float(offset)
 
     def take_messages(self) -> tuple[str, ...]:
-        """What the mount's process has done of its own accord since this was last asked."""
-        return drained(self._messages)
+        """Messages of the mount's process on what it did by itself, since the last call."""
+        return drain_messages(self._messages)
 
     def take_slew_end(self) -> SlewEnd | None:
-        """What its own process has done to the slew ordered last; None: nothing, or told before."""
+        """The end of the last slew by the mount's process, once; None where it ended none."""
         taken, self._slew_end = self._slew_end, None
         return taken
 

@@ -15,20 +15,22 @@ from rsoconsole.base import InstrumentError
 from rsoconsole.instruments.indi.client_choice import open_client
 from rsoconsole.instruments.indi.indi_child import ReplyWriter, run_child
 from rsoconsole.instruments.indi.indi_client import IndiClient, Vector
-from rsoconsole.instruments.indi.reported_motion import ReportedMotion
+from rsoconsole.instruments.indi.reported_motion import (
+    ABORT,
+    COORDINATES,
+    PARK,
+    TRACKING,
+    ReportedMotion,
+)
 from rsoconsole.instruments.motion import AfterStop
 from rsoconsole.instruments.mount._mount_halt import Halt
 from rsoconsole.instruments.mount._mount_owner import MountOwner
 from rsoconsole.instruments.mount._mount_watch import MountWatch
 from rsoconsole.instruments.mount.mount_lease import Lease
 from rsoconsole.instruments.mount.mount_mirror import (
-    ABORT,
-    COORDINATES,
-    PARK,
     SIDE,
     TIME,
-    TRACKING,
-    MountEar,
+    CoordinatePoller,
     MountMirror,
 )
 from rsoconsole.sky import deg_to_hours, hours_to_deg, icrs_to_jnow, separation_deg, wrap_360
@@ -73,15 +75,13 @@ class MountChild:
         owner = MountOwner(order["host"], order["port"], order["device"])
         self.attach(client, order, owner).start()
         if not self._is_simulated:
-            MountEar(order["host"], order["port"], order["device"], self._motion).start()
+            CoordinatePoller(order["host"], order["port"], order["device"], self._motion).start()
         if self._is_simulated:
             before = client.send_switch("SIM_REPORT", "NOW")
-            self._expect(
-                client.wait(COORDINATES, lambda _: True, self._answer_s, before), "report", before
-            )
+            self._expect(COORDINATES, "report", before)
         elif order.get("stops_first"):
             self._writer.say({"event": "message", "text": CAME_BACK})
-            self._stop("track")
+            self._ready_halt().end_motion("track")
         if client.has_connected_device and not self._is_simulated:
             # What it tells before its first look is no place of the mount.
             client.wait(COORDINATES, lambda vector: not vector.is_definition, _FIRST_LOOK_S)
@@ -103,7 +103,7 @@ class MountChild:
             lease=Lease(float(order["lease_s"])),
             mirror=self._mirror,
             owner=owner,
-            stop=lambda: self._stop("track"),
+            stop=lambda: self._ready_halt().end_motion("track"),
             track=self._track,
             park=lambda: client.send_switch(PARK, "PARK"),
             say=lambda text: self._writer.say({"event": "message", "text": text}),
@@ -125,7 +125,7 @@ class MountChild:
         return self._watch
 
     def abilities(self, _order: dict[str, Any]) -> dict[str, Any]:
-        """What the driver offers."""
+        """The abilities of the driver."""
         return {"abilities": dataclasses.asdict(self._ready()[1].abilities)}
 
     def on_order(self, order: dict[str, Any]) -> None:
@@ -137,7 +137,7 @@ class MountChild:
             self._watch.lease.renew(self._monotonic_s())
 
     def keep(self, order: dict[str, Any]) -> dict[str, Any]:
-        """Somebody watches the mount, and knows when it will run into a limit."""
+        """Renew the lease, with the instant at which tracking runs into a limit."""
         if self._watch is not None:
             self._watch.keep(float(order["lease_s"]), order["track_until_utc_ns"])
         return {}
@@ -186,7 +186,7 @@ class MountChild:
 
     def abort(self, order: dict[str, Any]) -> dict[str, Any]:
         """End motion; answers when the driver has, or has not for 2 s."""
-        return self._stop(
+        return self._ready_halt().end_motion(
             self._after_stop,
             had_tracking=bool(order.get("had_tracking")),
             on_progress=lambda what: self._writer.say(
@@ -203,10 +203,7 @@ class MountChild:
             return {}
         self._new_order(order)
         before = client.send_switch(PARK, "PARK")
-        answer = self._expect(
-            client.wait(PARK, lambda _: True, self._answer_s, before), "park", before
-        )
-        self._await_report(answer.serial)
+        self._await_report(self._expect(PARK, "park", before).serial)
         return {}
 
     def unpark(self, order: dict[str, Any]) -> dict[str, Any]:
@@ -214,16 +211,13 @@ class MountChild:
         client, mirror = self._ready()
         self._new_order(order)
         if mirror.is_parking:
-            self._stop("track")
+            self._ready_halt().end_motion("track")
         if mirror.says_parked:
             before = client.send_switch(PARK, "UNPARK")
-            released = client.wait(
-                PARK,
-                lambda v: v.state == "Alert" or not v.values.get("PARK"),
-                self._answer_s,
-                before,
+            released = self._expect(
+                PARK, "unpark", before, lambda v: v.state == "Alert" or not v.values.get("PARK")
             )
-            self._await_report(self._expect(released, "unpark", before).serial)
+            self._await_report(released.serial)
         return {}
 
     def set_tracking(self, order: dict[str, Any]) -> dict[str, Any]:
@@ -258,19 +252,15 @@ class MountChild:
             )
             return vector.state == "Alert" or bool(off_deg < _SAME_SITE_DEG)
 
-        self._expect(
-            client.wait("GEOGRAPHIC_COORD", is_answer, self._answer_s, before),
-            "take its site",
-            before,
-        )
+        self._expect("GEOGRAPHIC_COORD", "take its site", before, is_answer)
         return {}
 
     def site(self, _order: dict[str, Any]) -> dict[str, Any]:
-        """The mount's own idea of its site."""
+        """The site as the mount has it."""
         return {"site": self._ready()[1].site()}
 
     def utc_offset(self, _order: dict[str, Any]) -> dict[str, Any]:
-        """How far the mount's clock is off."""
+        """The mount's clock minus the machine's, in seconds."""
         client, mirror = self._ready()
         if self._is_simulated:
             before = client.send_switch("SIM_REPORT", "NOW")
@@ -294,23 +284,17 @@ class MountChild:
             return
         self._watch.end()
         if not self._watch.is_taken_over and not self._mirror.is_parking:
-            self._stop("track")
+            self._ready_halt().end_motion("track")
             if not (is_orderly or self._is_simulated):
                 self._watch.finish_stop()
         if not is_orderly:
             self._watch.watch_unattended()
         self._watch.owner.release()
 
-    def _stop(
-        self,
-        after_stop: AfterStop,
-        *,
-        had_tracking: bool = False,
-        on_progress: Callable[[str], None] = lambda _what: None,
-    ) -> dict[str, Any]:
+    def _ready_halt(self) -> Halt:
         self._ready()
         assert self._halt is not None
-        return self._halt.end_motion(after_stop, had_tracking=had_tracking, on_progress=on_progress)
+        return self._halt
 
     def _track(self, is_on: bool) -> bool | None:
         """Tracking on or off, and whether it is then; None for a mount that does not tell."""
@@ -336,7 +320,7 @@ class MountChild:
         self._refuse_if_overtaken(order)
         self._ready()[1].order_begins()
         if self._watch is not None:
-            self._watch.let_tracking()
+            self._watch.hold_tracking(None)
             self._watch.measure_stop(None)
 
     def _is_overtaken(self, order: dict[str, Any]) -> bool:
@@ -375,18 +359,26 @@ class MountChild:
     def _switch(self, name: str, member: str) -> Vector:
         client, _ = self._ready()
         before = client.send_switch(name, member)
-        return self._expect(
-            client.wait(name, lambda _: True, self._answer_s, before), f"set {name}", before
-        )
+        return self._expect(name, f"set {name}", before)
 
     def _await_report(self, answered: int) -> None:
         """The simulated mount reports behind every answer: wait, so that nobody sees it older."""
         if self._is_simulated:
             self._ready()[0].wait(COORDINATES, lambda _: True, self._answer_s, answered)
 
-    def _expect(self, answer: Vector | None, what: str, before: int) -> Vector:
-        """``before``: the number of the last update before the order. Raises InstrumentError."""
+    def _expect(
+        self,
+        name: str,
+        what: str,
+        before: int,
+        is_answer: Callable[[Vector], bool] = lambda _: True,
+    ) -> Vector:
+        """The property with which the driver answers an order; raises InstrumentError for none.
+
+        ``before``: the number of the last update before the order.
+        """
         client, _ = self._ready()
+        answer = client.wait(name, is_answer, self._answer_s, before)
         if answer is None:
             raise InstrumentError(
                 f"the mount did not {what} in {self._answer_s:.0f} s: "

@@ -1,4 +1,4 @@
-"""What an INDI mount says of itself, and how it is measured to move where the two differ.
+"""The state of an INDI mount: its properties, and its measured motion where the two differ.
 
 A driver's state is a claim. Where the reported directions tell how the mount moves, that counts.
 """
@@ -14,18 +14,21 @@ from typing import Any
 from rsoconsole.base import InstrumentError
 from rsoconsole.instruments.indi.indi_client import IndiClient, Vector
 from rsoconsole.instruments.indi.indi_wire import IndiWire
-from rsoconsole.instruments.indi.reported_motion import POLLING, ReportedMotion
+from rsoconsole.instruments.indi.reported_motion import (
+    ABORT,
+    COORDINATES,
+    PARK,
+    POLLING,
+    TRACKING,
+    ReportedMotion,
+)
 from rsoconsole.instruments.motion import AfterStop, Motion, tracking_after_stop
 from rsoconsole.instruments.ports import MountAbilities
 from rsoconsole.sky import hours_to_deg, iso_to_utc_ns, jnow_to_icrs, wrap_180
 
-COORDINATES = "EQUATORIAL_EOD_COORD"
-PARK = "TELESCOPE_PARK"
-TRACKING = "TELESCOPE_TRACK_STATE"
 SIDE = "TELESCOPE_PIER_SIDE"
 TIME = "TIME_UTC"
 SITE = "GEOGRAPHIC_COORD"
-ABORT = "TELESCOPE_ABORT_MOTION"
 OFFERED = (ABORT, TRACKING, PARK, SIDE, SITE, TIME)
 """Properties that not every driver has."""
 SILENT_SLEW_S = 10.0
@@ -37,7 +40,7 @@ _NS = 1_000_000_000
 
 
 class MountMirror:
-    """The mount as last heard of."""
+    """The mount by the last values of its properties, and by its measured motion."""
 
     def __init__(
         self,
@@ -61,7 +64,7 @@ class MountMirror:
 
     @property
     def motion(self) -> Motion:
-        """As measured.
+        """The motion as measured.
 
         A driver that no longer looks at a parked mount leaves its coordinates as they are: those
         would look as if it tracked.
@@ -75,36 +78,36 @@ class MountMirror:
 
     @property
     def abilities(self) -> MountAbilities:
-        """What the driver offers."""
+        """The abilities of the driver."""
 
         return abilities_by({name for name in OFFERED if self._client.get(name) is not None})
 
     @property
     def says_parked(self) -> bool:
-        """It is parked, by its driver's word."""
+        """True when the driver says that the mount is parked."""
         park = self._client.get(PARK)
         return park is not None and park.state != "Busy" and bool(park.values.get("PARK"))
 
     @property
     def is_parked(self) -> bool:
-        """It says so, and is not measured to slew."""
+        """True when the driver says so and the mount is not measured to slew."""
         return self.says_parked and not self.motion.is_fast
 
     @property
     def is_parking(self) -> bool:
-        """It is on its way there."""
+        """True while the driver says that the mount is on its way to its park position."""
         park = self._client.get(PARK)
         return park is not None and park.state == "Busy"
 
     @property
     def says_moving(self) -> bool:
-        """It slews or parks, by its driver's word."""
+        """True while the driver says that the mount slews or parks."""
         coordinates = self._client.get(COORDINATES)
         return self.is_parking or (coordinates is not None and coordinates.state == "Busy")
 
     @property
     def is_moving(self) -> bool:
-        """It slews, or is on its way to its park position: measured, or else by its word."""
+        """True while the mount slews or parks: as measured, or else by the driver's word."""
         motion = self.motion
         if motion.is_fast:
             return True
@@ -113,18 +116,18 @@ class MountMirror:
 
     @property
     def is_slewing(self) -> bool:
-        """It moves, and not to its park position."""
+        """True while the mount moves, and not to its park position."""
         return self.is_moving and not self.is_parking and not self.is_parked
 
     @property
     def says_tracking(self) -> bool:
-        """It tracks, by its driver's word; a mount that tells nothing of it does."""
+        """True when the driver says that the mount tracks, and where it says nothing of that."""
         tracking = self._client.get(TRACKING)
         return not self.says_parked and (tracking is None or bool(tracking.values.get("TRACK_ON")))
 
     @property
     def is_tracking(self) -> bool:
-        """It is measured to track, or else says so."""
+        """True when the mount is measured to track, or else says so."""
         motion = self.motion
         return motion.kind == "tracks" if motion.is_at_rest else self.says_tracking
 
@@ -136,7 +139,7 @@ class MountMirror:
         return int(sim_time.values["UTC_NS"]) if sim_time is not None else 0
 
     def tracking_after(self, after_stop: AfterStop) -> bool | None:
-        """What is to become of tracking if motion is stopped now; None: left as it is."""
+        """Whether tracking is to be on after a STOP now; None: left as it is."""
         return tracking_after_stop(
             after_stop,
             was_slewing=self.is_slewing,
@@ -216,7 +219,7 @@ class MountMirror:
 
 
 def abilities_by(properties: Collection[str]) -> MountAbilities:
-    """What an INDI driver offers that has defined these properties."""
+    """The abilities of an INDI driver that has defined these properties."""
     return MountAbilities(
         can_abort=ABORT in properties,
         can_park=PARK in properties,
@@ -240,17 +243,16 @@ _HELD_UP_S = 0.6
 _AGAIN_S = 2.0
 
 
-class MountEar:
-    """Asks where nothing has been told for a while, on a thread of its own."""
+class CoordinatePoller:
+    """Asks a silent driver for the mount's coordinates, on a thread of its own."""
 
     def __init__(self, host: str, port: int, device: str, motion: ReportedMotion) -> None:
         """``motion`` hears the answers; what the driver tells by itself comes another way."""
         self._host, self._port, self._device, self._motion = host, port, device, motion
-        self._thread = threading.Thread(target=self._run, daemon=True, name="ear")
 
     def start(self) -> None:
         """Begin to listen."""
-        self._thread.start()
+        threading.Thread(target=self._run, daemon=True, name="coordinate poller").start()
 
     def _run(self) -> None:
         while True:
@@ -271,9 +273,9 @@ class MountEar:
             vector = wire.wait(lambda each: each.device == self._device, _LOOK_S)
             now_s = time.monotonic()
             if now_s - looked_s > _HELD_UP_S:
-                self._motion.held_up()
+                self._motion.reset_after_delay()
             looked_s = now_s
             if vector is not None and vector.is_definition:
                 self._motion.take(vector)
-            if self._motion.wants_word():
+            if self._motion.needs_query():
                 wire.ask(self._device, COORDINATES)

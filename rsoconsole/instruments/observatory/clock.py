@@ -2,7 +2,7 @@
 
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
@@ -13,8 +13,8 @@ from rsoconsole.base import InstrumentError, LongWait
 from rsoconsole.config import APP, Config, WaitsConfig
 from rsoconsole.instruments.clock_watch import ClockReadings, ClockWatch
 from rsoconsole.instruments.indi.indi_wire import IndiVector, IndiWire
-from rsoconsole.instruments.indi.safety_monitor import open_safety_monitor
-from rsoconsole.instruments.observatory.protocols import Connection, camera_by, mount_by
+from rsoconsole.instruments.indi.safety_monitor import IndiSafetyMonitor
+from rsoconsole.instruments.observatory.protocols import ProtocolContext, camera_by, mount_by
 from rsoconsole.instruments.ports import Clock, ClockFault, Instruments
 
 CLOCK_DEVICE = "Simulated Clock"
@@ -59,22 +59,20 @@ class SystemClock:
     is_simulated = False
     speed = 1.0
 
-    def __init__(self, read: Callable[[], ClockReadings] = read_clocks) -> None:
-        """``read``: where the readings come from."""
-        self._read = read
+    def __init__(self) -> None:
         self._wake = threading.Event()
-        self._watch = ClockWatch(read())
+        self._watch = ClockWatch(read_clocks())
         self._faults: list[ClockFault] = []
         self._looking = threading.Lock()
         self._is_over = threading.Event()
-        threading.Thread(target=self._look_on, daemon=True, name="clock").start()
+        threading.Thread(target=self._run, daemon=True, name="clock").start()
 
     def now_utc_ns(self) -> int:
         """The present instant."""
         return utc_now_ns()
 
     def take_faults(self) -> tuple[ClockFault, ...]:
-        """What has gone wrong with time since this was last asked, up to now."""
+        """Faults of the clock since the last call, up to now."""
         self._look()
         with self._looking:
             taken, self._faults = tuple(self._faults), []
@@ -85,7 +83,7 @@ class SystemClock:
         """False while this clock does not run as fast as the others."""
         return self._watch.is_steady
 
-    def _look_on(self) -> None:
+    def _run(self) -> None:
         while not self._is_over.wait(_LOOK_EVERY_S):
             if self._look():
                 self._wake.set()
@@ -93,7 +91,7 @@ class SystemClock:
     def _look(self) -> bool:
         """Whether something has happened."""
         with self._looking:
-            found = self._watch.look(self._read())
+            found = self._watch.look(read_clocks())
             self._faults += found
         return bool(found)
 
@@ -151,7 +149,7 @@ class SimulatedClock:
 
     @staticmethod
     def take_faults() -> tuple[ClockFault, ...]:
-        """Nobody sets this one."""
+        """No faults: nobody sets this clock."""
         return ()
 
     def wait_until(self, t_utc_ns: int) -> bool:
@@ -199,7 +197,12 @@ class SimulatedClock:
 
     def _answer(self, tag: str, timeout_s: float) -> IndiVector | None:
         deadline_s = time.monotonic() + timeout_s
-        is_answer = _advance_answer(tag)
+
+        def is_answer(vector: IndiVector) -> bool:
+            if vector.name != "SIM_ADVANCE" or vector.is_definition:
+                return False
+            return vector.state == "Alert" or vector.values.get("TAG") == tag
+
         while (left_s := deadline_s - time.monotonic()) > 0:
             answer = self._wire.wait(is_answer, min(left_s, _WAKE_EVERY_S))
             if answer is not None:
@@ -207,15 +210,6 @@ class SimulatedClock:
             if self._wake.is_set():
                 self._wire.new("Switch", CLOCK_DEVICE, "SIM_INTERRUPT", {"INTERRUPT": "On"})
         return None
-
-
-def _advance_answer(tag: str) -> Callable[[IndiVector], bool]:
-    def is_answer(vector: IndiVector) -> bool:
-        if vector.name != "SIM_ADVANCE" or vector.is_definition:
-            return False
-        return vector.state == "Alert" or vector.values.get("TAG") == tag
-
-    return is_answer
 
 
 @contextmanager
@@ -233,10 +227,10 @@ def connect_instruments(
     """
     folder = log_dir or platformdirs.user_log_path(APP)
     with ExitStack() as release:
-        connection = Connection(config=config, log_dir=folder)
-        mount = mount_by(connection)
+        context = ProtocolContext(config=config, log_dir=folder)
+        mount = mount_by(context)
         release.callback(mount.close)
-        camera = camera_by(connection)
+        camera = camera_by(context)
         release.callback(camera.close)
         with ThreadPoolExecutor(2) as both:
             starts = [both.submit(mount.start), both.submit(camera.start)]
@@ -250,7 +244,11 @@ def connect_instruments(
             )
             release.callback(own.close)
             clock = own
-        safety_monitor = open_safety_monitor(config.indi, release, config.waits)
+        safety_monitor = None
+        if config.indi.weather or config.indi.dome:
+            safety_monitor = IndiSafetyMonitor(config.indi, first_word_s=config.waits.quiet_s)
+            release.callback(safety_monitor.close)
+            safety_monitor.start()
         yield Instruments(
             clock=clock,
             mount=mount,

@@ -1,16 +1,16 @@
-"""Which code speaks to the mount and to the camera: INDI's, or that of an installed package.
+"""Protocols of mount and camera: INDI, or that of an installed package.
 
 A package brings a protocol as an entry point of group ``rsoconsole.mounts`` or
-``rsoconsole.cameras``: a callable that is given a ``Connection`` and returns something with the
-methods of ``MountPort`` or ``CameraPort`` (``instruments/ports.py``) and ``start()``. Its settings
-are ``[instruments.options]``.
+``rsoconsole.cameras``: a callable that is given a ``ProtocolContext`` and returns something with
+the methods of ``MountPort`` or ``CameraPort`` (``instruments/ports.py``). Its settings are
+``[instruments.options]``.
 """
 
 from collections.abc import Callable
 from dataclasses import dataclass
 from importlib.metadata import entry_points
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 from rsoconsole.base import InstrumentError
 from rsoconsole.config import Config
@@ -22,56 +22,42 @@ MOUNTS, CAMERAS = "rsoconsole.mounts", "rsoconsole.cameras"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Connection:
-    """What a protocol goes by."""
+class ProtocolContext:
+    """The configuration and the log folder, for the factory of a protocol."""
 
     config: Config
     log_dir: Path
-    """Where a process of its own may leave what its library prints."""
+    """Folder for what a library prints in a process of its own."""
 
 
-class StartedMount(MountPort, Protocol):
-    """A mount that is connected when it is told to."""
-
-    def start(self) -> None:
-        """Connect. Raises InstrumentError when the mount cannot be reached."""
-
-
-class StartedCamera(CameraPort, Protocol):
-    """A camera that is connected when it is told to."""
-
-    def start(self) -> None:
-        """Connect. Raises InstrumentError when the camera cannot be reached."""
-
-
-def mount_by(connection: Connection) -> StartedMount:
+def mount_by(context: ProtocolContext) -> MountPort:
     """The configured mount, not yet connected.
 
     Raises InstrumentError where no such protocol is installed or its package cannot be loaded.
     """
-    name = connection.config.instruments.mount
+    name = context.config.instruments.mount
     if name == "indi":
-        config = connection.config
-        return IndiMount(config.indi, connection.log_dir / "mount.log", config.mount, config.waits)
-    mount: StartedMount = _factory(MOUNTS, "mount", name)(connection)
+        config = context.config
+        return IndiMount(config.indi, context.log_dir / "mount.log", config.mount, config.waits)
+    mount: MountPort = _factory(MOUNTS, "mount", name)(context)
     return mount
 
 
-def camera_by(connection: Connection) -> StartedCamera:
+def camera_by(context: ProtocolContext) -> CameraPort:
     """The configured camera, not yet connected.
 
     Raises InstrumentError where no such protocol is installed or its package cannot be loaded.
     """
-    name = connection.config.instruments.camera
+    name = context.config.instruments.camera
     if name == "indi":
-        config, log_file = connection.config, connection.log_dir / "camera.log"
+        config, log_file = context.config, context.log_dir / "camera.log"
         return IndiCamera(config.indi, config.optics, log_file, config.waits)
-    camera: StartedCamera = _factory(CAMERAS, "camera", name)(connection)
+    camera: CameraPort = _factory(CAMERAS, "camera", name)(context)
     return camera
 
 
 def missing_protocol(config: Config) -> str | None:
-    """What is wrong with the configured names of protocols; None where both are installed."""
+    """The fault of a configured protocol's name, in words; None where both are installed."""
     named = (
         ("mount", MOUNTS, config.instruments.mount),
         ("camera", CAMERAS, config.instruments.camera),
@@ -85,12 +71,12 @@ def missing_protocol(config: Config) -> str | None:
     return None
 
 
-def _factory(group: str, kind: str, name: str) -> Callable[[Connection], Any]:
+def _factory(group: str, kind: str, name: str) -> Callable[[ProtocolContext], Any]:
     found = entry_points(group=group)
     for each in found:
         if each.name == name:
             try:
-                factory: Callable[[Connection], Any] = each.load()
+                factory: Callable[[ProtocolContext], Any] = each.load()
             except Exception as error:  # a vendor's library may fail in any way
                 raise InstrumentError(
                     f"the {kind} protocol {name!r} of {each.value} cannot be loaded: {error}"

@@ -31,12 +31,12 @@ class Table:
     row_bytes: int
     rows: int
     offset: int
-    """Of the first data byte in the file."""
+    """Place of the first data byte in the file."""
 
 
 @dataclass(frozen=True, slots=True)
 class IndexHeader:
-    """What the headers of an index file promise."""
+    """The headers of an index file."""
 
     cards: dict[str, str]
     """Primary header, keyword to value as written (strings without their quotes)."""
@@ -67,7 +67,7 @@ def read_header(path: Path) -> IndexHeader:
 
 def dec_limits_deg(path: Path, header: IndexHeader) -> tuple[float, float]:
     """Least and greatest declination in an even sample of the stars, good to about 0.1 deg."""
-    low, _, scale = _star_range(path, header)
+    low, scale = _star_range(path, header)
     data = header.table("kdtree_data_stars")
     step = max(1, data.rows // _SAMPLE)
     packed = np.memmap(path, "<u4", "r", offset=data.offset, shape=(data.rows, 3))
@@ -75,12 +75,12 @@ def dec_limits_deg(path: Path, header: IndexHeader) -> tuple[float, float]:
     return math.degrees(math.asin(z.min())), math.degrees(math.asin(z.max()))
 
 
-def _star_range(path: Path, header: IndexHeader) -> tuple[FloatArray, FloatArray, float]:
+def _star_range(path: Path, header: IndexHeader) -> tuple[FloatArray, float]:
     table = header.table("kdtree_range_stars")
     values = np.fromfile(path, "<f8", count=7, offset=table.offset)
     if values.size != 7 or not np.isfinite(values).all() or values[6] <= 0:
         raise SolverError(f"{path} is damaged: install it again")
-    return values[:3], values[3:6], float(values[6])
+    return values[:3], float(values[6])
 
 
 def _read_cards(stream: BinaryIO, path: Path) -> dict[str, str]:

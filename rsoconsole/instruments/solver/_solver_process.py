@@ -20,13 +20,6 @@ MAX_SOLVERS = 4
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Ready:
-    """First word of the process: it can search, or why it never will."""
-
-    error: str = ""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
 class MatchRequest:
     """One search."""
 
@@ -43,11 +36,11 @@ class MatchRequest:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MatchReply:
-    """What came of it."""
+    """The result of one search."""
 
     request_id: int
     error: str = ""
-    """What the native library said, where it could not search at all."""
+    """Fault of the native library, or of the process; empty for none."""
     wcs_cards: dict[str, Any] | None = None
     """FITS cards of the quad's plate; None when nothing matched."""
     stars: tuple[tuple[float, float, float], ...] = ()
@@ -67,7 +60,12 @@ def main(socket_fd: int) -> None:
                 os._exit(0)
 
     threading.Thread(target=listen, daemon=True).start()
-    _say(connection, Ready(error=_why_useless()))
+    try:
+        import astrometry  # noqa: F401 - loaded now, so that the first search does not wait
+    except ImportError as error:
+        _say(connection, str(error))
+    else:
+        _say(connection, "")
     searcher = Searcher()
     while True:
         request = requests.get()
@@ -78,15 +76,8 @@ def main(socket_fd: int) -> None:
         _say(connection, reply)
 
 
-def _why_useless() -> str:
-    try:
-        import astrometry  # noqa: F401 - loaded now, so that the first search does not wait
-    except ImportError as error:
-        return str(error)
-    return ""
-
-
-def _say(connection: Connection, word: Ready | MatchReply) -> None:
+def _say(connection: Connection, word: str | MatchReply) -> None:
+    """A reply, or as the first word why the process never will search; empty where it can."""
     try:
         connection.send(word)
     except OSError:

@@ -5,6 +5,7 @@ Files of the 4100 series (Tycho-2): number n holds star quads of ``QUAD_ARCMIN[n
 data.astrometry.net through the ``astrometry`` package, and, for |dec| <= 12 deg, with rsoconsole.
 """
 
+import functools
 import math
 import os
 import shutil
@@ -12,11 +13,10 @@ import tempfile
 import threading
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
-from functools import lru_cache
 from pathlib import Path
 
 from rsoconsole.base import SolverError, resource, said_as
-from rsoconsole.config import SolverConfig, data_dir
+from rsoconsole.config import data_dir
 from rsoconsole.instruments.solver._index_fits import dec_limits_deg, read_header
 
 QUAD_ARCMIN = (
@@ -24,7 +24,7 @@ QUAD_ARCMIN = (
     *(240.0, 340.0, 480.0, 680.0, 1000.0, 1400.0, 2000.0),
 )
 SERIES_SCALES = range(7, 20)
-"""What exists of the series: Tycho-2 has too few stars for smaller quads."""
+"""Numbers of the series that exist: Tycho-2 has too few stars for smaller quads."""
 _LITTLE_ENDIAN = "04:03:02:01"
 SYSTEM_DIR = Path("/usr/share/astrometry")
 
@@ -34,13 +34,13 @@ class IndexFile:
     """One index file as found on disk."""
 
     path: Path
-    scale: int | None
-    """Its number in the series; None for files of another one."""
-    quad_deg: tuple[float, float]
+    scale: int | None = None
+    """Number in the series; None for files of another one."""
+    quad_deg: tuple[float, float] = (0.0, 0.0)
     """Least and greatest size of its star quads."""
-    dec_deg: tuple[float, float]
+    dec_deg: tuple[float, float] = (0.0, 0.0)
     """Declinations of its stars."""
-    size_bytes: int
+    size_bytes: int = 0
     fault: str = ""
     """Empty when the file is complete."""
 
@@ -50,9 +50,14 @@ class IndexFile:
         return not self.fault
 
     @property
+    def dec_span_deg(self) -> float:
+        """Range of its stars' declinations."""
+        return self.dec_deg[1] - self.dec_deg[0]
+
+    @property
     def is_whole_sky(self) -> bool:
         """True when it reaches from pole to pole."""
-        return self.dec_deg[1] - self.dec_deg[0] > 150.0
+        return self.dec_span_deg > 150.0
 
     def covers(self, dec_icrs_deg: float, radius_deg: float = 0.0) -> bool:
         """Whether fields around that declination may lie on its sky, whole or in part."""
@@ -64,7 +69,7 @@ class IndexFile:
 
 
 def user_index_dir() -> Path:
-    """Where ``rsoconsole index install`` puts files."""
+    """Folder into which ``rsoconsole index install`` puts files."""
     return data_dir() / "index"
 
 
@@ -81,11 +86,6 @@ def search_dirs(configured: Sequence[Path] = ()) -> tuple[Path, ...]:
         SYSTEM_DIR,
         shipped_index_dir(),
     )
-
-
-def config_search_dirs(config: SolverConfig) -> tuple[Path, ...]:
-    """``search_dirs`` of a configuration."""
-    return search_dirs(config.index_dirs)
 
 
 def list_index_files(dirs: Iterable[Path]) -> tuple[IndexFile, ...]:
@@ -130,14 +130,14 @@ def wanted_numbers(short_arcmin: float) -> tuple[int, ...]:
 
 
 def series_name(number: int) -> str:
-    """What the index files of a number are called at data.astrometry.net: 5204, 4107.
+    """Name of the index files of a number at data.astrometry.net: 5204, 4107.
 
     Tycho-2 (4100) ends where its stars get too few; Gaia's (5200) go on.
     """
     return f"{41 if number in SERIES_SCALES else 52}{number:02d}"
 
 
-def missing_for(
+def missing_numbers(
     files: Sequence[IndexFile],
     *,
     short_arcmin: float,
@@ -154,7 +154,7 @@ def missing_for(
 
 
 def missing_words(numbers: Sequence[int]) -> str:
-    """How to get these index files; empty for none."""
+    """Remedy for missing index files, in words; empty for none."""
     parts = []
     if finer := [series_name(n) for n in numbers if n not in SERIES_SCALES]:
         parts.append(
@@ -187,13 +187,9 @@ def choose_index_files(
             continue
         key: object = file.scale if file.scale is not None else file.path.name
         rival = chosen.get(key)
-        if rival is None or _sky(file) > _sky(rival) + 0.5:
+        if rival is None or file.dec_span_deg > rival.dec_span_deg + 0.5:
             chosen[key] = file
     return tuple(sorted(chosen.values(), key=lambda f: (f.quad_deg, f.path.name)))
-
-
-def _sky(file: IndexFile) -> float:
-    return file.dec_deg[1] - file.dec_deg[0]
 
 
 def examine(path: Path) -> IndexFile:
@@ -201,18 +197,19 @@ def examine(path: Path) -> IndexFile:
     try:
         state = path.stat()
     except OSError as error:
-        return _faulty(path, 0, f"cannot be read: {error.strerror}")
+        return IndexFile(path=path, fault=f"cannot be read: {error.strerror}")
     return _examine_once(path, state.st_size, state.st_mtime_ns)
 
 
-@lru_cache(maxsize=256)
+@functools.lru_cache(maxsize=256)
 def _examine_once(path: Path, size: int, _mtime_ns: int) -> IndexFile:
+    faulty = functools.partial(IndexFile, path=path, size_bytes=size)
     try:
         header = read_header(path)
         if size < header.expected_size:
-            return _faulty(path, size, f"truncated: {size} of {header.expected_size} bytes")
+            return faulty(fault=f"truncated: {size} of {header.expected_size} bytes")
         if header.cards.get("ENDIAN") != _LITTLE_ENDIAN:
-            return _faulty(path, size, "written for another byte order: get the littleendian one")
+            return faulty(fault="written for another byte order: get the littleendian one")
         dec_low, dec_high = dec_limits_deg(path, header)
         if dec_high - dec_low > 150.0:
             dec_low, dec_high = -90.0, 90.0  # few stars lie near the poles
@@ -225,13 +222,7 @@ def _examine_once(path: Path, size: int, _mtime_ns: int) -> IndexFile:
             size_bytes=size,
         )
     except (SolverError, ValueError, KeyError) as error:
-        return _faulty(path, size, str(error))
-
-
-def _faulty(path: Path, size: int, fault: str) -> IndexFile:
-    return IndexFile(
-        path=path, scale=None, quad_deg=(0.0, 0.0), dec_deg=(0.0, 0.0), size_bytes=size, fault=fault
-    )
+        return faulty(fault=str(error))
 
 
 def _scale_number(quad_low_deg: float) -> int | None:

@@ -17,13 +17,13 @@ import numpy as np
 
 from rsoconsole.base import FrameError, SolverError
 from rsoconsole.config import WaitsConfig
-from rsoconsole.instruments.solver._solver_child import SolverChild, SolverDied, SolverTimeout
+from rsoconsole.instruments.solver._solver_child import SolverChild
 from rsoconsole.instruments.solver._solver_process import MatchReply, MatchRequest
 from rsoconsole.instruments.solver.index_files import (
     IndexFile,
     choose_index_files,
     list_index_files,
-    missing_for,
+    missing_numbers,
     missing_words,
     search_dirs,
     series_name,
@@ -53,12 +53,12 @@ _KNOWN_SCALE = 3.0
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SolveHint:
-    """What is known of a field beforehand; None is not known."""
+    """Position and scale of a field as far as they are known; None where not."""
 
     ra_icrs_deg: float | None = None
     dec_icrs_deg: float | None = None
     radius_deg: float = 3.0
-    """How far the field's centre may be from there."""
+    """Largest distance of the field's centre from there."""
     scale_low_arcsec_px: float | None = None
     scale_high_arcsec_px: float | None = None
 
@@ -226,7 +226,7 @@ class PlateSolver:
         if len(rows) < MIN_STARS:
             return f"{len(rows)} stars, {MIN_STARS} needed"
         files = self._files_for(hint, *size_px)
-        finer = self._finer_words(hint, *size_px)
+        finer = self._missing_index_words(hint, *size_px)
         if not files:
             return _no_index_reason(hint, finer)
         request = MatchRequest(
@@ -237,15 +237,10 @@ class PlateSolver:
             position_deg=hint.position_deg,
             depths=_DEPTHS,
         )
-        try:
-            reply = self._child.ask(request, deadline_s)
-        except SolverTimeout:
-            return f"no match within {deadline_s:g} s; the solver was restarted"
-        except SolverDied:
-            return "the solver process died; it was restarted"
+        reply = self._child.ask(request, deadline_s)
         if reply.wcs_cards is not None:
             return reply
-        return reply.error or f"no match for {len(rows)} stars{_searched(hint, files)}{finer}"
+        return reply.error or f"no match for {len(rows)} stars{_search_words(hint, files)}{finer}"
 
     def missing_index(self, hint: SolveHint, width_px: int, height_px: int) -> tuple[int, ...]:
         """Numbers of index files that a field of the hinted scale wants and that are not there.
@@ -255,14 +250,14 @@ class PlateSolver:
         low, high = hint.scale_arcsec_px
         if high > _KNOWN_SCALE * low:
             return ()
-        return missing_for(
+        return missing_numbers(
             self._files,
             short_arcmin=min(width_px, height_px) * math.sqrt(low * high) / 60.0,
             dec_icrs_deg=hint.dec_icrs_deg if hint.position_deg else None,
             radius_deg=hint.radius_deg,
         )
 
-    def _finer_words(self, hint: SolveHint, width_px: int, height_px: int) -> str:
+    def _missing_index_words(self, hint: SolveHint, width_px: int, height_px: int) -> str:
         """Which index files the field wants that are not there; for the end of a sentence."""
         low, high = hint.scale_arcsec_px
         if high > _KNOWN_SCALE * low:
@@ -354,7 +349,7 @@ def as_star_rows(stars: FloatArray | StarList) -> FloatArray:
     return rows[np.argsort(-rows[:, 2], kind="stable")]
 
 
-def _searched(hint: SolveHint, files: tuple[IndexFile, ...]) -> str:
+def _search_words(hint: SolveHint, files: tuple[IndexFile, ...]) -> str:
     """Where it was looked, for the operator to see what to widen."""
     low, high = hint.scale_arcsec_px
     numbers = ", ".join(str(f.scale if f.scale is not None else f.path.name) for f in files)

@@ -34,9 +34,9 @@ from rsoconsole.session import (
     LedgerTrack,
     SessionReader,
     change_ledger,
-    kept,
+    keep_change,
     ledger_path,
-    taken_back,
+    withdraw_change,
 )
 from rsoconsole.words import NS_PER_S
 
@@ -152,14 +152,14 @@ def keep(
         found: list[Change] = []
         for each in named:
             if ledger.number_of(session, each.track_id or 0) is not None:
-                found.append(taken_back(session, each.track_id or 0))
+                found.append(withdraw_change(session, each.track_id or 0))
                 back.append(each.number)
         numbers = _numbers(session, ledger, ready, done)
         for (each, arc), orbit, number in zip(ready, orbits, numbers, strict=True):
             before = [known for known in ledger.objects if known.number == number]
             track = _ledger_track(folder, each, arc, is_simulated=is_simulated)
             known = _ledger_orbit(arc, orbit, before[0] if before else None, session)
-            found.append(kept(number, replace(track, orbit=known)))
+            found.append(keep_change(number, replace(track, orbit=known)))
         return found
 
     if not ready and not named:

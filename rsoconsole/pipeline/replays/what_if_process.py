@@ -97,7 +97,7 @@ class WhatIfProcess:
     def __init__(self, idle_s: float = IDLE_S) -> None:
         """``idle_s``: without a question for so long the process ends; the next one starts it."""
         self._idle_s = idle_s
-        self._child: ChildProcess | None = None
+        self._child = ChildProcess(_MODULE, is_group_of_its_own=True)
         self._idle: threading.Timer | None = None
         self._lock = threading.Lock()
         self._is_closed = False
@@ -105,8 +105,7 @@ class WhatIfProcess:
     @property
     def pid(self) -> int | None:
         """Of the process while there is one."""
-        child = self._child
-        return None if child is None else child.pid
+        return self._child.pid
 
     def start(self) -> None:
         """Have the process ready before the first question; that one says where it cannot be."""
@@ -148,12 +147,7 @@ class WhatIfProcess:
     def _started(self) -> Connection:
         if self._is_closed:
             raise SessionError("no effect is computed any more: the console closes")
-        if self._child is not None:
-            if self._child.pid is not None:
-                return self._child.connection
-            self._end()
-        self._child = ChildProcess(_MODULE, is_group_of_its_own=True)
-        return self._child.connection
+        return self._child.start()
 
     def _end_when_idle(self) -> None:
         if self._idle is not None:
@@ -168,12 +162,10 @@ class WhatIfProcess:
                 self._end()
 
     def _end(self) -> None:
-        child, self._child = self._child, None
         if self._idle is not None:
             self._idle.cancel()
             self._idle = None
-        if child is not None:
-            child.end()
+        self._child.end()
 
 
 def main(socket_fd: int) -> None:

@@ -1,4 +1,4 @@
-"""What tells whether a session is still what was written: hashes of files, the digest of a log.
+"""Integrity of a session: hashes of its files, the digest of its log, and what a check found.
 
 The digest is SHA-256 over one line a record, in order of ``seq``, each ended by a line feed:
 ``seq|t_utc_ns|kind|frame_id|body`` in UTF-8, integers in decimal, ``frame_id`` empty where it is
@@ -17,7 +17,7 @@ from pathlib import Path, PurePosixPath
 from typing import Any, Literal, TypeAlias
 
 from rsoconsole.session.log.database import LOG_ROWS, transaction
-from rsoconsole.session.log.worker import is_written
+from rsoconsole.session.log.liveness import is_being_written
 
 META_KEY = "log_digest"
 
@@ -34,12 +34,12 @@ class LogDigest:
     records: int
 
     def to_json(self) -> str:
-        """As the table ``meta`` carries it."""
+        """JSON for the table ``meta``."""
         return json.dumps({"sha256": self.sha256, "records": self.records})
 
     @classmethod
     def from_meta(cls, meta: Mapping[str, Any]) -> "LogDigest | None":
-        """As the session carries it; None for one that is not closed."""
+        """The digest in a session's table ``meta``; None where it is not closed."""
         found = meta.get(META_KEY)
         if not isinstance(found, dict):
             return None
@@ -61,7 +61,7 @@ class Digester:
         self._records += 1
 
     def result(self) -> LogDigest:
-        """Of all that was taken."""
+        """The digest of the rows added so far."""
         return LogDigest(sha256=self._hash.hexdigest(), records=self._records)
 
 
@@ -79,7 +79,7 @@ def digest_log(connection: sqlite3.Connection) -> LogDigest:
 
 
 def mark_closed(connection: sqlite3.Connection) -> None:
-    """Say in ``meta`` that the session is complete, with the digest of its log, in one commit.
+    """Mark in ``meta`` that the session is complete, with the digest of its log, in one commit.
 
     ``connection`` is in autocommit mode. Raises sqlite3.Error.
     """
@@ -101,7 +101,7 @@ _CHUNK_BYTES_BESIDE_DATA = 12
 """Length, type and CRC. Source: PNG specification (ISO/IEC 15948), 5.3."""
 
 
-def found_row(path: str, role: str, frame_id: int, content: bytes) -> tuple[object, ...]:
+def stray_file_row(path: str, role: str, frame_id: int, content: bytes) -> tuple[object, ...]:
     """The row of the table ``files`` for a file that was found without one."""
     return frame_id, role, path, len(content), None, None, sha256_of(content)
 
@@ -173,7 +173,7 @@ class Finding:
 
 @dataclass(slots=True, kw_only=True)
 class Verification:
-    """What was looked at in one session, and what was found."""
+    """The result of checking one session."""
 
     session: Path
     state: State = "unreadable"
@@ -184,7 +184,7 @@ class Verification:
     """Files whose bytes were read."""
     bytes: int = 0
     digest: Digest = "none"
-    """Of the log; none: it is not closed."""
+    """Result for the log; none: it is not closed."""
     findings: list[Finding] = field(default_factory=list)
 
     @property
@@ -193,15 +193,15 @@ class Verification:
         return all(found.severity != "damage" for found in self.findings)
 
     def damage(self, place: str, what: str, remedy: str = FROM_COPY) -> None:
-        """Something of the record is lost or changed."""
+        """Add a finding: something of the record is lost or changed."""
         self._add("damage", place, what, remedy)
 
     def leftover(self, place: str, what: str, remedy: str = REPAIR) -> None:
-        """Something waits to be repaired; nothing is lost."""
+        """Add a finding: something waits to be repaired; nothing is lost."""
         self._add("leftover", place, what, remedy)
 
     def remark(self, place: str, what: str, remedy: str = NOTHING_TO_DO) -> None:
-        """Something is good to know."""
+        """Add a finding that is good to know."""
         self._add("remark", place, what, remedy)
 
     def _add(self, severity: Severity, place: str, what: str, remedy: str) -> None:
@@ -209,7 +209,7 @@ class Verification:
 
 
 def state_of(about: Mapping[str, Any]) -> State:
-    """What the session's table ``meta`` says of its end."""
+    """Whether a session is closed, live or cut off, by its table ``meta``."""
     if about.get("is_closed") is True:
         return "closed"
-    return "live" if is_written(about) else "cut off"
+    return "live" if is_being_written(about) else "cut off"

@@ -1,4 +1,4 @@
-"""What was done to a session after its night, on record beside it: ``upkeep.jsonl``, and KEEP.
+"""Notes on a session's upkeep after its night, beside it: ``upkeep.jsonl``, and KEEP.
 
 The database is the night's own and is not written for the house's sake. Anyone who repairs, prunes
 or archives a session adds a line to ``upkeep.jsonl``: a JSON object with ``t_utc``, ``verb`` and
@@ -59,7 +59,7 @@ def add_note(folder: Path, verb: str, t_utc_ns: int, details: Mapping[str, Any])
 
 
 def pruned_on(notes: Iterable[Note]) -> dict[str, str]:
-    """When each pruned file went, ISO 8601 UTC, by its path in the session's folder."""
+    """Instant at which each pruned file went, ISO 8601 UTC, by its path in the session's folder."""
     return {
         str(path): str(note.get("t_utc"))
         for note in notes

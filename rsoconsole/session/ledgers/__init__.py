@@ -1,1 +1,1 @@
-"""What is kept across nights: tracks that no catalogue explains, and what elements were off."""
+"""Ledgers across nights: tracks that no catalogue explains, and errors of elements."""

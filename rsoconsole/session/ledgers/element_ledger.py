@@ -12,14 +12,14 @@ from typing import Any
 from rsoconsole.config import state_dir
 from rsoconsole.orbits import ElementRow
 from rsoconsole.session.log.codec import from_json_value
-from rsoconsole.session.log.line_file import LineFile, Lines, objects_of
+from rsoconsole.session.log.line_file import Change, LineFile, Lines
 
 FORMAT = 1
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ElementLedger:
-    """What holds."""
+    """The rows that hold."""
 
     rows: tuple[ElementRow, ...] = ()
     """In order of time."""
@@ -28,7 +28,7 @@ class ElementLedger:
 
 
 def element_ledger_path(*, is_simulated: bool = False) -> Path:
-    """Where this user's rows lie; simulated nights have a file of their own."""
+    """Path of this user's element ledger; simulated nights have a file of their own."""
     return state_dir() / ("elements-simulated.jsonl" if is_simulated else "elements.jsonl")
 
 
@@ -46,25 +46,17 @@ def keep_rows(
     Returns the ledger, and where a damaged file was moved. Raises SessionError where the file
     cannot be written, and where another writer takes too long.
     """
-    file = _file(path)
 
-    def step(lines: Lines) -> tuple[Sequence[int], Sequence[Mapping[str, Any]]]:
-        before = _folded(file, lines)
+    def step(before: ElementLedger) -> list[Change]:
         known = {each.key: each for each in before.rows}
         kept = {each.key for each in rows}
         gone = [key for key in known if key[0] in sessions and key not in kept]
-        return before.unreadable, [
+        return [
             *({"did": "taken back", "session": key[0], "track": key[1]} for key in gone),
             *({"did": "kept", "row": asdict(row)} for row in rows if known.get(row.key) != row),
         ]
 
-    lines, aside = file.change(step)
-    return _folded(file, lines), aside
-
-
-def element_damage_words(ledger: ElementLedger, path: Path) -> str:
-    """What is wrong with it, and what comes of that; empty for a whole one."""
-    return _file(path).damage_words(ledger.unreadable)
+    return _file(path).change(_folded, step)
 
 
 def _file(path: Path) -> LineFile:
@@ -77,8 +69,6 @@ def _folded(file: LineFile, lines: Lines) -> ElementLedger:
 
     def take(said: Mapping[str, Any]) -> None:
         match said["did"]:
-            case "begun":
-                file.expect_format(said["format"])
             case "kept":
                 row = _row(said["row"])
                 rows[row.key] = row
@@ -87,7 +77,7 @@ def _folded(file: LineFile, lines: Lines) -> ElementLedger:
             case _:
                 raise ValueError(f"{said['did']!r} is nothing that a ledger says")
 
-    bad = objects_of(lines, take)
+    bad = file.read(lines, take)
     return ElementLedger(
         rows=tuple(sorted(rows.values(), key=lambda each: (each.t_utc_ns, each.key))),
         unreadable=bad,

@@ -13,7 +13,7 @@ from typing import Any
 from rsoconsole.base import SessionError
 from rsoconsole.config import state_dir
 from rsoconsole.session.log.codec import from_json_value
-from rsoconsole.session.log.line_file import LineFile, Lines, objects_of
+from rsoconsole.session.log.line_file import Change, LineFile, Lines
 
 FORMAT = 1
 _MAX_NAME = 40
@@ -46,7 +46,7 @@ class LedgerTrack:
     session: str
     """Name of its folder."""
     folder: str
-    """Where that was."""
+    """Path of that folder."""
     track_id: int
     latitude_deg: float
     longitude_deg: float
@@ -55,7 +55,7 @@ class LedgerTrack:
     t_last_utc_ns: int
     observations: int
     t_utc_ns: int
-    """Of the direction and its rates, the middle of the track."""
+    """Instant of the direction and its rates, the middle of the track."""
     ra_icrs_deg: float
     dec_icrs_deg: float
     rate_east_arcsec_s: float
@@ -81,7 +81,7 @@ class LedgerObject:
 
     @property
     def called(self) -> str:
-        """As it is shown."""
+        """Name as it is shown."""
         return self.name or f"UCT {self.number}"
 
     @property
@@ -92,7 +92,7 @@ class LedgerObject:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Ledger:
-    """What holds."""
+    """The uncatalogued objects that hold."""
 
     objects: tuple[LedgerObject, ...] = ()
     """By number."""
@@ -110,7 +110,7 @@ class Ledger:
         raise SessionError(f"the ledger has no UCT {number}; there are: {known}")
 
     def without(self, session: str) -> "Ledger":
-        """What other sessions left."""
+        """The ledger without the tracks of a session."""
         objects = []
         for each in self.objects:
             tracks = tuple(track for track in each.tracks if track.session != session)
@@ -119,41 +119,37 @@ class Ledger:
         return replace(self, objects=tuple(objects))
 
     def number_of(self, session: str, track_id: int) -> int | None:
-        """Of the object that a track was kept as."""
+        """Number of the object that a track was kept as; None where it was not."""
         for each in self.objects:
             if any((t.session, t.track_id) == (session, track_id) for t in each.tracks):
                 return each.number
         return None
 
 
-Change = Mapping[str, Any]
-"""A line: one of ``kept``, ``renamed`` and ``forgotten``."""
-
-
 def ledger_path(*, is_simulated: bool = False) -> Path:
-    """Where this user's ledger lies; simulated nights have one of their own."""
+    """Path of this user's ledger; simulated nights have one of their own."""
     return state_dir() / ("ledger-simulated.jsonl" if is_simulated else "ledger.jsonl")
 
 
-def kept(number: int, track: LedgerTrack) -> Change:
-    """A track of an object, new or known."""
+def keep_change(number: int, track: LedgerTrack) -> Change:
+    """Change: a track is kept, of an object that is new or known."""
     return {"did": "kept", "number": number, "track": asdict(track)}
 
 
-def renamed(number: int, name: str) -> Change:
-    """The operator's name for it. Raises SessionError for one that cannot be shown."""
+def rename_change(number: int, name: str) -> Change:
+    """Change: an object gets a name. Raises SessionError for one that cannot be shown."""
     if len(name) > _MAX_NAME or not name.isprintable():
         raise SessionError(f"a name has at most {_MAX_NAME} characters, all of them printable")
     return {"did": "renamed", "number": number, "name": name.strip()}
 
 
-def forgotten(number: int) -> Change:
-    """It is listed and matched no more; its lines stay in the file."""
+def forget_change(number: int) -> Change:
+    """Change: an object is listed and matched no more; its lines stay in the file."""
     return {"did": "forgotten", "number": number}
 
 
-def taken_back(session: str, track_id: int) -> Change:
-    """A track that has got a catalogued name since."""
+def withdraw_change(session: str, track_id: int) -> Change:
+    """Change: a track is taken back, because it has got a catalogued name since."""
     return {"did": "taken back", "session": session, "track_id": track_id}
 
 
@@ -161,11 +157,6 @@ def read_ledger(path: Path | None = None) -> Ledger:
     """The ledger as it is; an empty one where there is none. Raises SessionError."""
     file = _file(path or ledger_path())
     return _folded(file, file.lines())
-
-
-def damage_words(ledger: Ledger, path: Path) -> str:
-    """What is wrong with it, and what comes of that; empty for a whole one."""
-    return _file(path).damage_words(ledger.unreadable)
 
 
 def change_ledger(
@@ -176,14 +167,7 @@ def change_ledger(
     Nobody else writes meanwhile. Returns the ledger, and where a damaged file was moved. Raises
     SessionError where another writer takes too long, and where the file cannot be written.
     """
-    file = _file(path or ledger_path())
-
-    def step(lines: Lines) -> tuple[Sequence[int], Sequence[Change]]:
-        before = _folded(file, lines)
-        return before.unreadable, change(before)
-
-    lines, aside = file.change(step)
-    return _folded(file, lines), aside
+    return _file(path or ledger_path()).change(_folded, change)
 
 
 def _file(path: Path) -> LineFile:
@@ -200,8 +184,6 @@ def _folded(file: LineFile, lines: Lines) -> Ledger:
     def take(said: Mapping[str, Any]) -> None:
         nonlocal highest
         match said["did"]:
-            case "begun":
-                file.expect_format(said["format"])
             case "kept":
                 track = _track(said["track"])
                 tracks[track.session, track.track_id] = (_whole(said["number"]), track)
@@ -215,7 +197,7 @@ def _folded(file: LineFile, lines: Lines) -> Ledger:
                 raise ValueError(f"{said['did']!r} is nothing that a ledger says")
         highest = max(highest, said.get("number", 0))
 
-    bad = objects_of(lines, take)
+    bad = file.read(lines, take)
     by_number: dict[int, list[LedgerTrack]] = {}
     for number, track in tracks.values():
         if number not in gone:

@@ -36,7 +36,7 @@ def encode(record: Record) -> tuple[str, int | None, str]:
     kind = type(record).__name__
     if KINDS.get(kind) is not type(record):
         raise SessionError(f"{kind} is not a record of a session")
-    body = json.dumps(_plain(record, kind), separators=(",", ":"))
+    body = json.dumps(to_json_value(record, kind), separators=(",", ":"))
     return kind, getattr(record, "frame_id", None), body
 
 
@@ -55,23 +55,21 @@ def decode(kind: str, body: str) -> Record:
     return decoded
 
 
-def to_json_value(value: Any, where: str = "value") -> Any:
-    """``value`` as JSON carries it: dicts, lists, strings, finite numbers, None.
-
-    Raises SessionError naming the place of what does not fit.
-    """
-    return _plain(value, where)
-
-
 def from_json_value(hint: Any, value: Any) -> Any:
-    """What ``to_json_value`` was given, of the type ``hint``.
+    """A value of the type ``hint`` from the JSON that ``to_json_value`` made of it.
 
     Raises ValueError, TypeError or KeyError for what is none.
     """
     return _decoder(hint)(value)
 
 
-def _plain(value: Any, where: str) -> Any:  # noqa: PLR0911 -- one case a type
+def to_json_value(  # noqa: PLR0911 -- one case a type
+    value: Any, where: str = "value"
+) -> Any:
+    """``value`` as JSON carries it: dicts, lists, strings, finite numbers, None.
+
+    Raises SessionError naming the place of what does not fit.
+    """
     if value is None or isinstance(value, (bool, str)):
         return value
     if isinstance(value, np.generic):
@@ -85,9 +83,9 @@ def _plain(value: Any, where: str) -> Any:  # noqa: PLR0911 -- one case a type
             raise SessionError(f"{where} does not fit into 64 bits")
         return value
     if isinstance(value, (tuple, list)):
-        return [_plain(item, where) for item in value]
+        return [to_json_value(item, where) for item in value]
     if isinstance(value, Mapping):
-        return {str(key): _plain(item, f"{where}.{key}") for key, item in value.items()}
+        return {str(key): to_json_value(item, f"{where}.{key}") for key, item in value.items()}
     if isinstance(value, Reason):
         # For people who read the log by SQL; no program reads it back.
         return {**_members(value, where), "text": text(value)}
@@ -98,7 +96,7 @@ def _plain(value: Any, where: str) -> Any:  # noqa: PLR0911 -- one case a type
 
 def _members(value: Any, where: str) -> dict[str, Any]:
     return {
-        f.name: _plain(getattr(value, f.name), f"{where}.{f.name}")
+        f.name: to_json_value(getattr(value, f.name), f"{where}.{f.name}")
         for f in fields(value)
         if OFF_RECORD not in f.metadata
     }

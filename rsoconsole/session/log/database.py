@@ -9,14 +9,15 @@ import sqlite3
 import time
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from rsoconsole.base import PART, sync_folder
+from rsoconsole.base import PART, sync_folder, write_durably
 from rsoconsole.session.log.schema import (
     APPLICATION_ID,
+    CONFIG,
     DATABASE,
+    FOLDERS,
     JOURNAL,
     SCHEMA_VERSION,
     WAL,
@@ -44,7 +45,7 @@ _INDEXES = (
 )
 
 
-def bound(connection: sqlite3.Connection, path: Path) -> None:
+def limit_work(connection: sqlite3.Connection, path: Path) -> None:
     """End whatever asks for more than a file of this size explains, and refuse huge rows.
 
     SQLite then raises OperationalError with the code SQLITE_INTERRUPT, or DataError.
@@ -66,7 +67,7 @@ def is_interrupted(error: BaseException) -> bool:
 
 
 def computed_part(connection: sqlite3.Connection) -> str | None:
-    """What of the tables is none or computes something, in words; None where all is plain.
+    """Why the tables cannot be trusted: one is missing or computes values; None where all is plain.
 
     Raises sqlite3.Error.
     """
@@ -101,7 +102,7 @@ class Database(sqlite3.Connection):
     """
 
     def execute(self, sql: str, parameters: Any = (), /) -> sqlite3.Cursor:
-        """As of any connection."""
+        """Execute a statement; an unreadable schema is a sqlite3.DatabaseError."""
         try:
             return super().execute(sql, parameters)
         except UnicodeDecodeError as error:
@@ -144,7 +145,7 @@ def connect_to_read(path: Path, *, is_immutable: bool = False) -> sqlite3.Connec
     connection = sqlite3.connect(
         f"{path.resolve().as_uri()}?{mode}", uri=True, timeout=2.0, factory=Database
     )
-    bound(connection, path)
+    limit_work(connection, path)
     try:
         connection.execute("SELECT 1 FROM sqlite_master LIMIT 1").fetchall()
     except sqlite3.Error:
@@ -191,6 +192,17 @@ def create_database(path: Path, facts: Mapping[str, Any]) -> None:
         connection.close()
 
 
+def lay_out_session(folder: Path, config_toml: bytes, facts: Mapping[str, Any]) -> None:
+    """Fill a session's folder, which is there: its sub-folders, configuration and database.
+
+    Raises OSError, ValueError or sqlite3.Error.
+    """
+    for name in FOLDERS.values():
+        (folder / name).mkdir(exist_ok=True)
+    write_durably(folder / CONFIG, config_toml)
+    create_database(folder / DATABASE, facts)
+
+
 def leave_wal(path: Path, timeout_s: float) -> None:
     """Fold the write-ahead log into the database, so that it is one file any reader can open.
 
@@ -217,18 +229,12 @@ def leave_wal(path: Path, timeout_s: float) -> None:
 _MAGIC = b"SQLite format 3\x00"
 
 
-@dataclass(slots=True)
-class _Seen:
-    identity: tuple[int, int]
-    size: int
-
-
-class LogPlace:
-    """The database and its write-ahead log, as they were when last looked at."""
+class LogFileWatch:
+    """Watch over the database and its write-ahead log: removed, replaced, cut, overwritten."""
 
     def __init__(self, database: Path) -> None:
         self._paths = {"log": database, "write-ahead log": database.with_name(WAL)}
-        self._seen: dict[str, _Seen] = {}
+        self._before: dict[str, os.stat_result] = {}
         self._descriptor: int | None = None
         with contextlib.suppress(OSError):
             self._descriptor = os.open(database, os.O_RDONLY | os.O_CLOEXEC)
@@ -244,10 +250,10 @@ class LogPlace:
 
     def forget_wal(self) -> None:
         """The connection is closed: SQLite removes the write-ahead log itself then."""
-        self._seen.pop("write-ahead log", None)
+        self._before.pop("write-ahead log", None)
 
     def damage(self, has_all: Callable[[], bool]) -> str | None:
-        """What has become of them since the first look, in words; None where all is well.
+        """The damage to the files since the first look, in words; None where there is none.
 
         ``has_all``: whether a reader finds every record; asked where the write-ahead log is
         shorter, which is so after somebody has had SQLite fold it into the database, too.
@@ -256,18 +262,18 @@ class LogPlace:
             try:
                 found = path.stat()
             except FileNotFoundError:
-                if name in self._seen:
+                if name in self._before:
                     return f"the session's {name} has been removed"
                 continue
             except OSError as error:
                 return f"the session's {name} cannot be seen: {error.strerror}"
-            known = self._seen.setdefault(name, _Seen((found.st_dev, found.st_ino), found.st_size))
-            if known.identity != (found.st_dev, found.st_ino):
+            before = self._before.setdefault(name, found)
+            if not os.path.samestat(before, found):
                 return f"the session's {name} has been replaced"
-            is_folded = found.st_size < known.size and path.name == WAL and has_all()
-            if found.st_size < known.size and not is_folded:
+            is_folded = found.st_size < before.st_size and path.name == WAL and has_all()
+            if found.st_size < before.st_size and not is_folded:
                 return f"the session's {name} has been cut short"
-            known.size = found.st_size
+            self._before[name] = found
         return self._overwritten()
 
     def _overwritten(self) -> str | None:

@@ -10,7 +10,7 @@ import os
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol, TypeVar
 
 from rsoconsole.base import SessionError, json_of, lock_file, said_as, sync_folder, write_durably
 
@@ -19,13 +19,24 @@ _WAIT_S = 20.0
 _MAX_BYTES = 200_000_000
 
 Lines = Sequence[bytes]
-Step = Callable[[Lines], tuple[Sequence[int], Sequence[Mapping[str, Any]]]]
-"""From the lines to the numbers of those that cannot be read, and what is to be added."""
+Change = Mapping[str, Any]
+"""A line to be added: ``did`` names the change."""
+
+
+class Folded(Protocol):
+    """The state that all lines of a file add up to."""
+
+    @property
+    def unreadable(self) -> tuple[int, ...]:
+        """Numbers of the lines that cannot be read, from 1."""
+
+
+F = TypeVar("F", bound=Folded)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LineFile:
-    """One such file, there or not."""
+    """One file of lines, which need not exist yet."""
 
     path: Path
     called: str
@@ -33,7 +44,7 @@ class LineFile:
     format: int
 
     def lines(self) -> list[bytes]:
-        """All of them; none where there is no file. Raises SessionError."""
+        """All lines; none where there is no file. Raises SessionError."""
         with said_as(SessionError, f"{self.called} {self.path} cannot be read: "):
             try:
                 if self.path.stat().st_size > _MAX_BYTES:
@@ -42,11 +53,14 @@ class LineFile:
             except FileNotFoundError:
                 return []
 
-    def change(self, step: Step) -> tuple[list[bytes], Path | None]:
-        """Add what ``step`` makes of the lines, on the disk when this returns.
+    def change(
+        self, fold: Callable[["LineFile", Lines], F], step: Callable[[F], Sequence[Change]]
+    ) -> tuple[F, Path | None]:
+        """Add what ``step`` makes of what holds, on the disk when this returns.
 
-        Nobody else writes meanwhile. Returns the lines, and where a damaged file was moved. Raises
-        SessionError where another writer takes too long, and where the file cannot be written.
+        Nobody else writes meanwhile. Returns what holds then, and where a damaged file was moved.
+        Raises SessionError where another writer takes too long, and where the file cannot be
+        written.
         """
         with said_as(
             SessionError,
@@ -56,28 +70,36 @@ class LineFile:
             self.path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
             with _locked(self.path):
                 lines = self.lines()
-                unreadable, changes = step(lines)
-                aside = self._moved_aside(lines, unreadable) if unreadable else None
+                before = fold(self, lines)
+                changes = step(before)
+                aside = self._moved_aside(lines, before.unreadable) if before.unreadable else None
                 added = [json.dumps(each, allow_nan=False) for each in changes]
                 if added:
                     self._append(added)
-                return self.lines(), aside
+                return fold(self, self.lines()), aside
 
-    def expect_format(self, found: object) -> None:
-        """Raises SessionError for a file that a later version has written."""
-        if isinstance(found, int) and found > self.format:
-            raise SessionError(f"{self.called} is of a later rsoconsole: update this one")
+    def read(self, lines: Lines, take: Callable[[Mapping[str, Any]], None]) -> tuple[int, ...]:
+        """Give each line but the first to ``take`` as an object.
 
-    def damage_words(self, unreadable: Sequence[int]) -> str:
-        """What is wrong with it, and what comes of that; empty for a whole one."""
-        if not unreadable:
-            return ""
-        first, count = unreadable[0], len(unreadable)
-        which = f"line {first}" if count == 1 else f"{count} lines, {first} the first,"
-        return (
-            f"{self.path}: {which} cannot be read; all others hold, and the file is moved aside as"
-            " it is when something is kept next"
-        )
+        Returns the numbers of those that cannot be read: ``take`` raises ValueError, KeyError or
+        TypeError for one that says nothing that it knows. Raises SessionError for a file that a
+        later version has written.
+        """
+        bad = []
+        for place, line in enumerate(lines, start=1):
+            if not line.strip():
+                continue
+            try:
+                said = json_of(line.decode("utf-8"))
+                if not isinstance(said, dict):
+                    raise TypeError("no object")
+                if said["did"] != "begun":
+                    take(said)
+                elif isinstance(said["format"], int) and said["format"] > self.format:
+                    raise SessionError(f"{self.called} is of a later rsoconsole: update this one")
+            except (ValueError, LookupError, TypeError, AttributeError, ArithmeticError):
+                bad.append(place)
+        return tuple(bad)
 
     @property
     def _begun(self) -> str:
@@ -108,23 +130,16 @@ class LineFile:
         return aside
 
 
-def objects_of(lines: Lines, take: Callable[[Mapping[str, Any]], None]) -> tuple[int, ...]:
-    """Give each line to ``take`` as an object; the numbers of those that cannot be read.
-
-    ``take`` raises ValueError, KeyError or TypeError for one that says nothing that it knows.
-    """
-    bad = []
-    for place, line in enumerate(lines, start=1):
-        if not line.strip():
-            continue
-        try:
-            said = json_of(line.decode("utf-8"))
-            if not isinstance(said, dict):
-                raise TypeError("no object")
-            take(said)
-        except (ValueError, LookupError, TypeError, AttributeError, ArithmeticError):
-            bad.append(place)
-    return tuple(bad)
+def damage_words(unreadable: Sequence[int], path: Path) -> str:
+    """The damage to a file of lines in words, and what comes of it; empty for a whole one."""
+    if not unreadable:
+        return ""
+    first, count = unreadable[0], len(unreadable)
+    which = f"line {first}" if count == 1 else f"{count} lines, {first} the first,"
+    return (
+        f"{path}: {which} cannot be read; all others hold, and the file is moved aside as"
+        " it is when something is kept next"
+    )
 
 
 @contextlib.contextmanager

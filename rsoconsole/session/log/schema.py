@@ -16,17 +16,17 @@ DATABASE = "session.db"
 WAL = f"{DATABASE}-wal"
 JOURNAL = f"{DATABASE}-journal"
 BESIDE_DATABASE = (WAL, JOURNAL, f"{DATABASE}-shm")
-"""What SQLite keeps beside the database while it is written, or after it was cut off."""
+"""Files that SQLite keeps beside the database while it is written, or after it was cut off."""
 CONFIG = "config.toml"
 WORLD = "world.toml"
-"""What was imperfect about a simulated night."""
+"""Settings of the simulated observatory of a simulated night."""
 BRANCHES = "branches"
 """Folder of what others derive from the session: never part of its record."""
 
 FOLDERS: Mapping[str, str] = MappingProxyType(
     {"frame": "frames", "preview": "previews", "closeup": "closeups"}
 )
-"""Where the files of each role lie."""
+"""Folder of the files of each role."""
 _ENDINGS = {"frame": ".fits.fz", "preview": ".png", "closeup": ".png"}
 _NUMBERED = re.compile(r"(?P<folder>[a-z]+)/(?P<frame_id>\d{6,})(?P<ending>(\.[a-z]+)+)")
 
@@ -78,7 +78,7 @@ VIEWS = tuple(TABLES)
 
 
 def file_name(role: str, frame_id: int) -> str:
-    """Where a file of this role lies in the session's folder, as the table ``files`` has it."""
+    """Path of a file of this role in the session's folder, as the table ``files`` has it."""
     return f"{FOLDERS[role]}/{frame_id:06d}{_ENDINGS[role]}"
 
 
@@ -94,11 +94,11 @@ def role_of(path: str) -> tuple[str, int] | None:
 
 
 def select_of(name: str) -> str:
-    """What a public view selects."""
+    """SQL that selects the rows of a public view."""
     table = TABLES[name]
     columns = ["seq", "t_utc_ns", "log.frame_id AS frame_id"]
     columns += [f"{_value(table, column)} AS {column.name}" for column in table.own]
-    columns += [f"{_SUPERSEDED} AS {SUPERSEDED.name}"] * table.is_followed_again
+    columns += [f"{_SUPERSEDED} AS {SUPERSEDED.name}"] * table.may_be_superseded
     parts = f", json_each(body, '$.{table.parts}') AS one" if table.parts else ""
     files = _WITH_FILES if any(column.source == "files" for column in table.own) else ""
     kind = table.kind.__name__

@@ -43,7 +43,7 @@ from rsoconsole.session.log.schema import (
     WAL,
     select_of,
 )
-from rsoconsole.session.reading._plausible import LAST_UTC_NS, expect_plausible
+from rsoconsole.session.reading._plausibility import LAST_UTC_NS, expect_plausible
 from rsoconsole.words import utc_ns_to_iso
 
 PAGE_RECORDS = 500
@@ -74,7 +74,7 @@ def expect_schema(folder: Path, version: int) -> None:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Counts:
-    """How much a session holds."""
+    """Numbers of records and frames of a session, and its first and last instant."""
 
     records: int
     frames: int
@@ -110,10 +110,22 @@ class SessionReader:
         As long as it reads, a live session cannot fold its log. It is ended where it asks for more
         than the database's size explains.
         """
-        return self._open()
+        connection = self._opened()
+        try:
+            computed = computed_part(connection)
+        except sqlite3.Error as error:
+            connection.close()
+            raise self._damaged(error) from error
+        if computed:
+            connection.close()
+            raise SessionError(
+                f"{self.folder} is no session of this program: {computed}; what its tables hold"
+                f" 'rsoconsole sessions repair {self.folder}' saves"
+            )
+        return connection
 
     def about(self) -> dict[str, Any]:
-        """What the session said of itself when it began: config, model_sha256, versions and so on.
+        """The session's table ``meta``: config, model_sha256, versions and so on.
 
         ``is_closed`` is False for a session that is live or was cut off. Raises SessionError where
         that cannot be read.
@@ -191,7 +203,7 @@ class SessionReader:
         """The rows of one of the public views, in order of the log."""
         if name not in VIEWS:
             raise SessionError(f"a session has no view {name!r}; it has {', '.join(VIEWS)}")
-        with closing(self._open()) as connection:
+        with closing(self.connect()) as connection:
             try:
                 cursor = connection.execute(f"{select_of(name)} ORDER BY seq")
                 columns = [column[0] for column in cursor.description]
@@ -301,26 +313,11 @@ class SessionReader:
         return path if is_own else None
 
     def _fetch(self, sql: str, values: tuple[Any, ...] = ()) -> list[tuple[Any, ...]]:
-        with closing(self._open()) as connection:
+        with closing(self.connect()) as connection:
             try:
                 return connection.execute(sql, values).fetchall()
             except sqlite3.Error as error:
                 raise self._damaged(error) from error
-
-    def _open(self) -> sqlite3.Connection:
-        connection = self._opened()
-        try:
-            computed = computed_part(connection)
-        except sqlite3.Error as error:
-            connection.close()
-            raise self._damaged(error) from error
-        if computed:
-            connection.close()
-            raise SessionError(
-                f"{self.folder} is no session of this program: {computed}; what its tables hold"
-                f" 'rsoconsole sessions repair {self.folder}' saves"
-            )
-        return connection
 
     def _opened(self) -> sqlite3.Connection:
         try:
@@ -333,16 +330,12 @@ class SessionReader:
                 if _is_busy(error) or not self._is_left():
                     raise
             # What a cut has left can only be finished by writing: in a copy, as readers write not.
-            self._database = self._finished_copy()
+            scratch = Path(mkdtemp(prefix="rsoconsole-"))  # as long as this reader
+            weakref.finalize(self, shutil.rmtree, scratch, ignore_errors=True)
+            self._database = finish_copy(self.folder, scratch)
             return connect_to_read(self._database)
         except (sqlite3.Error, OSError) as error:
             raise self._damaged(error) from error
-
-    def _finished_copy(self) -> Path:
-        """The database in a scratch folder, which lasts as long as this reader."""
-        scratch = Path(mkdtemp(prefix="rsoconsole-"))
-        weakref.finalize(self, shutil.rmtree, scratch, ignore_errors=True)
-        return finish_copy(self.folder, scratch)
 
     def _is_unfinished(self) -> bool:
         """Whether part of the database lies in a file beside it, where a cut has left it."""
@@ -406,22 +399,14 @@ def _known(table: Any) -> Any:
 
 
 def clock_notes(reader: SessionReader) -> tuple[str, ...]:
-    """When and what, a line each, in order; empty for a night of one steady clock.
+    """Faults of the machine's clock: the instant and what happened, a line each, in order.
+
+    Empty for a night of one steady clock.
 
     Raises SessionError where the session cannot be read.
     """
     return tuple(
-        clock_note(t_utc_ns, record)
+        f"{utc_ns_to_iso(t_utc_ns, 0)} {record.text.partition(': ')[0]}"
         for _, t_utc_ns, record in reader.records(kinds=(Event,))
-        if isinstance(record, Event) and is_clock_fault(record)
+        if isinstance(record, Event) and record.topic == "clock" and record.level != "info"
     )
-
-
-def is_clock_fault(event: Event) -> bool:
-    """Whether it tells of one."""
-    return event.topic == "clock" and event.level != "info"
-
-
-def clock_note(t_utc_ns: int, event: Event) -> str:
-    """The instant and what happened, without what the engine made of it."""
-    return f"{utc_ns_to_iso(t_utc_ns, 0)} {event.text.partition(': ')[0]}"

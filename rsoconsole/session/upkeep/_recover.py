@@ -1,4 +1,4 @@
-"""What can be saved of a session whose database is damaged, as a new session beside it.
+"""Recovery of a session whose database is damaged, into a new session beside it.
 
 The damaged one is only copied from. Its rows are read twice: by SQLite itself around the pages that
 it cannot read, and page by page, which finds rows that no table leads to any more.
@@ -18,8 +18,8 @@ from typing import Any
 
 from rsoconsole.base import PART, SessionError, json_of, read_foreign, sync_folder, toml_of
 from rsoconsole.session.files.digest import META_KEY as DIGEST_KEY
-from rsoconsole.session.files.digest import Row, content_fault, found_row, mark_closed
-from rsoconsole.session.files.holdings import FolderHoldings
+from rsoconsole.session.files.digest import Row, content_fault, mark_closed, stray_file_row
+from rsoconsole.session.files.session_files import FolderFiles
 from rsoconsole.session.files.upkeep_log import add_note
 from rsoconsole.session.log.codec import KINDS, decode
 from rsoconsole.session.log.database import (
@@ -27,11 +27,11 @@ from rsoconsole.session.log.database import (
     INSERT_RECORD,
     LOG_COLUMNS,
     Database,
-    bound,
     computed_part,
     connect_to_write,
     create_database,
     leave_wal,
+    limit_work,
     transaction,
 )
 from rsoconsole.session.log.pages import MAGIC, Fields, Pages
@@ -50,7 +50,7 @@ from rsoconsole.session.reading.reader import SessionReader, expect_schema
 
 RECOVERED = ".recovered"
 PAGE_BYTES = 4096
-"""What SQLite reads at a time, and disks too."""
+"""Bytes that SQLite reads at a time, and disks too."""
 MAX_DEAD_ROWS = 20_000
 """Unreadable records in a row that count as the end of the log."""
 MAX_GROWTH = 1000
@@ -128,24 +128,20 @@ def _save_log(folder: Path, target: Path) -> tuple[int, int]:
         for name in (DATABASE, WAL, JOURNAL):
             if (folder / name).exists():
                 _copy_readable(folder / name, Path(scratch) / name)
-        # SQLite's own reading comes last, and wins; it may fold the log, so the pages come first.
-        parts = [_scanned(copy, Path(scratch) / WAL)]
+        # Now: SQLite may fold the log into the database. What it reads itself wins.
+        pages = Pages(copy, Path(scratch) / WAL)
         _fill_up(copy)
-        parts.append(_walked(copy))
-    log: dict[int, Row] = {}
-    meta: dict[str, str] = {}
-    files: dict[tuple[int, str], tuple[Any, ...]] = {}
-    for part in parts:
-        log.update(part.log)
-        meta.update(part.meta)
-        files.update(part.files)
-    if not log and not meta:
+        read = _Read({}, {}, {})
+        _walk(copy, read)
+    _scan(pages, read)
+    log = read.log
+    if not log and not read.meta:
         raise OSError("no record and no fact can be read any more")
-    facts = {**_facts(meta, folder), "recovered_from": folder.name}
+    facts = {**_facts(read.meta, folder), "recovered_from": folder.name}
     create_database(target / DATABASE, facts)
     with closing(connect_to_write(target / DATABASE)) as connection, transaction(connection):
         connection.executemany(INSERT_RECORD, (log[seq] for seq in sorted(log)))
-        connection.executemany(INSERT_FILE, files.values())
+        connection.executemany(INSERT_FILE, read.files.values())
     return len(log), max(log, default=0) - len(log)
 
 
@@ -158,20 +154,18 @@ class _Read:
     files: dict[tuple[int, str], tuple[Any, ...]]
 
 
-def _walked(database: Path) -> _Read:
+def _walk(database: Path, read: _Read) -> None:
     """The rows that SQLite still reads, one by one around those it does not."""
-    read = _Read({}, {}, {})
-    try:
-        with closing(sqlite3.connect(database, factory=Database)) as connection:
-            bound(connection, database)
-            if computed_part(connection):
-                return read  # what its tables hold stands on the pages
-            for row in _log_around_damage(connection):
-                _take_log(read, row)
-            _take_rest(read, connection)
-    except sqlite3.Error:
-        pass
-    return read
+    with (
+        suppress(sqlite3.Error),
+        closing(sqlite3.connect(database, factory=Database)) as connection,
+    ):
+        limit_work(connection, database)
+        if computed_part(connection):
+            return  # what its tables hold stands on the pages
+        for row in _log_around_damage(connection):
+            _take_log(read, row)
+        _take_rest(read, connection)
 
 
 def _log_around_damage(connection: sqlite3.Connection) -> Iterator[tuple[Any, ...]]:
@@ -191,17 +185,15 @@ def _log_around_damage(connection: sqlite3.Connection) -> Iterator[tuple[Any, ..
             yield from connection.execute(sql.format("="), (seq,))
 
 
-def _scanned(database: Path, wal: Path) -> _Read:
+def _scan(pages: Pages, read: _Read) -> None:
     """The rows that still stand on some page, told apart by their shape."""
-    read = _Read({}, {}, {})
-    for rowid, fields in Pages(database, wal).rows():
+    for rowid, fields in pages.rows():
         if rowid is not None and len(fields) == _LOG_FIELDS:
             _take_log(read, (rowid, *fields[1:]))
         elif rowid is None and len(fields) == _META_FIELDS:
             _take_fact(read, fields)
         elif rowid is None and len(fields) == _FILES_FIELDS:
             _take_file(read, fields)
-    return read
 
 
 def _take_log(read: _Read, row: tuple[Any, ...]) -> None:
@@ -235,8 +227,10 @@ def _take_rest(read: _Read, connection: sqlite3.Connection) -> None:
 
 def _take_fact(read: _Read, row: Fields) -> None:
     key, value = row
-    if isinstance(key, str) and key.isidentifier() and _is_json(value):
-        read.meta.setdefault(key, str(value))
+    if isinstance(key, str) and key.isidentifier():
+        with suppress(TypeError, ValueError):
+            json_of(value)  # type: ignore[arg-type]
+            read.meta.setdefault(key, str(value))
 
 
 def _take_file(read: _Read, row: Fields) -> None:
@@ -253,14 +247,6 @@ def _take_file(read: _Read, row: Fields) -> None:
     if is_shaped:
         key = (int(frame_id or 0), str(role))
         read.files.setdefault(key, (frame_id, role, path, size, ms, reason, sha256))
-
-
-def _is_json(value: object) -> bool:
-    try:
-        json_of(value)  # type: ignore[arg-type]
-    except (TypeError, ValueError):
-        return False
-    return True
 
 
 def _facts(meta: dict[str, str], folder: Path) -> dict[str, Any]:
@@ -280,7 +266,7 @@ def _facts(meta: dict[str, str], folder: Path) -> dict[str, Any]:
 def _save_files(folder: Path, target: Path) -> int:
     """Bring the frames and pictures over, with rows for those that the table lost."""
     saved: dict[str, tuple[str, int]] = {}
-    for path in sorted(FolderHoldings(folder).sizes()):
+    for path in sorted(FolderFiles(folder).sizes()):
         if path in (DATABASE, *BESIDE_DATABASE) or path.endswith(PART):
             continue
         if path.startswith(f"{BRANCHES}/"):
@@ -297,7 +283,7 @@ def _save_files(folder: Path, target: Path) -> int:
             content = b"" if path in named else (target / path).read_bytes()
             if path in named or content_fault(path, content) is not None:
                 continue
-            connection.execute(INSERT_FILE, found_row(path, role, frame_id, content))
+            connection.execute(INSERT_FILE, stray_file_row(path, role, frame_id, content))
     return len(saved)
 
 

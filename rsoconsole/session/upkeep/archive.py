@@ -19,7 +19,7 @@ from typing import IO, TypeAlias
 
 from rsoconsole.base import PART, SessionError, sync_folder
 from rsoconsole.session.files.digest import Verification
-from rsoconsole.session.files.holdings import MANIFEST, FolderHoldings
+from rsoconsole.session.files.session_files import MANIFEST, FolderFiles
 from rsoconsole.session.files.upkeep_log import UPKEEP, add_note
 from rsoconsole.session.log.schema import BESIDE_DATABASE, DATABASE
 from rsoconsole.session.reading.reader import SessionReader
@@ -41,7 +41,7 @@ class Archive:
     files: int
     bytes: int
     verification: Verification
-    """Of the archive, as it lies on its disk."""
+    """The check of the archive, as it lies on its disk."""
     is_removed: bool
     """Whether the original was removed."""
 
@@ -62,7 +62,7 @@ def archive_session(
     """
     folder, out = Path(folder).resolve(), Path(out)
     target = out / f"{folder.name}.tar"
-    report = on_bytes or _report_nothing
+    report = on_bytes or (lambda _doing, _done, _total: None)
     _check_fit(folder, report)
     if target.exists():
         raise SessionError(f"{target} is there already: name another folder with --out")
@@ -118,7 +118,7 @@ def _check_fit(folder: Path, report: OnBytes) -> None:
 
 
 def _check_room(folder: Path, out: Path) -> None:
-    needed = ROOM * sum(FolderHoldings(folder).sizes().values())
+    needed = ROOM * sum(FolderFiles(folder).sizes().values())
     free = shutil.disk_usage(out).free
     if free < needed:
         raise OSError(f"{needed / 1e9:.1f} GB are needed, {free / 1e9:.1f} GB are free")
@@ -138,7 +138,7 @@ def _scratch_beside(beside: Path) -> Iterator[Path]:
 
 def _stage(folder: Path, scratch: Path, now_utc_ns: int) -> dict[str, Path]:
     """Where each file of the archive is taken from."""
-    sources = {path: folder / path for path in FolderHoldings(folder).sizes()}
+    sources = {path: folder / path for path in FolderFiles(folder).sizes()}
     for name in (*BESIDE_DATABASE, MANIFEST):
         sources.pop(name, None)
     with closing(SessionReader(folder).connect()) as connection:
@@ -177,7 +177,3 @@ def _add(tar: tarfile.TarFile, name: str, content: IO[bytes], mtime_s: float) ->
     member.mtime = int(mtime_s)
     tar.addfile(member, content)
     return member.size
-
-
-def _report_nothing(_doing: str, _done: int, _total: int) -> None:
-    return

@@ -28,20 +28,19 @@ from rsoconsole.session.log.database import (
     leave_wal,
     transaction,
 )
+from rsoconsole.session.log.liveness import is_being_written
 from rsoconsole.session.log.schema import DATABASE
-from rsoconsole.session.log.worker import is_written
 from rsoconsole.session.reading.reader import SessionReader
 from rsoconsole.session.upkeep.store import remove_folder
 from rsoconsole.session.upkeep.verify import page_faults
 from rsoconsole.session.writing.log_writer import rescue_places
 
 LEAVE_WAL_S = 3.0
-_AT_A_TIME = 1000
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Merged:
-    """What came from a rescue session into its session; the rescue is gone."""
+    """The result of merging a rescue session into its session; the rescue is gone."""
 
     rescue: Path
     session: Path
@@ -92,10 +91,12 @@ def merge_rescue(rescue: Path, now_utc_ns: int) -> Merged:
         raise SessionError(f"{rescue} does not say which session it is a rescue of")
     if session.resolve() == rescue.resolve():
         raise SessionError(f"{rescue} calls itself its own rescue")
-    source, target = SessionReader(rescue), _target(session)
+    source = SessionReader(rescue)
+    with raised_as(SessionError, "its session is gone or cannot be read: ", SessionError):
+        target = SessionReader(session)
     for reader in (source, target):
         about = reader.about()
-        if is_written(about):
+        if is_being_written(about):
             raise SessionError(f"{reader.folder} is being written: end its engine first")
         with closing(reader.connect()) as connection:
             if page_faults(connection):
@@ -109,11 +110,6 @@ def merge_rescue(rescue: Path, now_utc_ns: int) -> Merged:
         add_note(session, "merge", now_utc_ns, details)
     remove_folder(rescue)
     return Merged(rescue=rescue, session=session, records=records, files=files)
-
-
-def _target(session: Path) -> SessionReader:
-    with raised_as(SessionError, "its session is gone or cannot be read: ", SessionError):
-        return SessionReader(session)
 
 
 def _expect_sound_digest(target: SessionReader) -> None:
@@ -177,6 +173,4 @@ def _expect_all(source: SessionReader, target: SessionReader) -> None:
 
 def _rows(source: SessionReader, sql: str) -> Iterator[tuple[Any, ...]]:
     with closing(source.connect()) as connection:
-        cursor = connection.execute(sql)
-        while some := cursor.fetchmany(_AT_A_TIME):
-            yield from some
+        yield from connection.execute(sql)

@@ -11,12 +11,12 @@ from pathlib import Path
 from typing import Any
 
 from rsoconsole.base import PART, SessionError
-from rsoconsole.session.files.digest import content_fault, found_row, mark_closed
-from rsoconsole.session.files.holdings import FolderHoldings
+from rsoconsole.session.files.digest import content_fault, mark_closed, stray_file_row
+from rsoconsole.session.files.session_files import FolderFiles
 from rsoconsole.session.files.upkeep_log import add_note
 from rsoconsole.session.log.database import INSERT_FILE, connect_to_write, leave_wal, transaction
+from rsoconsole.session.log.liveness import is_being_written
 from rsoconsole.session.log.schema import BRANCHES, DATABASE, JOURNAL, WAL, role_of
-from rsoconsole.session.log.worker import is_written
 from rsoconsole.session.reading.reader import OtherSchemaError, SessionReader
 from rsoconsole.session.upkeep._recover import Recovered, recover_session
 from rsoconsole.session.upkeep.merge import (
@@ -31,28 +31,28 @@ from rsoconsole.session.upkeep.verify import page_faults
 
 @dataclass(slots=True, kw_only=True)
 class Repair:
-    """What was done to one session."""
+    """The result of repairing one session."""
 
     session: Path
     closed: bool = False
-    """It was cut off: its end is now marked, with the digest of its log."""
+    """True when a session that was cut off now has its end marked, with the digest of its log."""
     folded: bool = False
     """The write-ahead log went into the database."""
     adopted: list[str] = field(default_factory=list)
     """Files that were whole on the disk and not yet in the log."""
     removed: list[str] = field(default_factory=list)
-    """What was half written."""
+    """Half-written files that were removed."""
     left: dict[str, str] = field(default_factory=dict)
     """Files that were not adopted, and why not."""
     merged: list[Merged] = field(default_factory=list)
     """Rescue sessions that went back into their session, and are gone."""
     unmerged: dict[Path, str] = field(default_factory=dict)
-    """Those that did not, and why not."""
+    """Rescue sessions that were not merged, and why not."""
     recovered: Recovered | None = None
-    """Where the database was damaged: the new session with what could be saved."""
+    """The new session with what could be saved of a damaged database; None where it was sound."""
 
     @property
-    def did_anything(self) -> bool:
+    def has_changes(self) -> bool:
         """False where there was nothing to do."""
         done = self.closed or self.folded or bool(self.adopted or self.removed or self.merged)
         return done or (self.recovered is not None and self.recovered.is_new)
@@ -67,7 +67,7 @@ def repair_session(folder: Path, now_utc_ns: int) -> Repair:
     """
     folder = Path(folder)
     about = _readable_about(folder)
-    if is_written(about):
+    if is_being_written(about):
         raise SessionError(f"{folder} is being written, its engine lives: end the engine first")
     rescues = (folder,) if rescued_session(folder) is not None else rescues_of(folder)
     if _is_damaged(folder):
@@ -75,7 +75,7 @@ def repair_session(folder: Path, now_utc_ns: int) -> Repair:
         done.unmerged = dict.fromkeys(rescues, "the session's database is damaged")
         return done
     try:
-        done = _set_right(SessionReader(folder), about, now_utc_ns)
+        done = _repair(SessionReader(folder), about, now_utc_ns)
         _merge(rescues, done, now_utc_ns)
         return done
     except (sqlite3.Error, OSError) as error:
@@ -117,10 +117,10 @@ def _is_damaged(folder: Path) -> bool:
         return True
 
 
-def _set_right(reader: SessionReader, about: dict[str, Any], now_utc_ns: int) -> Repair:
+def _repair(reader: SessionReader, about: dict[str, Any], now_utc_ns: int) -> Repair:
     folder = reader.folder
     done = Repair(session=folder)
-    strays = _strays(reader, done)
+    strays = _stray_rows(reader, done)
     is_open = about.get("is_closed") is not True
     is_split = any((folder / name).exists() for name in (WAL, JOURNAL))
     if strays or is_open or is_split:
@@ -136,7 +136,7 @@ def _set_right(reader: SessionReader, about: dict[str, Any], now_utc_ns: int) ->
         leave_wal(folder / DATABASE, LEAVE_WAL_S)
         done.folded = is_split
     _remove_parts(folder, done)
-    if done.did_anything:
+    if done.has_changes:
         details: dict[str, Any] = {"closed": done.closed, "folded": done.folded}
         add_note(
             folder,
@@ -147,12 +147,12 @@ def _set_right(reader: SessionReader, about: dict[str, Any], now_utc_ns: int) ->
     return done
 
 
-def _strays(reader: SessionReader, done: Repair) -> dict[str, tuple[object, ...]]:
+def _stray_rows(reader: SessionReader, done: Repair) -> dict[str, tuple[object, ...]]:
     """Rows for whole frames and pictures that the table ``files`` does not know, by their path."""
     with closing(reader.connect()) as connection:
         known = {tuple(row) for row in connection.execute("SELECT role, frame_id FROM files")}
     found: dict[str, tuple[object, ...]] = {}
-    for path in sorted(FolderHoldings(reader.folder).sizes()):
+    for path in sorted(FolderFiles(reader.folder).sizes()):
         place = role_of(path)
         if place is None or place in known:
             continue
@@ -161,12 +161,12 @@ def _strays(reader: SessionReader, done: Repair) -> dict[str, tuple[object, ...]
         if fault is not None:
             done.left[path] = fault
         else:
-            found[path] = found_row(path, *place, content)
+            found[path] = stray_file_row(path, *place, content)
     return found
 
 
 def _remove_parts(folder: Path, done: Repair) -> None:
-    for path in sorted(FolderHoldings(folder).sizes()):
+    for path in sorted(FolderFiles(folder).sizes()):
         if path.endswith(PART) and not path.startswith(f"{BRANCHES}/"):
             (folder / path).unlink(missing_ok=True)
             done.removed.append(path)

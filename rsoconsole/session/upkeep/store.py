@@ -14,16 +14,16 @@ from typing import Literal, TypeAlias
 
 from rsoconsole.base import PART, SessionError, said_as, sample_resource, sync_folder
 from rsoconsole.session.files.digest import State, state_of
-from rsoconsole.session.files.holdings import folders_in, written_ns
+from rsoconsole.session.files.session_files import folders_in, written_ns
 from rsoconsole.session.files.upkeep_log import add_note, is_kept
+from rsoconsole.session.log.liveness import is_being_written
 from rsoconsole.session.log.schema import BRANCHES, DATABASE, SCHEMA_VERSION
-from rsoconsole.session.log.worker import is_written
 from rsoconsole.session.reading.reader import OtherSchemaError, SessionReader
 
 _MAX_TITLE = 40
-LOOKED_AT = 20
+MAX_SEARCHED = 20
 REMOVED = ".removed-"
-"""Before the name of a session's folder that is on its way out."""
+"""Prefix of the name of a session's folder that is being removed."""
 _FOLLOWED = """
 SELECT count(DISTINCT frame_id) FROM track WHERE step != 'predicted' AND NOT is_superseded
 """
@@ -66,7 +66,7 @@ class SessionSummary:
 
     @property
     def followed_share(self) -> float | None:
-        """Of all frames, those in which the object followed was measured, 0 to 1."""
+        """Share of the frames in which the object followed was measured, 0 to 1."""
         return self.followed_frames / self.frames if self.frames else None
 
 
@@ -98,13 +98,13 @@ def cut_off_session(root: Path, *, is_simulated: bool) -> Path | None:
     cut off. Raises SessionError when the root cannot be looked into.
     """
     folders = filter(_is_session, folders_in(root))
-    for folder in sorted(folders, key=written_ns, reverse=True)[:LOOKED_AT]:
+    for folder in sorted(folders, key=written_ns, reverse=True)[:MAX_SEARCHED]:
         try:
             about = SessionReader(folder).about()
         except SessionError:
             continue
         if about.get("is_simulated") is is_simulated:
-            is_over = about.get("is_closed") is True or is_written(about)
+            is_over = about.get("is_closed") is True or is_being_written(about)
             return None if is_over else folder
     return None
 
@@ -203,8 +203,8 @@ def size_bytes(folder: Path) -> int:
 SAMPLE_NAME = "sample-intelsat-14"
 
 
-def own_sample(root: Path) -> Path:
-    """Its copy among the sessions under ``root``, made now where there is none yet.
+def sample_copy(root: Path) -> Path:
+    """The sample session's copy among the sessions under ``root``, made where there is none yet.
 
     A copy, because what is derived from a session lies beside it. Raises SessionError.
     """
@@ -232,8 +232,8 @@ NS_PER_DAY = 86_400_000_000_000
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Policy:
-    """What may go; a session must be allowed to go by every rule that is set."""
+class PruningPolicy:
+    """Rules of pruning; a session goes only where every rule that is set allows it."""
 
     keep_days: float | None = None
     """Sessions younger than this are not touched."""
@@ -247,8 +247,8 @@ class Policy:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Step:
-    """What would become of one session."""
+class PruningStep:
+    """The plan for one session."""
 
     session: Path
     goes: bool
@@ -260,37 +260,40 @@ class Step:
     """Disk that is given back."""
 
 
-def plan_pruning(root: Path, policy: Policy, now_utc_ns: int) -> tuple[Step, ...]:
-    """What the policy would do with every session under ``root``, the oldest first.
+def plan_pruning(root: Path, policy: PruningPolicy, now_utc_ns: int) -> tuple[PruningStep, ...]:
+    """Plan what a policy does with every session under ``root``, the oldest first.
 
     Nothing is changed. A session is as old as its last record or its file, whichever is younger:
     the clock of a simulated night may stand years ago. Raises SessionError when the root cannot be
     looked into.
     """
-    ages = sorted(((_last_touched_ns(each), each) for each in list_sessions(root)), key=_by_age)
+    ages = [
+        (max(written_ns(each.folder), each.t_last_utc_ns or 0), each)
+        for each in list_sessions(root)
+    ]
+    ages.sort(key=lambda pair: pair[0])  # sessions of one age stay in order of name
     protected_from = len(ages) - (policy.keep_last or 0)
-    is_wanted = policy.free_bytes is not None
     missing = policy.free_bytes - _free_bytes(root) if policy.free_bytes is not None else 0
-    steps: list[Step] = []
+    steps: list[PruningStep] = []
     for place, (touched_ns, session) in enumerate(ages):
         age_days = (now_utc_ns - touched_ns) / NS_PER_DAY
-        stays = _why_it_stays(session, policy)
+        stays = _reason_to_keep(session, policy)
         if stays is None and place >= protected_from:
             stays = f"one of the last {policy.keep_last}"
         if stays is None and policy.keep_days is not None and age_days < policy.keep_days:
             stays = f"{age_days:.1f} days old, kept for {policy.keep_days:g}"
-        if stays is None and is_wanted and missing <= 0:
+        if stays is None and policy.free_bytes is not None and missing <= 0:
             stays = "enough disk is free without it"
         if stays is not None:
-            steps.append(Step(session=session.folder, goes=False, why=stays))
+            steps.append(PruningStep(session=session.folder, goes=False, why=stays))
             continue
-        step = _what_goes(session, policy, f"{age_days:.0f} days old")
+        step = _pruning_step(session, policy, f"{age_days:.0f} days old")
         missing -= step.bytes
         steps.append(step)
     return tuple(steps)
 
 
-def prune(steps: Iterable[Step], policy: Policy, now_utc_ns: int) -> None:
+def prune(steps: Iterable[PruningStep], policy: PruningPolicy, now_utc_ns: int) -> None:
     """Do what was planned. Each session's note is on the disk before its files go.
 
     Raises SessionError, naming the session, when the disk refuses; those before it are done.
@@ -310,20 +313,12 @@ def prune(steps: Iterable[Step], policy: Policy, now_utc_ns: int) -> None:
                 (step.session / path).unlink(missing_ok=True)
 
 
-def _by_age(pair: tuple[int, SessionSummary]) -> tuple[int, str]:
-    return pair[0], pair[1].folder.name
-
-
-def _last_touched_ns(session: SessionSummary) -> int:
-    return max(written_ns(session.folder), session.t_last_utc_ns or 0)
-
-
 def _free_bytes(root: Path) -> int:
     with said_as(SessionError, f"{root} cannot be looked into: "):
         return shutil.disk_usage(root).free
 
 
-def _why_it_stays(session: SessionSummary, policy: Policy) -> str | None:
+def _reason_to_keep(session: SessionSummary, policy: PruningPolicy) -> str | None:
     if session.is_kept:
         return "marked KEEP"
     if session.fault is not None:
@@ -337,13 +332,13 @@ def _why_it_stays(session: SessionSummary, policy: Policy) -> str | None:
     return None
 
 
-def _what_goes(session: SessionSummary, policy: Policy, why: str) -> Step:
+def _pruning_step(session: SessionSummary, policy: PruningPolicy, why: str) -> PruningStep:
     if policy.what == "all":
-        return Step(session=session.folder, goes=True, why=why, bytes=session.size_bytes)
+        return PruningStep(session=session.folder, goes=True, why=why, bytes=session.size_bytes)
     files = _files_there(session.folder, _ROLES[policy.what])
     if not files:
-        return Step(session=session.folder, goes=False, why=f"no {policy.what} there")
-    return Step(
+        return PruningStep(session=session.folder, goes=False, why=f"no {policy.what} there")
+    return PruningStep(
         session=session.folder,
         goes=True,
         why=why,

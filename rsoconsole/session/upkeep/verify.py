@@ -6,17 +6,17 @@ Nothing is changed. A session that was cut off is not damaged: every acknowledge
 import sqlite3
 from collections.abc import Callable, Iterable
 from contextlib import closing
-from dataclasses import dataclass
 from pathlib import Path
+from typing import TypeAlias
 
 from rsoconsole.base import PART, SessionError
 from rsoconsole.session.files.digest import REPAIR, Digester, LogDigest, Verification, state_of
-from rsoconsole.session.files.holdings import (
+from rsoconsole.session.files.session_files import (
     MANIFEST,
-    FolderHoldings,
-    Holdings,
+    FolderFiles,
+    SessionFiles,
     hash_of,
-    holdings_of,
+    open_session_files,
     parse_manifest,
 )
 from rsoconsole.session.files.upkeep_log import KEEP, UPKEEP, parse_notes, pruned_on
@@ -37,13 +37,8 @@ from rsoconsole.session.reading.reader import OtherSchemaError, SessionReader
 _KNOWN = {DATABASE, *BESIDE_DATABASE, CONFIG, WORLD, UPKEEP, KEEP, MANIFEST}
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class FileRow:
-    """A row of the table ``files`` that names a file."""
-
-    path: str
-    bytes: int | None
-    sha256: str | None
+FileRow: TypeAlias = tuple[str, int | None, str | None]
+"""Path, bytes and SHA-256 of a row of the table ``files`` that names a file."""
 
 
 class FilesCheck:
@@ -51,52 +46,52 @@ class FilesCheck:
 
     def __init__(
         self,
-        holdings: Holdings,
+        session_files: SessionFiles,
         found: Verification,
         rows: Iterable[FileRow],
         on_bytes: Callable[[int, int], None] | None,
     ) -> None:
         """Raises OSError when the files cannot be listed."""
-        self._holdings = holdings
+        self._session_files = session_files
         self._found = found
         self._rows = tuple(rows)
         self._on_bytes = on_bytes
-        self._sizes = holdings.sizes()
-        self._total = sum(self._sizes.get(row.path, 0) for row in self._rows)
+        self._sizes = session_files.sizes()
+        self._total = sum(self._sizes.get(path, 0) for path, _, _ in self._rows)
 
     def run(self) -> None:
         """Judge every file that the session names, and those it does not. Raises OSError."""
         pruned = pruned_on(parse_notes(self._read(UPKEEP)))
         gone: dict[str, int] = {}
-        for row in self._rows:
-            if row.path in self._sizes:
-                self._judge(row)
-            elif row.path in pruned:
-                gone[pruned[row.path]] = gone.get(pruned[row.path], 0) + 1
+        for path, size_bytes, sha256 in self._rows:
+            if path in self._sizes:
+                self._judge(path, size_bytes, sha256)
+            elif path in pruned:
+                gone[pruned[path]] = gone.get(pruned[path], 0) + 1
             elif self._found.state != "live":
-                self._found.damage(row.path, "the file is not there")
+                self._found.damage(path, "the file is not there")
         for t_utc, number in gone.items():
             self._found.remark("files", f"{number} were pruned on {t_utc}")
         manifest = parse_manifest(self._read(MANIFEST).decode("utf-8", errors="replace"))
-        judged = {row.path for row in self._rows} | set(pruned)
+        judged = {path for path, _, _ in self._rows} | set(pruned)
         self._judge_manifest(manifest, judged)
         if self._found.state != "live":
             for path in sorted(set(self._sizes) - judged - set(manifest)):
                 self._judge_stray(path)
 
-    def _judge(self, row: FileRow) -> None:
-        size = self._sizes[row.path]
+    def _judge(self, path: str, size_bytes: int | None, sha256: str | None) -> None:
+        size = self._sizes[path]
         self._found.files += 1
         try:
-            if row.sha256 is None:
-                self._found.damage(row.path, "no hash of it is on record")
-            elif hash_of(self._holdings, row.path, self._count) != row.sha256:
-                what = f"{size} bytes, not the {row.bytes} that were written"
-                if row.bytes is None or row.bytes == size:
+            if sha256 is None:
+                self._found.damage(path, "no hash of it is on record")
+            elif hash_of(self._session_files, path, self._count) != sha256:
+                what = f"{size} bytes, not the {size_bytes} that were written"
+                if size_bytes is None or size_bytes == size:
                     what = "its bytes are not those that were written"
-                self._found.damage(row.path, what)
+                self._found.damage(path, what)
         except OSError as error:
-            self._found.damage(row.path, f"cannot be read: {error.strerror or error}")
+            self._found.damage(path, f"cannot be read: {error.strerror or error}")
 
     def _judge_stray(self, path: str) -> None:
         is_closed = self._found.state == "closed"
@@ -119,13 +114,13 @@ class FilesCheck:
 
         An unpacked session lives on: notes and branches may have changed since, its log not.
         """
-        is_archive = not isinstance(self._holdings, FolderHoldings)
+        is_archive = not isinstance(self._session_files, FolderFiles)
         for path in sorted(set(manifest) - judged):
             if not (is_archive or path == DATABASE):
                 continue
             if path not in self._sizes:
                 self._found.damage(path, "the archive's list names it; it is not there")
-            elif hash_of(self._holdings, path) != manifest[path]:
+            elif hash_of(self._session_files, path) != manifest[path]:
                 self._found.damage(path, "its bytes are not those that were archived")
         if is_archive and not manifest:
             self._found.remark(MANIFEST, "the archive has no list of hashes")
@@ -133,7 +128,7 @@ class FilesCheck:
     def _read(self, path: str) -> bytes:
         if path not in self._sizes:
             return b""
-        with self._holdings.open(path) as stream:
+        with self._session_files.open(path) as stream:
             return stream.read()
 
     def _count(self, size: int) -> None:
@@ -158,18 +153,18 @@ def verify_session(place: Path, on_bytes: Callable[[int, int], None] | None = No
     if not (place.is_file() or (place / DATABASE).is_file()):
         SessionReader(place)  # says what is missing
     found = Verification(session=place)
-    with holdings_of(place) as holdings:
-        rows = _verify_database(holdings, found)
+    with open_session_files(place) as session_files:
+        rows = _verify_database(session_files, found)
         if rows is not None:
             try:
-                FilesCheck(holdings, found, rows, on_bytes).run()
+                FilesCheck(session_files, found, rows, on_bytes).run()
             except OSError as error:
                 found.damage(str(place), f"cannot be read: {error}", "check the disk")
     return found
 
 
 def page_faults(connection: sqlite3.Connection) -> list[str]:
-    """What SQLite finds wrong with the database as a file; empty when all is well."""
+    """Faults that SQLite finds in the database file; empty for a sound one."""
     try:
         words = [str(row[0]) for row in connection.execute("PRAGMA integrity_check(20)")]
     except sqlite3.Error as error:
@@ -177,10 +172,10 @@ def page_faults(connection: sqlite3.Connection) -> list[str]:
     return [] if words == ["ok"] else words
 
 
-def _verify_database(holdings: Holdings, found: Verification) -> list[FileRow] | None:
+def _verify_database(session_files: SessionFiles, found: Verification) -> list[FileRow] | None:
     """Judge the database; returns what files it names, None when it cannot be read."""
     try:
-        reader = SessionReader(holdings.folder())
+        reader = SessionReader(session_files.folder())
         about = reader.about()
     except OtherSchemaError:
         raise
@@ -194,10 +189,7 @@ def _verify_database(holdings: Holdings, found: Verification) -> list[FileRow] |
             for words in page_faults(connection)[:_MAX_SQLITE_WORDS]:
                 found.damage(DATABASE, f"SQLite: {' '.join(words.split())}", REPAIR)
             _verify_log(connection, found, LogDigest.from_meta(about))
-            rows = [
-                FileRow(path=path, bytes=size, sha256=sha256)
-                for path, size, sha256 in connection.execute(_FILE_ROWS)
-            ]
+            rows: list[FileRow] = connection.execute(_FILE_ROWS).fetchall()
     except (SessionError, sqlite3.Error) as error:
         found.damage(DATABASE, f"the table of files cannot be read: {error}", REPAIR)
         return None

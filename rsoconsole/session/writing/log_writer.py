@@ -13,7 +13,6 @@ from dataclasses import astuple, dataclass
 from pathlib import Path
 from typing import Any
 
-from rsoconsole.base import write_durably
 from rsoconsole.config import state_dir
 from rsoconsole.records import Event, Record
 from rsoconsole.session.log.codec import encode
@@ -22,19 +21,19 @@ from rsoconsole.session.log.database import (
     INSERT_FILE,
     INSERT_RECORD,
     LOG_ROWS,
-    LogPlace,
+    LogFileWatch,
     connect_to_read,
     connect_to_write,
-    create_database,
+    lay_out_session,
     transaction,
 )
-from rsoconsole.session.log.schema import CONFIG, DATABASE, FOLDERS
-from rsoconsole.session.log.worker import Faults
+from rsoconsole.session.log.schema import DATABASE
+from rsoconsole.session.writing.worker import Faults
 
 Statement = tuple[str, tuple[object, ...]]
 MIN_BYTES = 200_000_000
 """Free on a disk that a rescue is begun on: many nights' logs."""
-_AT_A_TIME = 1000
+_ROWS_PER_BATCH = 1000
 _TABLES = ((LOG_ROWS, INSERT_RECORD), (FILE_ROWS, INSERT_FILE))
 
 
@@ -67,7 +66,7 @@ class Rescue:
         """Where it is; None before it is begun."""
 
     def begin(self) -> bool:
-        """Make it; False where no place can be had."""
+        """Make the rescue session; False where no place can be had."""
         if self._connection is not None:
             return True
         for place in self._places():
@@ -75,32 +74,24 @@ class Rescue:
             try:
                 place.mkdir(mode=0o700, parents=True, exist_ok=True)
                 if shutil.disk_usage(place).free < MIN_BYTES or folder.exists():
-                    _leave(place)
+                    _remove_if_empty(place)
                     continue
-                self._make(folder)
+                folder.mkdir()
+                lay_out_session(folder, self._config, self._facts)
+                self._connection = connect_to_write(folder / DATABASE)
             except (OSError, sqlite3.Error, ValueError):
                 shutil.rmtree(folder, ignore_errors=True)
-                _leave(place)
+                _remove_if_empty(place)
                 continue
             self.folder = folder
             return True
         return False
-
-    def _make(self, folder: Path) -> None:
-        folder.mkdir()
-        for name in FOLDERS.values():
-            (folder / name).mkdir()
-        write_durably(folder / CONFIG, self._config)
-        create_database(folder / DATABASE, self._facts)
-        self._connection = connect_to_write(folder / DATABASE)
 
     def copy(self, source: sqlite3.Connection | None, newest: Sequence[Statement]) -> bool:
         """Take all that ``source`` can still read, although its file may have no name any more.
 
         Then ``newest``, which it may have lost. False where this disk does not take them.
         """
-        if self._connection is None:
-            return False
         if source is not None:
             with contextlib.suppress(sqlite3.Error, MemoryError):
                 for table in _TABLES:
@@ -110,14 +101,13 @@ class Rescue:
     def _copy_table(self, source: sqlite3.Connection, table: tuple[str, str]) -> None:
         assert self._connection is not None
         rows = source.execute(table[0])
-        while some := rows.fetchmany(_AT_A_TIME):
+        while some := rows.fetchmany(_ROWS_PER_BATCH):
             with transaction(self._connection):
                 self._connection.executemany(table[1], some)
 
     def write(self, statements: Sequence[Statement]) -> bool:
         """Commit them; False where this disk does not take them either."""
-        if self._connection is None:
-            return False
+        assert self._connection is not None
         try:
             with transaction(self._connection):
                 for sql, values in statements:
@@ -127,22 +117,22 @@ class Rescue:
         return True
 
     def discard(self) -> None:
-        """It is not needed any more: the session itself has everything."""
+        """Remove the rescue session: the session itself has everything."""
         self.close()
         if self.folder is not None:
             shutil.rmtree(self.folder, ignore_errors=True)
-            _leave(self.folder.parent)
+            _remove_if_empty(self.folder.parent)
             self.folder = None
 
     def close(self) -> None:
-        """Let go of it."""
+        """Close the rescue session's database."""
         if self._connection is not None:
             with contextlib.suppress(sqlite3.Error):
                 self._connection.close()
             self._connection = None
 
 
-def _leave(place: Path) -> None:
+def _remove_if_empty(place: Path) -> None:
     """No empty folder stays behind in somebody's home."""
     with contextlib.suppress(OSError):  # it holds other rescues, or was never made
         place.rmdir()
@@ -179,16 +169,9 @@ class LogWriter:
     somebody has removed or damaged the log it goes on in that one.
     """
 
-    def __init__(
-        self,
-        path: Path,
-        faults: Faults,
-        connect: Callable[[Path], sqlite3.Connection],
-        *,
-        rescue: Rescue | None = None,
-    ) -> None:
+    def __init__(self, path: Path, faults: Faults, rescue: Rescue) -> None:
         self._path = path
-        self._place = LogPlace(path)
+        self._place = LogFileWatch(path)
         self._rescue = rescue
         self._rescued = 0
         """Of the unwritten ones, the oldest: in the rescue session already."""
@@ -200,7 +183,6 @@ class LogWriter:
         self._recent: deque[Statement] = deque(maxlen=_MAX_RECENT)
         """What was committed last: some of it may be lost with the log."""
         self._faults = faults
-        self._connect = connect
         self._waiting: deque[_Entry] = deque()
         self._unwritten: deque[Statement] = deque()
         self._lock = threading.Lock()
@@ -217,9 +199,8 @@ class LogWriter:
     @property
     def path(self) -> Path:
         """The database that has the whole night: the rescue session's where the own one is lost."""
-        folder = None if self._rescue is None else self._rescue.folder
-        has_all = self._has_taken_over and folder is not None
-        return folder / DATABASE if has_all and folder is not None else self._path
+        folder = self._rescue.folder if self._has_taken_over else None
+        return self._path if folder is None else folder / DATABASE
 
     def put(self, record: Record, t_utc_ns: int) -> int:
         """Take a record; returns its place in the order of the log."""
@@ -269,7 +250,7 @@ class LogWriter:
             self._is_closing = True
         self._wake.set()
         self._thread.join(timeout_s)
-        if self._rescued and self._rescue is not None:
+        if self._rescued:
             words = f"its newest records are in the rescue session {self._rescue.folder} alone"
             self._faults.report("close", f"the session is not complete: {words}")
             return False
@@ -288,8 +269,7 @@ class LogWriter:
             if is_last_round:
                 self._disconnect()
                 self._place.close()
-                if self._rescue is not None:
-                    self._rescue.close()
+                self._rescue.close()
                 if not is_written and len(self._unwritten) > self._rescued:
                     lost = f"the session is closed without its last {len(self._unwritten)} records"
                     self._faults.report("close", lost)
@@ -301,14 +281,14 @@ class LogWriter:
     def _write(self) -> bool:
         """Commit what is unwritten, oldest first; False as soon as the disk refuses."""
         if not self._is_lost and self._connection is not None:
-            self._look()
+            self._check_log_file()
         if self._is_lost:
-            return self._write_elsewhere()
+            return self._write_to_rescue()
         while self._unwritten:
             batch = list(itertools.islice(self._unwritten, MAX_BATCH))
             try:
                 if self._connection is None:
-                    self._connection = self._connect(self._path)
+                    self._connection = connect_to_write(self._path)
                 with transaction(self._connection):
                     for sql, values in batch:
                         self._connection.execute(sql, values)
@@ -316,7 +296,7 @@ class LogWriter:
                 waiting = f"{len(self._unwritten)} records wait in memory"
                 text = f"the session's log cannot be written ({error}): free space; {waiting}"
                 self._disconnect()
-                if self._write_elsewhere() and self._rescue is not None:
+                if self._write_to_rescue():
                     text += f" and in the rescue session {self._rescue.folder}"
                 self._faults.report("log", text)
                 return False
@@ -325,16 +305,16 @@ class LogWriter:
                 self._recent.append(self._unwritten.popleft())
             again = min(self._rescued, len(batch))
             # Acknowledged is what a reader finds.
-            is_there = self._look()
+            is_there = self._check_log_file()
             if not is_there and not self._has_taken_over:
                 self._unwritten.extendleft(reversed(batch))
                 return False
             self._rescued -= again
-            if is_there and self._rescue is not None and not self._rescued:
+            if is_there and not self._rescued:
                 self._rescue.discard()
             self._advance(len(batch) - again)
             if self._is_lost:
-                return self._write_elsewhere()
+                return self._write_to_rescue()
         return True
 
     def _advance(self, count: int) -> None:
@@ -343,10 +323,10 @@ class LogWriter:
             self._committed += count
             self._progress.notify_all()
 
-    def _write_elsewhere(self) -> bool:
+    def _write_to_rescue(self) -> bool:
         """Put into the rescue session what is unwritten; False where that cannot be."""
         rescue = self._rescue
-        if rescue is None or not (self._takes_over(rescue) if self._is_lost else rescue.begin()):
+        if not (self._take_over() if self._is_lost else rescue.begin()):
             return False
         fresh = list(itertools.islice(self._unwritten, self._rescued, None))
         if fresh and not rescue.write(fresh):
@@ -359,23 +339,24 @@ class LogWriter:
         self._advance(len(fresh))
         return True
 
-    def _look(self) -> bool:
+    def _check_log_file(self) -> bool:
         """Whether the log is still where it was; SQLite does not notice when it is not."""
         damage = self._place.damage(self._has_all)
         if damage is None:
             return True
         self._is_lost, self._damage = True, damage
-        if self._rescue is None or not self._takes_over(self._rescue):
+        if not self._take_over():
             self._faults.report("log", f"{damage}: what comes is not on any disk")
         return False
 
-    def _takes_over(self, rescue: Rescue) -> bool:
+    def _take_over(self) -> bool:
         """Whether the rescue session has what the lost log had; False where that cannot be yet.
 
         As long as the connection lives, most of it can still be read.
         """
         if self._has_taken_over:
             return True
+        rescue = self._rescue
         if not rescue.begin() or not rescue.copy(self._connection, list(self._recent)):
             return False
         self._has_taken_over = True

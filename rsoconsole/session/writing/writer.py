@@ -1,4 +1,4 @@
-"""The engine's pen: records, frames and previews of a live session.
+"""The writer of a live session: records, frames and previews.
 
 Nothing here waits for a disk or raises because of one: the telescope goes on, and ``faults``
 says what the record lacks.
@@ -21,13 +21,14 @@ from rsoconsole.base import SessionError, sync_folder, write_durably
 from rsoconsole.config import Config, config_to_toml
 from rsoconsole.records import Frame, Record
 from rsoconsole.session.files.digest import mark_closed, sha256_of
-from rsoconsole.session.files.kept_frames import compress_frame, encode_preview
+from rsoconsole.session.files.frame_encoding import compress_frame, encode_preview
 from rsoconsole.session.log.codec import to_json_value
-from rsoconsole.session.log.database import connect_to_write, create_database, leave_wal
-from rsoconsole.session.log.schema import CONFIG, DATABASE, FOLDERS, SCHEMA_VERSION, file_name
-from rsoconsole.session.log.worker import META_KEY as WRITER_KEY
-from rsoconsole.session.log.worker import BoundedWorker, Faults, own_mark
+from rsoconsole.session.log.database import connect_to_write, lay_out_session, leave_wal
+from rsoconsole.session.log.liveness import META_KEY as WRITER_KEY
+from rsoconsole.session.log.liveness import writer_mark
+from rsoconsole.session.log.schema import DATABASE, SCHEMA_VERSION, file_name
 from rsoconsole.session.writing.log_writer import KeptFile, LogWriter, Rescue
+from rsoconsole.session.writing.worker import BoundedWorker, Faults
 
 MAX_FRAMES_WAITING = 3
 MAX_PREVIEWS_WAITING = 64
@@ -58,28 +59,25 @@ class SessionWriter:
         whatever else JSON can carry. ``on_fault`` is called, from another thread, with each new
         fault in words. Raises SessionError when the folder cannot be used.
         """
-        database = folder / DATABASE
-        if database.exists():
+        if (folder / DATABASE).exists():
             raise SessionError(f"{folder} already holds a session: name another folder")
+        config_toml = config_to_toml(config).encode()
         facts = {
             "schema_version": SCHEMA_VERSION,
             "config": config.model_dump(mode="json"),
             "is_closed": False,
-            WRITER_KEY: own_mark(),
+            WRITER_KEY: writer_mark(),
             **{key: to_json_value(value, key) for key, value in about.items()},
         }
         try:
             _make_folder(folder)
-            for name in FOLDERS.values():
-                (folder / name).mkdir(exist_ok=True)
-            write_durably(folder / CONFIG, config_to_toml(config).encode())
-            create_database(database, facts)
+            lay_out_session(folder, config_toml, facts)
         except (OSError, ValueError, sqlite3.Error) as error:
             raise SessionError(
                 f"no session can be begun in {folder}: {error}; "
                 "free some disk or name another folder with --session"
             ) from error
-        rescue = Rescue(folder, facts, config_to_toml(config).encode())
+        rescue = Rescue(folder, facts, config_toml)
         keeps_last = LAST_KEPT if config.session.keep_frames == "last" else None
         return cls(folder, on_fault, reserve_bytes, rescue, keeps_last)
 
@@ -100,13 +98,13 @@ class SessionWriter:
         self._reserve_bytes = reserve_bytes
         self._faults = Faults(on_fault)
         self._is_closed = False
-        self._log = LogWriter(folder / DATABASE, self._faults, connect_to_write, rescue=rescue)
+        self._log = LogWriter(folder / DATABASE, self._faults, rescue)
         self._frames = BoundedWorker("session-frames", MAX_FRAMES_WAITING)
         self._previews = BoundedWorker("session-previews", MAX_PREVIEWS_WAITING)
 
     @property
     def faults(self) -> tuple[str, ...]:
-        """What the record lacks at this moment, in words; empty when all is well."""
+        """Present faults of the record in words; empty for a whole one."""
         return self._faults.texts()
 
     def append(self, record: Record, t_utc_ns: int) -> int:
@@ -122,21 +120,15 @@ class SessionWriter:
         The pixels must not be changed afterwards.
         False when the frame is given up because too many wait; the session says so too.
         """
-        is_taken = self._frames.submit(
-            lambda: self._keep_frame(frame),
-            lambda error: self._give_up(frame.frame_id, "frame", _reason(error)),
-        )
-        if not is_taken:
-            self._give_up(frame.frame_id, "frame", "frames come faster than the disk takes them")
-        return is_taken
+        return self._save(self._frames, frame.frame_id, "frame", lambda: compress_frame(frame))
 
     def save_preview(self, frame_id: int, picture: npt.NDArray[np.uint8]) -> bool:
         """Keep a small picture of the frame, (height, width) or (height, width, 3), as PNG."""
-        return self._save_picture(frame_id, "preview", picture)
+        return self._save(self._previews, frame_id, "preview", lambda: encode_preview(picture))
 
     def save_closeup(self, frame_id: int, picture: npt.NDArray[np.uint8]) -> bool:
         """Keep a piece of the frame at full resolution, as PNG; its record says which piece."""
-        return self._save_picture(frame_id, "closeup", picture)
+        return self._save(self._previews, frame_id, "closeup", lambda: encode_preview(picture))
 
     def flush(self, timeout_s: float = 5.0) -> bool:
         """Wait until the disk has every record appended so far; False when it has not.
@@ -164,27 +156,40 @@ class SessionWriter:
         except sqlite3.Error as error:
             self._faults.report("close", f"the session is complete but still in two files: {error}")
 
-    def _save_picture(self, frame_id: int, role: str, picture: npt.NDArray[np.uint8]) -> bool:
-        is_taken = self._previews.submit(
-            lambda: self._keep_picture(frame_id, role, picture),
+    def _save(
+        self, worker: BoundedWorker, frame_id: int, role: str, encode: Callable[[], bytes]
+    ) -> bool:
+        is_taken = worker.submit(
+            lambda: self._keep(frame_id, role, encode),
             lambda error: self._give_up(frame_id, role, _reason(error)),
         )
         if not is_taken:
             self._give_up(frame_id, role, f"{role}s come faster than the disk takes them")
         return is_taken
 
-    def _keep_frame(self, frame: Frame) -> None:
-        path = self.folder / file_name("frame", frame.frame_id)
-        free_bytes = shutil.disk_usage(self.folder).free
-        if free_bytes < self._reserve_bytes:
-            raise OSError(f"only {free_bytes / 1e6:.0f} MB of disk are free")
+    def _keep(self, frame_id: int, role: str, encode: Callable[[], bytes]) -> None:
+        """Encode and write one file, on a worker's thread. Raises OSError."""
+        path = self.folder / file_name(role, frame_id)
+        if role == "frame":
+            free_bytes = shutil.disk_usage(self.folder).free
+            if free_bytes < self._reserve_bytes:
+                raise OSError(f"only {free_bytes / 1e6:.0f} MB of disk are free")
         began = time.perf_counter()
-        content = compress_frame(frame)
+        content = encode()
         write_durably(path, content)
-        self._faults.clear("frame")
-        self._kept(frame.frame_id, "frame", path, content, began)
-        if self._keeps_last is not None:
-            self._let_go(frame.frame_id, self._keeps_last)
+        self._faults.clear(role)
+        self._log.put_file(
+            KeptFile(
+                frame_id=frame_id,
+                role=role,
+                path=str(path.relative_to(self.folder)),
+                bytes=len(content),
+                ms=(time.perf_counter() - began) * 1e3,
+                sha256=sha256_of(content),
+            )
+        )
+        if role == "frame" and self._keeps_last is not None:
+            self._let_go(frame_id, self._keeps_last)
 
     def _let_go(self, frame_id: int, keeps: int) -> None:
         """The oldest frame beyond those that are kept: its row first, its file with the next."""
@@ -196,26 +201,6 @@ class SessionWriter:
             oldest = self._kept_frames.popleft()
             self._put_absent(oldest, "frame", NOT_AMONG_LAST)
             self._going.append(self.folder / file_name("frame", oldest))
-
-    def _keep_picture(self, frame_id: int, role: str, picture: npt.NDArray[np.uint8]) -> None:
-        path = self.folder / file_name(role, frame_id)
-        began = time.perf_counter()
-        content = encode_preview(picture)
-        write_durably(path, content)
-        self._faults.clear(role)
-        self._kept(frame_id, role, path, content, began)
-
-    def _kept(self, frame_id: int, role: str, path: Path, content: bytes, began: float) -> None:
-        self._log.put_file(
-            KeptFile(
-                frame_id=frame_id,
-                role=role,
-                path=str(path.relative_to(self.folder)),
-                bytes=len(content),
-                ms=(time.perf_counter() - began) * 1e3,
-                sha256=sha256_of(content),
-            )
-        )
 
     def _give_up(self, frame_id: int, role: str, reason: str) -> None:
         if role != "frame" or self._keeps_last is None:  # of those none is missed
@@ -258,7 +243,7 @@ class BatchRecording:
 
     @property
     def faults(self) -> tuple[str, ...]:
-        """What the record lacks, in words; empty when all is well."""
+        """Faults of the record in words; empty for a whole one."""
         return () if self._writer is None else self._writer.faults
 
     def append(self, records: Iterable[Record], t_utc_ns: int | None) -> None:

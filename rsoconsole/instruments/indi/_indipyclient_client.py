@@ -52,7 +52,7 @@ class IndiStream(asyncio.Protocol):
         self._reader.pause_writing()
 
     def resume_writing(self) -> None:
-        """It reads again."""
+        """The server reads again."""
         self._reader.resume_writing()
 
 
@@ -63,7 +63,7 @@ _CHANGES = {"Set", "SetBLOB"}
 
 
 class IndipyClient(IndiClient):
-    """What indipyclient reads, as vectors."""
+    """The client of indipyclient: its events as vectors."""
 
     def __init__(
         self,

@@ -24,7 +24,7 @@ _STATES = {
 
 
 class PyIndiClient(PyIndi.BaseClient, IndiClient):  # type: ignore[misc]
-    """What PyIndi calls back, as vectors."""
+    """The client of PyIndi: its callbacks as vectors."""
 
     def __init__(
         self,

@@ -1,4 +1,4 @@
-"""Which devices an INDI server announces while one is waited for: a slow server, or a wrong name?
+"""Search for a device that an INDI server has not announced yet: a slow server, or a wrong name?
 
 Looks by a plain connection of its own, and only when the device does not come at once.
 """
@@ -14,7 +14,7 @@ _POLL_S = 0.2
 _READ_S = 2.0
 
 
-class DevicesThere:
+class DeviceSearch:
     """One device that is waited for, and what the server announces meanwhile."""
 
     def __init__(

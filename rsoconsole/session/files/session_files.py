@@ -23,7 +23,7 @@ MANIFEST = "MANIFEST.sha256"
 
 
 @dataclass(frozen=True, slots=True)
-class FolderHoldings:
+class FolderFiles:
     """A session as a folder."""
 
     place: Path
@@ -57,7 +57,7 @@ class FolderHoldings:
         return self.place
 
 
-class TarHoldings:
+class ArchiveFiles:
     """A session as a tar file with one folder in it, not compressed as a whole."""
 
     def __init__(self, place: Path, tar: tarfile.TarFile, scratch: Path) -> None:
@@ -90,33 +90,35 @@ class TarHoldings:
         return self._scratch
 
 
-Holdings: TypeAlias = FolderHoldings | TarHoldings
-"""What lies beside a session's database, and the database as a file that SQLite can open."""
+SessionFiles: TypeAlias = FolderFiles | ArchiveFiles
+"""The files of a session, its database as one that SQLite can open."""
 
 
 @contextmanager
-def holdings_of(place: Path) -> Iterator[Holdings]:
-    """What a session's folder or its archive holds.
+def open_session_files(place: Path) -> Iterator[SessionFiles]:
+    """Open the files of a session, in its folder or its archive.
 
     Raises SessionError when there is neither.
     """
     if not place.is_file():
-        yield FolderHoldings(place)
+        yield FolderFiles(place)
         return
     with TemporaryDirectory(prefix="rsoconsole-") as scratch:
         try:
             with tarfile.open(place, "r:") as tar:
-                yield TarHoldings(place, tar, Path(scratch))
+                yield ArchiveFiles(place, tar, Path(scratch))
         except (tarfile.TarError, EOFError) as error:
             raise SessionError(
                 f"{place} is no whole archive of a session ({error}): copy or make it again"
             ) from error
 
 
-def hash_of(holdings: Holdings, path: str, on_bytes: Callable[[int], None] | None = None) -> str:
+def hash_of(
+    session_files: SessionFiles, path: str, on_bytes: Callable[[int], None] | None = None
+) -> str:
     """SHA-256 of one file, 64 hexadecimal digits. Raises OSError."""
     digest = hashlib.sha256()
-    with holdings.open(path) as stream:
+    with session_files.open(path) as stream:
         while piece := stream.read(PIECE_BYTES):
             digest.update(piece)
             if on_bytes is not None:
@@ -142,7 +144,7 @@ def _raise(error: OSError) -> None:
 
 
 def folders_in(root: Path) -> list[Path]:
-    """What lies directly in a folder; nothing where there is none. Raises SessionError."""
+    """Paths directly in a folder; empty where there is no folder. Raises SessionError."""
     refused = said_as(SessionError, f"{root} cannot be looked into: ")
     with refused, contextlib.suppress(FileNotFoundError):
         return list(root.iterdir())
@@ -150,7 +152,7 @@ def folders_in(root: Path) -> list[Path]:
 
 
 def written_ns(folder: Path) -> int:
-    """When a session's log was written to last; 0: nobody can say."""
+    """Time of the last write to a session's log, UTC ns; 0 where it is not known."""
     with contextlib.suppress(OSError):
         return (folder / DATABASE).stat().st_mtime_ns
     return 0

@@ -1,12 +1,10 @@
 """Slow work on a thread of its own, with a bound on what may wait for it."""
 
 import logging
-import os
 import threading
 from collections import deque
-from collections.abc import Callable, Mapping
-from pathlib import Path
-from typing import Any, TypeAlias
+from collections.abc import Callable
+from typing import TypeAlias
 
 log = logging.getLogger(__name__)
 
@@ -15,10 +13,13 @@ OnError: TypeAlias = Callable[[BaseException], None]
 
 
 class BoundedWorker:
-    """Runs jobs one after another; takes no more than ``most`` at a time, the running included."""
+    """A thread that runs jobs one after another.
 
-    def __init__(self, name: str, most: int) -> None:
-        self._most = most
+    It takes at most ``max_jobs`` at a time, the running one included.
+    """
+
+    def __init__(self, name: str, max_jobs: int) -> None:
+        self._max_jobs = max_jobs
         self._jobs: deque[tuple[Job, OnError]] = deque()
         self._is_running_job = False
         self._is_closing = False
@@ -33,7 +34,7 @@ class BoundedWorker:
         follows in any case.
         """
         with self._changed:
-            if self._is_closing or len(self._jobs) + self._is_running_job >= self._most:
+            if self._is_closing or len(self._jobs) + self._is_running_job >= self._max_jobs:
                 return False
             self._jobs.append((job, on_error))
             self._changed.notify_all()
@@ -94,7 +95,7 @@ class Faults:
         self._lock = threading.Lock()
 
     def report(self, place: str, text: str) -> None:
-        """There is a fault at ``place``; the alarm sounds when there was none before."""
+        """Report a fault at ``place``; the alarm sounds when there was none before."""
         with self._lock:
             is_new = place not in self._texts
             self._texts[place] = text
@@ -106,7 +107,7 @@ class Faults:
                     self._texts["alarm"] = f"the alarm could not be given: {error}"
 
     def clear(self, place: str) -> None:
-        """All is well at ``place`` again."""
+        """Clear the fault at ``place``."""
         with self._lock:
             self._texts.pop(place, None)
 
@@ -119,62 +120,3 @@ class Faults:
 
 def _rank(place: str) -> int:
     return _GIVEN_UP.index(place) if place in _GIVEN_UP else -1
-
-
-META_KEY = "writer"
-_BOOT_ID = Path("/proc/sys/kernel/random/boot_id")
-_START_FIELD = 19
-"""Place of ``starttime`` in /proc/PID/stat, counted after the name. Source: proc(5), field 22."""
-
-
-def own_mark() -> dict[str, Any]:
-    """This process, so that it is told apart from every other one, as JSON carries it."""
-    pid = os.getpid()
-    return {"pid": pid, "boot_id": _boot_id(), "start_ticks": _start_ticks(pid)}
-
-
-def is_written(about: Mapping[str, Any]) -> bool:
-    """Whether somebody still writes the session: it is not closed, and its process lives.
-
-    ``about`` is the session's table ``meta``. A session that names no process counts as left.
-    """
-    if about.get("is_closed") is True:
-        return False
-    mark = about.get(META_KEY)
-    if not isinstance(mark, Mapping):
-        return False
-    if mark.get("boot_id") is not None and mark["boot_id"] != _boot_id():
-        return False
-    pid = mark.get("pid")
-    if not _is_running(pid):
-        return False
-    started = mark.get("start_ticks")
-    return started is None or not isinstance(pid, int) or started == _start_ticks(pid)
-
-
-def _is_running(pid: object) -> bool:
-    if not isinstance(pid, int) or pid <= 0:
-        return False
-    try:
-        os.kill(pid, 0)
-    except ProcessLookupError:
-        return False
-    except (OSError, OverflowError):
-        return True
-    return True
-
-
-def _boot_id() -> str | None:
-    try:
-        return _BOOT_ID.read_text(encoding="ascii").strip()
-    except (OSError, UnicodeDecodeError):
-        return None
-
-
-def _start_ticks(pid: int) -> int | None:
-    try:
-        stat = Path(f"/proc/{pid}/stat").read_text(encoding="utf-8", errors="replace")
-        # The name, in brackets, may hold blanks and brackets of its own.
-        return int(stat.rpartition(")")[2].split()[_START_FIELD])
-    except (OSError, ValueError, IndexError):
-        return None
