@@ -7,6 +7,7 @@ import logging
 import os
 import signal
 import sys
+import threading
 from collections.abc import Callable, Iterable, Mapping
 from functools import partial
 from pathlib import Path
@@ -33,7 +34,7 @@ from rsoconsole.console.picture.picture import Picture
 from rsoconsole.console.screens.live import LiveScreen
 from rsoconsole.console.screens.night_screen import NightScreen
 from rsoconsole.console.screens.review import ReviewScreen
-from rsoconsole.console.watches.messages import EngineSeen, NightSeen
+from rsoconsole.console.watches.messages import call_in_turn
 from rsoconsole.console.watches.watch import EngineWatch, SessionWatch
 from rsoconsole.control import Found, Wire
 from rsoconsole.night import NightView
@@ -133,9 +134,10 @@ class ConsoleApp(App[str]):
         self.blocks = blocks
         self._settings = settings or ConsoleConfig()
         self._last: tuple[NightView, EngineView] = (NightView(), EngineView())
-        self._waiting_night: NightSeen | None = None
+        self._newest: tuple[NightView, Picture | None] | None = None
+        """What no screen has looked at yet; pictures must not pile up while one is busy."""
+        self._newest_lock = threading.Lock()
         self._own_keys = dict(keymap or {})
-        self._loop_of_app: asyncio.AbstractEventLoop | None = None
         self._is_recorded = session is not None or review is not None
         self._engine_watch = EngineWatch(wire(), self._engine_seen)
         self._session_watch = SessionWatch(self._night_seen)
@@ -151,7 +153,6 @@ class ConsoleApp(App[str]):
             Orders(wire, past_engine),
             read_only=read_only or session is not None,
             ask_now=self._engine_watch.look_now,
-            from_thread=self._from_thread,
             on_known=self.take_notice,
             seat_name=seat_name,
             keymap=self._own_keys,
@@ -162,7 +163,6 @@ class ConsoleApp(App[str]):
         if review is not None:
             self.root = ReviewScreen(
                 self.live.orders,
-                from_thread=self._from_thread,
                 keymap=self._own_keys,
                 sessions_root=sessions_root,
                 folder=review[0],
@@ -178,10 +178,10 @@ class ConsoleApp(App[str]):
         if wants_ascii:
             self._filters.append(PlainFilter())
             self.graphics, self.blocks = None, HALF_BLOCKS
-        self._loop_of_app = asyncio.get_running_loop()
+        loop = asyncio.get_running_loop()
         with contextlib.suppress(RuntimeError, ValueError):  # not in the main thread
             for number in (signal.SIGTERM, signal.SIGINT):
-                self._loop_of_app.add_signal_handler(number, self.exit, "quit")
+                loop.add_signal_handler(number, self.exit, "quit")
         for theme in THEMES:
             self.register_theme(theme)
         if "TEXTUAL_THEME" not in os.environ:
@@ -320,22 +320,17 @@ class ConsoleApp(App[str]):
                 self._driver.write(notification(words))
 
     def _night_seen(self, night: NightView, picture: Picture | None) -> None:
-        self._from_thread(self._post_night, night, picture)
+        with self._newest_lock:
+            is_waiting, self._newest = self._newest is not None, (night, picture)
+        if not is_waiting:
+            call_in_turn(self.live, self._show_newest)
 
-    def _post_night(self, night: NightView, picture: Picture | None) -> None:
-        waiting = self._waiting_night
-        if waiting is not None and not waiting.is_taken:
-            waiting.night, waiting.picture = night, picture
-            return
-        news = NightSeen(night, picture)
-        self._waiting_night = news if self.live.post_message(news) else None
+    def _show_newest(self) -> None:
+        with self._newest_lock:
+            newest, self._newest = self._newest, None
+        if newest is not None:
+            self.live.see_night(*newest)
 
     def _engine_seen(self, engine: EngineView) -> None:
         self._session_watch.follow(engine.session)
-        self._from_thread(self.live.post_message, EngineSeen(engine))
-
-    def _from_thread(self, call: Callable[..., Any], *arguments: Any) -> None:
-        """Have it called by the application; nothing when that has ended."""
-        with contextlib.suppress(RuntimeError):
-            if self._loop_of_app is not None:
-                self._loop_of_app.call_soon_threadsafe(call, *arguments)
+        call_in_turn(self.live, self.live.see_engine, engine)

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 
 from rsoconsole.console.actions.seat import Seat
 from rsoconsole.console.actions.tune_actions import TuneActions
@@ -10,7 +11,7 @@ from rsoconsole.console.night.engine_seen import EngineView
 from rsoconsole.console.picture.marking import Marking
 from rsoconsole.console.picture.marks import Mark
 from rsoconsole.console.picture.picture import Picture
-from rsoconsole.console.watches.messages import MarkHeld, OutcomeCame, Pointed
+from rsoconsole.console.watches.messages import Pointed, call_in_turn
 from rsoconsole.control import (
     ON_RECORD,
     Arm,
@@ -77,19 +78,14 @@ class MarkActions:
         """Have the engine keep that frame; ``refused`` is called with why it cannot."""
 
         def came(outcome: Outcome) -> None:
-            self._seat.post_from_thread(MarkHeld(frame_id, outcome, refused))
+            if not outcome.ok:
+                seat = outcome.data.get("seat")
+                why = f"{seat} has control" if seat else outcome.message
+                refused(f"no mark in frame {frame_id}: {why}")
 
-        self._seat.orders.send(BeginMark(frame_id=frame_id), came)
-
-    @staticmethod
-    def held(message: MarkHeld) -> None:
-        """A mark that the engine cannot take ends where it begins."""
-        outcome = message.outcome
-        if outcome.ok:
-            return
-        seat = outcome.data.get("seat")
-        why = f"{seat} has control" if seat else outcome.message
-        message.refused(f"no mark in frame {message.frame_id}: {why}")
+        self._seat.orders.send(
+            BeginMark(frame_id=frame_id), partial(call_in_turn, self._seat, came)
+        )
 
     def _refuse_mark(self, why_not: str) -> None:
         if self.marking is not None:
@@ -288,14 +284,15 @@ class CommandOutcomes:
         self._refused_at_once: list[str] = []
         """What the engine has said no to, in a dialog, and its record says once more."""
 
-    def see(self, message: OutcomeCame) -> None:
+    def see(
+        self, command: Command, stops: int, seq: int, then: Command | None, outcome: Outcome
+    ) -> None:
         """Said where it went well, asked where it did not; STOP has the last word."""
         seat = self._seat
-        command, outcome = message.command, message.outcome
         seat.ask_now()
         if outcome.data.get(ON_RECORD):
-            self._expect_refusal(command, message.seq)
-        if message.stops != seat.stops and not isinstance(command, Shutdown):
+            self._expect_refusal(command, seq)
+        if stops != seat.stops and not isinstance(command, Shutdown):
             return
         name = command.label()
         if outcome.ok and isinstance(command, MarkByHand):
@@ -307,12 +304,12 @@ class CommandOutcomes:
                 seat.show_stop(None)
             elif isinstance(command, Shutdown):
                 seat.app.exit("stop engine")
-            if message.then is not None:
-                seat.send(message.then)
+            if then is not None:
+                seat.send(then)
         elif outcome.data.get("seat"):
             self._ask_for_seat(str(outcome.data["seat"]))
         elif isinstance(command, Arm):
-            self._ask_to_override(outcome, command.override, message.then)
+            self._ask_to_override(outcome, command.override, then)
         elif isinstance(command, MarkByHand) and outcome.data.get("asks") == "replaces":
             self._marks.ask_to_replace(command, outcome)
         else:

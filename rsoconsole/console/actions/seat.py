@@ -9,7 +9,6 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal, TypeVar
 
-from textual.message import Message
 from textual.reactive import var
 from textual.screen import Screen
 
@@ -23,7 +22,7 @@ from rsoconsole.console.panes.last_line import Key
 from rsoconsole.console.panes.panes import FramePane, LinesPane
 from rsoconsole.console.picture.marks import Mark
 from rsoconsole.console.picture.picture import Drawing, Picture
-from rsoconsole.console.watches.messages import OutcomeCame, StopNewsCame
+from rsoconsole.console.watches.messages import StopNewsCame, call_in_turn
 from rsoconsole.console.words import words
 from rsoconsole.console.words.leaving import kept_words
 from rsoconsole.console.words.words import present_utc_ns
@@ -64,7 +63,6 @@ class Seat(Screen[None]):
         self,
         orders: Orders,
         *,
-        from_thread: Callable[..., None],
         read_only: bool = False,
         ask_now: Callable[[], None] = _nothing,
         on_known: Callable[[NightView, EngineView], None] = _nothing,
@@ -80,7 +78,6 @@ class Seat(Screen[None]):
         self.read_only = read_only
         self.ask_now = ask_now
         self.on_known = on_known
-        self._from_thread = from_thread
         self._notice: tuple[str, Ink] = ("", "")
         self.last_said = ""
         self._notice_until_s = 0.0
@@ -251,12 +248,17 @@ class Seat(Screen[None]):
         ``then``: sent right behind it where the engine has taken it, and no STOP came between.
         """
         self.say(f"{command.label()} …")
-        stops, seq = self.stops, self.night.seq
+        came = partial(self.see_outcome, command, self.stops, self.night.seq, then)
+        self.orders.send(command, partial(call_in_turn, self, came))
 
-        def came(outcome: Outcome) -> None:
-            self.post_from_thread(OutcomeCame(command, outcome, stops, seq, then))
+    def see_outcome(
+        self, command: Command, stops: int, seq: int, then: Command | None, outcome: Outcome
+    ) -> None:
+        """What came of a command; a screen whose keys act says it.
 
-        self.orders.send(command, came)
+        ``stops``: how many STOPs there had been when it was sent; ``seq``: the last record that was
+        known of then; ``then``: what goes right behind it, once it has been taken; None: nothing.
+        """
 
     def take_keys(self, *parts: object) -> None:
         """Have the keys of these parts act: Textual looks for ``action_NAME`` at the screen alone.
@@ -279,7 +281,8 @@ class Seat(Screen[None]):
     def stop(self) -> None:
         """STOP: act first, then put away whatever is open, then say so."""
         number = self.stops + 1
-        self.orders.stop(lambda news: self.post_from_thread(StopNewsCame(news, number)))
+        came = self.on_stop_news_came
+        self.orders.stop(lambda news: call_in_turn(self, came, StopNewsCame(news, number)))
         self.stops = number
         self._stopped_utc_ns = self.engine.now_utc_ns
         self._is_stop_seen = False
@@ -322,10 +325,6 @@ class Seat(Screen[None]):
     def _forget_stop(self, news: StopNews) -> None:
         if self.stop_news is news:
             self.show_stop(None)
-
-    def post_from_thread(self, message: Message) -> None:
-        """Have a message handled by the application (any thread)."""
-        self._from_thread(self.post_message, message)
 
 
 WITHIN_S = 2.0

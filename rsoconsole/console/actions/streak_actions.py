@@ -7,8 +7,8 @@ from functools import partialmethod
 from rsoconsole.console.actions.seat import SETTLES_S, WITHIN_S, Seat, TwicePressed, has_track
 from rsoconsole.console.commands.keymap import first_key
 from rsoconsole.console.dialogs.candidates import RejectDialog
-from rsoconsole.console.watches.messages import OutcomeCame, Pointed
-from rsoconsole.control import Accept, Choose, Nudge, Reject
+from rsoconsole.console.watches.messages import Pointed
+from rsoconsole.control import Accept, Choose, Command, Nudge, Reject
 from rsoconsole.records import Detection, Solution
 
 CLICK_PX = 60.0
@@ -163,9 +163,9 @@ class NudgeActions:
         self._step = FIRST_STEP
         self._is_nudging = False
 
-    def see_outcome(self, message: OutcomeCame) -> None:
+    def see_outcome(self, command: Command) -> None:
         """The next nudge may go."""
-        if isinstance(message.command, Nudge):
+        if isinstance(command, Nudge):
             self._is_nudging = False
 
     def _nudge(self, name: str, right: float, down: float) -> None:

@@ -18,8 +18,20 @@ from rsoconsole.console.dialogs.ask import (
 from rsoconsole.console.dialogs.dialogs import ConfirmDialog
 from rsoconsole.console.dialogs.up_list import UpListDialog
 from rsoconsole.console.night.engine_seen import EngineView
-from rsoconsole.console.watches.messages import OutcomeCame
-from rsoconsole.control import Arm, Disarm, Goto, Hold, Park, Resume, Seek, Set, Track, Unpark
+from rsoconsole.control import (
+    Arm,
+    Command,
+    Disarm,
+    Goto,
+    Hold,
+    Outcome,
+    Park,
+    Resume,
+    Seek,
+    Set,
+    Track,
+    Unpark,
+)
 from rsoconsole.records import Solution
 from rsoconsole.sky import pixel_to_sky
 
@@ -42,11 +54,11 @@ class TelescopeActions:
         self._asked_again_s = -math.inf
         """When what is kept was asked for; the engine has not refused it."""
 
-    def see_outcome(self, message: OutcomeCame) -> None:
+    def see_outcome(self, command: Command, outcome: Outcome) -> None:
         """What was asked for is on its way no longer."""
-        if isinstance(message.command, Arm):
+        if isinstance(command, Arm):
             self.is_arming = False
-        if isinstance(message.command, Arm | Resume) and not message.outcome.ok:
+        if isinstance(command, Arm | Resume) and not outcome.ok:
             self._asked_again_s = -math.inf
 
     @property

@@ -21,7 +21,7 @@ from rsoconsole.console.tuning.tuning_pane import (
     save_preset,
 )
 from rsoconsole.console.tuning.what_if_watch import WhatIfWatch, frames_of_track, of_settings_now
-from rsoconsole.console.watches.messages import WhatIfSeen
+from rsoconsole.console.watches.messages import call_in_turn
 from rsoconsole.control import MAX_FRAMES, Command, Set
 
 if TYPE_CHECKING:
@@ -116,7 +116,7 @@ class TuneActions:
             return
         self._computed_s = time.monotonic()
         if self._watch is None:
-            self._watch = WhatIfWatch(lambda *figures: seat.post_from_thread(WhatIfSeen(*figures)))
+            self._watch = WhatIfWatch(partial(call_in_turn, seat, self.see))
         until_seq, last = self.scope()
         self._watch.ask(
             seat.night.folder,
@@ -134,12 +134,12 @@ class TuneActions:
         if self.pane.display and is_due:
             self.compute()
 
-    def see(self, message: WhatIfSeen) -> None:
-        """Figures now and with what is tried."""
-        if message.fault:
-            self._seat.say(message.fault, "warn")
+    def see(self, now: "TrackFigures | None", then: "TrackFigures | None", fault: str) -> None:
+        """What the night was and what it would have been, or why that cannot be told."""
+        if fault:
+            self._seat.say(fault, "warn")
             return
-        self.figures = (message.now, message.then)
+        self.figures = (now, then)
         self.show()
 
     def close_watch(self) -> None:

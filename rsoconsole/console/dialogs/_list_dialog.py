@@ -9,7 +9,7 @@ from textual.binding import Binding, BindingType
 from textual.containers import Vertical
 from textual.widgets import Input
 
-from rsoconsole.console.dialogs.dialogs import Dialog, Result, Send
+from rsoconsole.console.dialogs.dialogs import Dialog, Result
 from rsoconsole.console.drawing.plot import Line
 from rsoconsole.console.panes.panes import LinesPane
 from rsoconsole.console.words.words import first_shown
@@ -53,10 +53,10 @@ class ListDialog(Dialog[Result], Generic[Result, Row]):
         """Begin to look."""
         self.query_one(Input).focus()
         self.show()
-        name, arguments = f"console {self.LISTED}", (self.poster(),)
-        threading.Thread(target=self.look, args=arguments, name=name, daemon=True).start()
+        name = f"console {self.LISTED}"
+        threading.Thread(target=self.look, name=name, daemon=True).start()
 
-    def look(self, send: Send) -> None:
+    def look(self) -> None:
         """Find the rows (on the thread)."""
         raise NotImplementedError
 

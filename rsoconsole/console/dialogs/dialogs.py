@@ -1,10 +1,9 @@
 """What the operator is asked, and the help. STOP works in each of them: the app binds it first."""
 
-import contextlib
 import math
 import textwrap
 import time
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from typing import Any, ClassVar, Generic, Literal, TypeVar
 
 from textual.app import ComposeResult
@@ -12,7 +11,6 @@ from textual.await_complete import AwaitComplete
 from textual.binding import Binding, BindingType
 from textual.containers import Vertical, VerticalScroll
 from textual.events import Event, Key, Mount
-from textual.message import Message
 from textual.screen import ModalScreen
 from textual.widgets import Button, Static
 
@@ -28,7 +26,6 @@ UNASKED_DEAF_S = 0.5
 answer: keys were meant for what is below it."""
 Leave = Literal["leave", "stop engine", "stay"]
 Result = TypeVar("Result")
-Send = Callable[[Message], None]
 
 SIGNS = """\
 State      IDLE waits to be armed, SEARCH looks, ACQUIRE has one frame,
@@ -146,16 +143,6 @@ class Dialog(ModalScreen[Result], Generic[Result]):
         """Whether what is typed now was meant for what it lies over; esc puts it away at once."""
         since_s = max(self._opened_s, self._dropped_s)
         return self.opens_unasked and time.monotonic() < since_s + UNASKED_DEAF_S
-
-    def poster(self) -> Send:
-        """Posts messages to it from another thread, as long as the console is there."""
-        call, post = self.app.call_from_thread, self.post_message
-
-        def send(message: Message) -> None:
-            with contextlib.suppress(RuntimeError):  # the console has been left meanwhile
-                call(post, message)
-
-        return send
 
     def dismiss(self, result: Result | None = None) -> AwaitComplete:
         """Close; what is typed right after it may still be meant for it."""

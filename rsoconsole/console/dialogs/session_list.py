@@ -6,14 +6,13 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal
 
-from textual.message import Message
 from textual.widgets import Input
 
 from rsoconsole.base import SessionError
 from rsoconsole.config import home_path
 from rsoconsole.console.dialogs._list_dialog import ListDialog
-from rsoconsole.console.dialogs.dialogs import Send
 from rsoconsole.console.drawing.plot import Ink, Line
+from rsoconsole.console.watches.messages import call_in_turn
 from rsoconsole.console.words.words import clipped, first_shown
 from rsoconsole.control import one_line
 from rsoconsole.session import DATABASE, SessionSummary, folders_in, summarise, written_ns
@@ -141,22 +140,6 @@ def _shortened(name: str, columns: int) -> str:
     return f"{name[: columns - 1 - half]}…{name[len(name) - half :] if half else ''}"
 
 
-class EntriesFound(Message):
-    """The sessions that there are, or why they cannot be found."""
-
-    def __init__(self, entries: list[Entry], fault: str = "") -> None:
-        super().__init__()
-        self.entries, self.fault = entries, fault
-
-
-class EntrySeen(Message):
-    """What is in one of them."""
-
-    def __init__(self, entry: Entry) -> None:
-        super().__init__()
-        self.entry = entry
-
-
 class SessionListDialog(ListDialog[Path | None, Entry]):
     """Sessions; typing finds one, enter opens it. Gives its folder."""
 
@@ -176,33 +159,31 @@ class SessionListDialog(ListDialog[Path | None, Entry]):
         """Nobody waits for the rest."""
         self._is_over = True
 
-    def look(self, send: Send) -> None:
+    def look(self) -> None:
         """Their names first, then what is in each."""
         try:
             entries = entries_of(self._root, self._present)
         except SessionError as error:
-            send(EntriesFound([], str(error)))
+            call_in_turn(self, self._see_entries, [], str(error))
             return
-        send(EntriesFound(entries))
+        call_in_turn(self, self._see_entries, entries)
         for entry in entries:
             if self._is_over:
                 return
-            send(EntrySeen(looked_into(entry)))
+            call_in_turn(self, self._see_entry, looked_into(entry))
 
-    def on_entries_found(self, message: EntriesFound) -> None:
-        """Their names; the present one is chosen."""
-        self._entries, self._fault = message.entries, message.fault
-        folders = [entry.folder for entry in message.entries]
+    def _see_entries(self, entries: list[Entry], fault: str = "") -> None:
+        """Their names, or why they cannot be found; the present one is chosen."""
+        self._entries, self._fault = entries, fault
+        folders = [entry.folder for entry in entries]
         if self._present in folders and self._at == 0:
             self._at = folders.index(self._present)
         self.show()
 
-    def on_entry_seen(self, message: EntrySeen) -> None:
+    def _see_entry(self, entry: Entry) -> None:
         """What is in one."""
         entries = self._entries or []
-        self._entries = [
-            message.entry if each.folder == message.entry.folder else each for each in entries
-        ]
+        self._entries = [entry if each.folder == entry.folder else each for each in entries]
         self.show()
 
     @property

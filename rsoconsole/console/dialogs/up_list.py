@@ -6,15 +6,14 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING, ClassVar, Literal
 
 from textual.binding import Binding, BindingType
-from textual.message import Message
 from textual.widgets import Input
 
 from rsoconsole.base import RsoconsoleError
 from rsoconsole.config import Config
 from rsoconsole.console.dialogs._list_dialog import ListDialog
 from rsoconsole.console.dialogs.ask import UNREAD_CHECK_S
-from rsoconsole.console.dialogs.dialogs import Send
 from rsoconsole.console.drawing.plot import Ink, Line
+from rsoconsole.console.watches.messages import call_in_turn
 from rsoconsole.console.words.words import clipped, first_shown
 from rsoconsole.words import clock, span
 
@@ -27,14 +26,6 @@ Order = Literal["altitude", "minutes left", "name"]
 ORDERS: tuple[Order, ...] = ("altitude", "minutes left", "name")
 SOON_MIN = 15.0
 NAME_COLUMNS = 24
-
-
-class UpFound(Message):
-    """What is up, or why that cannot be said."""
-
-    def __init__(self, found: "tuple[Up, ...]", t_utc_ns: int, fault: str = "") -> None:
-        super().__init__()
-        self.found, self.t_utc_ns, self.fault = found, t_utc_ns, fault
 
 
 class UpListDialog(ListDialog[str | None, "Up"]):
@@ -60,7 +51,7 @@ class UpListDialog(ListDialog[str | None, "Up"]):
         self._fault = ""
         self._order: Order = "altitude"
 
-    def look(self, send: Send) -> None:
+    def look(self) -> None:
         """Compute it: large catalogues take a second."""
         from rsoconsole.pipeline import read_catalogue, up_now
 
@@ -72,24 +63,23 @@ class UpListDialog(ListDialog[str | None, "Up"]):
         files = config.catalogue.tle_files
         if not files:
             fault = "no element files are configured: name some in catalogue.tle_files"
-            send(UpFound((), t_utc_ns, fault))
+            call_in_turn(self, self._see_found, (), t_utc_ns, fault)
             return
         site, limits = config.site.to_site(), config.limits
         self._limit_deg = limits.min_altitude_deg
+        found: tuple[Up, ...] = ()
+        fault = ""
         try:
             found = up_now(read_catalogue(files), site, t_utc_ns, limits)
         except RsoconsoleError as error:
-            send(UpFound((), t_utc_ns, str(error)))
+            fault = str(error)
         except Exception:  # whatever it is, nobody waits for ever for the list
             log.exception("what is up cannot be computed")
-            send(UpFound((), t_utc_ns, "it cannot be computed: the console's log says why"))
-        else:
-            send(UpFound(found, t_utc_ns))
+            fault = "it cannot be computed: the console's log says why"
+        call_in_turn(self, self._see_found, found, t_utc_ns, fault)
 
-    def on_up_found(self, message: UpFound) -> None:
-        """The list."""
-        self._found, self._fault = message.found, message.fault
-        self._t_utc_ns = message.t_utc_ns
+    def _see_found(self, found: "tuple[Up, ...]", t_utc_ns: int, fault: str) -> None:
+        self._found, self._t_utc_ns, self._fault = found, t_utc_ns, fault
         self.show()
 
     @property

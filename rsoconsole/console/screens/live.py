@@ -18,23 +18,29 @@ from rsoconsole.console.dialogs.candidates import MARKED, CandidatesDialog
 from rsoconsole.console.dialogs.dialogs import LeaveDialog
 from rsoconsole.console.dialogs.tour import intro_text
 from rsoconsole.console.frame.sheet_actions import MarkTo
+from rsoconsole.console.night.engine_seen import EngineView
 from rsoconsole.console.panes.last_line import Key, Mode, keys_for
 from rsoconsole.console.picture.marking import Marking
 from rsoconsole.console.picture.marks import Mark
+from rsoconsole.console.picture.picture import Picture
 from rsoconsole.console.screens._pane_places import aspect_of
 from rsoconsole.console.screens.night_screen import KNOWN, Draw, NightScreen
 from rsoconsole.console.screens.review import HEAD, ReviewScreen
-from rsoconsole.console.watches.messages import (
-    EngineSeen,
-    MarkHeld,
-    NightSeen,
-    OutcomeCame,
-    Pointed,
-)
+from rsoconsole.console.watches.messages import Pointed
 from rsoconsole.console.watches.sheet_worker import detail_of
 from rsoconsole.console.words import words
 from rsoconsole.console.words.leaving import kept_words
-from rsoconsole.control import MarkByHand, Note, Shutdown, StopNews, holder_words, motion_words
+from rsoconsole.control import (
+    Command,
+    MarkByHand,
+    Note,
+    Outcome,
+    Shutdown,
+    StopNews,
+    holder_words,
+    motion_words,
+)
+from rsoconsole.night import NightView
 from rsoconsole.session import SessionReader
 
 
@@ -71,41 +77,38 @@ class LiveScreen(NightScreen):
 
     # -- what is known ----------------------------------------------------------------------
 
-    def on_night_seen(self, message: NightSeen) -> None:
-        """The session has grown."""
-        message.is_taken = True
-        has_other_shape = aspect_of(message.picture) != aspect_of(self.picture)
-        if message.night.folder != self.night.folder:
+    def see_night(self, night: NightView, picture: Picture | None) -> None:
+        """The session has grown, or another one is read."""
+        has_other_shape = aspect_of(picture) != aspect_of(self.picture)
+        if night.folder != self.night.folder:
             self.mark.forget()
             self.streaks.forget_pick()
-        before, self.night = self.night, message.night
+        before, self.night = self.night, night
         self.outcomes.see_refusals(before)
         self.telescope.see_refused(self.outcomes.refused_since(before))
         self.mark.see_recorded(before)
-        self.mark.take_picture(message.picture)
+        self.mark.take_picture(picture)
         if has_other_shape:
             self.place_panes()
         self.tune.compute_now_and_then()
 
-    def on_engine_seen(self, message: EngineSeen) -> None:
-        """The engine's word."""
-        before, self.engine = self.engine, message.engine
+    def see_engine(self, engine: EngineView) -> None:
+        """The engine said something else than before, or nothing."""
+        before, self.engine = self.engine, engine
         if before.holder != self.engine.holder:
             # Whatever was said of it is done, or undone: the first line has it now.
             self.forget_notice()
         self.telescope.see_control_change(before)
         self.see_stop()
 
-    def on_outcome_came(self, message: OutcomeCame) -> None:
+    def see_outcome(
+        self, command: Command, stops: int, seq: int, then: Command | None, outcome: Outcome
+    ) -> None:
         """What came of a command."""
-        self.telescope.see_outcome(message)
-        self.nudges.see_outcome(message)
-        self.outcomes.see(message)
+        self.telescope.see_outcome(command, outcome)
+        self.nudges.see_outcome(command)
+        self.outcomes.see(command, stops, seq, then, outcome)
         self.show_top()  # what was asked for is perhaps on its way no longer
-
-    def on_mark_held(self, message: MarkHeld) -> None:
-        """Whether the engine keeps the frame that is marked in."""
-        self.mark.held(message)
 
     def on_pointed(self, message: Pointed) -> None:
         """The mouse in a picture: an end of a mark, or a streak to follow."""
@@ -299,7 +302,6 @@ class LiveScreen(NightScreen):
         self.app.push_screen(
             ReviewScreen(
                 self.orders,
-                from_thread=self._from_thread,
                 keymap=self.keymap,
                 sessions_root=self.sessions_root,
                 folder=folder,

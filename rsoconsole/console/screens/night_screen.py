@@ -3,7 +3,7 @@
 from collections.abc import Callable, Iterable, Mapping
 from functools import partial, partialmethod
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 from textual import events
 from textual.app import ComposeResult
@@ -31,12 +31,15 @@ from rsoconsole.console.screens._opening_actions import OpeningActions
 from rsoconsole.console.screens._pane_places import AlertLine, KeyLine, place_panes
 from rsoconsole.console.screens._reading import ReadingActions
 from rsoconsole.console.tuning.tuning_pane import TunePane
-from rsoconsole.console.watches.messages import OrbitSeen, OutlookSeen, WhatIfSeen
+from rsoconsole.console.watches.messages import call_in_turn
 from rsoconsole.console.watches.watch import OutlookWatch
 from rsoconsole.console.words import words
 from rsoconsole.console.words.facts import fact_lines
 from rsoconsole.console.words.sky_view import sky_lines
 from rsoconsole.control import AnswerSeat, StopNews
+
+if TYPE_CHECKING:
+    from rsoconsole.pipeline import Outlook
 
 Draw = Callable[[], None]
 
@@ -116,8 +119,8 @@ class NightScreen(Seat):
         self.alert_line = AlertLine(self)
         self.key_line = KeyLine(self)
         self.outlook_watch = OutlookWatch(
-            lambda outlook: self.post_from_thread(OutlookSeen(outlook)),
-            lambda ahead: self.post_from_thread(OrbitSeen(ahead)),
+            partial(call_in_turn, self, self.see_outlook),
+            partial(call_in_turn, self, partial(setattr, self, "orbit_ahead")),
         )
         self.take_keys(
             *(self.plots, self.track_keys, self.tune),
@@ -162,10 +165,6 @@ class NightScreen(Seat):
 
     # -- the parts, their panes and messages --------------------------------------------------
 
-    def on_what_if_seen(self, message: WhatIfSeen) -> None:
-        """Figures now and with what is tried."""
-        self.tune.see(message)
-
     def on_tune_pane_wanted(self, message: TunePane.Wanted) -> None:
         """One of the pane's keys."""
         message.stop()
@@ -198,14 +197,10 @@ class NightScreen(Seat):
 
     # -- what is known ----------------------------------------------------------------------
 
-    def on_outlook_seen(self, message: OutlookSeen) -> None:
+    def see_outlook(self, outlook: "Outlook") -> None:
         """What the next hours bring."""
-        self.outlook = message.outlook
-        self.pane("sky").show(partial(sky_lines, self.night.config, message.outlook))
-
-    def on_orbit_seen(self, message: OrbitSeen) -> None:
-        """Where the orbit leads."""
-        self.orbit_ahead = message.ahead
+        self.outlook = outlook
+        self.pane("sky").show(partial(sky_lines, self.night.config, outlook))
 
     def drawn_from(self) -> dict[Draw, tuple[str, ...]]:
         """How each part is drawn, and from which reactives; a STOP waits for none of them."""

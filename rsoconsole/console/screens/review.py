@@ -34,9 +34,9 @@ from rsoconsole.console.screens._review_moves import (
 )
 from rsoconsole.console.screens.night_screen import NightScreen
 from rsoconsole.console.timeline.lines import engine_then, review_top_lines, timeline_lines
-from rsoconsole.console.timeline.moments import ReviewWatch
+from rsoconsole.console.timeline.moments import Moment, ReviewWatch
 from rsoconsole.console.timeline.night_line import Player, Timeline
-from rsoconsole.console.watches.messages import MomentSeen, ReviewFailed, TimelineSeen
+from rsoconsole.console.watches.messages import call_in_turn
 from rsoconsole.night import LogLine, NightView
 
 if TYPE_CHECKING:
@@ -83,9 +83,9 @@ class ReviewScreen(ReviewSeat):
         """Where the session that is being opened begins; None once that is reached."""
         self._fault = ""
         self._watch_session = ReviewWatch(
-            lambda *seen: self.post_from_thread(TimelineSeen(*seen)),
-            lambda *seen: self.post_from_thread(MomentSeen(*seen)),
-            lambda *seen: self.post_from_thread(ReviewFailed(*seen)),
+            partial(call_in_turn, self, self.see_timeline),
+            partial(call_in_turn, self, self.see_moment),
+            partial(call_in_turn, self, self.see_fault),
         )
 
     def compose(self) -> ComposeResult:
@@ -125,11 +125,11 @@ class ReviewScreen(ReviewSeat):
 
     # -- what is known ----------------------------------------------------------------------
 
-    def on_timeline_seen(self, message: TimelineSeen) -> None:
-        """More has been read, or has been recorded."""
-        if message.folder != self.folder:
+    def see_timeline(self, folder: Path, timeline: Timeline, lines: tuple[LogLine, ...]) -> None:
+        """More has been read, or has been recorded: the course, every line of the log so far."""
+        if folder != self.folder:
             return
-        self.timeline, self.lines, self._fault = message.timeline, message.lines, ""
+        self.timeline, self.lines, self._fault = timeline, lines, ""
         if self._start is not None:
             self._begin()
         elif self.is_at_head:
@@ -155,11 +155,10 @@ class ReviewScreen(ReviewSeat):
             if start:
                 self.moves.go_to_text(start)
 
-    def on_moment_seen(self, message: MomentSeen) -> None:
+    def see_moment(self, folder: Path, moment: Moment) -> None:
         """The moment that was wanted."""
-        if message.folder != self.folder:
+        if folder != self.folder:
             return
-        moment = message.moment
         has_other_shape = aspect_of(moment.picture) != aspect_of(self.picture)
         self.moment, self.night, self.picture = moment, moment.view, moment.picture
         self.engine, self.outlook = engine_then(moment.view), self.outlook
@@ -194,10 +193,10 @@ class ReviewScreen(ReviewSeat):
 
         self.set_timer(OUTLOOK_AFTER_S, ask)
 
-    def on_review_failed(self, message: ReviewFailed) -> None:
-        """Why nothing comes."""
-        if message.folder == self.folder and message.text != self._fault:
-            self._fault = message.text
+    def see_fault(self, folder: Path, text: str) -> None:
+        """Why the session cannot be read."""
+        if folder == self.folder and text != self._fault:
+            self._fault = text
             self.show_alert()
 
     def want(self, seq: int) -> None:
