@@ -250,9 +250,7 @@ class ConsoleApp(App[str]):
         """STOP, on every screen."""
         self.root.stop()
 
-    def action_stop_by_letter(self) -> None:
-        """STOP."""
-        self.root.stop()
+    action_stop_by_letter = action_stop
 
     def action_after_escape(self, key: str) -> None:
         """Escape, and when that has put away what it does, the key typed right behind it."""

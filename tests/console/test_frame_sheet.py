@@ -117,7 +117,8 @@ def look(
             await calm(pilot, sheet)
             await act(app, sheet, pilot)
         # The network is not for two threads at once.
-        assert await asyncio.to_thread(sheet._worker.join, PATIENCE_S)
+        await asyncio.to_thread(sheet._worker._thread.join, PATIENCE_S)
+        assert not sheet._worker._thread.is_alive()
 
     asyncio.run(run())
 
@@ -600,7 +601,8 @@ def test_the_other_kept_frames_are_reached_from_an_opened_one(impatient_seat: No
         assert f"frame {ALSO_KEPT} is the newest" in words(other, "keys")
         await pilot.press("escape")
         assert app.screen is app.live
-        assert await asyncio.to_thread(other._worker.join, PATIENCE_S)
+        await asyncio.to_thread(other._worker._thread.join, PATIENCE_S)
+        assert not other._worker._thread.is_alive()
 
     look(act, size=(120, 40))
 

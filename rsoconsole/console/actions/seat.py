@@ -98,18 +98,12 @@ class Seat(Screen[None]):
         if text:
             self.set_timer(seconds + 0.1, self.show_keys)
 
-    def ask(
-        self, dialog: Screen[Answer], decided: Callable[[Answer | None], None] | None = None
-    ) -> None:
-        """Open a dialog over this screen; ``decided`` is called with its answer."""
-        self.app.push_screen(dialog, decided)
-
     def ask_unasked(
         self, dialog: Dialog[Answer], decided: Callable[[Answer | None], None] | None = None
     ) -> None:
         """A dialog that the engine's answer opens: a key that bounces does not answer it."""
         dialog.opens_unasked = True
-        self.ask(dialog, decided)
+        self.app.push_screen(dialog, decided)
 
     def log_lines_after(self, seq: int) -> list[LogLine]:
         """What has been recorded since, of the last lines."""
@@ -259,18 +253,6 @@ class Seat(Screen[None]):
         ``stops``: how many STOPs there had been when it was sent; ``seq``: the last record that was
         known of then; ``then``: what goes right behind it, once it has been taken; None: nothing.
         """
-
-    def take_keys(self, *parts: object) -> None:
-        """Have the keys of these parts act: Textual looks for ``action_NAME`` at the screen alone.
-
-        An action of the screen itself goes first; no two parts may have the same.
-        """
-        for name in (f"action_{command}" for command in BY_NAME):
-            owners = [part for part in parts if hasattr(part, name)]
-            if len(owners) + (name in vars(self)) > 1:
-                raise TypeError(f"{name} is in more than one part of {type(self).__name__}")
-            if owners and not hasattr(type(self), name):
-                setattr(self, name, getattr(owners[0], name))
 
     def action_hand_over(self, name: str) -> None:
         """What a key does that only has a command to send: where this seat may act."""

@@ -8,7 +8,7 @@ from rsoconsole.console.actions.seat import SETTLES_S, WITHIN_S, Seat, TwicePres
 from rsoconsole.console.commands.keymap import first_key
 from rsoconsole.console.dialogs.candidates import RejectDialog
 from rsoconsole.console.watches.messages import Pointed
-from rsoconsole.control import Accept, Choose, Command, Nudge, Reject
+from rsoconsole.control import Accept, Choose, Nudge, Reject
 from rsoconsole.records import Detection, Solution
 
 CLICK_PX = 60.0
@@ -119,7 +119,7 @@ class StreakActions:
             if frame_id is not None:
                 seat.send(Reject(frame_id=frame_id))
 
-        seat.ask(RejectDialog(measured), decided)
+        seat.app.push_screen(RejectDialog(measured), decided)
 
     def _frame_shown(self) -> int | None:
         """The frame that the operator's word is on: the one on the screen."""
@@ -155,32 +155,26 @@ def step_words(arcsec: float) -> str:
     return f"{arcsec / 60:g}′" if arcsec >= 60 else f"{arcsec:g}″"
 
 
-class NudgeActions:
+class NudgeActions(Seat):
     """One nudge at a time, and how long its step is."""
 
-    def __init__(self, seat: Seat, twice: TwicePressed) -> None:
-        self._seat, self._twice = seat, twice
-        self._step = FIRST_STEP
-        self._is_nudging = False
-
-    def see_outcome(self, command: Command) -> None:
-        """The next nudge may go."""
-        if isinstance(command, Nudge):
-            self._is_nudging = False
+    twice: TwicePressed
+    is_nudging = False
+    """Whether a nudge is on its way: the next one waits for its outcome."""
+    _nudge_step = FIRST_STEP
 
     def _nudge(self, name: str, right: float, down: float) -> None:
         """Move the telescope so that it looks that way in the picture.
 
         Arrows are what everybody presses to scroll: they take the mount from nobody unasked.
         """
-        seat = self._seat
         # A key that is held down repeats: one nudge at a time, none on its way after a STOP.
-        if self._is_nudging or not seat.may_act():
+        if self.is_nudging or not self.may_act():
             return
-        if seat.engine.holder == "autonomy":
-            back = first_key("hold_or_resume", seat.keymap)
+        if self.engine.holder == "autonomy":
+            back = first_key("hold_or_resume", self.keymap)
             what = f"takes the mount from AUTO ({back} gives it back)"
-            self._twice.ask(name, what, lambda: self._send_nudge(right, down))
+            self.twice.ask(name, what, lambda: self._send_nudge(right, down))
         else:
             self._send_nudge(right, down)
 
@@ -190,12 +184,12 @@ class NudgeActions:
     action_nudge_right = partialmethod(_nudge, "nudge_right", 1.0, 0.0)
 
     def _send_nudge(self, right: float, down: float) -> None:
-        if self._is_nudging:
+        if self.is_nudging:
             return
-        self._is_nudging = True
+        self.is_nudging = True
         east, north = self._on_the_sky(right, down)
-        arcmin = STEPS_ARCSEC[self._step] / 60.0
-        self._seat.send(
+        arcmin = STEPS_ARCSEC[self._nudge_step] / 60.0
+        self.send(
             Nudge(
                 east_arcmin=round(arcmin * east, 6),
                 north_arcmin=round(arcmin * north, 6),
@@ -204,7 +198,7 @@ class NudgeActions:
 
     def _on_the_sky(self, right: float, down: float) -> tuple[float, float]:
         """A direction in the picture as (east, north); without a plate north is up, east left."""
-        solution = self._seat.picture.detail.solution if self._seat.picture is not None else None
+        solution = self.picture.detail.solution if self.picture is not None else None
         if not isinstance(solution, Solution):
             return -right, -down
         cd = solution.wcs.cd
@@ -214,8 +208,8 @@ class NudgeActions:
         return east / length, north / length
 
     def _change_step(self, by: int) -> None:
-        self._step = min(max(self._step + by, 0), len(STEPS_ARCSEC) - 1)
-        self._seat.say(f"nudge by {step_words(STEPS_ARCSEC[self._step])}")
+        self._nudge_step = min(max(self._nudge_step + by, 0), len(STEPS_ARCSEC) - 1)
+        self.say(f"nudge by {step_words(STEPS_ARCSEC[self._nudge_step])}")
 
     action_smaller_step = partialmethod(_change_step, 1)
     action_larger_step = partialmethod(_change_step, -1)

@@ -163,7 +163,7 @@ class TelescopeActions:
         if has_track(seat.engine):
             text += f" This ends the track of {self._twice.track_words()}."
         dialog = ConfirmDialog("park the mount", text, yes="Park", letter="y")
-        seat.ask(dialog, decided)
+        seat.app.push_screen(dialog, decided)
 
     def action_undo(self) -> None:
         """Follow again what was ended; on a parked mount, release it."""
@@ -275,7 +275,7 @@ class TelescopeActions:
             for name, value in (wanted or {}).items():
                 self._seat.send(Set(name=name, value=value))
 
-        self._seat.ask(dialog, decided)
+        self._seat.app.push_screen(dialog, decided)
 
     # -- by hand ------------------------------------------------------------------------------
 
@@ -302,7 +302,7 @@ class TelescopeActions:
             begun,
             kept if has_track(seat.engine) else "",
         )
-        seat.ask(dialog, decided)
+        seat.app.push_screen(dialog, decided)
 
     def action_up_now(self) -> None:
         """The satellites above the limit; the chosen one is planned as any go-to is."""
@@ -311,7 +311,7 @@ class TelescopeActions:
             if number is not None:
                 self._ask_where(number)
 
-        self._seat.ask(UpListDialog(self._config, self._now_utc_ns), decided)
+        self._seat.app.push_screen(UpListDialog(self._config, self._now_utc_ns), decided)
 
     def _config(self) -> Config | None:
         """The night's settings, the defaults where it has none; None until that is known."""
@@ -356,4 +356,4 @@ class TelescopeActions:
         back = first_key("hold_or_resume", seat.keymap)
         caution = f"autonomy has the mount: this takes it, {back} gives it back" if has_it else ""
         dialog = MoveDialog(place, caution, seat.orders)
-        seat.ask(dialog, decided)
+        seat.app.push_screen(dialog, decided)

@@ -184,7 +184,7 @@ class TuneActions:
         words = f"from {tunable.low:g} to {tunable.high:g}"
         title = f"{tunable.label}{tunable.unit}: a number {words}"
         dialog = LineDialog(title, words, begun, goes_on=True)
-        seat.ask(dialog, decided)
+        seat.app.push_screen(dialog, decided)
 
     def _try(self) -> None:
         self.figures = (self.figures[0], None)
@@ -218,7 +218,7 @@ class TuneActions:
             self._set(self.tuning.changes, int(text))
 
         dialog = LineDialog("apply for a number of frames", "how many", f"{USUAL_FRAMES}")
-        seat.ask(dialog, decided)
+        seat.app.push_screen(dialog, decided)
 
     def _undo(self) -> None:
         if not self._seat.may_act():
@@ -260,7 +260,7 @@ class TuneActions:
             except ConfigError as error:
                 seat.say(str(error), "warn")
 
-        seat.ask(LineDialog("save as a preset", "a name"), decided)
+        seat.app.push_screen(LineDialog("save as a preset", "a name"), decided)
 
     def _load(self) -> None:
         seat = self._seat
@@ -274,7 +274,7 @@ class TuneActions:
             return
         decided = partial(self._take_preset, presets)
         words = f"one of {', '.join(presets)}"
-        seat.ask(LineDialog("load a preset", words), decided)
+        seat.app.push_screen(LineDialog("load a preset", words), decided)
 
     def _take_preset(self, presets: dict[str, dict[str, Value]], name: str | None) -> None:
         if not name:

@@ -18,13 +18,13 @@ from rsoconsole.console.commands.command import GROUPS, Place
 from rsoconsole.console.commands.commands import commands_in
 from rsoconsole.console.commands.glossary import glossary_text
 from rsoconsole.console.commands.keymap import key_words
-from rsoconsole.console.panes.last_line import MODE_WORDS, Mode, mode_keys
+from rsoconsole.console.panes.last_line import MODE_KEYS, MODE_WORDS, Mode
 
 HELP_COLUMNS = 70
 UNASKED_DEAF_S = 0.5
 """So long a dialog that opened by itself, and after each key that it has dropped, it takes no
 answer: keys were meant for what is below it."""
-Leave = Literal["leave", "stop engine", "stay"]
+LeaveChoice = Literal["leave", "stop engine", "stay"]
 Result = TypeVar("Result")
 
 SIGNS = """\
@@ -53,7 +53,7 @@ def help_text(
     lines: list[str] = []
     if MODE_WORDS[mode]:
         lines.append(MODE_WORDS[mode])
-        for key in mode_keys(mode):
+        for key in MODE_KEYS[mode]:
             lines += textwrap.wrap(
                 key.words or key.name,
                 HELP_COLUMNS,
@@ -383,7 +383,7 @@ class ConfirmDialog(Dialog[bool | None]):
                 self.dismiss(True)
 
 
-class LeaveDialog(Dialog[Leave | None]):
+class LeaveDialog(Dialog[LeaveChoice | None]):
     """What becomes of the engine when the console is left."""
 
     BINDINGS: ClassVar[list[BindingType]] = [
@@ -391,6 +391,12 @@ class LeaveDialog(Dialog[Leave | None]):
         Binding("s", "choose('stop engine')", "Stop the engine"),
         Binding("q", "put_away", "Stay", show=False),
     ]
+
+    CHOICES: ClassVar[dict[LeaveChoice, str]] = {
+        "leave": "l  Leave: the engine keeps running and recording",
+        "stop engine": "s  Stop the engine: the mount stops, the session is closed",
+        "stay": "esc  Stay here",
+    }
 
     def __init__(self, state_words: str, *, proposes_staying: bool) -> None:
         """``proposes_staying``: the telescope moves by hand, and nobody else would look at it."""
@@ -400,16 +406,11 @@ class LeaveDialog(Dialog[Leave | None]):
 
     def compose(self) -> ComposeResult:
         """Three plain choices; the proposed one has the focus."""
-        choices = [
-            ("leave", "l  Leave: the engine keeps running and recording"),
-            ("stop-engine", "s  Stop the engine: the mount stops, the session is closed"),
-            ("stay", "esc  Stay here"),
-        ]
         with framed("leave the console"):
             yield Static(self._state_words, markup=False)
             with Vertical(classes="choices"):
-                for name, words in choices:
-                    yield Button(words, id=name, compact=True)
+                for choice, words in self.CHOICES.items():
+                    yield Button(words, name=choice, id=choice.replace(" ", "-"), compact=True)
 
     def on_mount(self) -> None:
         """Enter does what is safe: it never ends the engine."""
@@ -418,13 +419,8 @@ class LeaveDialog(Dialog[Leave | None]):
     def on_button_pressed(self, event: Button.Pressed) -> None:
         """One of the three."""
         event.stop()
-        names: dict[str, Leave] = {
-            "leave": "leave",
-            "stop-engine": "stop engine",
-            "stay": "stay",
-        }
-        self.dismiss(names[event.button.id or "stay"])
+        self.dismiss(next(each for each in self.CHOICES if each == event.button.name))
 
-    def action_choose(self, choice: Leave) -> None:
+    def action_choose(self, choice: LeaveChoice) -> None:
         """By letter."""
         self.dismiss(choice)

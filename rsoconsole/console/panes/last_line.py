@@ -1,6 +1,7 @@
 """The last line: the keys that matter now, and a word about what was just done."""
 
 from collections.abc import Callable, Mapping
+from functools import partial
 from typing import Literal, NamedTuple
 
 from textual.events import Click
@@ -60,7 +61,7 @@ _PUT_AWAY = (
     *(Key("u", "Undo"), Key("w", "Save"), Key("o", "Load")),
     Key("esc", "Close", is_weighty=True),
 )
-_OF_MODES: dict[Mode, tuple[Key, ...]] = {
+MODE_KEYS: dict[Mode, tuple[Key, ...]] = {
     "live": (),
     "review": (),
     "review tune": (*_CHANGE, Key("A", "All frames"), *_PUT_AWAY),
@@ -129,8 +130,7 @@ _OF_MODES: dict[Mode, tuple[Key, ...]] = {
         Key("esc", "Leave off", is_weighty=True, command="back", words="no mark is sent"),
     ),
 }
-
-
+"""The keys that mean something of their own at such a moment."""
 MODE_WORDS: dict[Mode, str] = {
     "live": "",
     "mark": "Now: a streak's two ends are marked by hand",
@@ -146,9 +146,10 @@ MODE_WORDS: dict[Mode, str] = {
 }
 
 
-def mode_keys(mode: Mode) -> tuple[Key, ...]:
-    """The keys that mean something of their own at this moment."""
-    return _OF_MODES[mode]
+def _command_key(
+    keymap: Mapping[str, str] | None, command: str, name: str, *, is_weighty: bool = False
+) -> Key:
+    return Key(first_key(command, keymap), name, is_weighty, command)
 
 
 def keys_for(
@@ -163,13 +164,10 @@ def keys_for(
 
     ``is_in_cloud``: what is followed was missed, and cloud is the cause.
     """
-
-    def key(command: str, name: str, *, is_weighty: bool = False) -> Key:
-        return Key(first_key(command, keymap), name, is_weighty, command)
-
+    key = partial(_command_key, keymap)
     keys = [key("stop_by_letter", "STOP", is_weighty=True)]
     if mode != "live":
-        return [*keys, *_OF_MODES[mode], key("help", "Help")]
+        return [*keys, *MODE_KEYS[mode], key("help", "Help")]
     if can_act:
         arm = "Disarm" if engine.holder == "autonomy" else "Arm"
         keys.append(key("arm_or_disarm", arm, is_weighty=True))
@@ -202,9 +200,7 @@ def review_keys(
     *, is_playing: bool, has_live: bool, has_mark: bool, mode: Mode, keymap: Mapping[str, str]
 ) -> list[Key]:
     """The same over a recorded night; ``has_live``: a live console lies behind it."""
-
-    def key(command: str, name: str, *, is_weighty: bool = False) -> Key:
-        return Key(first_key(command, keymap), name, is_weighty, command)
+    key = partial(_command_key, keymap)
 
     def keys(first: str, second: str, name: str) -> Key:
         return Key(f"{first_key(first, keymap)} {first_key(second, keymap)}", name, False, second)
@@ -212,7 +208,7 @@ def review_keys(
     # The mount of the present, which the engine or the configuration names; never the recorded one.
     stop = key("stop_by_letter", "STOP", is_weighty=True)
     if mode != "review":
-        return [stop, *_OF_MODES[mode], key("help", "Help")]
+        return [stop, *MODE_KEYS[mode], key("help", "Help")]
     return [
         stop,
         key("play", "Pause" if is_playing else "Play", is_weighty=True),
@@ -251,8 +247,8 @@ def key_line(
                 for row in wrapped(words, width - 1, height - 1)
             ]
             said += [[("", "")] for _ in range(height - 1 - len(said))]
-            return [*said, _line(_kept(keys, width), width)]
-        line = _line(_kept(keys, width, words), width)
+            return [*said, _line(_fitting(keys, width), width)]
+        line = _line(keys[:1] if words else _fitting(keys, width), width)
         columns = sum(len(text) for text, _ in line)
         return [[*line, *clipped([notice], max(width - columns, 0))] if words else line]
 
@@ -266,20 +262,6 @@ def notice_rows(notice: str, width: int, height: int) -> int:
     return len(wrapped(notice, width - 1, MAX_NOTICE_ROWS))
 
 
-def key_at(keys: list[Key], notice: str, width: int, column: int) -> Key | None:
-    """The key that stands in a column of that line; None where none does.
-
-    ``notice``: what stands behind the keys, where there is no row for it.
-    """
-    at = 1
-    for key in _kept(keys, width, notice):
-        columns = len(f"{key.key} {key.name}")
-        if at <= column < at + columns:
-            return key
-        at += columns + len(_GAP)
-    return None
-
-
 def action_at(event: Click, pane: Widget, keys: list[Key], notice: str) -> str:
     """What the key that was clicked does, as Textual writes an action; empty: none was.
 
@@ -287,17 +269,16 @@ def action_at(event: Click, pane: Widget, keys: list[Key], notice: str) -> str:
     """
     if event.widget is not pane or event.y != pane.size.height - 1:
         return ""
-    key = key_at(keys, notice if pane.size.height == 1 else "", pane.size.width, event.x)
-    if key is None or not key.command:
-        return ""
-    command = BY_NAME.get(key.command)
-    is_everywhere = command is not None and command.is_everywhere
-    return f"app.{key.command}" if is_everywhere else key.command
-
-
-def _kept(keys: list[Key], width: int, notice: str = "") -> list[Key]:
-    """Those that there is room for."""
-    return keys[:1] if notice else _fitting(keys, width)
+    has_notice_behind = bool(notice) and pane.size.height == 1
+    at = 1
+    for key in keys[:1] if has_notice_behind else _fitting(keys, pane.size.width):
+        columns = len(f"{key.key} {key.name}")
+        if at <= event.x < at + columns:
+            command = BY_NAME.get(key.command)
+            is_everywhere = command is not None and command.is_everywhere
+            return f"app.{key.command}" if is_everywhere else key.command
+        at += columns + len(_GAP)
+    return ""
 
 
 def _fitting(keys: list[Key], width: int) -> list[Key]:

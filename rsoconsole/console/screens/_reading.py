@@ -59,42 +59,37 @@ class ReadingDialog(Dialog[str | None]):
             self.dismiss(self._messages[chosen])
 
 
-class ReadingActions:
+class ReadingActions(Seat):
     """Read what was cut, and copy what is shown."""
-
-    def __init__(self, seat: Seat) -> None:
-        self._seat = seat
 
     def action_read(self) -> None:
         """All messages in full: what came of a STOP, the alert, what was said last, the log."""
-        seat = self._seat
-        news = seat.stop_news
+        news = self.stop_news
         said = [f"STOP {news.text}"] if news is not None else []
-        said += [seat.alert] if seat.alert else []
-        said += [seat.last_said] if seat.last_said else []
-        said += [line_text(line) for line in reversed(seat.night.log[-MAX_LOG_LINES:])]
+        said += [self.alert] if self.alert else []
+        said += [self.last_said] if self.last_said else []
+        said += [line_text(line) for line in reversed(self.night.log[-MAX_LOG_LINES:])]
         if said:
-            seat.ask(ReadingDialog(said), self._copy)
+            self.app.push_screen(ReadingDialog(said), self._copy)
         else:
-            seat.say("nothing has been said yet")
+            self.say("nothing has been said yet")
 
     def action_copy(self) -> None:
         """A line of the open log, the orbit, the tuning, or where things stand."""
-        seat = self._seat
-        if seat.is_log_open:
-            line = seat.query_one(LogPane).top_line
+        if self.is_log_open:
+            line = self.query_one(LogPane).top_line
             self._copy(None if line is None else line_text(line))
-        elif isinstance(seat.focused, TunePane):
-            self._copy(seat.focused.text)
+        elif isinstance(self.focused, TunePane):
+            self._copy(self.focused.text)
         else:
-            names = ("orbit",) if seat.is_orbit_open else ("top", "facts")
-            self._copy("\n".join(seat.pane(name).text for name in names))
+            names = ("orbit",) if self.is_orbit_open else ("top", "facts")
+            self._copy("\n".join(self.pane(name).text for name in names))
 
     def _copy(self, text: str | None) -> None:
         """To the clipboard of the terminal, also through SSH (OSC 52)."""
         if not text:
             return
         lines = [line.strip() for line in text.splitlines()]
-        self._seat.app.copy_to_clipboard("\n".join(lines))
+        self.app.copy_to_clipboard("\n".join(lines))
         more = f" and {len(lines) - 1} more lines" if len(lines) > 1 else ""
-        self._seat.say(f"copied, if the terminal allows it: {lines[0][:SAID_COLUMNS]}{more}")
+        self.say(f"copied, if the terminal allows it: {lines[0][:SAID_COLUMNS]}{more}")

@@ -12,7 +12,7 @@ from textual.strip import Strip
 from rsoconsole.console.actions.tune_actions import TuneActions
 from rsoconsole.console.commands.keymap import first_key
 from rsoconsole.console.panes.log_pane import LogPane
-from rsoconsole.console.screens._review_moves import ReviewSeat
+from rsoconsole.console.screens._review_moves import ReviewMoves
 from rsoconsole.console.tuning.lines import TuneWords
 from rsoconsole.night import LogLine
 
@@ -136,16 +136,14 @@ class ReviewLogPane(LogPane):
 class ReviewTuneActions(TuneActions):
     """Over the last frames before the moment, or over all before it."""
 
-    def __init__(self, seat: ReviewSeat) -> None:
-        super().__init__(seat)
-        self._review = seat
-        self._is_of_all = False
+    _seat: ReviewMoves
+    _is_of_all = False
 
     @property
     def words(self) -> TuneWords:
         """Nothing is applied here."""
         frames = "all frames so far" if self._is_of_all else "{count} frames to here"
-        scope = first_key("tune_scope", self._review.keymap)
+        scope = first_key("tune_scope", self._seat.keymap)
         which = "the last frames" if self._is_of_all else "all frames"
         return TuneWords(
             frames=frames,
@@ -155,11 +153,11 @@ class ReviewTuneActions(TuneActions):
 
     def scope(self) -> tuple[int | None, int | None]:
         """Up to the moment."""
-        return self._review.seq, None if self._is_of_all else self.last_frames()
+        return self._seat.seq, None if self._is_of_all else self.last_frames()
 
-    def action_tune_scope(self) -> None:
+    def change_scope(self) -> None:
         """The last frames, or all."""
         self._is_of_all = not self._is_of_all
         self.show()
         self.compute()
-        self._review.say(f"tune: {self.words.frames}")
+        self._seat.say(f"tune: {self.words.frames}")

@@ -7,7 +7,7 @@ from textual import events
 from textual.binding import BindingType
 
 from rsoconsole.base import RsoconsoleError
-from rsoconsole.console.actions.mark_actions import CommandOutcomes, MarkActions, too_late_to_mark
+from rsoconsole.console.actions.mark_actions import CommandOutcomes, too_late_to_mark
 from rsoconsole.console.actions.seat import TwicePressed, has_track
 from rsoconsole.console.actions.streak_actions import NudgeActions, StreakActions
 from rsoconsole.console.actions.telescope_actions import TelescopeActions
@@ -20,8 +20,6 @@ from rsoconsole.console.dialogs.tour import intro_text
 from rsoconsole.console.frame.sheet_actions import MarkTo
 from rsoconsole.console.night.engine_seen import EngineView
 from rsoconsole.console.panes.last_line import Key, Mode, keys_for
-from rsoconsole.console.picture.marking import Marking
-from rsoconsole.console.picture.marks import Mark
 from rsoconsole.console.picture.picture import Picture
 from rsoconsole.console.screens._pane_places import aspect_of
 from rsoconsole.console.screens.night_screen import KNOWN, Draw, NightScreen
@@ -34,6 +32,7 @@ from rsoconsole.control import (
     Command,
     MarkByHand,
     Note,
+    Nudge,
     Outcome,
     Shutdown,
     StopNews,
@@ -44,7 +43,7 @@ from rsoconsole.night import NightView
 from rsoconsole.session import SessionReader
 
 
-class LiveScreen(NightScreen):
+class LiveScreen(NightScreen, TrackOrders, CommandOutcomes, NudgeActions):
     """The operator's seat over a night, live or recorded."""
 
     BINDINGS: ClassVar[list[BindingType]] = [*bindings("live")]
@@ -54,24 +53,19 @@ class LiveScreen(NightScreen):
         super().__init__(*arguments, **named)
         self.twice = TwicePressed(self)
         self.streaks = StreakActions(self, self.twice)
-        self.mark = MarkActions(self)
-        self.outcomes = CommandOutcomes(self, self.mark, self.tune)
-        self.track_orders = TrackOrders(self, self.twice, self.tracks)
-        self.track_keys.orders = self.track_orders
-        self.telescope = TelescopeActions(self, self.twice, self.track_orders.take_back_drop)
-        self.nudges = NudgeActions(self, self.twice)
-        self.take_keys(self.streaks, self.mark, self.telescope, self.nudges)
-
-    def look_again(self) -> None:
-        """A mark that is being made goes on in the other view."""
-        self.mark.look_again()
+        self.telescope = TelescopeActions(self, self.twice, self.take_back_drop)
+        # Textual looks for an action at the screen alone.
+        for part in (self.streaks, self.telescope):
+            for name in dir(part):
+                if name.startswith("action_"):
+                    setattr(self, name, getattr(part, name))
 
     def on_key(self, event: events.Key) -> None:
         """While a mark is made, arrows and enter are the mark's."""
         if event.key != self._key_before:
             self.twice.press.forget()
         self._key_before = event.key
-        if self.mark.takes_key(event.key):
+        if self.takes_mark_key(event.key):
             event.stop()
             event.prevent_default()
 
@@ -81,13 +75,13 @@ class LiveScreen(NightScreen):
         """The session has grown, or another one is read."""
         has_other_shape = aspect_of(picture) != aspect_of(self.picture)
         if night.folder != self.night.folder:
-            self.mark.forget()
+            self.forget_mark()
             self.streaks.forget_pick()
         before, self.night = self.night, night
-        self.outcomes.see_refusals(before)
-        self.telescope.see_refused(self.outcomes.refused_since(before))
-        self.mark.see_recorded(before)
-        self.mark.take_picture(picture)
+        self.see_refusals(before)
+        self.telescope.see_refused(self.refused_since(before))
+        self.see_mark_recorded(before)
+        self.take_picture(picture)
         if has_other_shape:
             self.place_panes()
         self.tune.compute_now_and_then()
@@ -106,14 +100,15 @@ class LiveScreen(NightScreen):
     ) -> None:
         """What came of a command."""
         self.telescope.see_outcome(command, outcome)
-        self.nudges.see_outcome(command)
-        self.outcomes.see(command, stops, seq, then, outcome)
+        if isinstance(command, Nudge):
+            self.is_nudging = False
+        super().see_outcome(command, stops, seq, then, outcome)
         self.show_top()  # what was asked for is perhaps on its way no longer
 
     def on_pointed(self, message: Pointed) -> None:
         """The mouse in a picture: an end of a mark, or a streak to follow."""
         if self.marking is not None:
-            self.mark.point(message)
+            self.point_mark(message)
         elif not message.is_release:
             self.streaks.click(message)
 
@@ -144,20 +139,6 @@ class LiveScreen(NightScreen):
     def _show_log_that_is_read(self) -> None:
         if not self.night.is_read:
             self.show_log()
-
-    def marks_by_hand(self) -> tuple[Mark, ...]:
-        """What is being marked at this moment."""
-        return self.mark.marks()
-
-    @property
-    def marking(self) -> Marking | None:
-        """The mark that is being made; None while none is."""
-        return self.mark.marking
-
-    @property
-    def hides_signs(self) -> bool:
-        """Whether the signs of streaks would cover what is being marked."""
-        return self.mark.hides_signs
 
     def stop_words(self, news: StopNews) -> str:
         """With how things stand since, and the next key."""
@@ -228,7 +209,7 @@ class LiveScreen(NightScreen):
     def action_put_away(self) -> None:
         """A mark first."""
         if self.marking is not None:
-            self.mark.leave_off()
+            self.leave_off_mark()
         else:
             super().action_put_away()
 
@@ -239,7 +220,7 @@ class LiveScreen(NightScreen):
                 self.action_log()
             if self.covers_picture():
                 self.action_orbit()
-        self.mark.action_mark()
+        super().action_mark()
 
     def mark_refusal(self, frame_id: int) -> str:
         """The engine takes words on the last frames only."""
@@ -259,17 +240,17 @@ class LiveScreen(NightScreen):
 
         return MarkTo(
             send=send,
-            begin=self.mark.begin,
-            leave=self.mark.leave,
+            begin=self.begin_mark,
+            leave=self.leave_mark,
             refusal=self.mark_refusal,
         )
 
     def action_verdicts(self) -> None:
         """Of the frame that was just marked, once; else of the shown one. Both are at hand."""
-        marked_id, is_first = self.mark.marked_lately()
+        marked_id, is_first = self.marked_lately()
         shown, folder = self.picture, self.night.folder
-        if marked_id is None or folder is None or shown is None or self._is_shown(marked_id):
-            self.opening.action_verdicts()
+        if marked_id is None or folder is None or shown is None or shown.frame_id == marked_id:
+            super().action_verdicts()
             return
         try:
             marked = detail_of(SessionReader(folder), marked_id)
@@ -279,9 +260,6 @@ class LiveScreen(NightScreen):
         pages = [(shown.detail, ""), (marked, MARKED)]
         ordered = pages[::-1] if is_first else pages
         self.app.push_screen(CandidatesDialog(ordered, self.night.tau, self.keymap))
-
-    def _is_shown(self, frame_id: int) -> bool:
-        return self.picture is not None and self.picture.frame_id == frame_id
 
     def action_note(self) -> None:
         """A remark into the session."""

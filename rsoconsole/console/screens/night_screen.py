@@ -1,34 +1,23 @@
 """The panes over one instant of a night, and the keys that only look: live and review have them."""
 
 from collections.abc import Callable, Iterable, Mapping
-from functools import partial, partialmethod
-from pathlib import Path
+from functools import partial
 from typing import TYPE_CHECKING, Any, ClassVar
 
-from textual import events
 from textual.app import ComposeResult
 from textual.screen import Screen
 
-from rsoconsole.config import SessionConfig
 from rsoconsole.console.actions.picture_actions import PictureActions
-from rsoconsole.console.actions.seat import Seat
-from rsoconsole.console.actions.track_actions import (
-    PlotActions,
-    TrackActions,
-    TrackList,
-    TracksPane,
-)
+from rsoconsole.console.actions.track_actions import TracksPane
 from rsoconsole.console.actions.tune_actions import TuneActions
 from rsoconsole.console.dialogs.ask import LineDialog
 from rsoconsole.console.drawing.pane_layout import Name
-from rsoconsole.console.frame.sheet_actions import MarkTo
 from rsoconsole.console.orbit.lines import orbit_lines
 from rsoconsole.console.panes.last_line import Mode
 from rsoconsole.console.panes.log_pane import LogPane
-from rsoconsole.console.panes.panes import FramePane, LinesPane, Sight, StopBanner
-from rsoconsole.console.picture.picture import Drawing, Picture
+from rsoconsole.console.panes.panes import FramePane, LinesPane, StopBanner
 from rsoconsole.console.screens._opening_actions import OpeningActions
-from rsoconsole.console.screens._pane_places import AlertLine, KeyLine, place_panes
+from rsoconsole.console.screens._pane_places import PanePlaces
 from rsoconsole.console.screens._reading import ReadingActions
 from rsoconsole.console.tuning.tuning_pane import TunePane
 from rsoconsole.console.watches.messages import call_in_turn
@@ -83,7 +72,7 @@ class DrawnFrom:
 KNOWN = ("night", "engine", "outlook", "orbit_ahead")
 
 
-class NightScreen(Seat):
+class NightScreen(PanePlaces, PictureActions, ReadingActions, OpeningActions):
     """Shows a night as it is at one instant; which one, and what may be done, its heirs say."""
 
     PANES: ClassVar[tuple[Name, ...]] = (
@@ -91,6 +80,7 @@ class NightScreen(Seat):
         *("north", "axis", "nis", "facts", "sky", "log", "keys"),
     )
     LOG: ClassVar[type[LogPane]] = LogPane
+    TUNE: ClassVar[type[TuneActions]] = TuneActions
     AUTO_FOCUS = None
     DEFAULT_CSS = """
     NightScreen { layers: base over; overflow: hidden; }
@@ -105,31 +95,13 @@ class NightScreen(Seat):
     NightScreen > #keys { background: $panel; layer: over; }
     """
 
-    def __init__(self, *arguments: Any, sessions_root: Path | None = None, **named: Any) -> None:
-        """``sessions_root``: under which recorded nights lie, None: where they do by default."""
+    def __init__(self, *arguments: Any, **named: Any) -> None:
         super().__init__(*arguments, **named)
-        self.sessions_root = sessions_root or SessionConfig().root
-        self.tracks = TrackList()
-        self.plots = PlotActions(self, self.tracks)
-        self.track_keys = TrackActions(self, self.plots)
-        self.tune = self.make_tune()
-        self.pictures = PictureActions(self)
-        self.reading = ReadingActions(self)
-        self.opening = OpeningActions(self, self.sessions_root, lambda: self.mark_to)
-        self.alert_line = AlertLine(self)
-        self.key_line = KeyLine(self)
+        self.tune = self.TUNE(self)
         self.outlook_watch = OutlookWatch(
             partial(call_in_turn, self, self.see_outlook),
             partial(call_in_turn, self, partial(setattr, self, "orbit_ahead")),
         )
-        self.take_keys(
-            *(self.plots, self.track_keys, self.tune),
-            *(self.pictures, self.reading, self.opening),
-        )
-
-    def make_tune(self) -> TuneActions:
-        """The keys of the tuning pane."""
-        return TuneActions(self)
 
     def compose(self) -> ComposeResult:
         """Every pane; where each lies depends on the terminal."""
@@ -170,30 +142,10 @@ class NightScreen(Seat):
         message.stop()
         self.tune.do(message)
 
-    def on_tracks_pane_wanted(self, message: TracksPane.Wanted) -> None:
-        """One of the list's keys."""
-        message.stop()
-        self.track_keys.do(message)
-
     def on_unmount(self) -> None:
         """Nobody asks any more."""
         self.tune.close_watch()
         self.outlook_watch.close()
-
-    def show_picture(self) -> None:
-        """The shown frame in both panes."""
-        self.pictures.show()
-
-    def picture_words(
-        self, picture: Picture | None, sight: Sight, drawing: Drawing | None
-    ) -> tuple[list[str], list[str]]:
-        """What stands over and under a picture."""
-        return self.pictures.words(picture, sight, drawing)
-
-    @property
-    def mark_to(self) -> MarkTo | None:
-        """Where a mark of the opened frame goes; a night that is over takes none."""
-        return None
 
     # -- what is known ----------------------------------------------------------------------
 
@@ -206,7 +158,7 @@ class NightScreen(Seat):
         """How each part is drawn, and from which reactives; a STOP waits for none of them."""
         return {
             self.show_picture: ("night", "picture"),
-            self.plots.show: ("night",),
+            self.show_plots: ("night",),
             self.show_log: ("night",),
             self.tune.show: ("night",),
             self.show_top: KNOWN,
@@ -234,26 +186,6 @@ class NightScreen(Seat):
         lines = partial(fact_lines, self.night, self.engine, self.outlook, keymap=self.keymap)
         self.pane("facts").show(lines)
 
-    def show_alert(self) -> None:
-        """What must not be missed, or what stands in its place; its rows are another's."""
-        if self.alert_line.show():
-            self.place_panes()
-            self.call_after_refresh(self.look_again)
-
-    def show_keys(self) -> None:
-        """The keys that matter now, and a word about what was just done."""
-        self.key_line.show()
-
-    async def on_click(self, event: events.Click) -> None:
-        """A key of the last line, by the mouse."""
-        action = self.key_line.action_at(event)
-        if action:
-            self.is_click = True
-            try:
-                await self.run_action(action)
-            finally:
-                self.is_click = False
-
     @property
     def mode(self) -> Mode:
         """What the keys are for."""
@@ -262,13 +194,6 @@ class NightScreen(Seat):
         if isinstance(self.focused, TracksPane):
             return "tracks"
         return "tune" if isinstance(self.focused, TunePane) else "live"
-
-    # -- where it lies ----------------------------------------------------------------------
-
-    def place_panes(self) -> None:
-        """Where each pane lies, for this terminal."""
-        place_panes(self, self.plots, self.tune, self.PANES, self.alert_line.place())
-        self.key_line.place()
 
     # -- keys that only look ------------------------------------------------------------------
 
@@ -332,7 +257,9 @@ class NightScreen(Seat):
             lines = f"lines with {wanted!r}, changes of state and alarms"
             self.say(f"log: {lines if wanted else 'every line'}")
 
-        self.ask(LineDialog("filter the log", "nothing: every line", log.wanted), decided)
+        self.app.push_screen(
+            LineDialog("filter the log", "nothing: every line", log.wanted), decided
+        )
 
     def covers_picture(self) -> bool:
         """Whether an open orbit lies over it."""
@@ -356,8 +283,8 @@ class NightScreen(Seat):
             self.show_stop(None)
         elif self.is_orbit_open:
             self.action_orbit()
-        elif self.plots.page is not None:
-            self.plots.show_page(None)
+        elif self.page is not None:
+            self.show_page(None)
         elif log.wanted:
             self.clear_filter()
         else:
@@ -375,11 +302,17 @@ class NightScreen(Seat):
         is_ours = bool(self.seat_name) and self.engine.seat == self.seat_name
         return self.engine.seat_asked_by if is_ours else None
 
-    def _answer_for_seat(self, *, gives: bool) -> None:
+    def answer_for_seat(self, *, gives: bool) -> None:
+        """Give control to the console that asks for it, or keep it."""
         if self.asker is None:
             self.say("nobody asks for control")
         else:
             self.send(AnswerSeat(gives=gives, to=self.asker))
 
-    action_give_seat = partialmethod(_answer_for_seat, gives=True)
-    action_keep_seat = partialmethod(_answer_for_seat, gives=False)
+    def action_give_seat(self) -> None:
+        """To the console that asks for it."""
+        self.answer_for_seat(gives=True)
+
+    def action_keep_seat(self) -> None:
+        """Though another console asks for it."""
+        self.answer_for_seat(gives=False)

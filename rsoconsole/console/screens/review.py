@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 from textual.app import ComposeResult
 from textual.binding import BindingType
-from textual.widgets import Input
 
 from rsoconsole.console.actions.tune_actions import TuneActions
 from rsoconsole.console.commands.keymap import bindings
@@ -24,14 +23,7 @@ from rsoconsole.console.picture.picture import Drawing, Picture
 from rsoconsole.console.screens._compare import ReviewCompare
 from rsoconsole.console.screens._pane_places import aspect_of
 from rsoconsole.console.screens._review_log import ReviewLogPane, ReviewTuneActions
-from rsoconsole.console.screens._review_moves import (
-    ANY,
-    FOUND,
-    PLAY_S,
-    ReviewMoves,
-    ReviewSeat,
-    place_of,
-)
+from rsoconsole.console.screens._review_moves import ANY, FOUND, PLAY_S
 from rsoconsole.console.screens.night_screen import NightScreen
 from rsoconsole.console.timeline.lines import engine_then, review_top_lines, timeline_lines
 from rsoconsole.console.timeline.moments import Moment, ReviewWatch
@@ -53,12 +45,14 @@ HEAD = "head"
 """Where a night that goes on is opened: at its last frame, and on with it."""
 
 
-class ReviewScreen(ReviewSeat):
+class ReviewScreen(ReviewCompare):
     """A recorded night, or the past of the night that goes on."""
 
     BINDINGS: ClassVar[list[BindingType]] = [*bindings("review")]
     PANES: ClassVar[tuple[Name, ...]] = (*NightScreen.PANES, "timeline")
     LOG: ClassVar[type[LogPane]] = ReviewLogPane
+    TUNE: ClassVar[type[TuneActions]] = ReviewTuneActions
+    tune: ReviewTuneActions
     DEFAULT_CSS = """
     ReviewScreen > #timeline { background: $surface; }
     """
@@ -74,9 +68,6 @@ class ReviewScreen(ReviewSeat):
         """``start``: a frame, a UTC time or ``HEAD``, empty: the first frame; ``live``: what lies
         behind this screen, and is come back to."""
         super().__init__(*arguments, read_only=True, **named)
-        self.moves = ReviewMoves(self)
-        self.comparing = ReviewCompare(self, self.moves)
-        self.take_keys(self.moves, self.comparing)
         self._live = live
         self._first = (folder, start)
         self._start: str | None = None
@@ -97,25 +88,25 @@ class ReviewScreen(ReviewSeat):
     def on_mount(self) -> None:
         """Begin to read; without a session, ask which."""
         self._watch_session.start()
-        self.set_interval(PLAY_S, self.moves.play_on)
+        self.set_interval(PLAY_S, self.play_on)
         if self._live is not None:
             self.set_interval(LIVE_S, self.show_live)
         folder, start = self._first
         if folder is None:
-            self.call_after_refresh(self.opening.action_sessions)
+            self.call_after_refresh(self.action_sessions)
         else:
-            self.open(folder, start)
+            self.open_session(folder, start)
 
     def on_unmount(self) -> None:
         """Nobody looks any more."""
         self._watch_session.close()
 
-    def open(self, folder: Path, start: str = "") -> None:
+    def open_session(self, folder: Path, start: str = "") -> None:
         """Show another session from there on."""
         self.folder, self._start, self._fault = folder, start, ""
         self.timeline, self.lines, self.moment = Timeline(), (), None
         self.seq, self.is_at_head = 0, False
-        self.comparing.forget()
+        self.forget_kept()
         self.kind, self.searched, self.player = ANY, "", Player()
         self.night, self.picture, self.outlook = NightView(folder=folder), None, None
         self.orbit_ahead = None
@@ -149,11 +140,11 @@ class ReviewScreen(ReviewSeat):
         if not self.timeline.frames:
             self.want(self.timeline.last_seq)
         elif start == HEAD:
-            self.moves.action_last_frame()
+            self.action_last_frame()
         else:
-            self.moves.action_first_frame()
+            self.action_first_frame()
             if start:
-                self.moves.go_to_text(start)
+                self.go_to_text(start)
 
     def see_moment(self, folder: Path, moment: Moment) -> None:
         """The moment that was wanted."""
@@ -166,7 +157,7 @@ class ReviewScreen(ReviewSeat):
             self.place_panes()
         self._ask_outlook()
         self.show_place()
-        self.comparing.compare_if_asked()
+        self.compare_if_asked()
         self._compute_here()
 
     def _compute_here(self) -> None:
@@ -206,15 +197,6 @@ class ReviewScreen(ReviewSeat):
             self._watch_session.want(self.folder, seq)
         self.show_place()
 
-    def on_timeline_pane_pointed(self, message: TimelinePane.Pointed) -> None:
-        """The mouse on the time line."""
-        self.moves.point(message)
-
-    def on_input_submitted(self, event: Input.Submitted) -> None:
-        """To what was typed in the last line."""
-        event.stop()
-        self.moves.take(event.value)
-
     # -- what is shown ----------------------------------------------------------------------
 
     def show_live(self) -> None:
@@ -231,7 +213,7 @@ class ReviewScreen(ReviewSeat):
 
     def show_place(self) -> None:
         """The time line."""
-        lines = partial(timeline_lines, self.timeline, place_of(self, self.moves))
+        lines = partial(timeline_lines, self.timeline, self.place)
         self.query_one("#timeline", TimelinePane).show(lines)
 
     def top(self, width: int, rows: int) -> list[Line]:
@@ -321,7 +303,7 @@ class ReviewScreen(ReviewSeat):
             pane.filter(wanted)
             pane.choose_near(self.seq)
             self.show_place()
-            count = len(self.moves.found)
+            count = len(self.found)
             self.say(f"{count} lines have {wanted!r}" if wanted else "log: every line")
 
         words = "words in any line of the night; nothing: every line"
@@ -331,40 +313,31 @@ class ReviewScreen(ReviewSeat):
         """To the moment of a line."""
         line: LogLine = message.line
         self.action_log()
-        self.moves.go(self.moves.moment_of(line))
+        self.go(self.moment_of(line))
 
     # -- the rest ---------------------------------------------------------------------------
 
-    def make_tune(self) -> TuneActions:
-        """Up to the moment that is shown."""
-        return ReviewTuneActions(self)
+    def action_tune_scope(self) -> None:
+        """The last frames, or all."""
+        self.tune.change_scope()
 
     def may_act(self) -> bool:
         """Never: what is recorded stays as it is."""
         self.say("nothing is changed here: what is tried can be kept as a preset (w)")
         return False
 
-    def open_session(self, folder: Path) -> None:
-        """Review that one."""
-        self.open(folder)
-
-    def action_give_seat(self) -> None:
-        """The seat of the night behind."""
+    def answer_for_seat(self, *, gives: bool) -> None:
+        """Of the night behind: here nobody asks for control."""
         if self._live is not None:
-            self._live.action_give_seat()
-
-    def action_keep_seat(self) -> None:
-        """The seat of the night behind."""
-        if self._live is not None:
-            self._live.action_keep_seat()
+            self._live.answer_for_seat(gives=gives)
 
     def action_put_away(self) -> None:
         """What lies over the night, then what is being played."""
-        if self.moves.close_field():
+        if self.close_field():
             return
         is_bare = not (self.is_log_open or self.is_orbit_open) and self.stop_news is None
         if is_bare and self.player.is_playing:
-            self.moves.action_play()
+            self.action_play()
         else:
             super().action_put_away()
 

@@ -111,11 +111,6 @@ class SheetWorker:
         self._is_closing = True
         self._wake.set()
 
-    def join(self, timeout_s: float) -> bool:
-        """Wait for the end; whether it came."""
-        self._thread.join(timeout_s)
-        return not self._thread.is_alive()
-
     def _run(self) -> None:
         with contextlib.suppress(AttributeError, OSError):  # not on every system
             os.setpriority(os.PRIO_PROCESS, threading.get_native_id(), STEP_BACK)

@@ -238,16 +238,16 @@ class OutlookWatch(Poller):
     def _look(self) -> None:
         night, engine = self._known
         now = engine.now_utc_ns if engine.is_attached else night.last_utc_ns
-        if night.config is None or not now:
+        config = night.config
+        if config is None or not now:
             return
         for compute in (self._compute, self._compute_orbit):
             try:
-                compute(night, engine, now)
+                compute(config, night, engine, now)
             except Exception:  # a panel without it is worth more than no panel
                 log.exception("the outlook cannot be computed")
 
-    def _compute(self, night: NightView, engine: EngineView, now: int) -> None:
-        assert night.config is not None
+    def _compute(self, config: Config, night: NightView, engine: EngineView, now: int) -> None:
         direction = _direction(night, engine)
         is_known = night.track is not None, direction is not None
         of = (night.folder, night.state, is_known, _minute(engine, now))
@@ -257,13 +257,14 @@ class OutlookWatch(Poller):
         # Late: the sky's computation loads slowly, and the first paint does not wait for it.
         from rsoconsole.pipeline import outlook
 
-        seen = outlook(night.config, now, direction, night.track)
+        seen = outlook(config, now, direction, night.track)
         if not self._is_closing:
             self._on_seen(seen)
 
-    def _compute_orbit(self, night: NightView, engine: EngineView, now: int) -> None:
+    def _compute_orbit(
+        self, config: Config, night: NightView, engine: EngineView, now: int
+    ) -> None:
         """Where the orbit on record leads."""
-        assert night.config is not None
         found = night.orbit
         if found is None:
             return
@@ -275,7 +276,7 @@ class OutlookWatch(Poller):
             return
         self._orbit_of, self._orbit_s = of, time.monotonic()
         try:
-            ahead = orbit_ahead(found, night.config, now, folder=night.folder)
+            ahead = orbit_ahead(found, config, now, folder=night.folder)
         except Exception:  # an orbit is worth showing that leads nowhere
             log.exception("where the orbit leads cannot be computed")
             ahead = OrbitAhead(folder=night.folder, estimate=found, from_utc_ns=now, outlook=None)
