@@ -23,7 +23,7 @@ from rsoconsole.console.actions.seat import Seat
 from rsoconsole.console.commands.command import KeyCommand, Place
 from rsoconsole.console.commands.commands import commands_in
 from rsoconsole.console.commands.keymap import Orders, bindings
-from rsoconsole.console.dialogs.dialogs import HelpDialog
+from rsoconsole.console.dialogs.help import HelpDialog
 from rsoconsole.console.dialogs.tour import TourDialog
 from rsoconsole.console.drawing.blocks import HALF_BLOCKS, QUADRANTS, Blocks
 from rsoconsole.console.drawing.plain import COLOURS, NIGHT_CSS, THEMES, CleanFilter, PlainFilter

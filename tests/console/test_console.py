@@ -19,7 +19,7 @@ from rsoconsole.base import ControlError, RsoconsoleError, SessionError
 from rsoconsole.config import Config
 from rsoconsole.console import run_console
 from rsoconsole.console.actions import seat
-from rsoconsole.console.actions.seat import RELEASED_S
+from rsoconsole.console.actions.second_press import RELEASED_S
 from rsoconsole.console.app import ConsoleApp
 from rsoconsole.console.dialogs.dialogs import LeaveDialog, Tick
 from rsoconsole.console.drawing.pane_layout import banner_box, fold

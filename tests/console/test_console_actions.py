@@ -15,7 +15,7 @@ from rsoconsole.config import Config, default_config_path
 from rsoconsole.console.app import ConsoleApp
 from rsoconsole.console.commands.commands import commands_in
 from rsoconsole.console.commands.keymap import Orders, key_words, load_keymap
-from rsoconsole.console.dialogs.dialogs import help_text
+from rsoconsole.console.dialogs.help import help_text
 from rsoconsole.console.panes.log_pane import LogPane
 from rsoconsole.console.panes.panes import SIGHTS, FramePane
 from rsoconsole.console.screens.night_screen import DrawnFrom

@@ -14,7 +14,7 @@ from rsoconsole.cli.demo import demo
 from rsoconsole.config import Config
 from rsoconsole.console.app import ConsoleApp
 from rsoconsole.console.dialogs.ask import GotoDialog
-from rsoconsole.console.dialogs.dialogs import HelpDialog
+from rsoconsole.console.dialogs.help import HelpDialog
 from rsoconsole.console.drawing.plot import Line
 from rsoconsole.console.night.engine_seen import EngineView, engine_view
 from rsoconsole.console.orbit.lines import orbit_lines, orbit_shown, target_words

@@ -17,7 +17,7 @@ from textual.pilot import Pilot
 
 from rsoconsole.config import Config, with_setting
 from rsoconsole.console.app import ConsoleApp
-from rsoconsole.console.dialogs.dialogs import help_text
+from rsoconsole.console.dialogs.help import help_text
 from rsoconsole.console.frame._sheet import Sheet
 from rsoconsole.console.frame.frame_sheet import FrameSheet
 from rsoconsole.console.frame.sheet_actions import MarkTo

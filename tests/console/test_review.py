@@ -12,7 +12,7 @@ from textual.pilot import Pilot
 from rsoconsole.console.commands.command import BOTH
 from rsoconsole.console.commands.commands import commands_in
 from rsoconsole.console.dialogs.candidates import CandidatesDialog
-from rsoconsole.console.dialogs.dialogs import HelpDialog, help_text
+from rsoconsole.console.dialogs.help import HelpDialog, help_text
 from rsoconsole.console.dialogs.session_list import SessionListDialog
 from rsoconsole.console.panes.panes import FramePane, LinesPane, MomentField
 from rsoconsole.console.screens._compare import CompareDialog

@@ -12,7 +12,7 @@ from textual.widgets import Button
 from rsoconsole.config import Config
 from rsoconsole.console.actions import seat
 from rsoconsole.console.actions.mark_actions import too_late_to_mark
-from rsoconsole.console.actions.seat import WITHIN_S
+from rsoconsole.console.actions.second_press import WITHIN_S
 from rsoconsole.console.app import ConsoleApp
 from rsoconsole.console.drawing.plot import Line
 from rsoconsole.console.night.engine_seen import EngineView, engine_view

@@ -7,13 +7,13 @@ import time
 from collections.abc import Callable, Mapping
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal, TypeVar
+from typing import TYPE_CHECKING, TypeVar
 
 from textual.reactive import var
 from textual.screen import Screen
 
 from rsoconsole.console.commands.commands import BY_NAME
-from rsoconsole.console.commands.keymap import Orders, first_key
+from rsoconsole.console.commands.keymap import Orders
 from rsoconsole.console.dialogs.dialogs import Dialog
 from rsoconsole.console.drawing.plot import Ink, Line
 from rsoconsole.console.night.engine_seen import EngineView, OrbitAhead
@@ -25,10 +25,8 @@ from rsoconsole.console.picture.picture import Drawing, Picture
 from rsoconsole.console.watches.messages import StopNewsCame, call_in_turn
 from rsoconsole.console.words import words
 from rsoconsole.console.words.leaving import kept_words
-from rsoconsole.console.words.words import present_utc_ns
 from rsoconsole.control import SUPERSEDED, Command, Outcome, StopNews, mount_words
 from rsoconsole.night import LogLine, NightView
-from rsoconsole.words import NS_PER_S, span
 
 if TYPE_CHECKING:
     from rsoconsole.pipeline import Outlook
@@ -307,101 +305,3 @@ class Seat(Screen[None]):
     def _forget_stop(self, news: StopNews) -> None:
         if self.stop_news is news:
             self.show_stop(None)
-
-
-WITHIN_S = 2.0
-REPEAT_S = 0.08
-"""Presses closer than that are a key held down, which repeats by itself."""
-SETTLES_S = 0.2
-"""A second press counts when no third one follows within that time."""
-RELEASED_S = 0.7
-"""A key that was held down has been let go after so long without a press."""
-PressOutcome = Literal["asked", "acts", "held"]
-TRACKED = frozenset(("TRACK", "COAST"))
-
-
-def has_track(engine: EngineView) -> bool:
-    """Whether there is a track that a stray key could end."""
-    return engine.is_attached and engine.state in TRACKED
-
-
-class SecondPress:
-    """Tells a deliberate second press from a first one, from another key and from a held one."""
-
-    def __init__(self) -> None:
-        self._name = ""
-        self._asked_s = 0.0
-        self._last_s = 0.0
-        self._acted_s = 0.0
-        self._is_held = False
-        self.number = 0
-        """Of the press heard last: what it led to is off when another one has come."""
-
-    def receive(self, name: str, now_s: float) -> PressOutcome:
-        """One press of the command's key."""
-        self.number += 1
-        since_s, self._last_s = now_s - self._last_s, now_s
-        if name == self._name:
-            is_third = now_s - self._acted_s < SETTLES_S
-            shortest_s = RELEASED_S if self._is_held else REPEAT_S
-            if is_third or since_s < shortest_s:
-                self._is_held, self._asked_s = True, 0.0
-                return "held"
-            if now_s - self._asked_s <= WITHIN_S:
-                self._asked_s, self._acted_s = 0.0, now_s
-                return "acts"
-        self._name, self._asked_s, self._is_held = name, now_s, False
-        return "asked"
-
-    def forget(self) -> None:
-        """Another key came between: nothing is asked any more, and what waits to be done is off."""
-        self.number += 1
-        self._name, self._is_held = "", False
-
-
-class TwicePressed:
-    """Does what ends a track, or takes the mount, by the second press of its key alone."""
-
-    def __init__(self, seat: Seat) -> None:
-        self._seat = seat
-        self.press = SecondPress()
-
-    def ask(self, name: str, what: str, act: Callable[[], None], key: str = "") -> None:
-        """Say what a second press would do; do it when that comes. A click counts as no press.
-
-        ``name``: the command's; ``what``: as in "a again within 2 s ..."; ``key``: of what is no
-        command of its own.
-        """
-        seat, press = self._seat, self.press
-        if seat.is_click:
-            self.name_key(name, what)
-            return
-        stage = press.receive(name, seat.now_s())
-        key = key or first_key(name, seat.keymap)
-        if stage == "asked":
-            seat.say(f"{key} again within {WITHIN_S:.0f} s {what}", "warn", WITHIN_S)
-        elif stage == "held":
-            seat.say(f"{key} is held down: nothing is done", "warn")
-        else:
-            number = press.number
-
-            def unless_held() -> None:
-                if press.number == number:
-                    act()
-
-            seat.set_timer(SETTLES_S, unless_held)
-
-    def name_key(self, name: str, what: str) -> None:
-        """A click asked for what two presses of a key do: say which key."""
-        self.press.forget()
-        key = first_key(name, self._seat.keymap)
-        self._seat.say(f"{key} twice within {WITHIN_S:.0f} s {what}: not by the mouse", "warn")
-
-    def track_words(self) -> str:
-        """The track that is at stake: INTELSAT 14 (31 min)."""
-        seat = self._seat
-        name = seat.target_name() or "an unidentified object"
-        since, now = seat.night.track_since_utc_ns, present_utc_ns(seat.night, seat.engine)
-        if since is None or now is None:
-            return name
-        return f"{name} ({span((now - since) / NS_PER_S)})"

@@ -6,7 +6,8 @@ from collections.abc import Callable, Iterable
 from typing import Any
 
 from rsoconsole.config import Config
-from rsoconsole.console.actions.seat import RELEASED_S, WITHIN_S, Seat, TwicePressed, has_track
+from rsoconsole.console.actions.seat import Seat
+from rsoconsole.console.actions.second_press import RELEASED_S, WITHIN_S, TwicePressed, has_track
 from rsoconsole.console.commands.keymap import first_key
 from rsoconsole.console.dialogs.ask import (
     AimDialog,

@@ -7,9 +7,11 @@ from textual import events
 from textual.binding import BindingType
 
 from rsoconsole.base import RsoconsoleError
-from rsoconsole.console.actions.mark_actions import CommandOutcomes, too_late_to_mark
-from rsoconsole.console.actions.seat import TwicePressed, has_track
-from rsoconsole.console.actions.streak_actions import NudgeActions, StreakActions
+from rsoconsole.console.actions.command_outcomes import CommandOutcomes
+from rsoconsole.console.actions.mark_actions import too_late_to_mark
+from rsoconsole.console.actions.nudge_actions import NudgeActions
+from rsoconsole.console.actions.second_press import TwicePressed, has_track
+from rsoconsole.console.actions.streak_actions import StreakActions
 from rsoconsole.console.actions.telescope_actions import TelescopeActions
 from rsoconsole.console.actions.track_actions import TrackOrders
 from rsoconsole.console.commands.keymap import bindings, first_key
