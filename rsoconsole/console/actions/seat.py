@@ -25,6 +25,7 @@ from rsoconsole.console.picture.picture import Drawing, Picture
 from rsoconsole.console.watches.messages import StopNewsCame, call_in_turn
 from rsoconsole.console.words import words
 from rsoconsole.console.words.leaving import kept_words
+from rsoconsole.console.words.words import present_utc_ns
 from rsoconsole.control import SUPERSEDED, Command, Outcome, StopNews, mount_words
 from rsoconsole.night import LogLine, NightView
 
@@ -202,19 +203,22 @@ class Seat(Screen[None]):
 
     def top(self, width: int, rows: int) -> list[Line]:
         """State and since when, who holds the mount, the target, the frame clock."""
-        night, engine, found = self.night, self.engine, target_words(self.orbit)
-        now, is_asked_for = words.present_utc_ns(night, engine), self.is_following_again
-        kept = kept_words(engine, self.keymap, now, is_asked_for=is_asked_for)
         return words.top_lines(
-            night,
-            engine,
+            self.night,
+            self.engine,
             self.read_only,
             width,
             rows,
-            found=found,
-            kept=kept,
+            found=target_words(self.orbit),
+            kept=self.kept_words,
             is_stopping=self.is_stopping,
         )
+
+    @property
+    def kept_words(self) -> tuple[str, ...]:
+        """Which key follows again what is kept, and for how long; empty where nothing is."""
+        now, is_asked_for = present_utc_ns(self.night, self.engine), self.is_following_again
+        return kept_words(self.engine, self.keymap, now, is_asked_for=is_asked_for)
 
     def open_session(self, folder: Path) -> None:
         """Review it."""

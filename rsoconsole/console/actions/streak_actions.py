@@ -102,7 +102,8 @@ class StreakActions:
     def action_accept(self) -> None:
         """The frame's likeliest candidate is what is followed."""
         if self._seat.may_act():
-            self._seat.send(Accept(frame_id=self._frame_shown()))
+            picture = self._seat.picture
+            self._seat.send(Accept(frame_id=None if picture is None else picture.frame_id))
 
     def action_reject(self) -> None:
         """One of the last measurements was something else: which, is asked by number."""
@@ -119,10 +120,6 @@ class StreakActions:
                 seat.send(Reject(frame_id=frame_id))
 
         seat.app.push_screen(RejectDialog(measured), decided)
-
-    def _frame_shown(self) -> int | None:
-        """The frame that the operator's word is on: the one on the screen."""
-        return None if self._seat.picture is None else self._seat.picture.frame_id
 
     def click(self, at: Pointed) -> None:
         """Choose the streak there; where that would end the track, the key does it."""

@@ -1,7 +1,7 @@
 """What a key of the console is, and where it works."""
 
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Literal
 
 from rsoconsole.control import Command
 
@@ -20,7 +20,7 @@ Place = Literal["live", "review"]
 BOTH: tuple[Place, ...] = ("live", "review")
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True)
 class KeyCommand:
     """One thing to do with a key; what the engine is asked for is a ``control.Command``."""
 
@@ -45,8 +45,3 @@ class KeyCommand:
     def is_in(self, place: Place) -> bool:
         """Whether its key works there."""
         return self.is_everywhere or place in self.where
-
-
-def command(name: str, keys: str, title: str, help_: str, group: Group, **more: Any) -> KeyCommand:
-    """One thing to do, written short."""
-    return KeyCommand(name=name, keys=keys, title=title, help=help_, group=group, **more)

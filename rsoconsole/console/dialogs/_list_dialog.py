@@ -10,9 +10,9 @@ from textual.containers import Vertical
 from textual.widgets import Input
 
 from rsoconsole.console.dialogs.dialogs import Dialog, Result
-from rsoconsole.console.drawing.plot import Line
+from rsoconsole.console.drawing.plot import Ink, Line
 from rsoconsole.console.panes.panes import LinesPane
-from rsoconsole.console.words.words import first_shown
+from rsoconsole.console.words.words import clipped, first_shown
 
 Row = TypeVar("Row")
 
@@ -69,9 +69,25 @@ class ListDialog(Dialog[Result], Generic[Result, Row]):
         """What choosing that one gives."""
         raise NotImplementedError
 
-    def lines(self, width: int, height: int) -> list[Line]:
-        """As much of the list as there is room for, or why there is none."""
+    def head(self, width: int) -> str:
+        """What stands over the rows, or why there are none."""
         raise NotImplementedError
+
+    def row_words(self, row: Row, width: int) -> tuple[str, Ink]:
+        """One row, and its colour where it is not the chosen one."""
+        raise NotImplementedError
+
+    def lines(self, width: int, height: int) -> list[Line]:
+        """The head, and as many rows as there is room for, the chosen one among them."""
+        rows, room = self.shown, max(height - 1, 1)
+        lines = [clipped([(self.head(width), "dim")], width)]
+        first = first_shown(self._at, len(rows), room)
+        for number, row in enumerate(rows[first : first + room], first):
+            is_chosen = number == self._at
+            text, ink = self.row_words(row, width)
+            text = f"{'▸' if is_chosen else ' '} {text}".ljust(width)
+            lines.append(clipped([(text, "here" if is_chosen else ink)], width))
+        return lines[: max(height, 1)]
 
     def show(self) -> None:
         """Draw the list."""

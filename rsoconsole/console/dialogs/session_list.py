@@ -11,9 +11,8 @@ from textual.widgets import Input
 from rsoconsole.base import SessionError
 from rsoconsole.config import home_path
 from rsoconsole.console.dialogs._list_dialog import ListDialog
-from rsoconsole.console.drawing.plot import Ink, Line
+from rsoconsole.console.drawing.plot import Ink
 from rsoconsole.console.watches.messages import call_in_turn
-from rsoconsole.console.words.words import clipped, first_shown
 from rsoconsole.control import one_line
 from rsoconsole.session import DATABASE, SessionSummary, folders_in, summarise, written_ns
 from rsoconsole.words import clock, file_size, span
@@ -81,26 +80,6 @@ def _is_same(a: Path, b: Path) -> bool:
     with contextlib.suppress(OSError):
         return a.samefile(b)
     return a == b
-
-
-def session_lines(
-    entries: list[Entry], chosen: int, absent: str, width: int, height: int
-) -> list[Line]:
-    """A head and as many entries as fit, the chosen one among them."""
-    if not entries:
-        return [clipped([(f" {absent}", "dim")], width)]
-    columns = _columns(width)
-    head: Line = [(f"  {'session':<{columns[0]}} {_cells(HEADS, columns)}", "dim")]
-    room = max(height - 1, 1)
-    first = first_shown(chosen, len(entries), room)
-    lines = [clipped(head, width)]
-    for number, entry in enumerate(entries[first : first + room], first):
-        name = f"└ {entry.name}" if entry.is_branch else entry.name
-        sign = "▸" if number == chosen else " "
-        ink: Ink = "here" if number == chosen else STATE_INKS.get(entry.state, "")
-        text = f"{sign} {_shortened(name, columns[0])} {_cells(_facts(entry), columns)}"
-        lines.append(clipped([(text.ljust(width), ink)], width))
-    return lines
 
 
 def _columns(width: int) -> tuple[int, tuple[int, ...]]:
@@ -214,14 +193,21 @@ class SessionListDialog(ListDialog[Path | None, Entry]):
         else:
             self.choose(number)
 
-    def lines(self, width: int, height: int) -> list[Line]:
-        """The sessions, or why there are none."""
+    def head(self, width: int) -> str:
+        """What each column is, or why there are no sessions."""
         if self._entries is None:
-            absent = f"looking into {self._root} …"
-        elif self._fault:
-            absent = self._fault
-        elif not self._entries:
-            absent = f"no session lies in {self._root}: type a path, or try 'rsoconsole demo'"
-        else:
-            absent = "no name has that: enter opens it as a path"
-        return session_lines(self.shown, self._at, absent, width, height)
+            return f" looking into {self._root} …"
+        if self._fault:
+            return f" {self._fault}"
+        if not self._entries:
+            return f" no session lies in {self._root}: type a path, or try 'rsoconsole demo'"
+        if not self.shown:
+            return " no name has that: enter opens it as a path"
+        columns = _columns(width)
+        return f"  {'session':<{columns[0]}} {_cells(HEADS, columns)}"
+
+    def row_words(self, row: Entry, width: int) -> tuple[str, Ink]:
+        """Its name and what is in it."""
+        columns, name = _columns(width), f"└ {row.name}" if row.is_branch else row.name
+        text = f"{_shortened(name, columns[0])} {_cells(_facts(row), columns)}"
+        return text, STATE_INKS.get(row.state, "")

@@ -12,9 +12,8 @@ from rsoconsole.base import RsoconsoleError
 from rsoconsole.config import Config
 from rsoconsole.console.dialogs._list_dialog import ListDialog
 from rsoconsole.console.dialogs.ask import UNREAD_CHECK_S
-from rsoconsole.console.drawing.plot import Ink, Line
+from rsoconsole.console.drawing.plot import Ink
 from rsoconsole.console.watches.messages import call_in_turn
-from rsoconsole.console.words.words import clipped, first_shown
 from rsoconsole.words import clock, span
 
 if TYPE_CHECKING:
@@ -106,35 +105,22 @@ class UpListDialog(ListDialog[str | None, "Up"]):
         self._order = ORDERS[(ORDERS.index(self._order) + 1) % len(ORDERS)]
         self.show()
 
-    def lines(self, width: int, height: int) -> list[Line]:
-        """The satellites, or why there are none."""
-        shown: list[Up] = []
+    def head(self, width: int) -> str:  # noqa: ARG002 -- the same however wide
+        """How many are up, or why that is not known."""
         if self._found is None:
-            head = "computing …"
-        elif self._fault:
-            head = self._fault
-        else:
-            shown = self.shown
-            head = (
-                f"{len(shown)} of {len(self._found)} above {self._limit_deg:g}°"
-                f" at {clock(self._t_utc_ns)}, by {self._order}"
-            )
-        return up_lines(head, shown, self._at, width, height)
-
-
-def up_lines(head: str, shown: "list[Up]", chosen: int, width: int, height: int) -> list[Line]:
-    """How many, and as many of them as fit, the chosen one among them."""
-    lines = [clipped([(head, "dim")], width)]
-    room = max(height - 1, 1)
-    first = first_shown(chosen, len(shown), room)
-    for number, up in enumerate(shown[first : first + room], first):
-        left = "12 h +" if up.minutes_left is None else span(up.minutes_left * 60.0)
-        is_soon = up.minutes_left is not None and up.minutes_left < SOON_MIN
-        ink: Ink = "warn" if is_soon else "" if up.is_lit else "dim"
-        text = (
-            f"{'▸' if number == chosen else ' '} {up.name[:NAME_COLUMNS]:<{NAME_COLUMNS}}"
-            f" {up.norad_id:>6}  alt {up.alt_deg:4.1f} az {up.az_deg:5.1f}"
-            f"  up {left:>6}  {'' if up.is_lit else 'in shadow'}"
+            return "computing …"
+        return self._fault or (
+            f"{len(self.shown)} of {len(self._found)} above {self._limit_deg:g}°"
+            f" at {clock(self._t_utc_ns)}, by {self._order}"
         )
-        lines.append(clipped([(text.ljust(width), "here" if number == chosen else ink)], width))
-    return lines[: max(height, 1)]
+
+    def row_words(self, row: "Up", width: int) -> tuple[str, Ink]:  # noqa: ARG002
+        """Its name, where it is, and for how long."""
+        left = "12 h +" if row.minutes_left is None else span(row.minutes_left * 60.0)
+        is_soon = row.minutes_left is not None and row.minutes_left < SOON_MIN
+        text = (
+            f"{row.name[:NAME_COLUMNS]:<{NAME_COLUMNS}}"
+            f" {row.norad_id:>6}  alt {row.alt_deg:4.1f} az {row.az_deg:5.1f}"
+            f"  up {left:>6}  {'' if row.is_lit else 'in shadow'}"
+        )
+        return text, "warn" if is_soon else "" if row.is_lit else "dim"

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import ClassVar, Literal
 
 from textual.app import ComposeResult
@@ -190,9 +191,8 @@ class CompareDialog(Dialog[Choice | None]):
 
     def on_mount(self) -> None:
         """Fill it."""
-        self.query_one("#compared", LinesPane).show(
-            lambda width, height: compare_lines(self._rows, self._ends, width, height)
-        )
+        lines = partial(compare_lines, self._rows, self._ends)
+        self.query_one("#compared", LinesPane).show(lines)
 
     def action_choose(self, choice: Choice) -> None:
         """By letter."""
@@ -317,19 +317,18 @@ class ReviewCompare(ReviewMoves):
         elif self.kept.seq == moment.seq and self._other_seq is None:
             self.say("this is A: go to another moment, then compare")
         else:
-            self._compare(moment)
+            self._compare(self.kept, moment)
 
     def compare_if_asked(self) -> None:
         """What was asked for before the moment was there."""
         if self._is_asked_early and self.moment is not None and self.moment.seq == self.seq:
             self.action_compare()
 
-    def _compare(self, moment: Moment) -> None:
-        if self.kept is not None and self.kept.seq == moment.seq:
+    def _compare(self, kept: Moment, moment: Moment) -> None:
+        if kept.seq == moment.seq:
             self.action_blink()  # A is shown in B's place: back to B, which is what is compared
             self.say("B: compare it with A from here")
             return
-        assert self.kept is not None
 
         def decided(choice: Choice | None) -> None:
             if choice == "blink":
@@ -337,7 +336,7 @@ class ReviewCompare(ReviewMoves):
             elif choice == "keep":
                 self._keep(moment)
 
-        self.app.push_screen(CompareDialog(self.kept, moment, self.timeline), decided)
+        self.app.push_screen(CompareDialog(kept, moment, self.timeline), decided)
 
     def _keep(self, moment: Moment) -> None:
         self.kept, self._other_seq = moment, None

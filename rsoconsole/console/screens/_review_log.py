@@ -6,7 +6,6 @@ from rich.segment import Segment
 from rich.style import Style
 from textual import events
 from textual.binding import Binding, BindingType
-from textual.message import Message
 from textual.strip import Strip
 
 from rsoconsole.console.actions.tune_actions import TuneActions
@@ -29,7 +28,7 @@ class ReviewLogPane(LogPane):
         Binding("pagedown", "choose_page(1)", "Page below", show=False),
         Binding("home", "choose_end(True)", "Newest", show=False),
         Binding("end", "choose_end(False)", "Oldest", show=False),
-        Binding("enter", "take", "Go there", show=False),
+        Binding("enter", "screen.go_to_line", "Go there", show=False),
     ]
     COMPONENT_CLASSES: ClassVar[set[str]] = {"log--later", "log--chosen"}
     DEFAULT_CSS = """
@@ -39,13 +38,6 @@ class ReviewLogPane(LogPane):
 
     always_shown = False
     """What is searched for alone: every line stands in the log that is opened next."""
-
-    class Chosen(Message):
-        """The moment of a line is wanted."""
-
-        def __init__(self, line: LogLine) -> None:
-            super().__init__()
-            self.line = line
 
     seq = 0
     """The moment that is shown: lines behind it are dim."""
@@ -89,19 +81,14 @@ class ReviewLogPane(LogPane):
             self.chosen = found[0 if is_newest else -1]
             self._reveal()
 
-    def action_take(self) -> None:
-        """Go to its moment."""
-        if self.chosen is not None:
-            self.post_message(self.Chosen(self.chosen))
-
-    def on_click(self, event: events.Click) -> None:
+    async def on_click(self, event: events.Click) -> None:
         """Choose by the mouse; the chosen one: go there."""
         index = event.y - self._title_rows + self.scroll_offset.y
         if self.chosen is None or not 0 <= index < len(self._rows):
             return
         line = self._rows[index][0]
         if line == self.chosen:
-            self.action_take()
+            await self.run_action("screen.go_to_line")
         self.chosen = line
         self.refresh()
 

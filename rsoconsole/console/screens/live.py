@@ -29,7 +29,6 @@ from rsoconsole.console.screens.review import HEAD, ReviewScreen
 from rsoconsole.console.watches.messages import Pointed
 from rsoconsole.console.watches.sheet_worker import detail_of
 from rsoconsole.console.words import words
-from rsoconsole.console.words.leaving import kept_words
 from rsoconsole.control import (
     Command,
     MarkByHand,
@@ -147,11 +146,8 @@ class LiveScreen(NightScreen, TrackOrders, CommandOutcomes, NudgeActions):
         said, engine = super().stop_words(news), self.engine
         if news.phase != "stopped" or not engine.is_attached or engine.holder != "nobody":
             return said
-        now = words.present_utc_ns(self.night, engine)
         arm = first_key("arm_or_disarm", self.keymap)
-        is_asked_for = self.is_following_again
-        kept = kept_words(engine, self.keymap, now, is_asked_for=is_asked_for)
-        kept = kept or (f"{arm} arms it again",)
+        kept = self.kept_words or (f"{arm} arms it again",)
         return f"{said}. {engine.state}: disarmed. {kept[0]}"
 
     @property

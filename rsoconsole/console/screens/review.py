@@ -3,6 +3,7 @@
 Which moment is wanted is known at once and drawn on the time line; the watch brings it.
 """
 
+from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
@@ -160,29 +161,22 @@ class ReviewScreen(ReviewCompare):
         self.compare_if_asked()
         self._compute_here()
 
+    def _when_it_stays(self, act: Callable[[], None]) -> None:
+        """Do that once nobody has gone on from this moment for a while."""
+        moment = self.moment
+        self.set_timer(OUTLOOK_AFTER_S, lambda: act() if self.moment is moment else None)
+
     def _compute_here(self) -> None:
         """The tuning pane's figures are of a moment: those of another one are no answer."""
-        moment, self.tune.figures = self.moment, (None, None)
+        self.tune.figures = (None, None)
         self.tune.show()
-
-        def ask() -> None:
-            if self.moment is moment and self.tune.pane.display:
-                self.tune.compute()
-
         if not self.player.is_playing:
-            self.set_timer(OUTLOOK_AFTER_S, ask)
+            self._when_it_stays(lambda: self.tune.compute() if self.tune.pane.display else None)
 
     def _ask_outlook(self) -> None:
         """The sky's computation takes the processor: not while somebody goes through the night."""
-        moment = self.moment
-        if not self.timeline.is_whole or moment is None:
-            return
-
-        def ask() -> None:
-            if self.moment is moment:
-                self.outlook_watch.update(self.night, self.engine)
-
-        self.set_timer(OUTLOOK_AFTER_S, ask)
+        if self.timeline.is_whole and self.moment is not None:
+            self._when_it_stays(lambda: self.outlook_watch.update(self.night, self.engine))
 
     def see_fault(self, folder: Path, text: str) -> None:
         """Why the session cannot be read."""
@@ -309,11 +303,12 @@ class ReviewScreen(ReviewCompare):
         words = "words in any line of the night; nothing: every line"
         self.app.push_screen(LineDialog("search the log", words, self.searched), decided)
 
-    def on_review_log_pane_chosen(self, message: ReviewLogPane.Chosen) -> None:
-        """To the moment of a line."""
-        line: LogLine = message.line
-        self.action_log()
-        self.go(self.moment_of(line))
+    def action_go_to_line(self) -> None:
+        """To the moment of the log's chosen line."""
+        line = self.query_one("#log", ReviewLogPane).chosen
+        if line is not None:
+            self.action_log()
+            self.go(self.moment_of(line))
 
     # -- the rest ---------------------------------------------------------------------------
 

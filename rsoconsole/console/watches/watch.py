@@ -70,11 +70,9 @@ class SessionWatch(Poller):
         wanted = self._wanted
         if wanted is None:
             return
-        if self._reader is None or self._reader.folder != wanted:
-            self._open(wanted)
         reader, night = self._reader, self._night
-        assert reader is not None
-        assert night is not None
+        if reader is None or night is None or reader.folder != wanted:
+            reader, night = self._open(wanted)
         has_news = self._read_records(reader, night)
         # The records first: decoding a picture loads a large library.
         if has_news:
@@ -82,17 +80,18 @@ class SessionWatch(Poller):
         if self._read_picture(reader, night):
             self._show()
 
-    def _open(self, folder: Path) -> None:
+    def _open(self, folder: Path) -> tuple[SessionReader, Night]:
         reader = SessionReader(folder)
         config: Config | None = None
         try:
             config = reader.config()
         except SessionError as error:
             log.warning("%s", error)
-        self._night = Night(folder, reader.about(), config)
+        self._night = night = Night(folder, reader.about(), config)
         self._reader, self._seq, self._picture = reader, 0, None
         self.indi = config.indi if config is not None else None
         self._show()
+        return reader, night
 
     def _read_records(self, reader: SessionReader, night: Night) -> bool:
         before = self._seq
