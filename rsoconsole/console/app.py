@@ -28,7 +28,7 @@ from rsoconsole.console.dialogs.tour import TourDialog
 from rsoconsole.console.drawing.blocks import HALF_BLOCKS, QUADRANTS, Blocks
 from rsoconsole.console.drawing.plain import COLOURS, NIGHT_CSS, THEMES, CleanFilter, PlainFilter
 from rsoconsole.console.frame.frame_sheet import FrameSheet
-from rsoconsole.console.night.engine_seen import EngineView, alerts_between, notification
+from rsoconsole.console.night.engine_view import EngineView, alerts_between, notification
 from rsoconsole.console.panes.last_line import MODE_WORDS, Mode
 from rsoconsole.console.picture.picture import Picture
 from rsoconsole.console.screens.live import LiveScreen
@@ -153,7 +153,7 @@ class ConsoleApp(App[str]):
             Orders(wire, past_engine),
             read_only=read_only or session is not None,
             ask_now=self._engine_watch.look_now,
-            on_known=self.take_notice,
+            on_known=self.ring_alerts,
             seat_name=seat_name,
             keymap=self._own_keys,
             sessions_root=sessions_root,
@@ -308,7 +308,7 @@ class ConsoleApp(App[str]):
         if isinstance(screen, NightScreen):
             screen.action_leave()
 
-    def take_notice(self, night: NightView, engine: EngineView) -> None:
+    def ring_alerts(self, night: NightView, engine: EngineView) -> None:
         """Ring or notify for what has come to pass since the last look."""
         before, self._last = self._last, (night, engine)
         for alert, words in alerts_between(before, self._last):
@@ -327,8 +327,8 @@ class ConsoleApp(App[str]):
         with self._newest_lock:
             newest, self._newest = self._newest, None
         if newest is not None:
-            self.live.see_night(*newest)
+            self.live.update_night(*newest)
 
     def _engine_seen(self, engine: EngineView) -> None:
         self._session_watch.follow(engine.session)
-        call_in_turn(self.live, self.live.see_engine, engine)
+        call_in_turn(self.live, self.live.update_engine, engine)

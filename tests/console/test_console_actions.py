@@ -531,7 +531,7 @@ def test_a_mark_stays_in_its_own_frame_while_newer_ones_come(wire: FakeWire, wri
         await pilot.press("m", "enter")
         night.add_frames(writer, range(FRAMES + 1, FRAMES + 2))
         night.add_previews(writer, range(FRAMES + 1, FRAMES + 2))
-        await until(pilot, lambda: app.live.picture_waiting is not None)
+        await until(pilot, lambda: app.live.newer_picture is not None)
         assert f"frame {FRAMES:04d}" in screen_text(app)
         await pilot.press(*["right"] * 5)
         assert "a newer frame waits" in pane(app, "keys")
@@ -551,12 +551,12 @@ def test_a_mark_is_left_off_when_another_session_begins(
         await pilot.press("m", "enter")
         night.add_frames(writer, range(FRAMES + 1, FRAMES + 2))
         night.add_previews(writer, range(FRAMES + 1, FRAMES + 2))
-        await until(pilot, lambda: app.live.picture_waiting is not None)
+        await until(pilot, lambda: app.live.newer_picture is not None)
         other = written(tmp_path / "another")
         wire.status["session"] = str(other.folder)
         await until(pilot, lambda: app.live.night.folder == other.folder)
         assert app.live.marking is None
-        assert app.live.picture_waiting is None
+        assert app.live.newer_picture is None
         await until(pilot, lambda: app.live.picture is not None)
         await pilot.press("enter")
         assert wire.verbs == []

@@ -16,7 +16,7 @@ from rsoconsole.console.app import ConsoleApp
 from rsoconsole.console.dialogs.ask import GotoDialog
 from rsoconsole.console.dialogs.help import HelpDialog
 from rsoconsole.console.drawing.plot import Line
-from rsoconsole.console.night.engine_seen import EngineView, engine_view
+from rsoconsole.console.night.engine_view import EngineView, engine_view
 from rsoconsole.console.orbit.lines import orbit_lines, orbit_shown, target_words
 from rsoconsole.console.panes.last_line import key_line, keys_for
 from rsoconsole.console.tuning.lines import TuneWords, tune_lines

@@ -32,7 +32,7 @@ class CommandOutcomes(MarkActions):
         self._refused_at_once: list[str] = []
         """What the engine has said no to, in a dialog, and its record says once more."""
 
-    def see_outcome(
+    def handle_outcome(
         self, command: Command, stops: int, seq: int, then: Command | None, outcome: Outcome
     ) -> None:
         """Said where it went well, asked where it did not; STOP has the last word."""
@@ -43,7 +43,7 @@ class CommandOutcomes(MarkActions):
             return
         name = command.label()
         if outcome.ok and isinstance(command, MarkByHand):
-            self.see_mark_taken(command, outcome)
+            self.report_mark_accepted(command, outcome)
         elif outcome.ok:
             said = f"{name}: {outcome.message or 'done'}"
             self.say(self.tune.done_words(command) or said, "good")
@@ -93,7 +93,7 @@ class CommandOutcomes(MarkActions):
         own = Sender.console(self.seat_name).words
         return line.asked.removeprefix(f"{own} ") if line.refused_by == own else ""
 
-    def see_refusals(self, before: NightView) -> None:
+    def report_refusals(self, before: NightView) -> None:
         """What was accepted here and refused later is said once, where it was asked for."""
         for line in self.log_lines_since(before):
             refused = self._refused_here(line)

@@ -6,7 +6,7 @@ from functools import partial
 
 from rsoconsole.console.actions.seat import Seat
 from rsoconsole.console.dialogs.dialogs import ConfirmDialog
-from rsoconsole.console.night.engine_seen import EngineView
+from rsoconsole.console.night.engine_view import EngineView
 from rsoconsole.console.picture.marking import Marking
 from rsoconsole.console.picture.marks import Mark
 from rsoconsole.console.picture.picture import Picture
@@ -34,19 +34,19 @@ RECALLED_S = 600.0
 class MarkActions(Seat):
     """The mark that is being made, and the mark that was made last."""
 
-    picture_waiting: Picture | None = None
+    newer_picture: Picture | None = None
     """The newest, while a mark is made in an older one."""
     marking: Marking | None = None
     """The mark that is being made; None while none is."""
     _marked: tuple[int | None, float] = (None, 0.0)
     """The frame of the last mark that the engine took, and when."""
-    _is_mark_unseen = False
+    _has_unread_details = False
     """Whether its details have not been asked for since."""
 
     def action_mark(self) -> None:
         """Begin a mark in the picture, or leave off."""
         if self.marking is not None:
-            self.leave_off_mark()
+            self.cancel_mark()
             return
         if not self.may_act():
             return
@@ -80,24 +80,24 @@ class MarkActions(Seat):
             self._end_mark()
         self.say(why_not, "warn", REFUSAL_S)
 
-    def leave_off_mark(self) -> None:
+    def cancel_mark(self) -> None:
         """Leave off; nothing is sent."""
         if self.marking is not None:
             self.leave_mark(self.marking.frame_id)
         self._end_mark()
         self.say("")
 
-    def forget_mark(self) -> None:
+    def drop_mark(self) -> None:
         """Another session is shown: what was marked in has gone."""
         if self.marking is not None:
             self.say("the mark is left off: another session began", "warn")
-        self.marking = self.picture_waiting = None
+        self.marking = self.newer_picture = None
 
     def _end_mark(self) -> None:
         """Show again what is newest."""
         self.marking = None
-        if self.picture_waiting is not None:
-            self.picture, self.picture_waiting = self.picture_waiting, None
+        if self.newer_picture is not None:
+            self.picture, self.newer_picture = self.newer_picture, None
         self.show_picture()
 
     def take_picture(self, picture: Picture | None) -> None:
@@ -105,7 +105,7 @@ class MarkActions(Seat):
         if self.marking is None or picture is None or picture.frame_id == self.marking.frame_id:
             self.picture = picture
         else:
-            self.picture_waiting = picture
+            self.newer_picture = picture
 
     def look_again(self) -> None:
         """The view has changed while a mark is made: it goes on there."""
@@ -114,7 +114,7 @@ class MarkActions(Seat):
             self.marking.look(drawing)
             self._show_mark()
 
-    def takes_mark_key(self, key: str) -> bool:
+    def handle_mark_key(self, key: str) -> bool:
         """A key while a mark is made; True when it was for the mark."""
         if self.marking is None:
             return False
@@ -129,7 +129,7 @@ class MarkActions(Seat):
             self._show_mark()
         return True
 
-    def point_mark(self, message: Pointed) -> None:
+    def mark_at(self, message: Pointed) -> None:
         """The mouse in a picture while a mark is made: an end of it."""
         assert self.marking is not None
         self.marking.cursor_px = (message.x_px, message.y_px)
@@ -162,14 +162,14 @@ class MarkActions(Seat):
     def _show_mark(self) -> None:
         assert self.marking is not None
         which = "first" if self.marking.first_px is None else "second"
-        waits = "; a newer frame waits" if self.picture_waiting is not None else ""
+        waits = "; a newer frame waits" if self.newer_picture is not None else ""
         kept = f"frame {self.marking.frame_id} stays markable meanwhile, for {HELD} frames{waits}"
         self.say(f"mark the {which} end: arrows, enter; {kept}", "title", MARK_SAID_S)
         self.show_picture()
 
-    def see_mark_taken(self, mark: MarkByHand, outcome: Outcome) -> None:
+    def report_mark_accepted(self, mark: MarkByHand, outcome: Outcome) -> None:
         """By the engine, and with the next frame by the track: its details are asked for next."""
-        self._marked, self._is_mark_unseen = (mark.frame_id, self.now_s()), True
+        self._marked, self._has_unread_details = (mark.frame_id, self.now_s()), True
         said = f"your mark in frame {mark.frame_id} is {outcome.message or 'sent'}"
         self.say(said, "good", MARK_SAID_S)
 
@@ -203,17 +203,17 @@ class MarkActions(Seat):
         if frame_id is not None and self.can_act:
             self.orders.send(BeginMark(frame_id=frame_id, is_on=False), lambda _outcome: None)
 
-    def see_mark_recorded(self, before: NightView) -> None:
+    def report_mark_result(self, before: NightView) -> None:
         """What came of a mark that was made here, when it is on record."""
         own = Sender.console(self.seat_name).words
         for line in self.log_lines_since(before):
             if line.marked_by == own:
                 self.say(f"your {line.words}", "good", MARK_SAID_S)
 
-    def marked_lately(self) -> tuple[int | None, bool]:
+    def recent_mark(self) -> tuple[int | None, bool]:
         """The frame marked last, while it is recalled; whether its details come first, once."""
-        (frame_id, at_s), is_first = self._marked, self._is_mark_unseen
-        since_s, self._is_mark_unseen = self.now_s() - at_s, False
+        (frame_id, at_s), is_first = self._marked, self._has_unread_details
+        since_s, self._has_unread_details = self.now_s() - at_s, False
         if frame_id is None or since_s >= RECALLED_S:
             return None, False
         return frame_id, is_first and since_s < DETAILS_S

@@ -16,7 +16,7 @@ from rsoconsole.console.commands.commands import BY_NAME
 from rsoconsole.console.commands.keymap import Orders
 from rsoconsole.console.dialogs.dialogs import Dialog
 from rsoconsole.console.drawing.plot import Ink, Line
-from rsoconsole.console.night.engine_seen import EngineView, OrbitAhead
+from rsoconsole.console.night.engine_view import EngineView, OrbitAhead
 from rsoconsole.console.orbit.lines import OrbitShown, orbit_shown, target_words
 from rsoconsole.console.panes.last_line import Key
 from rsoconsole.console.panes.panes import FramePane, LinesPane
@@ -244,10 +244,10 @@ class Seat(Screen[None]):
         ``then``: sent right behind it where the engine has taken it, and no STOP came between.
         """
         self.say(f"{command.label()} …")
-        came = partial(self.see_outcome, command, self.stops, self.night.seq, then)
+        came = partial(self.handle_outcome, command, self.stops, self.night.seq, then)
         self.orders.send(command, partial(call_in_turn, self, came))
 
-    def see_outcome(
+    def handle_outcome(
         self, command: Command, stops: int, seq: int, then: Command | None, outcome: Outcome
     ) -> None:
         """What came of a command; a screen whose keys act says it.
@@ -289,7 +289,7 @@ class Seat(Screen[None]):
             self.set_timer(BANNER_S, partial(self._forget_stop, message.news))
         self.ask_now()
 
-    def see_stop(self) -> None:
+    def check_failed_stop(self) -> None:
         """A STOP that failed is an alarm until the mount is measured to be at rest."""
         news, engine = self.stop_news, self.engine
         self._is_stop_seen |= engine.holder == "nobody"

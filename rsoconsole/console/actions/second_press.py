@@ -5,7 +5,7 @@ from typing import Literal
 
 from rsoconsole.console.actions.seat import Seat
 from rsoconsole.console.commands.keymap import first_key
-from rsoconsole.console.night.engine_seen import EngineView
+from rsoconsole.console.night.engine_view import EngineView
 from rsoconsole.console.words.words import present_utc_ns
 from rsoconsole.words import NS_PER_S, span
 

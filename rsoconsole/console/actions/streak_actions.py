@@ -17,7 +17,7 @@ CLICKED_S = 8.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Pick:
+class StreakChoice:
     """A streak to follow."""
 
     frame_id: int
@@ -32,45 +32,45 @@ class StreakActions:
     def __init__(self, seat: Seat, twice: TwicePressed) -> None:
         self._seat, self._twice = seat, twice
         self._chosen, self._chosen_in = -1, -1
-        self._picked: Pick | None = None
-        self._picked_until_s = 0.0
+        self._choice: StreakChoice | None = None
+        self._choice_until_s = 0.0
         """So long the key means that pick, though newer frames are shown."""
 
-    def forget_pick(self) -> None:
+    def forget_choice(self) -> None:
         """Another session is shown."""
-        self._picked_until_s = 0.0
+        self._choice_until_s = 0.0
 
     def action_follow_next(self) -> None:
         """The streak that was asked for, else the frame's next one, the likeliest first."""
         seat = self._seat
         if not seat.may_act():
             return
-        asked = self._picked if seat.now_s() < self._picked_until_s else None
-        pick = asked or self._next_pick()
+        asked = self._choice if seat.now_s() < self._choice_until_s else None
+        pick = asked or self._next_choice()
         if pick is None:
             seat.say("the frame has no streak to follow", "warn")
         elif has_track(seat.engine) and (asked or not self.is_followed(pick.streak)):
             # Another streak ends the track: that asks twice, and the second press means the same.
-            self._keep_pick(pick, WITHIN_S)
-            self._twice.ask("follow_next", self._leaves_words(pick), lambda: self._choose(pick))
+            self._keep_choice(pick, WITHIN_S)
+            self._twice.ask("follow_next", self._track_end_words(pick), lambda: self._choose(pick))
         else:
             self._choose(pick)
 
-    def _next_pick(self) -> Pick | None:
+    def _next_choice(self) -> StreakChoice | None:
         streaks, picture = self.streaks(), self._seat.picture
         if not streaks or picture is None:
             return None
         before = self._chosen if self._chosen_in == picture.frame_id else -1
         number = (before + 1) % len(streaks)
-        return Pick(frame_id=picture.frame_id, number=number, streak=streaks[number])
+        return StreakChoice(frame_id=picture.frame_id, number=number, streak=streaks[number])
 
-    def _keep_pick(self, pick: Pick, seconds: float) -> None:
+    def _keep_choice(self, pick: StreakChoice, seconds: float) -> None:
         until_s = self._seat.now_s() + seconds + SETTLES_S
-        is_same = pick == self._picked
-        self._picked_until_s = max(until_s, self._picked_until_s) if is_same else until_s
-        self._picked = pick
+        is_same = pick == self._choice
+        self._choice_until_s = max(until_s, self._choice_until_s) if is_same else until_s
+        self._choice = pick
 
-    def _leaves_words(self, pick: Pick) -> str:
+    def _track_end_words(self, pick: StreakChoice) -> str:
         is_shown = self._seat.picture is not None and self._seat.picture.frame_id == pick.frame_id
         which = "another streak" if is_shown else f"a streak of frame {pick.frame_id:04d}"
         return f"leaves {self._twice.track_words()} for {which}"
@@ -94,8 +94,8 @@ class StreakActions:
             return ()
         return (*found.detections, *(each.detection for each in found.rejected))
 
-    def _choose(self, pick: Pick) -> None:
-        self._chosen, self._chosen_in, self._picked_until_s = pick.number, pick.frame_id, 0.0
+    def _choose(self, pick: StreakChoice) -> None:
+        self._chosen, self._chosen_in, self._choice_until_s = pick.number, pick.frame_id, 0.0
         streak = pick.streak
         self._seat.send(Choose(frame_id=pick.frame_id, x_px=streak.x_px, y_px=streak.y_px))
 
@@ -127,16 +127,16 @@ class StreakActions:
         streaks, picture = self.streaks(), seat.picture
         if not streaks or picture is None:
             return
-        number = min(range(len(streaks)), key=lambda each: _away(streaks[each], at))
-        pick = Pick(frame_id=picture.frame_id, number=number, streak=streaks[number])
-        if _away(pick.streak, at) > max(CLICK_PX, 2.0 * at.px_per_square) or not seat.may_act():
+        number = min(range(len(streaks)), key=lambda each: _away_px(streaks[each], at))
+        pick = StreakChoice(frame_id=picture.frame_id, number=number, streak=streaks[number])
+        if _away_px(pick.streak, at) > max(CLICK_PX, 2.0 * at.px_per_square) or not seat.may_act():
             return
         if has_track(seat.engine) and not self.is_followed(pick.streak):
-            self._keep_pick(pick, CLICKED_S)
-            self._twice.name_key("follow_next", self._leaves_words(pick))
+            self._keep_choice(pick, CLICKED_S)
+            self._twice.name_key("follow_next", self._track_end_words(pick))
         else:
             self._choose(pick)
 
 
-def _away(streak: Detection, at: Pointed) -> float:
+def _away_px(streak: Detection, at: Pointed) -> float:
     return float(((streak.x_px - at.x_px) ** 2 + (streak.y_px - at.y_px) ** 2) ** 0.5)

@@ -18,7 +18,7 @@ from rsoconsole.console.dialogs.ask import (
 )
 from rsoconsole.console.dialogs.dialogs import ConfirmDialog
 from rsoconsole.console.dialogs.up_list import UpListDialog
-from rsoconsole.console.night.engine_seen import EngineView
+from rsoconsole.console.night.engine_view import EngineView
 from rsoconsole.control import (
     Arm,
     Command,
@@ -55,7 +55,7 @@ class TelescopeActions:
         self._asked_again_s = -math.inf
         """When what is kept was asked for; the engine has not refused it."""
 
-    def see_outcome(self, command: Command, outcome: Outcome) -> None:
+    def handle_outcome(self, command: Command, outcome: Outcome) -> None:
         """What was asked for is on its way no longer."""
         if isinstance(command, Arm):
             self.is_arming = False
@@ -70,17 +70,17 @@ class TelescopeActions:
             and self._seat.now_s() < self._asked_again_s + AGAIN_S
         )
 
-    def see_refused(self, verbs: frozenset[str]) -> None:
+    def note_refused(self, verbs: frozenset[str]) -> None:
         """What was accepted and refused later is not on its way any more."""
         if verbs & {Arm.verb, Resume.verb}:
             self._asked_again_s = -math.inf
 
-    def see_stop(self) -> None:
+    def note_stop(self) -> None:
         """STOP; no key that was on its way takes up again what it has ended."""
         self.at_rest_since_s = self._seat.now_s()
         self._asked_again_s = -math.inf
 
-    def see_control_change(self, before: EngineView) -> None:
+    def note_control_change(self, before: EngineView) -> None:
         """What the engine said before is ``before``."""
         seat = self._seat
         is_lost = before.holder == "autonomy" != seat.engine.holder

@@ -153,9 +153,9 @@ class TuneActions:
             self._type(message.begun)
             return
         {
-            "try": self._try,
+            "try": self._preview,
             "apply": self._apply,
-            "lend": self._lend,
+            "lend": self._apply_for_frames,
             "undo": self._undo,
             "save": self._save,
             "load": self._load,
@@ -179,14 +179,14 @@ class TuneActions:
             if fault:
                 seat.say(fault, "warn")
                 return
-            self._try()
+            self._preview()
 
         words = f"from {tunable.low:g} to {tunable.high:g}"
         title = f"{tunable.label}{tunable.unit}: a number {words}"
         dialog = LineDialog(title, words, begun, goes_on=True)
         seat.app.push_screen(dialog, decided)
 
-    def _try(self) -> None:
+    def _preview(self) -> None:
         self.figures = (self.figures[0], None)
         self.show()
         self.compute()
@@ -200,7 +200,7 @@ class TuneActions:
         if not wanted:
             self._seat.say("nothing is tried: ←→ changes the chosen setting")
 
-    def _lend(self) -> None:
+    def _apply_for_frames(self) -> None:
         """For some frames only: the engine sets it back by itself."""
         seat = self._seat
         if not seat.may_act():
@@ -227,7 +227,7 @@ class TuneActions:
         self._set(wanted)
         if not wanted:
             self._seat.say("nothing to undo")
-        self._try()
+        self._preview()
 
     def _set(self, wanted: Mapping[str, Value], frames: int | None = None) -> None:
         for name, value in wanted.items():
@@ -283,4 +283,4 @@ class TuneActions:
             self._seat.say(f"no preset is called {name!r}: there are {', '.join(presets)}", "warn")
             return
         self.tuning.load(presets[name])
-        self._try()
+        self._preview()

@@ -109,7 +109,7 @@ class GotoDialog(FieldDialog[tuple[float, float] | None]):
         self._say(f"{found.words}{caution}\nasking the engine …")
 
         move = Goto(ra_icrs_deg=found.ra_icrs_deg, dec_icrs_deg=found.dec_icrs_deg)
-        answer = partial(self._see_preview, self._asked, f"{found.words}{caution}")
+        answer = partial(self._show_preview, self._asked, f"{found.words}{caution}")
         _ask_engine(self, self._orders, move, answer)
 
     def _understood(self, text: str) -> "Understood":
@@ -123,7 +123,7 @@ class GotoDialog(FieldDialog[tuple[float, float] | None]):
             self._names = Names.load(config.catalogue.tle_files)
         return understand(text, config.site.to_site(), self._now_utc_ns(), self._names)
 
-    def _see_preview(self, number: int, words: str, outcome: Outcome) -> None:
+    def _show_preview(self, number: int, words: str, outcome: Outcome) -> None:
         """What the engine says of the last thing typed."""
         if number != self._asked:
             return
@@ -174,9 +174,9 @@ class MoveDialog(Dialog[bool | None]):
         """Ask at once."""
         ra, dec = self._direction
         move = Goto(ra_icrs_deg=ra, dec_icrs_deg=dec)
-        _ask_engine(self, self._orders, move, self._see_preview)
+        _ask_engine(self, self._orders, move, self._show_preview)
 
-    def _see_preview(self, outcome: Outcome) -> None:
+    def _show_preview(self, outcome: Outcome) -> None:
         preview = read_record(MovePreview, outcome.data) if outcome.ok else None
         lines = preview_lines(preview, GOES) if outcome.ok else [outcome.message]
         self._may_go = preview is not None and not preview.refused
@@ -276,9 +276,9 @@ class AimDialog(SettingsDialog):
         if wanted is None:
             return
         aim = {name.partition(".")[2]: value for name, value in wanted.items()}
-        _ask_engine(self, self._orders, Beside(**aim), partial(self._see_preview, self._asked))
+        _ask_engine(self, self._orders, Beside(**aim), partial(self._show_preview, self._asked))
 
-    def _see_preview(self, number: int, outcome: Outcome) -> None:
+    def _show_preview(self, number: int, outcome: Outcome) -> None:
         """What the engine says of the last thing typed."""
         if number != self._asked:
             return

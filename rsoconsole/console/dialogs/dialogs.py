@@ -74,9 +74,9 @@ class Dialog(ModalScreen[Result], Generic[Result]):
 
     def on_mount(self) -> None:
         """It can be read from the first paint on."""
-        self.call_after_refresh(self._see_opened)
+        self.call_after_refresh(self._note_opened)
 
-    def _see_opened(self) -> None:
+    def _note_opened(self) -> None:
         self._opened_s = time.monotonic()
 
     @property

@@ -26,7 +26,7 @@ WHEN_COLUMNS, LENGTH_COLUMNS, FRAMES_COLUMNS, SIZE_COLUMNS, STATE_COLUMNS = 16, 
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Entry:
+class SessionEntry:
     """One session, or a branch of one."""
 
     folder: Path
@@ -47,7 +47,7 @@ class Entry:
         return all(word in text.lower() for word in words.lower().split())
 
 
-def entries_of(root: Path, present: Path | None) -> list[Entry]:
+def sessions_under(root: Path, present: Path | None) -> list[SessionEntry]:
     """Every session under the root, newest first, each before its branches; nothing is opened.
 
     ``present``: one that is looked at now, wherever it lies. Raises SessionError when the root
@@ -62,18 +62,18 @@ def entries_of(root: Path, present: Path | None) -> list[Entry]:
     return [entry for folder in newest for entry in _with_branches(folder)]
 
 
-def looked_into(entry: Entry) -> Entry:
+def with_summary(entry: SessionEntry) -> SessionEntry:
     """The same with what is in it. Never raises: a damaged session says so."""
     summary = summarise(entry.folder)
     state: State = "damaged" if summary.state == "unreadable" else summary.state
     return replace(entry, summary=summary, state=state)
 
 
-def _with_branches(folder: Path) -> Iterator[Entry]:
-    yield Entry(folder=folder)
+def _with_branches(folder: Path) -> Iterator[SessionEntry]:
+    yield SessionEntry(folder=folder)
     with contextlib.suppress(OSError):
         branches = [path for path in (folder / BRANCHES).iterdir() if (path / DATABASE).exists()]
-        yield from (Entry(folder=path, is_branch=True) for path in sorted(branches))
+        yield from (SessionEntry(folder=path, is_branch=True) for path in sorted(branches))
 
 
 def _is_same(a: Path, b: Path) -> bool:
@@ -99,7 +99,7 @@ def _cells(texts: tuple[str, ...], columns: tuple[int, tuple[int, ...]]) -> str:
     return " ".join([*cells, state[0].ljust(state[1])])
 
 
-def _facts(entry: Entry) -> tuple[str, ...]:
+def _facts(entry: SessionEntry) -> tuple[str, ...]:
     summary = entry.summary
     if summary is None:
         return ("", "", "", "", "…")
@@ -119,7 +119,7 @@ def _shortened(name: str, columns: int) -> str:
     return f"{name[: columns - 1 - half]}…{name[len(name) - half :] if half else ''}"
 
 
-class SessionListDialog(ListDialog[Path | None, Entry]):
+class SessionListDialog(ListDialog[Path | None, SessionEntry]):
     """Sessions; typing finds one, enter opens it. Gives its folder."""
 
     LISTED = "sessions"
@@ -130,7 +130,7 @@ class SessionListDialog(ListDialog[Path | None, Entry]):
         """``present``: the session that is looked at now."""
         super().__init__()
         self._root, self._present = root, present
-        self._entries: list[Entry] | None = None
+        self._entries: list[SessionEntry] | None = None
         self._fault = ""
         self._is_over = False
 
@@ -141,17 +141,17 @@ class SessionListDialog(ListDialog[Path | None, Entry]):
     def look(self) -> None:
         """Their names first, then what is in each."""
         try:
-            entries = entries_of(self._root, self._present)
+            entries = sessions_under(self._root, self._present)
         except SessionError as error:
-            call_in_turn(self, self._see_entries, [], str(error))
+            call_in_turn(self, self._list_entries, [], str(error))
             return
-        call_in_turn(self, self._see_entries, entries)
+        call_in_turn(self, self._list_entries, entries)
         for entry in entries:
             if self._is_over:
                 return
-            call_in_turn(self, self._see_entry, looked_into(entry))
+            call_in_turn(self, self._update_entry, with_summary(entry))
 
-    def _see_entries(self, entries: list[Entry], fault: str = "") -> None:
+    def _list_entries(self, entries: list[SessionEntry], fault: str = "") -> None:
         """Their names, or why they cannot be found; the present one is chosen."""
         self._entries, self._fault = entries, fault
         folders = [entry.folder for entry in entries]
@@ -159,19 +159,19 @@ class SessionListDialog(ListDialog[Path | None, Entry]):
             self._at = folders.index(self._present)
         self.show()
 
-    def _see_entry(self, entry: Entry) -> None:
+    def _update_entry(self, entry: SessionEntry) -> None:
         """What is in one."""
         entries = self._entries or []
         self._entries = [entry if each.folder == entry.folder else each for each in entries]
         self.show()
 
     @property
-    def shown(self) -> list[Entry]:
+    def shown(self) -> list[SessionEntry]:
         """Those that what was typed leaves."""
         words = self.query_one(Input).value
         return [entry for entry in self._entries or [] if entry.has(words)]
 
-    def result_of(self, row: Entry) -> Path:
+    def result_of(self, row: SessionEntry) -> Path:
         """Its folder."""
         return row.folder
 
@@ -206,7 +206,7 @@ class SessionListDialog(ListDialog[Path | None, Entry]):
         columns = _columns(width)
         return f"  {'session':<{columns[0]}} {_cells(HEADS, columns)}"
 
-    def row_words(self, row: Entry, width: int) -> tuple[str, Ink]:
+    def row_words(self, row: SessionEntry, width: int) -> tuple[str, Ink]:
         """Its name and what is in it."""
         columns, name = _columns(width), f"└ {row.name}" if row.is_branch else row.name
         text = f"{_shortened(name, columns[0])} {_cells(_facts(row), columns)}"

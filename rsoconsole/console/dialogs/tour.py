@@ -9,7 +9,7 @@ from textual.binding import Binding, BindingType
 
 from rsoconsole.console.commands.keymap import first_key
 from rsoconsole.console.dialogs.dialogs import PagedDialog
-from rsoconsole.console.night.engine_seen import EngineView
+from rsoconsole.console.night.engine_view import EngineView
 from rsoconsole.night import NightView
 
 SEEN = "tour-seen"

@@ -62,7 +62,7 @@ class UpListDialog(ListDialog[str | None, "Up"]):
         files = config.catalogue.tle_files
         if not files:
             fault = "no element files are configured: name some in catalogue.tle_files"
-            call_in_turn(self, self._see_found, (), t_utc_ns, fault)
+            call_in_turn(self, self._list_satellites, (), t_utc_ns, fault)
             return
         site, limits = config.site.to_site(), config.limits
         self._limit_deg = limits.min_altitude_deg
@@ -75,9 +75,9 @@ class UpListDialog(ListDialog[str | None, "Up"]):
         except Exception:  # whatever it is, nobody waits for ever for the list
             log.exception("what is up cannot be computed")
             fault = "it cannot be computed: the console's log says why"
-        call_in_turn(self, self._see_found, found, t_utc_ns, fault)
+        call_in_turn(self, self._list_satellites, found, t_utc_ns, fault)
 
-    def _see_found(self, found: "tuple[Up, ...]", t_utc_ns: int, fault: str) -> None:
+    def _list_satellites(self, found: "tuple[Up, ...]", t_utc_ns: int, fault: str) -> None:
         self._found, self._t_utc_ns, self._fault = found, t_utc_ns, fault
         self.show()
 

@@ -10,7 +10,7 @@ from textual.widget import Widget
 from rsoconsole.console.commands.commands import BY_NAME
 from rsoconsole.console.commands.keymap import first_key
 from rsoconsole.console.drawing.plot import Ink, Line
-from rsoconsole.console.night.engine_seen import EngineView
+from rsoconsole.console.night.engine_view import EngineView
 from rsoconsole.console.words.words import clipped, wrapped
 from rsoconsole.pipeline import HELD
 
@@ -35,7 +35,7 @@ class Key(NamedTuple):
 
     key: str
     name: str
-    is_weighty: bool = False
+    is_important: bool = False
     command: str = ""
     """What a click on it does; empty: nothing."""
     words: str = ""
@@ -59,50 +59,50 @@ STEP_HELP = (
 _CHANGE = (Key("↑↓", "Choose"), Key("←→", "Change"))
 _PUT_AWAY = (
     *(Key("u", "Undo"), Key("w", "Save"), Key("o", "Load")),
-    Key("esc", "Close", is_weighty=True),
+    Key("esc", "Close", is_important=True),
 )
 MODE_KEYS: dict[Mode, tuple[Key, ...]] = {
     "live": (),
     "review": (),
     "review tune": (*_CHANGE, Key("A", "All frames"), *_PUT_AWAY),
     "review tracks": (
-        Key("↑↓", "Choose", is_weighty=True),
+        Key("↑↓", "Choose", is_important=True),
         Key("1", "Its plots", command="track_plots"),
         Key(", .", "Frame"),
-        Key("esc", "Close", is_weighty=True),
+        Key("esc", "Close", is_important=True),
     ),
     "review log": (
-        Key("↑↓", "Choose", is_weighty=True),
-        Key("enter", "Go there", is_weighty=True),
+        Key("↑↓", "Choose", is_important=True),
+        Key("enter", "Go there", is_important=True),
         Key("/", "Search"),
-        Key("esc", "Back", is_weighty=True),
+        Key("esc", "Back", is_important=True),
     ),
     "mark": (
         Key("↑↓←→", "Move"),
-        Key("enter", "Set", is_weighty=True),
+        Key("enter", "Set", is_important=True),
         Key("shift", "Far", words="with an arrow: five squares"),
         Key("O", "Signs", words="the signs of the streaks, hidden meanwhile"),
-        Key("esc", "Leave off", is_weighty=True),
+        Key("esc", "Leave off", is_important=True),
     ),
     "tune": (*_CHANGE, Key("enter", "Apply"), Key("f", "For frames"), *_PUT_AWAY),
     "tracks": (
-        Key("↑↓", "Choose", is_weighty=True),
-        Key("enter", "Make it the lead", is_weighty=True),
-        Key("-", "Drop", is_weighty=True),
+        Key("↑↓", "Choose", is_important=True),
+        Key("enter", "Make it the lead", is_important=True),
+        Key("-", "Drop", is_important=True),
         Key("+", "Keep"),
         Key("1", "Its plots", command="track_plots"),
-        Key("esc", "Close", is_weighty=True),
+        Key("esc", "Close", is_important=True),
     ),
     "log": (
-        Key("↑↓", "Scroll", is_weighty=True),
-        Key("/", "Filter", is_weighty=True),
-        Key("esc", "Back", is_weighty=True),
+        Key("↑↓", "Scroll", is_important=True),
+        Key("/", "Filter", is_important=True),
+        Key("esc", "Back", is_important=True),
     ),
     "sheet": (
-        Key("esc", "Back", is_weighty=True, command="back"),
-        Key(", .", "τ", is_weighty=True, words="τ smaller, larger: the frame is processed again"),
-        Key("+ -", "Zoom", is_weighty=True, words="nearer, farther, by two"),
-        Key("m", "Mark", is_weighty=True, command="mark", words=MARK_HELP),
+        Key("esc", "Back", is_important=True, command="back"),
+        Key(", .", "τ", is_important=True, words="τ smaller, larger: the frame is processed again"),
+        Key("+ -", "Zoom", is_important=True, words="nearer, farther, by two"),
+        Key("m", "Mark", is_important=True, command="mark", words=MARK_HELP),
         Key("PgUp PgDn", "Frame", words="the frame before, after, of those whose pixels are kept"),
         Key("d", "Next candidate", command="next_candidate", words="to the next candidate"),
         Key("↑↓←→", "Move", words="move the cross ╋; with shift five steps"),
@@ -121,13 +121,13 @@ MODE_KEYS: dict[Mode, tuple[Key, ...]] = {
         Key("L", "List", command="list", words="all candidates on the whole screen, and back"),
     ),
     "sheet mark": (
-        Key("enter", "Set", is_weighty=True, command="set_end", words="the cross ╋ is an end"),
-        Key("↑↓←→", "Move", is_weighty=True, words="the cross ╋"),
+        Key("enter", "Set", is_important=True, command="set_end", words="the cross ╋ is an end"),
+        Key("↑↓←→", "Move", is_important=True, words="the cross ╋"),
         Key("shift", "Far", words="with an arrow: five steps"),
-        Key("[ ]", "Step", is_weighty=True, words=STEP_HELP),
+        Key("[ ]", "Step", is_important=True, words=STEP_HELP),
         Key("+ -", "Zoom", words="nearer, farther: the closer, the surer the mark"),
         Key("O", "Signs", command="marks", words="the signs of the streaks, hidden meanwhile"),
-        Key("esc", "Leave off", is_weighty=True, command="back", words="no mark is sent"),
+        Key("esc", "Leave off", is_important=True, command="back", words="no mark is sent"),
     ),
 }
 """The keys that mean something of their own at such a moment."""
@@ -147,9 +147,9 @@ MODE_WORDS: dict[Mode, str] = {
 
 
 def _command_key(
-    keymap: Mapping[str, str] | None, command: str, name: str, *, is_weighty: bool = False
+    keymap: Mapping[str, str] | None, command: str, name: str, *, is_important: bool = False
 ) -> Key:
-    return Key(first_key(command, keymap), name, is_weighty, command)
+    return Key(first_key(command, keymap), name, is_important, command)
 
 
 def keys_for(
@@ -165,33 +165,33 @@ def keys_for(
     ``is_in_cloud``: what is followed was missed, and cloud is the cause.
     """
     key = partial(_command_key, keymap)
-    keys = [key("stop_by_letter", "STOP", is_weighty=True)]
+    keys = [key("stop_by_letter", "STOP", is_important=True)]
     if mode != "live":
         return [*keys, *MODE_KEYS[mode], key("help", "Help")]
     if can_act:
         arm = "Disarm" if engine.holder == "autonomy" else "Arm"
-        keys.append(key("arm_or_disarm", arm, is_weighty=True))
+        keys.append(key("arm_or_disarm", arm, is_important=True))
         if engine.kept:
-            keys.append(key("undo", "Follow again", is_weighty=True))
+            keys.append(key("undo", "Follow again", is_important=True))
             if engine.holder == "operator":
-                keys.append(key("hold_or_resume", "Give back", is_weighty=True))
+                keys.append(key("hold_or_resume", "Give back", is_important=True))
         if engine.is_held or (engine.wants_resuming and not engine.kept):
             keys.append(key("hold_or_resume", "Resume"))
         elif engine.holder == "autonomy":
             keys.append(key("hold_or_resume", "Hold"))
             if is_in_cloud:
-                keys.append(key("wait_for_sky", "Hold until it clears", is_weighty=True))
+                keys.append(key("wait_for_sky", "Hold until it clears", is_important=True))
         named = {"goto": "Go to", "tune": "Tune", "orbit": "Orbit", "note": "Note", "park": "Park"}
         if engine.holder in {"autonomy", "operator"}:
             named = {"goto": "Go to", "mark": "Mark", **named}
         keys += [key(command, name) for command, name in named.items()]
     return [
         *keys,
-        key("leave", "Leave", is_weighty=True),
+        key("leave", "Leave", is_important=True),
         key("log", "Log"),
         key("zoom", "Zoom"),
         *([] if can_act else [key("orbit", "Orbit")]),
-        key("help", "Help", is_weighty=True),
+        key("help", "Help", is_important=True),
         Key("^p", "More"),
     ]
 
@@ -206,12 +206,12 @@ def review_keys(
         return Key(f"{first_key(first, keymap)} {first_key(second, keymap)}", name, False, second)
 
     # The mount of the present, which the engine or the configuration names; never the recorded one.
-    stop = key("stop_by_letter", "STOP", is_weighty=True)
+    stop = key("stop_by_letter", "STOP", is_important=True)
     if mode != "review":
         return [stop, *MODE_KEYS[mode], key("help", "Help")]
     return [
         stop,
-        key("play", "Pause" if is_playing else "Play", is_weighty=True),
+        key("play", "Pause" if is_playing else "Play", is_important=True),
         keys("frame_back", "frame_on", "Frame"),
         keys("event_back", "event_on", "Event"),
         key("event_kind", "Kind"),
@@ -219,13 +219,13 @@ def review_keys(
         keys("slower", "faster", "Speed"),
         key("compare", "Compare" if has_mark else "Keep A"),
         *([key("blink", "Blink")] if has_mark else []),
-        key("leave", "Live" if has_live else "Leave", is_weighty=True),
+        key("leave", "Live" if has_live else "Leave", is_important=True),
         key("sessions", "Sessions"),
         key("log", "Log"),
         key("filter_log", "Search"),
         key("tune", "Tune"),
         key("orbit", "Orbit"),
-        key("help", "Help", is_weighty=True),
+        key("help", "Help", is_important=True),
         Key("^p", "More"),
     ]
 
@@ -283,7 +283,7 @@ def action_at(event: Click, pane: Widget, keys: list[Key], notice: str) -> str:
 
 def _fitting(keys: list[Key], width: int) -> list[Key]:
     """The first and the most important ones that fit, in their order on the line."""
-    by_weight = sorted(keys, key=lambda key: not key.is_weighty)
+    by_weight = sorted(keys, key=lambda key: not key.is_important)
     room, fitting = width - 1 + len(_GAP), keys[:1]
     for key in by_weight:
         columns = len(f"{key.key} {key.name}{_GAP}")

@@ -45,7 +45,7 @@ Choice = Literal["blink", "keep"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Compared:
+class ComparedRow:
     """One thing at both moments."""
 
     label: str
@@ -55,13 +55,13 @@ class Compared:
     """B less A, in words; empty where that says nothing."""
 
 
-def compared(a: Moment, b: Moment) -> list[Compared]:
+def compared_figures(a: Moment, b: Moment) -> list[ComparedRow]:
     """Everything the screen says of both."""
     rows = [*_course(a, b), *_sky(a, b), *_measured(a, b)]
     return [row for row in rows if (row.a, row.b) != (ABSENT, ABSENT)]
 
 
-def _course(a: Moment, b: Moment) -> list[Compared]:
+def _course(a: Moment, b: Moment) -> list[ComparedRow]:
     t_a, t_b = a.view.last_utc_ns, b.view.last_utc_ns
     since = ""
     if t_a and t_b:
@@ -70,8 +70,8 @@ def _course(a: Moment, b: Moment) -> list[Compared]:
     ids = [None if m.view.frame is None else m.view.frame.frame_id for m in (a, b)]
     frames = "" if ids[0] is None or ids[1] is None else f"{ids[1] - ids[0]:+d}"
     return [
-        Compared(label="time", a=clock(t_a), b=clock(t_b), difference=since),
-        Compared(label="frame", a=_number(ids[0]), b=_number(ids[1]), difference=frames),
+        ComparedRow(label="time", a=clock(t_a), b=clock(t_b), difference=since),
+        ComparedRow(label="frame", a=_number(ids[0]), b=_number(ids[1]), difference=frames),
         _both("state", a, b, lambda m: m.view.state),
         _both("mount", a, b, lambda m: holder_then(m.view)),
         _both("τ", a, b, lambda m: short(m.view.tau)),
@@ -80,7 +80,7 @@ def _course(a: Moment, b: Moment) -> list[Compared]:
     ]
 
 
-def _sky(a: Moment, b: Moment) -> list[Compared]:
+def _sky(a: Moment, b: Moment) -> list[ComparedRow]:
     points = [_pointing(m) for m in (a, b)]
     tracks = [_position(m) for m in (a, b)]
     rates = [_rates(m) for m in (a, b)]
@@ -96,13 +96,13 @@ def _sky(a: Moment, b: Moment) -> list[Compared]:
     ]
 
 
-def _measured(a: Moment, b: Moment) -> list[Compared]:
+def _measured(a: Moment, b: Moment) -> list[ComparedRow]:
     rows = [_row(m) for m in (a, b)]
     residuals = [None if row is None else row.residual_arcsec for row in rows]
 
     def unsigned(
         label: str, value: Callable[[FrameRow], float | None], words: Callable[[float], str]
-    ) -> Compared:
+    ) -> ComparedRow:
         values = [None if row is None else value(row) for row in rows]
         return _numbers(label, values, words, is_signed=False)
 
@@ -118,7 +118,7 @@ def _measured(a: Moment, b: Moment) -> list[Compared]:
     ]
 
 
-def between(a: Moment, b: Moment, timeline: Timeline) -> list[str]:
+def interval_words(a: Moment, b: Moment, timeline: Timeline) -> list[str]:
     """What came to pass after the earlier one, up to the later one."""
     low, high = sorted((a.seq, b.seq))
     first, last = timeline.index_of(low), timeline.index_of(high)
@@ -140,7 +140,7 @@ def between(a: Moment, b: Moment, timeline: Timeline) -> list[str]:
     ]
 
 
-def compare_lines(rows: list[Compared], ends: list[str], width: int, height: int) -> list[Line]:
+def compare_lines(rows: list[ComparedRow], ends: list[str], width: int, height: int) -> list[Line]:
     """A table as wide as there is room for; the differences go first."""
     has_difference = width >= WITH_DIFFERENCE_COLUMNS
     columns = max((width - LABEL_COLUMNS) // (3 if has_difference else 2), MIN_VALUE_COLUMNS)
@@ -180,7 +180,7 @@ class CompareDialog(Dialog[Choice | None]):
 
     def __init__(self, a: Moment, b: Moment, timeline: Timeline) -> None:
         super().__init__()
-        self._rows, self._ends = compared(a, b), between(a, b, timeline)
+        self._rows, self._ends = compared_figures(a, b), interval_words(a, b, timeline)
 
     def compose(self) -> ComposeResult:
         """The table."""
@@ -199,8 +199,8 @@ class CompareDialog(Dialog[Choice | None]):
         self.dismiss(choice)
 
 
-def _both(label: str, a: Moment, b: Moment, words: Callable[[Moment], str | None]) -> Compared:
-    return Compared(label=label, a=words(a) or ABSENT, b=words(b) or ABSENT)
+def _both(label: str, a: Moment, b: Moment, words: Callable[[Moment], str | None]) -> ComparedRow:
+    return ComparedRow(label=label, a=words(a) or ABSENT, b=words(b) or ABSENT)
 
 
 def _numbers(
@@ -209,16 +209,16 @@ def _numbers(
     words: Callable[[float], str],
     *,
     is_signed: bool = True,
-) -> Compared:
+) -> ComparedRow:
     a, b = values
     difference = ""
     if a is not None and b is not None:
         difference = f"{'' if is_signed or b <= a else '+'}{words(b - a)}"
     texts = [ABSENT if value is None else words(value) for value in values]
-    return Compared(label=label, a=texts[0], b=texts[1], difference=difference)
+    return ComparedRow(label=label, a=texts[0], b=texts[1], difference=difference)
 
 
-def _direction(label: str, places: list[tuple[float, float] | None]) -> list[Compared]:
+def _direction(label: str, places: list[tuple[float, float] | None]) -> list[ComparedRow]:
     texts = [
         (ABSENT, ABSENT) if p is None else (format_ra(p[0], 1), format_dec(p[1], 0)) for p in places
     ]
@@ -231,8 +231,8 @@ def _direction(label: str, places: list[tuple[float, float] | None]) -> list[Com
             signed_angle(3600.0 * deg) for deg in (dra_deg * cos_deg(middle_deg), b[1] - a[1])
         )
     return [
-        Compared(label=f"{label} α", a=texts[0][0], b=texts[1][0], difference=east),
-        Compared(label=f"{label} δ", a=texts[0][1], b=texts[1][1], difference=north),
+        ComparedRow(label=f"{label} α", a=texts[0][0], b=texts[1][0], difference=east),
+        ComparedRow(label=f"{label} δ", a=texts[0][1], b=texts[1][1], difference=north),
     ]
 
 
@@ -302,7 +302,7 @@ class ReviewCompare(ReviewMoves):
     _is_asked_early = False
     """Whether to compare as soon as the moment is there that was gone to."""
 
-    def forget_kept(self) -> None:
+    def forget_moment_a(self) -> None:
         """Another session is shown: no moment of it is kept."""
         self.kept = self._other_seq = None
 
@@ -319,7 +319,7 @@ class ReviewCompare(ReviewMoves):
         else:
             self._compare(self.kept, moment)
 
-    def compare_if_asked(self) -> None:
+    def compare_when_ready(self) -> None:
         """What was asked for before the moment was there."""
         if self._is_asked_early and self.moment is not None and self.moment.seq == self.seq:
             self.action_compare()

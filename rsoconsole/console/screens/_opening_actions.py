@@ -11,7 +11,7 @@ from rsoconsole.console.dialogs.dialogs import Dialog
 from rsoconsole.console.frame.frame_sheet import FrameSheet
 from rsoconsole.console.frame.sheet_actions import MarkTo
 
-DEAF_S = 1.0
+ENTER_PAUSE_S = 1.0
 """So long enter does nothing after a dialog has closed."""
 
 
@@ -22,7 +22,7 @@ class OpeningActions(Seat):
         """``sessions_root``: under which recorded nights lie, None: where they do by default."""
         super().__init__(*arguments, **named)
         self.sessions_root = sessions_root or SessionConfig().root
-        self._deaf_after_s = time.monotonic()
+        self._enter_paused_after_s = time.monotonic()
         """Enter opens no frame right behind a dialog that was closed since."""
 
     @property
@@ -32,7 +32,7 @@ class OpeningActions(Seat):
 
     def action_open_frame(self) -> None:
         """The frame that is shown, at full resolution."""
-        if self._deaf_after_s < Dialog.closed_s > time.monotonic() - DEAF_S:
+        if self._enter_paused_after_s < Dialog.closed_s > time.monotonic() - ENTER_PAUSE_S:
             return  # a second enter was still meant for the dialog
         shown = self.picture or self.night.frame
         if shown is None or self.night.folder is None:

@@ -20,7 +20,7 @@ from rsoconsole.console.dialogs.candidates import MARKED, CandidatesDialog
 from rsoconsole.console.dialogs.dialogs import LeaveDialog
 from rsoconsole.console.dialogs.tour import intro_text
 from rsoconsole.console.frame.sheet_actions import MarkTo
-from rsoconsole.console.night.engine_seen import EngineView
+from rsoconsole.console.night.engine_view import EngineView
 from rsoconsole.console.panes.last_line import Key, Mode, keys_for
 from rsoconsole.console.picture.picture import Picture
 from rsoconsole.console.screens._pane_places import aspect_of
@@ -66,56 +66,56 @@ class LiveScreen(NightScreen, TrackOrders, CommandOutcomes, NudgeActions):
         if event.key != self._key_before:
             self.twice.press.forget()
         self._key_before = event.key
-        if self.takes_mark_key(event.key):
+        if self.handle_mark_key(event.key):
             event.stop()
             event.prevent_default()
 
     # -- what is known ----------------------------------------------------------------------
 
-    def see_night(self, night: NightView, picture: Picture | None) -> None:
+    def update_night(self, night: NightView, picture: Picture | None) -> None:
         """The session has grown, or another one is read."""
         has_other_shape = aspect_of(picture) != aspect_of(self.picture)
         if night.folder != self.night.folder:
-            self.forget_mark()
-            self.streaks.forget_pick()
+            self.drop_mark()
+            self.streaks.forget_choice()
         before, self.night = self.night, night
-        self.see_refusals(before)
-        self.telescope.see_refused(self.refused_since(before))
-        self.see_mark_recorded(before)
+        self.report_refusals(before)
+        self.telescope.note_refused(self.refused_since(before))
+        self.report_mark_result(before)
         self.take_picture(picture)
         if has_other_shape:
             self.place_panes()
         self.tune.compute_now_and_then()
 
-    def see_engine(self, engine: EngineView) -> None:
+    def update_engine(self, engine: EngineView) -> None:
         """The engine said something else than before, or nothing."""
         before, self.engine = self.engine, engine
         if before.holder != self.engine.holder:
             # Whatever was said of it is done, or undone: the first line has it now.
             self.forget_notice()
-        self.telescope.see_control_change(before)
-        self.see_stop()
+        self.telescope.note_control_change(before)
+        self.check_failed_stop()
 
-    def see_outcome(
+    def handle_outcome(
         self, command: Command, stops: int, seq: int, then: Command | None, outcome: Outcome
     ) -> None:
         """What came of a command."""
-        self.telescope.see_outcome(command, outcome)
+        self.telescope.handle_outcome(command, outcome)
         if isinstance(command, Nudge):
             self.is_nudging = False
-        super().see_outcome(command, stops, seq, then, outcome)
+        super().handle_outcome(command, stops, seq, then, outcome)
         self.show_top()  # what was asked for is perhaps on its way no longer
 
     def on_pointed(self, message: Pointed) -> None:
         """The mouse in a picture: an end of a mark, or a streak to follow."""
         if self.marking is not None:
-            self.point_mark(message)
+            self.mark_at(message)
         elif not message.is_release:
             self.streaks.click(message)
 
     def stop(self) -> None:
         """STOP; a second press that has not been acted on yet is never carried out after it."""
-        self.telescope.see_stop()
+        self.telescope.note_stop()
         self.twice.press.forget()
         super().stop()
 
@@ -207,7 +207,7 @@ class LiveScreen(NightScreen, TrackOrders, CommandOutcomes, NudgeActions):
     def action_put_away(self) -> None:
         """A mark first."""
         if self.marking is not None:
-            self.leave_off_mark()
+            self.cancel_mark()
         else:
             super().action_put_away()
 
@@ -245,7 +245,7 @@ class LiveScreen(NightScreen, TrackOrders, CommandOutcomes, NudgeActions):
 
     def action_verdicts(self) -> None:
         """Of the frame that was just marked, once; else of the shown one. Both are at hand."""
-        marked_id, is_first = self.marked_lately()
+        marked_id, is_first = self.recent_mark()
         shown, folder = self.picture, self.night.folder
         if marked_id is None or folder is None or shown is None or shown.frame_id == marked_id:
             super().action_verdicts()

@@ -16,9 +16,9 @@ from rsoconsole.console.orbit.lines import orbit_lines
 from rsoconsole.console.panes.last_line import Mode
 from rsoconsole.console.panes.log_pane import LogPane
 from rsoconsole.console.panes.panes import FramePane, LinesPane, StopBanner
+from rsoconsole.console.screens._message_list import MessageActions
 from rsoconsole.console.screens._opening_actions import OpeningActions
 from rsoconsole.console.screens._pane_places import PanePlaces
-from rsoconsole.console.screens._reading import ReadingActions
 from rsoconsole.console.tuning.tuning_pane import TunePane
 from rsoconsole.console.watches.messages import call_in_turn
 from rsoconsole.console.watches.watch import OutlookWatch
@@ -72,7 +72,7 @@ class DrawnFrom:
 KNOWN = ("night", "engine", "outlook", "orbit_ahead")
 
 
-class NightScreen(PanePlaces, PictureActions, ReadingActions, OpeningActions):
+class NightScreen(PanePlaces, PictureActions, MessageActions, OpeningActions):
     """Shows a night as it is at one instant; which one, and what may be done, its heirs say."""
 
     PANES: ClassVar[tuple[Name, ...]] = (
@@ -99,7 +99,7 @@ class NightScreen(PanePlaces, PictureActions, ReadingActions, OpeningActions):
         super().__init__(*arguments, **named)
         self.tune = self.TUNE(self)
         self.outlook_watch = OutlookWatch(
-            partial(call_in_turn, self, self.see_outlook),
+            partial(call_in_turn, self, self.update_outlook),
             partial(call_in_turn, self, partial(setattr, self, "orbit_ahead")),
         )
 
@@ -149,7 +149,7 @@ class NightScreen(PanePlaces, PictureActions, ReadingActions, OpeningActions):
 
     # -- what is known ----------------------------------------------------------------------
 
-    def see_outlook(self, outlook: "Outlook") -> None:
+    def update_outlook(self, outlook: "Outlook") -> None:
         """What the next hours bring."""
         self.outlook = outlook
         self.pane("sky").show(partial(sky_lines, self.night.config, outlook))

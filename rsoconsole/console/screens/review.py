@@ -75,9 +75,9 @@ class ReviewScreen(ReviewCompare):
         """Where the session that is being opened begins; None once that is reached."""
         self._fault = ""
         self._watch_session = ReviewWatch(
-            partial(call_in_turn, self, self.see_timeline),
-            partial(call_in_turn, self, self.see_moment),
-            partial(call_in_turn, self, self.see_fault),
+            partial(call_in_turn, self, self.update_timeline),
+            partial(call_in_turn, self, self.show_moment),
+            partial(call_in_turn, self, self.show_fault),
         )
 
     def compose(self) -> ComposeResult:
@@ -107,7 +107,7 @@ class ReviewScreen(ReviewCompare):
         self.folder, self._start, self._fault = folder, start, ""
         self.timeline, self.lines, self.moment = Timeline(), (), None
         self.seq, self.is_at_head = 0, False
-        self.forget_kept()
+        self.forget_moment_a()
         self.kind, self.searched, self.player = ANY, "", Player()
         self.night, self.picture, self.outlook = NightView(folder=folder), None, None
         self.orbit_ahead = None
@@ -117,7 +117,7 @@ class ReviewScreen(ReviewCompare):
 
     # -- what is known ----------------------------------------------------------------------
 
-    def see_timeline(self, folder: Path, timeline: Timeline, lines: tuple[LogLine, ...]) -> None:
+    def update_timeline(self, folder: Path, timeline: Timeline, lines: tuple[LogLine, ...]) -> None:
         """More has been read, or has been recorded: the course, every line of the log so far."""
         if folder != self.folder:
             return
@@ -147,7 +147,7 @@ class ReviewScreen(ReviewCompare):
             if start:
                 self.go_to_text(start)
 
-    def see_moment(self, folder: Path, moment: Moment) -> None:
+    def show_moment(self, folder: Path, moment: Moment) -> None:
         """The moment that was wanted."""
         if folder != self.folder:
             return
@@ -158,7 +158,7 @@ class ReviewScreen(ReviewCompare):
             self.place_panes()
         self._ask_outlook()
         self.show_place()
-        self.compare_if_asked()
+        self.compare_when_ready()
         self._compute_here()
 
     def _when_it_stays(self, act: Callable[[], None]) -> None:
@@ -178,7 +178,7 @@ class ReviewScreen(ReviewCompare):
         if self.timeline.is_whole and self.moment is not None:
             self._when_it_stays(lambda: self.outlook_watch.update(self.night, self.engine))
 
-    def see_fault(self, folder: Path, text: str) -> None:
+    def show_fault(self, folder: Path, text: str) -> None:
         """Why the session cannot be read."""
         if folder == self.folder and text != self._fault:
             self._fault = text

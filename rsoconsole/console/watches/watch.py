@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 
 from rsoconsole.base import ControlError, SessionError
 from rsoconsole.config import Config, IndiConfig
-from rsoconsole.console.night.engine_seen import EngineView, OrbitAhead, engine_view, orbit_ahead
+from rsoconsole.console.night.engine_view import EngineView, OrbitAhead, engine_view, orbit_ahead
 from rsoconsole.console.picture.marks import marks_of
 from rsoconsole.console.picture.picture import Picture, read_closeup, read_picture
 from rsoconsole.control import AskStatus, Poller, Wire

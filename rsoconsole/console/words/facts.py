@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
 from rsoconsole.console.drawing.plot import Ink, Line
-from rsoconsole.console.night.engine_seen import EngineView
+from rsoconsole.console.night.engine_view import EngineView
 from rsoconsole.console.words.leaving import coast_words, leaving_words
 from rsoconsole.console.words.words import Item, cos_deg, packed, present_utc_ns
 from rsoconsole.control import (

@@ -26,12 +26,12 @@ def line_text(line: LogLine) -> str:
     return f"{clock(line.t_utc_ns)}{frame} {line.whole}"
 
 
-class ReadingDialog(Dialog[str | None]):
+class MessageListDialog(Dialog[str | None]):
     """Messages in full, the newest first; gives the message that is to be copied."""
 
     BINDINGS: ClassVar[list[BindingType]] = [Binding("ctrl+y", "copy", "Copy", show=False)]
     DEFAULT_CSS = """
-    ReadingDialog OptionList { height: auto; border: none; background: $surface; }
+    MessageListDialog OptionList { height: auto; border: none; background: $surface; }
     """
 
     def __init__(self, messages: Sequence[str]) -> None:
@@ -59,7 +59,7 @@ class ReadingDialog(Dialog[str | None]):
             self.dismiss(self._messages[chosen])
 
 
-class ReadingActions(Seat):
+class MessageActions(Seat):
     """Read what was cut, and copy what is shown."""
 
     def action_read(self) -> None:
@@ -70,7 +70,7 @@ class ReadingActions(Seat):
         said += [self.last_said] if self.last_said else []
         said += [line_text(line) for line in reversed(self.night.log[-MAX_LOG_LINES:])]
         if said:
-            self.app.push_screen(ReadingDialog(said), self._copy)
+            self.app.push_screen(MessageListDialog(said), self._copy)
         else:
             self.say("nothing has been said yet")
 
