@@ -46,11 +46,11 @@ if TYPE_CHECKING:
     from rsoconsole.console.picture.graphics import GraphicsKind
 
 StopDirectly = Callable[[Callable[[Found], None], IndiConfig | None], None]
-"""Stops the mount past the engine, and tells what it finds."""
+"""Stops the mount past the engine; calls back with what it finds."""
 
 
 def is_utf8() -> bool:
-    """Whether the terminal takes more than letters, by the locale's word.
+    """Whether the terminal takes more than ASCII, by the locale.
 
     In the locale C, Python writes UTF-8 all the same, and says so in its own environment
     (PEP 538): what the program was given counts.
@@ -77,11 +77,11 @@ def _given_environment() -> Mapping[str, str]:
 
 
 AFTER_ESCAPE_S = 0.05
-"""So long what escape closes has to be closed."""
+"""Seconds that what escape closes has to be closed."""
 
 
 def action_of(owner: Any, key: KeyCommand) -> Callable[[], Any]:
-    """What its key does, for the palette."""
+    """The action of a command, for the palette."""
     if key.sends is not None:
         return partial(owner.action_hand_over, key.name)
     action: Callable[[], Any] = getattr(owner, f"action_{key.name}")
@@ -89,7 +89,7 @@ def action_of(owner: Any, key: KeyCommand) -> Callable[[], Any]:
 
 
 class ConsoleApp(App[str]):
-    """The operator's seat. Its result is "quit" or "stop engine"."""
+    """The console as a Textual application. Its result is "quit" or "stop engine"."""
 
     TITLE = "rsoconsole"
     CSS = NIGHT_CSS
@@ -197,7 +197,7 @@ class ConsoleApp(App[str]):
             self._engine_watch.start()
 
     def on_unmount(self) -> None:
-        """Nobody looks any more."""
+        """End the watches."""
         self._engine_watch.close()
         self._session_watch.close()
 
@@ -209,17 +209,17 @@ class ConsoleApp(App[str]):
 
     @property
     def shown(self) -> NightScreen:
-        """The live seat or the review, whatever lies over it."""
+        """The live night or the review, whatever lies over it."""
         screens = [screen for screen in self.screen_stack if isinstance(screen, NightScreen)]
         return screens[-1] if screens else self.live
 
     @property
     def place(self) -> Place:
-        """Which of the two that is."""
+        """Whether that is the live night or a review."""
         return "review" if isinstance(self.shown, ReviewScreen) else "live"
 
     def get_system_commands(self, screen: Screen[Any]) -> Iterable[SystemCommand]:
-        """Every command by name; those of a screen of its own come first."""
+        """Every command by name, for the palette; those of an opened frame come first."""
         if isinstance(screen, FrameSheet):
             yield from screen.system_commands()
         for command in commands_in(self.place):
@@ -233,7 +233,7 @@ class ConsoleApp(App[str]):
 
     @property
     def failure(self) -> Exception | None:
-        """What the console broke of; None as a rule."""
+        """The exception that ended the console; None as a rule."""
         return self._exception
 
     def _fatal_error(self) -> None:
@@ -243,7 +243,7 @@ class ConsoleApp(App[str]):
         self._close_messages_no_wait()
 
     async def action_quit(self) -> None:
-        """Never without asking."""
+        """Ask before leaving."""
         self.action_leave()
 
     def action_stop(self) -> None:
@@ -290,18 +290,18 @@ class ConsoleApp(App[str]):
         self.push_screen(TourDialog(self._own_keys), decided)
 
     def action_suspend(self) -> None:
-        """To the shell, as any program in a terminal."""
+        """Suspend to the shell, as any program in a terminal."""
         self.action_suspend_process()
 
     def action_colours(self) -> None:
-        """The next of dark, night, the terminal's own and light."""
+        """Take the next of dark, night, the terminal's own and light."""
         names = [theme for theme in COLOURS if theme in self.available_themes]
         at = names.index(self.theme) if self.theme in names else -1
         self.theme = names[(at + 1) % len(names)]
         self.shown.say(f"colours: {COLOURS[self.theme]}")
 
     def action_leave(self) -> None:
-        """As the screen has it."""
+        """Leave as the screen has it."""
         if isinstance(self.screen, FrameSheet):
             self.pop_screen()
         screen = self.screen
@@ -309,7 +309,7 @@ class ConsoleApp(App[str]):
             screen.action_leave()
 
     def ring_alerts(self, night: NightView, engine: EngineView) -> None:
-        """Ring or notify for what has come to pass since the last look."""
+        """Ring or notify for what has changed since the last look."""
         before, self._last = self._last, (night, engine)
         for alert, words in alerts_between(before, self._last):
             if alert in self._settings.bell:

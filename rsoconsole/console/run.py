@@ -1,4 +1,4 @@
-"""How a console is opened: over the running engine, or over one session."""
+"""Opens the console over the running engine, or over one session."""
 
 import gc
 import os
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from rsoconsole.console.app import StopDirectly
 
 ATTACH_S = 10.0
-"""An engine that answers is attached to at once; one on a busy machine may take this long."""
+"""How long an engine on a busy machine may take to answer."""
 
 
 def run_console(
@@ -28,7 +28,7 @@ def run_console(
     stop_directly: "StopDirectly | None" = None,
     graphics: Graphics | None = None,
 ) -> str:
-    """Open the seat and stay until it is left: "quit", or "stop engine" when that was asked for.
+    """Open the console and stay until it is left: "quit", or "stop engine" when that was chosen.
 
     ``socket`` is the engine's, None the default one. With ``session`` that folder is shown,
     read-only, live while it grows, and no engine is asked. ``owns_engine`` waits for one that is

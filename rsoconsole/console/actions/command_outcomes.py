@@ -21,21 +21,21 @@ from rsoconsole.night import LogLine, NightView
 
 
 class CommandOutcomes(MarkActions):
-    """What the engine says to a command, and what its record says of it later."""
+    """Says what came of this console's commands: the engine's answer, then the record's."""
 
     tune: TuneActions
     _ticked: tuple[str, ...] = ()
-    """Checks that were overridden here last."""
+    """Names of the arming checks that were overridden here last."""
 
     def __init__(self, *arguments: Any, **named: Any) -> None:
         super().__init__(*arguments, **named)
         self._refused_at_once: list[str] = []
-        """What the engine has said no to, in a dialog, and its record says once more."""
+        """Commands refused in a dialog, whose refusal the record will repeat."""
 
     def handle_outcome(
         self, command: Command, stops: int, seq: int, then: Command | None, outcome: Outcome
     ) -> None:
-        """Said where it went well, asked where it did not; STOP has the last word."""
+        """Say it where it went well, ask where it did not; STOP has the last word."""
         self.ask_now()
         if outcome.data.get(ON_RECORD):
             self._expect_refusal(command, seq)
@@ -94,7 +94,7 @@ class CommandOutcomes(MarkActions):
         return line.asked.removeprefix(f"{own} ") if line.refused_by == own else ""
 
     def report_refusals(self, before: NightView) -> None:
-        """What was accepted here and refused later is said once, where it was asked for."""
+        """Say once what the engine accepted from this console and refused later."""
         for line in self.log_lines_since(before):
             refused = self._refused_here(line)
             if refused in self._refused_at_once:

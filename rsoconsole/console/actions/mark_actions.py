@@ -1,4 +1,4 @@
-"""A mark by hand: the two ends of a streak that the detector has not seen, or not so."""
+"""Marks by hand: the two ends of a streak that the detector missed, or measured badly."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
@@ -24,27 +24,27 @@ from rsoconsole.words import angle
 
 REFUSAL_S = 10.0
 MARK_SAID_S = 30.0
-"""What came of a mark is said so long: it was made in a frame that lies over this screen."""
+"""How long the result of a mark is shown: the opened frame, where it was made, may cover it."""
 DETAILS_S = 60.0
-"""So long after a mark the details that are asked for first are of its frame."""
+"""How long after a mark its frame's streaks are the first page that ``v`` shows."""
 RECALLED_S = 600.0
-"""So long they are at hand beside those of the newest."""
+"""How long after a mark they are at hand beside those of the newest frame."""
 
 
 class MarkActions(Seat):
-    """The mark that is being made, and the mark that was made last."""
+    """Keys and mouse that make a mark, and the result of the last one."""
 
     newer_picture: Picture | None = None
-    """The newest, while a mark is made in an older one."""
+    """The newest picture, while a mark is made in an older one."""
     marking: Marking | None = None
     """The mark that is being made; None while none is."""
     _marked: tuple[int | None, float] = (None, 0.0)
-    """The frame of the last mark that the engine took, and when."""
+    """The frame of the last mark that the engine accepted, and when, in monotonic seconds."""
     _has_unread_details = False
-    """Whether its details have not been asked for since."""
+    """Whether that frame's streaks have not been looked at since."""
 
     def action_mark(self) -> None:
-        """Begin a mark in the picture, or leave off."""
+        """Begin a mark in the picture; once more: leave it off."""
         if self.marking is not None:
             self.cancel_mark()
             return
@@ -81,14 +81,14 @@ class MarkActions(Seat):
         self.say(why_not, "warn", REFUSAL_S)
 
     def cancel_mark(self) -> None:
-        """Leave off; nothing is sent."""
+        """Leave the mark off; nothing is sent."""
         if self.marking is not None:
             self.leave_mark(self.marking.frame_id)
         self._end_mark()
         self.say("")
 
     def drop_mark(self) -> None:
-        """Another session is shown: what was marked in has gone."""
+        """Leave the mark off because another session is shown."""
         if self.marking is not None:
             self.say("the mark is left off: another session began", "warn")
         self.marking = self.newer_picture = None
@@ -101,21 +101,21 @@ class MarkActions(Seat):
         self.show_picture()
 
     def take_picture(self, picture: Picture | None) -> None:
-        """The newest picture; while a mark is made, its own frame stays and the newest waits."""
+        """Show the newest picture; while a mark is made in another frame, keep it waiting."""
         if self.marking is None or picture is None or picture.frame_id == self.marking.frame_id:
             self.picture = picture
         else:
             self.newer_picture = picture
 
     def look_again(self) -> None:
-        """The view has changed while a mark is made: it goes on there."""
+        """Go on with the mark after the view has changed."""
         drawing = self.drawing
         if self.marking is not None and drawing is not None:
             self.marking.look(drawing)
             self._show_mark()
 
     def handle_mark_key(self, key: str) -> bool:
-        """A key while a mark is made; True when it was for the mark."""
+        """Handle a key while a mark is made; True when it was for the mark."""
         if self.marking is None:
             return False
         if key == "enter":
@@ -130,7 +130,7 @@ class MarkActions(Seat):
         return True
 
     def mark_at(self, message: Pointed) -> None:
-        """The mouse in a picture while a mark is made: an end of it."""
+        """Set an end of the mark where the mouse is."""
         assert self.marking is not None
         self.marking.cursor_px = (message.x_px, message.y_px)
         if (message.is_release and self.marking.is_drag()) or not message.is_release:
@@ -168,13 +168,13 @@ class MarkActions(Seat):
         self.show_picture()
 
     def report_mark_accepted(self, mark: MarkByHand, outcome: Outcome) -> None:
-        """By the engine, and with the next frame by the track: its details are asked for next."""
+        """Say that the engine accepted a mark; the track has it with the next frame."""
         self._marked, self._has_unread_details = (mark.frame_id, self.now_s()), True
         said = f"your mark in frame {mark.frame_id} is {outcome.message or 'sent'}"
         self.say(said, "good", MARK_SAID_S)
 
     def _ask_to_replace(self, mark: MarkByHand, outcome: Outcome) -> None:
-        """A mark would take the place of what is known better: both sigmas, and enter once more."""
+        """Ask whether a mark shall replace a better measurement, with both sigmas."""
 
         def decided(is_wanted: bool | None) -> None:
             if is_wanted:
@@ -199,19 +199,19 @@ class MarkActions(Seat):
         )
 
     def leave_mark(self, frame_id: int | None) -> None:
-        """A mark that was begun is left off: the engine need not keep the frame for it."""
+        """Tell the engine that it need not keep the frame for a mark any longer."""
         if frame_id is not None and self.can_act:
             self.orders.send(BeginMark(frame_id=frame_id, is_on=False), lambda _outcome: None)
 
     def report_mark_result(self, before: NightView) -> None:
-        """What came of a mark that was made here, when it is on record."""
+        """Say what came of a mark of this console, once it is on record."""
         own = Sender.console(self.seat_name).words
         for line in self.log_lines_since(before):
             if line.marked_by == own:
                 self.say(f"your {line.words}", "good", MARK_SAID_S)
 
     def recent_mark(self) -> tuple[int | None, bool]:
-        """The frame marked last, while it is recalled; whether its details come first, once."""
+        """The frame marked last, None: long ago; and whether its streaks come first, once."""
         (frame_id, at_s), is_first = self._marked, self._has_unread_details
         since_s, self._has_unread_details = self.now_s() - at_s, False
         if frame_id is None or since_s >= RECALLED_S:
@@ -220,16 +220,16 @@ class MarkActions(Seat):
 
     @property
     def hides_signs(self) -> bool:
-        """While a mark is made: they stand where its ends are."""
+        """Whether a mark is being made: signs stand where its ends are."""
         return self.marking is not None and not self.marking.shows_signs
 
     def marks_by_hand(self) -> tuple[Mark, ...]:
-        """What the mark being made adds to the picture."""
+        """The signs of the mark that is being made."""
         return () if self.marking is None else self.marking.marks()
 
 
 def why_no_mark(frame_id: int, detail: NightFrame) -> str:
-    """What stands against a mark in a frame before its ends are set; empty: nothing."""
+    """The reason why a frame takes no mark, before its ends are set; empty: it does."""
     if isinstance(detail.solution, NotSolved):
         reason = detail.solution.reason
         return f"no mark in frame {frame_id}: it was not solved ({reason}), so it has no place"
@@ -239,7 +239,7 @@ def why_no_mark(frame_id: int, detail: NightFrame) -> str:
 
 
 def too_late_to_mark(engine: EngineView, frame_id: int) -> str:
-    """Why the engine would take no mark in that frame any more; empty: it would."""
+    """The reason why the engine takes no mark in that frame any more; empty: it does."""
     frames = engine.markable_frames
     if not engine.is_attached or frames is None or frame_id in frames:
         return ""

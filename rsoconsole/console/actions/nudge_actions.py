@@ -13,12 +13,12 @@ FIRST_STEP = 3
 
 
 def step_words(arcsec: float) -> str:
-    """30′ or 20″."""
+    """A step in words: 30′ or 20″."""
     return f"{arcsec / 60:g}′" if arcsec >= 60 else f"{arcsec:g}″"
 
 
 class NudgeActions(Seat):
-    """One nudge at a time, and how long its step is."""
+    """Moves the telescope by arrows, one nudge at a time, by a step of choice."""
 
     twice: TwicePressed
     is_nudging = False

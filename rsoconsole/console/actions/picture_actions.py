@@ -1,4 +1,4 @@
-"""The picture panes of the seat, and the keys that look at them from nearer."""
+"""The two picture panes, and the keys that zoom and stretch them."""
 
 import math
 
@@ -8,11 +8,11 @@ from rsoconsole.console.picture.picture import STRETCHES, Drawing, Picture, fitt
 from rsoconsole.console.words import words
 
 SEEN_COLUMNS = 3.0
-"""A streak that is shorter in the field is a dot among stars there."""
+"""Columns of the terminal: a shorter streak looks like a star in the field."""
 
 
 class PictureActions(Seat):
-    """The newest frame's picture in its two panes: which part of it, and how light becomes grey."""
+    """Draws a frame in the two picture panes: which part of it, and how light becomes grey."""
 
     _sight: int | None = None
     """Of SIGHTS, as chosen; None: the field, or the close-up where that shows no streak."""
@@ -23,7 +23,7 @@ class PictureActions(Seat):
         return self.query_one("#frame", FramePane), self.query_one("#closeup", FramePane)
 
     def show_picture(self) -> None:
-        """The sight chosen in the large pane; in the small one the other."""
+        """Draw the chosen view in the large pane, and the other one in the small pane."""
         large, stretch = SIGHTS[self._sight_now], STRETCHES[self._stretch]
         small: Sight = "close-up" if large == "field" else "field"
         subject, marks = (self.night.frame, stretch, self.hides_signs), self.marks_by_hand()
@@ -56,7 +56,7 @@ class PictureActions(Seat):
     def picture_words(
         self, picture: Picture | None, sight: Sight, drawing: Drawing | None
     ) -> tuple[list[str], list[str]]:
-        """What stands over and under a picture."""
+        """Title and caption of a picture, each in parts, the most important first."""
         stretch = STRETCHES[self._stretch]
         if sight == "field":
             is_reading = words.is_past_unread(self.night, self.engine)

@@ -17,7 +17,7 @@ from rsoconsole.night import FollowedTrack, FrameRow, NightView
 
 
 def night_of(night: NightView, track: FollowedTrack) -> NightView:
-    """The night as one of its tracks saw it: what the plots of that track are drawn from."""
+    """A copy of the night with the rows of one track, which its plots are drawn from."""
     rows = {row.frame_id: row for row in track.rows}
     blank = {"is_followed": False, "residual_arcsec": None, "sigma_arcsec": None, "nis": None}
 
@@ -38,7 +38,7 @@ def night_of(night: NightView, track: FollowedTrack) -> NightView:
 
 
 class PlotActions(Seat):
-    """Plots of the track, or over them the curves of the night, the focus, the drift."""
+    """Draws the plots of a track, or over them the curves of the night, the focus, the drift."""
 
     PAGES: ClassVar[dict[Page, str]] = {
         "quality": "sharpness, sky, transparency and stars over the night",
@@ -48,7 +48,7 @@ class PlotActions(Seat):
     }
 
     page: Page | None = None
-    """What lies over the plots; None: nothing does."""
+    """The page over the plots; None: none."""
     window = PlotWindow()
     chosen_track_id: int | None = None
     """Whose plots are shown, and where the list's cursor is; None: the lead's."""
@@ -63,12 +63,12 @@ class PlotActions(Seat):
 
     @property
     def plotted_words(self) -> str:
-        """Whose the plots are, where they are not the lead's."""
+        """The track of the plots in words; empty: the lead."""
         chosen = self.chosen_track
         return "" if chosen is None else f"track {chosen.number}"
 
     def show_plots(self) -> None:
-        """The plots of the track and their times, and what lies over them."""
+        """Draw the plots of the track and their times, and the page over them."""
         chosen, of, window = self.chosen_track, self.plotted_words, self.window
         night = self.night if chosen is None else night_of(self.night, chosen)
         self.pane("confidence").show(partial(panels.confidence_lines, night, window=window))
@@ -90,7 +90,7 @@ class PlotActions(Seat):
             self.pane("tracks").show(self._track_lines())
 
     def _track_lines(self) -> Build:
-        """The list, or who stands next to whom."""
+        """What builds the list of tracks, or who stands next to whom."""
         night, track = self.night, self.chosen_track
         chosen = None if track is None else track.track_id
         if self.shows_neighbours:
@@ -99,7 +99,7 @@ class PlotActions(Seat):
         return partial(track_list_lines, night, chosen, now, next_aim=self.engine.next_aim)
 
     def place_plots(self, box: Box, *, is_covered: bool) -> None:
-        """The page lies over the plots; while the list of tracks is seen it has the arrows.
+        """Lay the page over the plots; the list of tracks has the focus while it is seen.
 
         ``is_covered``: something else lies there.
         """
@@ -124,7 +124,7 @@ class PlotActions(Seat):
         self.show_plots()
 
     def action_track_plots(self) -> None:
-        """Confidence, residuals and NIS."""
+        """Show the plots: confidence, residuals and NIS."""
         self.show_page(None)
         self.say("plots: confidence, residuals, NIS")
 
@@ -142,7 +142,7 @@ class PlotActions(Seat):
     # -- which frames -------------------------------------------------------------------------
 
     def action_plots_back(self) -> None:
-        """To earlier frames."""
+        """Show earlier frames."""
         moved = self.window.moved(-LIVE_STEP, len(self.night.rows), self._mark_count())
         if moved == self.window:
             self.say("plots: no earlier frames")
@@ -150,7 +150,7 @@ class PlotActions(Seat):
             self._show_window(moved)
 
     def action_plots_on(self) -> None:
-        """To later frames; at the end they go on with the night."""
+        """Show later frames; at the end the plots go on with the night."""
         self._show_window(self.window.moved(LIVE_STEP, len(self.night.rows), self._mark_count()))
 
     def _mark_count(self) -> int:
@@ -158,15 +158,15 @@ class PlotActions(Seat):
         return max(self.pane("confidence").size.width - AXIS_COLUMNS, 1)
 
     def action_plots_wider(self) -> None:
-        """Twice the frames to a mark."""
+        """Show twice the frames to a mark."""
         self._show_window(self.window.zoomed(2.0))
 
     def action_plots_finer(self) -> None:
-        """Half the frames to a mark."""
+        """Show half the frames to a mark."""
         self._show_window(self.window.zoomed(0.5))
 
     def action_plots_newest(self) -> None:
-        """The newest frames, one to a mark."""
+        """Show the newest frames, one to a mark."""
         self._show_window(PlotWindow())
 
     def _show_window(self, window: PlotWindow) -> None:

@@ -1,4 +1,4 @@
-"""What every part of a screen may use of it: what is known, who may act, how a command is sent.
+"""The base of the console's screens: what is known, who may act, how a command is sent.
 
 What a screen alone can do stands here with nothing in it, and is done there.
 """
@@ -34,15 +34,15 @@ if TYPE_CHECKING:
 
 Answer = TypeVar("Answer")
 NEW_LINES = 20
-"""Last lines of the log in which the result of a command is looked for."""
+"""How many of the log's last lines are searched for the result of a command."""
 NOTICE_S = 4.0
 SEEN_AFTER_NS = 1_000_000_000
 BANNER_S = 15.0
-"""A STOP after which the mount is measured to be at rest is shown so long; any other stays."""
+"""How long a STOP that ended at rest is shown; any other stays."""
 
 
 def _nothing(*_: object) -> None:
-    """Nobody asks, or is told."""
+    """The callback that does nothing."""
 
 
 class Seat(Screen[None]):
@@ -81,16 +81,16 @@ class Seat(Screen[None]):
         self.last_said = ""
         self._notice_until_s = 0.0
         self.stops = 0
-        """How often STOP was given here."""
+        """Number of STOPs given here."""
         self._stopped_utc_ns: int | None = None
         """By the engine's clock, when STOP was given here last."""
         self._is_stop_seen = False
-        """Whether the engine has said since STOP was given here that nobody has the mount."""
+        """Whether the engine has reported since the last STOP here that nobody has the mount."""
 
     # -- words --------------------------------------------------------------------------------
 
     def say(self, text: str, ink: Ink = "title", seconds: float = NOTICE_S) -> None:
-        """A word over the last line, for a while."""
+        """Show a notice over the last line, for a while."""
         self._notice, self._notice_until_s = (text, ink), time.monotonic() + seconds
         self.last_said = text or self.last_said
         self.show_keys()
@@ -100,47 +100,47 @@ class Seat(Screen[None]):
     def ask_unasked(
         self, dialog: Dialog[Answer], decided: Callable[[Answer | None], None] | None = None
     ) -> None:
-        """A dialog that the engine's answer opens: a key that bounces does not answer it."""
+        """Open a dialog because of the engine's answer: it takes no key for a moment."""
         dialog.opens_unasked = True
         self.app.push_screen(dialog, decided)
 
     def log_lines_after(self, seq: int) -> list[LogLine]:
-        """What has been recorded since, of the last lines."""
+        """Lines recorded after that place of the log, of the last ``NEW_LINES``."""
         return [line for line in self.night.log[-NEW_LINES:] if line.seq > seq]
 
     def log_lines_since(self, before: NightView) -> list[LogLine]:
-        """The same since a view of this night; none where it was another, or nobody acts here."""
+        """Lines since a view of this night; none of another night, or where nobody acts."""
         is_of_night = before.is_read and before.folder == self.night.folder
         return self.log_lines_after(before.seq) if self.seat_name and is_of_night else []
 
     def now_s(self) -> float:
-        """Seconds of a clock that nobody sets."""
+        """Monotonic time in seconds; tests replace it."""
         return time.monotonic()
 
     @property
     def is_following_again(self) -> bool:
-        """Whether what is kept has been asked for, and the engine has yet to take it up."""
+        """Whether the kept track was asked for, and the engine has yet to follow it again."""
         return False
 
     @property
     def notice(self) -> tuple[str, Ink]:
-        """What is to be said at this moment."""
+        """The notice of this moment and its colour; empty where it is over."""
         return self._notice if time.monotonic() < self._notice_until_s else ("", "")
 
     def forget_notice(self) -> None:
-        """Whatever was said of it is done, or undone."""
+        """End the notice: what it said is done, or undone."""
         self._notice_until_s = 0.0
 
     def show_keys(self) -> None:
-        """The last line; the screen that has one draws it."""
+        """Draw the last line; the screen that has one does."""
 
     def show_stop(self, news: StopNews | None) -> None:
-        """What came of a STOP; the screen that has a banner draws it."""
+        """Keep how a STOP stands, None: nothing to show; the screen that has a banner draws it."""
         self.stop_news = news
 
     @property
     def is_stopping(self) -> bool:
-        """Whether STOP was given here and the engine's word is still from before it."""
+        """Whether STOP was given here and the engine's last status is from before it."""
         news = self.stop_news
         if news is None or news.phase == "failed":
             return False
@@ -160,13 +160,13 @@ class Seat(Screen[None]):
         return self.query_one("#frame", FramePane).drawing
 
     def place_panes(self) -> None:
-        """Where each pane lies, for this terminal."""
+        """Lay out the panes for this terminal."""
 
     def show_picture(self) -> None:
-        """The shown frame in both panes."""
+        """Draw the shown frame in both picture panes."""
 
     def look_again(self) -> None:
-        """The picture lies elsewhere, or shows another piece of the frame."""
+        """Follow a picture that lies elsewhere, or shows another piece of the frame."""
 
     @property
     def hides_signs(self) -> bool:
@@ -174,7 +174,7 @@ class Seat(Screen[None]):
         return False
 
     def marks_by_hand(self) -> tuple[Mark, ...]:
-        """What is being marked at this moment."""
+        """Signs of the mark that is being made."""
         return ()
 
     @property
@@ -184,7 +184,7 @@ class Seat(Screen[None]):
 
     @property
     def alert(self) -> str:
-        """What must not be missed."""
+        """The alert in words; empty: none."""
         return ""
 
     @property
@@ -194,15 +194,15 @@ class Seat(Screen[None]):
 
     @property
     def orbit(self) -> OrbitShown:
-        """What is known of the orbit."""
+        """The orbit as the panes show it."""
         return orbit_shown(self.night, self.engine, self.orbit_ahead)
 
     def target_name(self) -> str:
-        """What is followed, as the first line calls it; empty: not known."""
+        """Name of what is followed, as in the first line; empty: not known."""
         return target_words(self.orbit)[0].rstrip("?") or self.engine.target or ""
 
     def top(self, width: int, rows: int) -> list[Line]:
-        """State and since when, who holds the mount, the target, the frame clock."""
+        """The first line: state and since when, who has the mount, the target, the frame clock."""
         return words.top_lines(
             self.night,
             self.engine,
@@ -221,17 +221,17 @@ class Seat(Screen[None]):
         return kept_words(self.engine, self.keymap, now, is_asked_for=is_asked_for)
 
     def open_session(self, folder: Path) -> None:
-        """Review it."""
+        """Show that recorded session."""
 
     # -- commands -----------------------------------------------------------------------------
 
     @property
     def can_act(self) -> bool:
-        """Whether there is an engine for this seat to tell."""
+        """Whether commands of this console can reach an engine."""
         return self.engine.is_attached and not self.read_only
 
     def may_act(self) -> bool:
-        """The same; says why not."""
+        """Whether this console may send commands; a notice says why not."""
         if self.read_only:
             self.say("read only: this console only looks, but for STOP")
         elif not self.engine.is_attached:
@@ -250,20 +250,20 @@ class Seat(Screen[None]):
     def handle_outcome(
         self, command: Command, stops: int, seq: int, then: Command | None, outcome: Outcome
     ) -> None:
-        """What came of a command; a screen whose keys act says it.
+        """Handle the engine's answer to a command; a screen whose keys act does.
 
         ``stops``: how many STOPs there had been when it was sent; ``seq``: the last record that was
         known of then; ``then``: what goes right behind it, once it has been taken; None: nothing.
         """
 
     def action_hand_over(self, name: str) -> None:
-        """What a key does that only has a command to send: where this seat may act."""
+        """Send the command of a key that does nothing else, where this console may act."""
         command = BY_NAME[name].sends
         if command is not None and self.may_act():
             self.send(command)
 
     def stop(self) -> None:
-        """STOP: act first, then put away whatever is open, then say so."""
+        """STOP: send it first, then put away whatever is open, then show it."""
         number = self.stops + 1
         came = self.on_stop_news_came
         self.orders.stop(lambda news: call_in_turn(self, came, StopNewsCame(news, number)))
@@ -276,7 +276,7 @@ class Seat(Screen[None]):
         self.show_stop(StopNews(phase="sent", text="sent to the engine"))
 
     def on_stop_news_came(self, message: StopNewsCame) -> None:
-        """Late, answered and being measured, then stopped or failed; of the last STOP alone."""
+        """Show how the last STOP stands: late, answered, then stopped or failed."""
         if message.number not in (None, self.stops):
             return
         if message.news.is_superseded:
@@ -290,7 +290,7 @@ class Seat(Screen[None]):
         self.ask_now()
 
     def check_failed_stop(self) -> None:
-        """A STOP that failed is an alarm until the mount is measured to be at rest."""
+        """End the alarm of a failed STOP once the mount is measured to be at rest."""
         news, engine = self.stop_news, self.engine
         self._is_stop_seen |= engine.holder == "nobody"
         said, given = engine.mount_t_utc_ns, self._stopped_utc_ns

@@ -11,11 +11,11 @@ from rsoconsole.words import NS_PER_S, span
 
 WITHIN_S = 2.0
 REPEAT_S = 0.08
-"""Presses closer than that are a key held down, which repeats by itself."""
+"""Least time between two presses: closer ones are a key held down, which repeats by itself."""
 SETTLES_S = 0.2
-"""A second press counts when no third one follows within that time."""
+"""Wait after a second press: it counts when no third one follows within that time."""
 RELEASED_S = 0.7
-"""A key that was held down has been let go after so long without a press."""
+"""Time without a press after which a key that was held down counts as let go."""
 PressOutcome = Literal["asked", "acts", "held"]
 TRACKED = frozenset(("TRACK", "COAST"))
 
@@ -38,7 +38,7 @@ class SecondPress:
         """Of the press heard last: what it led to is off when another one has come."""
 
     def receive(self, name: str, now_s: float) -> PressOutcome:
-        """One press of the command's key."""
+        """Take one press of the command's key: asked for a second, acts, or held down."""
         self.number += 1
         since_s, self._last_s = now_s - self._last_s, now_s
         if name == self._name:
@@ -54,13 +54,13 @@ class SecondPress:
         return "asked"
 
     def forget(self) -> None:
-        """Another key came between: nothing is asked any more, and what waits to be done is off."""
+        """Forget the first press, and what a second one was to do: another key came between."""
         self.number += 1
         self._name, self._is_held = "", False
 
 
 class TwicePressed:
-    """Does what ends a track, or takes the mount, by the second press of its key alone."""
+    """Acts on the second press of a key alone, for what ends a track or takes the mount."""
 
     def __init__(self, seat: Seat) -> None:
         self._seat = seat
@@ -92,7 +92,7 @@ class TwicePressed:
             seat.set_timer(SETTLES_S, unless_held)
 
     def name_key(self, name: str, what: str) -> None:
-        """A click asked for what two presses of a key do: say which key."""
+        """Say which key does by two presses what a click asked for."""
         self.press.forget()
         key = first_key(name, self._seat.keymap)
         self._seat.say(f"{key} twice within {WITHIN_S:.0f} s {what}: not by the mouse", "warn")

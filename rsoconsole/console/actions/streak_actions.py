@@ -1,4 +1,4 @@
-"""What the operator says of the streaks in a frame: this one, not that one."""
+"""Keys and clicks on the streaks of a frame: follow, accept, reject."""
 
 import math
 from dataclasses import dataclass
@@ -11,14 +11,14 @@ from rsoconsole.control import Accept, Choose, Reject
 from rsoconsole.records import Detection
 
 CLICK_PX = 60.0
-"""A click so far from a streak is not meant for it, unless the picture is coarser than that."""
+"""Largest distance of a click from the streak it means, unless the picture is coarser."""
 CLICKED_S = 8.0
-"""So long after a click on a streak the key means that one."""
+"""How long after a click on a streak the key means that one."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StreakChoice:
-    """A streak to follow."""
+    """The streak that the operator chose to follow."""
 
     frame_id: int
     number: int
@@ -27,17 +27,17 @@ class StreakChoice:
 
 
 class StreakActions:
-    """Follow, accept, reject; a click on a streak."""
+    """Follows, accepts and rejects streaks; takes clicks on them."""
 
     def __init__(self, seat: Seat, twice: TwicePressed) -> None:
         self._seat, self._twice = seat, twice
         self._chosen, self._chosen_in = -1, -1
         self._choice: StreakChoice | None = None
         self._choice_until_s = 0.0
-        """So long the key means that pick, though newer frames are shown."""
+        """Until when the key means that choice, though newer frames are shown."""
 
     def forget_choice(self) -> None:
-        """Another session is shown."""
+        """Drop the choice: another session is shown."""
         self._choice_until_s = 0.0
 
     def action_follow_next(self) -> None:
@@ -76,7 +76,7 @@ class StreakActions:
         return f"leaves {self._twice.track_words()} for {which}"
 
     def is_followed(self, streak: Detection) -> bool:
-        """By the lead, or by another track, which then leads: no track ends by it."""
+        """Whether a track follows that streak already: choosing it ends none."""
         if self._seat.picture is None:
             return False
         detail = self._seat.picture.detail
@@ -88,7 +88,7 @@ class StreakActions:
         )
 
     def streaks(self) -> tuple[Detection, ...]:
-        """Those of the shown frame, the likeliest first, then those that were rejected."""
+        """Streaks of the shown frame, the likeliest first, then those that were rejected."""
         found = self._seat.picture.detail.detections if self._seat.picture is not None else None
         if found is None:
             return ()
@@ -100,13 +100,13 @@ class StreakActions:
         self._seat.send(Choose(frame_id=pick.frame_id, x_px=streak.x_px, y_px=streak.y_px))
 
     def action_accept(self) -> None:
-        """The frame's likeliest candidate is what is followed."""
+        """Accept the frame's likeliest candidate as what is followed."""
         if self._seat.may_act():
             picture = self._seat.picture
             self._seat.send(Accept(frame_id=None if picture is None else picture.frame_id))
 
     def action_reject(self) -> None:
-        """One of the last measurements was something else: which, is asked by number."""
+        """Ask which of the last measurements was something else, and reject it."""
         seat = self._seat
         if not seat.may_act():
             return

@@ -1,4 +1,4 @@
-"""What the operator does with the telescope itself: each key is one command, or one question."""
+"""Keys that act on the telescope: each sends one command, or asks one question."""
 
 import math
 import time
@@ -37,7 +37,7 @@ from rsoconsole.records import Solution
 from rsoconsole.sky import pixel_to_sky
 
 AGAIN_S = 60.0
-"""The engine takes up what it has accepted between two exposures: not later than that."""
+"""Longest wait until the engine follows again what it has accepted: it does between exposures."""
 
 
 class TelescopeActions:
@@ -56,7 +56,7 @@ class TelescopeActions:
         """When what is kept was asked for; the engine has not refused it."""
 
     def handle_outcome(self, command: Command, outcome: Outcome) -> None:
-        """What was asked for is on its way no longer."""
+        """Note that a command has been answered: arming or resuming is not on its way any more."""
         if isinstance(command, Arm):
             self.is_arming = False
         if isinstance(command, Arm | Resume) and not outcome.ok:
@@ -64,24 +64,24 @@ class TelescopeActions:
 
     @property
     def is_following_again(self) -> bool:
-        """Whether what is kept has been asked for, and the engine has yet to take it up."""
+        """Whether the kept track was asked for, and the engine has yet to follow it again."""
         return (
             self._seat.engine.kept is not None
             and self._seat.now_s() < self._asked_again_s + AGAIN_S
         )
 
     def note_refused(self, verbs: frozenset[str]) -> None:
-        """What was accepted and refused later is not on its way any more."""
+        """Note verbs that were accepted and refused later: they are not on their way any more."""
         if verbs & {Arm.verb, Resume.verb}:
             self._asked_again_s = -math.inf
 
     def note_stop(self) -> None:
-        """STOP; no key that was on its way takes up again what it has ended."""
+        """Note a STOP: no key from before it follows again what it has ended."""
         self.at_rest_since_s = self._seat.now_s()
         self._asked_again_s = -math.inf
 
     def note_control_change(self, before: EngineView) -> None:
-        """What the engine said before is ``before``."""
+        """Note who has the mount now; ``before``: the engine's last status."""
         seat = self._seat
         is_lost = before.holder == "autonomy" != seat.engine.holder
         if is_lost:
@@ -90,7 +90,7 @@ class TelescopeActions:
             self._asked_again_s = -math.inf
 
     def action_arm_or_disarm(self) -> None:
-        """Who has the mount gives it up; a running track is not ended by one press."""
+        """Arm; where armed, disarm. A running track is not ended by one press."""
         seat = self._seat
         if not seat.may_act():
             return
@@ -126,7 +126,7 @@ class TelescopeActions:
         self._no_arming_before_s = max(self._no_arming_before_s, self._seat.now_s() + seconds)
 
     def action_hold_or_resume(self) -> None:
-        """No slews for now; or give the mount back to autonomy."""
+        """Hold: no slews for now; or give the mount back to autonomy."""
         seat = self._seat
         if not seat.may_act():
             return
@@ -141,7 +141,7 @@ class TelescopeActions:
             seat.say("nothing to hold: the engine is not armed", "warn")
 
     def action_wait_for_sky(self) -> None:
-        """No slews until the stars are back."""
+        """Hold until the stars are back."""
         seat = self._seat
         if not seat.may_act():
             return
@@ -242,7 +242,7 @@ class TelescopeActions:
         seat.set_timer(left_s, when_due)
 
     def action_seek(self) -> None:
-        """Search round where it must be; that gives up a running track."""
+        """Search round the predicted position; that gives up a running track."""
         seat = self._seat
         if not seat.may_act():
             return
@@ -253,7 +253,7 @@ class TelescopeActions:
             seat.send(Seek())
 
     def action_track_or_stand(self) -> None:
-        """Sidereal tracking on and off."""
+        """Switch sidereal tracking on or off."""
         seat = self._seat
         if seat.may_act():
             seat.send(Track(is_on=not seat.engine.is_tracking))
@@ -306,7 +306,7 @@ class TelescopeActions:
         seat.app.push_screen(dialog, decided)
 
     def action_up_now(self) -> None:
-        """The satellites above the limit; the chosen one is planned as any go-to is."""
+        """List the satellites above the limit; the chosen one is planned as any go-to is."""
 
         def decided(number: str | None) -> None:
             if number is not None:

@@ -25,7 +25,7 @@ def lead_of(night: NightView) -> FollowedTrack | None:
 
 
 def track_words(night: NightView, track: FollowedTrack) -> str:
-    """Its number, and its name where it has one."""
+    """A track in words: its number, and its name where it has one."""
     name = name_words(night, track.track_id)
     return f"track {track.number}{'' if name == '-' else f' ({name})'}"
 
@@ -57,7 +57,7 @@ class TrackActions(PlotActions):
         self.say(f"plots: {self.plotted_words or 'the lead'}")
 
     def action_show_neighbours(self, shows: bool) -> None:
-        """Who stands next to whom, or the list."""
+        """Show who stands next to whom, or the list."""
         self.shows_neighbours = shows
         self.show_plots()
 
@@ -72,7 +72,7 @@ class TrackActions(PlotActions):
         self.show_plots()
 
     def action_make_lead(self) -> None:
-        """The telescope follows the chosen one; the others go on being followed."""
+        """Make the chosen track the lead; the others go on being followed."""
         night, track, lead = self.night, self.chosen_track, lead_of(self.night)
         if track is None or track.is_lead:
             self.say("nothing is followed" if lead is None else f"track {lead.number} is the lead")
@@ -94,12 +94,12 @@ class TrackActions(PlotActions):
 
 
 class TrackOrders(TrackActions):
-    """Drop a track, keep it, and take a drop back."""
+    """Drops a track, keeps one, and takes a drop back."""
 
     twice: TwicePressed
 
     def action_drop_track(self) -> None:
-        """The one at the cursor ends for good; the lead asks for the same key once more."""
+        """Drop the track at the cursor; the lead asks for the same key once more."""
         track = self.chosen_track or lead_of(self.night)
         if track is None:
             self.say("nothing is followed that could be dropped", "warn")
@@ -116,7 +116,7 @@ class TrackOrders(TrackActions):
         self.say(f"{track_words(self.night, track)} is to be dropped …")
 
     def action_keep_track(self) -> None:
-        """No miss ends the one at the cursor in the field; once more: that holds no longer."""
+        """Keep the track at the cursor whatever it misses in the field; once more: no longer."""
         track = self.chosen_track or lead_of(self.night)
         if track is None:
             self.say("nothing is followed that could be kept", "warn")

@@ -1,4 +1,4 @@
-"""Tuning, from the key that opens the pane to the settings that the engine is sent."""
+"""The tuning pane's keys, from the one that opens it to the settings that the engine is sent."""
 
 import time
 from collections.abc import Mapping
@@ -30,25 +30,25 @@ if TYPE_CHECKING:
 PRESETS = "presets.toml"
 USUAL_FRAMES = 5
 EVERY_S = 20.0
-"""How often an open pane's figures are computed again."""
+"""Seconds between two computations of an open pane's figures."""
 
 
 class TuneActions:
-    """Try, see what it would have done, apply, undo, keep."""
+    """Tries settings on the record, applies them, undoes, keeps and loads presets."""
 
     def __init__(self, seat: Seat) -> None:
         self._seat = seat
         self.is_open = False
         self.figures: tuple[TrackFigures | None, TrackFigures | None] = (None, None)
-        """As it is, and with what is tried."""
+        """Of the night as it was, and with what is tried; None until computed."""
         self.tuning = Tuning()
-        """What is in force and what is tried."""
+        """Settings in force and those tried."""
         self._watch: WhatIfWatch | None = None
         self._computed_s = 0.0
 
     @property
     def pane(self) -> TunePane:
-        """Where it is shown."""
+        """The tuning pane's widget."""
         return self._seat.query_one(TunePane)
 
     def action_tune(self) -> None:
@@ -91,11 +91,11 @@ class TuneActions:
 
     @property
     def words(self) -> TuneWords:
-        """What the pane says of its figures and its keys."""
+        """Words of the pane for its figures and its keys."""
         return TuneWords(of_present=self.of_present())
 
     def of_present(self) -> int | None:
-        """How many of the figures' frames ran with the settings in force now, whenever that was."""
+        """Number of the figures' frames that ran with the settings in force now; None: unknown."""
         now = self.figures[0]
         if now is None:
             return None
@@ -106,7 +106,7 @@ class TuneActions:
         return None, self.last_frames()
 
     def last_frames(self) -> int:
-        """Of the lead, as many as the orbit's pane says how good it is by."""
+        """Number of the lead's last frames that figures are computed over, as for its orbit."""
         return len(frames_of_track(self._seat.night)) or LAST_FRAMES
 
     def compute(self) -> None:
@@ -127,7 +127,7 @@ class TuneActions:
         )
 
     def compute_now_and_then(self) -> None:
-        """Where the pane is always seen, its figures follow the night."""
+        """Compute the figures of a pane that is seen, where the last ones are old enough."""
         if not self._seat.night.is_read:
             return  # nobody knows yet over how many frames
         is_due = time.monotonic() - self._computed_s >= EVERY_S
@@ -143,12 +143,12 @@ class TuneActions:
         self.show()
 
     def close_watch(self) -> None:
-        """Nobody asks any more."""
+        """End the thread that computes."""
         if self._watch is not None:
             self._watch.close()
 
     def do(self, message: TunePane.Wanted) -> None:
-        """One of the pane's keys."""
+        """Act on one of the pane's keys."""
         if message.what == "type":
             self._type(message.begun)
             return
@@ -163,7 +163,7 @@ class TuneActions:
         }[message.what]()
 
     def _type(self, begun: str) -> None:
-        """A number for the chosen setting, typed."""
+        """Ask for a number for the chosen setting."""
         seat = self._seat
         tunable = self.tuning.tunables[self.tuning.row]
         if self.tuning.present.get(tunable.name) is None:

@@ -357,5 +357,5 @@ BY_NAME: Mapping[str, KeyCommand] = {command.name: command for command in COMMAN
 
 
 def commands_in(place: Place) -> tuple[KeyCommand, ...]:
-    """Those whose keys work on that screen, the application's own among them."""
+    """Commands whose keys work on that screen, the application's own among them."""
     return tuple(command for command in COMMANDS if command.is_in(place))

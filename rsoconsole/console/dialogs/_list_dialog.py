@@ -1,4 +1,4 @@
-"""A list with a field over it: what is typed leaves some of its rows, and one of them is chosen."""
+"""Dialogs with a list and a field over it: typed words leave some rows, one is chosen."""
 
 import threading
 from typing import ClassVar, Generic, TypeVar
@@ -18,7 +18,7 @@ Row = TypeVar("Row")
 
 
 class ListDialog(Dialog[Result], Generic[Result, Row]):
-    """Looks for its rows on a thread: a slow disk or a large catalogue keeps nobody."""
+    """A list that is found on a thread, with a field over it: typed words leave some rows."""
 
     BINDINGS: ClassVar[list[BindingType]] = [
         Binding("up", "choose(-1)", show=False),
@@ -57,24 +57,24 @@ class ListDialog(Dialog[Result], Generic[Result, Row]):
         threading.Thread(target=self.look, name=name, daemon=True).start()
 
     def look(self) -> None:
-        """Find the rows (on the thread)."""
+        """Find the rows; runs on the thread."""
         raise NotImplementedError
 
     @property
     def shown(self) -> list[Row]:
-        """Those that what was typed leaves."""
+        """Rows that the typed words leave."""
         raise NotImplementedError
 
     def result_of(self, row: Row) -> Result:
-        """What choosing that one gives."""
+        """The dialog's result where that row is chosen."""
         raise NotImplementedError
 
     def head(self, width: int) -> str:
-        """What stands over the rows, or why there are none."""
+        """The line over the rows, or why there are none."""
         raise NotImplementedError
 
     def row_words(self, row: Row, width: int) -> tuple[str, Ink]:
-        """One row, and its colour where it is not the chosen one."""
+        """A row in words, and its colour where it is not the chosen one."""
         raise NotImplementedError
 
     def lines(self, width: int, height: int) -> list[Line]:
@@ -94,12 +94,12 @@ class ListDialog(Dialog[Result], Generic[Result, Row]):
         self.query_one("#rows", LinesPane).show(self.lines)
 
     def take_typed(self, typed: str) -> None:
-        """Enter, where no row is left."""
+        """Handle enter where no row is left."""
         _ = typed
         self.app.bell()
 
     def take_click(self, number: int) -> None:
-        """The mouse, on that row or where it would be: it only chooses."""
+        """Choose the row that was clicked."""
         self.choose(number)
 
     def on_input_changed(self, event: Input.Changed) -> None:
@@ -129,6 +129,6 @@ class ListDialog(Dialog[Result], Generic[Result, Row]):
         self.choose(self._at + by)
 
     def choose(self, number: int) -> None:
-        """That row, or the last one before it."""
+        """Choose that row, or the last one before it."""
         self._at = min(max(number, 0), max(len(self.shown) - 1, 0))
         self.show()

@@ -1,4 +1,4 @@
-"""What the operator types: where to go, how long to expose, a remark, words to look for."""
+"""Dialogs with fields: a direction, exposure and cadence, an aim, a line of words."""
 
 from collections.abc import Callable, Mapping
 from functools import partial
@@ -41,7 +41,7 @@ def _ask_engine(
 
 
 class FieldDialog(Dialog[Result], Generic[Result]):
-    """A dialog in which one types at once."""
+    """A dialog whose first field has the focus."""
 
     def on_mount(self) -> None:
         """The first field has the focus."""
@@ -155,7 +155,7 @@ class GotoDialog(FieldDialog[tuple[float, float] | None]):
 
 
 class MoveDialog(Dialog[bool | None]):
-    """Where the streak is: the way there and the limits; enter goes where nothing refuses it."""
+    """The question whether to point at the streak: the way there and the limits."""
 
     BINDINGS: ClassVar[list[BindingType]] = [Binding("enter", "go", "Go")]
 
@@ -192,7 +192,7 @@ class MoveDialog(Dialog[bool | None]):
 
 
 class SettingsDialog(FieldDialog[dict[str, float] | None]):
-    """A field for each of a few numbers. Gives what has been changed, by the setting's name."""
+    """A field for each of a few numbers. Gives those that were changed, by the setting's name."""
 
     HEAD: ClassVar[str]
     NAMES: ClassVar[dict[str, str]]
@@ -236,7 +236,7 @@ class SettingsDialog(FieldDialog[dict[str, float] | None]):
 
 
 class ExposureDialog(SettingsDialog):
-    """Exposure and cadence."""
+    """Fields for exposure and cadence."""
 
     HEAD = "exposure and cadence"
     NAMES: ClassVar[dict[str, str]] = {
@@ -254,7 +254,7 @@ class ExposureDialog(SettingsDialog):
 
 
 class AimDialog(SettingsDialog):
-    """Where to look beside the prediction; where that is and what it meets, as one types."""
+    """Fields for an aim beside the prediction; shows where that is and what it meets."""
 
     HEAD = "aim beside the prediction"
     NAMES: ClassVar[dict[str, str]] = {
@@ -290,7 +290,7 @@ class AimDialog(SettingsDialog):
 
 
 class LineDialog(FieldDialog[str | None]):
-    """One line of words. Gives them; empty ones too."""
+    """A field for one line of words. Gives them; empty ones too."""
 
     def __init__(self, title: str, words: str, value: str = "", *, goes_on: bool = False) -> None:
         """``goes_on``: what is typed comes behind the value; else it takes its place."""

@@ -1,4 +1,4 @@
-"""What the operator is asked, and the help. STOP works in each of them: the app binds it first."""
+"""Dialogs: their base, messages, arming, confirming, leaving. STOP works in each of them."""
 
 import math
 import time
@@ -14,14 +14,14 @@ from textual.screen import ModalScreen
 from textual.widgets import Button, Static
 
 UNASKED_DEAF_S = 0.5
-"""So long a dialog that opened by itself, and after each key that it has dropped, it takes no
-answer: keys were meant for what is below it."""
+"""How long a dialog that opened by itself takes no answer, and again after each key that it has
+dropped: keys were meant for what is below it."""
 LeaveChoice = Literal["leave", "stop engine", "stay"]
 Result = TypeVar("Result")
 
 
 def framed(title: str, keys: str = "") -> VerticalScroll:
-    """The box of a dialog: what it is about above, its keys below."""
+    """The box of a dialog: its title above, its keys below."""
     box = VerticalScroll()
     box.border_title, box.border_subtitle = title, keys
     return box
@@ -50,12 +50,12 @@ class Dialog(ModalScreen[Result], Generic[Result]):
     """
 
     closed_s: ClassVar[float] = 0.0
-    """When the last one was closed, by a clock that nobody sets."""
+    """When the last dialog was closed, in monotonic seconds."""
     opens_unasked = False
-    """Under the operator's hands, by what the engine said."""
+    """Whether the engine's answer opened it, not a key."""
     _opened_s = math.inf
     _dropped_s = -math.inf
-    """When a key was dropped last."""
+    """When a key was dropped last, in monotonic seconds."""
 
     async def on_event(self, event: Event) -> None:
         """One that STOP or esc has put away before it was drawn has nothing to mount.
@@ -81,12 +81,12 @@ class Dialog(ModalScreen[Result], Generic[Result]):
 
     @property
     def is_deaf(self) -> bool:
-        """Whether what is typed now was meant for what it lies over; esc puts it away at once."""
+        """Whether a key is dropped: it was meant for what the dialog covers. Esc always works."""
         since_s = max(self._opened_s, self._dropped_s)
         return self.opens_unasked and time.monotonic() < since_s + UNASKED_DEAF_S
 
     def dismiss(self, result: Result | None = None) -> AwaitComplete:
-        """Close; what is typed right after it may still be meant for it."""
+        """Close; keys typed right after it may still be meant for it."""
         Dialog.closed_s = time.monotonic()
         return super().dismiss(result)
 
@@ -108,7 +108,7 @@ class PagedDialog(Dialog[Result], Generic[Result]):
         self.show()
 
     def page(self) -> tuple[str, str, str]:
-        """Title, keys and text of the shown one."""
+        """Title, keys and text of the page."""
         raise NotImplementedError
 
     def show(self) -> None:
@@ -136,12 +136,12 @@ class Tick(Static, can_focus=True):
         self.update(f"[{'x' if self.is_on else ' '}] {self._words}")
 
     def on_click(self) -> None:
-        """The same by the mouse."""
+        """Tick by the mouse."""
         self.action_tick()
 
 
 class MessageDialog(Dialog[None]):
-    """Words that need to be read."""
+    """A message in full."""
 
     def __init__(self, title: str, text: str) -> None:
         super().__init__()
@@ -164,12 +164,12 @@ class MessageDialog(Dialog[None]):
             self.dismiss(None)
 
     def on_click(self) -> None:
-        """The same by the mouse."""
+        """Close by the mouse."""
         self.dismiss(None)
 
 
 class ArmDialog(Dialog[tuple[str, ...] | None]):
-    """The checks that stand against arming; those ticked are overridden by name.
+    """The checks that stand against arming; those that are ticked are overridden by name.
 
     Gives the names to override, or None.
     """
@@ -225,7 +225,7 @@ class ArmDialog(Dialog[tuple[str, ...] | None]):
 
 
 class ConfirmDialog(Dialog[bool | None]):
-    """Asks once; nothing happens but by the second button or its letter. Gives True or not."""
+    """A question; nothing happens but by the second button or its letter. Gives True or not."""
 
     def __init__(
         self, title: str, text: str, *, yes: str, letter: str, is_yes: bool = False
@@ -262,7 +262,7 @@ class ConfirmDialog(Dialog[bool | None]):
 
 
 class LeaveDialog(Dialog[LeaveChoice | None]):
-    """What becomes of the engine when the console is left."""
+    """The question what becomes of the engine when the console is left."""
 
     BINDINGS: ClassVar[list[BindingType]] = [
         Binding("l", "choose('leave')", "Leave it running"),

@@ -37,7 +37,7 @@ Time line  the night from its first record to its last; its words are states,
 def help_text(
     keymap: Mapping[str, str] | None = None, mode: Mode = "live", place: Place = "live"
 ) -> str:
-    """What the keys are for at this moment, every command by group, then the signs."""
+    """The help's first page: keys of this moment, every command by group, the signs."""
     lines: list[str] = []
     if MODE_WORDS[mode]:
         lines.append(MODE_WORDS[mode])
@@ -68,7 +68,7 @@ def help_text(
 
 
 class HelpDialog(PagedDialog[str | None]):
-    """The keys and the signs; on a second page what the terms mean. Gives "tour" or None."""
+    """The help: keys and signs; on a second page the terms. Gives "tour" or None."""
 
     BINDINGS: ClassVar[list[BindingType]] = [
         Binding("question_mark,f1,q", "put_away", "Back", show=False),

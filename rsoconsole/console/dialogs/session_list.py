@@ -1,4 +1,4 @@
-"""The recorded nights: newest first, each with its branches; one is chosen, or a path typed."""
+"""The list of recorded nights, newest first, each with its branches; a path may be typed."""
 
 import contextlib
 from collections.abc import Iterator
@@ -27,21 +27,21 @@ WHEN_COLUMNS, LENGTH_COLUMNS, FRAMES_COLUMNS, SIZE_COLUMNS, STATE_COLUMNS = 16, 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SessionEntry:
-    """One session, or a branch of one."""
+    """A session in the list, or a branch of one."""
 
     folder: Path
     is_branch: bool = False
     summary: SessionSummary | None = None
-    """None until it has been looked into."""
+    """What is in it; None until that is read."""
     state: State = ""
 
     @property
     def name(self) -> str:
-        """As it is shown."""
+        """The folder's name as it is shown."""
         return one_line(self.folder.name)
 
     def has(self, words: str) -> bool:
-        """Whether it is meant by what was typed."""
+        """Whether those words are in its name or title."""
         title = self.summary.title or "" if self.summary is not None else ""
         text = f"{self.folder.parent.parent.name if self.is_branch else ''} {self.name} {title}"
         return all(word in text.lower() for word in words.lower().split())
@@ -63,7 +63,7 @@ def sessions_under(root: Path, present: Path | None) -> list[SessionEntry]:
 
 
 def with_summary(entry: SessionEntry) -> SessionEntry:
-    """The same with what is in it. Never raises: a damaged session says so."""
+    """The entry with what is in its session. Never raises: a damaged session says so."""
     summary = summarise(entry.folder)
     state: State = "damaged" if summary.state == "unreadable" else summary.state
     return replace(entry, summary=summary, state=state)
@@ -120,7 +120,7 @@ def _shortened(name: str, columns: int) -> str:
 
 
 class SessionListDialog(ListDialog[Path | None, SessionEntry]):
-    """Sessions; typing finds one, enter opens it. Gives its folder."""
+    """The recorded nights; typing finds one, enter opens it. Gives its folder."""
 
     LISTED = "sessions"
     KEYS = "↑↓ choose · enter opens · esc back"
@@ -135,11 +135,11 @@ class SessionListDialog(ListDialog[Path | None, SessionEntry]):
         self._is_over = False
 
     def on_unmount(self) -> None:
-        """Nobody waits for the rest."""
+        """End the search."""
         self._is_over = True
 
     def look(self) -> None:
-        """Their names first, then what is in each."""
+        """Find their names first, then what is in each; runs on the thread."""
         try:
             entries = sessions_under(self._root, self._present)
         except SessionError as error:

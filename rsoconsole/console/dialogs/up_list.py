@@ -1,4 +1,4 @@
-"""What is up now: the satellites of the element files above the limit; one is gone to."""
+"""The list of what is up: satellites of the element files above the limit; one is gone to."""
 
 import logging
 import time
@@ -28,7 +28,7 @@ NAME_COLUMNS = 24
 
 
 class UpListDialog(ListDialog[str | None, "Up"]):
-    """Satellites above the limit; typing finds one. Gives its number, as the go-to takes it."""
+    """Satellites above the limit; typing finds one. Gives its catalogue number, for the go-to."""
 
     BINDINGS: ClassVar[list[BindingType]] = [
         Binding("tab", "sort", show=False, priority=True),
@@ -51,7 +51,7 @@ class UpListDialog(ListDialog[str | None, "Up"]):
         self._order: Order = "altitude"
 
     def look(self) -> None:
-        """Compute it: large catalogues take a second."""
+        """Compute the list, a second for large catalogues; runs on the thread."""
         from rsoconsole.pipeline import read_catalogue, up_now
 
         while (config := self._config()) is None:
@@ -101,7 +101,7 @@ class UpListDialog(ListDialog[str | None, "Up"]):
         return str(row.norad_id)
 
     def action_sort(self) -> None:
-        """By altitude, by what sets first, by name."""
+        """Sort by altitude, by what sets first, by name."""
         self._order = ORDERS[(ORDERS.index(self._order) + 1) % len(ORDERS)]
         self.show()
 

@@ -31,7 +31,7 @@ Mode = Literal[
 
 
 class Key(NamedTuple):
-    """A key, what it does in a word, and whether it stays while there is any room."""
+    """A key of the last line, what it does in a word, and whether it stays while there is room."""
 
     key: str
     name: str
@@ -44,7 +44,7 @@ class Key(NamedTuple):
 
 _GAP = "  "
 MIN_LINES = 8
-"""Of a terminal in which a notice has rows of its own."""
+"""Least rows of a terminal in which a notice has rows of its own."""
 MAX_NOTICE_ROWS = 3
 MARKABLE = 12
 """The last frames in which a mark can be begun (``decisions.KEPT``)."""
@@ -160,7 +160,7 @@ def keys_for(
     keymap: Mapping[str, str] | None = None,
     is_in_cloud: bool = False,
 ) -> list[Key]:
-    """The keys in their order on the line; which of them act depends on who has the mount.
+    """Keys of the live night, in their order on the line; which act depends on who has the mount.
 
     ``is_in_cloud``: what is followed was missed, and cloud is the cause.
     """
@@ -199,7 +199,7 @@ def keys_for(
 def review_keys(
     *, is_playing: bool, has_live: bool, has_mark: bool, mode: Mode, keymap: Mapping[str, str]
 ) -> list[Key]:
-    """The same over a recorded night; ``has_live``: a live console lies behind it."""
+    """Keys of a review, in their order on the line; ``has_live``: a live console lies behind it."""
     key = partial(_command_key, keymap)
 
     def keys(first: str, second: str, name: str) -> Key:
@@ -263,7 +263,7 @@ def notice_rows(notice: str, width: int, height: int) -> int:
 
 
 def action_at(event: Click, pane: Widget, keys: list[Key], notice: str) -> str:
-    """What the key that was clicked does, as Textual writes an action; empty: none was.
+    """The action of the key that was clicked, as Textual writes it; empty: no key was.
 
     ``pane``: shows the keys, and the notice over or behind them.
     """

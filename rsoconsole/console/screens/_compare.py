@@ -1,4 +1,4 @@
-"""Two moments of a night side by side, and what lies between them."""
+"""Comparison of two moments of a night, A and B, and what lies between them."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -46,7 +46,7 @@ Choice = Literal["blink", "keep"]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ComparedRow:
-    """One thing at both moments."""
+    """One figure at both moments, in words."""
 
     label: str
     a: str
@@ -56,7 +56,7 @@ class ComparedRow:
 
 
 def compared_figures(a: Moment, b: Moment) -> list[ComparedRow]:
-    """Everything the screen says of both."""
+    """The rows of the comparison: every figure that is known at A or B."""
     rows = [*_course(a, b), *_sky(a, b), *_measured(a, b)]
     return [row for row in rows if (row.a, row.b) != (ABSENT, ABSENT)]
 
@@ -119,7 +119,7 @@ def _measured(a: Moment, b: Moment) -> list[ComparedRow]:
 
 
 def interval_words(a: Moment, b: Moment, timeline: Timeline) -> list[str]:
-    """What came to pass after the earlier one, up to the later one."""
+    """What the record has between the two moments: frames, events, changed settings."""
     low, high = sorted((a.seq, b.seq))
     first, last = timeline.index_of(low), timeline.index_of(high)
     frames = (-1 if last is None else last) - (-1 if first is None else first)
@@ -141,7 +141,7 @@ def interval_words(a: Moment, b: Moment, timeline: Timeline) -> list[str]:
 
 
 def compare_lines(rows: list[ComparedRow], ends: list[str], width: int, height: int) -> list[Line]:
-    """A table as wide as there is room for; the differences go first."""
+    """The comparison as a table of that width; narrow ones leave the differences out."""
     has_difference = width >= WITH_DIFFERENCE_COLUMNS
     columns = max((width - LABEL_COLUMNS) // (3 if has_difference else 2), MIN_VALUE_COLUMNS)
     head: Line = [(" " * LABEL_COLUMNS, ""), ("A".ljust(columns), "title")]
@@ -166,7 +166,7 @@ def compare_lines(rows: list[ComparedRow], ends: list[str], width: int, height: 
 
 
 class CompareDialog(Dialog[Choice | None]):
-    """A and B; ``b`` flips the whole screen between them, ``k`` keeps B as the new A."""
+    """The comparison of A with B; ``B`` flips the whole screen, ``K`` keeps B as the new A."""
 
     BINDINGS: ClassVar[list[BindingType]] = [
         Binding("B", "choose('blink')", "Blink", show=False),
@@ -298,12 +298,12 @@ class ReviewCompare(ReviewMoves):
     """Keeps moment A, and shows it beside another one or in turn with it."""
 
     _other_seq: int | None = None
-    """B, while A is shown in its place."""
+    """Moment B, while A is shown in its place."""
     _is_asked_early = False
-    """Whether to compare as soon as the moment is there that was gone to."""
+    """Whether to compare as soon as the moment is there that was asked for."""
 
     def forget_moment_a(self) -> None:
-        """Another session is shown: no moment of it is kept."""
+        """Keep no moment: another session is shown."""
         self.kept = self._other_seq = None
 
     def action_compare(self) -> None:
@@ -320,7 +320,7 @@ class ReviewCompare(ReviewMoves):
             self._compare(self.kept, moment)
 
     def compare_when_ready(self) -> None:
-        """What was asked for before the moment was there."""
+        """Compare, where that was asked for before the moment was there."""
         if self._is_asked_early and self.moment is not None and self.moment.seq == self.seq:
             self.action_compare()
 
@@ -345,7 +345,7 @@ class ReviewCompare(ReviewMoves):
         self.say(f"A is kept: go to another moment, {key} compares", "good")
 
     def action_blink(self) -> None:
-        """The other one of A and B."""
+        """Show the other one of A and B."""
         if self.kept is None:
             self.say(f"{first_key('compare', self.keymap)} keeps a moment to blink with")
         elif self.seq != self.kept.seq:
@@ -360,7 +360,7 @@ class ReviewCompare(ReviewMoves):
             self.say("B")
 
     def action_forget_moment(self) -> None:
-        """Nothing is kept."""
+        """Keep no moment to compare with."""
         had_one, self.kept, self._other_seq = self.kept is not None, None, None
         self.show_place()
         self.say("A is forgotten" if had_one else "no moment is kept")

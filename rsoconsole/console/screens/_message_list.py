@@ -1,4 +1,4 @@
-"""Everything that is said, in full, and copied to where the terminal keeps what is copied."""
+"""Messages in full, and copying them to the terminal's clipboard."""
 
 from collections.abc import Sequence
 from typing import ClassVar
@@ -21,13 +21,13 @@ SAID_COLUMNS = 40
 
 
 def line_text(line: LogLine) -> str:
-    """One line of the log, whole."""
+    """One line of the log in full, with its time and frame."""
     frame = f" {line.frame_id:04d}" if line.frame_id is not None else ""
     return f"{clock(line.t_utc_ns)}{frame} {line.whole}"
 
 
 class MessageListDialog(Dialog[str | None]):
-    """Messages in full, the newest first; gives the message that is to be copied."""
+    """A list of messages in full, the newest first; gives the one that is to be copied."""
 
     BINDINGS: ClassVar[list[BindingType]] = [Binding("ctrl+y", "copy", "Copy", show=False)]
     DEFAULT_CSS = """
@@ -44,7 +44,7 @@ class MessageListDialog(Dialog[str | None]):
             yield OptionList(*(Option(Content(each)) for each in self._messages))
 
     def on_mount(self) -> None:
-        """The newest has the cursor."""
+        """Put the cursor on the newest."""
         self.query_one(OptionList).focus()
 
     def on_option_list_option_selected(self, event: OptionList.OptionSelected) -> None:
@@ -53,17 +53,17 @@ class MessageListDialog(Dialog[str | None]):
         self.dismiss(self._messages[event.option_index])
 
     def action_copy(self) -> None:
-        """The same by the key that copies elsewhere."""
+        """Copy the chosen message by the key that copies elsewhere."""
         chosen = self.query_one(OptionList).highlighted
         if chosen is not None:
             self.dismiss(self._messages[chosen])
 
 
 class MessageActions(Seat):
-    """Read what was cut, and copy what is shown."""
+    """Shows messages in full, and copies what is shown."""
 
     def action_read(self) -> None:
-        """All messages in full: what came of a STOP, the alert, what was said last, the log."""
+        """List all messages in full: what came of a STOP, the alert, the last notice, the log."""
         news = self.stop_news
         said = [f"STOP {news.text}"] if news is not None else []
         said += [self.alert] if self.alert else []
@@ -75,7 +75,7 @@ class MessageActions(Seat):
             self.say("nothing has been said yet")
 
     def action_copy(self) -> None:
-        """A line of the open log, the orbit, the tuning, or where things stand."""
+        """Copy a line of the open log, the orbit, the tuning, or where things stand."""
         if self.is_log_open:
             line = self.query_one(LogPane).top_line
             self._copy(None if line is None else line_text(line))

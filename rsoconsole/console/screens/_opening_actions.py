@@ -12,18 +12,18 @@ from rsoconsole.console.frame.frame_sheet import FrameSheet
 from rsoconsole.console.frame.sheet_actions import MarkTo
 
 ENTER_PAUSE_S = 1.0
-"""So long enter does nothing after a dialog has closed."""
+"""How long enter opens no frame after a dialog has closed."""
 
 
 class OpeningActions(Seat):
-    """Each looks at the night from nearer; none changes what is shown behind it."""
+    """Opens a frame, a recorded night or the streaks of a frame over the panes."""
 
     def __init__(self, *arguments: Any, sessions_root: Path | None = None, **named: Any) -> None:
         """``sessions_root``: under which recorded nights lie, None: where they do by default."""
         super().__init__(*arguments, **named)
         self.sessions_root = sessions_root or SessionConfig().root
         self._enter_paused_after_s = time.monotonic()
-        """Enter opens no frame right behind a dialog that was closed since."""
+        """Dialogs that closed before this screen was there hold up no enter; monotonic seconds."""
 
     @property
     def mark_to(self) -> MarkTo | None:
@@ -31,7 +31,7 @@ class OpeningActions(Seat):
         return None
 
     def action_open_frame(self) -> None:
-        """The frame that is shown, at full resolution."""
+        """Open the frame that is shown, at full resolution."""
         if self._enter_paused_after_s < Dialog.closed_s > time.monotonic() - ENTER_PAUSE_S:
             return  # a second enter was still meant for the dialog
         shown = self.picture or self.night.frame
@@ -58,7 +58,7 @@ class OpeningActions(Seat):
         return " · ".join(part for part in (stopped, self.alert) if part)
 
     def action_sessions(self) -> None:
-        """The recorded nights; the chosen one is opened for review."""
+        """List the recorded nights; the chosen one is opened for review."""
         from rsoconsole.console.dialogs.session_list import SessionListDialog
 
         def decided(folder: Path | None) -> None:
@@ -68,7 +68,7 @@ class OpeningActions(Seat):
         self.app.push_screen(SessionListDialog(self.sessions_root, self.night.folder), decided)
 
     def action_verdicts(self) -> None:
-        """Every streak of the shown frame, and what became of it."""
+        """List every streak of the shown frame, and what became of it."""
         if self.picture is None:
             self.say("no frame has been shown yet", "warn")
             return

@@ -27,7 +27,7 @@ DEFAULT_ASPECT = 4 / 3
 
 
 def aspect_of(picture: Picture | None) -> float:
-    """Of the camera's frames: width over height."""
+    """Width over height of the camera's frames; a default where there is no picture."""
     return picture.aspect if picture is not None else DEFAULT_ASPECT
 
 
@@ -45,12 +45,12 @@ class PanePlaces(TrackActions):
     PANES: ClassVar[tuple[Name, ...]]
     tune: TuneActions
     _placed_alert_rows = 0
-    """For which the panes have been laid out."""
+    """Rows of the alert that the panes have been laid out for."""
     _drawn_keys: tuple[list[Key], str] = ([], "")
     """The keys and the notice that the last line shows."""
 
     def place_panes(self) -> None:
-        """Where each pane lies, for this terminal."""
+        """Lay out the panes for this terminal."""
         width, height = self.size
         alert_rows = self._placed_alert_rows = self._alert_rows()
         over_keys = timeline_rows(height) if "timeline" in self.PANES else 0
@@ -101,7 +101,7 @@ class PanePlaces(TrackActions):
         return len(words.wrapped(f" {said}", self.size.width, MAX_ALERT_ROWS)) if said else 0
 
     def show_alert(self) -> None:
-        """What must not be missed, or what stands in its place; its rows are another's."""
+        """Draw the alert, or what stands in its place; the panes move where it takes other rows."""
         pane, alert = self.pane("alert"), self.alert
         said = alert or self.intro
         pane.set_class(not alert, "-calm")
@@ -114,7 +114,7 @@ class PanePlaces(TrackActions):
     # -- the last line --------------------------------------------------------------------------
 
     def show_keys(self) -> None:
-        """The keys that matter now, and a word about what was just done."""
+        """Draw the last line: the keys that matter now, and the notice."""
         keys, notice = self.keys, self.notice
         self._drawn_keys = keys, notice[0]
         self._place_keys()
@@ -129,7 +129,7 @@ class PanePlaces(TrackActions):
             pane.styles.offset = (0, height - rows)
 
     async def on_click(self, event: Click) -> None:
-        """A key of the last line, by the mouse."""
+        """Do what a clicked key of the last line does."""
         action = action_at(event, self.pane("keys"), *self._drawn_keys)
         if action:
             self.is_click = True

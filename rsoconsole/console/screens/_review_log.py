@@ -19,7 +19,7 @@ HERE = "▸"
 
 
 class ReviewLogPane(LogPane):
-    """Closed it is as in the live seat; open it has a chosen line."""
+    """The log pane of a review; open, it has a chosen line."""
 
     BINDINGS: ClassVar[list[BindingType]] = [
         Binding("up", "choose(-1)", "Line above", show=False),
@@ -37,12 +37,12 @@ class ReviewLogPane(LogPane):
     """
 
     always_shown = False
-    """What is searched for alone: every line stands in the log that is opened next."""
+    """A search shows its lines alone; the log that is opened next has every line."""
 
     seq = 0
-    """The moment that is shown: lines behind it are dim."""
+    """The moment that is shown, as a place in the log: later lines are dim."""
     chosen: LogLine | None = None
-    """None while the pane is closed."""
+    """The line with the cursor; None while the pane is closed."""
 
     def open_at(self, lines: tuple[LogLine, ...], seq: int) -> None:
         """Show all lines; the last one before that moment is chosen."""
@@ -51,19 +51,19 @@ class ReviewLogPane(LogPane):
         self.choose_near(seq)
 
     def choose_near(self, seq: int) -> None:
-        """The last line that had been said by then; else the first one."""
+        """Choose the last line up to that place of the log; else the first one."""
         found = self.found
         before = [line for line in found if line.seq <= seq]
         self.chosen = before[0] if before else found[-1] if found else None
         self._reveal()
 
     def close(self) -> None:
-        """Nothing is chosen any more; every line is shown again."""
+        """Choose no line, and show every one again."""
         self.chosen = None
         self.filter("")
 
     def action_choose(self, by: int) -> None:
-        """The line ``by`` below."""
+        """Move the cursor down by ``by`` lines."""
         found = self.found
         if self.chosen is None or self.chosen not in found:
             return
@@ -71,18 +71,18 @@ class ReviewLogPane(LogPane):
         self._reveal()
 
     def action_choose_page(self, by: int) -> None:
-        """A page above or below."""
+        """Move the cursor by pages."""
         self.action_choose(by * max(self.size.height - 2, 1))
 
     def action_choose_end(self, is_newest: bool) -> None:
-        """The newest or the oldest line."""
+        """Choose the newest or the oldest line."""
         found = self.found
         if found:
             self.chosen = found[0 if is_newest else -1]
             self._reveal()
 
     async def on_click(self, event: events.Click) -> None:
-        """Choose by the mouse; the chosen one: go there."""
+        """Choose a line by the mouse; a click on the chosen one goes there."""
         index = event.y - self._title_rows + self.scroll_offset.y
         if self.chosen is None or not 0 <= index < len(self._rows):
             return
@@ -121,14 +121,14 @@ class ReviewLogPane(LogPane):
 
 
 class ReviewTuneActions(TuneActions):
-    """Over the last frames before the moment, or over all before it."""
+    """The tuning pane of a review: over the last frames before the moment, or all before it."""
 
     _seat: ReviewMoves
     _is_of_all = False
 
     @property
     def words(self) -> TuneWords:
-        """Nothing is applied here."""
+        """Words of the pane; it offers no key that applies anything."""
         frames = "all frames so far" if self._is_of_all else "{count} frames to here"
         scope = first_key("tune_scope", self._seat.keymap)
         which = "the last frames" if self._is_of_all else "all frames"
@@ -139,11 +139,11 @@ class ReviewTuneActions(TuneActions):
         )
 
     def scope(self) -> tuple[int | None, int | None]:
-        """Up to the moment."""
+        """Where the figures end, the moment; and over how many frames, None: all."""
         return self._seat.seq, None if self._is_of_all else self.last_frames()
 
     def change_scope(self) -> None:
-        """The last frames, or all."""
+        """Compute over all frames so far, or over the last ones again."""
         self._is_of_all = not self._is_of_all
         self.show()
         self.compute()

@@ -1,4 +1,4 @@
-"""Through the time of a recorded night: by frames, by events, by playing, by what is typed."""
+"""A review's way through the time of its night: frames, events, playing, a typed time."""
 
 import time
 from functools import partialmethod
@@ -24,9 +24,9 @@ from rsoconsole.night import LogLine
 
 ANY, FOUND = "any", "found"
 PLAY_S = 0.1
-"""How often it is looked whether another frame is due."""
+"""Seconds between two steps of playing."""
 _IN_FRAME = frozenset(("Miss", "NotFollowed", "NotSolved", "StateChange"))
-"""Kinds of lines that are seen whole at their frame's end."""
+"""Kinds of log lines that are shown at the end of their frame."""
 
 
 class ReviewMoves(NightScreen):
@@ -37,32 +37,32 @@ class ReviewMoves(NightScreen):
         self.folder: Path | None = None
         self.timeline = Timeline()
         self.lines: tuple[LogLine, ...] = ()
-        """Of the whole log, as far as it has been read."""
+        """The whole log, as far as it has been read."""
         self.moment: Moment | None = None
         """The moment that is shown; None before the first."""
         self.kept: Moment | None = None
-        """The one to compare with, A; None while none is kept."""
+        """Moment A, to compare with; None while none is kept."""
         self.seq = 0
-        """The moment that is wanted."""
+        """The moment that was asked for, as a place in the log."""
         self.is_at_head = False
-        """Whether a night that goes on is followed."""
+        """Whether the review follows a night that goes on, at its last frame."""
         self.kind: str = ANY
-        """Of the events that are jumped to."""
+        """The kind of event that is jumped to, ``ANY``, or ``FOUND`` for lines of the log."""
         self.searched = ""
         """Words that the log has been searched for."""
         self.player = Player()
         self._played_s = 0.0
 
     def want(self, seq: int) -> None:
-        """Have that moment shown."""
+        """Ask for that moment; the screen does."""
 
     def show_place(self) -> None:
-        """The time line."""
+        """Draw the time line; the screen does."""
 
     # -- where ----------------------------------------------------------------------------------
 
     def go(self, seq: int | None) -> bool:
-        """To that moment, by hand: playing ends; False where there is none."""
+        """Go to that moment and stop playing; False where there is none."""
         if seq is None:
             self.say("the session has no frames", "warn")
             return False
@@ -86,15 +86,15 @@ class ReviewMoves(NightScreen):
     action_hundred_on = partialmethod(_step_frames, 100)
 
     def action_first_frame(self) -> None:
-        """Of the night."""
+        """Go to the night's first frame."""
         self.go(self.timeline.step(0, 1))
 
     def action_last_frame(self) -> None:
-        """Of the night; one that goes on is followed."""
+        """Go to the night's last frame; a night that goes on is followed."""
         self.go(self.timeline.step(self.timeline.last_seq, 0))
 
     def on_timeline_pane_pointed(self, message: TimelinePane.Pointed) -> None:
-        """The mouse on the time line."""
+        """Go where the mouse is on the time line."""
         timeline = self.timeline
         t_utc_ns = time_at(timeline, message.column, message.columns)
         seq = None if t_utc_ns is None else timeline.at_time(t_utc_ns)
@@ -102,18 +102,18 @@ class ReviewMoves(NightScreen):
             self.go(seq)
 
     def action_goto_moment(self) -> None:
-        """Ask which, in the last line."""
+        """Ask for a frame or a time, in the last line."""
         self.query_one(MomentField).open()
 
     def on_input_submitted(self, event: Input.Submitted) -> None:
-        """To what was typed there."""
+        """Go to the typed frame or time."""
         event.stop()
         self.close_field()
         if event.value.strip():
             self.go_to_text(event.value)
 
     def close_field(self) -> bool:
-        """Nothing is typed any more; whether something was."""
+        """Close the field of the last line; False where it was closed."""
         field = self.query_one(MomentField)
         is_open = field.display
         if is_open:
@@ -122,7 +122,7 @@ class ReviewMoves(NightScreen):
         return is_open
 
     def go_to_text(self, text: str) -> None:
-        """To what was typed; why not, where there is no such moment."""
+        """Go to a frame or a time as it was typed; say why not, where there is no such moment."""
         try:
             self.go(seq_of(understood(text), self.timeline))
         except ValueError as error:
@@ -132,19 +132,19 @@ class ReviewMoves(NightScreen):
 
     @property
     def kinds(self) -> tuple[TimelineEventKind, ...]:
-        """What is jumped to, of what the time line has."""
+        """Kinds of events that are jumped to."""
         return tuple(kind for kind in KINDS if self.kind in {ANY, kind})
 
     @property
     def found(self) -> tuple[int, ...]:
-        """Moments of the lines with the words that were searched for; empty for other kinds."""
+        """Moments of the lines that the log was searched for; empty for other kinds."""
         if self.kind != FOUND:
             return ()
         wanted = self.searched.lower()
         return tuple(self.moment_of(line) for line in self.lines if wanted in line.text.lower())
 
     def moment_of(self, line: LogLine) -> int:
-        """The place from which a line of the log is best seen."""
+        """The moment at which a line of the log is shown, as a place in the log."""
         index = self.timeline.index_of(line.seq)
         if line.kind not in _IN_FRAME or index is None:
             return line.seq
@@ -171,7 +171,7 @@ class ReviewMoves(NightScreen):
     action_event_on = partialmethod(_jump, is_on=True)
 
     def action_event_kind(self) -> None:
-        """The next kind that the night has."""
+        """Choose the next kind of event that the night has."""
         present = {each.kind for each in self.timeline.events}
         kinds = [ANY, *(kind for kind in KINDS if kind in present)]
         if self.searched:
@@ -185,7 +185,7 @@ class ReviewMoves(NightScreen):
 
     @property
     def kind_words(self) -> str:
-        """What is jumped to."""
+        """The kind of event that is jumped to, in words."""
         if self.kind == FOUND:
             return f"log has {self.searched!r}"
         return next((f"{SIGNS[kind]} {kind}" for kind in KINDS if kind == self.kind), "any event")
@@ -193,7 +193,7 @@ class ReviewMoves(NightScreen):
     # -- playing --------------------------------------------------------------------------------
 
     def action_play(self) -> None:
-        """Play from here, or stay here; at the end of a night, from its beginning."""
+        """Play from here, or pause; at the end of a night, from its beginning."""
         if self.player.is_playing:
             self.player.is_playing = False
         elif self.timeline.frames:
@@ -208,7 +208,7 @@ class ReviewMoves(NightScreen):
         self.show_keys()
 
     def play_on(self) -> None:
-        """The moment that is due by now."""
+        """Go on to the frame that is due by now."""
         if not self.player.is_playing:
             return
         now_s = time.monotonic()
@@ -232,7 +232,7 @@ class ReviewMoves(NightScreen):
 
     @property
     def place(self) -> Place:
-        """The wanted moment, the kept moment, and what is jumped to."""
+        """What the time line marks: the moment, moment A, the events that are jumped to."""
         return Place(
             seq=self.seq,
             words=tuple(word for word in self._place_words() if word),

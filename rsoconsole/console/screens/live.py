@@ -73,7 +73,7 @@ class LiveScreen(NightScreen, TrackOrders, CommandOutcomes, NudgeActions):
     # -- what is known ----------------------------------------------------------------------
 
     def update_night(self, night: NightView, picture: Picture | None) -> None:
-        """The session has grown, or another one is read."""
+        """Take a night that has grown, or another one, and its newest picture."""
         has_other_shape = aspect_of(picture) != aspect_of(self.picture)
         if night.folder != self.night.folder:
             self.drop_mark()
@@ -88,7 +88,7 @@ class LiveScreen(NightScreen, TrackOrders, CommandOutcomes, NudgeActions):
         self.tune.compute_now_and_then()
 
     def update_engine(self, engine: EngineView) -> None:
-        """The engine said something else than before, or nothing."""
+        """Take the engine's new status."""
         before, self.engine = self.engine, engine
         if before.holder != self.engine.holder:
             # Whatever was said of it is done, or undone: the first line has it now.
@@ -99,7 +99,7 @@ class LiveScreen(NightScreen, TrackOrders, CommandOutcomes, NudgeActions):
     def handle_outcome(
         self, command: Command, stops: int, seq: int, then: Command | None, outcome: Outcome
     ) -> None:
-        """What came of a command."""
+        """Handle the engine's answer to a command."""
         self.telescope.handle_outcome(command, outcome)
         if isinstance(command, Nudge):
             self.is_nudging = False
@@ -107,25 +107,25 @@ class LiveScreen(NightScreen, TrackOrders, CommandOutcomes, NudgeActions):
         self.show_top()  # what was asked for is perhaps on its way no longer
 
     def on_pointed(self, message: Pointed) -> None:
-        """The mouse in a picture: an end of a mark, or a streak to follow."""
+        """Set an end of a mark, or choose the streak that was clicked."""
         if self.marking is not None:
             self.mark_at(message)
         elif not message.is_release:
             self.streaks.click(message)
 
     def stop(self) -> None:
-        """STOP; a second press that has not been acted on yet is never carried out after it."""
+        """STOP; a second press that still waits is never carried out after it."""
         self.telescope.note_stop()
         self.twice.press.forget()
         super().stop()
 
     @property
     def is_following_again(self) -> bool:
-        """Whether what is kept has been asked for, and the engine has yet to take it up."""
+        """Whether the kept track was asked for, and the engine has yet to follow it again."""
         return self.telescope.is_following_again
 
     def drawn_from(self) -> dict[Draw, tuple[str, ...]]:
-        """Also what the application makes of it, and the words of a STOP."""
+        """As for any night, with what the application does with it and the words of a STOP."""
         return {
             self._make_known: ("night", "engine"),
             self._show_log_that_is_read: ("engine",),
@@ -142,7 +142,7 @@ class LiveScreen(NightScreen, TrackOrders, CommandOutcomes, NudgeActions):
             self.show_log()
 
     def stop_words(self, news: StopNews) -> str:
-        """With how things stand since, and the next key."""
+        """How a STOP stands, how things stand since, and the next key."""
         said, engine = super().stop_words(news), self.engine
         if news.phase != "stopped" or not engine.is_attached or engine.holder != "nobody":
             return said
@@ -152,7 +152,7 @@ class LiveScreen(NightScreen, TrackOrders, CommandOutcomes, NudgeActions):
 
     @property
     def alert(self) -> str:
-        """What must not be missed."""
+        """The alert in words, and who asks for control; empty: neither."""
         give, keep = (first_key(name, self.keymap) for name in ("give_seat", "keep_seat"))
         asker = self.asker
         asked = f"{asker} asks for control: {give} gives it, {keep} keeps it" if asker else ""
@@ -161,7 +161,7 @@ class LiveScreen(NightScreen, TrackOrders, CommandOutcomes, NudgeActions):
 
     @property
     def intro(self) -> str:
-        """What a simulated night is going to show."""
+        """What a simulated night is going to show, in words; empty for another."""
         return intro_text(self.night, self.engine, self.keymap)
 
     @property
@@ -177,7 +177,7 @@ class LiveScreen(NightScreen, TrackOrders, CommandOutcomes, NudgeActions):
 
     @property
     def mode(self) -> Mode:
-        """What the keys are for."""
+        """What the keys are for at this moment."""
         return "mark" if self.marking is not None else super().mode
 
     # -- the console's own keys -----------------------------------------------------------------
@@ -205,14 +205,14 @@ class LiveScreen(NightScreen, TrackOrders, CommandOutcomes, NudgeActions):
         self.app.push_screen(LeaveDialog(text, proposes_staying=is_left_alone), decided)
 
     def action_put_away(self) -> None:
-        """A mark first."""
+        """Put away a mark first."""
         if self.marking is not None:
             self.cancel_mark()
         else:
             super().action_put_away()
 
     def action_mark(self) -> None:
-        """In the picture, which the log may lie over, or the orbit in a small terminal."""
+        """Begin a mark where the picture can be seen, or leave it off."""
         if self.marking is None:
             if self.is_log_open:
                 self.action_log()
@@ -221,14 +221,14 @@ class LiveScreen(NightScreen, TrackOrders, CommandOutcomes, NudgeActions):
         super().action_mark()
 
     def mark_refusal(self, frame_id: int) -> str:
-        """The engine takes words on the last frames only."""
+        """The reason why a frame takes no mark from this console; empty: it does."""
         if not self.can_act:
             return f"no mark in frame {frame_id}: no engine takes one from this console"
         return too_late_to_mark(self.engine, frame_id)
 
     @property
     def mark_to(self) -> MarkTo | None:
-        """To the engine, as from the picture."""
+        """Where a mark of the opened frame goes: to the engine, None on a read-only console."""
         if self.read_only:
             return None
 
@@ -244,7 +244,7 @@ class LiveScreen(NightScreen, TrackOrders, CommandOutcomes, NudgeActions):
         )
 
     def action_verdicts(self) -> None:
-        """Of the frame that was just marked, once; else of the shown one. Both are at hand."""
+        """List the streaks of the marked frame, once, else of the shown one; tab: the other."""
         marked_id, is_first = self.recent_mark()
         shown, folder = self.picture, self.night.folder
         if marked_id is None or folder is None or shown is None or shown.frame_id == marked_id:
@@ -260,7 +260,7 @@ class LiveScreen(NightScreen, TrackOrders, CommandOutcomes, NudgeActions):
         self.app.push_screen(CandidatesDialog(ordered, self.night.tau, self.keymap))
 
     def action_note(self) -> None:
-        """A remark into the session."""
+        """Ask for a remark, which goes into the session."""
         if not self.may_act():
             return
 
@@ -273,7 +273,7 @@ class LiveScreen(NightScreen, TrackOrders, CommandOutcomes, NudgeActions):
     # -- the past -----------------------------------------------------------------------------
 
     def open_session(self, folder: Path) -> None:
-        """Over this screen, which goes on behind; the night that goes on is opened at its head."""
+        """Open a review over this screen, which goes on behind; the present night at its head."""
         is_this = folder == self.night.folder and not self.night.is_closed
         self.app.push_screen(
             ReviewScreen(

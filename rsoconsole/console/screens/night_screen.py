@@ -1,4 +1,4 @@
-"""The panes over one instant of a night, and the keys that only look: live and review have them."""
+"""The screen that live night and review share: the panes, and the keys that only look."""
 
 from collections.abc import Callable, Iterable, Mapping
 from functools import partial
@@ -34,7 +34,7 @@ Draw = Callable[[], None]
 
 
 class DrawnFrom:
-    """Draws what is drawn from a reactive of the screen after the message that has changed it.
+    """Draws each part of a screen once, after the message that changed what it is drawn from.
 
     A message changes several as a rule: what is drawn from more than one of them is drawn once.
     """
@@ -56,14 +56,14 @@ class DrawnFrom:
         return changed
 
     def draw(self) -> None:
-        """What has changed, in the order of the table."""
+        """Draw what has changed, in the order of the table."""
         stale, self._stale = self._stale, set()
         for draw in self._draws:
             if draw in stale:
                 draw()
 
     def draw_all(self) -> None:
-        """The first paint."""
+        """Draw everything: the first paint."""
         self._stale.clear()
         for draw in self._draws:
             draw()
@@ -73,7 +73,7 @@ KNOWN = ("night", "engine", "outlook", "orbit_ahead")
 
 
 class NightScreen(PanePlaces, PictureActions, MessageActions, OpeningActions):
-    """Shows a night as it is at one instant; which one, and what may be done, its heirs say."""
+    """A night as it is at one instant: its panes, and the keys that only look."""
 
     PANES: ClassVar[tuple[Name, ...]] = (
         *("top", "alert", "frame", "closeup", "confidence", "east"),
@@ -127,7 +127,7 @@ class NightScreen(PanePlaces, PictureActions, MessageActions, OpeningActions):
         self.drawn.draw_all()
 
     def on_resize(self) -> None:
-        """Another terminal, other places."""
+        """Lay the panes out for another terminal."""
         self.place_panes()
         self.call_after_refresh(self._look_after_resize)
 
@@ -143,14 +143,14 @@ class NightScreen(PanePlaces, PictureActions, MessageActions, OpeningActions):
         self.tune.do(message)
 
     def on_unmount(self) -> None:
-        """Nobody asks any more."""
+        """End the threads that compute."""
         self.tune.close_watch()
         self.outlook_watch.close()
 
     # -- what is known ----------------------------------------------------------------------
 
     def update_outlook(self, outlook: "Outlook") -> None:
-        """What the next hours bring."""
+        """Take what the next hours bring, and draw it."""
         self.outlook = outlook
         self.pane("sky").show(partial(sky_lines, self.night.config, outlook))
 
@@ -169,26 +169,26 @@ class NightScreen(PanePlaces, PictureActions, MessageActions, OpeningActions):
         }
 
     def show_log(self) -> None:
-        """The lines of the log."""
+        """Draw the lines of the log."""
         is_reading = words.is_past_unread(self.night, self.engine)
         self.query_one(LogPane).show(self.night.log, is_reading=is_reading)
 
     def show_top(self) -> None:
-        """The first line."""
+        """Draw the first line."""
         self.pane("top").show(self.top)
 
     def show_orbit(self) -> None:
-        """What is known of the orbit."""
+        """Draw the orbit."""
         self.pane("orbit").show(partial(orbit_lines, self.orbit))
 
     def show_facts(self) -> None:
-        """The figures."""
+        """Draw the figures."""
         lines = partial(fact_lines, self.night, self.engine, self.outlook, keymap=self.keymap)
         self.pane("facts").show(lines)
 
     @property
     def mode(self) -> Mode:
-        """What the keys are for."""
+        """What the keys are for at this moment."""
         if self.is_log_open:
             return "log"
         if isinstance(self.focused, TracksPane):
@@ -198,24 +198,24 @@ class NightScreen(PanePlaces, PictureActions, MessageActions, OpeningActions):
     # -- keys that only look ------------------------------------------------------------------
 
     def show_stop(self, news: StopNews | None) -> None:
-        """What came of a STOP, over everything else."""
+        """Show how a STOP stands over everything else; None: put it away."""
         super().show_stop(news)
         self.show_top()
         self.query_one("#stop", StopBanner).display = news is not None
         self.show_stop_words()
 
     def show_stop_words(self) -> None:
-        """In the banner; nothing where there is none."""
+        """Write into the banner how a STOP stands."""
         news = self.stop_news
         if news is not None:
             self.query_one("#stop", StopBanner).say(self.stop_words(news), news.phase)
 
     def stop_words(self, news: StopNews) -> str:
-        """What came of a STOP."""
+        """How a STOP stands, in words."""
         return f"STOP {news.text}"
 
     def action_log(self) -> None:
-        """All panes to the log, and back."""
+        """Give the whole screen to the log, and back."""
         self.is_log_open = not self.is_log_open
         self.place_panes()
         log = self.query_one(LogPane)
@@ -229,7 +229,7 @@ class NightScreen(PanePlaces, PictureActions, MessageActions, OpeningActions):
         self.show_keys()
 
     def action_orbit(self) -> None:
-        """Over the plots, and back; a log or a tuning pane that lies there gives way."""
+        """Open the orbit over the plots, and back; an open log or tuning pane gives way."""
         if self.is_log_open:
             self.action_log()
             self.is_orbit_open = False
@@ -242,12 +242,12 @@ class NightScreen(PanePlaces, PictureActions, MessageActions, OpeningActions):
         self.show_keys()
 
     def clear_filter(self) -> None:
-        """Every line of the log again."""
+        """Show every line of the log again."""
         self.query_one(LogPane).filter("")
         self.say("log: every line")
 
     def action_filter_log(self) -> None:
-        """Only lines with some words."""
+        """Ask for words; only lines with them are shown."""
         log = self.query_one(LogPane)
 
         def decided(wanted: str | None) -> None:
@@ -262,18 +262,18 @@ class NightScreen(PanePlaces, PictureActions, MessageActions, OpeningActions):
         )
 
     def covers_picture(self) -> bool:
-        """Whether an open orbit lies over it."""
+        """Whether the open orbit lies over the picture."""
         picture, orbit = self.query_one("#frame"), self.pane("orbit")
         is_there = self.is_orbit_open and picture.display
         return is_there and orbit.region.overlaps(picture.region)
 
     def action_tune(self) -> None:
-        """Where the orbit lay."""
+        """Open the tuning pane; the orbit gives way."""
         self.is_orbit_open = False
         self.tune.action_tune()
 
     def action_put_away(self) -> None:
-        """The log first, what came of a STOP, the orbit, a page of curves, the filter, a notice."""
+        """Put away the first of: log, a STOP's end, orbit, page over the plots, filter, notice."""
         log = self.query_one(LogPane)
         if self.is_log_open and log.wanted and log.always_shown:
             self.clear_filter()
@@ -291,14 +291,14 @@ class NightScreen(PanePlaces, PictureActions, MessageActions, OpeningActions):
             self.say("")
 
     def action_leave(self) -> None:
-        """Out of the console; a screen that has something to ask before does."""
+        """Leave the console; a screen that has something to ask does so first."""
         self.app.exit("quit")
 
     # -- whose control it is --------------------------------------------------------------------
 
     @property
     def asker(self) -> str | None:
-        """Who asks for this seat, where it is this console's to give."""
+        """The console that asks for control, where this one has it; None: none."""
         is_ours = bool(self.seat_name) and self.engine.seat == self.seat_name
         return self.engine.seat_asked_by if is_ours else None
 
@@ -310,9 +310,9 @@ class NightScreen(PanePlaces, PictureActions, MessageActions, OpeningActions):
             self.send(AnswerSeat(gives=gives, to=self.asker))
 
     def action_give_seat(self) -> None:
-        """To the console that asks for it."""
+        """Give control to the console that asks for it."""
         self.answer_for_seat(gives=True)
 
     def action_keep_seat(self) -> None:
-        """Though another console asks for it."""
+        """Keep control though another console asks for it."""
         self.answer_for_seat(gives=False)

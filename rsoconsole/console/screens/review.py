@@ -36,14 +36,14 @@ if TYPE_CHECKING:
     from rsoconsole.pipeline import Outlook
 
 LIVE_S = 0.5
-"""How often it is looked what the night behind does."""
+"""Seconds between two looks at the live night behind."""
 LINES = 200
-"""Of the log in its small pane."""
+"""Lines of the log in its small pane."""
 OUTLOOK_GOOD_NS = 600 * 10**9
 OUTLOOK_AFTER_S = 0.7
-"""So long a moment must stay before what lies ahead of it is computed."""
+"""How long a moment must stay before what lies ahead of it is computed."""
 HEAD = "head"
-"""Where a night that goes on is opened: at its last frame, and on with it."""
+"""The start that means: at the last frame of a night that goes on, and on with it."""
 
 
 class ReviewScreen(ReviewCompare):
@@ -118,7 +118,7 @@ class ReviewScreen(ReviewCompare):
     # -- what is known ----------------------------------------------------------------------
 
     def update_timeline(self, folder: Path, timeline: Timeline, lines: tuple[LogLine, ...]) -> None:
-        """More has been read, or has been recorded: the course, every line of the log so far."""
+        """Take the course of the session and every line of its log, as far as read."""
         if folder != self.folder:
             return
         self.timeline, self.lines, self._fault = timeline, lines, ""
@@ -148,7 +148,7 @@ class ReviewScreen(ReviewCompare):
                 self.go_to_text(start)
 
     def show_moment(self, folder: Path, moment: Moment) -> None:
-        """The moment that was wanted."""
+        """Show the moment that was asked for."""
         if folder != self.folder:
             return
         has_other_shape = aspect_of(moment.picture) != aspect_of(self.picture)
@@ -179,13 +179,13 @@ class ReviewScreen(ReviewCompare):
             self._when_it_stays(lambda: self.outlook_watch.update(self.night, self.engine))
 
     def show_fault(self, folder: Path, text: str) -> None:
-        """Why the session cannot be read."""
+        """Say why the session cannot be read."""
         if folder == self.folder and text != self._fault:
             self._fault = text
             self.show_alert()
 
     def want(self, seq: int) -> None:
-        """Have that moment shown; the time line shows at once where it is."""
+        """Ask for that moment; the time line shows at once where it is."""
         self.seq = seq
         if self.folder is not None:
             self._watch_session.want(self.folder, seq)
@@ -194,45 +194,45 @@ class ReviewScreen(ReviewCompare):
     # -- what is shown ----------------------------------------------------------------------
 
     def show_live(self) -> None:
-        """What the night behind does, and whether its alert lies over this one."""
+        """Draw what tells of the live night behind: first line, alert and keys."""
         self.show_top()
         self.show_alert()
         self.show_keys()
 
     def validate_outlook(self, outlook: "Outlook | None") -> "Outlook | None":
-        """None where it is of another hour of the night."""
+        """None for an outlook of another hour of the night."""
         now = self.night.last_utc_ns or 0
         is_near = outlook is not None and abs(outlook.t_utc_ns - now) <= OUTLOOK_GOOD_NS
         return outlook if is_near else None
 
     def show_place(self) -> None:
-        """The time line."""
+        """Draw the time line."""
         lines = partial(timeline_lines, self.timeline, self.place)
         self.query_one("#timeline", TimelinePane).show(lines)
 
     def top(self, width: int, rows: int) -> list[Line]:
-        """That this is the past, what the state was, and what it is now."""
+        """The first line: that this is the past, the state then, and the state now."""
         live = None if self._live is None else (self._live.night, self._live.engine)
         found = target_words(self.orbit)
         return review_top_lines(self.night, self.engine, live, width, rows, found=found)
 
     @property
     def alert(self) -> str:
-        """Of the night behind first, then what is wrong with this one."""
+        """The alert of the live night behind, then what is wrong with this one."""
         live = "" if self._live is None else self._live.alert
         return " · ".join(part for part in (f"LIVE: {live}" if live else "", self._fault) if part)
 
     def picture_words(
         self, picture: Picture | None, sight: Sight, drawing: Drawing | None
     ) -> tuple[list[str], list[str]]:
-        """The frame's number also where it has no picture."""
+        """Title and caption; the frame's number also where it has no picture."""
         frame = self.night.frame
         if picture is not None or sight != "field":
             return super().picture_words(picture, sight, drawing)
         return ["no frame yet" if frame is None else f"frame {frame.frame_id:04d}"], []
 
     def show_picture(self) -> None:
-        """The moment's own frame; none other in its place."""
+        """Draw the moment's own frame; no other in its place."""
         absent = "no picture of it was kept" if self.night.frame is not None else "no frame yet"
         if self.moment is None:
             absent = "" if self.folder is None else "reading …"
@@ -241,7 +241,7 @@ class ReviewScreen(ReviewCompare):
         super().show_picture()
 
     def show_log(self) -> None:
-        """Up to the moment; opened, that of the whole night."""
+        """Draw the log up to the moment; opened, that of the whole night."""
         pane = self.query_one("#log", ReviewLogPane)
         pane.seq = self.seq
         pane.show(self.lines if self.is_log_open else self.night.log[-LINES:])
@@ -259,7 +259,7 @@ class ReviewScreen(ReviewCompare):
 
     @property
     def mode(self) -> Mode:
-        """What the keys are for."""
+        """What the keys are for at this moment."""
         modes: dict[Mode, Mode] = {
             "log": "review log",
             "tune": "review tune",
@@ -275,7 +275,7 @@ class ReviewScreen(ReviewCompare):
     # -- the log ----------------------------------------------------------------------------
 
     def action_log(self) -> None:
-        """All of the night's, the moment's line chosen; and back."""
+        """Open the log of the whole night with the moment's line chosen, and back."""
         super().action_log()
         pane = self.query_one("#log", ReviewLogPane)
         if self.is_log_open:
@@ -285,7 +285,7 @@ class ReviewScreen(ReviewCompare):
             self.show_log()
 
     def action_filter_log(self) -> None:
-        """Search all of the night's log."""
+        """Ask for words to search the whole night's log for."""
 
         def decided(wanted: str | None) -> None:
             if wanted is None:
@@ -304,7 +304,7 @@ class ReviewScreen(ReviewCompare):
         self.app.push_screen(LineDialog("search the log", words, self.searched), decided)
 
     def action_go_to_line(self) -> None:
-        """To the moment of the log's chosen line."""
+        """Go to the moment of the log's chosen line."""
         line = self.query_one("#log", ReviewLogPane).chosen
         if line is not None:
             self.action_log()
@@ -313,21 +313,21 @@ class ReviewScreen(ReviewCompare):
     # -- the rest ---------------------------------------------------------------------------
 
     def action_tune_scope(self) -> None:
-        """The last frames, or all."""
+        """Tune over all frames so far, or over the last ones again."""
         self.tune.change_scope()
 
     def may_act(self) -> bool:
-        """Never: what is recorded stays as it is."""
+        """False: what is recorded stays as it is; a notice says so."""
         self.say("nothing is changed here: what is tried can be kept as a preset (w)")
         return False
 
     def answer_for_seat(self, *, gives: bool) -> None:
-        """Of the night behind: here nobody asks for control."""
+        """Answer for the live night behind, which has the control that is asked for."""
         if self._live is not None:
             self._live.answer_for_seat(gives=gives)
 
     def action_put_away(self) -> None:
-        """What lies over the night, then what is being played."""
+        """Put away what lies over the night, then stop playing."""
         if self.close_field():
             return
         is_bare = not (self.is_log_open or self.is_orbit_open) and self.stop_news is None
@@ -337,7 +337,7 @@ class ReviewScreen(ReviewCompare):
             super().action_put_away()
 
     def action_leave(self) -> None:
-        """Back to the live night, at its head; or out."""
+        """Go back to the live night; without one, leave the console."""
         if self._live is not None:
             self.app.pop_screen()
         else:

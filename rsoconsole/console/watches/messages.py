@@ -20,7 +20,7 @@ def call_in_turn(screen: MessagePump, call: Callable[..., None], *arguments: Any
 
 
 class Pointed(Message):
-    """The mouse in a picture, in pixels of the frame."""
+    """The mouse was pressed or released in a picture, in pixels of the frame."""
 
     def __init__(self, x_px: float, y_px: float, px_per_square: float, *, is_release: bool) -> None:
         super().__init__()

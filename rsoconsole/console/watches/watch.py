@@ -1,4 +1,4 @@
-"""The two that look outside, each on a thread of its own: one reads, one asks the engine.
+"""The watches, each on a thread of its own: session, engine, and what lies ahead.
 
 They hand what they found to a callback, which must return at once. No other part of the console
 opens a file of the session; a hanging engine keeps nobody from the past.
@@ -27,7 +27,7 @@ READ_S = 0.25
 ASK_S = 0.5
 ANSWER_S = 1.0
 STARTING_S = 30.0
-"""An engine that has never answered is waited for so long before it is called gone."""
+"""How long an engine that has never answered is waited for before it is called gone."""
 SHOW_WHILE_READING_S = 0.3
 CLOSED_CHECK_S = 2.0
 
@@ -213,12 +213,12 @@ if TYPE_CHECKING:
 EVERY_S = 30.0
 WAIT_S = 1.0
 BREATH_S = 2.0
-"""So long at least from one orbit of a running engine to the next: simulated nights are quick."""
+"""Least time between two orbits of a running engine: simulated nights are quick."""
 MINUTE_NS = 60 * 10**9
 
 
 class OutlookWatch(Poller):
-    """Computes it every half minute, and when the state or what is followed is another."""
+    """Computes what lies ahead every half minute, and with another state or target."""
 
     def __init__(
         self, on_seen: Callable[["Outlook"], None], on_orbit: Callable[[OrbitAhead], None]
@@ -231,7 +231,7 @@ class OutlookWatch(Poller):
         self._orbit_of: object = None
 
     def update(self, night: NightView, engine: EngineView) -> None:
-        """What is known by now (any thread)."""
+        """Take the night and the engine as they are now (any thread)."""
         self._known = (night, engine)
 
     def _look(self) -> None:
