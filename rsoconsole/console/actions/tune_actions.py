@@ -1,4 +1,4 @@
-"""The tuning pane's keys, from the one that opens it to the settings that the engine is sent."""
+"""The tuning pane's keys: open it, try settings, send them to the engine."""
 
 import time
 from collections.abc import Mapping

@@ -27,7 +27,7 @@ def line_text(line: LogLine) -> str:
 
 
 class MessageListDialog(Dialog[str | None]):
-    """A list of messages in full, the newest first; gives the one that is to be copied."""
+    """A list of messages in full, the newest first; gives the message to copy."""
 
     BINDINGS: ClassVar[list[BindingType]] = [Binding("ctrl+y", "copy", "Copy", show=False)]
     DEFAULT_CSS = """
