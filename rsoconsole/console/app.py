@@ -7,6 +7,7 @@ import logging
 import os
 import signal
 import sys
+import threading
 from collections.abc import Callable, Iterable, Mapping
 from functools import partial
 from pathlib import Path
@@ -22,18 +23,18 @@ from rsoconsole.console.actions.seat import Seat
 from rsoconsole.console.commands.command import KeyCommand, Place
 from rsoconsole.console.commands.commands import commands_in
 from rsoconsole.console.commands.keymap import Orders, bindings
-from rsoconsole.console.dialogs.dialogs import HelpDialog
+from rsoconsole.console.dialogs.help import HelpDialog
 from rsoconsole.console.dialogs.tour import TourDialog
 from rsoconsole.console.drawing.blocks import HALF_BLOCKS, QUADRANTS, Blocks
 from rsoconsole.console.drawing.plain import COLOURS, NIGHT_CSS, THEMES, CleanFilter, PlainFilter
 from rsoconsole.console.frame.frame_sheet import FrameSheet
-from rsoconsole.console.night.engine_seen import EngineView, alerts_between, notification
+from rsoconsole.console.night.engine_view import EngineView, alerts_between, notification
 from rsoconsole.console.panes.last_line import MODE_WORDS, Mode
 from rsoconsole.console.picture.picture import Picture
 from rsoconsole.console.screens.live import LiveScreen
 from rsoconsole.console.screens.night_screen import NightScreen
 from rsoconsole.console.screens.review import ReviewScreen
-from rsoconsole.console.watches.messages import EngineSeen, NightSeen
+from rsoconsole.console.watches.messages import call_in_turn
 from rsoconsole.console.watches.watch import EngineWatch, SessionWatch
 from rsoconsole.control import Found, Wire
 from rsoconsole.night import NightView
@@ -45,11 +46,11 @@ if TYPE_CHECKING:
     from rsoconsole.console.picture.graphics import GraphicsKind
 
 StopDirectly = Callable[[Callable[[Found], None], IndiConfig | None], None]
-"""Stops the mount past the engine, and tells what it finds."""
+"""Stops the mount past the engine; calls back with what it finds."""
 
 
 def is_utf8() -> bool:
-    """Whether the terminal takes more than letters, by the locale's word.
+    """Whether the terminal takes more than ASCII, by the locale.
 
     In the locale C, Python writes UTF-8 all the same, and says so in its own environment
     (PEP 538): what the program was given counts.
@@ -76,11 +77,11 @@ def _given_environment() -> Mapping[str, str]:
 
 
 AFTER_ESCAPE_S = 0.05
-"""So long what escape closes has to be closed."""
+"""Seconds that what escape closes has to be closed."""
 
 
 def action_of(owner: Any, key: KeyCommand) -> Callable[[], Any]:
-    """What its key does, for the palette."""
+    """The action of a command, for the palette."""
     if key.sends is not None:
         return partial(owner.action_hand_over, key.name)
     action: Callable[[], Any] = getattr(owner, f"action_{key.name}")
@@ -88,7 +89,7 @@ def action_of(owner: Any, key: KeyCommand) -> Callable[[], Any]:
 
 
 class ConsoleApp(App[str]):
-    """The operator's seat. Its result is "quit" or "stop engine"."""
+    """The console as a Textual application. Its result is "quit" or "stop engine"."""
 
     TITLE = "rsoconsole"
     CSS = NIGHT_CSS
@@ -133,9 +134,10 @@ class ConsoleApp(App[str]):
         self.blocks = blocks
         self._settings = settings or ConsoleConfig()
         self._last: tuple[NightView, EngineView] = (NightView(), EngineView())
-        self._waiting_night: NightSeen | None = None
+        self._newest: tuple[NightView, Picture | None] | None = None
+        """What no screen has looked at yet; pictures must not pile up while one is busy."""
+        self._newest_lock = threading.Lock()
         self._own_keys = dict(keymap or {})
-        self._loop_of_app: asyncio.AbstractEventLoop | None = None
         self._is_recorded = session is not None or review is not None
         self._engine_watch = EngineWatch(wire(), self._engine_seen)
         self._session_watch = SessionWatch(self._night_seen)
@@ -151,8 +153,7 @@ class ConsoleApp(App[str]):
             Orders(wire, past_engine),
             read_only=read_only or session is not None,
             ask_now=self._engine_watch.look_now,
-            from_thread=self._from_thread,
-            on_known=self.take_notice,
+            on_known=self.ring_alerts,
             seat_name=seat_name,
             keymap=self._own_keys,
             sessions_root=sessions_root,
@@ -162,7 +163,6 @@ class ConsoleApp(App[str]):
         if review is not None:
             self.root = ReviewScreen(
                 self.live.orders,
-                from_thread=self._from_thread,
                 keymap=self._own_keys,
                 sessions_root=sessions_root,
                 folder=review[0],
@@ -178,10 +178,10 @@ class ConsoleApp(App[str]):
         if wants_ascii:
             self._filters.append(PlainFilter())
             self.graphics, self.blocks = None, HALF_BLOCKS
-        self._loop_of_app = asyncio.get_running_loop()
+        loop = asyncio.get_running_loop()
         with contextlib.suppress(RuntimeError, ValueError):  # not in the main thread
             for number in (signal.SIGTERM, signal.SIGINT):
-                self._loop_of_app.add_signal_handler(number, self.exit, "quit")
+                loop.add_signal_handler(number, self.exit, "quit")
         for theme in THEMES:
             self.register_theme(theme)
         if "TEXTUAL_THEME" not in os.environ:
@@ -197,7 +197,7 @@ class ConsoleApp(App[str]):
             self._engine_watch.start()
 
     def on_unmount(self) -> None:
-        """Nobody looks any more."""
+        """End the watches."""
         self._engine_watch.close()
         self._session_watch.close()
 
@@ -209,17 +209,17 @@ class ConsoleApp(App[str]):
 
     @property
     def shown(self) -> NightScreen:
-        """The live seat or the review, whatever lies over it."""
+        """The live night or the review, whatever lies over it."""
         screens = [screen for screen in self.screen_stack if isinstance(screen, NightScreen)]
         return screens[-1] if screens else self.live
 
     @property
     def place(self) -> Place:
-        """Which of the two that is."""
+        """Whether that is the live night or a review."""
         return "review" if isinstance(self.shown, ReviewScreen) else "live"
 
     def get_system_commands(self, screen: Screen[Any]) -> Iterable[SystemCommand]:
-        """Every command by name; those of a screen of its own come first."""
+        """Every command by name, for the palette; those of an opened frame come first."""
         if isinstance(screen, FrameSheet):
             yield from screen.system_commands()
         for command in commands_in(self.place):
@@ -233,7 +233,7 @@ class ConsoleApp(App[str]):
 
     @property
     def failure(self) -> Exception | None:
-        """What the console broke of; None as a rule."""
+        """The exception that ended the console; None as a rule."""
         return self._exception
 
     def _fatal_error(self) -> None:
@@ -243,16 +243,14 @@ class ConsoleApp(App[str]):
         self._close_messages_no_wait()
 
     async def action_quit(self) -> None:
-        """Never without asking."""
+        """Ask before leaving."""
         self.action_leave()
 
     def action_stop(self) -> None:
         """STOP, on every screen."""
         self.root.stop()
 
-    def action_stop_by_letter(self) -> None:
-        """STOP."""
-        self.root.stop()
+    action_stop_by_letter = action_stop
 
     def action_after_escape(self, key: str) -> None:
         """Escape, and when that has put away what it does, the key typed right behind it."""
@@ -292,26 +290,26 @@ class ConsoleApp(App[str]):
         self.push_screen(TourDialog(self._own_keys), decided)
 
     def action_suspend(self) -> None:
-        """To the shell, as any program in a terminal."""
+        """Suspend to the shell, as any program in a terminal."""
         self.action_suspend_process()
 
     def action_colours(self) -> None:
-        """The next of dark, night, the terminal's own and light."""
+        """Take the next of dark, night, the terminal's own and light."""
         names = [theme for theme in COLOURS if theme in self.available_themes]
         at = names.index(self.theme) if self.theme in names else -1
         self.theme = names[(at + 1) % len(names)]
         self.shown.say(f"colours: {COLOURS[self.theme]}")
 
     def action_leave(self) -> None:
-        """As the screen has it."""
+        """Leave as the screen has it."""
         if isinstance(self.screen, FrameSheet):
             self.pop_screen()
         screen = self.screen
         if isinstance(screen, NightScreen):
             screen.action_leave()
 
-    def take_notice(self, night: NightView, engine: EngineView) -> None:
-        """Ring or notify for what has come to pass since the last look."""
+    def ring_alerts(self, night: NightView, engine: EngineView) -> None:
+        """Ring or notify for what has changed since the last look."""
         before, self._last = self._last, (night, engine)
         for alert, words in alerts_between(before, self._last):
             if alert in self._settings.bell:
@@ -320,22 +318,17 @@ class ConsoleApp(App[str]):
                 self._driver.write(notification(words))
 
     def _night_seen(self, night: NightView, picture: Picture | None) -> None:
-        self._from_thread(self._post_night, night, picture)
+        with self._newest_lock:
+            is_waiting, self._newest = self._newest is not None, (night, picture)
+        if not is_waiting:
+            call_in_turn(self.live, self._show_newest)
 
-    def _post_night(self, night: NightView, picture: Picture | None) -> None:
-        waiting = self._waiting_night
-        if waiting is not None and not waiting.is_taken:
-            waiting.night, waiting.picture = night, picture
-            return
-        news = NightSeen(night, picture)
-        self._waiting_night = news if self.live.post_message(news) else None
+    def _show_newest(self) -> None:
+        with self._newest_lock:
+            newest, self._newest = self._newest, None
+        if newest is not None:
+            self.live.update_night(*newest)
 
     def _engine_seen(self, engine: EngineView) -> None:
         self._session_watch.follow(engine.session)
-        self._from_thread(self.live.post_message, EngineSeen(engine))
-
-    def _from_thread(self, call: Callable[..., Any], *arguments: Any) -> None:
-        """Have it called by the application; nothing when that has ended."""
-        with contextlib.suppress(RuntimeError):
-            if self._loop_of_app is not None:
-                self._loop_of_app.call_soon_threadsafe(call, *arguments)
+        call_in_turn(self.live, self.live.update_engine, engine)

@@ -1,4 +1,4 @@
-"""How a console is opened: over the running engine, or over one session."""
+"""Opens the console over the running engine, or over one session."""
 
 import gc
 import os
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from rsoconsole.console.app import StopDirectly
 
 ATTACH_S = 10.0
-"""An engine that answers is attached to at once; one on a busy machine may take this long."""
+"""How long an engine on a busy machine may take to answer."""
 
 
 def run_console(
@@ -28,7 +28,7 @@ def run_console(
     stop_directly: "StopDirectly | None" = None,
     graphics: Graphics | None = None,
 ) -> str:
-    """Open the seat and stay until it is left: "quit", or "stop engine" when that was asked for.
+    """Open the console and stay until it is left: "quit", or "stop engine" when that was chosen.
 
     ``socket`` is the engine's, None the default one. With ``session`` that folder is shown,
     read-only, live while it grows, and no engine is asked. ``owns_engine`` waits for one that is
@@ -42,8 +42,8 @@ def run_console(
     if session is not None:
         SessionReader(session)
     elif not owns_engine:
-        _expect_engine(socket)
-    _expect_terminal("'rsoconsole status' and 'rsoconsole stop' work without one")
+        _require_engine(socket)
+    _require_terminal("'rsoconsole status' and 'rsoconsole stop' work without one")
     from rsoconsole.console.dialogs.tour import TourMemory
 
     seat = _seat()
@@ -80,7 +80,7 @@ def run_review(
     config, keymap = load_config(), _keymap()
     if session is not None:
         SessionReader(session)
-    _expect_terminal("'rsoconsole export' and 'rsoconsole figures' work without one")
+    _require_terminal("'rsoconsole export' and 'rsoconsole figures' work without one")
     review = (session, start)
     _run(
         config, socket, _seat(), graphics, review=review, stop_directly=stop_directly, keymap=keymap
@@ -120,7 +120,7 @@ def _run(
     return ending or "quit"
 
 
-def _expect_terminal(without: str) -> None:
+def _require_terminal(without: str) -> None:
     """Raises RsoconsoleError where nothing can be drawn; Textual draws on stderr.
 
     ``without``: what else there is, in words.
@@ -144,7 +144,7 @@ def _seat() -> Sender:
     return Sender.at(terminal)
 
 
-def _expect_engine(socket: Path | None) -> None:
+def _require_engine(socket: Path | None) -> None:
     try:
         outcome = ControlClient(socket, sender=Sender(name="console")).send(
             AskStatus(), timeout_s=ATTACH_S

@@ -176,7 +176,7 @@ def test_the_banner_of_a_stop_ends_when_the_mount_is_measured_to_stand(wire: Fak
 
 
 def test_the_banner_says_a_fault_once_and_that_it_is_over():
-    from rsoconsole.console.night.engine_seen import engine_view
+    from rsoconsole.console.night.engine_view import engine_view
     from rsoconsole.night import NightView
 
     fault = {"state": "FAULT", "faults": [SERVER_IS_GONE] * 3, "session": "/n"}
@@ -210,7 +210,7 @@ def test_the_mount_s_own_word_is_told_with_its_age():
 def test_where_the_mount_stands_is_on_the_screen_also_when_nothing_is_followed(
     width: int, rows: int
 ):
-    from rsoconsole.console.night.engine_seen import engine_view
+    from rsoconsole.console.night.engine_view import engine_view
     from rsoconsole.night import NightView
 
     at_rest = {

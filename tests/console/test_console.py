@@ -19,12 +19,12 @@ from rsoconsole.base import ControlError, RsoconsoleError, SessionError
 from rsoconsole.config import Config
 from rsoconsole.console import run_console
 from rsoconsole.console.actions import seat
-from rsoconsole.console.actions.seat import RELEASED_S
+from rsoconsole.console.actions.second_press import RELEASED_S
 from rsoconsole.console.app import ConsoleApp
 from rsoconsole.console.dialogs.dialogs import LeaveDialog, Tick
 from rsoconsole.console.drawing.pane_layout import banner_box, fold
 from rsoconsole.console.drawing.plot import Column, residual_limit, residual_plot
-from rsoconsole.console.night.engine_seen import engine_view
+from rsoconsole.console.night.engine_view import engine_view
 from rsoconsole.console.panes.last_line import key_line, keys_for
 from rsoconsole.console.panes.log_pane import LogPane, log_rows
 from rsoconsole.console.panes.panes import FramePane, StopBanner

@@ -2,6 +2,7 @@
 
 import dataclasses
 import threading
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +15,7 @@ from rsoconsole.config import Config, default_config_path
 from rsoconsole.console.app import ConsoleApp
 from rsoconsole.console.commands.commands import commands_in
 from rsoconsole.console.commands.keymap import Orders, key_words, load_keymap
-from rsoconsole.console.dialogs.dialogs import help_text
+from rsoconsole.console.dialogs.help import help_text
 from rsoconsole.console.panes.log_pane import LogPane
 from rsoconsole.console.panes.panes import SIGHTS, FramePane
 from rsoconsole.console.screens.night_screen import DrawnFrom
@@ -78,13 +79,14 @@ def test_every_command_has_an_action_a_key_words_and_a_place_in_help_and_palette
 
 
 def test_no_two_parts_of_a_screen_answer_the_same_key(wire: FakeWire):
-    class Another:
-        def action_zoom(self) -> None:
-            """As the pictures have it."""
-
     async def scene(app: ConsoleApp, _pilot: Pilot[str]) -> None:
-        with pytest.raises(TypeError, match="action_zoom is in more than one part of LiveScreen"):
-            app.live.take_keys(Another())
+        live = type(app.live)
+        for name in (f"action_{command.name}" for command in commands_in("live")):
+            owners = [each for each in live.__mro__ if name in vars(each)]
+            # A screen may go on from what its part does; two parts know nothing of each other.
+            assert all(issubclass(a, b) for a, b in pairwise(owners)), name
+            parts = [part for part in (app.live.streaks, app.live.telescope) if hasattr(part, name)]
+            assert len(parts) + bool(owners) <= 1, name
 
     play(wire, scene)
 
@@ -529,7 +531,7 @@ def test_a_mark_stays_in_its_own_frame_while_newer_ones_come(wire: FakeWire, wri
         await pilot.press("m", "enter")
         night.add_frames(writer, range(FRAMES + 1, FRAMES + 2))
         night.add_previews(writer, range(FRAMES + 1, FRAMES + 2))
-        await until(pilot, lambda: app.live.mark.picture_waiting is not None)
+        await until(pilot, lambda: app.live.newer_picture is not None)
         assert f"frame {FRAMES:04d}" in screen_text(app)
         await pilot.press(*["right"] * 5)
         assert "a newer frame waits" in pane(app, "keys")
@@ -549,12 +551,12 @@ def test_a_mark_is_left_off_when_another_session_begins(
         await pilot.press("m", "enter")
         night.add_frames(writer, range(FRAMES + 1, FRAMES + 2))
         night.add_previews(writer, range(FRAMES + 1, FRAMES + 2))
-        await until(pilot, lambda: app.live.mark.picture_waiting is not None)
+        await until(pilot, lambda: app.live.newer_picture is not None)
         other = written(tmp_path / "another")
         wire.status["session"] = str(other.folder)
         await until(pilot, lambda: app.live.night.folder == other.folder)
         assert app.live.marking is None
-        assert app.live.mark.picture_waiting is None
+        assert app.live.newer_picture is None
         await until(pilot, lambda: app.live.picture is not None)
         await pilot.press("enter")
         assert wire.verbs == []

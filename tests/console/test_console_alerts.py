@@ -8,7 +8,7 @@ from textual.pilot import Pilot
 
 from rsoconsole.config import Config, ConsoleConfig
 from rsoconsole.console.app import ConsoleApp
-from rsoconsole.console.night.engine_seen import EngineView, alerts_between, notification
+from rsoconsole.console.night.engine_view import EngineView, alerts_between, notification
 from rsoconsole.night import NightView, line_of
 from rsoconsole.records import Cause, Event, Missed, StateChange, TrackLost
 from rsoconsole.session import SessionWriter

@@ -10,7 +10,7 @@ from textual.pilot import Pilot
 from textual.widgets import Input
 
 from rsoconsole.config import Config
-from rsoconsole.console.actions.seat import REPEAT_S
+from rsoconsole.console.actions.second_press import REPEAT_S
 from rsoconsole.console.app import ConsoleApp
 from rsoconsole.console.commands.commands import COMMANDS
 from rsoconsole.console.dialogs.dialogs import Dialog

@@ -5,7 +5,7 @@ from typing import Any
 
 import pytest
 
-from rsoconsole.console.night.engine_seen import EngineView, engine_view
+from rsoconsole.console.night.engine_view import EngineView, engine_view
 from rsoconsole.console.words.facts import fact_lines
 from rsoconsole.night import FrameRow, NightView
 from rsoconsole.pipeline import Outlook

@@ -14,8 +14,8 @@ from rsoconsole.console.dialogs import dialogs
 from rsoconsole.console.dialogs.dialogs import ArmDialog, Dialog, Tick
 from rsoconsole.console.drawing.plain import COLOURS
 from rsoconsole.console.frame.frame_sheet import FrameSheet
-from rsoconsole.console.night.engine_seen import EngineView, alerts_between
-from rsoconsole.console.screens._reading import ReadingDialog
+from rsoconsole.console.night.engine_view import EngineView, alerts_between
+from rsoconsole.console.screens._message_list import MessageListDialog
 from rsoconsole.control import Arm, Command, Hold, MarkByHand, Outcome, Seek, Shutdown
 from rsoconsole.records import CommandResult, Event, OperatorAction
 from rsoconsole.session import SessionReader, SessionWriter
@@ -75,7 +75,7 @@ def test_every_message_is_there_in_full_and_can_be_copied(wire: FakeWire):
         await until(pilot, lambda: "shows all" in pane(app, "alert"))
         assert "start indiserver" in pane(app, "alert")
         await pilot.press("ctrl+o")
-        await until(pilot, lambda: isinstance(app.screen, ReadingDialog))
+        await until(pilot, lambda: isinstance(app.screen, MessageListDialog))
         options = app.screen.query_one(OptionList)
         assert fault in str(options.get_option_at_index(0).prompt)
         assert options.option_count > 3

@@ -132,7 +132,7 @@ def test_a_mark_that_is_not_taken_or_is_old_changes_nothing_of_the_details(
         await until(pilot, lambda: isinstance(app.screen, CandidatesDialog))
         assert title(app) == f"streaks of frame {FRAMES + 1:04d}"
         await pilot.press("escape")
-        app.live.mark.see_taken(
+        app.live.report_mark_accepted(
             MarkByHand(frame_id=FRAMES, x_a_px=1.0, y_a_px=1.0, x_b_px=9.0, y_b_px=1.0),
             Outcome(ok=True),
         )

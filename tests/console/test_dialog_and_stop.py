@@ -7,7 +7,8 @@ from textual.pilot import Pilot
 
 from rsoconsole.console.app import ConsoleApp
 from rsoconsole.console.dialogs.ask import ExposureDialog, LineDialog
-from rsoconsole.console.dialogs.dialogs import ConfirmDialog, Dialog, HelpDialog, LeaveDialog
+from rsoconsole.console.dialogs.dialogs import ConfirmDialog, Dialog, LeaveDialog
+from rsoconsole.console.dialogs.help import HelpDialog
 from rsoconsole.console.dialogs.tour import TourDialog
 from tests.rigs.seat_rig import FakeWire, play, until
 

@@ -14,9 +14,9 @@ from rsoconsole.cli.demo import demo
 from rsoconsole.config import Config
 from rsoconsole.console.app import ConsoleApp
 from rsoconsole.console.dialogs.ask import GotoDialog
-from rsoconsole.console.dialogs.dialogs import HelpDialog
+from rsoconsole.console.dialogs.help import HelpDialog
 from rsoconsole.console.drawing.plot import Line
-from rsoconsole.console.night.engine_seen import EngineView, engine_view
+from rsoconsole.console.night.engine_view import EngineView, engine_view
 from rsoconsole.console.orbit.lines import orbit_facts, orbit_lines, target_words
 from rsoconsole.console.panes.last_line import key_line, keys_for
 from rsoconsole.console.tuning.lines import TuneWords, tune_lines

@@ -17,7 +17,7 @@ from textual.pilot import Pilot
 
 from rsoconsole.config import Config, with_setting
 from rsoconsole.console.app import ConsoleApp
-from rsoconsole.console.dialogs.dialogs import help_text
+from rsoconsole.console.dialogs.help import help_text
 from rsoconsole.console.frame._sheet import Sheet
 from rsoconsole.console.frame.frame_sheet import FrameSheet
 from rsoconsole.console.frame.sheet_actions import MarkTo
@@ -117,7 +117,8 @@ def look(
             await calm(pilot, sheet)
             await act(app, sheet, pilot)
         # The network is not for two threads at once.
-        assert await asyncio.to_thread(sheet._worker.join, PATIENCE_S)
+        await asyncio.to_thread(sheet._worker._thread.join, PATIENCE_S)
+        assert not sheet._worker._thread.is_alive()
 
     asyncio.run(run())
 
@@ -600,7 +601,8 @@ def test_the_other_kept_frames_are_reached_from_an_opened_one(impatient_seat: No
         assert f"frame {ALSO_KEPT} is the newest" in words(other, "keys")
         await pilot.press("escape")
         assert app.screen is app.live
-        assert await asyncio.to_thread(other._worker.join, PATIENCE_S)
+        await asyncio.to_thread(other._worker._thread.join, PATIENCE_S)
+        assert not other._worker._thread.is_alive()
 
     look(act, size=(120, 40))
 

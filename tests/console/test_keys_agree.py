@@ -9,7 +9,7 @@ from rsoconsole.console.commands.command import Place
 from rsoconsole.console.commands.commands import BY_NAME, commands_in
 from rsoconsole.console.commands.keymap import load_keymap
 from rsoconsole.console.frame.sheet_actions import SheetActions
-from rsoconsole.console.panes.last_line import mode_keys
+from rsoconsole.console.panes.last_line import MODE_KEYS
 
 ALIKE = {
     **dict.fromkeys(("up", "down", "left", "right"), "moves: the telescope, in time, the cross"),
@@ -68,7 +68,7 @@ def test_what_a_screen_has_for_itself_is_a_capital(screen: str):
 
 def test_the_last_line_names_the_keys_that_work():
     keys = SCREENS["frame"]
-    for each in mode_keys("sheet"):
+    for each in MODE_KEYS["sheet"]:
         if len(each.key) == 1 and each.key.isalpha():
             assert each.key in keys, each
 

@@ -12,7 +12,7 @@ from rsoconsole.config import Config, ConsoleConfig
 from rsoconsole.console.app import ConsoleApp
 from rsoconsole.console.drawing.pane_layout import FULL, LARGE, THREE_COLUMNS, fold, orbit_box
 from rsoconsole.console.drawing.plain import plain
-from rsoconsole.console.night.engine_seen import EngineView, OrbitAhead, orbit_ahead
+from rsoconsole.console.night.engine_view import EngineView, OrbitAhead, orbit_ahead
 from rsoconsole.console.orbit.lines import OrbitFacts, orbit_facts, orbit_lines, target_words
 from rsoconsole.console.panes.panes import LinesPane
 from rsoconsole.console.screens.review import ReviewScreen

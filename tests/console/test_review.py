@@ -12,7 +12,7 @@ from textual.pilot import Pilot
 from rsoconsole.console.commands.command import BOTH
 from rsoconsole.console.commands.commands import commands_in
 from rsoconsole.console.dialogs.candidates import CandidatesDialog
-from rsoconsole.console.dialogs.dialogs import HelpDialog, help_text
+from rsoconsole.console.dialogs.help import HelpDialog, help_text
 from rsoconsole.console.dialogs.session_list import SessionListDialog
 from rsoconsole.console.panes.panes import FramePane, LinesPane, MomentField
 from rsoconsole.console.screens._compare import CompareDialog
@@ -69,7 +69,7 @@ MOVES: list[tuple[list[str], int]] = [
 def test_keys_go_to_another_frame_from_the_fiftieth(eventful: Path):
     async def scene(review: ReviewScreen, pilot: Pilot[str]) -> None:
         for keys, frame_id in MOVES:
-            review.moves.go_to_text("50")
+            review.go_to_text("50")
             await until(pilot, lambda: is_there(review, 50))
             await press(review, pilot, *keys)
             assert frame_shown(review) == frame_id, keys
@@ -95,7 +95,7 @@ def test_a_jump_goes_from_event_to_event_of_the_chosen_kind_and_back(eventful: P
         for kind, frames in JUMPS.items():
             while review.kind != kind:
                 await pilot.press("E")
-            review.moves.go_to_text("50")
+            review.go_to_text("50")
             places, seen = [], []
             while True:
                 before = review.seq
@@ -256,7 +256,7 @@ def test_what_is_asked_for_before_the_moment_is_there_is_compared_once_it_is(eve
     async def scene(review: ReviewScreen, pilot: Pilot[str]) -> None:
         await pilot.press("K")
         kept = review.kept
-        review.moves.go(review.timeline.step(review.seq, 1))
+        review.go(review.timeline.step(review.seq, 1))
         review.action_compare()
         assert not isinstance(pilot.app.screen, CompareDialog)
         await until(pilot, lambda: isinstance(pilot.app.screen, CompareDialog))

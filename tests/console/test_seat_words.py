@@ -12,10 +12,10 @@ from textual.widgets import Button
 from rsoconsole.config import Config
 from rsoconsole.console.actions import seat
 from rsoconsole.console.actions.mark_actions import too_late_to_mark
-from rsoconsole.console.actions.seat import WITHIN_S
+from rsoconsole.console.actions.second_press import WITHIN_S
 from rsoconsole.console.app import ConsoleApp
 from rsoconsole.console.drawing.plot import Line
-from rsoconsole.console.night.engine_seen import EngineView, engine_view
+from rsoconsole.console.night.engine_view import EngineView, engine_view
 from rsoconsole.console.panes.last_line import keys_for
 from rsoconsole.console.watches.messages import StopNewsCame
 from rsoconsole.console.words.facts import fact_lines

@@ -5,7 +5,13 @@ import asyncio
 import pytest
 from textual.pilot import Pilot
 
-from rsoconsole.console.actions.seat import RELEASED_S, REPEAT_S, SETTLES_S, WITHIN_S, SecondPress
+from rsoconsole.console.actions.second_press import (
+    RELEASED_S,
+    REPEAT_S,
+    SETTLES_S,
+    WITHIN_S,
+    SecondPress,
+)
 from rsoconsole.console.app import ConsoleApp
 from rsoconsole.console.dialogs.dialogs import ConfirmDialog
 from rsoconsole.console.panes.last_line import Key

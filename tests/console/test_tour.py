@@ -7,9 +7,9 @@ from textual.pilot import Pilot
 
 from rsoconsole.console.app import ConsoleApp
 from rsoconsole.console.commands.glossary import TERMS, glossary_text
-from rsoconsole.console.dialogs.dialogs import HelpDialog
+from rsoconsole.console.dialogs.help import HelpDialog
 from rsoconsole.console.dialogs.tour import TourDialog, TourMemory, intro_text, tour_pages
-from rsoconsole.console.night.engine_seen import EngineView
+from rsoconsole.console.night.engine_view import EngineView
 from rsoconsole.console.words.words import top_lines
 from rsoconsole.night import NightView
 from rsoconsole.sky import iso_to_utc_ns

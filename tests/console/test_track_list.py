@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 from textual.pilot import Pilot
 
-from rsoconsole.console.actions.seat import REPEAT_S
+from rsoconsole.console.actions.second_press import REPEAT_S
 from rsoconsole.console.app import ConsoleApp
 from rsoconsole.console.words.track_lines import track_list_lines
 from rsoconsole.night import Night

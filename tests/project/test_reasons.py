@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 
 from rsoconsole import words as said_by
-from rsoconsole.console.night.engine_seen import EngineView, alerts_between
+from rsoconsole.console.night.engine_view import EngineView, alerts_between
 from rsoconsole.console.timeline.timeline import TimelineFold
 from rsoconsole.night import Night, frames_of
 from rsoconsole.pipeline import replay, what_if

@@ -1,170 +1,153 @@
-"""A mark by hand: the two ends of a streak that the detector has not seen, or not so."""
+"""Marks by hand: the two ends of a streak that the detector missed, or measured badly."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import partial
 
 from rsoconsole.console.actions.seat import Seat
-from rsoconsole.console.actions.tune_actions import TuneActions
-from rsoconsole.console.dialogs.dialogs import ArmDialog, ConfirmDialog, MessageDialog
-from rsoconsole.console.night.engine_seen import EngineView
+from rsoconsole.console.dialogs.dialogs import ConfirmDialog
+from rsoconsole.console.night.engine_view import EngineView
 from rsoconsole.console.picture.marking import Marking
 from rsoconsole.console.picture.marks import Mark
 from rsoconsole.console.picture.picture import Picture
-from rsoconsole.console.watches.messages import MarkHeld, OutcomeCame, Pointed
+from rsoconsole.console.watches.messages import Pointed, call_in_turn
 from rsoconsole.control import (
-    ON_RECORD,
-    Arm,
-    AskSeat,
     BeginMark,
-    Command,
     MarkByHand,
     Outcome,
     Sender,
-    Shutdown,
-    command_words,
 )
-from rsoconsole.night import LogLine, NightFrame, NightView
+from rsoconsole.night import NightFrame, NightView
 from rsoconsole.pipeline import HELD
 from rsoconsole.records import NotSolved
 from rsoconsole.words import angle
 
 REFUSAL_S = 10.0
 MARK_SAID_S = 30.0
-"""What came of a mark is said so long: it was made in a frame that lies over this screen."""
+"""How long the result of a mark is shown: the opened frame, where it was made, may cover it."""
 DETAILS_S = 60.0
-"""So long after a mark the details that are asked for first are of its frame."""
+"""How long after a mark its frame's streaks are the first page that ``v`` shows."""
 RECALLED_S = 600.0
-"""So long they are at hand beside those of the newest."""
+"""How long after a mark they are at hand beside those of the newest frame."""
 
 
-class MarkActions:
-    """The mark that is being made, and the mark that was made last."""
+class MarkActions(Seat):
+    """Keys and mouse that make a mark, and the result of the last one."""
 
-    def __init__(self, seat: Seat) -> None:
-        self._seat = seat
-        self.picture_waiting: Picture | None = None
-        """The newest, while a mark is made in an older one."""
-        self.marking: Marking | None = None
-        """The mark that is being made; None while none is."""
-        self._marked: tuple[int | None, float] = (None, 0.0)
-        """The frame of the last mark that the engine took, and when."""
-        self._is_mark_unseen = False
-        """Whether its details have not been asked for since."""
+    newer_picture: Picture | None = None
+    """The newest picture, while a mark is made in an older one."""
+    marking: Marking | None = None
+    """The mark that is being made; None while none is."""
+    _marked: tuple[int | None, float] = (None, 0.0)
+    """The frame of the last mark that the engine accepted, and when, in monotonic seconds."""
+    _has_unread_details = False
+    """Whether that frame's streaks have not been looked at since."""
 
     def action_mark(self) -> None:
-        """Begin a mark in the picture, or leave off."""
-        seat = self._seat
+        """Begin a mark in the picture; once more: leave it off."""
         if self.marking is not None:
-            self.leave_off()
+            self.cancel_mark()
             return
-        if not seat.may_act():
+        if not self.may_act():
             return
-        drawing = seat.drawing
-        if seat.picture is None or drawing is None:
-            seat.say("there is no picture to mark in", "warn")
+        drawing = self.drawing
+        if self.picture is None or drawing is None:
+            self.say("there is no picture to mark in", "warn")
             return
-        frame_id = seat.picture.frame_id
-        too_late = too_late_to_mark(seat.engine, frame_id)
-        why_not = why_no_mark(frame_id, seat.picture.detail) or too_late
+        frame_id = self.picture.frame_id
+        too_late = too_late_to_mark(self.engine, frame_id)
+        why_not = why_no_mark(frame_id, self.picture.detail) or too_late
         if why_not:
-            seat.say(why_not, "warn", REFUSAL_S)
+            self.say(why_not, "warn", REFUSAL_S)
             return
-        self.marking = Marking.begin(seat.picture.frame_id, drawing)
+        self.marking = Marking.begin(self.picture.frame_id, drawing)
         self._show_mark()
-        self.begin(frame_id, self._refuse_mark)
+        self.begin_mark(frame_id, self._refuse_mark)
 
-    def begin(self, frame_id: int, refused: Callable[[str], None]) -> None:
+    def begin_mark(self, frame_id: int, refused: Callable[[str], None]) -> None:
         """Have the engine keep that frame; ``refused`` is called with why it cannot."""
 
         def came(outcome: Outcome) -> None:
-            self._seat.post_from_thread(MarkHeld(frame_id, outcome, refused))
+            if not outcome.ok:
+                seat = outcome.data.get("seat")
+                why = f"{seat} has control" if seat else outcome.message
+                refused(f"no mark in frame {frame_id}: {why}")
 
-        self._seat.orders.send(BeginMark(frame_id=frame_id), came)
-
-    @staticmethod
-    def held(message: MarkHeld) -> None:
-        """A mark that the engine cannot take ends where it begins."""
-        outcome = message.outcome
-        if outcome.ok:
-            return
-        seat = outcome.data.get("seat")
-        why = f"{seat} has control" if seat else outcome.message
-        message.refused(f"no mark in frame {message.frame_id}: {why}")
+        self.orders.send(BeginMark(frame_id=frame_id), partial(call_in_turn, self, came))
 
     def _refuse_mark(self, why_not: str) -> None:
         if self.marking is not None:
-            self._leave_mark()
-        self._seat.say(why_not, "warn", REFUSAL_S)
+            self._end_mark()
+        self.say(why_not, "warn", REFUSAL_S)
 
-    def leave_off(self) -> None:
-        """Leave off; nothing is sent."""
+    def cancel_mark(self) -> None:
+        """Leave the mark off; nothing is sent."""
         if self.marking is not None:
-            self.leave(self.marking.frame_id)
-        self._leave_mark()
-        self._seat.say("")
+            self.leave_mark(self.marking.frame_id)
+        self._end_mark()
+        self.say("")
 
-    def forget(self) -> None:
-        """Another session is shown: what was marked in has gone."""
+    def drop_mark(self) -> None:
+        """Leave the mark off because another session is shown."""
         if self.marking is not None:
-            self._seat.say("the mark is left off: another session began", "warn")
-        self.marking = self.picture_waiting = None
+            self.say("the mark is left off: another session began", "warn")
+        self.marking = self.newer_picture = None
 
-    def _leave_mark(self) -> None:
+    def _end_mark(self) -> None:
         """Show again what is newest."""
         self.marking = None
-        if self.picture_waiting is not None:
-            self._seat.picture, self.picture_waiting = self.picture_waiting, None
-        self._seat.show_picture()
+        if self.newer_picture is not None:
+            self.picture, self.newer_picture = self.newer_picture, None
+        self.show_picture()
 
     def take_picture(self, picture: Picture | None) -> None:
-        """The newest picture; while a mark is made, its own frame stays and the newest waits."""
+        """Show the newest picture; while a mark is made in another frame, keep it waiting."""
         if self.marking is None or picture is None or picture.frame_id == self.marking.frame_id:
-            self._seat.picture = picture
+            self.picture = picture
         else:
-            self.picture_waiting = picture
+            self.newer_picture = picture
 
     def look_again(self) -> None:
-        """The view has changed while a mark is made: it goes on there."""
-        drawing = self._seat.drawing
+        """Go on with the mark after the view has changed."""
+        drawing = self.drawing
         if self.marking is not None and drawing is not None:
             self.marking.look(drawing)
             self._show_mark()
 
-    def takes_key(self, key: str) -> bool:
-        """A key while a mark is made; True when it was for the mark."""
+    def handle_mark_key(self, key: str) -> bool:
+        """Handle a key while a mark is made; True when it was for the mark."""
         if self.marking is None:
             return False
         if key == "enter":
-            self._set_end()
+            self._set_mark_end()
         elif key in {"O", "upper_o"}:
             self.marking.shows_signs = not self.marking.shows_signs
-            self._seat.show_picture()
+            self.show_picture()
         elif not self.marking.move(key):
             return False
         else:
             self._show_mark()
         return True
 
-    def point(self, message: Pointed) -> None:
-        """The mouse in a picture while a mark is made: an end of it."""
+    def mark_at(self, message: Pointed) -> None:
+        """Set an end of the mark where the mouse is."""
         assert self.marking is not None
         self.marking.cursor_px = (message.x_px, message.y_px)
         if (message.is_release and self.marking.is_drag()) or not message.is_release:
-            self._set_end(message.px_per_square)
+            self._set_mark_end(message.px_per_square)
 
-    def _set_end(self, px_per_square: float | None = None) -> None:
-        seat = self._seat
+    def _set_mark_end(self, px_per_square: float | None = None) -> None:
         assert self.marking is not None
-        if why_not := too_late_to_mark(seat.engine, self.marking.frame_id):
-            self._leave_mark()
-            seat.say(why_not, "warn", REFUSAL_S)
+        if why_not := too_late_to_mark(self.engine, self.marking.frame_id):
+            self._end_mark()
+            self.say(why_not, "warn", REFUSAL_S)
             return
         ends = self.marking.set_end(px_per_square)
         if ends is None:
             self._show_mark()
             return
         (x_a, y_a), (x_b, y_b) = ends
-        seat.send(
+        self.send(
             MarkByHand(
                 frame_id=self.marking.frame_id,
                 x_a_px=x_a,
@@ -174,34 +157,33 @@ class MarkActions:
                 sigma_px=max(self.marking.coarsest_px, 1.0),
             )
         )
-        self._leave_mark()
+        self._end_mark()
 
     def _show_mark(self) -> None:
         assert self.marking is not None
         which = "first" if self.marking.first_px is None else "second"
-        waits = "; a newer frame waits" if self.picture_waiting is not None else ""
+        waits = "; a newer frame waits" if self.newer_picture is not None else ""
         kept = f"frame {self.marking.frame_id} stays markable meanwhile, for {HELD} frames{waits}"
-        self._seat.say(f"mark the {which} end: arrows, enter; {kept}", "title", MARK_SAID_S)
-        self._seat.show_picture()
+        self.say(f"mark the {which} end: arrows, enter; {kept}", "title", MARK_SAID_S)
+        self.show_picture()
 
-    def see_taken(self, mark: MarkByHand, outcome: Outcome) -> None:
-        """By the engine, and with the next frame by the track: its details are asked for next."""
-        self._marked, self._is_mark_unseen = (mark.frame_id, self._seat.now_s()), True
+    def report_mark_accepted(self, mark: MarkByHand, outcome: Outcome) -> None:
+        """Say that the engine accepted a mark; the track has it with the next frame."""
+        self._marked, self._has_unread_details = (mark.frame_id, self.now_s()), True
         said = f"your mark in frame {mark.frame_id} is {outcome.message or 'sent'}"
-        self._seat.say(said, "good", MARK_SAID_S)
+        self.say(said, "good", MARK_SAID_S)
 
-    def ask_to_replace(self, mark: MarkByHand, outcome: Outcome) -> None:
-        """A mark would take the place of what is known better: both sigmas, and enter once more."""
-        seat = self._seat
+    def _ask_to_replace(self, mark: MarkByHand, outcome: Outcome) -> None:
+        """Ask whether a mark shall replace a better measurement, with both sigmas."""
 
         def decided(is_wanted: bool | None) -> None:
             if is_wanted:
-                seat.send(replace(mark, replaces=True))
+                self.send(replace(mark, replaces=True))
             else:
-                seat.say(f"your mark in frame {mark.frame_id} is not used", "title", MARK_SAID_S)
-                self.leave(mark.frame_id)
+                self.say(f"your mark in frame {mark.frame_id} is not used", "title", MARK_SAID_S)
+                self.leave_mark(mark.frame_id)
 
-        seat.say("the mark waits for your word", "warn")
+        self.say("the mark waits for your word", "warn")
         own, better = (
             angle(float(outcome.data.get(name) or 0.0))
             for name in ("sigma_arcsec", "better_arcsec")
@@ -211,43 +193,43 @@ class MarkActions:
             f"Frame {mark.frame_id} has it measured to ±{better} already.\n\n"
             "Enter again takes yours instead; esc leaves it as it is."
         )
-        seat.ask_unasked(
+        self.ask_unasked(
             ConfirmDialog("a better measurement", text, yes="Take mine", letter="m", is_yes=True),
             decided,
         )
 
-    def leave(self, frame_id: int | None) -> None:
-        """A mark that was begun is left off: the engine need not keep the frame for it."""
-        if frame_id is not None and self._seat.can_act:
-            self._seat.orders.send(BeginMark(frame_id=frame_id, is_on=False), lambda _outcome: None)
+    def leave_mark(self, frame_id: int | None) -> None:
+        """Tell the engine that it need not keep the frame for a mark any longer."""
+        if frame_id is not None and self.can_act:
+            self.orders.send(BeginMark(frame_id=frame_id, is_on=False), lambda _outcome: None)
 
-    def see_recorded(self, before: NightView) -> None:
-        """What came of a mark that was made here, when it is on record."""
-        own = Sender.console(self._seat.seat_name).words
-        for line in self._seat.log_lines_since(before):
+    def report_mark_result(self, before: NightView) -> None:
+        """Say what came of a mark of this console, once it is on record."""
+        own = Sender.console(self.seat_name).words
+        for line in self.log_lines_since(before):
             if line.marked_by == own:
-                self._seat.say(f"your {line.words}", "good", MARK_SAID_S)
+                self.say(f"your {line.words}", "good", MARK_SAID_S)
 
-    def marked_lately(self) -> tuple[int | None, bool]:
-        """The frame marked last, while it is recalled; whether its details come first, once."""
-        (frame_id, at_s), is_first = self._marked, self._is_mark_unseen
-        since_s, self._is_mark_unseen = self._seat.now_s() - at_s, False
+    def recent_mark(self) -> tuple[int | None, bool]:
+        """The frame marked last, None: long ago; and whether its streaks come first, once."""
+        (frame_id, at_s), is_first = self._marked, self._has_unread_details
+        since_s, self._has_unread_details = self.now_s() - at_s, False
         if frame_id is None or since_s >= RECALLED_S:
             return None, False
         return frame_id, is_first and since_s < DETAILS_S
 
     @property
     def hides_signs(self) -> bool:
-        """While a mark is made: they stand where its ends are."""
+        """Whether a mark is being made: signs stand where its ends are."""
         return self.marking is not None and not self.marking.shows_signs
 
-    def marks(self) -> tuple[Mark, ...]:
-        """What the mark being made adds to the picture."""
+    def marks_by_hand(self) -> tuple[Mark, ...]:
+        """The signs of the mark that is being made."""
         return () if self.marking is None else self.marking.marks()
 
 
 def why_no_mark(frame_id: int, detail: NightFrame) -> str:
-    """What stands against a mark in a frame before its ends are set; empty: nothing."""
+    """The reason why a frame takes no mark, before its ends are set; empty: it does."""
     if isinstance(detail.solution, NotSolved):
         reason = detail.solution.reason
         return f"no mark in frame {frame_id}: it was not solved ({reason}), so it has no place"
@@ -257,7 +239,7 @@ def why_no_mark(frame_id: int, detail: NightFrame) -> str:
 
 
 def too_late_to_mark(engine: EngineView, frame_id: int) -> str:
-    """Why the engine would take no mark in that frame any more; empty: it would."""
+    """The reason why the engine takes no mark in that frame any more; empty: it does."""
     frames = engine.markable_frames
     if not engine.is_attached or frames is None or frame_id in frames:
         return ""
@@ -276,97 +258,3 @@ def _frames_text(frames: Sequence[int]) -> str:
     if len(frames) > 2 and frames[-1] - frames[0] == len(frames) - 1:
         return f"frames {frames[0]} to {frames[-1]}"
     return f"frame{'s' if len(frames) > 1 else ''} {', '.join(map(str, frames))}"
-
-
-class CommandOutcomes:
-    """What the engine says to a command, and what its record says of it later."""
-
-    def __init__(self, seat: Seat, marks: MarkActions, tune: TuneActions) -> None:
-        self._seat, self._marks, self._tune = seat, marks, tune
-        self._ticked: tuple[str, ...] = ()
-        """Checks that were overridden here last."""
-        self._refused_at_once: list[str] = []
-        """What the engine has said no to, in a dialog, and its record says once more."""
-
-    def see(self, message: OutcomeCame) -> None:
-        """Said where it went well, asked where it did not; STOP has the last word."""
-        seat = self._seat
-        command, outcome = message.command, message.outcome
-        seat.ask_now()
-        if outcome.data.get(ON_RECORD):
-            self._expect_refusal(command, message.seq)
-        if message.stops != seat.stops and not isinstance(command, Shutdown):
-            return
-        name = command.label()
-        if outcome.ok and isinstance(command, MarkByHand):
-            self._marks.see_taken(command, outcome)
-        elif outcome.ok:
-            said = f"{name}: {outcome.message or 'done'}"
-            seat.say(self._tune.done_words(command) or said, "good")
-            if isinstance(command, Arm):
-                seat.show_stop(None)
-            elif isinstance(command, Shutdown):
-                seat.app.exit("stop engine")
-            if message.then is not None:
-                seat.send(message.then)
-        elif outcome.data.get("seat"):
-            self._ask_for_seat(str(outcome.data["seat"]))
-        elif isinstance(command, Arm):
-            self._ask_to_override(outcome, command.override, message.then)
-        elif isinstance(command, MarkByHand) and outcome.data.get("asks") == "replaces":
-            self._marks.ask_to_replace(command, outcome)
-        else:
-            seat.say("")
-            seat.ask_unasked(MessageDialog(f"{name}: not done", outcome.message))
-
-    def _ask_to_override(
-        self, outcome: Outcome, ticked: tuple[str, ...], then: Command | None
-    ) -> None:
-        seat = self._seat
-        given = outcome.data.get("checks")
-        checks = [check for check in given if isinstance(check, Mapping)] if given else []
-
-        def decided(names: tuple[str, ...] | None) -> None:
-            if names is not None:
-                self._ticked = names
-                seat.send(Arm(override=names), then)
-
-        seat.say("not armed", "warn")
-        seat.ask_unasked(ArmDialog(outcome.message, checks, ticked or self._ticked), decided)
-
-    def _expect_refusal(self, command: Command, seq: int) -> None:
-        """It is said already: its record, which may have been read by now, says nothing new."""
-        words = command_words(command.verb, command.arguments())
-        if not any(self._refused_here(line) == words for line in self._seat.log_lines_after(seq)):
-            self._refused_at_once.append(words)
-
-    def refused_since(self, before: NightView) -> frozenset[str]:
-        """Verbs of this console's commands that the record has refused since ``before``."""
-        refused = (self._refused_here(line) for line in self._seat.log_lines_after(before.seq))
-        return frozenset(words.partition(" ")[0] for words in refused if words)
-
-    def _refused_here(self, line: LogLine) -> str:
-        """The command of this console that the line says was refused; empty: none."""
-        own = Sender.console(self._seat.seat_name).words
-        return line.asked.removeprefix(f"{own} ") if line.refused_by == own else ""
-
-    def see_refusals(self, before: NightView) -> None:
-        """What was accepted here and refused later is said once, where it was asked for."""
-        seat = self._seat
-        for line in seat.log_lines_since(before):
-            refused = self._refused_here(line)
-            if refused in self._refused_at_once:
-                self._refused_at_once.remove(refused)
-            elif refused:
-                seat.say(line.text.partition(": ")[2], "warn", REFUSAL_S)
-
-    def _ask_for_seat(self, holder: str) -> None:
-        def decided(is_wanted: bool | None) -> None:
-            if is_wanted:
-                self._seat.send(AskSeat())
-
-        text = f"{holder} has control. Who is asked and says nothing for 30 s gives it up."
-        self._seat.ask_unasked(
-            ConfirmDialog("another console acts", text, yes="Ask for it", letter="y"),
-            decided,
-        )

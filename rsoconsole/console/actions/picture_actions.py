@@ -1,4 +1,4 @@
-"""The picture panes of the seat, and the keys that look at them from nearer."""
+"""The two picture panes, and the keys that zoom and stretch them."""
 
 import math
 
@@ -8,32 +8,28 @@ from rsoconsole.console.picture.picture import STRETCHES, Drawing, Picture, fitt
 from rsoconsole.console.words import words
 
 SEEN_COLUMNS = 3.0
-"""A streak that is shorter in the field is a dot among stars there."""
+"""Columns of the terminal: a shorter streak looks like a star in the field."""
 
 
-class PictureActions:
-    """The newest frame's picture in its two panes: which part of it, and how light becomes grey."""
+class PictureActions(Seat):
+    """Draws a frame in the two picture panes: which part of it, and how light becomes grey."""
 
-    def __init__(self, seat: Seat) -> None:
-        self._seat = seat
-        self._sight: int | None = None
-        """Of SIGHTS, as chosen; None: the field, or the close-up where that shows no streak."""
-        self._stretch = 0
+    _sight: int | None = None
+    """Of SIGHTS, as chosen; None: the field, or the close-up where that shows no streak."""
+    _stretch = 0
 
-    def _panes(self) -> tuple[FramePane, FramePane]:
+    def _picture_panes(self) -> tuple[FramePane, FramePane]:
         """The large one and the small one."""
-        seat = self._seat
-        return seat.query_one("#frame", FramePane), seat.query_one("#closeup", FramePane)
+        return self.query_one("#frame", FramePane), self.query_one("#closeup", FramePane)
 
-    def show(self) -> None:
-        """The sight chosen in the large pane; in the small one the other."""
-        seat = self._seat
+    def show_picture(self) -> None:
+        """Draw the chosen view in the large pane, and the other one in the small pane."""
         large, stretch = SIGHTS[self._sight_now], STRETCHES[self._stretch]
         small: Sight = "close-up" if large == "field" else "field"
-        subject, marks = (seat.night.frame, stretch, seat.hides_signs), seat.marks_by_hand()
-        for pane, sight in zip(self._panes(), (large, small), strict=True):
-            pane.hides_signs = seat.hides_signs
-            pane.show(seat.picture, sight, stretch, subject, marks)
+        subject, marks = (self.night.frame, stretch, self.hides_signs), self.marks_by_hand()
+        for pane, sight in zip(self._picture_panes(), (large, small), strict=True):
+            pane.hides_signs = self.hides_signs
+            pane.show(self.picture, sight, stretch, subject, marks)
 
     @property
     def _sight_now(self) -> int:
@@ -44,7 +40,7 @@ class PictureActions:
 
     def _is_streak_too_small(self) -> bool:
         """Whether the field would show a dot, in the only pane for pictures there is."""
-        picture, (pane, closeup) = self._seat.picture, self._panes()
+        picture, (pane, closeup) = self.picture, self._picture_panes()
         has_both = closeup.display or not pane.display
         if picture is None or picture.closeup is None or has_both:
             return False
@@ -57,35 +53,33 @@ class PictureActions:
         columns, _ = fitted_cells(picture.aspect, pane.size.width, max(pane.size.height - 2, 1))
         return math.dist(*streak.ends_px) / detail.detections.width_px * columns < SEEN_COLUMNS
 
-    def words(
+    def picture_words(
         self, picture: Picture | None, sight: Sight, drawing: Drawing | None
     ) -> tuple[list[str], list[str]]:
-        """What stands over and under a picture."""
-        seat = self._seat
+        """Title and caption of a picture, each in parts, the most important first."""
         stretch = STRETCHES[self._stretch]
         if sight == "field":
-            is_reading = words.is_past_unread(seat.night, seat.engine)
-            title = words.frame_title(seat.night, picture, is_reading=is_reading)
+            is_reading = words.is_past_unread(self.night, self.engine)
+            title = words.frame_title(self.night, picture, is_reading=is_reading)
             caption = words.frame_caption(picture)
         else:
             title = words.closeup_title(picture, drawing)
             if picture is not None and drawing is not None and self._sight_now:
                 # In the large pane, where the frame's own title stands as a rule.
-                title = [*words.frame_title(seat.night, picture), "close-up", *title[1:]]
+                title = [*words.frame_title(self.night, picture), "close-up", *title[1:]]
             columns = drawing.window.columns - 1 if drawing is not None else words.BADGE_COLUMNS
             caption = words.closeup_caption(picture, columns)
         return title if stretch == "streaks" else [*title, stretch], caption
 
     def action_zoom(self) -> None:
         """The whole field, the close-up, the close-up pixel by pixel."""
-        seat = self._seat
         self._sight = (self._sight_now + 1) % len(SIGHTS)
-        seat.show_picture()
-        seat.look_again()
-        seat.say(f"picture: {SIGHTS[self._sight]}")
+        self.show_picture()
+        self.look_again()
+        self.say(f"picture: {SIGHTS[self._sight]}")
 
     def action_stretch(self) -> None:
         """How light becomes grey."""
         self._stretch = (self._stretch + 1) % len(STRETCHES)
-        self._seat.show_picture()
-        self._seat.say(f"stretch: {STRETCHES[self._stretch]}")
+        self.show_picture()
+        self.say(f"stretch: {STRETCHES[self._stretch]}")

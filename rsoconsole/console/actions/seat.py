@@ -1,4 +1,4 @@
-"""What every part of a screen may use of it: what is known, who may act, how a command is sent.
+"""The base of the console's screens: what is known, who may act, how a command is sent.
 
 What a screen alone can do stands here with nothing in it, and is done there.
 """
@@ -7,44 +7,42 @@ import time
 from collections.abc import Callable, Mapping
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal, TypeVar
+from typing import TYPE_CHECKING, TypeVar
 
-from textual.message import Message
 from textual.reactive import var
 from textual.screen import Screen
 
 from rsoconsole.console.commands.commands import BY_NAME
-from rsoconsole.console.commands.keymap import Orders, first_key
+from rsoconsole.console.commands.keymap import Orders
 from rsoconsole.console.dialogs.dialogs import Dialog
 from rsoconsole.console.drawing.plot import Ink, Line
-from rsoconsole.console.night.engine_seen import EngineView, OrbitAhead
+from rsoconsole.console.night.engine_view import EngineView, OrbitAhead
 from rsoconsole.console.orbit.lines import OrbitFacts, orbit_facts, target_words
 from rsoconsole.console.panes.last_line import Key
 from rsoconsole.console.panes.panes import FramePane, LinesPane
 from rsoconsole.console.picture.marks import Mark
 from rsoconsole.console.picture.picture import Drawing, Picture
-from rsoconsole.console.watches.messages import OutcomeCame, StopNewsCame
+from rsoconsole.console.watches.messages import StopNewsCame, call_in_turn
 from rsoconsole.console.words import words
 from rsoconsole.console.words.leaving import kept_words
 from rsoconsole.console.words.words import present_utc_ns
 from rsoconsole.control import SUPERSEDED, Command, Outcome, StopNews, mount_words
 from rsoconsole.night import LogLine, NightView
-from rsoconsole.words import NS_PER_S, span
 
 if TYPE_CHECKING:
     from rsoconsole.pipeline import Outlook
 
 Answer = TypeVar("Answer")
 NEW_LINES = 20
-"""Last lines of the log in which the result of a command is looked for."""
+"""How many of the log's last lines are searched for the result of a command."""
 NOTICE_S = 4.0
 SEEN_AFTER_NS = 1_000_000_000
 BANNER_S = 15.0
-"""A STOP after which the mount is measured to be at rest is shown so long; any other stays."""
+"""How long a STOP that ended at rest is shown; any other stays."""
 
 
 def _nothing(*_: object) -> None:
-    """Nobody asks, or is told."""
+    """The callback that does nothing."""
 
 
 class Seat(Screen[None]):
@@ -64,7 +62,6 @@ class Seat(Screen[None]):
         self,
         orders: Orders,
         *,
-        from_thread: Callable[..., None],
         read_only: bool = False,
         ask_now: Callable[[], None] = _nothing,
         on_known: Callable[[NightView, EngineView], None] = _nothing,
@@ -80,77 +77,70 @@ class Seat(Screen[None]):
         self.read_only = read_only
         self.ask_now = ask_now
         self.on_known = on_known
-        self._from_thread = from_thread
         self._notice: tuple[str, Ink] = ("", "")
         self.last_said = ""
         self._notice_until_s = 0.0
         self.stops = 0
-        """How often STOP was given here."""
+        """Number of STOPs given here."""
         self._stopped_utc_ns: int | None = None
         """By the engine's clock, when STOP was given here last."""
         self._is_stop_seen = False
-        """Whether the engine has said since STOP was given here that nobody has the mount."""
+        """Whether the engine has reported since the last STOP here that nobody has the mount."""
 
     # -- words --------------------------------------------------------------------------------
 
     def say(self, text: str, ink: Ink = "title", seconds: float = NOTICE_S) -> None:
-        """A word over the last line, for a while."""
+        """Show a notice over the last line, for a while."""
         self._notice, self._notice_until_s = (text, ink), time.monotonic() + seconds
         self.last_said = text or self.last_said
         self.show_keys()
         if text:
             self.set_timer(seconds + 0.1, self.show_keys)
 
-    def ask(
-        self, dialog: Screen[Answer], decided: Callable[[Answer | None], None] | None = None
-    ) -> None:
-        """Open a dialog over this screen; ``decided`` is called with its answer."""
-        self.app.push_screen(dialog, decided)
-
     def ask_unasked(
         self, dialog: Dialog[Answer], decided: Callable[[Answer | None], None] | None = None
     ) -> None:
-        """A dialog that the engine's answer opens: a key that bounces does not answer it."""
+        """Open a dialog because of the engine's answer: it takes no key for a moment."""
         dialog.opens_unasked = True
-        self.ask(dialog, decided)
+        self.app.push_screen(dialog, decided)
 
     def log_lines_after(self, seq: int) -> list[LogLine]:
-        """What has been recorded since, of the last lines."""
+        """Lines recorded after that place of the log, of the last ``NEW_LINES``."""
         return [line for line in self.night.log[-NEW_LINES:] if line.seq > seq]
 
     def log_lines_since(self, before: NightView) -> list[LogLine]:
-        """The same since a view of this night; none where it was another, or nobody acts here."""
+        """Lines since a view of this night; none of another night, or where nobody acts."""
         is_of_night = before.is_read and before.folder == self.night.folder
         return self.log_lines_after(before.seq) if self.seat_name and is_of_night else []
 
     def now_s(self) -> float:
-        """Seconds of a clock that nobody sets."""
+        """Monotonic time in seconds; tests replace it."""
         return time.monotonic()
 
     @property
     def is_following_again(self) -> bool:
-        """Whether what is kept has been asked for, and the engine has yet to take it up."""
+        """Whether the kept track was asked for, and the engine has yet to follow it again."""
         return False
 
     @property
     def notice(self) -> tuple[str, Ink]:
-        """What is to be said at this moment."""
+        """The notice of this moment and its colour; empty where it is over."""
         return self._notice if time.monotonic() < self._notice_until_s else ("", "")
 
     def forget_notice(self) -> None:
-        """Whatever was said of it is done, or undone."""
+        """End the notice: what it said is done, or undone."""
         self._notice_until_s = 0.0
 
     def show_keys(self) -> None:
-        """The last line; the screen that has one draws it."""
+        """Draw the last line; the screen that has one does."""
 
     def show_stop(self, news: StopNews | None) -> None:
-        """What came of a STOP; the screen that has a banner draws it."""
+        """Keep how a STOP stands, None: nothing to show; the screen that has a banner draws it."""
         self.stop_news = news
 
     @property
     def is_stopping(self) -> bool:
-        """Whether STOP was given here and the engine's word is still from before it."""
+        """Whether STOP was given here and the engine's last status is from before it."""
         news = self.stop_news
         if news is None or news.phase == "failed":
             return False
@@ -170,13 +160,13 @@ class Seat(Screen[None]):
         return self.query_one("#frame", FramePane).drawing
 
     def place_panes(self) -> None:
-        """Where each pane lies, for this terminal."""
+        """Lay out the panes for this terminal."""
 
     def show_picture(self) -> None:
-        """The shown frame in both panes."""
+        """Draw the shown frame in both picture panes."""
 
     def look_again(self) -> None:
-        """The picture lies elsewhere, or shows another piece of the frame."""
+        """Follow a picture that lies elsewhere, or shows another piece of the frame."""
 
     @property
     def hides_signs(self) -> bool:
@@ -184,7 +174,7 @@ class Seat(Screen[None]):
         return False
 
     def marks_by_hand(self) -> tuple[Mark, ...]:
-        """What is being marked at this moment."""
+        """Signs of the mark that is being made."""
         return ()
 
     @property
@@ -194,7 +184,7 @@ class Seat(Screen[None]):
 
     @property
     def alert(self) -> str:
-        """What must not be missed."""
+        """The alert in words; empty: none."""
         return ""
 
     @property
@@ -204,41 +194,44 @@ class Seat(Screen[None]):
 
     @property
     def orbit(self) -> OrbitFacts:
-        """What is known of the orbit."""
+        """The orbit as the panes show it."""
         return orbit_facts(self.night, self.engine, self.orbit_ahead)
 
     def target_name(self) -> str:
-        """What is followed, as the first line calls it; empty: not known."""
+        """Name of what is followed, as in the first line; empty: not known."""
         return target_words(self.orbit)[0].rstrip("?") or self.engine.target or ""
 
     def top(self, width: int, rows: int) -> list[Line]:
-        """State and since when, who holds the mount, the target, the frame clock."""
-        night, engine, found = self.night, self.engine, target_words(self.orbit)
-        now, is_asked_for = words.present_utc_ns(night, engine), self.is_following_again
-        kept = kept_words(engine, self.keymap, now, is_asked_for=is_asked_for)
+        """The first line: state and since when, who has the mount, the target, the frame clock."""
         return words.top_lines(
-            night,
-            engine,
+            self.night,
+            self.engine,
             self.read_only,
             width,
             rows,
-            found=found,
-            kept=kept,
+            found=target_words(self.orbit),
+            kept=self.kept_words,
             is_stopping=self.is_stopping,
         )
 
+    @property
+    def kept_words(self) -> tuple[str, ...]:
+        """Which key follows again what is kept, and for how long; empty where nothing is."""
+        now, is_asked_for = present_utc_ns(self.night, self.engine), self.is_following_again
+        return kept_words(self.engine, self.keymap, now, is_asked_for=is_asked_for)
+
     def open_session(self, folder: Path) -> None:
-        """Review it."""
+        """Show that recorded session."""
 
     # -- commands -----------------------------------------------------------------------------
 
     @property
     def can_act(self) -> bool:
-        """Whether there is an engine for this seat to tell."""
+        """Whether commands of this console can reach an engine."""
         return self.engine.is_attached and not self.read_only
 
     def may_act(self) -> bool:
-        """The same; says why not."""
+        """Whether this console may send commands; a notice says why not."""
         if self.read_only:
             self.say("read only: this console only looks, but for STOP")
         elif not self.engine.is_attached:
@@ -251,35 +244,29 @@ class Seat(Screen[None]):
         ``then``: sent right behind it where the engine has taken it, and no STOP came between.
         """
         self.say(f"{command.label()} …")
-        stops, seq = self.stops, self.night.seq
+        came = partial(self.handle_outcome, command, self.stops, self.night.seq, then)
+        self.orders.send(command, partial(call_in_turn, self, came))
 
-        def came(outcome: Outcome) -> None:
-            self.post_from_thread(OutcomeCame(command, outcome, stops, seq, then))
+    def handle_outcome(
+        self, command: Command, stops: int, seq: int, then: Command | None, outcome: Outcome
+    ) -> None:
+        """Handle the engine's answer to a command; a screen whose keys act does.
 
-        self.orders.send(command, came)
-
-    def take_keys(self, *parts: object) -> None:
-        """Have the keys of these parts act: Textual looks for ``action_NAME`` at the screen alone.
-
-        An action of the screen itself goes first; no two parts may have the same.
+        ``stops``: how many STOPs there had been when it was sent; ``seq``: the last record that was
+        known of then; ``then``: what goes right behind it, once it has been taken; None: nothing.
         """
-        for name in (f"action_{command}" for command in BY_NAME):
-            owners = [part for part in parts if hasattr(part, name)]
-            if len(owners) + (name in vars(self)) > 1:
-                raise TypeError(f"{name} is in more than one part of {type(self).__name__}")
-            if owners and not hasattr(type(self), name):
-                setattr(self, name, getattr(owners[0], name))
 
     def action_hand_over(self, name: str) -> None:
-        """What a key does that only has a command to send: where this seat may act."""
+        """Send the command of a key that does nothing else, where this console may act."""
         command = BY_NAME[name].sends
         if command is not None and self.may_act():
             self.send(command)
 
     def stop(self) -> None:
-        """STOP: act first, then put away whatever is open, then say so."""
+        """STOP: send it first, then put away whatever is open, then show it."""
         number = self.stops + 1
-        self.orders.stop(lambda news: self.post_from_thread(StopNewsCame(news, number)))
+        came = self.on_stop_news_came
+        self.orders.stop(lambda news: call_in_turn(self, came, StopNewsCame(news, number)))
         self.stops = number
         self._stopped_utc_ns = self.engine.now_utc_ns
         self._is_stop_seen = False
@@ -289,7 +276,7 @@ class Seat(Screen[None]):
         self.show_stop(StopNews(phase="sent", text="sent to the engine"))
 
     def on_stop_news_came(self, message: StopNewsCame) -> None:
-        """Late, answered and being measured, then stopped or failed; of the last STOP alone."""
+        """Show how the last STOP stands: late, answered, then stopped or failed."""
         if message.number not in (None, self.stops):
             return
         if message.news.is_superseded:
@@ -302,8 +289,8 @@ class Seat(Screen[None]):
             self.set_timer(BANNER_S, partial(self._forget_stop, message.news))
         self.ask_now()
 
-    def see_stop(self) -> None:
-        """A STOP that failed is an alarm until the mount is measured to be at rest."""
+    def check_failed_stop(self) -> None:
+        """End the alarm of a failed STOP once the mount is measured to be at rest."""
         news, engine = self.stop_news, self.engine
         self._is_stop_seen |= engine.holder == "nobody"
         said, given = engine.mount_t_utc_ns, self._stopped_utc_ns
@@ -322,105 +309,3 @@ class Seat(Screen[None]):
     def _forget_stop(self, news: StopNews) -> None:
         if self.stop_news is news:
             self.show_stop(None)
-
-    def post_from_thread(self, message: Message) -> None:
-        """Have a message handled by the application (any thread)."""
-        self._from_thread(self.post_message, message)
-
-
-WITHIN_S = 2.0
-REPEAT_S = 0.08
-"""Presses closer than that are a key held down, which repeats by itself."""
-SETTLES_S = 0.2
-"""A second press counts when no third one follows within that time."""
-RELEASED_S = 0.7
-"""A key that was held down has been let go after so long without a press."""
-PressOutcome = Literal["asked", "acts", "held"]
-TRACKED = frozenset(("TRACK", "COAST"))
-
-
-def has_track(engine: EngineView) -> bool:
-    """Whether there is a track that a stray key could end."""
-    return engine.is_attached and engine.state in TRACKED
-
-
-class SecondPress:
-    """Tells a deliberate second press from a first one, from another key and from a held one."""
-
-    def __init__(self) -> None:
-        self._name = ""
-        self._asked_s = 0.0
-        self._last_s = 0.0
-        self._acted_s = 0.0
-        self._is_held = False
-        self.number = 0
-        """Of the press heard last: what it led to is off when another one has come."""
-
-    def receive(self, name: str, now_s: float) -> PressOutcome:
-        """One press of the command's key."""
-        self.number += 1
-        since_s, self._last_s = now_s - self._last_s, now_s
-        if name == self._name:
-            is_third = now_s - self._acted_s < SETTLES_S
-            shortest_s = RELEASED_S if self._is_held else REPEAT_S
-            if is_third or since_s < shortest_s:
-                self._is_held, self._asked_s = True, 0.0
-                return "held"
-            if now_s - self._asked_s <= WITHIN_S:
-                self._asked_s, self._acted_s = 0.0, now_s
-                return "acts"
-        self._name, self._asked_s, self._is_held = name, now_s, False
-        return "asked"
-
-    def forget(self) -> None:
-        """Another key came between: nothing is asked any more, and what waits to be done is off."""
-        self.number += 1
-        self._name, self._is_held = "", False
-
-
-class TwicePressed:
-    """Does what ends a track, or takes the mount, by the second press of its key alone."""
-
-    def __init__(self, seat: Seat) -> None:
-        self._seat = seat
-        self.press = SecondPress()
-
-    def ask(self, name: str, what: str, act: Callable[[], None], key: str = "") -> None:
-        """Say what a second press would do; do it when that comes. A click counts as no press.
-
-        ``name``: the command's; ``what``: as in "a again within 2 s ..."; ``key``: of what is no
-        command of its own.
-        """
-        seat, press = self._seat, self.press
-        if seat.is_click:
-            self.name_key(name, what)
-            return
-        stage = press.receive(name, seat.now_s())
-        key = key or first_key(name, seat.keymap)
-        if stage == "asked":
-            seat.say(f"{key} again within {WITHIN_S:.0f} s {what}", "warn", WITHIN_S)
-        elif stage == "held":
-            seat.say(f"{key} is held down: nothing is done", "warn")
-        else:
-            number = press.number
-
-            def unless_held() -> None:
-                if press.number == number:
-                    act()
-
-            seat.set_timer(SETTLES_S, unless_held)
-
-    def name_key(self, name: str, what: str) -> None:
-        """A click asked for what two presses of a key do: say which key."""
-        self.press.forget()
-        key = first_key(name, self._seat.keymap)
-        self._seat.say(f"{key} twice within {WITHIN_S:.0f} s {what}: not by the mouse", "warn")
-
-    def track_words(self) -> str:
-        """The track that is at stake: INTELSAT 14 (31 min)."""
-        seat = self._seat
-        name = seat.target_name() or "an unidentified object"
-        since, now = seat.night.track_since_utc_ns, present_utc_ns(seat.night, seat.engine)
-        if since is None or now is None:
-            return name
-        return f"{name} ({span((now - since) / NS_PER_S)})"

@@ -1,25 +1,24 @@
-"""What the operator says of the streaks in a frame: this one, not that one."""
+"""Keys and clicks on the streaks of a frame: follow, accept, reject."""
 
 import math
 from dataclasses import dataclass
-from functools import partialmethod
 
-from rsoconsole.console.actions.seat import SETTLES_S, WITHIN_S, Seat, TwicePressed, has_track
-from rsoconsole.console.commands.keymap import first_key
+from rsoconsole.console.actions.seat import Seat
+from rsoconsole.console.actions.second_press import SETTLES_S, WITHIN_S, TwicePressed, has_track
 from rsoconsole.console.dialogs.candidates import RejectDialog
-from rsoconsole.console.watches.messages import OutcomeCame, Pointed
-from rsoconsole.control import Accept, Choose, Nudge, Reject
-from rsoconsole.records import Detection, Solution
+from rsoconsole.console.watches.messages import Pointed
+from rsoconsole.control import Accept, Choose, Reject
+from rsoconsole.records import Detection
 
 CLICK_PX = 60.0
-"""A click so far from a streak is not meant for it, unless the picture is coarser than that."""
+"""Largest distance of a click from the streak it means, unless the picture is coarser."""
 CLICKED_S = 8.0
-"""So long after a click on a streak the key means that one."""
+"""How long after a click on a streak the key means that one."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Pick:
-    """A streak to follow."""
+class StreakChoice:
+    """The streak that the operator chose to follow."""
 
     frame_id: int
     number: int
@@ -28,56 +27,56 @@ class Pick:
 
 
 class StreakActions:
-    """Follow, accept, reject; a click on a streak."""
+    """Follows, accepts and rejects streaks; takes clicks on them."""
 
     def __init__(self, seat: Seat, twice: TwicePressed) -> None:
         self._seat, self._twice = seat, twice
         self._chosen, self._chosen_in = -1, -1
-        self._picked: Pick | None = None
-        self._picked_until_s = 0.0
-        """So long the key means that pick, though newer frames are shown."""
+        self._choice: StreakChoice | None = None
+        self._choice_until_s = 0.0
+        """Until when the key means that choice, though newer frames are shown."""
 
-    def forget_pick(self) -> None:
-        """Another session is shown."""
-        self._picked_until_s = 0.0
+    def forget_choice(self) -> None:
+        """Drop the choice: another session is shown."""
+        self._choice_until_s = 0.0
 
     def action_follow_next(self) -> None:
         """The streak that was asked for, else the frame's next one, the likeliest first."""
         seat = self._seat
         if not seat.may_act():
             return
-        asked = self._picked if seat.now_s() < self._picked_until_s else None
-        pick = asked or self._next_pick()
+        asked = self._choice if seat.now_s() < self._choice_until_s else None
+        pick = asked or self._next_choice()
         if pick is None:
             seat.say("the frame has no streak to follow", "warn")
         elif has_track(seat.engine) and (asked or not self.is_followed(pick.streak)):
             # Another streak ends the track: that asks twice, and the second press means the same.
-            self._keep_pick(pick, WITHIN_S)
-            self._twice.ask("follow_next", self._leaves_words(pick), lambda: self._choose(pick))
+            self._keep_choice(pick, WITHIN_S)
+            self._twice.ask("follow_next", self._track_end_words(pick), lambda: self._choose(pick))
         else:
             self._choose(pick)
 
-    def _next_pick(self) -> Pick | None:
+    def _next_choice(self) -> StreakChoice | None:
         streaks, picture = self.streaks(), self._seat.picture
         if not streaks or picture is None:
             return None
         before = self._chosen if self._chosen_in == picture.frame_id else -1
         number = (before + 1) % len(streaks)
-        return Pick(frame_id=picture.frame_id, number=number, streak=streaks[number])
+        return StreakChoice(frame_id=picture.frame_id, number=number, streak=streaks[number])
 
-    def _keep_pick(self, pick: Pick, seconds: float) -> None:
+    def _keep_choice(self, pick: StreakChoice, seconds: float) -> None:
         until_s = self._seat.now_s() + seconds + SETTLES_S
-        is_same = pick == self._picked
-        self._picked_until_s = max(until_s, self._picked_until_s) if is_same else until_s
-        self._picked = pick
+        is_same = pick == self._choice
+        self._choice_until_s = max(until_s, self._choice_until_s) if is_same else until_s
+        self._choice = pick
 
-    def _leaves_words(self, pick: Pick) -> str:
+    def _track_end_words(self, pick: StreakChoice) -> str:
         is_shown = self._seat.picture is not None and self._seat.picture.frame_id == pick.frame_id
         which = "another streak" if is_shown else f"a streak of frame {pick.frame_id:04d}"
         return f"leaves {self._twice.track_words()} for {which}"
 
     def is_followed(self, streak: Detection) -> bool:
-        """By the lead, or by another track, which then leads: no track ends by it."""
+        """Whether a track follows that streak already: choosing it ends none."""
         if self._seat.picture is None:
             return False
         detail = self._seat.picture.detail
@@ -89,24 +88,25 @@ class StreakActions:
         )
 
     def streaks(self) -> tuple[Detection, ...]:
-        """Those of the shown frame, the likeliest first, then those that were rejected."""
+        """Streaks of the shown frame, the likeliest first, then those that were rejected."""
         found = self._seat.picture.detail.detections if self._seat.picture is not None else None
         if found is None:
             return ()
         return (*found.detections, *(each.detection for each in found.rejected))
 
-    def _choose(self, pick: Pick) -> None:
-        self._chosen, self._chosen_in, self._picked_until_s = pick.number, pick.frame_id, 0.0
+    def _choose(self, pick: StreakChoice) -> None:
+        self._chosen, self._chosen_in, self._choice_until_s = pick.number, pick.frame_id, 0.0
         streak = pick.streak
         self._seat.send(Choose(frame_id=pick.frame_id, x_px=streak.x_px, y_px=streak.y_px))
 
     def action_accept(self) -> None:
-        """The frame's likeliest candidate is what is followed."""
+        """Accept the frame's likeliest candidate as what is followed."""
         if self._seat.may_act():
-            self._seat.send(Accept(frame_id=self._frame_shown()))
+            picture = self._seat.picture
+            self._seat.send(Accept(frame_id=None if picture is None else picture.frame_id))
 
     def action_reject(self) -> None:
-        """One of the last measurements was something else: which, is asked by number."""
+        """Ask which of the last measurements was something else, and reject it."""
         seat = self._seat
         if not seat.may_act():
             return
@@ -119,11 +119,7 @@ class StreakActions:
             if frame_id is not None:
                 seat.send(Reject(frame_id=frame_id))
 
-        seat.ask(RejectDialog(measured), decided)
-
-    def _frame_shown(self) -> int | None:
-        """The frame that the operator's word is on: the one on the screen."""
-        return None if self._seat.picture is None else self._seat.picture.frame_id
+        seat.app.push_screen(RejectDialog(measured), decided)
 
     def click(self, at: Pointed) -> None:
         """Choose the streak there; where that would end the track, the key does it."""
@@ -131,91 +127,16 @@ class StreakActions:
         streaks, picture = self.streaks(), seat.picture
         if not streaks or picture is None:
             return
-        number = min(range(len(streaks)), key=lambda each: _away(streaks[each], at))
-        pick = Pick(frame_id=picture.frame_id, number=number, streak=streaks[number])
-        if _away(pick.streak, at) > max(CLICK_PX, 2.0 * at.px_per_square) or not seat.may_act():
+        number = min(range(len(streaks)), key=lambda each: _away_px(streaks[each], at))
+        pick = StreakChoice(frame_id=picture.frame_id, number=number, streak=streaks[number])
+        if _away_px(pick.streak, at) > max(CLICK_PX, 2.0 * at.px_per_square) or not seat.may_act():
             return
         if has_track(seat.engine) and not self.is_followed(pick.streak):
-            self._keep_pick(pick, CLICKED_S)
-            self._twice.name_key("follow_next", self._leaves_words(pick))
+            self._keep_choice(pick, CLICKED_S)
+            self._twice.name_key("follow_next", self._track_end_words(pick))
         else:
             self._choose(pick)
 
 
-def _away(streak: Detection, at: Pointed) -> float:
+def _away_px(streak: Detection, at: Pointed) -> float:
     return float(((streak.x_px - at.x_px) ** 2 + (streak.y_px - at.y_px) ** 2) ** 0.5)
-
-
-STEPS_ARCSEC = (1800.0, 600.0, 180.0, 60.0, 20.0, 5.0)
-FIRST_STEP = 3
-
-
-def step_words(arcsec: float) -> str:
-    """30′ or 20″."""
-    return f"{arcsec / 60:g}′" if arcsec >= 60 else f"{arcsec:g}″"
-
-
-class NudgeActions:
-    """One nudge at a time, and how long its step is."""
-
-    def __init__(self, seat: Seat, twice: TwicePressed) -> None:
-        self._seat, self._twice = seat, twice
-        self._step = FIRST_STEP
-        self._is_nudging = False
-
-    def see_outcome(self, message: OutcomeCame) -> None:
-        """The next nudge may go."""
-        if isinstance(message.command, Nudge):
-            self._is_nudging = False
-
-    def _nudge(self, name: str, right: float, down: float) -> None:
-        """Move the telescope so that it looks that way in the picture.
-
-        Arrows are what everybody presses to scroll: they take the mount from nobody unasked.
-        """
-        seat = self._seat
-        # A key that is held down repeats: one nudge at a time, none on its way after a STOP.
-        if self._is_nudging or not seat.may_act():
-            return
-        if seat.engine.holder == "autonomy":
-            back = first_key("hold_or_resume", seat.keymap)
-            what = f"takes the mount from AUTO ({back} gives it back)"
-            self._twice.ask(name, what, lambda: self._send_nudge(right, down))
-        else:
-            self._send_nudge(right, down)
-
-    action_nudge_up = partialmethod(_nudge, "nudge_up", 0.0, -1.0)
-    action_nudge_down = partialmethod(_nudge, "nudge_down", 0.0, 1.0)
-    action_nudge_left = partialmethod(_nudge, "nudge_left", -1.0, 0.0)
-    action_nudge_right = partialmethod(_nudge, "nudge_right", 1.0, 0.0)
-
-    def _send_nudge(self, right: float, down: float) -> None:
-        if self._is_nudging:
-            return
-        self._is_nudging = True
-        east, north = self._on_the_sky(right, down)
-        arcmin = STEPS_ARCSEC[self._step] / 60.0
-        self._seat.send(
-            Nudge(
-                east_arcmin=round(arcmin * east, 6),
-                north_arcmin=round(arcmin * north, 6),
-            )
-        )
-
-    def _on_the_sky(self, right: float, down: float) -> tuple[float, float]:
-        """A direction in the picture as (east, north); without a plate north is up, east left."""
-        solution = self._seat.picture.detail.solution if self._seat.picture is not None else None
-        if not isinstance(solution, Solution):
-            return -right, -down
-        cd = solution.wcs.cd
-        east = cd[0] * right + cd[1] * down
-        north = cd[2] * right + cd[3] * down
-        length = (east**2 + north**2) ** 0.5 or 1.0
-        return east / length, north / length
-
-    def _change_step(self, by: int) -> None:
-        self._step = min(max(self._step + by, 0), len(STEPS_ARCSEC) - 1)
-        self._seat.say(f"nudge by {step_words(STEPS_ARCSEC[self._step])}")
-
-    action_smaller_step = partialmethod(_change_step, 1)
-    action_larger_step = partialmethod(_change_step, -1)

@@ -1,4 +1,4 @@
-"""What the operator does with the telescope itself: each key is one command, or one question."""
+"""Keys that act on the telescope: each sends one command, or asks one question."""
 
 import math
 import time
@@ -6,7 +6,8 @@ from collections.abc import Callable, Iterable
 from typing import Any
 
 from rsoconsole.config import Config
-from rsoconsole.console.actions.seat import RELEASED_S, WITHIN_S, Seat, TwicePressed, has_track
+from rsoconsole.console.actions.seat import Seat
+from rsoconsole.console.actions.second_press import RELEASED_S, WITHIN_S, TwicePressed, has_track
 from rsoconsole.console.commands.keymap import first_key
 from rsoconsole.console.dialogs.ask import (
     AimDialog,
@@ -17,14 +18,26 @@ from rsoconsole.console.dialogs.ask import (
 )
 from rsoconsole.console.dialogs.dialogs import ConfirmDialog
 from rsoconsole.console.dialogs.up_list import UpListDialog
-from rsoconsole.console.night.engine_seen import EngineView
-from rsoconsole.console.watches.messages import OutcomeCame
-from rsoconsole.control import Arm, Disarm, Goto, Hold, Park, Resume, Seek, Set, Track, Unpark
+from rsoconsole.console.night.engine_view import EngineView
+from rsoconsole.control import (
+    Arm,
+    Command,
+    Disarm,
+    Goto,
+    Hold,
+    Outcome,
+    Park,
+    Resume,
+    Seek,
+    Set,
+    Track,
+    Unpark,
+)
 from rsoconsole.records import Solution
 from rsoconsole.sky import pixel_to_sky
 
 AGAIN_S = 60.0
-"""The engine takes up what it has accepted between two exposures: not later than that."""
+"""Longest wait until the engine follows again what it has accepted: it does between exposures."""
 
 
 class TelescopeActions:
@@ -42,33 +55,33 @@ class TelescopeActions:
         self._asked_again_s = -math.inf
         """When what is kept was asked for; the engine has not refused it."""
 
-    def see_outcome(self, message: OutcomeCame) -> None:
-        """What was asked for is on its way no longer."""
-        if isinstance(message.command, Arm):
+    def handle_outcome(self, command: Command, outcome: Outcome) -> None:
+        """Note that a command has been answered: arming or resuming is not on its way any more."""
+        if isinstance(command, Arm):
             self.is_arming = False
-        if isinstance(message.command, Arm | Resume) and not message.outcome.ok:
+        if isinstance(command, Arm | Resume) and not outcome.ok:
             self._asked_again_s = -math.inf
 
     @property
     def is_following_again(self) -> bool:
-        """Whether what is kept has been asked for, and the engine has yet to take it up."""
+        """Whether the kept track was asked for, and the engine has yet to follow it again."""
         return (
             self._seat.engine.kept is not None
             and self._seat.now_s() < self._asked_again_s + AGAIN_S
         )
 
-    def see_refused(self, verbs: frozenset[str]) -> None:
-        """What was accepted and refused later is not on its way any more."""
+    def note_refused(self, verbs: frozenset[str]) -> None:
+        """Note verbs that were accepted and refused later: they are not on their way any more."""
         if verbs & {Arm.verb, Resume.verb}:
             self._asked_again_s = -math.inf
 
-    def see_stop(self) -> None:
-        """STOP; no key that was on its way takes up again what it has ended."""
+    def note_stop(self) -> None:
+        """Note a STOP: no key from before it follows again what it has ended."""
         self.at_rest_since_s = self._seat.now_s()
         self._asked_again_s = -math.inf
 
-    def see_control_change(self, before: EngineView) -> None:
-        """What the engine said before is ``before``."""
+    def note_control_change(self, before: EngineView) -> None:
+        """Note who has the mount now; ``before``: the engine's last status."""
         seat = self._seat
         is_lost = before.holder == "autonomy" != seat.engine.holder
         if is_lost:
@@ -77,7 +90,7 @@ class TelescopeActions:
             self._asked_again_s = -math.inf
 
     def action_arm_or_disarm(self) -> None:
-        """Who has the mount gives it up; a running track is not ended by one press."""
+        """Arm; where armed, disarm. A running track is not ended by one press."""
         seat = self._seat
         if not seat.may_act():
             return
@@ -113,7 +126,7 @@ class TelescopeActions:
         self._no_arming_before_s = max(self._no_arming_before_s, self._seat.now_s() + seconds)
 
     def action_hold_or_resume(self) -> None:
-        """No slews for now; or give the mount back to autonomy."""
+        """Hold: no slews for now; or give the mount back to autonomy."""
         seat = self._seat
         if not seat.may_act():
             return
@@ -128,7 +141,7 @@ class TelescopeActions:
             seat.say("nothing to hold: the engine is not armed", "warn")
 
     def action_wait_for_sky(self) -> None:
-        """No slews until the stars are back."""
+        """Hold until the stars are back."""
         seat = self._seat
         if not seat.may_act():
             return
@@ -151,7 +164,7 @@ class TelescopeActions:
         if has_track(seat.engine):
             text += f" This ends the track of {self._twice.track_words()}."
         dialog = ConfirmDialog("park the mount", text, yes="Park", letter="y")
-        seat.ask(dialog, decided)
+        seat.app.push_screen(dialog, decided)
 
     def action_undo(self) -> None:
         """Follow again what was ended; on a parked mount, release it."""
@@ -229,7 +242,7 @@ class TelescopeActions:
         seat.set_timer(left_s, when_due)
 
     def action_seek(self) -> None:
-        """Search round where it must be; that gives up a running track."""
+        """Search round the predicted position; that gives up a running track."""
         seat = self._seat
         if not seat.may_act():
             return
@@ -240,7 +253,7 @@ class TelescopeActions:
             seat.send(Seek())
 
     def action_track_or_stand(self) -> None:
-        """Sidereal tracking on and off."""
+        """Switch sidereal tracking on or off."""
         seat = self._seat
         if seat.may_act():
             seat.send(Track(is_on=not seat.engine.is_tracking))
@@ -263,7 +276,7 @@ class TelescopeActions:
             for name, value in (wanted or {}).items():
                 self._seat.send(Set(name=name, value=value))
 
-        self._seat.ask(dialog, decided)
+        self._seat.app.push_screen(dialog, decided)
 
     # -- by hand ------------------------------------------------------------------------------
 
@@ -290,16 +303,16 @@ class TelescopeActions:
             begun,
             kept if has_track(seat.engine) else "",
         )
-        seat.ask(dialog, decided)
+        seat.app.push_screen(dialog, decided)
 
     def action_up_now(self) -> None:
-        """The satellites above the limit; the chosen one is planned as any go-to is."""
+        """List the satellites above the limit; the chosen one is planned as any go-to is."""
 
         def decided(number: str | None) -> None:
             if number is not None:
                 self._ask_where(number)
 
-        self._seat.ask(UpListDialog(self._config, self._now_utc_ns), decided)
+        self._seat.app.push_screen(UpListDialog(self._config, self._now_utc_ns), decided)
 
     def _config(self) -> Config | None:
         """The night's settings, the defaults where it has none; None until that is known."""
@@ -344,4 +357,4 @@ class TelescopeActions:
         back = first_key("hold_or_resume", seat.keymap)
         caution = f"autonomy has the mount: this takes it, {back} gives it back" if has_it else ""
         dialog = MoveDialog(place, caution, seat.orders)
-        seat.ask(dialog, decided)
+        seat.app.push_screen(dialog, decided)

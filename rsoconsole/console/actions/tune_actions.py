@@ -1,4 +1,4 @@
-"""Tuning, from the key that opens the pane to the settings that the engine is sent."""
+"""The tuning pane's keys: open it, try settings, send them to the engine."""
 
 import time
 from collections.abc import Mapping
@@ -25,7 +25,7 @@ from rsoconsole.console.tuning.what_if_watch import (
     count_by_present_settings,
     frames_of_track,
 )
-from rsoconsole.console.watches.messages import WhatIfSeen
+from rsoconsole.console.watches.messages import call_in_turn
 from rsoconsole.control import MAX_FRAMES, Command, Set
 
 if TYPE_CHECKING:
@@ -34,25 +34,25 @@ if TYPE_CHECKING:
 PRESETS = "presets.toml"
 USUAL_FRAMES = 5
 EVERY_S = 20.0
-"""How often an open pane's figures are computed again."""
+"""Seconds between two computations of an open pane's figures."""
 
 
 class TuneActions:
-    """Try, see what it would have done, apply, undo, keep."""
+    """Tries settings on the record, applies them, undoes, keeps and loads presets."""
 
     def __init__(self, seat: Seat) -> None:
         self._seat = seat
         self.is_open = False
         self.figures: tuple[TrackFigures | None, TrackFigures | None] = (None, None)
-        """As it is, and with what is tried."""
+        """Of the night as it was, and with what is tried; None until computed."""
         self.tuning = Tuning()
-        """What is in force and what is tried."""
+        """Settings in force and those tried."""
         self._watch: WhatIfWatch | None = None
         self._computed_s = 0.0
 
     @property
     def pane(self) -> TunePane:
-        """Where it is shown."""
+        """The tuning pane's widget."""
         return self._seat.query_one(TunePane)
 
     def action_tune(self) -> None:
@@ -95,11 +95,11 @@ class TuneActions:
 
     @property
     def words(self) -> TuneWords:
-        """What the pane says of its figures and its keys."""
+        """Words of the pane for its figures and its keys."""
         return TuneWords(of_present=self.of_present())
 
     def of_present(self) -> int | None:
-        """How many of the figures' frames ran with the settings in force now, whenever that was."""
+        """Number of the figures' frames that ran with the settings in force now; None: unknown."""
         now = self.figures[0]
         if now is None:
             return None
@@ -110,7 +110,7 @@ class TuneActions:
         return None, self.last_frames()
 
     def last_frames(self) -> int:
-        """Of the lead, as many as the orbit's pane says how good it is by."""
+        """Number of the lead's last frames that figures are computed over, as for its orbit."""
         return len(frames_of_track(self._seat.night)) or LAST_FRAMES
 
     def compute(self) -> None:
@@ -120,7 +120,7 @@ class TuneActions:
             return
         self._computed_s = time.monotonic()
         if self._watch is None:
-            self._watch = WhatIfWatch(lambda *figures: seat.post_from_thread(WhatIfSeen(*figures)))
+            self._watch = WhatIfWatch(partial(call_in_turn, seat, self.see))
         until_seq, last = self.scope()
         self._watch.ask(
             seat.night.folder,
@@ -131,35 +131,35 @@ class TuneActions:
         )
 
     def compute_now_and_then(self) -> None:
-        """Where the pane is always seen, its figures follow the night."""
+        """Compute the figures of a pane that is seen, where the last ones are old enough."""
         if not self._seat.night.is_read:
             return  # nobody knows yet over how many frames
         is_due = time.monotonic() - self._computed_s >= EVERY_S
         if self.pane.display and is_due:
             self.compute()
 
-    def see(self, message: WhatIfSeen) -> None:
-        """Figures now and with what is tried."""
-        if message.fault:
-            self._seat.say(message.fault, "warn")
+    def see(self, now: "TrackFigures | None", then: "TrackFigures | None", fault: str) -> None:
+        """What the night was and what it would have been, or why that cannot be told."""
+        if fault:
+            self._seat.say(fault, "warn")
             return
-        self.figures = (message.now, message.then)
+        self.figures = (now, then)
         self.show()
 
     def close_watch(self) -> None:
-        """Nobody asks any more."""
+        """End the thread that computes."""
         if self._watch is not None:
             self._watch.close()
 
     def do(self, message: TunePane.Wanted) -> None:
-        """One of the pane's keys."""
+        """Act on one of the pane's keys."""
         if message.what == "type":
             self._type(message.begun)
             return
         {
-            "try": self._try,
+            "try": self._preview,
             "apply": self._apply,
-            "lend": self._lend,
+            "lend": self._apply_for_frames,
             "undo": self._undo,
             "save": self._save,
             "load": self._load,
@@ -167,7 +167,7 @@ class TuneActions:
         }[message.what]()
 
     def _type(self, begun: str) -> None:
-        """A number for the chosen setting, typed."""
+        """Ask for a number for the chosen setting."""
         seat = self._seat
         tunable = self.tuning.tunables[self.tuning.row]
         if self.tuning.present.get(tunable.name) is None:
@@ -183,14 +183,14 @@ class TuneActions:
             if fault:
                 seat.say(fault, "warn")
                 return
-            self._try()
+            self._preview()
 
         words = f"from {tunable.low:g} to {tunable.high:g}"
         title = f"{tunable.label}{tunable.unit}: a number {words}"
         dialog = LineDialog(title, words, begun, goes_on=True)
-        seat.ask(dialog, decided)
+        seat.app.push_screen(dialog, decided)
 
-    def _try(self) -> None:
+    def _preview(self) -> None:
         self.figures = (self.figures[0], None)
         self.show()
         self.compute()
@@ -204,7 +204,7 @@ class TuneActions:
         if not wanted:
             self._seat.say("nothing is tried: ←→ changes the chosen setting")
 
-    def _lend(self) -> None:
+    def _apply_for_frames(self) -> None:
         """For some frames only: the engine sets it back by itself."""
         seat = self._seat
         if not seat.may_act():
@@ -222,7 +222,7 @@ class TuneActions:
             self._set(self.tuning.changes, int(text))
 
         dialog = LineDialog("apply for a number of frames", "how many", f"{USUAL_FRAMES}")
-        seat.ask(dialog, decided)
+        seat.app.push_screen(dialog, decided)
 
     def _undo(self) -> None:
         if not self._seat.may_act():
@@ -231,7 +231,7 @@ class TuneActions:
         self._set(wanted)
         if not wanted:
             self._seat.say("nothing to undo")
-        self._try()
+        self._preview()
 
     def _set(self, wanted: Mapping[str, Value], frames: int | None = None) -> None:
         for name, value in wanted.items():
@@ -264,7 +264,7 @@ class TuneActions:
             except ConfigError as error:
                 seat.say(str(error), "warn")
 
-        seat.ask(LineDialog("save as a preset", "a name"), decided)
+        seat.app.push_screen(LineDialog("save as a preset", "a name"), decided)
 
     def _load(self) -> None:
         seat = self._seat
@@ -278,7 +278,7 @@ class TuneActions:
             return
         decided = partial(self._take_preset, presets)
         words = f"one of {', '.join(presets)}"
-        seat.ask(LineDialog("load a preset", words), decided)
+        seat.app.push_screen(LineDialog("load a preset", words), decided)
 
     def _take_preset(self, presets: dict[str, dict[str, Value]], name: str | None) -> None:
         if not name:
@@ -287,4 +287,4 @@ class TuneActions:
             self._seat.say(f"no preset is called {name!r}: there are {', '.join(presets)}", "warn")
             return
         self.tuning.load(presets[name])
-        self._try()
+        self._preview()

@@ -1,7 +1,7 @@
-"""What a key of the console is, and where it works."""
+"""Commands of the console: name, keys, title, help, and the screens that have them."""
 
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Literal
 
 from rsoconsole.control import Command
 
@@ -20,33 +20,28 @@ Place = Literal["live", "review"]
 BOTH: tuple[Place, ...] = ("live", "review")
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True)
 class KeyCommand:
-    """One thing to do with a key; what the engine is asked for is a ``control.Command``."""
+    """One command of the console, with its keys; what the engine gets is a ``control.Command``."""
 
     name: str
-    """By which a keymap calls it; the action is ``action_<name>``."""
+    """Name in a keymap; the action is ``action_<name>``."""
     keys: str
-    """As Textual writes them, several parted by commas."""
+    """Keys as Textual writes them, several parted by commas."""
     title: str
     help: str
     group: Group
     where: tuple[Place, ...] = ("live",)
     """The screens that have it; of no meaning for one that is everywhere."""
     acts: bool = False
-    """Whether it needs an engine, and a seat that may act; others are not offered it."""
+    """Whether it needs an engine and a console that may act; others are not offered it."""
     priority: bool = False
     """Whether it works over dialogs and inside fields too."""
     is_everywhere: bool = False
     """Whether the application has it, on every screen."""
     sends: Command | None = None
-    """The command that it only hands to the engine: it needs no action of its own then."""
+    """The engine's command, where the key does nothing but send it; it has no action then."""
 
     def is_in(self, place: Place) -> bool:
-        """Whether its key works there."""
+        """Whether its key works on that screen."""
         return self.is_everywhere or place in self.where
-
-
-def command(name: str, keys: str, title: str, help_: str, group: Group, **more: Any) -> KeyCommand:
-    """One thing to do, written short."""
-    return KeyCommand(name=name, keys=keys, title=title, help=help_, group=group, **more)

@@ -7,11 +7,10 @@ from collections.abc import Mapping
 from functools import partial
 
 from rsoconsole.console.commands.command import BOTH, KeyCommand, Place
-from rsoconsole.console.commands.command import command as _command
 from rsoconsole.control import Abort, TakeBack, Unpark
 
 _HERE: tuple[Place, ...] = ("review",)
-_time = partial(_command, group="time", where=_HERE)
+_time = partial(KeyCommand, group="time", where=_HERE)
 
 REVIEW_COMMANDS: tuple[KeyCommand, ...] = (
     _time("play", "space", "Play or pause", "the night as it went on"),
@@ -42,7 +41,7 @@ REVIEW_COMMANDS: tuple[KeyCommand, ...] = (
     _time("compare", "K", "Compare", "keeps this moment as A; from another one: both side by side"),
     _time("blink", "B", "Blink", "the whole screen between A and where you were"),
     _time("forget_moment", "U", "Forget A", "no moment is kept to compare with"),
-    _command(
+    KeyCommand(
         "tune_scope",
         "A",
         "Tune over all frames",
@@ -53,12 +52,12 @@ REVIEW_COMMANDS: tuple[KeyCommand, ...] = (
 )
 
 
-_telescope = partial(_command, group="telescope", acts=True)
-_streaks = partial(_command, group="streaks", acts=True)
-_on_both = partial(_command, where=BOTH)
+_telescope = partial(KeyCommand, group="telescope", acts=True)
+_streaks = partial(KeyCommand, group="streaks", acts=True)
+_on_both = partial(KeyCommand, where=BOTH)
 
 SEAT_COMMANDS: tuple[KeyCommand, ...] = (
-    _command(
+    KeyCommand(
         "stop",
         "ctrl+x",
         "STOP",
@@ -67,7 +66,7 @@ SEAT_COMMANDS: tuple[KeyCommand, ...] = (
         priority=True,
         is_everywhere=True,
     ),
-    _command(
+    KeyCommand(
         "stop_by_letter",
         "x",
         "STOP",
@@ -102,7 +101,7 @@ SEAT_COMMANDS: tuple[KeyCommand, ...] = (
         "Go to",
         "coordinates in any notation, a satellite, a star; shows the way before anything moves",
     ),
-    _command(
+    KeyCommand(
         "up_now",
         "5",
         "What is up now",
@@ -113,14 +112,14 @@ SEAT_COMMANDS: tuple[KeyCommand, ...] = (
     _telescope("nudge_down", "down", "Nudge down", "by the step, down in the picture"),
     _telescope("nudge_left", "left", "Nudge left", "by the step, left in the picture"),
     _telescope("nudge_right", "right", "Nudge right", "by the step, right in the picture"),
-    _command(
+    KeyCommand(
         "smaller_step",
         "left_square_bracket",
         "Smaller step",
         "of the mount's nudges by arrows: 30′, 10′, 3′, 1′, 20″, 5″",
         "telescope",
     ),
-    _command(
+    KeyCommand(
         "larger_step",
         "right_square_bracket",
         "Larger step",
@@ -264,11 +263,11 @@ SEAT_COMMANDS: tuple[KeyCommand, ...] = (
         " the chosen one",
         "plots",
     ),
-    _command("plots_back", "comma", "Plots back", "to earlier frames", "plots"),
-    _command("plots_on", "full_stop", "Plots on", "to later frames", "plots"),
-    _command("plots_wider", "minus", "More frames", "twice as many to a mark", "plots"),
-    _command("plots_finer", "plus", "Fewer frames", "half as many to a mark", "plots"),
-    _command("plots_newest", "end", "Newest frames", "one to a mark", "plots"),
+    KeyCommand("plots_back", "comma", "Plots back", "to earlier frames", "plots"),
+    KeyCommand("plots_on", "full_stop", "Plots on", "to later frames", "plots"),
+    KeyCommand("plots_wider", "minus", "More frames", "twice as many to a mark", "plots"),
+    KeyCommand("plots_finer", "plus", "Fewer frames", "half as many to a mark", "plots"),
+    KeyCommand("plots_newest", "end", "Newest frames", "one to a mark", "plots"),
     _on_both(
         "zoom", "z", "Zoom", "the field, the close-up, the close-up pixel by pixel", "picture"
     ),
@@ -305,7 +304,7 @@ SEAT_COMMANDS: tuple[KeyCommand, ...] = (
         "the recorded nights, and this one: any moment of them again",
         "console",
     ),
-    _command("note", "n", "Note", "a remark into the session", "console", acts=True),
+    KeyCommand("note", "n", "Note", "a remark into the session", "console", acts=True),
     _on_both("log", "l", "Log", "all of it, and back; slash filters it", "console"),
     _on_both(
         "read",
@@ -333,10 +332,10 @@ SEAT_COMMANDS: tuple[KeyCommand, ...] = (
         "the log, a mark, what came of a STOP, the orbit, a notice",
         "console",
     ),
-    _command(
+    KeyCommand(
         "help", "f1,question_mark", "Help", "the keys and signs", "console", is_everywhere=True
     ),
-    _command(
+    KeyCommand(
         "suspend",
         "ctrl+z",
         "Suspend",
@@ -344,7 +343,7 @@ SEAT_COMMANDS: tuple[KeyCommand, ...] = (
         "console",
         is_everywhere=True,
     ),
-    _command(
+    KeyCommand(
         "colours",
         "ctrl+t",
         "Colours",
@@ -358,5 +357,5 @@ BY_NAME: Mapping[str, KeyCommand] = {command.name: command for command in COMMAN
 
 
 def commands_in(place: Place) -> tuple[KeyCommand, ...]:
-    """Those whose keys work on that screen, the application's own among them."""
+    """Commands whose keys work on that screen, the application's own among them."""
     return tuple(command for command in COMMANDS if command.is_in(place))

@@ -35,7 +35,7 @@ _NAMED_KEYS = {key.value for key in Keys} | set(KEY_NAME_REPLACEMENTS.values())
 
 
 def load_keymap(path: Path) -> dict[str, str]:
-    """Other keys by command; empty without a file.
+    """Read other keys for commands, by the command's name; empty without a file.
 
     Raises ConfigError for a file that is no such, an unknown command, or a key given twice.
     """
@@ -128,7 +128,7 @@ KEY_WORDS = {
 
 
 def bindings(place: Place | None) -> list[Binding]:
-    """For a screen, or with None for the application."""
+    """Textual's bindings for a screen, or with None for the application."""
     return [
         Binding(
             command.keys,
@@ -146,12 +146,12 @@ def bindings(place: Place | None) -> list[Binding]:
 
 
 def key_words(keys: str) -> str:
-    """Keys as a person writes them."""
+    """Keys in words, as a person writes them."""
     return " ".join(KEY_WORDS.get(key, key.replace("ctrl+", "^")) for key in keys.split(","))
 
 
 def first_key(name: str, keymap: Mapping[str, str] | None = None) -> str:
-    """The key that a command is shown with, as a person writes it."""
+    """The first key of a command in words, as the screens show it."""
     return key_words((keymap or {}).get(name, BY_NAME[name].keys)).split()[0]
 
 
@@ -159,18 +159,18 @@ log = logging.getLogger(__name__)
 
 
 class Orders:
-    """Sends commands; callbacks are called on the threads that sent them."""
+    """Sends commands to the engine; callbacks run on the threads that sent them."""
 
     def __init__(self, wire: Callable[[], Wire], stop_directly: DirectStop | None = None) -> None:
         self._wire = wire
         self._stop_directly = stop_directly
 
     def stop(self, on_news: Callable[[StopNews], None]) -> None:
-        """STOP, now; ``on_news`` hears when it is late and how it ended."""
+        """Send STOP now; ``on_news`` is called when it is late and when it ended."""
         Stopping(self._wire, self._stop_directly, on_news).begin()
 
     def send(self, command: Command, on_outcome: Callable[[Outcome], None]) -> None:
-        """Hand over a command; an engine out of reach is an outcome too."""
+        """Send a command; an engine out of reach is an outcome too."""
 
         def work() -> None:
             try:

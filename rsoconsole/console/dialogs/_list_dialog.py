@@ -1,4 +1,4 @@
-"""A list with a field over it: what is typed leaves some of its rows, and one of them is chosen."""
+"""Dialogs with a list and a field over it: typed words leave some rows, one is chosen."""
 
 import threading
 from typing import ClassVar, Generic, TypeVar
@@ -9,16 +9,16 @@ from textual.binding import Binding, BindingType
 from textual.containers import Vertical
 from textual.widgets import Input
 
-from rsoconsole.console.dialogs.dialogs import Dialog, Result, Send
-from rsoconsole.console.drawing.plot import Line
+from rsoconsole.console.dialogs.dialogs import Dialog, Result
+from rsoconsole.console.drawing.plot import Ink, Line
 from rsoconsole.console.panes.panes import LinesPane
-from rsoconsole.console.words.words import first_shown
+from rsoconsole.console.words.words import clipped, first_shown
 
 Row = TypeVar("Row")
 
 
 class ListDialog(Dialog[Result], Generic[Result, Row]):
-    """Looks for its rows on a thread: a slow disk or a large catalogue keeps nobody."""
+    """A list that is found on a thread, with a field over it: typed words leave some rows."""
 
     BINDINGS: ClassVar[list[BindingType]] = [
         Binding("up", "choose(-1)", show=False),
@@ -53,37 +53,53 @@ class ListDialog(Dialog[Result], Generic[Result, Row]):
         """Begin to look."""
         self.query_one(Input).focus()
         self.show()
-        name, arguments = f"console {self.LISTED}", (self.poster(),)
-        threading.Thread(target=self.look, args=arguments, name=name, daemon=True).start()
+        name = f"console {self.LISTED}"
+        threading.Thread(target=self.look, name=name, daemon=True).start()
 
-    def look(self, send: Send) -> None:
-        """Find the rows (on the thread)."""
+    def look(self) -> None:
+        """Find the rows; runs on the thread."""
         raise NotImplementedError
 
     @property
     def shown(self) -> list[Row]:
-        """Those that what was typed leaves."""
+        """Rows that the typed words leave."""
         raise NotImplementedError
 
     def result_of(self, row: Row) -> Result:
-        """What choosing that one gives."""
+        """The dialog's result where that row is chosen."""
+        raise NotImplementedError
+
+    def head(self, width: int) -> str:
+        """The line over the rows, or why there are none."""
+        raise NotImplementedError
+
+    def row_words(self, row: Row, width: int) -> tuple[str, Ink]:
+        """A row in words, and its colour where it is not the chosen one."""
         raise NotImplementedError
 
     def lines(self, width: int, height: int) -> list[Line]:
-        """As much of the list as there is room for, or why there is none."""
-        raise NotImplementedError
+        """The head, and as many rows as there is room for, the chosen one among them."""
+        rows, room = self.shown, max(height - 1, 1)
+        lines = [clipped([(self.head(width), "dim")], width)]
+        first = first_shown(self._at, len(rows), room)
+        for number, row in enumerate(rows[first : first + room], first):
+            is_chosen = number == self._at
+            text, ink = self.row_words(row, width)
+            text = f"{'▸' if is_chosen else ' '} {text}".ljust(width)
+            lines.append(clipped([(text, "here" if is_chosen else ink)], width))
+        return lines[: max(height, 1)]
 
     def show(self) -> None:
         """Draw the list."""
         self.query_one("#rows", LinesPane).show(self.lines)
 
     def take_typed(self, typed: str) -> None:
-        """Enter, where no row is left."""
+        """Handle enter where no row is left."""
         _ = typed
         self.app.bell()
 
     def take_click(self, number: int) -> None:
-        """The mouse, on that row or where it would be: it only chooses."""
+        """Choose the row that was clicked."""
         self.choose(number)
 
     def on_input_changed(self, event: Input.Changed) -> None:
@@ -113,6 +129,6 @@ class ListDialog(Dialog[Result], Generic[Result, Row]):
         self.choose(self._at + by)
 
     def choose(self, number: int) -> None:
-        """That row, or the last one before it."""
+        """Choose that row, or the last one before it."""
         self._at = min(max(number, 0), max(len(self.shown) - 1, 0))
         self.show()

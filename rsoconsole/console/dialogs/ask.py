@@ -1,6 +1,7 @@
-"""What the operator types: where to go, how long to expose, a remark, words to look for."""
+"""Dialogs with fields: a direction, exposure and cadence, an aim, a line of words."""
 
 from collections.abc import Callable, Mapping
+from functools import partial
 from typing import TYPE_CHECKING, Any, ClassVar, Generic
 
 from textual.app import ComposeResult
@@ -11,8 +12,16 @@ from rsoconsole.base import RsoconsoleError
 from rsoconsole.config import Config
 from rsoconsole.console.commands.keymap import Orders
 from rsoconsole.console.dialogs.dialogs import Dialog, Result, framed
-from rsoconsole.console.watches.messages import Previewed
-from rsoconsole.control import Beside, Goto, MovePreview, Preview, preview_lines, read_record
+from rsoconsole.console.watches.messages import call_in_turn
+from rsoconsole.control import (
+    Beside,
+    Goto,
+    MovePreview,
+    Outcome,
+    Preview,
+    preview_lines,
+    read_record,
+)
 
 if TYPE_CHECKING:
     from rsoconsole.pipeline import Understood
@@ -25,15 +34,14 @@ GOES = "enter goes there and stays with the stars: follows nothing, you have the
 
 
 def _ask_engine(
-    dialog: Dialog[Any], orders: Orders, move: Goto | Beside, number: int = 0, words: str = ""
+    dialog: Dialog[Any], orders: Orders, move: Goto | Beside, answer: Callable[[Outcome], None]
 ) -> None:
-    """What it says of a move comes to the dialog as ``Previewed``."""
-    send = dialog.poster()
-    orders.send(Preview(move=move), lambda outcome: send(Previewed(number, words, outcome)))
+    """What it says of a move; the dialog calls ``answer`` with that."""
+    orders.send(Preview(move=move), partial(call_in_turn, dialog, answer))
 
 
 class FieldDialog(Dialog[Result], Generic[Result]):
-    """A dialog in which one types at once."""
+    """A dialog whose first field has the focus."""
 
     def on_mount(self) -> None:
         """The first field has the focus."""
@@ -83,21 +91,17 @@ class GotoDialog(FieldDialog[tuple[float, float] | None]):
         self._asked += 1
         if self._config() is None:
             self._say(UNREAD if text.strip() else "")
-            self.set_timer(UNREAD_CHECK_S, self._look_again(self._asked, text))
+            self.set_timer(UNREAD_CHECK_S, partial(self._look_again, self._asked, text))
             return
         try:
             self._ask(text)
         except (ValueError, RsoconsoleError) as error:
             self._say(str(error) if text.strip() else "")
 
-    def _look_again(self, number: int, text: str) -> Callable[[], None]:
+    def _look_again(self, number: int, text: str) -> None:
         """Once more, unless something else has been typed meanwhile."""
-
-        def look() -> None:
-            if number == self._asked:
-                self._look(text)
-
-        return look
+        if number == self._asked:
+            self._look(text)
 
     def _ask(self, text: str) -> None:
         found = self._understood(text)
@@ -105,7 +109,8 @@ class GotoDialog(FieldDialog[tuple[float, float] | None]):
         self._say(f"{found.words}{caution}\nasking the engine …")
 
         move = Goto(ra_icrs_deg=found.ra_icrs_deg, dec_icrs_deg=found.dec_icrs_deg)
-        _ask_engine(self, self._orders, move, self._asked, f"{found.words}{caution}")
+        answer = partial(self._show_preview, self._asked, f"{found.words}{caution}")
+        _ask_engine(self, self._orders, move, answer)
 
     def _understood(self, text: str) -> "Understood":
         """What is meant at this instant. Raises ValueError or RsoconsoleError where none is."""
@@ -118,16 +123,16 @@ class GotoDialog(FieldDialog[tuple[float, float] | None]):
             self._names = Names.load(config.catalogue.tle_files)
         return understand(text, config.site.to_site(), self._now_utc_ns(), self._names)
 
-    def on_previewed(self, message: Previewed) -> None:
+    def _show_preview(self, number: int, words: str, outcome: Outcome) -> None:
         """What the engine says of the last thing typed."""
-        if message.number != self._asked:
+        if number != self._asked:
             return
-        if not message.outcome.ok:
-            self._say(f"{message.words}\n{message.outcome.message}")
+        if not outcome.ok:
+            self._say(f"{words}\n{outcome.message}")
             return
-        self._preview = preview = read_record(MovePreview, message.outcome.data)
+        self._preview = preview = read_record(MovePreview, outcome.data)
         caution = [self._caution] if self._caution and preview and not preview.refused else []
-        self._say("\n".join([message.words, *preview_lines(preview, GOES), *caution]))
+        self._say("\n".join([words, *preview_lines(preview, GOES), *caution]))
 
     def on_input_submitted(self, event: Input.Submitted) -> None:
         """Go, where that has been shown and may be."""
@@ -150,7 +155,7 @@ class GotoDialog(FieldDialog[tuple[float, float] | None]):
 
 
 class MoveDialog(Dialog[bool | None]):
-    """Where the streak is: the way there and the limits; enter goes where nothing refuses it."""
+    """The question whether to point at the streak: the way there and the limits."""
 
     BINDINGS: ClassVar[list[BindingType]] = [Binding("enter", "go", "Go")]
 
@@ -168,11 +173,10 @@ class MoveDialog(Dialog[bool | None]):
     def on_mount(self) -> None:
         """Ask at once."""
         ra, dec = self._direction
-        _ask_engine(self, self._orders, Goto(ra_icrs_deg=ra, dec_icrs_deg=dec))
+        move = Goto(ra_icrs_deg=ra, dec_icrs_deg=dec)
+        _ask_engine(self, self._orders, move, self._show_preview)
 
-    def on_previewed(self, message: Previewed) -> None:
-        """What the engine says."""
-        outcome = message.outcome
+    def _show_preview(self, outcome: Outcome) -> None:
         preview = read_record(MovePreview, outcome.data) if outcome.ok else None
         lines = preview_lines(preview, GOES) if outcome.ok else [outcome.message]
         self._may_go = preview is not None and not preview.refused
@@ -188,7 +192,7 @@ class MoveDialog(Dialog[bool | None]):
 
 
 class SettingsDialog(FieldDialog[dict[str, float] | None]):
-    """A field for each of a few numbers. Gives what has been changed, by the setting's name."""
+    """A field for each of a few numbers. Gives those that were changed, by the setting's name."""
 
     HEAD: ClassVar[str]
     NAMES: ClassVar[dict[str, str]]
@@ -232,7 +236,7 @@ class SettingsDialog(FieldDialog[dict[str, float] | None]):
 
 
 class ExposureDialog(SettingsDialog):
-    """Exposure and cadence."""
+    """Fields for exposure and cadence."""
 
     HEAD = "exposure and cadence"
     NAMES: ClassVar[dict[str, str]] = {
@@ -250,7 +254,7 @@ class ExposureDialog(SettingsDialog):
 
 
 class AimDialog(SettingsDialog):
-    """Where to look beside the prediction; where that is and what it meets, as one types."""
+    """Fields for an aim beside the prediction; shows where that is and what it meets."""
 
     HEAD = "aim beside the prediction"
     NAMES: ClassVar[dict[str, str]] = {
@@ -272,21 +276,21 @@ class AimDialog(SettingsDialog):
         if wanted is None:
             return
         aim = {name.partition(".")[2]: value for name, value in wanted.items()}
-        _ask_engine(self, self._orders, Beside(**aim), self._asked)
+        _ask_engine(self, self._orders, Beside(**aim), partial(self._show_preview, self._asked))
 
-    def on_previewed(self, message: Previewed) -> None:
+    def _show_preview(self, number: int, outcome: Outcome) -> None:
         """What the engine says of the last thing typed."""
-        if message.number != self._asked:
+        if number != self._asked:
             return
-        if not message.outcome.ok:
-            self._say(message.outcome.message)
+        if not outcome.ok:
+            self._say(outcome.message)
             return
         ending = "enter looks there from the next exposure on"
-        self._say("\n".join(preview_lines(read_record(MovePreview, message.outcome.data), ending)))
+        self._say("\n".join(preview_lines(read_record(MovePreview, outcome.data), ending)))
 
 
 class LineDialog(FieldDialog[str | None]):
-    """One line of words. Gives them; empty ones too."""
+    """A field for one line of words. Gives them; empty ones too."""
 
     def __init__(self, title: str, words: str, value: str = "", *, goes_on: bool = False) -> None:
         """``goes_on``: what is typed comes behind the value; else it takes its place."""

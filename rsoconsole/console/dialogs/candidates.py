@@ -1,4 +1,4 @@
-"""Every streak of a frame, what became of it, and the reason."""
+"""Lists of a frame's streaks, and of the last measurements, one of which is rejected."""
 
 import math
 import textwrap
@@ -20,13 +20,13 @@ from rsoconsole.words import angle, clock, name_of, pulse_of, short, size_of, te
 COLUMNS = 70
 MARKED = "the frame you marked"
 SAME_STREAK_PX = 25.0
-"""A streak's middle so far from a mark's, or half the streak, is of the same one."""
+"""Largest distance between the middles of a mark and its streak, or half the streak."""
 MAX_REJECTED = 12
-"""The likeliest ones: of the others nobody will ask."""
+"""Rejected candidates that are listed, the likeliest first."""
 
 
 class CandidatesDialog(PagedDialog[None]):
-    """The streaks of one frame, the likeliest first; of two frames, one after the other."""
+    """The streaks of one frame, the likeliest first; or of two frames, a page each."""
 
     BINDINGS: ClassVar[list[BindingType]] = [
         Binding("v,q", "put_away", "Back", show=False),
@@ -45,7 +45,7 @@ class CandidatesDialog(PagedDialog[None]):
         self._keys = [first_key(name, keymap) for name in ("follow_next", "accept", "reject")]
 
     def action_other_frame(self) -> None:
-        """The marked one, or the newest."""
+        """Show the streaks of the other frame."""
         self._at = (self._at + 1) % len(self._frames)
         self.show()
 
@@ -65,7 +65,7 @@ class CandidatesDialog(PagedDialog[None]):
 
 
 def candidate_lines(detail: NightFrame, tau: float) -> list[str]:
-    """One line a streak and one for the reason."""
+    """A frame's streaks in words: a line each, and one for the reason."""
     found = detail.detections
     if found is None:
         return ["It is not known yet what the frame shows."]
@@ -144,7 +144,7 @@ SOURCES = {"network": "detector", "operator": "by hand"}
 
 
 def measured_words(each: LastMeasured) -> str:
-    """Frame, time, source, sigma, NIS."""
+    """A measurement in words: frame, time, source, sigma, NIS."""
     sigma = f"±{angle(each.sigma_arcsec)}"
     nis = "" if each.nis is None else f"NIS {each.nis:.1f}"
     source = SOURCES.get(each.source, each.source)
@@ -153,7 +153,7 @@ def measured_words(each: LastMeasured) -> str:
 
 
 class RejectDialog(Dialog[int | None]):
-    """Which of the last measurements was something else. Gives its frame's number, or None."""
+    """The last measurements, one of which was something else. Gives its frame's number, or None."""
 
     BINDINGS: ClassVar[list[BindingType]] = [
         Binding("j", "newest", "The newest", show=False),
@@ -191,7 +191,7 @@ class RejectDialog(Dialog[int | None]):
             self._choose(int(event.key))
 
     def action_newest(self) -> None:
-        """The key that opened this, once more."""
+        """Reject the newest, by the key that opened this."""
         self._choose(1)
 
     def _choose(self, number: int) -> None:

@@ -1,10 +1,8 @@
-"""What the operator is asked, and the help. STOP works in each of them: the app binds it first."""
+"""Dialogs: their base, messages, arming, confirming, leaving. STOP works in each of them."""
 
-import contextlib
 import math
-import textwrap
 import time
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from typing import Any, ClassVar, Generic, Literal, TypeVar
 
 from textual.app import ComposeResult
@@ -12,78 +10,18 @@ from textual.await_complete import AwaitComplete
 from textual.binding import Binding, BindingType
 from textual.containers import Vertical, VerticalScroll
 from textual.events import Event, Key, Mount
-from textual.message import Message
 from textual.screen import ModalScreen
 from textual.widgets import Button, Static
 
-from rsoconsole.console.commands.command import GROUPS, Place
-from rsoconsole.console.commands.commands import commands_in
-from rsoconsole.console.commands.glossary import glossary_text
-from rsoconsole.console.commands.keymap import key_words
-from rsoconsole.console.panes.last_line import MODE_WORDS, Mode, mode_keys
-
-HELP_COLUMNS = 70
 UNASKED_DEAF_S = 0.5
-"""So long a dialog that opened by itself, and after each key that it has dropped, it takes no
-answer: keys were meant for what is below it."""
-Leave = Literal["leave", "stop engine", "stay"]
+"""How long a dialog that opened by itself takes no answer, and again after each key that it has
+dropped: keys were meant for what is below it."""
+LeaveChoice = Literal["leave", "stop engine", "stay"]
 Result = TypeVar("Result")
-Send = Callable[[Message], None]
-
-SIGNS = """\
-State      IDLE waits to be armed, SEARCH looks, ACQUIRE has one frame,
-           TRACK measures, COAST predicts, MANUAL is yours, LOST, FAULT
-Picture    [━] followed   (━) other detections   ‹ › rejected, from near
-           < > by your hand   + where it was expected, · 3 sigma about it
-           1 2* several tracks, * the lead   ○3 not seen in this frame
-           in an opened frame { } detected now   « » rejected now
-Plots      fat dots measured, small dots 3 sigma, ○ nothing measured,
-           ▲ ▼ beyond the axis; the newest frame at the right
-Times are UTC; under simulation they are the observatory's own."""
-REVIEW_SIGNS = """\
-Time line  the night from its first record to its last; its words are states,
-           ┃ is here, A the moment kept to compare with, ░ not read yet
-           ○ miss   × refused   ▼ lost   ▲ operator   ✎ note   ! alarm   / found
-           ▫ the frame's pixels are kept: enter opens it at full resolution
-           a cell of many frames shows what a quarter of them have; the mouse
-           goes where it is clicked or drawn"""
-
-
-def help_text(
-    keymap: Mapping[str, str] | None = None, mode: Mode = "live", place: Place = "live"
-) -> str:
-    """What the keys are for at this moment, every command by group, then the signs."""
-    lines: list[str] = []
-    if MODE_WORDS[mode]:
-        lines.append(MODE_WORDS[mode])
-        for key in mode_keys(mode):
-            lines += textwrap.wrap(
-                key.words or key.name,
-                HELP_COLUMNS,
-                initial_indent=f"  {key.key:<9}",
-                subsequent_indent=" " * 11,
-            )
-        lines.append("")
-    for group, title in GROUPS.items():
-        here = [command for command in commands_in(place) if command.group == group]
-        if not here:
-            continue
-        lines.append(title)
-        for command in here:
-            if command.name != "stop_by_letter":
-                keys = (keymap or {}).get(command.name, command.keys)
-                shown = f"x {key_words(keys)}" if command.name == "stop" else key_words(keys)
-                words = f"{command.title}: {command.help}"
-                lines += textwrap.wrap(
-                    words, HELP_COLUMNS, initial_indent=f"  {shown:<9}", subsequent_indent=" " * 11
-                )
-        lines.append("")
-    signs = SIGNS if place == "live" else f"{SIGNS}\n{REVIEW_SIGNS}"
-    return "\n".join([*lines, f"  {'^p':<9}every command by name", "", signs])
 
 
 def framed(title: str, keys: str = "") -> VerticalScroll:
-    """The box of a dialog: what it is about above, its keys below."""
+    """The box of a dialog: its title above, its keys below."""
     box = VerticalScroll()
     box.border_title, box.border_subtitle = title, keys
     return box
@@ -112,12 +50,12 @@ class Dialog(ModalScreen[Result], Generic[Result]):
     """
 
     closed_s: ClassVar[float] = 0.0
-    """When the last one was closed, by a clock that nobody sets."""
+    """When the last dialog was closed, in monotonic seconds."""
     opens_unasked = False
-    """Under the operator's hands, by what the engine said."""
+    """Whether the engine's answer opened it, not a key."""
     _opened_s = math.inf
     _dropped_s = -math.inf
-    """When a key was dropped last."""
+    """When a key was dropped last, in monotonic seconds."""
 
     async def on_event(self, event: Event) -> None:
         """One that STOP or esc has put away before it was drawn has nothing to mount.
@@ -136,29 +74,19 @@ class Dialog(ModalScreen[Result], Generic[Result]):
 
     def on_mount(self) -> None:
         """It can be read from the first paint on."""
-        self.call_after_refresh(self._see_opened)
+        self.call_after_refresh(self._note_opened)
 
-    def _see_opened(self) -> None:
+    def _note_opened(self) -> None:
         self._opened_s = time.monotonic()
 
     @property
     def is_deaf(self) -> bool:
-        """Whether what is typed now was meant for what it lies over; esc puts it away at once."""
+        """Whether a key is dropped: it was meant for what the dialog covers. Esc always works."""
         since_s = max(self._opened_s, self._dropped_s)
         return self.opens_unasked and time.monotonic() < since_s + UNASKED_DEAF_S
 
-    def poster(self) -> Send:
-        """Posts messages to it from another thread, as long as the console is there."""
-        call, post = self.app.call_from_thread, self.post_message
-
-        def send(message: Message) -> None:
-            with contextlib.suppress(RuntimeError):  # the console has been left meanwhile
-                call(post, message)
-
-        return send
-
     def dismiss(self, result: Result | None = None) -> AwaitComplete:
-        """Close; what is typed right after it may still be meant for it."""
+        """Close; keys typed right after it may still be meant for it."""
         Dialog.closed_s = time.monotonic()
         return super().dismiss(result)
 
@@ -180,7 +108,7 @@ class PagedDialog(Dialog[Result], Generic[Result]):
         self.show()
 
     def page(self) -> tuple[str, str, str]:
-        """Title, keys and text of the shown one."""
+        """Title, keys and text of the page."""
         raise NotImplementedError
 
     def show(self) -> None:
@@ -188,69 +116,6 @@ class PagedDialog(Dialog[Result], Generic[Result]):
         box = self.query_one(VerticalScroll)
         box.border_title, box.border_subtitle, text = self.page()
         self.query_one("#page", Static).update(text)
-
-
-class HelpDialog(PagedDialog[str | None]):
-    """The keys and the signs; on a second page what the terms mean. Gives "tour" or None."""
-
-    BINDINGS: ClassVar[list[BindingType]] = [
-        Binding("question_mark,f1,q", "put_away", "Back", show=False),
-        Binding("tab,g,left,right", "other_page", "Terms"),
-        Binding("t", "tour", "Tour"),
-        Binding("up", "scroll(-1)", show=False),
-        Binding("down", "scroll(1)", show=False),
-        Binding("pageup", "page(-1)", show=False),
-        Binding("pagedown,space", "page(1)", show=False),
-        Binding("home", "end(False)", show=False),
-        Binding("end", "end(True)", show=False),
-    ]
-
-    def __init__(
-        self,
-        keymap: Mapping[str, str] | None = None,
-        mode: Mode = "live",
-        place: Place = "live",
-    ) -> None:
-        super().__init__()
-        self._pages = {
-            "keys and signs": help_text(keymap, mode, place),
-            "terms": glossary_text(HELP_COLUMNS),
-        }
-        self._shown = "keys and signs"
-
-    @property
-    def _other(self) -> str:
-        return next(name for name in self._pages if name != self._shown)
-
-    def action_other_page(self) -> None:
-        """From the keys to the terms, and back."""
-        self._shown = self._other
-        self.show()
-        # At once: what is scrolled behind the new text would be the place of the old one.
-        self.query_one(VerticalScroll).scroll_home(animate=False, immediate=True)
-
-    def action_scroll(self, by: int) -> None:
-        """By a line."""
-        self.query_one(VerticalScroll).scroll_relative(y=by, animate=False)
-
-    def action_page(self, by: int) -> None:
-        """By what is seen at once."""
-        box = self.query_one(VerticalScroll)
-        box.scroll_relative(y=by * max(box.size.height - 1, 1), animate=False)
-
-    def action_end(self, is_last: bool) -> None:
-        """To the first line, or to the last."""
-        box = self.query_one(VerticalScroll)
-        (box.scroll_end if is_last else box.scroll_home)(animate=False)
-
-    def action_tour(self) -> None:
-        """The tour of the screen."""
-        self.dismiss("tour")
-
-    def page(self) -> tuple[str, str, str]:
-        """The keys first."""
-        keys = f"tab {self._other} · t tour · esc back"
-        return f"help: {self._shown}", keys, self._pages[self._shown]
 
 
 class Tick(Static, can_focus=True):
@@ -271,12 +136,12 @@ class Tick(Static, can_focus=True):
         self.update(f"[{'x' if self.is_on else ' '}] {self._words}")
 
     def on_click(self) -> None:
-        """The same by the mouse."""
+        """Tick by the mouse."""
         self.action_tick()
 
 
 class MessageDialog(Dialog[None]):
-    """Words that need to be read."""
+    """A message in full."""
 
     def __init__(self, title: str, text: str) -> None:
         super().__init__()
@@ -299,12 +164,12 @@ class MessageDialog(Dialog[None]):
             self.dismiss(None)
 
     def on_click(self) -> None:
-        """The same by the mouse."""
+        """Close by the mouse."""
         self.dismiss(None)
 
 
 class ArmDialog(Dialog[tuple[str, ...] | None]):
-    """The checks that stand against arming; those ticked are overridden by name.
+    """The checks that stand against arming; those that are ticked are overridden by name.
 
     Gives the names to override, or None.
     """
@@ -360,7 +225,7 @@ class ArmDialog(Dialog[tuple[str, ...] | None]):
 
 
 class ConfirmDialog(Dialog[bool | None]):
-    """Asks once; nothing happens but by the second button or its letter. Gives True or not."""
+    """A question; nothing happens but by the second button or its letter. Gives True or not."""
 
     def __init__(
         self, title: str, text: str, *, yes: str, letter: str, is_yes: bool = False
@@ -396,14 +261,20 @@ class ConfirmDialog(Dialog[bool | None]):
                 self.dismiss(True)
 
 
-class LeaveDialog(Dialog[Leave | None]):
-    """What becomes of the engine when the console is left."""
+class LeaveDialog(Dialog[LeaveChoice | None]):
+    """The question what becomes of the engine when the console is left."""
 
     BINDINGS: ClassVar[list[BindingType]] = [
         Binding("l", "choose('leave')", "Leave it running"),
         Binding("s", "choose('stop engine')", "Stop the engine"),
         Binding("q", "put_away", "Stay", show=False),
     ]
+
+    CHOICES: ClassVar[dict[LeaveChoice, str]] = {
+        "leave": "l  Leave: the engine keeps running and recording",
+        "stop engine": "s  Stop the engine: the mount stops, the session is closed",
+        "stay": "esc  Stay here",
+    }
 
     def __init__(self, state_words: str, *, proposes_staying: bool) -> None:
         """``proposes_staying``: the telescope moves by hand, and nobody else would look at it."""
@@ -413,16 +284,11 @@ class LeaveDialog(Dialog[Leave | None]):
 
     def compose(self) -> ComposeResult:
         """Three plain choices; the proposed one has the focus."""
-        choices = [
-            ("leave", "l  Leave: the engine keeps running and recording"),
-            ("stop-engine", "s  Stop the engine: the mount stops, the session is closed"),
-            ("stay", "esc  Stay here"),
-        ]
         with framed("leave the console"):
             yield Static(self._state_words, markup=False)
             with Vertical(classes="choices"):
-                for name, words in choices:
-                    yield Button(words, id=name, compact=True)
+                for choice, words in self.CHOICES.items():
+                    yield Button(words, name=choice, id=choice.replace(" ", "-"), compact=True)
 
     def on_mount(self) -> None:
         """Enter does what is safe: it never ends the engine."""
@@ -431,13 +297,8 @@ class LeaveDialog(Dialog[Leave | None]):
     def on_button_pressed(self, event: Button.Pressed) -> None:
         """One of the three."""
         event.stop()
-        names: dict[str, Leave] = {
-            "leave": "leave",
-            "stop-engine": "stop engine",
-            "stay": "stay",
-        }
-        self.dismiss(names[event.button.id or "stay"])
+        self.dismiss(next(each for each in self.CHOICES if each == event.button.name))
 
-    def action_choose(self, choice: Leave) -> None:
+    def action_choose(self, choice: LeaveChoice) -> None:
         """By letter."""
         self.dismiss(choice)

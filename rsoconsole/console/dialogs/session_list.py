@@ -1,4 +1,4 @@
-"""The recorded nights: newest first, each with its branches; one is chosen, or a path typed."""
+"""The list of recorded nights, newest first, each with its branches; a path may be typed."""
 
 import contextlib
 from collections.abc import Iterator
@@ -6,15 +6,13 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal
 
-from textual.message import Message
 from textual.widgets import Input
 
 from rsoconsole.base import SessionError
 from rsoconsole.config import home_path
 from rsoconsole.console.dialogs._list_dialog import ListDialog
-from rsoconsole.console.dialogs.dialogs import Send
-from rsoconsole.console.drawing.plot import Ink, Line
-from rsoconsole.console.words.words import clipped, first_shown
+from rsoconsole.console.drawing.plot import Ink
+from rsoconsole.console.watches.messages import call_in_turn
 from rsoconsole.control import one_line
 from rsoconsole.session import DATABASE, SessionSummary, folders_in, summarise, written_ns
 from rsoconsole.words import clock, file_size, span
@@ -28,28 +26,28 @@ WHEN_COLUMNS, LENGTH_COLUMNS, FRAMES_COLUMNS, SIZE_COLUMNS, STATE_COLUMNS = 16, 
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Entry:
-    """One session, or a branch of one."""
+class SessionEntry:
+    """A session in the list, or a branch of one."""
 
     folder: Path
     is_branch: bool = False
     summary: SessionSummary | None = None
-    """None until it has been looked into."""
+    """What is in it; None until that is read."""
     state: State = ""
 
     @property
     def name(self) -> str:
-        """As it is shown."""
+        """The folder's name as it is shown."""
         return one_line(self.folder.name)
 
     def has(self, words: str) -> bool:
-        """Whether it is meant by what was typed."""
+        """Whether those words are in its name or title."""
         title = self.summary.title or "" if self.summary is not None else ""
         text = f"{self.folder.parent.parent.name if self.is_branch else ''} {self.name} {title}"
         return all(word in text.lower() for word in words.lower().split())
 
 
-def entries_of(root: Path, present: Path | None) -> list[Entry]:
+def sessions_under(root: Path, present: Path | None) -> list[SessionEntry]:
     """Every session under the root, newest first, each before its branches; nothing is opened.
 
     ``present``: one that is looked at now, wherever it lies. Raises SessionError when the root
@@ -64,44 +62,24 @@ def entries_of(root: Path, present: Path | None) -> list[Entry]:
     return [entry for folder in newest for entry in _with_branches(folder)]
 
 
-def looked_into(entry: Entry) -> Entry:
-    """The same with what is in it. Never raises: a damaged session says so."""
+def with_summary(entry: SessionEntry) -> SessionEntry:
+    """The entry with what is in its session. Never raises: a damaged session says so."""
     summary = summarise(entry.folder)
     state: State = "damaged" if summary.state == "unreadable" else summary.state
     return replace(entry, summary=summary, state=state)
 
 
-def _with_branches(folder: Path) -> Iterator[Entry]:
-    yield Entry(folder=folder)
+def _with_branches(folder: Path) -> Iterator[SessionEntry]:
+    yield SessionEntry(folder=folder)
     with contextlib.suppress(OSError):
         branches = [path for path in (folder / BRANCHES).iterdir() if (path / DATABASE).exists()]
-        yield from (Entry(folder=path, is_branch=True) for path in sorted(branches))
+        yield from (SessionEntry(folder=path, is_branch=True) for path in sorted(branches))
 
 
 def _is_same(a: Path, b: Path) -> bool:
     with contextlib.suppress(OSError):
         return a.samefile(b)
     return a == b
-
-
-def session_lines(
-    entries: list[Entry], chosen: int, absent: str, width: int, height: int
-) -> list[Line]:
-    """A head and as many entries as fit, the chosen one among them."""
-    if not entries:
-        return [clipped([(f" {absent}", "dim")], width)]
-    columns = _columns(width)
-    head: Line = [(f"  {'session':<{columns[0]}} {_cells(HEADS, columns)}", "dim")]
-    room = max(height - 1, 1)
-    first = first_shown(chosen, len(entries), room)
-    lines = [clipped(head, width)]
-    for number, entry in enumerate(entries[first : first + room], first):
-        name = f"└ {entry.name}" if entry.is_branch else entry.name
-        sign = "▸" if number == chosen else " "
-        ink: Ink = "here" if number == chosen else STATE_INKS.get(entry.state, "")
-        text = f"{sign} {_shortened(name, columns[0])} {_cells(_facts(entry), columns)}"
-        lines.append(clipped([(text.ljust(width), ink)], width))
-    return lines
 
 
 def _columns(width: int) -> tuple[int, tuple[int, ...]]:
@@ -121,7 +99,7 @@ def _cells(texts: tuple[str, ...], columns: tuple[int, tuple[int, ...]]) -> str:
     return " ".join([*cells, state[0].ljust(state[1])])
 
 
-def _facts(entry: Entry) -> tuple[str, ...]:
+def _facts(entry: SessionEntry) -> tuple[str, ...]:
     summary = entry.summary
     if summary is None:
         return ("", "", "", "", "…")
@@ -141,24 +119,8 @@ def _shortened(name: str, columns: int) -> str:
     return f"{name[: columns - 1 - half]}…{name[len(name) - half :] if half else ''}"
 
 
-class EntriesFound(Message):
-    """The sessions that there are, or why they cannot be found."""
-
-    def __init__(self, entries: list[Entry], fault: str = "") -> None:
-        super().__init__()
-        self.entries, self.fault = entries, fault
-
-
-class EntrySeen(Message):
-    """What is in one of them."""
-
-    def __init__(self, entry: Entry) -> None:
-        super().__init__()
-        self.entry = entry
-
-
-class SessionListDialog(ListDialog[Path | None, Entry]):
-    """Sessions; typing finds one, enter opens it. Gives its folder."""
+class SessionListDialog(ListDialog[Path | None, SessionEntry]):
+    """The recorded nights; typing finds one, enter opens it. Gives its folder."""
 
     LISTED = "sessions"
     KEYS = "↑↓ choose · enter opens · esc back"
@@ -168,50 +130,48 @@ class SessionListDialog(ListDialog[Path | None, Entry]):
         """``present``: the session that is looked at now."""
         super().__init__()
         self._root, self._present = root, present
-        self._entries: list[Entry] | None = None
+        self._entries: list[SessionEntry] | None = None
         self._fault = ""
         self._is_over = False
 
     def on_unmount(self) -> None:
-        """Nobody waits for the rest."""
+        """End the search."""
         self._is_over = True
 
-    def look(self, send: Send) -> None:
-        """Their names first, then what is in each."""
+    def look(self) -> None:
+        """Find their names first, then what is in each; runs on the thread."""
         try:
-            entries = entries_of(self._root, self._present)
+            entries = sessions_under(self._root, self._present)
         except SessionError as error:
-            send(EntriesFound([], str(error)))
+            call_in_turn(self, self._list_entries, [], str(error))
             return
-        send(EntriesFound(entries))
+        call_in_turn(self, self._list_entries, entries)
         for entry in entries:
             if self._is_over:
                 return
-            send(EntrySeen(looked_into(entry)))
+            call_in_turn(self, self._update_entry, with_summary(entry))
 
-    def on_entries_found(self, message: EntriesFound) -> None:
-        """Their names; the present one is chosen."""
-        self._entries, self._fault = message.entries, message.fault
-        folders = [entry.folder for entry in message.entries]
+    def _list_entries(self, entries: list[SessionEntry], fault: str = "") -> None:
+        """Their names, or why they cannot be found; the present one is chosen."""
+        self._entries, self._fault = entries, fault
+        folders = [entry.folder for entry in entries]
         if self._present in folders and self._at == 0:
             self._at = folders.index(self._present)
         self.show()
 
-    def on_entry_seen(self, message: EntrySeen) -> None:
+    def _update_entry(self, entry: SessionEntry) -> None:
         """What is in one."""
         entries = self._entries or []
-        self._entries = [
-            message.entry if each.folder == message.entry.folder else each for each in entries
-        ]
+        self._entries = [entry if each.folder == entry.folder else each for each in entries]
         self.show()
 
     @property
-    def shown(self) -> list[Entry]:
+    def shown(self) -> list[SessionEntry]:
         """Those that what was typed leaves."""
         words = self.query_one(Input).value
         return [entry for entry in self._entries or [] if entry.has(words)]
 
-    def result_of(self, row: Entry) -> Path:
+    def result_of(self, row: SessionEntry) -> Path:
         """Its folder."""
         return row.folder
 
@@ -233,14 +193,21 @@ class SessionListDialog(ListDialog[Path | None, Entry]):
         else:
             self.choose(number)
 
-    def lines(self, width: int, height: int) -> list[Line]:
-        """The sessions, or why there are none."""
+    def head(self, width: int) -> str:
+        """What each column is, or why there are no sessions."""
         if self._entries is None:
-            absent = f"looking into {self._root} …"
-        elif self._fault:
-            absent = self._fault
-        elif not self._entries:
-            absent = f"no session lies in {self._root}: type a path, or try 'rsoconsole demo'"
-        else:
-            absent = "no name has that: enter opens it as a path"
-        return session_lines(self.shown, self._at, absent, width, height)
+            return f" looking into {self._root} …"
+        if self._fault:
+            return f" {self._fault}"
+        if not self._entries:
+            return f" no session lies in {self._root}: type a path, or try 'rsoconsole demo'"
+        if not self.shown:
+            return " no name has that: enter opens it as a path"
+        columns = _columns(width)
+        return f"  {'session':<{columns[0]}} {_cells(HEADS, columns)}"
+
+    def row_words(self, row: SessionEntry, width: int) -> tuple[str, Ink]:
+        """Its name and what is in it."""
+        columns, name = _columns(width), f"└ {row.name}" if row.is_branch else row.name
+        text = f"{_shortened(name, columns[0])} {_cells(_facts(row), columns)}"
+        return text, STATE_INKS.get(row.state, "")

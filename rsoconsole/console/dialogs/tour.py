@@ -9,7 +9,7 @@ from textual.binding import Binding, BindingType
 
 from rsoconsole.console.commands.keymap import first_key
 from rsoconsole.console.dialogs.dialogs import PagedDialog
-from rsoconsole.console.night.engine_seen import EngineView
+from rsoconsole.console.night.engine_view import EngineView
 from rsoconsole.night import NightView
 
 SEEN = "tour-seen"
@@ -17,7 +17,7 @@ SEEN = "tour-seen"
 
 
 class TourMemory:
-    """Whether this user has been shown the tour."""
+    """A file in the user's state folder that says that the tour was shown."""
 
     def __init__(self, folder: Path) -> None:
         """``folder``: the user's state folder; it need not be there yet."""
@@ -25,11 +25,11 @@ class TourMemory:
 
     @property
     def is_due(self) -> bool:
-        """True until it has been shown once."""
+        """Whether the tour has not been shown yet."""
         return not self._path.exists()
 
     def has_been_shown(self) -> None:
-        """Remember it; where that cannot be written the tour comes once more another time."""
+        """Note that it was shown; where that cannot be written the tour comes once more."""
         with contextlib.suppress(OSError):
             self._path.parent.mkdir(parents=True, exist_ok=True)
             self._path.touch()
@@ -110,7 +110,7 @@ def tour_pages(keymap: Mapping[str, str]) -> tuple[tuple[str, str], ...]:
 
 
 class TourDialog(PagedDialog[bool | None]):
-    """The pages, one at a time. Gives True where the help is wanted after it."""
+    """The tour, a page at a time. Gives True where the help is wanted after it."""
 
     BINDINGS: ClassVar[list[BindingType]] = [
         Binding("right,down,space,enter,pagedown", "turn(1)", "Next", priority=True),
@@ -125,7 +125,7 @@ class TourDialog(PagedDialog[bool | None]):
         self._at = 0
 
     def action_turn(self, by: int) -> None:
-        """To another page; beyond the last one it is over."""
+        """Turn the page; beyond the last one the tour is over."""
         if self._at + by >= len(self._pages):
             self.dismiss(None)
             return
@@ -133,11 +133,11 @@ class TourDialog(PagedDialog[bool | None]):
         self.show()
 
     def action_help(self) -> None:
-        """Every key instead."""
+        """Show the help instead."""
         self.dismiss(True)
 
     def page(self) -> tuple[str, str, str]:
-        """Which one it is, and how it goes on."""
+        """Title, keys and text of the page."""
         title, text = self._pages[self._at]
         is_last = self._at == len(self._pages) - 1
         keys = f"→ {'done' if is_last else 'next'} · ← back · F1 all keys · esc ends"

@@ -1,4 +1,4 @@
-"""What is up now: the satellites of the element files above the limit; one is gone to."""
+"""The list of what is up: satellites of the element files above the limit; one is gone to."""
 
 import logging
 import time
@@ -6,16 +6,14 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING, ClassVar, Literal
 
 from textual.binding import Binding, BindingType
-from textual.message import Message
 from textual.widgets import Input
 
 from rsoconsole.base import RsoconsoleError
 from rsoconsole.config import Config
 from rsoconsole.console.dialogs._list_dialog import ListDialog
 from rsoconsole.console.dialogs.ask import UNREAD_CHECK_S
-from rsoconsole.console.dialogs.dialogs import Send
-from rsoconsole.console.drawing.plot import Ink, Line
-from rsoconsole.console.words.words import clipped, first_shown
+from rsoconsole.console.drawing.plot import Ink
+from rsoconsole.console.watches.messages import call_in_turn
 from rsoconsole.words import clock, span
 
 if TYPE_CHECKING:
@@ -29,16 +27,8 @@ SOON_MIN = 15.0
 NAME_COLUMNS = 24
 
 
-class UpFound(Message):
-    """What is up, or why that cannot be said."""
-
-    def __init__(self, found: "tuple[Up, ...]", t_utc_ns: int, fault: str = "") -> None:
-        super().__init__()
-        self.found, self.t_utc_ns, self.fault = found, t_utc_ns, fault
-
-
 class UpListDialog(ListDialog[str | None, "Up"]):
-    """Satellites above the limit; typing finds one. Gives its number, as the go-to takes it."""
+    """Satellites above the limit; typing finds one. Gives its catalogue number, for the go-to."""
 
     BINDINGS: ClassVar[list[BindingType]] = [
         Binding("tab", "sort", show=False, priority=True),
@@ -60,8 +50,8 @@ class UpListDialog(ListDialog[str | None, "Up"]):
         self._fault = ""
         self._order: Order = "altitude"
 
-    def look(self, send: Send) -> None:
-        """Compute it: large catalogues take a second."""
+    def look(self) -> None:
+        """Compute the list, a second for large catalogues; runs on the thread."""
         from rsoconsole.pipeline import read_catalogue, up_now
 
         while (config := self._config()) is None:
@@ -72,24 +62,23 @@ class UpListDialog(ListDialog[str | None, "Up"]):
         files = config.catalogue.tle_files
         if not files:
             fault = "no element files are configured: name some in catalogue.tle_files"
-            send(UpFound((), t_utc_ns, fault))
+            call_in_turn(self, self._list_satellites, (), t_utc_ns, fault)
             return
         site, limits = config.site.to_site(), config.limits
         self._limit_deg = limits.min_altitude_deg
+        found: tuple[Up, ...] = ()
+        fault = ""
         try:
             found = up_now(read_catalogue(files), site, t_utc_ns, limits)
         except RsoconsoleError as error:
-            send(UpFound((), t_utc_ns, str(error)))
+            fault = str(error)
         except Exception:  # whatever it is, nobody waits for ever for the list
             log.exception("what is up cannot be computed")
-            send(UpFound((), t_utc_ns, "it cannot be computed: the console's log says why"))
-        else:
-            send(UpFound(found, t_utc_ns))
+            fault = "it cannot be computed: the console's log says why"
+        call_in_turn(self, self._list_satellites, found, t_utc_ns, fault)
 
-    def on_up_found(self, message: UpFound) -> None:
-        """The list."""
-        self._found, self._fault = message.found, message.fault
-        self._t_utc_ns = message.t_utc_ns
+    def _list_satellites(self, found: "tuple[Up, ...]", t_utc_ns: int, fault: str) -> None:
+        self._found, self._t_utc_ns, self._fault = found, t_utc_ns, fault
         self.show()
 
     @property
@@ -112,39 +101,26 @@ class UpListDialog(ListDialog[str | None, "Up"]):
         return str(row.norad_id)
 
     def action_sort(self) -> None:
-        """By altitude, by what sets first, by name."""
+        """Sort by altitude, by what sets first, by name."""
         self._order = ORDERS[(ORDERS.index(self._order) + 1) % len(ORDERS)]
         self.show()
 
-    def lines(self, width: int, height: int) -> list[Line]:
-        """The satellites, or why there are none."""
-        shown: list[Up] = []
+    def head(self, width: int) -> str:  # noqa: ARG002 -- the same however wide
+        """How many are up, or why that is not known."""
         if self._found is None:
-            head = "computing …"
-        elif self._fault:
-            head = self._fault
-        else:
-            shown = self.shown
-            head = (
-                f"{len(shown)} of {len(self._found)} above {self._limit_deg:g}°"
-                f" at {clock(self._t_utc_ns)}, by {self._order}"
-            )
-        return up_lines(head, shown, self._at, width, height)
-
-
-def up_lines(head: str, shown: "list[Up]", chosen: int, width: int, height: int) -> list[Line]:
-    """How many, and as many of them as fit, the chosen one among them."""
-    lines = [clipped([(head, "dim")], width)]
-    room = max(height - 1, 1)
-    first = first_shown(chosen, len(shown), room)
-    for number, up in enumerate(shown[first : first + room], first):
-        left = "12 h +" if up.minutes_left is None else span(up.minutes_left * 60.0)
-        is_soon = up.minutes_left is not None and up.minutes_left < SOON_MIN
-        ink: Ink = "warn" if is_soon else "" if up.is_lit else "dim"
-        text = (
-            f"{'▸' if number == chosen else ' '} {up.name[:NAME_COLUMNS]:<{NAME_COLUMNS}}"
-            f" {up.norad_id:>6}  alt {up.alt_deg:4.1f} az {up.az_deg:5.1f}"
-            f"  up {left:>6}  {'' if up.is_lit else 'in shadow'}"
+            return "computing …"
+        return self._fault or (
+            f"{len(self.shown)} of {len(self._found)} above {self._limit_deg:g}°"
+            f" at {clock(self._t_utc_ns)}, by {self._order}"
         )
-        lines.append(clipped([(text.ljust(width), "here" if number == chosen else ink)], width))
-    return lines[: max(height, 1)]
+
+    def row_words(self, row: "Up", width: int) -> tuple[str, Ink]:  # noqa: ARG002
+        """Its name, where it is, and for how long."""
+        left = "12 h +" if row.minutes_left is None else span(row.minutes_left * 60.0)
+        is_soon = row.minutes_left is not None and row.minutes_left < SOON_MIN
+        text = (
+            f"{row.name[:NAME_COLUMNS]:<{NAME_COLUMNS}}"
+            f" {row.norad_id:>6}  alt {row.alt_deg:4.1f} az {row.az_deg:5.1f}"
+            f"  up {left:>6}  {'' if row.is_lit else 'in shadow'}"
+        )
+        return text, "warn" if is_soon else "" if row.is_lit else "dim"

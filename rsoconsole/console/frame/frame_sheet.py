@@ -20,7 +20,7 @@ from rsoconsole.console.frame._sheet_marks import lead_place
 from rsoconsole.console.frame._sheet_pane import SheetPane
 from rsoconsole.console.frame._sheet_panel import panel_lines
 from rsoconsole.console.frame.sheet_actions import SAID_S, MarkTo, SheetActions
-from rsoconsole.console.night.engine_seen import EngineView
+from rsoconsole.console.night.engine_view import EngineView
 from rsoconsole.console.panes.last_line import Key, Mode, action_at, key_line, keys_for, notice_rows
 from rsoconsole.console.panes.panes import LinesPane
 from rsoconsole.console.picture.sheet_pixels import whole

@@ -1,1 +1,1 @@
-"""What a session says of its night: a fold over its records, and what is known of the engine."""
+"""The engine as the console knows it, its alerts, and where the orbit leads."""

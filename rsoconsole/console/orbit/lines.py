@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from rsoconsole.console.drawing.plot import Ink, Line
-from rsoconsole.console.night.engine_seen import EngineView, OrbitAhead
+from rsoconsole.console.night.engine_view import EngineView, OrbitAhead
 from rsoconsole.console.tuning.what_if_watch import TrackQuality, track_quality
 from rsoconsole.console.words.words import Item, clipped, packed, present_utc_ns, rule, wrapped
 from rsoconsole.control import one_line

@@ -1,6 +1,7 @@
 """The last line: the keys that matter now, and a word about what was just done."""
 
 from collections.abc import Callable, Mapping
+from functools import partial
 from typing import Literal, NamedTuple
 
 from textual.events import Click
@@ -9,7 +10,7 @@ from textual.widget import Widget
 from rsoconsole.console.commands.commands import BY_NAME
 from rsoconsole.console.commands.keymap import first_key
 from rsoconsole.console.drawing.plot import Ink, Line
-from rsoconsole.console.night.engine_seen import EngineView
+from rsoconsole.console.night.engine_view import EngineView
 from rsoconsole.console.words.words import clipped, wrapped
 from rsoconsole.pipeline import HELD
 
@@ -30,11 +31,11 @@ Mode = Literal[
 
 
 class Key(NamedTuple):
-    """A key, what it does in a word, and whether it stays while there is any room."""
+    """A key of the last line, what it does in a word, and whether it stays while there is room."""
 
     key: str
     name: str
-    is_weighty: bool = False
+    is_important: bool = False
     command: str = ""
     """What a click on it does; empty: nothing."""
     words: str = ""
@@ -43,7 +44,7 @@ class Key(NamedTuple):
 
 _GAP = "  "
 MIN_LINES = 8
-"""Of a terminal in which a notice has rows of its own."""
+"""Least rows of a terminal in which a notice has rows of its own."""
 MAX_NOTICE_ROWS = 3
 MARKABLE = 12
 """The last frames in which a mark can be begun (``decisions.KEPT``)."""
@@ -58,50 +59,50 @@ STEP_HELP = (
 _CHANGE = (Key("↑↓", "Choose"), Key("←→", "Change"))
 _PUT_AWAY = (
     *(Key("u", "Undo"), Key("w", "Save"), Key("o", "Load")),
-    Key("esc", "Close", is_weighty=True),
+    Key("esc", "Close", is_important=True),
 )
-_OF_MODES: dict[Mode, tuple[Key, ...]] = {
+MODE_KEYS: dict[Mode, tuple[Key, ...]] = {
     "live": (),
     "review": (),
     "review tune": (*_CHANGE, Key("A", "All frames"), *_PUT_AWAY),
     "review tracks": (
-        Key("↑↓", "Choose", is_weighty=True),
+        Key("↑↓", "Choose", is_important=True),
         Key("1", "Its plots", command="track_plots"),
         Key(", .", "Frame"),
-        Key("esc", "Close", is_weighty=True),
+        Key("esc", "Close", is_important=True),
     ),
     "review log": (
-        Key("↑↓", "Choose", is_weighty=True),
-        Key("enter", "Go there", is_weighty=True),
+        Key("↑↓", "Choose", is_important=True),
+        Key("enter", "Go there", is_important=True),
         Key("/", "Search"),
-        Key("esc", "Back", is_weighty=True),
+        Key("esc", "Back", is_important=True),
     ),
     "mark": (
         Key("↑↓←→", "Move"),
-        Key("enter", "Set", is_weighty=True),
+        Key("enter", "Set", is_important=True),
         Key("shift", "Far", words="with an arrow: five squares"),
         Key("O", "Signs", words="the signs of the streaks, hidden meanwhile"),
-        Key("esc", "Leave off", is_weighty=True),
+        Key("esc", "Leave off", is_important=True),
     ),
     "tune": (*_CHANGE, Key("enter", "Apply"), Key("f", "For frames"), *_PUT_AWAY),
     "tracks": (
-        Key("↑↓", "Choose", is_weighty=True),
-        Key("enter", "Make it the lead", is_weighty=True),
-        Key("-", "Drop", is_weighty=True),
+        Key("↑↓", "Choose", is_important=True),
+        Key("enter", "Make it the lead", is_important=True),
+        Key("-", "Drop", is_important=True),
         Key("+", "Keep"),
         Key("1", "Its plots", command="track_plots"),
-        Key("esc", "Close", is_weighty=True),
+        Key("esc", "Close", is_important=True),
     ),
     "log": (
-        Key("↑↓", "Scroll", is_weighty=True),
-        Key("/", "Filter", is_weighty=True),
-        Key("esc", "Back", is_weighty=True),
+        Key("↑↓", "Scroll", is_important=True),
+        Key("/", "Filter", is_important=True),
+        Key("esc", "Back", is_important=True),
     ),
     "sheet": (
-        Key("esc", "Back", is_weighty=True, command="back"),
-        Key(", .", "τ", is_weighty=True, words="τ smaller, larger: the frame is processed again"),
-        Key("+ -", "Zoom", is_weighty=True, words="nearer, farther, by two"),
-        Key("m", "Mark", is_weighty=True, command="mark", words=MARK_HELP),
+        Key("esc", "Back", is_important=True, command="back"),
+        Key(", .", "τ", is_important=True, words="τ smaller, larger: the frame is processed again"),
+        Key("+ -", "Zoom", is_important=True, words="nearer, farther, by two"),
+        Key("m", "Mark", is_important=True, command="mark", words=MARK_HELP),
         Key("PgUp PgDn", "Frame", words="the frame before, after, of those whose pixels are kept"),
         Key("d", "Next candidate", command="next_candidate", words="to the next candidate"),
         Key("↑↓←→", "Move", words="move the cross ╋; with shift five steps"),
@@ -120,17 +121,16 @@ _OF_MODES: dict[Mode, tuple[Key, ...]] = {
         Key("L", "List", command="list", words="all candidates on the whole screen, and back"),
     ),
     "sheet mark": (
-        Key("enter", "Set", is_weighty=True, command="set_end", words="the cross ╋ is an end"),
-        Key("↑↓←→", "Move", is_weighty=True, words="the cross ╋"),
+        Key("enter", "Set", is_important=True, command="set_end", words="the cross ╋ is an end"),
+        Key("↑↓←→", "Move", is_important=True, words="the cross ╋"),
         Key("shift", "Far", words="with an arrow: five steps"),
-        Key("[ ]", "Step", is_weighty=True, words=STEP_HELP),
+        Key("[ ]", "Step", is_important=True, words=STEP_HELP),
         Key("+ -", "Zoom", words="nearer, farther: the closer, the surer the mark"),
         Key("O", "Signs", command="marks", words="the signs of the streaks, hidden meanwhile"),
-        Key("esc", "Leave off", is_weighty=True, command="back", words="no mark is sent"),
+        Key("esc", "Leave off", is_important=True, command="back", words="no mark is sent"),
     ),
 }
-
-
+"""The keys that mean something of their own at such a moment."""
 MODE_WORDS: dict[Mode, str] = {
     "live": "",
     "mark": "Now: a streak's two ends are marked by hand",
@@ -146,9 +146,10 @@ MODE_WORDS: dict[Mode, str] = {
 }
 
 
-def mode_keys(mode: Mode) -> tuple[Key, ...]:
-    """The keys that mean something of their own at this moment."""
-    return _OF_MODES[mode]
+def _command_key(
+    keymap: Mapping[str, str] | None, command: str, name: str, *, is_important: bool = False
+) -> Key:
+    return Key(first_key(command, keymap), name, is_important, command)
 
 
 def keys_for(
@@ -159,41 +160,38 @@ def keys_for(
     keymap: Mapping[str, str] | None = None,
     is_in_cloud: bool = False,
 ) -> list[Key]:
-    """The keys in their order on the line; which of them act depends on who has the mount.
+    """Keys of the live night, in their order on the line; which act depends on who has the mount.
 
     ``is_in_cloud``: what is followed was missed, and cloud is the cause.
     """
-
-    def key(command: str, name: str, *, is_weighty: bool = False) -> Key:
-        return Key(first_key(command, keymap), name, is_weighty, command)
-
-    keys = [key("stop_by_letter", "STOP", is_weighty=True)]
+    key = partial(_command_key, keymap)
+    keys = [key("stop_by_letter", "STOP", is_important=True)]
     if mode != "live":
-        return [*keys, *_OF_MODES[mode], key("help", "Help")]
+        return [*keys, *MODE_KEYS[mode], key("help", "Help")]
     if can_act:
         arm = "Disarm" if engine.holder == "autonomy" else "Arm"
-        keys.append(key("arm_or_disarm", arm, is_weighty=True))
+        keys.append(key("arm_or_disarm", arm, is_important=True))
         if engine.kept:
-            keys.append(key("undo", "Follow again", is_weighty=True))
+            keys.append(key("undo", "Follow again", is_important=True))
             if engine.holder == "operator":
-                keys.append(key("hold_or_resume", "Give back", is_weighty=True))
+                keys.append(key("hold_or_resume", "Give back", is_important=True))
         if engine.is_held or (engine.wants_resuming and not engine.kept):
             keys.append(key("hold_or_resume", "Resume"))
         elif engine.holder == "autonomy":
             keys.append(key("hold_or_resume", "Hold"))
             if is_in_cloud:
-                keys.append(key("wait_for_sky", "Hold until it clears", is_weighty=True))
+                keys.append(key("wait_for_sky", "Hold until it clears", is_important=True))
         named = {"goto": "Go to", "tune": "Tune", "orbit": "Orbit", "note": "Note", "park": "Park"}
         if engine.holder in {"autonomy", "operator"}:
             named = {"goto": "Go to", "mark": "Mark", **named}
         keys += [key(command, name) for command, name in named.items()]
     return [
         *keys,
-        key("leave", "Leave", is_weighty=True),
+        key("leave", "Leave", is_important=True),
         key("log", "Log"),
         key("zoom", "Zoom"),
         *([] if can_act else [key("orbit", "Orbit")]),
-        key("help", "Help", is_weighty=True),
+        key("help", "Help", is_important=True),
         Key("^p", "More"),
     ]
 
@@ -201,21 +199,19 @@ def keys_for(
 def review_keys(
     *, is_playing: bool, has_live: bool, has_mark: bool, mode: Mode, keymap: Mapping[str, str]
 ) -> list[Key]:
-    """The same over a recorded night; ``has_live``: a live console lies behind it."""
-
-    def key(command: str, name: str, *, is_weighty: bool = False) -> Key:
-        return Key(first_key(command, keymap), name, is_weighty, command)
+    """Keys of a review, in their order on the line; ``has_live``: a live console lies behind it."""
+    key = partial(_command_key, keymap)
 
     def keys(first: str, second: str, name: str) -> Key:
         return Key(f"{first_key(first, keymap)} {first_key(second, keymap)}", name, False, second)
 
     # The mount of the present, which the engine or the configuration names; never the recorded one.
-    stop = key("stop_by_letter", "STOP", is_weighty=True)
+    stop = key("stop_by_letter", "STOP", is_important=True)
     if mode != "review":
-        return [stop, *_OF_MODES[mode], key("help", "Help")]
+        return [stop, *MODE_KEYS[mode], key("help", "Help")]
     return [
         stop,
-        key("play", "Pause" if is_playing else "Play", is_weighty=True),
+        key("play", "Pause" if is_playing else "Play", is_important=True),
         keys("frame_back", "frame_on", "Frame"),
         keys("event_back", "event_on", "Event"),
         key("event_kind", "Kind"),
@@ -223,13 +219,13 @@ def review_keys(
         keys("slower", "faster", "Speed"),
         key("compare", "Compare" if has_mark else "Keep A"),
         *([key("blink", "Blink")] if has_mark else []),
-        key("leave", "Live" if has_live else "Leave", is_weighty=True),
+        key("leave", "Live" if has_live else "Leave", is_important=True),
         key("sessions", "Sessions"),
         key("log", "Log"),
         key("filter_log", "Search"),
         key("tune", "Tune"),
         key("orbit", "Orbit"),
-        key("help", "Help", is_weighty=True),
+        key("help", "Help", is_important=True),
         Key("^p", "More"),
     ]
 
@@ -251,8 +247,8 @@ def key_line(
                 for row in wrapped(words, width - 1, height - 1)
             ]
             said += [[("", "")] for _ in range(height - 1 - len(said))]
-            return [*said, _line(_kept(keys, width), width)]
-        line = _line(_kept(keys, width, words), width)
+            return [*said, _line(_fitting(keys, width), width)]
+        line = _line(keys[:1] if words else _fitting(keys, width), width)
         columns = sum(len(text) for text, _ in line)
         return [[*line, *clipped([notice], max(width - columns, 0))] if words else line]
 
@@ -266,43 +262,28 @@ def notice_rows(notice: str, width: int, height: int) -> int:
     return len(wrapped(notice, width - 1, MAX_NOTICE_ROWS))
 
 
-def key_at(keys: list[Key], notice: str, width: int, column: int) -> Key | None:
-    """The key that stands in a column of that line; None where none does.
-
-    ``notice``: what stands behind the keys, where there is no row for it.
-    """
-    at = 1
-    for key in _kept(keys, width, notice):
-        columns = len(f"{key.key} {key.name}")
-        if at <= column < at + columns:
-            return key
-        at += columns + len(_GAP)
-    return None
-
-
 def action_at(event: Click, pane: Widget, keys: list[Key], notice: str) -> str:
-    """What the key that was clicked does, as Textual writes an action; empty: none was.
+    """The action of the key that was clicked, as Textual writes it; empty: no key was.
 
     ``pane``: shows the keys, and the notice over or behind them.
     """
     if event.widget is not pane or event.y != pane.size.height - 1:
         return ""
-    key = key_at(keys, notice if pane.size.height == 1 else "", pane.size.width, event.x)
-    if key is None or not key.command:
-        return ""
-    command = BY_NAME.get(key.command)
-    is_everywhere = command is not None and command.is_everywhere
-    return f"app.{key.command}" if is_everywhere else key.command
-
-
-def _kept(keys: list[Key], width: int, notice: str = "") -> list[Key]:
-    """Those that there is room for."""
-    return keys[:1] if notice else _fitting(keys, width)
+    has_notice_behind = bool(notice) and pane.size.height == 1
+    at = 1
+    for key in keys[:1] if has_notice_behind else _fitting(keys, pane.size.width):
+        columns = len(f"{key.key} {key.name}")
+        if at <= event.x < at + columns:
+            command = BY_NAME.get(key.command)
+            is_everywhere = command is not None and command.is_everywhere
+            return f"app.{key.command}" if is_everywhere else key.command
+        at += columns + len(_GAP)
+    return ""
 
 
 def _fitting(keys: list[Key], width: int) -> list[Key]:
     """The first and the most important ones that fit, in their order on the line."""
-    by_weight = sorted(keys, key=lambda key: not key.is_weighty)
+    by_weight = sorted(keys, key=lambda key: not key.is_important)
     room, fitting = width - 1 + len(_GAP), keys[:1]
     for key in by_weight:
         columns = len(f"{key.key} {key.name}{_GAP}")

@@ -15,14 +15,14 @@ from rsoconsole.night import LogLine
 from rsoconsole.words import clock
 
 WITH_FRAME_COLUMNS = 60
-"""A narrower log leaves the frame's number out."""
+"""Least columns of a log that has the frame's number."""
 MAX_ROWS = 3
-"""Of one line."""
+"""Most rows of one line."""
 HOW_TO_CHANGE = "/ changes, esc clears"
 
 
 class LogPane(ScrollView):
-    """Shows the log's lines; scrolls when it has the focus. Filtered, its first row says so."""
+    """The log; scrolls when it has the focus. Filtered, its first row says so."""
 
     always_shown: ClassVar[bool] = True
     """Whether changes of state and alarms pass a filter: it stays on while the night goes on."""
@@ -53,7 +53,7 @@ class LogPane(ScrollView):
         """A line, one row of its words, and whether it goes on in the next; newest first."""
 
     def show(self, lines: tuple[LogLine, ...], *, is_reading: bool = False) -> None:
-        """Show these; one who has scrolled back keeps the place.
+        """Show these lines; one who has scrolled back keeps the place.
 
         ``is_reading``: there may be more, which has not been read yet.
         """
@@ -88,7 +88,7 @@ class LogPane(ScrollView):
         return self.always_shown and (line.kind == "StateChange" or line.level == "alarm")
 
     def filter(self, wanted: str) -> None:
-        """Only lines with these words, whatever their case; empty: every line."""
+        """Show only lines with these words, whatever their case; empty: every line."""
         self.wanted = wanted
         self._lay_out()
         self.scroll_home(animate=False)
@@ -140,7 +140,7 @@ class LogPane(ScrollView):
 
 @lru_cache(maxsize=8192)
 def log_rows(line: LogLine, width: int) -> tuple[str, ...]:
-    """One line of the log over as many rows as it takes, at most ``MAX_ROWS``."""
+    """A line of the log in rows, at most ``MAX_ROWS``."""
     head = f" {clock(line.t_utc_ns, zone='')} "
     if width >= WITH_FRAME_COLUMNS:
         head += f"{line.frame_id:04d} " if line.frame_id is not None else "     "

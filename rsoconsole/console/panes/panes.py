@@ -1,4 +1,4 @@
-"""The seat's widgets: they show lines and pictures that others have made; they decide nothing."""
+"""Widgets of the screens: they show lines and pictures that others have made."""
 
 from collections.abc import Callable
 from typing import Any, ClassVar, Literal, get_args
@@ -49,7 +49,7 @@ INKS = {
 
 
 class LinesPane(Widget):
-    """Shows lines; drawn again only when they differ from those before."""
+    """A pane of lines; drawn again only when they differ from those before."""
 
     DEFAULT_CSS = "LinesPane { text-wrap: nowrap; text-overflow: clip; }"
 
@@ -59,13 +59,13 @@ class LinesPane(Widget):
         self._lines: list[Line] = []
 
     def show(self, build: Build) -> None:
-        """From now on show what ``build`` makes for this pane's size."""
+        """Show what ``build`` makes for this pane's size, from now on."""
         self._build = build
         self._rebuild()
 
     @property
     def text(self) -> str:
-        """What is shown, plain."""
+        """The shown lines as plain text."""
         return "\n".join("".join(text for text, _ in line) for line in self._lines)
 
     def on_resize(self, _event: Resize) -> None:
@@ -89,7 +89,7 @@ class LinesPane(Widget):
 
 
 TOO_BRIGHT_STEPS = round(0.55 * GREYS)
-"""Of the grey behind a sign: it is written in black then."""
+"""Least grey behind a sign that is written in black."""
 KINDS: tuple[MarkKind, ...] = get_args(MarkKind)
 Sight = Literal["field", "close-up", "full resolution"]
 """What of a frame is shown: all, the followed streak's surroundings, those pixel by pixel."""
@@ -99,7 +99,7 @@ Words = Callable[[Picture | None, Sight, Drawing | None], tuple[list[str], list[
 
 
 class FramePane(Widget):
-    """A title, the picture with its marks, a caption."""
+    """A picture with its marks, a title above and a caption below."""
 
     COMPONENT_CLASSES: ClassVar[set[str]] = {
         *(f"frame--{kind}" for kind in KINDS),
@@ -356,7 +356,7 @@ class FramePane(Widget):
 
 
 class StopBanner(LinesPane):
-    """What came of a STOP, over everything else until it is put away."""
+    """The banner that says how a STOP stands, over everything else until it is put away."""
 
     DEFAULT_CSS = """
     StopBanner {
@@ -368,14 +368,14 @@ class StopBanner(LinesPane):
     """
 
     def say(self, text: str, phase: str) -> None:
-        """What came of it; ``esc`` puts away what has ended."""
+        """Show how a STOP stands; ``esc`` puts away what has ended."""
         self.set_class(phase == "stopped", "-stopped")
         ending = "  (esc)" if phase in {"stopped", "failed"} else ""
         self.show(lambda width, height: wrapped(f"{text}{ending}", width, height))
 
 
 class TimelinePane(LinesPane):
-    """A click goes there, and so does the mouse while it is drawn along."""
+    """The time line; a click goes there, and so does the mouse while it is drawn along."""
 
     class Pointed(Message):
         """A cell of the strip, and the number of its cells."""
@@ -410,7 +410,7 @@ class TimelinePane(LinesPane):
 
 
 class MomentField(Input, can_focus=False):
-    """A frame or a time is typed in the last line, and the sky stays in view."""
+    """A field in the last line for a frame or a time; the sky stays in view."""
 
     DEFAULT_CSS = """
     MomentField { display: none; layer: over; position: absolute; width: 100%; height: 1; }
@@ -420,13 +420,13 @@ class MomentField(Input, can_focus=False):
         super().__init__(placeholder=f"go to a moment: {EXAMPLES}", id="moment", compact=True)
 
     def open(self) -> None:
-        """Type now."""
+        """Show the field and give it the focus."""
         self.value = ""
         self.display = self.can_focus = True
         self.focus()
 
     def close(self) -> None:
-        """Typed, or not wanted."""
+        """Hide the field."""
         self.display = self.can_focus = False
 
     def on_blur(self, _event: Blur) -> None:

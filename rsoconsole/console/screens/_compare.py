@@ -1,7 +1,8 @@
-"""Two moments of a night side by side, and what lies between them."""
+"""Comparison of two moments of a night, A and B, and what lies between them."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import ClassVar, Literal
 
 from textual.app import ComposeResult
@@ -11,7 +12,7 @@ from rsoconsole.console.commands.keymap import first_key
 from rsoconsole.console.dialogs.dialogs import Dialog, framed
 from rsoconsole.console.drawing.plot import Line
 from rsoconsole.console.panes.panes import LinesPane
-from rsoconsole.console.screens._review_moves import ReviewMoves, ReviewSeat
+from rsoconsole.console.screens._review_moves import ReviewMoves
 from rsoconsole.console.timeline.lines import SIGNS, recorded_holder
 from rsoconsole.console.timeline.moments import Moment
 from rsoconsole.console.timeline.timeline import KINDS, Timeline, TimelineEventKind
@@ -44,8 +45,8 @@ Choice = Literal["blink", "keep"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Compared:
-    """One thing at both moments."""
+class ComparedRow:
+    """One figure at both moments, in words."""
 
     label: str
     a: str
@@ -54,13 +55,13 @@ class Compared:
     """B less A, in words; empty where that says nothing."""
 
 
-def compared(a: Moment, b: Moment) -> list[Compared]:
-    """Everything the screen says of both."""
+def compared_figures(a: Moment, b: Moment) -> list[ComparedRow]:
+    """The rows of the comparison: every figure that is known at A or B."""
     rows = [*_course(a, b), *_sky(a, b), *_measured(a, b)]
     return [row for row in rows if (row.a, row.b) != (ABSENT, ABSENT)]
 
 
-def _course(a: Moment, b: Moment) -> list[Compared]:
+def _course(a: Moment, b: Moment) -> list[ComparedRow]:
     t_a, t_b = a.view.last_utc_ns, b.view.last_utc_ns
     since = ""
     if t_a and t_b:
@@ -69,8 +70,8 @@ def _course(a: Moment, b: Moment) -> list[Compared]:
     ids = [None if m.view.frame is None else m.view.frame.frame_id for m in (a, b)]
     frames = "" if ids[0] is None or ids[1] is None else f"{ids[1] - ids[0]:+d}"
     return [
-        Compared(label="time", a=clock(t_a), b=clock(t_b), difference=since),
-        Compared(label="frame", a=_number(ids[0]), b=_number(ids[1]), difference=frames),
+        ComparedRow(label="time", a=clock(t_a), b=clock(t_b), difference=since),
+        ComparedRow(label="frame", a=_number(ids[0]), b=_number(ids[1]), difference=frames),
         _both("state", a, b, lambda m: m.view.state),
         _both("mount", a, b, lambda m: recorded_holder(m.view)),
         _both("τ", a, b, lambda m: short(m.view.tau)),
@@ -79,7 +80,7 @@ def _course(a: Moment, b: Moment) -> list[Compared]:
     ]
 
 
-def _sky(a: Moment, b: Moment) -> list[Compared]:
+def _sky(a: Moment, b: Moment) -> list[ComparedRow]:
     points = [_pointing(m) for m in (a, b)]
     tracks = [_position(m) for m in (a, b)]
     rates = [_rates(m) for m in (a, b)]
@@ -95,13 +96,13 @@ def _sky(a: Moment, b: Moment) -> list[Compared]:
     ]
 
 
-def _measured(a: Moment, b: Moment) -> list[Compared]:
+def _measured(a: Moment, b: Moment) -> list[ComparedRow]:
     rows = [_row(m) for m in (a, b)]
     residuals = [None if row is None else row.residual_arcsec for row in rows]
 
     def unsigned(
         label: str, value: Callable[[FrameRow], float | None], words: Callable[[float], str]
-    ) -> Compared:
+    ) -> ComparedRow:
         values = [None if row is None else value(row) for row in rows]
         return _numbers(label, values, words, is_signed=False)
 
@@ -117,8 +118,8 @@ def _measured(a: Moment, b: Moment) -> list[Compared]:
     ]
 
 
-def between(a: Moment, b: Moment, timeline: Timeline) -> list[str]:
-    """What came to pass after the earlier one, up to the later one."""
+def interval_words(a: Moment, b: Moment, timeline: Timeline) -> list[str]:
+    """What the record has between the two moments: frames, events, changed settings."""
     low, high = sorted((a.seq, b.seq))
     first, last = timeline.index_of(low), timeline.index_of(high)
     frames = (-1 if last is None else last) - (-1 if first is None else first)
@@ -139,8 +140,8 @@ def between(a: Moment, b: Moment, timeline: Timeline) -> list[str]:
     ]
 
 
-def compare_lines(rows: list[Compared], ends: list[str], width: int, height: int) -> list[Line]:
-    """A table as wide as there is room for; the differences go first."""
+def compare_lines(rows: list[ComparedRow], ends: list[str], width: int, height: int) -> list[Line]:
+    """The comparison as a table of that width; narrow ones leave the differences out."""
     has_difference = width >= WITH_DIFFERENCE_COLUMNS
     columns = max((width - LABEL_COLUMNS) // (3 if has_difference else 2), MIN_VALUE_COLUMNS)
     head: Line = [(" " * LABEL_COLUMNS, ""), ("A".ljust(columns), "title")]
@@ -165,7 +166,7 @@ def compare_lines(rows: list[Compared], ends: list[str], width: int, height: int
 
 
 class CompareDialog(Dialog[Choice | None]):
-    """A and B; ``b`` flips the whole screen between them, ``k`` keeps B as the new A."""
+    """The comparison of A with B; ``B`` flips the whole screen, ``K`` keeps B as the new A."""
 
     BINDINGS: ClassVar[list[BindingType]] = [
         Binding("B", "choose('blink')", "Blink", show=False),
@@ -179,7 +180,7 @@ class CompareDialog(Dialog[Choice | None]):
 
     def __init__(self, a: Moment, b: Moment, timeline: Timeline) -> None:
         super().__init__()
-        self._rows, self._ends = compared(a, b), between(a, b, timeline)
+        self._rows, self._ends = compared_figures(a, b), interval_words(a, b, timeline)
 
     def compose(self) -> ComposeResult:
         """The table."""
@@ -190,17 +191,16 @@ class CompareDialog(Dialog[Choice | None]):
 
     def on_mount(self) -> None:
         """Fill it."""
-        self.query_one("#compared", LinesPane).show(
-            lambda width, height: compare_lines(self._rows, self._ends, width, height)
-        )
+        lines = partial(compare_lines, self._rows, self._ends)
+        self.query_one("#compared", LinesPane).show(lines)
 
     def action_choose(self, choice: Choice) -> None:
         """By letter."""
         self.dismiss(choice)
 
 
-def _both(label: str, a: Moment, b: Moment, words: Callable[[Moment], str | None]) -> Compared:
-    return Compared(label=label, a=words(a) or ABSENT, b=words(b) or ABSENT)
+def _both(label: str, a: Moment, b: Moment, words: Callable[[Moment], str | None]) -> ComparedRow:
+    return ComparedRow(label=label, a=words(a) or ABSENT, b=words(b) or ABSENT)
 
 
 def _numbers(
@@ -209,16 +209,16 @@ def _numbers(
     words: Callable[[float], str],
     *,
     is_signed: bool = True,
-) -> Compared:
+) -> ComparedRow:
     a, b = values
     difference = ""
     if a is not None and b is not None:
         difference = f"{'' if is_signed or b <= a else '+'}{words(b - a)}"
     texts = [ABSENT if value is None else words(value) for value in values]
-    return Compared(label=label, a=texts[0], b=texts[1], difference=difference)
+    return ComparedRow(label=label, a=texts[0], b=texts[1], difference=difference)
 
 
-def _direction(label: str, places: list[tuple[float, float] | None]) -> list[Compared]:
+def _direction(label: str, places: list[tuple[float, float] | None]) -> list[ComparedRow]:
     texts = [
         (ABSENT, ABSENT) if p is None else (format_ra(p[0], 1), format_dec(p[1], 0)) for p in places
     ]
@@ -231,8 +231,8 @@ def _direction(label: str, places: list[tuple[float, float] | None]) -> list[Com
             signed_angle(3600.0 * deg) for deg in (dra_deg * cos_deg(middle_deg), b[1] - a[1])
         )
     return [
-        Compared(label=f"{label} α", a=texts[0][0], b=texts[1][0], difference=east),
-        Compared(label=f"{label} δ", a=texts[0][1], b=texts[1][1], difference=north),
+        ComparedRow(label=f"{label} α", a=texts[0][0], b=texts[1][0], difference=east),
+        ComparedRow(label=f"{label} δ", a=texts[0][1], b=texts[1][1], difference=north),
     ]
 
 
@@ -294,47 +294,41 @@ def _matched(m: Moment) -> float | None:
     return float(solution.matched) if isinstance(solution, Solution) else None
 
 
-class ReviewCompare:
+class ReviewCompare(ReviewMoves):
     """Keeps moment A, and shows it beside another one or in turn with it."""
 
-    def __init__(self, review: ReviewSeat, moves: ReviewMoves) -> None:
-        self._review, self._moves = review, moves
-        self._other_seq: int | None = None
-        """B, while A is shown in its place."""
-        self._is_asked_early = False
-        """Whether to compare as soon as the moment is there that was gone to."""
+    _other_seq: int | None = None
+    """Moment B, while A is shown in its place."""
+    _is_asked_early = False
+    """Whether to compare as soon as the moment is there that was asked for."""
 
-    def forget(self) -> None:
-        """Another session is shown: no moment of it is kept."""
-        self._review.kept = self._other_seq = None
+    def forget_moment_a(self) -> None:
+        """Keep no moment: another session is shown."""
+        self.kept = self._other_seq = None
 
     def action_compare(self) -> None:
         """Keep this moment, or show it beside the kept one."""
-        review = self._review
-        moment = review.moment
-        self._is_asked_early = moment is None or moment.seq != review.seq
+        moment = self.moment
+        self._is_asked_early = moment is None or moment.seq != self.seq
         if moment is None or self._is_asked_early:
-            review.say("the moment is being fetched …")
-        elif review.kept is None:
+            self.say("the moment is being fetched …")
+        elif self.kept is None:
             self._keep(moment)
-        elif review.kept.seq == moment.seq and self._other_seq is None:
-            review.say("this is A: go to another moment, then compare")
+        elif self.kept.seq == moment.seq and self._other_seq is None:
+            self.say("this is A: go to another moment, then compare")
         else:
-            self._compare(moment)
+            self._compare(self.kept, moment)
 
-    def compare_if_asked(self) -> None:
-        """What was asked for before the moment was there."""
-        review = self._review
-        if self._is_asked_early and review.moment is not None and review.moment.seq == review.seq:
+    def compare_when_ready(self) -> None:
+        """Compare, where that was asked for before the moment was there."""
+        if self._is_asked_early and self.moment is not None and self.moment.seq == self.seq:
             self.action_compare()
 
-    def _compare(self, moment: Moment) -> None:
-        review = self._review
-        if review.kept is not None and review.kept.seq == moment.seq:
+    def _compare(self, kept: Moment, moment: Moment) -> None:
+        if kept.seq == moment.seq:
             self.action_blink()  # A is shown in B's place: back to B, which is what is compared
-            review.say("B: compare it with A from here")
+            self.say("B: compare it with A from here")
             return
-        assert review.kept is not None
 
         def decided(choice: Choice | None) -> None:
             if choice == "blink":
@@ -342,34 +336,31 @@ class ReviewCompare:
             elif choice == "keep":
                 self._keep(moment)
 
-        review.ask(CompareDialog(review.kept, moment, review.timeline), decided)
+        self.app.push_screen(CompareDialog(kept, moment, self.timeline), decided)
 
     def _keep(self, moment: Moment) -> None:
-        review = self._review
-        review.kept, self._other_seq = moment, None
-        review.show_place()
-        key = first_key("compare", review.keymap)
-        review.say(f"A is kept: go to another moment, {key} compares", "good")
+        self.kept, self._other_seq = moment, None
+        self.show_place()
+        key = first_key("compare", self.keymap)
+        self.say(f"A is kept: go to another moment, {key} compares", "good")
 
     def action_blink(self) -> None:
-        """The other one of A and B."""
-        review = self._review
-        if review.kept is None:
-            review.say(f"{first_key('compare', review.keymap)} keeps a moment to blink with")
-        elif review.seq != review.kept.seq:
-            other = review.seq
-            self._moves.go(review.kept.seq)
+        """Show the other one of A and B."""
+        if self.kept is None:
+            self.say(f"{first_key('compare', self.keymap)} keeps a moment to blink with")
+        elif self.seq != self.kept.seq:
+            other = self.seq
+            self.go(self.kept.seq)
             self._other_seq = other
-            review.say("A")
+            self.say("A")
         elif self._other_seq is None:
-            review.say("this is A: go to another moment to blink with")
+            self.say("this is A: go to another moment to blink with")
         else:
-            self._moves.go(self._other_seq)
-            review.say("B")
+            self.go(self._other_seq)
+            self.say("B")
 
     def action_forget_moment(self) -> None:
-        """Nothing is kept."""
-        review = self._review
-        had_one, review.kept, self._other_seq = review.kept is not None, None, None
-        review.show_place()
-        review.say("A is forgotten" if had_one else "no moment is kept")
+        """Keep no moment to compare with."""
+        had_one, self.kept, self._other_seq = self.kept is not None, None, None
+        self.show_place()
+        self.say("A is forgotten" if had_one else "no moment is kept")

@@ -1,73 +1,77 @@
 """What opens over the panes: a frame, recorded nights, what became of each streak."""
 
 import time
-from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
+from rsoconsole.config import SessionConfig
 from rsoconsole.console.actions.seat import Seat
 from rsoconsole.console.dialogs.candidates import CandidatesDialog
 from rsoconsole.console.dialogs.dialogs import Dialog
 from rsoconsole.console.frame.frame_sheet import FrameSheet
 from rsoconsole.console.frame.sheet_actions import MarkTo
 
-DEAF_S = 1.0
-"""So long enter does nothing after a dialog has closed."""
+ENTER_PAUSE_S = 1.0
+"""How long enter opens no frame after a dialog has closed."""
 
 
-class OpeningActions:
-    """Each looks at the night from nearer; none changes what is shown behind it."""
+class OpeningActions(Seat):
+    """Opens a frame, a recorded night or the streaks of a frame over the panes."""
 
-    def __init__(
-        self, seat: Seat, sessions_root: Path, mark_to: Callable[[], MarkTo | None]
-    ) -> None:
-        """``sessions_root``: under which recorded nights lie; ``mark_to``: where a mark of the
-        opened frame goes."""
-        self._seat, self._sessions_root, self._mark_to = seat, sessions_root, mark_to
-        self._deaf_after_s = time.monotonic()
-        """Enter opens no frame right behind a dialog that was closed since."""
+    def __init__(self, *arguments: Any, sessions_root: Path | None = None, **named: Any) -> None:
+        """``sessions_root``: under which recorded nights lie, None: where they do by default."""
+        super().__init__(*arguments, **named)
+        self.sessions_root = sessions_root or SessionConfig().root
+        self._enter_paused_after_s = time.monotonic()
+        """Dialogs that closed before this screen was there hold up no enter; monotonic seconds."""
+
+    @property
+    def mark_to(self) -> MarkTo | None:
+        """Where a mark of the opened frame goes; a night that is over takes none."""
+        return None
 
     def action_open_frame(self) -> None:
-        """The frame that is shown, at full resolution."""
-        if self._deaf_after_s < Dialog.closed_s > time.monotonic() - DEAF_S:
+        """Open the frame that is shown, at full resolution."""
+        if self._enter_paused_after_s < Dialog.closed_s > time.monotonic() - ENTER_PAUSE_S:
             return  # a second enter was still meant for the dialog
-        shown = self._seat.picture or self._seat.night.frame
-        if shown is None or self._seat.night.folder is None:
-            self._seat.say("no frame has been shown yet", "warn")
+        shown = self.picture or self.night.frame
+        if shown is None or self.night.folder is None:
+            self.say("no frame has been shown yet", "warn")
             return
-        self._seat.ask(
+        self.app.push_screen(
             FrameSheet(
-                self._seat.night.folder,
+                self.night.folder,
                 shown.frame_id,
-                self._seat.night.config,
-                status=self._seat.top,
+                self.night.config,
+                status=self.top,
                 alert=self._alert_elsewhere,
-                keymap=self._seat.keymap,
-                mark_to=self._mark_to(),
-                seat=self._seat,
+                keymap=self.keymap,
+                mark_to=self.mark_to,
+                seat=self,
             )
         )
 
     def _alert_elsewhere(self) -> str:
         """The alert for a screen over this one, which covers what came of a STOP."""
-        news = self._seat.stop_news
+        news = self.stop_news
         stopped = f"STOP {news.text}" if news else ""
-        return " · ".join(part for part in (stopped, self._seat.alert) if part)
+        return " · ".join(part for part in (stopped, self.alert) if part)
 
     def action_sessions(self) -> None:
-        """The recorded nights; the chosen one is opened for review."""
-        seat = self._seat
+        """List the recorded nights; the chosen one is opened for review."""
         from rsoconsole.console.dialogs.session_list import SessionListDialog
 
         def decided(folder: Path | None) -> None:
             if folder is not None:
-                seat.open_session(folder)
+                self.open_session(folder)
 
-        seat.ask(SessionListDialog(self._sessions_root, seat.night.folder), decided)
+        self.app.push_screen(SessionListDialog(self.sessions_root, self.night.folder), decided)
 
     def action_verdicts(self) -> None:
-        """Every streak of the shown frame, and what became of it."""
-        seat = self._seat
-        if seat.picture is None:
-            seat.say("no frame has been shown yet", "warn")
+        """List every streak of the shown frame, and what became of it."""
+        if self.picture is None:
+            self.say("no frame has been shown yet", "warn")
             return
-        seat.ask(CandidatesDialog([(seat.picture.detail, "")], seat.night.tau, seat.keymap))
+        self.app.push_screen(
+            CandidatesDialog([(self.picture.detail, "")], self.night.tau, self.keymap)
+        )

@@ -1,12 +1,11 @@
 """Where the panes of a screen lie, its line of keys and its alert."""
 
-from collections.abc import Collection, Mapping
+from typing import ClassVar
 
 from textual.events import Click
 from textual.widget import Widget
 
-from rsoconsole.console.actions.seat import Seat
-from rsoconsole.console.actions.track_actions import PlotActions
+from rsoconsole.console.actions.track_actions import TrackActions
 from rsoconsole.console.actions.tune_actions import TuneActions
 from rsoconsole.console.commands.keymap import first_key
 from rsoconsole.console.drawing.pane_layout import (
@@ -28,125 +27,113 @@ DEFAULT_ASPECT = 4 / 3
 
 
 def aspect_of(picture: Picture | None) -> float:
-    """Of the camera's frames: width over height."""
+    """Width over height of the camera's frames; a default where there is no picture."""
     return picture.aspect if picture is not None else DEFAULT_ASPECT
 
 
-def place_panes(
-    seat: Seat, plots: PlotActions, tune: TuneActions, panes: Collection[Name], alert_rows: int
-) -> None:
-    """Lay out those panes, and what lies over them."""
-    width, height = seat.size
-    over_keys = timeline_rows(height) if "timeline" in panes else 0
-    aspect = aspect_of(seat.picture)
-    boxes = fold(
-        width,
-        height,
-        alert_rows=alert_rows,
-        is_log_open=seat.is_log_open,
-        timeline_rows=over_keys,
-        aspect=aspect,
-    )
-    for name in panes:
-        widget, box = seat.query_one(f"#{name}"), boxes.get(name)
-        widget.display = box is not None
-        if box is not None:
-            _put(widget, box)
-    over_plots, tune_place = (
-        box_of(width, height, alert_rows=alert_rows, timeline_rows=over_keys, aspect=aspect)
-        for box_of in (orbit_box, tune_box)
-    )
-    _place_orbit(seat, boxes.get("orbit"), over_plots)
-    is_tune_over = tune.is_open and not has_tuning_column(width, height)
-    is_covered = seat.is_log_open or seat.is_orbit_open or is_tune_over
-    plots.place(over_plots, is_covered=is_covered)
-    _place_tune(seat, tune, boxes, tune_place)
-    banner, box = seat.query_one("#stop"), banner_box(width, height, alert_rows=alert_rows)
-    banner.styles.height = box.height
-    banner.styles.offset = (0, box.y)
-
-
-def _put(widget: Widget, box: Box) -> None:
-    widget.styles.offset = (box.x, box.y)
-    widget.styles.width, widget.styles.height = box.width, box.height
-
-
-def _place_orbit(seat: Seat, standing: Box | None, over_plots: Box) -> None:
-    """Over the plots when it is opened; else where it always stands, if it does."""
-    is_open = seat.is_orbit_open and not seat.is_log_open
-    box, pane = over_plots if is_open else standing, seat.pane("orbit")
-    pane.display = box is not None
-    pane.set_class(is_open, "-open")
+def _put(widget: Widget, box: Box | None) -> None:
+    """Show it there; None: hide it."""
+    widget.display = box is not None
     if box is not None:
-        _put(pane, box)
+        widget.styles.offset = (box.x, box.y)
+        widget.styles.width, widget.styles.height = box.width, box.height
 
 
-def _place_tune(seat: Seat, tune: TuneActions, boxes: Mapping[Name, Box], place: Box) -> None:
-    pane = tune.pane
-    pane.display = (tune.is_open or has_tuning_column(*seat.size)) and not seat.is_log_open
-    if not pane.display:
-        return
-    _put(pane, place)
-    # What reaches beneath the pane from its left ends before it: no word is cut.
-    facts = boxes.get("facts")
-    if facts is None or not facts.x < place.x < facts.x + facts.width:
-        return
-    if facts.y < place.y + place.height and place.y < facts.y + facts.height:
-        seat.query_one("#facts").styles.width = place.x - facts.x
+class PanePlaces(TrackActions):
+    """Lays out a screen's panes; the alert and a notice take rows from those beside them."""
 
+    PANES: ClassVar[tuple[Name, ...]]
+    tune: TuneActions
+    _placed_alert_rows = 0
+    """Rows of the alert that the panes have been laid out for."""
+    _drawn_keys: tuple[list[Key], str] = ([], "")
+    """The keys and the notice that the last line shows."""
 
-class AlertLine:
-    """Draws it in a pane; the panes below are laid out for its rows."""
+    def place_panes(self) -> None:
+        """Lay out the panes for this terminal."""
+        width, height = self.size
+        alert_rows = self._placed_alert_rows = self._alert_rows()
+        over_keys = timeline_rows(height) if "timeline" in self.PANES else 0
+        aspect = aspect_of(self.picture)
+        boxes = fold(
+            width,
+            height,
+            alert_rows=alert_rows,
+            is_log_open=self.is_log_open,
+            timeline_rows=over_keys,
+            aspect=aspect,
+        )
+        for name in self.PANES:
+            _put(self.query_one(f"#{name}"), boxes.get(name))
+        over_plots, tune_place = (
+            box_of(width, height, alert_rows=alert_rows, timeline_rows=over_keys, aspect=aspect)
+            for box_of in (orbit_box, tune_box)
+        )
+        is_orbit_over = self.is_orbit_open and not self.is_log_open
+        self.pane("orbit").set_class(is_orbit_over, "-open")
+        _put(self.pane("orbit"), over_plots if is_orbit_over else boxes.get("orbit"))
+        has_own_tune = has_tuning_column(width, height)
+        is_tune_over = self.tune.is_open and not has_own_tune
+        self.place_plots(
+            over_plots, is_covered=self.is_log_open or self.is_orbit_open or is_tune_over
+        )
+        is_tune_seen = (self.tune.is_open or has_own_tune) and not self.is_log_open
+        _put(self.tune.pane, tune_place if is_tune_seen else None)
+        facts = boxes.get("facts")
+        if is_tune_seen and facts is not None:
+            self._end_facts_before(tune_place, facts)
+        banner, box = self.query_one("#stop"), banner_box(width, height, alert_rows=alert_rows)
+        banner.styles.height = box.height
+        banner.styles.offset = (0, box.y)
+        self._place_keys()
 
-    def __init__(self, seat: Seat) -> None:
-        self._seat = seat
-        self._placed_rows = 0
-        """For which the panes have been laid out."""
+    def _end_facts_before(self, tune: Box, facts: Box) -> None:
+        """What reaches beneath the tuning pane from its left ends before it: no word is cut."""
+        is_beneath = facts.x < tune.x < facts.x + facts.width
+        if is_beneath and facts.y < tune.y + tune.height and tune.y < facts.y + facts.height:
+            self.query_one("#facts").styles.width = tune.x - facts.x
 
-    def place(self) -> int:
+    # -- the alert ------------------------------------------------------------------------------
+
+    def _alert_rows(self) -> int:
         """How many rows the alert, or what stands in its place, takes."""
-        self._placed_rows = self._rows()
-        return self._placed_rows
+        said = self.alert or self.intro
+        return len(words.wrapped(f" {said}", self.size.width, MAX_ALERT_ROWS)) if said else 0
 
-    def _rows(self) -> int:
-        said = self._seat.alert or self._seat.intro
-        width = self._seat.size.width
-        return len(words.wrapped(f" {said}", width, MAX_ALERT_ROWS)) if said else 0
-
-    def show(self) -> bool:
-        """Say it; whether it takes another number of rows than the panes are laid out for."""
-        seat, pane = self._seat, self._seat.pane("alert")
-        alert = seat.alert
-        said = alert or seat.intro
+    def show_alert(self) -> None:
+        """Draw the alert, or what stands in its place; the panes move where it takes other rows."""
+        pane, alert = self.pane("alert"), self.alert
+        said = alert or self.intro
         pane.set_class(not alert, "-calm")
-        cut = f"… ({first_key('read', seat.keymap)} shows all) …"
+        cut = f"… ({first_key('read', self.keymap)} shows all) …"
         pane.show(lambda width, height: words.wrapped(f" {said}", width, height, cut))
-        return self._rows() != self._placed_rows
+        if self._alert_rows() != self._placed_alert_rows:
+            self.place_panes()
+            self.call_after_refresh(self.look_again)
 
+    # -- the last line --------------------------------------------------------------------------
 
-class KeyLine:
-    """Draws it in a pane, which grows by the rows that a notice takes."""
+    def show_keys(self) -> None:
+        """Draw the last line: the keys that matter now, and the notice."""
+        keys, notice = self.keys, self.notice
+        self._drawn_keys = keys, notice[0]
+        self._place_keys()
+        self.pane("keys").show(key_line(keys, notice))
 
-    def __init__(self, seat: Seat) -> None:
-        self._seat = seat
-        self._drawn: tuple[list[Key], str] = ([], "")
-        """The keys and the notice that it shows."""
-
-    def show(self) -> None:
-        """The keys that matter now, and a word about what was just done."""
-        keys, notice = self._seat.keys, self._seat.notice
-        self._drawn = keys, notice[0]
-        self.place()
-        self._seat.pane("keys").show(key_line(keys, notice))
-
-    def place(self) -> None:
+    def _place_keys(self) -> None:
         """In the last row, and over it what is said."""
-        pane, (width, height) = self._seat.pane("keys"), self._seat.size
-        rows = 1 + notice_rows(self._seat.notice[0], width, height)
+        pane, (width, height) = self.pane("keys"), self.size
+        rows = 1 + notice_rows(self.notice[0], width, height)
         if pane.styles.height is None or pane.styles.height.value != rows:
             pane.styles.height = rows
             pane.styles.offset = (0, height - rows)
 
-    def action_at(self, event: Click) -> str:
-        """What the key that was clicked does, as Textual writes an action; empty: none was."""
-        return action_at(event, self._seat.pane("keys"), *self._drawn)
+    async def on_click(self, event: Click) -> None:
+        """Do what a clicked key of the last line does."""
+        action = action_at(event, self.pane("keys"), *self._drawn_keys)
+        if action:
+            self.is_click = True
+            try:
+                await self.run_action(action)
+            finally:
+                self.is_click = False

@@ -6,13 +6,12 @@ from rich.segment import Segment
 from rich.style import Style
 from textual import events
 from textual.binding import Binding, BindingType
-from textual.message import Message
 from textual.strip import Strip
 
 from rsoconsole.console.actions.tune_actions import TuneActions
 from rsoconsole.console.commands.keymap import first_key
 from rsoconsole.console.panes.log_pane import LogPane
-from rsoconsole.console.screens._review_moves import ReviewSeat
+from rsoconsole.console.screens._review_moves import ReviewMoves
 from rsoconsole.console.tuning.lines import TuneWords
 from rsoconsole.night import LogLine
 
@@ -20,7 +19,7 @@ HERE = "▸"
 
 
 class ReviewLogPane(LogPane):
-    """Closed it is as in the live seat; open it has a chosen line."""
+    """The log pane of a review; open, it has a chosen line."""
 
     BINDINGS: ClassVar[list[BindingType]] = [
         Binding("up", "choose(-1)", "Line above", show=False),
@@ -29,7 +28,7 @@ class ReviewLogPane(LogPane):
         Binding("pagedown", "choose_page(1)", "Page below", show=False),
         Binding("home", "choose_end(True)", "Newest", show=False),
         Binding("end", "choose_end(False)", "Oldest", show=False),
-        Binding("enter", "take", "Go there", show=False),
+        Binding("enter", "screen.go_to_line", "Go there", show=False),
     ]
     COMPONENT_CLASSES: ClassVar[set[str]] = {"log--later", "log--chosen"}
     DEFAULT_CSS = """
@@ -38,19 +37,12 @@ class ReviewLogPane(LogPane):
     """
 
     always_shown = False
-    """What is searched for alone: every line stands in the log that is opened next."""
-
-    class Chosen(Message):
-        """The moment of a line is wanted."""
-
-        def __init__(self, line: LogLine) -> None:
-            super().__init__()
-            self.line = line
+    """A search shows its lines alone; the log that is opened next has every line."""
 
     seq = 0
-    """The moment that is shown: lines behind it are dim."""
+    """The moment that is shown, as a place in the log: later lines are dim."""
     chosen: LogLine | None = None
-    """None while the pane is closed."""
+    """The line with the cursor; None while the pane is closed."""
 
     def open_at(self, lines: tuple[LogLine, ...], seq: int) -> None:
         """Show all lines; the last one before that moment is chosen."""
@@ -59,19 +51,19 @@ class ReviewLogPane(LogPane):
         self.choose_near(seq)
 
     def choose_near(self, seq: int) -> None:
-        """The last line that had been said by then; else the first one."""
+        """Choose the last line up to that place of the log; else the first one."""
         found = self.found
         before = [line for line in found if line.seq <= seq]
         self.chosen = before[0] if before else found[-1] if found else None
         self._reveal()
 
     def close(self) -> None:
-        """Nothing is chosen any more; every line is shown again."""
+        """Choose no line, and show every one again."""
         self.chosen = None
         self.filter("")
 
     def action_choose(self, by: int) -> None:
-        """The line ``by`` below."""
+        """Move the cursor down by ``by`` lines."""
         found = self.found
         if self.chosen is None or self.chosen not in found:
             return
@@ -79,29 +71,24 @@ class ReviewLogPane(LogPane):
         self._reveal()
 
     def action_choose_page(self, by: int) -> None:
-        """A page above or below."""
+        """Move the cursor by pages."""
         self.action_choose(by * max(self.size.height - 2, 1))
 
     def action_choose_end(self, is_newest: bool) -> None:
-        """The newest or the oldest line."""
+        """Choose the newest or the oldest line."""
         found = self.found
         if found:
             self.chosen = found[0 if is_newest else -1]
             self._reveal()
 
-    def action_take(self) -> None:
-        """Go to its moment."""
-        if self.chosen is not None:
-            self.post_message(self.Chosen(self.chosen))
-
-    def on_click(self, event: events.Click) -> None:
-        """Choose by the mouse; the chosen one: go there."""
+    async def on_click(self, event: events.Click) -> None:
+        """Choose a line by the mouse; a click on the chosen one goes there."""
         index = event.y - self._title_rows + self.scroll_offset.y
         if self.chosen is None or not 0 <= index < len(self._rows):
             return
         line = self._rows[index][0]
         if line == self.chosen:
-            self.action_take()
+            await self.run_action("screen.go_to_line")
         self.chosen = line
         self.refresh()
 
@@ -134,18 +121,16 @@ class ReviewLogPane(LogPane):
 
 
 class ReviewTuneActions(TuneActions):
-    """Over the last frames before the moment, or over all before it."""
+    """The tuning pane of a review: over the last frames before the moment, or all before it."""
 
-    def __init__(self, seat: ReviewSeat) -> None:
-        super().__init__(seat)
-        self._review = seat
-        self._is_of_all = False
+    _seat: ReviewMoves
+    _is_of_all = False
 
     @property
     def words(self) -> TuneWords:
-        """Nothing is applied here."""
+        """Words of the pane; it offers no key that applies anything."""
         frames = "all frames so far" if self._is_of_all else "{count} frames to here"
-        scope = first_key("tune_scope", self._review.keymap)
+        scope = first_key("tune_scope", self._seat.keymap)
         which = "the last frames" if self._is_of_all else "all frames"
         return TuneWords(
             frames=frames,
@@ -154,12 +139,12 @@ class ReviewTuneActions(TuneActions):
         )
 
     def scope(self) -> tuple[int | None, int | None]:
-        """Up to the moment."""
-        return self._review.seq, None if self._is_of_all else self.last_frames()
+        """Where the figures end, the moment; and over how many frames, None: all."""
+        return self._seat.seq, None if self._is_of_all else self.last_frames()
 
-    def action_tune_scope(self) -> None:
-        """The last frames, or all."""
+    def change_scope(self) -> None:
+        """Compute over all frames so far, or over the last ones again."""
         self._is_of_all = not self._is_of_all
         self.show()
         self.compute()
-        self._review.say(f"tune: {self.words.frames}")
+        self._seat.say(f"tune: {self.words.frames}")

@@ -7,9 +7,11 @@ from textual import events
 from textual.binding import BindingType
 
 from rsoconsole.base import RsoconsoleError
-from rsoconsole.console.actions.mark_actions import CommandOutcomes, MarkActions, too_late_to_mark
-from rsoconsole.console.actions.seat import TwicePressed, has_track
-from rsoconsole.console.actions.streak_actions import NudgeActions, StreakActions
+from rsoconsole.console.actions.command_outcomes import CommandOutcomes
+from rsoconsole.console.actions.mark_actions import too_late_to_mark
+from rsoconsole.console.actions.nudge_actions import NudgeActions
+from rsoconsole.console.actions.second_press import TwicePressed, has_track
+from rsoconsole.console.actions.streak_actions import StreakActions
 from rsoconsole.console.actions.telescope_actions import TelescopeActions
 from rsoconsole.console.actions.track_actions import TrackOrders
 from rsoconsole.console.commands.keymap import bindings, first_key
@@ -18,27 +20,31 @@ from rsoconsole.console.dialogs.candidates import MARKED, CandidatesDialog
 from rsoconsole.console.dialogs.dialogs import LeaveDialog
 from rsoconsole.console.dialogs.tour import intro_text
 from rsoconsole.console.frame.sheet_actions import MarkTo
+from rsoconsole.console.night.engine_view import EngineView
 from rsoconsole.console.panes.last_line import Key, Mode, keys_for
-from rsoconsole.console.picture.marking import Marking
-from rsoconsole.console.picture.marks import Mark
+from rsoconsole.console.picture.picture import Picture
 from rsoconsole.console.screens._pane_places import aspect_of
 from rsoconsole.console.screens.night_screen import KNOWN, Draw, NightScreen
 from rsoconsole.console.screens.review import HEAD, ReviewScreen
-from rsoconsole.console.watches.messages import (
-    EngineSeen,
-    MarkHeld,
-    NightSeen,
-    OutcomeCame,
-    Pointed,
-)
+from rsoconsole.console.watches.messages import Pointed
 from rsoconsole.console.watches.sheet_worker import detail_of
 from rsoconsole.console.words import words
-from rsoconsole.console.words.leaving import kept_words
-from rsoconsole.control import MarkByHand, Note, Shutdown, StopNews, holder_words, motion_words
+from rsoconsole.control import (
+    Command,
+    MarkByHand,
+    Note,
+    Nudge,
+    Outcome,
+    Shutdown,
+    StopNews,
+    holder_words,
+    motion_words,
+)
+from rsoconsole.night import NightView
 from rsoconsole.session import SessionReader
 
 
-class LiveScreen(NightScreen):
+class LiveScreen(NightScreen, TrackOrders, CommandOutcomes, NudgeActions):
     """The operator's seat over a night, live or recorded."""
 
     BINDINGS: ClassVar[list[BindingType]] = [*bindings("live")]
@@ -48,85 +54,78 @@ class LiveScreen(NightScreen):
         super().__init__(*arguments, **named)
         self.twice = TwicePressed(self)
         self.streaks = StreakActions(self, self.twice)
-        self.mark = MarkActions(self)
-        self.outcomes = CommandOutcomes(self, self.mark, self.tune)
-        self.track_orders = TrackOrders(self, self.twice, self.tracks)
-        self.track_keys.orders = self.track_orders
-        self.telescope = TelescopeActions(self, self.twice, self.track_orders.take_back_drop)
-        self.nudges = NudgeActions(self, self.twice)
-        self.take_keys(self.streaks, self.mark, self.telescope, self.nudges)
-
-    def look_again(self) -> None:
-        """A mark that is being made goes on in the other view."""
-        self.mark.look_again()
+        self.telescope = TelescopeActions(self, self.twice, self.take_back_drop)
+        # Textual looks for an action at the screen alone.
+        for part in (self.streaks, self.telescope):
+            for name in dir(part):
+                if name.startswith("action_"):
+                    setattr(self, name, getattr(part, name))
 
     def on_key(self, event: events.Key) -> None:
         """While a mark is made, arrows and enter are the mark's."""
         if event.key != self._key_before:
             self.twice.press.forget()
         self._key_before = event.key
-        if self.mark.takes_key(event.key):
+        if self.handle_mark_key(event.key):
             event.stop()
             event.prevent_default()
 
     # -- what is known ----------------------------------------------------------------------
 
-    def on_night_seen(self, message: NightSeen) -> None:
-        """The session has grown."""
-        message.is_taken = True
-        has_other_shape = aspect_of(message.picture) != aspect_of(self.picture)
-        if message.night.folder != self.night.folder:
-            self.mark.forget()
-            self.streaks.forget_pick()
-        before, self.night = self.night, message.night
-        self.outcomes.see_refusals(before)
-        self.telescope.see_refused(self.outcomes.refused_since(before))
-        self.mark.see_recorded(before)
-        self.mark.take_picture(message.picture)
+    def update_night(self, night: NightView, picture: Picture | None) -> None:
+        """Take a night that has grown, or another one, and its newest picture."""
+        has_other_shape = aspect_of(picture) != aspect_of(self.picture)
+        if night.folder != self.night.folder:
+            self.drop_mark()
+            self.streaks.forget_choice()
+        before, self.night = self.night, night
+        self.report_refusals(before)
+        self.telescope.note_refused(self.refused_since(before))
+        self.report_mark_result(before)
+        self.take_picture(picture)
         if has_other_shape:
             self.place_panes()
         self.tune.compute_now_and_then()
 
-    def on_engine_seen(self, message: EngineSeen) -> None:
-        """The engine's word."""
-        before, self.engine = self.engine, message.engine
+    def update_engine(self, engine: EngineView) -> None:
+        """Take the engine's new status."""
+        before, self.engine = self.engine, engine
         if before.holder != self.engine.holder:
             # Whatever was said of it is done, or undone: the first line has it now.
             self.forget_notice()
-        self.telescope.see_control_change(before)
-        self.see_stop()
+        self.telescope.note_control_change(before)
+        self.check_failed_stop()
 
-    def on_outcome_came(self, message: OutcomeCame) -> None:
-        """What came of a command."""
-        self.telescope.see_outcome(message)
-        self.nudges.see_outcome(message)
-        self.outcomes.see(message)
+    def handle_outcome(
+        self, command: Command, stops: int, seq: int, then: Command | None, outcome: Outcome
+    ) -> None:
+        """Handle the engine's answer to a command."""
+        self.telescope.handle_outcome(command, outcome)
+        if isinstance(command, Nudge):
+            self.is_nudging = False
+        super().handle_outcome(command, stops, seq, then, outcome)
         self.show_top()  # what was asked for is perhaps on its way no longer
 
-    def on_mark_held(self, message: MarkHeld) -> None:
-        """Whether the engine keeps the frame that is marked in."""
-        self.mark.held(message)
-
     def on_pointed(self, message: Pointed) -> None:
-        """The mouse in a picture: an end of a mark, or a streak to follow."""
+        """Set an end of a mark, or choose the streak that was clicked."""
         if self.marking is not None:
-            self.mark.point(message)
+            self.mark_at(message)
         elif not message.is_release:
             self.streaks.click(message)
 
     def stop(self) -> None:
-        """STOP; a second press that has not been acted on yet is never carried out after it."""
-        self.telescope.see_stop()
+        """STOP; a second press that still waits is never carried out after it."""
+        self.telescope.note_stop()
         self.twice.press.forget()
         super().stop()
 
     @property
     def is_following_again(self) -> bool:
-        """Whether what is kept has been asked for, and the engine has yet to take it up."""
+        """Whether the kept track was asked for, and the engine has yet to follow it again."""
         return self.telescope.is_following_again
 
     def drawn_from(self) -> dict[Draw, tuple[str, ...]]:
-        """Also what the application makes of it, and the words of a STOP."""
+        """As for any night, with what the application does with it and the words of a STOP."""
         return {
             self._make_known: ("night", "engine"),
             self._show_log_that_is_read: ("engine",),
@@ -142,35 +141,18 @@ class LiveScreen(NightScreen):
         if not self.night.is_read:
             self.show_log()
 
-    def marks_by_hand(self) -> tuple[Mark, ...]:
-        """What is being marked at this moment."""
-        return self.mark.marks()
-
-    @property
-    def marking(self) -> Marking | None:
-        """The mark that is being made; None while none is."""
-        return self.mark.marking
-
-    @property
-    def hides_signs(self) -> bool:
-        """Whether the signs of streaks would cover what is being marked."""
-        return self.mark.hides_signs
-
     def stop_words(self, news: StopNews) -> str:
-        """With how things stand since, and the next key."""
+        """How a STOP stands, how things stand since, and the next key."""
         said, engine = super().stop_words(news), self.engine
         if news.phase != "stopped" or not engine.is_attached or engine.holder != "nobody":
             return said
-        now = words.present_utc_ns(self.night, engine)
         arm = first_key("arm_or_disarm", self.keymap)
-        is_asked_for = self.is_following_again
-        kept = kept_words(engine, self.keymap, now, is_asked_for=is_asked_for)
-        kept = kept or (f"{arm} arms it again",)
+        kept = self.kept_words or (f"{arm} arms it again",)
         return f"{said}. {engine.state}: disarmed. {kept[0]}"
 
     @property
     def alert(self) -> str:
-        """What must not be missed."""
+        """The alert in words, and who asks for control; empty: neither."""
         give, keep = (first_key(name, self.keymap) for name in ("give_seat", "keep_seat"))
         asker = self.asker
         asked = f"{asker} asks for control: {give} gives it, {keep} keeps it" if asker else ""
@@ -179,7 +161,7 @@ class LiveScreen(NightScreen):
 
     @property
     def intro(self) -> str:
-        """What a simulated night is going to show."""
+        """What a simulated night is going to show, in words; empty for another."""
         return intro_text(self.night, self.engine, self.keymap)
 
     @property
@@ -195,7 +177,7 @@ class LiveScreen(NightScreen):
 
     @property
     def mode(self) -> Mode:
-        """What the keys are for."""
+        """What the keys are for at this moment."""
         return "mark" if self.marking is not None else super().mode
 
     # -- the console's own keys -----------------------------------------------------------------
@@ -223,30 +205,30 @@ class LiveScreen(NightScreen):
         self.app.push_screen(LeaveDialog(text, proposes_staying=is_left_alone), decided)
 
     def action_put_away(self) -> None:
-        """A mark first."""
+        """Put away a mark first."""
         if self.marking is not None:
-            self.mark.leave_off()
+            self.cancel_mark()
         else:
             super().action_put_away()
 
     def action_mark(self) -> None:
-        """In the picture, which the log may lie over, or the orbit in a small terminal."""
+        """Begin a mark where the picture can be seen, or leave it off."""
         if self.marking is None:
             if self.is_log_open:
                 self.action_log()
             if self.covers_picture():
                 self.action_orbit()
-        self.mark.action_mark()
+        super().action_mark()
 
     def mark_refusal(self, frame_id: int) -> str:
-        """The engine takes words on the last frames only."""
+        """The reason why a frame takes no mark from this console; empty: it does."""
         if not self.can_act:
             return f"no mark in frame {frame_id}: no engine takes one from this console"
         return too_late_to_mark(self.engine, frame_id)
 
     @property
     def mark_to(self) -> MarkTo | None:
-        """To the engine, as from the picture."""
+        """Where a mark of the opened frame goes: to the engine, None on a read-only console."""
         if self.read_only:
             return None
 
@@ -256,17 +238,17 @@ class LiveScreen(NightScreen):
 
         return MarkTo(
             send=send,
-            begin=self.mark.begin,
-            leave=self.mark.leave,
+            begin=self.begin_mark,
+            leave=self.leave_mark,
             refusal=self.mark_refusal,
         )
 
     def action_verdicts(self) -> None:
-        """Of the frame that was just marked, once; else of the shown one. Both are at hand."""
-        marked_id, is_first = self.mark.marked_lately()
+        """List the streaks of the marked frame, once, else of the shown one; tab: the other."""
+        marked_id, is_first = self.recent_mark()
         shown, folder = self.picture, self.night.folder
-        if marked_id is None or folder is None or shown is None or self._is_shown(marked_id):
-            self.opening.action_verdicts()
+        if marked_id is None or folder is None or shown is None or shown.frame_id == marked_id:
+            super().action_verdicts()
             return
         try:
             marked = detail_of(SessionReader(folder), marked_id)
@@ -277,11 +259,8 @@ class LiveScreen(NightScreen):
         ordered = pages[::-1] if is_first else pages
         self.app.push_screen(CandidatesDialog(ordered, self.night.tau, self.keymap))
 
-    def _is_shown(self, frame_id: int) -> bool:
-        return self.picture is not None and self.picture.frame_id == frame_id
-
     def action_note(self) -> None:
-        """A remark into the session."""
+        """Ask for a remark, which goes into the session."""
         if not self.may_act():
             return
 
@@ -294,12 +273,11 @@ class LiveScreen(NightScreen):
     # -- the past -----------------------------------------------------------------------------
 
     def open_session(self, folder: Path) -> None:
-        """Over this screen, which goes on behind; the night that goes on is opened at its head."""
+        """Open a review over this screen, which goes on behind; the present night at its head."""
         is_this = folder == self.night.folder and not self.night.is_closed
         self.app.push_screen(
             ReviewScreen(
                 self.orders,
-                from_thread=self._from_thread,
                 keymap=self.keymap,
                 sessions_root=self.sessions_root,
                 folder=folder,

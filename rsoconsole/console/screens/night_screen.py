@@ -1,48 +1,40 @@
-"""The panes over one instant of a night, and the keys that only look: live and review have them."""
+"""The screen that live night and review share: the panes, and the keys that only look."""
 
 from collections.abc import Callable, Iterable, Mapping
-from functools import partial, partialmethod
-from pathlib import Path
-from typing import Any, ClassVar
+from functools import partial
+from typing import TYPE_CHECKING, Any, ClassVar
 
-from textual import events
 from textual.app import ComposeResult
 from textual.screen import Screen
 
-from rsoconsole.config import SessionConfig
 from rsoconsole.console.actions.picture_actions import PictureActions
-from rsoconsole.console.actions.seat import Seat
-from rsoconsole.console.actions.track_actions import (
-    PlotActions,
-    TrackActions,
-    TrackList,
-    TracksPane,
-)
+from rsoconsole.console.actions.track_actions import TracksPane
 from rsoconsole.console.actions.tune_actions import TuneActions
 from rsoconsole.console.dialogs.ask import LineDialog
 from rsoconsole.console.drawing.pane_layout import Name
-from rsoconsole.console.frame.sheet_actions import MarkTo
 from rsoconsole.console.orbit.lines import orbit_lines
 from rsoconsole.console.panes.last_line import Mode
 from rsoconsole.console.panes.log_pane import LogPane
-from rsoconsole.console.panes.panes import FramePane, LinesPane, Sight, StopBanner
-from rsoconsole.console.picture.picture import Drawing, Picture
+from rsoconsole.console.panes.panes import FramePane, LinesPane, StopBanner
+from rsoconsole.console.screens._message_list import MessageActions
 from rsoconsole.console.screens._opening_actions import OpeningActions
-from rsoconsole.console.screens._pane_places import AlertLine, KeyLine, place_panes
-from rsoconsole.console.screens._reading import ReadingActions
+from rsoconsole.console.screens._pane_places import PanePlaces
 from rsoconsole.console.tuning.tuning_pane import TunePane
-from rsoconsole.console.watches.messages import OrbitSeen, OutlookSeen, WhatIfSeen
+from rsoconsole.console.watches.messages import call_in_turn
 from rsoconsole.console.watches.watch import OutlookWatch
 from rsoconsole.console.words import words
 from rsoconsole.console.words.facts import fact_lines
 from rsoconsole.console.words.sky_view import sky_lines
 from rsoconsole.control import AnswerSeat, StopNews
 
+if TYPE_CHECKING:
+    from rsoconsole.pipeline import Outlook
+
 Draw = Callable[[], None]
 
 
 class DrawnFrom:
-    """Draws what is drawn from a reactive of the screen after the message that has changed it.
+    """Draws each part of a screen once, after the message that changed what it is drawn from.
 
     A message changes several as a rule: what is drawn from more than one of them is drawn once.
     """
@@ -64,14 +56,14 @@ class DrawnFrom:
         return changed
 
     def draw(self) -> None:
-        """What has changed, in the order of the table."""
+        """Draw what has changed, in the order of the table."""
         stale, self._stale = self._stale, set()
         for draw in self._draws:
             if draw in stale:
                 draw()
 
     def draw_all(self) -> None:
-        """The first paint."""
+        """Draw everything: the first paint."""
         self._stale.clear()
         for draw in self._draws:
             draw()
@@ -80,14 +72,15 @@ class DrawnFrom:
 KNOWN = ("night", "engine", "outlook", "orbit_ahead")
 
 
-class NightScreen(Seat):
-    """Shows a night as it is at one instant; which one, and what may be done, its heirs say."""
+class NightScreen(PanePlaces, PictureActions, MessageActions, OpeningActions):
+    """A night as it is at one instant: its panes, and the keys that only look."""
 
     PANES: ClassVar[tuple[Name, ...]] = (
         *("top", "alert", "frame", "closeup", "confidence", "east"),
         *("north", "axis", "nis", "facts", "sky", "log", "keys"),
     )
     LOG: ClassVar[type[LogPane]] = LogPane
+    TUNE: ClassVar[type[TuneActions]] = TuneActions
     AUTO_FOCUS = None
     DEFAULT_CSS = """
     NightScreen { layers: base over; overflow: hidden; }
@@ -102,31 +95,13 @@ class NightScreen(Seat):
     NightScreen > #keys { background: $panel; layer: over; }
     """
 
-    def __init__(self, *arguments: Any, sessions_root: Path | None = None, **named: Any) -> None:
-        """``sessions_root``: under which recorded nights lie, None: where they do by default."""
+    def __init__(self, *arguments: Any, **named: Any) -> None:
         super().__init__(*arguments, **named)
-        self.sessions_root = sessions_root or SessionConfig().root
-        self.tracks = TrackList()
-        self.plots = PlotActions(self, self.tracks)
-        self.track_keys = TrackActions(self, self.plots)
-        self.tune = self.make_tune()
-        self.pictures = PictureActions(self)
-        self.reading = ReadingActions(self)
-        self.opening = OpeningActions(self, self.sessions_root, lambda: self.mark_to)
-        self.alert_line = AlertLine(self)
-        self.key_line = KeyLine(self)
+        self.tune = self.TUNE(self)
         self.outlook_watch = OutlookWatch(
-            lambda outlook: self.post_from_thread(OutlookSeen(outlook)),
-            lambda ahead: self.post_from_thread(OrbitSeen(ahead)),
+            partial(call_in_turn, self, self.update_outlook),
+            partial(call_in_turn, self, partial(setattr, self, "orbit_ahead")),
         )
-        self.take_keys(
-            *(self.plots, self.track_keys, self.tune),
-            *(self.pictures, self.reading, self.opening),
-        )
-
-    def make_tune(self) -> TuneActions:
-        """The keys of the tuning pane."""
-        return TuneActions(self)
 
     def compose(self) -> ComposeResult:
         """Every pane; where each lies depends on the terminal."""
@@ -152,7 +127,7 @@ class NightScreen(Seat):
         self.drawn.draw_all()
 
     def on_resize(self) -> None:
-        """Another terminal, other places."""
+        """Lay the panes out for another terminal."""
         self.place_panes()
         self.call_after_refresh(self._look_after_resize)
 
@@ -162,56 +137,28 @@ class NightScreen(Seat):
 
     # -- the parts, their panes and messages --------------------------------------------------
 
-    def on_what_if_seen(self, message: WhatIfSeen) -> None:
-        """Figures now and with what is tried."""
-        self.tune.see(message)
-
     def on_tune_pane_wanted(self, message: TunePane.Wanted) -> None:
         """One of the pane's keys."""
         message.stop()
         self.tune.do(message)
 
-    def on_tracks_pane_wanted(self, message: TracksPane.Wanted) -> None:
-        """One of the list's keys."""
-        message.stop()
-        self.track_keys.do(message)
-
     def on_unmount(self) -> None:
-        """Nobody asks any more."""
+        """End the threads that compute."""
         self.tune.close_watch()
         self.outlook_watch.close()
 
-    def show_picture(self) -> None:
-        """The shown frame in both panes."""
-        self.pictures.show()
-
-    def picture_words(
-        self, picture: Picture | None, sight: Sight, drawing: Drawing | None
-    ) -> tuple[list[str], list[str]]:
-        """What stands over and under a picture."""
-        return self.pictures.words(picture, sight, drawing)
-
-    @property
-    def mark_to(self) -> MarkTo | None:
-        """Where a mark of the opened frame goes; a night that is over takes none."""
-        return None
-
     # -- what is known ----------------------------------------------------------------------
 
-    def on_outlook_seen(self, message: OutlookSeen) -> None:
-        """What the next hours bring."""
-        self.outlook = message.outlook
-        self.pane("sky").show(partial(sky_lines, self.night.config, message.outlook))
-
-    def on_orbit_seen(self, message: OrbitSeen) -> None:
-        """Where the orbit leads."""
-        self.orbit_ahead = message.ahead
+    def update_outlook(self, outlook: "Outlook") -> None:
+        """Take what the next hours bring, and draw it."""
+        self.outlook = outlook
+        self.pane("sky").show(partial(sky_lines, self.night.config, outlook))
 
     def drawn_from(self) -> dict[Draw, tuple[str, ...]]:
         """How each part is drawn, and from which reactives; a STOP waits for none of them."""
         return {
             self.show_picture: ("night", "picture"),
-            self.plots.show: ("night",),
+            self.show_plots: ("night",),
             self.show_log: ("night",),
             self.tune.show: ("night",),
             self.show_top: KNOWN,
@@ -222,80 +169,53 @@ class NightScreen(Seat):
         }
 
     def show_log(self) -> None:
-        """The lines of the log."""
+        """Draw the lines of the log."""
         is_reading = words.is_past_unread(self.night, self.engine)
         self.query_one(LogPane).show(self.night.log, is_reading=is_reading)
 
     def show_top(self) -> None:
-        """The first line."""
+        """Draw the first line."""
         self.pane("top").show(self.top)
 
     def show_orbit(self) -> None:
-        """What is known of the orbit."""
+        """Draw the orbit."""
         self.pane("orbit").show(partial(orbit_lines, self.orbit))
 
     def show_facts(self) -> None:
-        """The figures."""
+        """Draw the figures."""
         lines = partial(fact_lines, self.night, self.engine, self.outlook, keymap=self.keymap)
         self.pane("facts").show(lines)
 
-    def show_alert(self) -> None:
-        """What must not be missed, or what stands in its place; its rows are another's."""
-        if self.alert_line.show():
-            self.place_panes()
-            self.call_after_refresh(self.look_again)
-
-    def show_keys(self) -> None:
-        """The keys that matter now, and a word about what was just done."""
-        self.key_line.show()
-
-    async def on_click(self, event: events.Click) -> None:
-        """A key of the last line, by the mouse."""
-        action = self.key_line.action_at(event)
-        if action:
-            self.is_click = True
-            try:
-                await self.run_action(action)
-            finally:
-                self.is_click = False
-
     @property
     def mode(self) -> Mode:
-        """What the keys are for."""
+        """What the keys are for at this moment."""
         if self.is_log_open:
             return "log"
         if isinstance(self.focused, TracksPane):
             return "tracks"
         return "tune" if isinstance(self.focused, TunePane) else "live"
 
-    # -- where it lies ----------------------------------------------------------------------
-
-    def place_panes(self) -> None:
-        """Where each pane lies, for this terminal."""
-        place_panes(self, self.plots, self.tune, self.PANES, self.alert_line.place())
-        self.key_line.place()
-
     # -- keys that only look ------------------------------------------------------------------
 
     def show_stop(self, news: StopNews | None) -> None:
-        """What came of a STOP, over everything else."""
+        """Show how a STOP stands over everything else; None: put it away."""
         super().show_stop(news)
         self.show_top()
         self.query_one("#stop", StopBanner).display = news is not None
         self.show_stop_words()
 
     def show_stop_words(self) -> None:
-        """In the banner; nothing where there is none."""
+        """Write into the banner how a STOP stands."""
         news = self.stop_news
         if news is not None:
             self.query_one("#stop", StopBanner).say(self.stop_words(news), news.phase)
 
     def stop_words(self, news: StopNews) -> str:
-        """What came of a STOP."""
+        """How a STOP stands, in words."""
         return f"STOP {news.text}"
 
     def action_log(self) -> None:
-        """All panes to the log, and back."""
+        """Give the whole screen to the log, and back."""
         self.is_log_open = not self.is_log_open
         self.place_panes()
         log = self.query_one(LogPane)
@@ -309,7 +229,7 @@ class NightScreen(Seat):
         self.show_keys()
 
     def action_orbit(self) -> None:
-        """Over the plots, and back; a log or a tuning pane that lies there gives way."""
+        """Open the orbit over the plots, and back; an open log or tuning pane gives way."""
         if self.is_log_open:
             self.action_log()
             self.is_orbit_open = False
@@ -322,12 +242,12 @@ class NightScreen(Seat):
         self.show_keys()
 
     def clear_filter(self) -> None:
-        """Every line of the log again."""
+        """Show every line of the log again."""
         self.query_one(LogPane).filter("")
         self.say("log: every line")
 
     def action_filter_log(self) -> None:
-        """Only lines with some words."""
+        """Ask for words; only lines with them are shown."""
         log = self.query_one(LogPane)
 
         def decided(wanted: str | None) -> None:
@@ -337,21 +257,23 @@ class NightScreen(Seat):
             lines = f"lines with {wanted!r}, changes of state and alarms"
             self.say(f"log: {lines if wanted else 'every line'}")
 
-        self.ask(LineDialog("filter the log", "nothing: every line", log.wanted), decided)
+        self.app.push_screen(
+            LineDialog("filter the log", "nothing: every line", log.wanted), decided
+        )
 
     def covers_picture(self) -> bool:
-        """Whether an open orbit lies over it."""
+        """Whether the open orbit lies over the picture."""
         picture, orbit = self.query_one("#frame"), self.pane("orbit")
         is_there = self.is_orbit_open and picture.display
         return is_there and orbit.region.overlaps(picture.region)
 
     def action_tune(self) -> None:
-        """Where the orbit lay."""
+        """Open the tuning pane; the orbit gives way."""
         self.is_orbit_open = False
         self.tune.action_tune()
 
     def action_put_away(self) -> None:
-        """The log first, what came of a STOP, the orbit, a page of curves, the filter, a notice."""
+        """Put away the first of: log, a STOP's end, orbit, page over the plots, filter, notice."""
         log = self.query_one(LogPane)
         if self.is_log_open and log.wanted and log.always_shown:
             self.clear_filter()
@@ -361,30 +283,36 @@ class NightScreen(Seat):
             self.show_stop(None)
         elif self.is_orbit_open:
             self.action_orbit()
-        elif self.plots.page is not None:
-            self.plots.show_page(None)
+        elif self.page is not None:
+            self.show_page(None)
         elif log.wanted:
             self.clear_filter()
         else:
             self.say("")
 
     def action_leave(self) -> None:
-        """Out of the console; a screen that has something to ask before does."""
+        """Leave the console; a screen that has something to ask does so first."""
         self.app.exit("quit")
 
     # -- whose control it is --------------------------------------------------------------------
 
     @property
     def asker(self) -> str | None:
-        """Who asks for this seat, where it is this console's to give."""
+        """The console that asks for control, where this one has it; None: none."""
         is_ours = bool(self.seat_name) and self.engine.seat == self.seat_name
         return self.engine.seat_asked_by if is_ours else None
 
-    def _answer_for_seat(self, *, gives: bool) -> None:
+    def answer_for_seat(self, *, gives: bool) -> None:
+        """Give control to the console that asks for it, or keep it."""
         if self.asker is None:
             self.say("nobody asks for control")
         else:
             self.send(AnswerSeat(gives=gives, to=self.asker))
 
-    action_give_seat = partialmethod(_answer_for_seat, gives=True)
-    action_keep_seat = partialmethod(_answer_for_seat, gives=False)
+    def action_give_seat(self) -> None:
+        """Give control to the console that asks for it."""
+        self.answer_for_seat(gives=True)
+
+    def action_keep_seat(self) -> None:
+        """Keep control though another console asks for it."""
+        self.answer_for_seat(gives=False)

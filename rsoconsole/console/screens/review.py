@@ -3,13 +3,13 @@
 Which moment is wanted is known at once and drawn on the time line; the watch brings it.
 """
 
+from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
 
 from textual.app import ComposeResult
 from textual.binding import BindingType
-from textual.widgets import Input
 
 from rsoconsole.console.actions.tune_actions import TuneActions
 from rsoconsole.console.commands.keymap import bindings
@@ -24,41 +24,36 @@ from rsoconsole.console.picture.picture import Drawing, Picture
 from rsoconsole.console.screens._compare import ReviewCompare
 from rsoconsole.console.screens._pane_places import aspect_of
 from rsoconsole.console.screens._review_log import ReviewLogPane, ReviewTuneActions
-from rsoconsole.console.screens._review_moves import (
-    ANY,
-    FOUND,
-    PLAY_S,
-    ReviewMoves,
-    ReviewSeat,
-    place_of,
-)
+from rsoconsole.console.screens._review_moves import ANY, FOUND, PLAY_S
 from rsoconsole.console.screens.night_screen import NightScreen
 from rsoconsole.console.timeline.lines import recorded_engine, review_top_lines, timeline_lines
-from rsoconsole.console.timeline.moments import ReviewWatch
+from rsoconsole.console.timeline.moments import Moment, ReviewWatch
 from rsoconsole.console.timeline.timeline import Player, Timeline
-from rsoconsole.console.watches.messages import MomentSeen, ReviewFailed, TimelineSeen
+from rsoconsole.console.watches.messages import call_in_turn
 from rsoconsole.night import LogLine, NightView
 
 if TYPE_CHECKING:
     from rsoconsole.pipeline import Outlook
 
 LIVE_S = 0.5
-"""How often it is looked what the night behind does."""
+"""Seconds between two looks at the live night behind."""
 LINES = 200
-"""Of the log in its small pane."""
+"""Lines of the log in its small pane."""
 OUTLOOK_GOOD_NS = 600 * 10**9
 OUTLOOK_AFTER_S = 0.7
-"""So long a moment must stay before what lies ahead of it is computed."""
+"""How long a moment must stay before what lies ahead of it is computed."""
 HEAD = "head"
-"""Where a night that goes on is opened: at its last frame, and on with it."""
+"""The start that means: at the last frame of a night that goes on, and on with it."""
 
 
-class ReviewScreen(ReviewSeat):
+class ReviewScreen(ReviewCompare):
     """A recorded night, or the past of the night that goes on."""
 
     BINDINGS: ClassVar[list[BindingType]] = [*bindings("review")]
     PANES: ClassVar[tuple[Name, ...]] = (*NightScreen.PANES, "timeline")
     LOG: ClassVar[type[LogPane]] = ReviewLogPane
+    TUNE: ClassVar[type[TuneActions]] = ReviewTuneActions
+    tune: ReviewTuneActions
     DEFAULT_CSS = """
     ReviewScreen > #timeline { background: $surface; }
     """
@@ -74,18 +69,15 @@ class ReviewScreen(ReviewSeat):
         """``start``: a frame, a UTC time or ``HEAD``, empty: the first frame; ``live``: what lies
         behind this screen, and is come back to."""
         super().__init__(*arguments, read_only=True, **named)
-        self.moves = ReviewMoves(self)
-        self.comparing = ReviewCompare(self, self.moves)
-        self.take_keys(self.moves, self.comparing)
         self._live = live
         self._first = (folder, start)
         self._start: str | None = None
         """Where the session that is being opened begins; None once that is reached."""
         self._fault = ""
         self._watch_session = ReviewWatch(
-            lambda *seen: self.post_from_thread(TimelineSeen(*seen)),
-            lambda *seen: self.post_from_thread(MomentSeen(*seen)),
-            lambda *seen: self.post_from_thread(ReviewFailed(*seen)),
+            partial(call_in_turn, self, self.update_timeline),
+            partial(call_in_turn, self, self.show_moment),
+            partial(call_in_turn, self, self.show_fault),
         )
 
     def compose(self) -> ComposeResult:
@@ -97,25 +89,25 @@ class ReviewScreen(ReviewSeat):
     def on_mount(self) -> None:
         """Begin to read; without a session, ask which."""
         self._watch_session.start()
-        self.set_interval(PLAY_S, self.moves.play_on)
+        self.set_interval(PLAY_S, self.play_on)
         if self._live is not None:
             self.set_interval(LIVE_S, self.show_live)
         folder, start = self._first
         if folder is None:
-            self.call_after_refresh(self.opening.action_sessions)
+            self.call_after_refresh(self.action_sessions)
         else:
-            self.open(folder, start)
+            self.open_session(folder, start)
 
     def on_unmount(self) -> None:
         """Nobody looks any more."""
         self._watch_session.close()
 
-    def open(self, folder: Path, start: str = "") -> None:
+    def open_session(self, folder: Path, start: str = "") -> None:
         """Show another session from there on."""
         self.folder, self._start, self._fault = folder, start, ""
         self.timeline, self.lines, self.moment = Timeline(), (), None
         self.seq, self.is_at_head = 0, False
-        self.comparing.forget()
+        self.forget_moment_a()
         self.kind, self.searched, self.player = ANY, "", Player()
         self.night, self.picture, self.outlook = NightView(folder=folder), None, None
         self.orbit_ahead = None
@@ -125,11 +117,11 @@ class ReviewScreen(ReviewSeat):
 
     # -- what is known ----------------------------------------------------------------------
 
-    def on_timeline_seen(self, message: TimelineSeen) -> None:
-        """More has been read, or has been recorded."""
-        if message.folder != self.folder:
+    def update_timeline(self, folder: Path, timeline: Timeline, lines: tuple[LogLine, ...]) -> None:
+        """Take the course of the session and every line of its log, as far as read."""
+        if folder != self.folder:
             return
-        self.timeline, self.lines, self._fault = message.timeline, message.lines, ""
+        self.timeline, self.lines, self._fault = timeline, lines, ""
         if self._start is not None:
             self._begin()
         elif self.is_at_head:
@@ -149,17 +141,16 @@ class ReviewScreen(ReviewSeat):
         if not self.timeline.frames:
             self.want(self.timeline.last_seq)
         elif start == HEAD:
-            self.moves.action_last_frame()
+            self.action_last_frame()
         else:
-            self.moves.action_first_frame()
+            self.action_first_frame()
             if start:
-                self.moves.go_to_text(start)
+                self.go_to_text(start)
 
-    def on_moment_seen(self, message: MomentSeen) -> None:
-        """The moment that was wanted."""
-        if message.folder != self.folder:
+    def show_moment(self, folder: Path, moment: Moment) -> None:
+        """Show the moment that was asked for."""
+        if folder != self.folder:
             return
-        moment = message.moment
         has_other_shape = aspect_of(moment.picture) != aspect_of(self.picture)
         self.moment, self.night, self.picture = moment, moment.view, moment.picture
         self.engine, self.outlook = recorded_engine(moment.view), self.outlook
@@ -167,97 +158,81 @@ class ReviewScreen(ReviewSeat):
             self.place_panes()
         self._ask_outlook()
         self.show_place()
-        self.comparing.compare_if_asked()
+        self.compare_when_ready()
         self._compute_here()
+
+    def _when_it_stays(self, act: Callable[[], None]) -> None:
+        """Do that once nobody has gone on from this moment for a while."""
+        moment = self.moment
+        self.set_timer(OUTLOOK_AFTER_S, lambda: act() if self.moment is moment else None)
 
     def _compute_here(self) -> None:
         """The tuning pane's figures are of a moment: those of another one are no answer."""
-        moment, self.tune.figures = self.moment, (None, None)
+        self.tune.figures = (None, None)
         self.tune.show()
-
-        def ask() -> None:
-            if self.moment is moment and self.tune.pane.display:
-                self.tune.compute()
-
         if not self.player.is_playing:
-            self.set_timer(OUTLOOK_AFTER_S, ask)
+            self._when_it_stays(lambda: self.tune.compute() if self.tune.pane.display else None)
 
     def _ask_outlook(self) -> None:
         """The sky's computation takes the processor: not while somebody goes through the night."""
-        moment = self.moment
-        if not self.timeline.is_whole or moment is None:
-            return
+        if self.timeline.is_whole and self.moment is not None:
+            self._when_it_stays(lambda: self.outlook_watch.update(self.night, self.engine))
 
-        def ask() -> None:
-            if self.moment is moment:
-                self.outlook_watch.update(self.night, self.engine)
-
-        self.set_timer(OUTLOOK_AFTER_S, ask)
-
-    def on_review_failed(self, message: ReviewFailed) -> None:
-        """Why nothing comes."""
-        if message.folder == self.folder and message.text != self._fault:
-            self._fault = message.text
+    def show_fault(self, folder: Path, text: str) -> None:
+        """Say why the session cannot be read."""
+        if folder == self.folder and text != self._fault:
+            self._fault = text
             self.show_alert()
 
     def want(self, seq: int) -> None:
-        """Have that moment shown; the time line shows at once where it is."""
+        """Ask for that moment; the time line shows at once where it is."""
         self.seq = seq
         if self.folder is not None:
             self._watch_session.want(self.folder, seq)
         self.show_place()
 
-    def on_timeline_pane_pointed(self, message: TimelinePane.Pointed) -> None:
-        """The mouse on the time line."""
-        self.moves.point(message)
-
-    def on_input_submitted(self, event: Input.Submitted) -> None:
-        """To what was typed in the last line."""
-        event.stop()
-        self.moves.take(event.value)
-
     # -- what is shown ----------------------------------------------------------------------
 
     def show_live(self) -> None:
-        """What the night behind does, and whether its alert lies over this one."""
+        """Draw what tells of the live night behind: first line, alert and keys."""
         self.show_top()
         self.show_alert()
         self.show_keys()
 
     def validate_outlook(self, outlook: "Outlook | None") -> "Outlook | None":
-        """None where it is of another hour of the night."""
+        """None for an outlook of another hour of the night."""
         now = self.night.last_utc_ns or 0
         is_near = outlook is not None and abs(outlook.t_utc_ns - now) <= OUTLOOK_GOOD_NS
         return outlook if is_near else None
 
     def show_place(self) -> None:
-        """The time line."""
-        lines = partial(timeline_lines, self.timeline, place_of(self, self.moves))
+        """Draw the time line."""
+        lines = partial(timeline_lines, self.timeline, self.place)
         self.query_one("#timeline", TimelinePane).show(lines)
 
     def top(self, width: int, rows: int) -> list[Line]:
-        """That this is the past, what the state was, and what it is now."""
+        """The first line: that this is the past, the state then, and the state now."""
         live = None if self._live is None else (self._live.night, self._live.engine)
         found = target_words(self.orbit)
         return review_top_lines(self.night, self.engine, live, width, rows, found=found)
 
     @property
     def alert(self) -> str:
-        """Of the night behind first, then what is wrong with this one."""
+        """The alert of the live night behind, then what is wrong with this one."""
         live = "" if self._live is None else self._live.alert
         return " · ".join(part for part in (f"LIVE: {live}" if live else "", self._fault) if part)
 
     def picture_words(
         self, picture: Picture | None, sight: Sight, drawing: Drawing | None
     ) -> tuple[list[str], list[str]]:
-        """The frame's number also where it has no picture."""
+        """Title and caption; the frame's number also where it has no picture."""
         frame = self.night.frame
         if picture is not None or sight != "field":
             return super().picture_words(picture, sight, drawing)
         return ["no frame yet" if frame is None else f"frame {frame.frame_id:04d}"], []
 
     def show_picture(self) -> None:
-        """The moment's own frame; none other in its place."""
+        """Draw the moment's own frame; no other in its place."""
         absent = "no picture of it was kept" if self.night.frame is not None else "no frame yet"
         if self.moment is None:
             absent = "" if self.folder is None else "reading …"
@@ -266,7 +241,7 @@ class ReviewScreen(ReviewSeat):
         super().show_picture()
 
     def show_log(self) -> None:
-        """Up to the moment; opened, that of the whole night."""
+        """Draw the log up to the moment; opened, that of the whole night."""
         pane = self.query_one("#log", ReviewLogPane)
         pane.seq = self.seq
         pane.show(self.lines if self.is_log_open else self.night.log[-LINES:])
@@ -284,7 +259,7 @@ class ReviewScreen(ReviewSeat):
 
     @property
     def mode(self) -> Mode:
-        """What the keys are for."""
+        """What the keys are for at this moment."""
         modes: dict[Mode, Mode] = {
             "log": "review log",
             "tune": "review tune",
@@ -300,7 +275,7 @@ class ReviewScreen(ReviewSeat):
     # -- the log ----------------------------------------------------------------------------
 
     def action_log(self) -> None:
-        """All of the night's, the moment's line chosen; and back."""
+        """Open the log of the whole night with the moment's line chosen, and back."""
         super().action_log()
         pane = self.query_one("#log", ReviewLogPane)
         if self.is_log_open:
@@ -310,7 +285,7 @@ class ReviewScreen(ReviewSeat):
             self.show_log()
 
     def action_filter_log(self) -> None:
-        """Search all of the night's log."""
+        """Ask for words to search the whole night's log for."""
 
         def decided(wanted: str | None) -> None:
             if wanted is None:
@@ -322,55 +297,47 @@ class ReviewScreen(ReviewSeat):
             pane.filter(wanted)
             pane.choose_near(self.seq)
             self.show_place()
-            count = len(self.moves.found)
+            count = len(self.found)
             self.say(f"{count} lines have {wanted!r}" if wanted else "log: every line")
 
         words = "words in any line of the night; nothing: every line"
         self.app.push_screen(LineDialog("search the log", words, self.searched), decided)
 
-    def on_review_log_pane_chosen(self, message: ReviewLogPane.Chosen) -> None:
-        """To the moment of a line."""
-        line: LogLine = message.line
-        self.action_log()
-        self.moves.go(self.moves.moment_of(line))
+    def action_go_to_line(self) -> None:
+        """Go to the moment of the log's chosen line."""
+        line = self.query_one("#log", ReviewLogPane).chosen
+        if line is not None:
+            self.action_log()
+            self.go(self.moment_of(line))
 
     # -- the rest ---------------------------------------------------------------------------
 
-    def make_tune(self) -> TuneActions:
-        """Up to the moment that is shown."""
-        return ReviewTuneActions(self)
+    def action_tune_scope(self) -> None:
+        """Tune over all frames so far, or over the last ones again."""
+        self.tune.change_scope()
 
     def may_act(self) -> bool:
-        """Never: what is recorded stays as it is."""
+        """False: what is recorded stays as it is; a notice says so."""
         self.say("nothing is changed here: what is tried can be kept as a preset (w)")
         return False
 
-    def open_session(self, folder: Path) -> None:
-        """Review that one."""
-        self.open(folder)
-
-    def action_give_seat(self) -> None:
-        """The seat of the night behind."""
+    def answer_for_seat(self, *, gives: bool) -> None:
+        """Answer for the live night behind, which has the control that is asked for."""
         if self._live is not None:
-            self._live.action_give_seat()
-
-    def action_keep_seat(self) -> None:
-        """The seat of the night behind."""
-        if self._live is not None:
-            self._live.action_keep_seat()
+            self._live.answer_for_seat(gives=gives)
 
     def action_put_away(self) -> None:
-        """What lies over the night, then what is being played."""
-        if self.moves.close_field():
+        """Put away what lies over the night, then stop playing."""
+        if self.close_field():
             return
         is_bare = not (self.is_log_open or self.is_orbit_open) and self.stop_news is None
         if is_bare and self.player.is_playing:
-            self.moves.action_play()
+            self.action_play()
         else:
             super().action_put_away()
 
     def action_leave(self) -> None:
-        """Back to the live night, at its head; or out."""
+        """Go back to the live night; without one, leave the console."""
         if self._live is not None:
             self.app.pop_screen()
         else:

@@ -11,7 +11,7 @@ from functools import lru_cache
 from itertools import groupby
 
 from rsoconsole.console.drawing.plot import Ink, Line, joined
-from rsoconsole.console.night.engine_seen import EngineView
+from rsoconsole.console.night.engine_view import EngineView
 from rsoconsole.console.timeline.timeline import Timeline, TimelineEventKind
 from rsoconsole.console.words.words import STATE_INKS, clipped, fitted, justified
 from rsoconsole.control import holder_words

@@ -28,12 +28,12 @@ if TYPE_CHECKING:
 log = logging.getLogger(__name__)
 
 STEP_BACK = 10
-"""Added to the thread's niceness."""
+"""Added to the niceness of the thread."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FrameSettings:
-    """With which settings the frame is to be processed; None: as they were in force."""
+    """Settings to process the frame with; None: as they were in force."""
 
     tau: float | None = None
     map_mode: MapMode | None = None
@@ -50,21 +50,21 @@ class Opened:
     detail: NightFrame
     preview: Picture | None
     bytes: int
-    """Of the frame's file; 0 where there is none."""
+    """Size of the frame's file; 0 where there is none."""
     candidates: tuple["Compared", ...]
-    """Those on record, with nothing beside them yet."""
+    """Candidates on record, with none of a new processing beside them yet."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Loaded:
-    """The pixels are there."""
+    """The pixels have been read."""
 
     pixels: "SheetPixels"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Done:
-    """A wish is fulfilled."""
+    """The frame has been processed with those settings."""
 
     wanted: FrameSettings
     result: "Reprocessed"
@@ -73,18 +73,18 @@ class Done:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Fault:
-    """What could not be done, in words that say what helps."""
+    """What could not be done, in words with the remedy."""
 
     text: str
     wanted: FrameSettings | None = None
-    """None: the frame itself cannot be had."""
+    """The settings that failed; None: the frame itself cannot be read."""
 
 
 News = Opened | Loaded | Done | Fault
 
 
 class SheetWorker:
-    """One frame's reader and processor."""
+    """The thread that reads and processes one frame."""
 
     def __init__(
         self, folder: Path, frame_id: int, config: Config | None, on_news: Callable[[News], None]
@@ -102,19 +102,14 @@ class SheetWorker:
         self._thread.start()
 
     def ask(self, wanted: FrameSettings) -> None:
-        """Process with these settings next (any thread)."""
+        """Process with these settings next; a request that still waits is dropped (any thread)."""
         self._wanted = wanted
         self._wake.set()
 
     def close(self) -> None:
-        """End after what is under way, which nobody waits for."""
+        """End after what is under way."""
         self._is_closing = True
         self._wake.set()
-
-    def join(self, timeout_s: float) -> bool:
-        """Wait for the end; whether it came."""
-        self._thread.join(timeout_s)
-        return not self._thread.is_alive()
 
     def _run(self) -> None:
         with contextlib.suppress(AttributeError, OSError):  # not on every system
@@ -184,7 +179,7 @@ class SheetWorker:
 
 
 def detail_of(reader: SessionReader, frame_id: int) -> NightFrame:
-    """What a session says of one frame."""
+    """What the record says of one frame."""
     night = Night(reader.folder, {}, None)
     for _, t_utc_ns, record in reader.records(frame_id=frame_id):
         night.take(t_utc_ns, record)

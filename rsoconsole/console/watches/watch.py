@@ -1,4 +1,4 @@
-"""The two that look outside, each on a thread of its own: one reads, one asks the engine.
+"""The watches, each on a thread of its own: session, engine, and what lies ahead.
 
 They hand what they found to a callback, which must return at once. No other part of the console
 opens a file of the session; a hanging engine keeps nobody from the past.
@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 
 from rsoconsole.base import ControlError, SessionError
 from rsoconsole.config import Config, IndiConfig
-from rsoconsole.console.night.engine_seen import EngineView, OrbitAhead, engine_view, orbit_ahead
+from rsoconsole.console.night.engine_view import EngineView, OrbitAhead, engine_view, orbit_ahead
 from rsoconsole.console.picture.marks import marks_of
 from rsoconsole.console.picture.picture import Picture, read_closeup, read_picture
 from rsoconsole.control import AskStatus, Poller, Wire
@@ -27,7 +27,7 @@ READ_S = 0.25
 ASK_S = 0.5
 ANSWER_S = 1.0
 STARTING_S = 30.0
-"""An engine that has never answered is waited for so long before it is called gone."""
+"""How long an engine that has never answered is waited for before it is called gone."""
 SHOW_WHILE_READING_S = 0.3
 CLOSED_CHECK_S = 2.0
 
@@ -70,11 +70,9 @@ class SessionWatch(Poller):
         wanted = self._wanted
         if wanted is None:
             return
-        if self._reader is None or self._reader.folder != wanted:
-            self._open(wanted)
         reader, night = self._reader, self._night
-        assert reader is not None
-        assert night is not None
+        if reader is None or night is None or reader.folder != wanted:
+            reader, night = self._open(wanted)
         has_news = self._read_records(reader, night)
         # The records first: decoding a picture loads a large library.
         if has_news:
@@ -82,17 +80,18 @@ class SessionWatch(Poller):
         if self._read_picture(reader, night):
             self._show()
 
-    def _open(self, folder: Path) -> None:
+    def _open(self, folder: Path) -> tuple[SessionReader, Night]:
         reader = SessionReader(folder)
         config: Config | None = None
         try:
             config = reader.config()
         except SessionError as error:
             log.warning("%s", error)
-        self._night = Night(folder, reader.about(), config)
+        self._night = night = Night(folder, reader.about(), config)
         self._reader, self._seq, self._picture = reader, 0, None
         self.indi = config.indi if config is not None else None
         self._show()
+        return reader, night
 
     def _read_records(self, reader: SessionReader, night: Night) -> bool:
         before = self._seq
@@ -214,12 +213,12 @@ if TYPE_CHECKING:
 EVERY_S = 30.0
 WAIT_S = 1.0
 BREATH_S = 2.0
-"""So long at least from one orbit of a running engine to the next: simulated nights are quick."""
+"""Least time between two orbits of a running engine: simulated nights are quick."""
 MINUTE_NS = 60 * 10**9
 
 
 class OutlookWatch(Poller):
-    """Computes it every half minute, and when the state or what is followed is another."""
+    """Computes what lies ahead every half minute, and with another state or target."""
 
     def __init__(
         self, on_seen: Callable[["Outlook"], None], on_orbit: Callable[[OrbitAhead], None]
@@ -232,22 +231,22 @@ class OutlookWatch(Poller):
         self._orbit_of: object = None
 
     def update(self, night: NightView, engine: EngineView) -> None:
-        """What is known by now (any thread)."""
+        """Take the night and the engine as they are now (any thread)."""
         self._known = (night, engine)
 
     def _look(self) -> None:
         night, engine = self._known
         now = engine.now_utc_ns if engine.is_attached else night.last_utc_ns
-        if night.config is None or not now:
+        config = night.config
+        if config is None or not now:
             return
         for compute in (self._compute, self._compute_orbit):
             try:
-                compute(night, engine, now)
+                compute(config, night, engine, now)
             except Exception:  # a panel without it is worth more than no panel
                 log.exception("the outlook cannot be computed")
 
-    def _compute(self, night: NightView, engine: EngineView, now: int) -> None:
-        assert night.config is not None
+    def _compute(self, config: Config, night: NightView, engine: EngineView, now: int) -> None:
         direction = _direction(night, engine)
         is_known = night.track is not None, direction is not None
         of = (night.folder, night.state, is_known, _minute(engine, now))
@@ -257,13 +256,14 @@ class OutlookWatch(Poller):
         # Late: the sky's computation loads slowly, and the first paint does not wait for it.
         from rsoconsole.pipeline import outlook
 
-        seen = outlook(night.config, now, direction, night.track)
+        seen = outlook(config, now, direction, night.track)
         if not self._is_closing:
             self._on_seen(seen)
 
-    def _compute_orbit(self, night: NightView, engine: EngineView, now: int) -> None:
+    def _compute_orbit(
+        self, config: Config, night: NightView, engine: EngineView, now: int
+    ) -> None:
         """Where the orbit on record leads."""
-        assert night.config is not None
         found = night.orbit
         if found is None:
             return
@@ -275,7 +275,7 @@ class OutlookWatch(Poller):
             return
         self._orbit_of, self._orbit_s = of, time.monotonic()
         try:
-            ahead = orbit_ahead(found, night.config, now, folder=night.folder)
+            ahead = orbit_ahead(found, config, now, folder=night.folder)
         except Exception:  # an orbit is worth showing that leads nowhere
             log.exception("where the orbit leads cannot be computed")
             ahead = OrbitAhead(folder=night.folder, estimate=found, from_utc_ns=now, outlook=None)

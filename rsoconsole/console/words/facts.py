@@ -9,7 +9,7 @@ from statistics import median_high
 from typing import TYPE_CHECKING
 
 from rsoconsole.console.drawing.plot import Ink, Line
-from rsoconsole.console.night.engine_seen import EngineView
+from rsoconsole.console.night.engine_view import EngineView
 from rsoconsole.console.words.leaving import coast_words, leaving_words
 from rsoconsole.console.words.words import Item, cos_deg, packed, present_utc_ns
 from rsoconsole.control import (

@@ -4,7 +4,7 @@ import math
 from collections.abc import Mapping
 
 from rsoconsole.console.commands.keymap import first_key
-from rsoconsole.console.night.engine_seen import EngineView
+from rsoconsole.console.night.engine_view import EngineView
 from rsoconsole.console.words.words import cos_deg
 from rsoconsole.night import ELSEWHERE, FrameRow, NightView
 from rsoconsole.records import TrackState

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Sequence
 from functools import lru_cache
 
 from rsoconsole.console.drawing.plot import Ink, Line
-from rsoconsole.console.night.engine_seen import EngineView
+from rsoconsole.console.night.engine_view import EngineView
 from rsoconsole.console.picture.picture import Drawing, Picture
 from rsoconsole.control import STILL_STOPS, fault_words, held_words, holder_words
 from rsoconsole.night import NightView, is_of_streak

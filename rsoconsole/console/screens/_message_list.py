@@ -1,4 +1,4 @@
-"""Everything that is said, in full, and copied to where the terminal keeps what is copied."""
+"""Messages in full, and copying them to the terminal's clipboard."""
 
 from collections.abc import Sequence
 from typing import ClassVar
@@ -21,17 +21,17 @@ SAID_COLUMNS = 40
 
 
 def line_text(line: LogLine) -> str:
-    """One line of the log, whole."""
+    """One line of the log in full, with its time and frame."""
     frame = f" {line.frame_id:04d}" if line.frame_id is not None else ""
     return f"{clock(line.t_utc_ns)}{frame} {line.whole}"
 
 
-class ReadingDialog(Dialog[str | None]):
-    """Messages in full, the newest first; gives the message that is to be copied."""
+class MessageListDialog(Dialog[str | None]):
+    """A list of messages in full, the newest first; gives the message to copy."""
 
     BINDINGS: ClassVar[list[BindingType]] = [Binding("ctrl+y", "copy", "Copy", show=False)]
     DEFAULT_CSS = """
-    ReadingDialog OptionList { height: auto; border: none; background: $surface; }
+    MessageListDialog OptionList { height: auto; border: none; background: $surface; }
     """
 
     def __init__(self, messages: Sequence[str]) -> None:
@@ -44,7 +44,7 @@ class ReadingDialog(Dialog[str | None]):
             yield OptionList(*(Option(Content(each)) for each in self._messages))
 
     def on_mount(self) -> None:
-        """The newest has the cursor."""
+        """Put the cursor on the newest."""
         self.query_one(OptionList).focus()
 
     def on_option_list_option_selected(self, event: OptionList.OptionSelected) -> None:
@@ -53,48 +53,43 @@ class ReadingDialog(Dialog[str | None]):
         self.dismiss(self._messages[event.option_index])
 
     def action_copy(self) -> None:
-        """The same by the key that copies elsewhere."""
+        """Copy the chosen message by the key that copies elsewhere."""
         chosen = self.query_one(OptionList).highlighted
         if chosen is not None:
             self.dismiss(self._messages[chosen])
 
 
-class ReadingActions:
-    """Read what was cut, and copy what is shown."""
-
-    def __init__(self, seat: Seat) -> None:
-        self._seat = seat
+class MessageActions(Seat):
+    """Shows messages in full, and copies what is shown."""
 
     def action_read(self) -> None:
-        """All messages in full: what came of a STOP, the alert, what was said last, the log."""
-        seat = self._seat
-        news = seat.stop_news
+        """List all messages in full: what came of a STOP, the alert, the last notice, the log."""
+        news = self.stop_news
         said = [f"STOP {news.text}"] if news is not None else []
-        said += [seat.alert] if seat.alert else []
-        said += [seat.last_said] if seat.last_said else []
-        said += [line_text(line) for line in reversed(seat.night.log[-MAX_LOG_LINES:])]
+        said += [self.alert] if self.alert else []
+        said += [self.last_said] if self.last_said else []
+        said += [line_text(line) for line in reversed(self.night.log[-MAX_LOG_LINES:])]
         if said:
-            seat.ask(ReadingDialog(said), self._copy)
+            self.app.push_screen(MessageListDialog(said), self._copy)
         else:
-            seat.say("nothing has been said yet")
+            self.say("nothing has been said yet")
 
     def action_copy(self) -> None:
-        """A line of the open log, the orbit, the tuning, or where things stand."""
-        seat = self._seat
-        if seat.is_log_open:
-            line = seat.query_one(LogPane).top_line
+        """Copy a line of the open log, the orbit, the tuning, or where things stand."""
+        if self.is_log_open:
+            line = self.query_one(LogPane).top_line
             self._copy(None if line is None else line_text(line))
-        elif isinstance(seat.focused, TunePane):
-            self._copy(seat.focused.text)
+        elif isinstance(self.focused, TunePane):
+            self._copy(self.focused.text)
         else:
-            names = ("orbit",) if seat.is_orbit_open else ("top", "facts")
-            self._copy("\n".join(seat.pane(name).text for name in names))
+            names = ("orbit",) if self.is_orbit_open else ("top", "facts")
+            self._copy("\n".join(self.pane(name).text for name in names))
 
     def _copy(self, text: str | None) -> None:
         """To the clipboard of the terminal, also through SSH (OSC 52)."""
         if not text:
             return
         lines = [line.strip() for line in text.splitlines()]
-        self._seat.app.copy_to_clipboard("\n".join(lines))
+        self.app.copy_to_clipboard("\n".join(lines))
         more = f" and {len(lines) - 1} more lines" if len(lines) > 1 else ""
-        self._seat.say(f"copied, if the terminal allows it: {lines[0][:SAID_COLUMNS]}{more}")
+        self.say(f"copied, if the terminal allows it: {lines[0][:SAID_COLUMNS]}{more}")

@@ -1,4 +1,4 @@
-"""What the console has seen of the engine, what of it is worth a word, and what lies ahead."""
+"""The engine at one instant as the console knows it, alerts, and where the orbit leads."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
@@ -19,7 +19,7 @@ class EngineView(Status):
     """The engine at one instant, as far as it can be reached."""
 
     reach: Reach = "unknown"
-    """silent: it runs and does not answer; recorded: none is asked, a session is looked at."""
+    """silent: it runs and does not answer; recorded: a session is shown, no engine is asked."""
     since_utc_ns: int | None = None
     """The frame clock's last word, where the engine is silent or gone."""
     detail: str = ""
@@ -37,7 +37,7 @@ class EngineView(Status):
 
 
 def engine_view(answer: Mapping[str, Any]) -> EngineView:
-    """The engine's answer to ``status``; what is missing or odd in it counts as not said."""
+    """The engine's answer to ``status``; what is missing or odd in it counts as not known."""
     status = read_status(answer)
     known = {each.name: getattr(status, each.name) for each in fields(Status)}
     return EngineView(reach="attached", **known)
@@ -50,7 +50,7 @@ OSC, ST = "\x1b]", "\x1b\\"
 def alerts_between(
     before: tuple[NightView, EngineView], after: tuple[NightView, EngineView]
 ) -> list[tuple[Alert, str]]:
-    """What has come to pass between two looks at the same session, with words for it."""
+    """Alerts for what changed between two looks at the same session, with their words."""
     (night, engine), (night_now, engine_now) = before, after
     gone: list[tuple[Alert, str]] = []
     has_ended = engine_now.reach == "gone" and night_now.has_ended
@@ -91,7 +91,7 @@ def _is_sought(night: NightView) -> bool:
 
 
 def notification(words: str) -> str:
-    """What asks a terminal to show a notification (OSC 9, as iTerm2, kitty and others have it)."""
+    """The terminal sequence that shows a notification (OSC 9: iTerm2, kitty and others)."""
     plain = "".join(c for c in words if c.isprintable())
     return f"{OSC}9;rsoconsole: {plain}{ST}"
 
@@ -104,7 +104,7 @@ AHEAD_S = (600, 3600, 86_400)
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class OrbitAhead:
-    """Where an orbit leads."""
+    """Where an orbit leads, with its elements and their sigmas."""
 
     folder: Path | None
     """The session that it belongs to."""
@@ -125,7 +125,7 @@ def orbit_ahead(
     *,
     folder: Path | None = None,
 ) -> OrbitAhead:
-    """Where it leads from that instant on, seen from the configured site; about half a second."""
+    """Compute where an orbit leads from an instant on, seen from the site; takes half a second."""
     # Late: the sky's computation loads slowly, and the first paint does not wait for it.
     from rsoconsole.orbits import orbit_from_record
     from rsoconsole.pipeline import element_sigmas, elements_by_name, orbit_outlook

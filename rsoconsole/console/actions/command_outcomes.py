@@ -1,0 +1,114 @@
+"""What the engine answers to this console's commands, and what its record says of them later."""
+
+from collections.abc import Mapping
+from typing import Any
+
+from rsoconsole.console.actions.mark_actions import REFUSAL_S, MarkActions
+from rsoconsole.console.actions.tune_actions import TuneActions
+from rsoconsole.console.dialogs.dialogs import ArmDialog, ConfirmDialog, MessageDialog
+from rsoconsole.control import (
+    ON_RECORD,
+    Arm,
+    AskSeat,
+    Command,
+    MarkByHand,
+    Outcome,
+    Sender,
+    Shutdown,
+    command_words,
+)
+from rsoconsole.night import LogLine, NightView
+
+
+class CommandOutcomes(MarkActions):
+    """Says what came of this console's commands: the engine's answer, then the record's."""
+
+    tune: TuneActions
+    _ticked: tuple[str, ...] = ()
+    """Names of the arming checks that were overridden here last."""
+
+    def __init__(self, *arguments: Any, **named: Any) -> None:
+        super().__init__(*arguments, **named)
+        self._refused_at_once: list[str] = []
+        """Commands refused in a dialog, whose refusal the record will repeat."""
+
+    def handle_outcome(
+        self, command: Command, stops: int, seq: int, then: Command | None, outcome: Outcome
+    ) -> None:
+        """Say it where it went well, ask where it did not; STOP has the last word."""
+        self.ask_now()
+        if outcome.data.get(ON_RECORD):
+            self._expect_refusal(command, seq)
+        if stops != self.stops and not isinstance(command, Shutdown):
+            return
+        name = command.label()
+        if outcome.ok and isinstance(command, MarkByHand):
+            self.report_mark_accepted(command, outcome)
+        elif outcome.ok:
+            said = f"{name}: {outcome.message or 'done'}"
+            self.say(self.tune.done_words(command) or said, "good")
+            if isinstance(command, Arm):
+                self.show_stop(None)
+            elif isinstance(command, Shutdown):
+                self.app.exit("stop engine")
+            if then is not None:
+                self.send(then)
+        elif outcome.data.get("seat"):
+            self._ask_for_seat(str(outcome.data["seat"]))
+        elif isinstance(command, Arm):
+            self._ask_to_override(outcome, command.override, then)
+        elif isinstance(command, MarkByHand) and outcome.data.get("asks") == "replaces":
+            self._ask_to_replace(command, outcome)
+        else:
+            self.say("")
+            self.ask_unasked(MessageDialog(f"{name}: not done", outcome.message))
+
+    def _ask_to_override(
+        self, outcome: Outcome, ticked: tuple[str, ...], then: Command | None
+    ) -> None:
+        given = outcome.data.get("checks")
+        checks = [check for check in given if isinstance(check, Mapping)] if given else []
+
+        def decided(names: tuple[str, ...] | None) -> None:
+            if names is not None:
+                self._ticked = names
+                self.send(Arm(override=names), then)
+
+        self.say("not armed", "warn")
+        self.ask_unasked(ArmDialog(outcome.message, checks, ticked or self._ticked), decided)
+
+    def _expect_refusal(self, command: Command, seq: int) -> None:
+        """It is said already: its record, which may have been read by now, says nothing new."""
+        words = command_words(command.verb, command.arguments())
+        if not any(self._refused_here(line) == words for line in self.log_lines_after(seq)):
+            self._refused_at_once.append(words)
+
+    def refused_since(self, before: NightView) -> frozenset[str]:
+        """Verbs of this console's commands that the record has refused since ``before``."""
+        refused = (self._refused_here(line) for line in self.log_lines_after(before.seq))
+        return frozenset(words.partition(" ")[0] for words in refused if words)
+
+    def _refused_here(self, line: LogLine) -> str:
+        """The command of this console that the line says was refused; empty: none."""
+        own = Sender.console(self.seat_name).words
+        return line.asked.removeprefix(f"{own} ") if line.refused_by == own else ""
+
+    def report_refusals(self, before: NightView) -> None:
+        """Say once what the engine accepted from this console and refused later."""
+        for line in self.log_lines_since(before):
+            refused = self._refused_here(line)
+            if refused in self._refused_at_once:
+                self._refused_at_once.remove(refused)
+            elif refused:
+                self.say(line.text.partition(": ")[2], "warn", REFUSAL_S)
+
+    def _ask_for_seat(self, holder: str) -> None:
+        def decided(is_wanted: bool | None) -> None:
+            if is_wanted:
+                self.send(AskSeat())
+
+        text = f"{holder} has control. Who is asked and says nothing for 30 s gives it up."
+        self.ask_unasked(
+            ConfirmDialog("another console acts", text, yes="Ask for it", letter="y"),
+            decided,
+        )

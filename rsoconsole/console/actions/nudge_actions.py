@@ -1,0 +1,77 @@
+"""Nudges: the arrows move the telescope by a step, up, down, left or right in the picture."""
+
+from functools import partialmethod
+
+from rsoconsole.console.actions.seat import Seat
+from rsoconsole.console.actions.second_press import TwicePressed
+from rsoconsole.console.commands.keymap import first_key
+from rsoconsole.control import Nudge
+from rsoconsole.records import Solution
+
+STEPS_ARCSEC = (1800.0, 600.0, 180.0, 60.0, 20.0, 5.0)
+FIRST_STEP = 3
+
+
+def step_words(arcsec: float) -> str:
+    """A step in words: 30′ or 20″."""
+    return f"{arcsec / 60:g}′" if arcsec >= 60 else f"{arcsec:g}″"
+
+
+class NudgeActions(Seat):
+    """Moves the telescope by arrows, one nudge at a time, by a step of choice."""
+
+    twice: TwicePressed
+    is_nudging = False
+    """Whether a nudge is on its way: the next one waits for its outcome."""
+    _nudge_step = FIRST_STEP
+
+    def _nudge(self, name: str, right: float, down: float) -> None:
+        """Move the telescope so that it looks that way in the picture.
+
+        Arrows are what everybody presses to scroll: they take the mount from nobody unasked.
+        """
+        # A key that is held down repeats: one nudge at a time, none on its way after a STOP.
+        if self.is_nudging or not self.may_act():
+            return
+        if self.engine.holder == "autonomy":
+            back = first_key("hold_or_resume", self.keymap)
+            what = f"takes the mount from AUTO ({back} gives it back)"
+            self.twice.ask(name, what, lambda: self._send_nudge(right, down))
+        else:
+            self._send_nudge(right, down)
+
+    action_nudge_up = partialmethod(_nudge, "nudge_up", 0.0, -1.0)
+    action_nudge_down = partialmethod(_nudge, "nudge_down", 0.0, 1.0)
+    action_nudge_left = partialmethod(_nudge, "nudge_left", -1.0, 0.0)
+    action_nudge_right = partialmethod(_nudge, "nudge_right", 1.0, 0.0)
+
+    def _send_nudge(self, right: float, down: float) -> None:
+        if self.is_nudging:
+            return
+        self.is_nudging = True
+        east, north = self._on_the_sky(right, down)
+        arcmin = STEPS_ARCSEC[self._nudge_step] / 60.0
+        self.send(
+            Nudge(
+                east_arcmin=round(arcmin * east, 6),
+                north_arcmin=round(arcmin * north, 6),
+            )
+        )
+
+    def _on_the_sky(self, right: float, down: float) -> tuple[float, float]:
+        """A direction in the picture as (east, north); without a plate north is up, east left."""
+        solution = self.picture.detail.solution if self.picture is not None else None
+        if not isinstance(solution, Solution):
+            return -right, -down
+        cd = solution.wcs.cd
+        east = cd[0] * right + cd[1] * down
+        north = cd[2] * right + cd[3] * down
+        length = (east**2 + north**2) ** 0.5 or 1.0
+        return east / length, north / length
+
+    def _change_step(self, by: int) -> None:
+        self._nudge_step = min(max(self._nudge_step + by, 0), len(STEPS_ARCSEC) - 1)
+        self.say(f"nudge by {step_words(STEPS_ARCSEC[self._nudge_step])}")
+
+    action_smaller_step = partialmethod(_change_step, 1)
+    action_larger_step = partialmethod(_change_step, -1)

@@ -1,0 +1,173 @@
+"""The plots and what lies over them: whose they are, which frames they show, which page."""
+
+from dataclasses import replace
+from functools import partial, partialmethod
+from typing import ClassVar
+
+from rsoconsole.console.actions.seat import Seat
+from rsoconsole.console.drawing.pane_layout import Box
+from rsoconsole.console.drawing.plot import AXIS_COLUMNS
+from rsoconsole.console.panes.panes import Build
+from rsoconsole.console.words import panels
+from rsoconsole.console.words.curves import Page, alignment_lines, focus_lines, quality_lines
+from rsoconsole.console.words.panels import LIVE_STEP, PlotWindow, axis_lines
+from rsoconsole.console.words.track_lines import neighbour_lines, track_list_lines
+from rsoconsole.console.words.words import present_utc_ns
+from rsoconsole.night import FollowedTrack, FrameRow, NightView
+
+
+def night_of(night: NightView, track: FollowedTrack) -> NightView:
+    """A copy of the night with the rows of one track, which its plots are drawn from."""
+    rows = {row.frame_id: row for row in track.rows}
+
+    def of_track(row: FrameRow) -> FrameRow:
+        own = rows.get(row.frame_id, FrameRow(frame_id=row.frame_id))
+        return replace(
+            row,
+            is_followed=own.is_followed,
+            residual_arcsec=own.residual_arcsec,
+            sigma_arcsec=own.sigma_arcsec,
+            nis=own.nis,
+            miss=own.miss,
+        )
+
+    return replace(night, track=track.state, rows=tuple(of_track(row) for row in night.rows))
+
+
+class PlotActions(Seat):
+    """Draws the plots of a track, or over them the curves of the night, the focus, the drift."""
+
+    PAGES: ClassVar[dict[Page, str]] = {
+        "quality": "sharpness, sky, transparency and stars over the night",
+        "focus": "focus",
+        "alignment": "pointing drift and polar alignment",
+        "tracks": "the tracks of the field",
+    }
+
+    page: Page | None = None
+    """The page over the plots; None: none."""
+    window = PlotWindow()
+    chosen_track_id: int | None = None
+    """Whose plots are shown, and where the list's cursor is; None: the lead's."""
+    shows_neighbours = False
+    """Whether the list says who stands next to whom."""
+
+    @property
+    def chosen_track(self) -> FollowedTrack | None:
+        """The chosen track; None for the lead, or where it has ended."""
+        tracks = self.night.tracks
+        return next((each for each in tracks if each.track_id == self.chosen_track_id), None)
+
+    @property
+    def plotted_words(self) -> str:
+        """The track of the plots in words; empty: the lead."""
+        chosen = self.chosen_track
+        return "" if chosen is None else f"track {chosen.number}"
+
+    def show_plots(self) -> None:
+        """Draw the plots of the track and their times, and the page over them."""
+        chosen, of, window = self.chosen_track, self.plotted_words, self.window
+        night = self.night if chosen is None else night_of(self.night, chosen)
+        self.pane("confidence").show(partial(panels.confidence_lines, night, window=window))
+        residuals = partial(panels.residual_lines, night, window=window, of=of)
+        self.pane("east").show(partial(residuals, "east"))
+        self.pane("north").show(partial(residuals, "north"))
+        self.pane("nis").show(partial(panels.nis_lines, night, window=window, of=of))
+        words = window.words(night.rows)
+        self.pane("axis").show(
+            lambda width, height: axis_lines(window.rows(night.rows, width), width, height, words)
+        )
+        if self.page == "quality":
+            self.pane("curves").show(partial(quality_lines, night.rows, window=window))
+        elif self.page == "focus":
+            self.pane("curves").show(partial(focus_lines, night))
+        elif self.page == "alignment":
+            self.pane("curves").show(partial(alignment_lines, night))
+        elif self.page == "tracks":
+            self.pane("tracks").show(self._track_lines())
+
+    def _track_lines(self) -> Build:
+        """What builds the list of tracks, or who stands next to whom."""
+        night, track = self.night, self.chosen_track
+        chosen = None if track is None else track.track_id
+        if self.shows_neighbours:
+            return partial(neighbour_lines, night, chosen)
+        now = present_utc_ns(night, self.engine)
+        return partial(track_list_lines, night, chosen, now, next_aim=self.engine.next_aim)
+
+    def place_plots(self, box: Box, *, is_covered: bool) -> None:
+        """Lay the page over the plots; the list of tracks has the focus while it is seen.
+
+        ``is_covered``: something else lies there.
+        """
+        over, listed = self.pane("curves"), self.pane("tracks")
+        is_seen = self.page is not None and not is_covered
+        listed.display = is_seen and self.page == "tracks"
+        over.display = is_seen and not listed.display
+        for pane in (over, listed):
+            if pane.display:
+                pane.styles.offset = (box.x, box.y)
+                pane.styles.width, pane.styles.height = box.width, box.height
+        listed.can_focus = listed.display
+        if listed.display and self.focused is None:
+            self.set_focus(listed)
+        elif not listed.display and self.focused is listed:
+            self.set_focus(None)
+
+    def show_page(self, page: Page | None) -> None:
+        """Put that page over the plots; None: the plots themselves."""
+        self.page = page
+        self.place_panes()
+        self.show_plots()
+
+    def action_track_plots(self) -> None:
+        """Show the plots: confidence, residuals and NIS."""
+        self.show_page(None)
+        self.say("plots: confidence, residuals, NIS")
+
+    def _turn_to(self, page: Page) -> None:
+        """That page; once more: the plots."""
+        wanted = None if self.page == page else page
+        self.show_page(wanted)
+        self.say(self.PAGES[wanted] if wanted else "plots: confidence, residuals, NIS")
+
+    action_night_curves = partialmethod(_turn_to, "quality")
+    action_focus_help = partialmethod(_turn_to, "focus")
+    action_alignment = partialmethod(_turn_to, "alignment")
+    action_track_list = partialmethod(_turn_to, "tracks")
+
+    # -- which frames -------------------------------------------------------------------------
+
+    def action_plots_back(self) -> None:
+        """Show earlier frames."""
+        moved = self.window.moved(-LIVE_STEP, len(self.night.rows), self._mark_count())
+        if moved == self.window:
+            self.say("plots: no earlier frames")
+        else:
+            self._show_window(moved)
+
+    def action_plots_on(self) -> None:
+        """Show later frames; at the end the plots go on with the night."""
+        self._show_window(self.window.moved(LIVE_STEP, len(self.night.rows), self._mark_count()))
+
+    def _mark_count(self) -> int:
+        """Marks that the plots have room for."""
+        return max(self.pane("confidence").size.width - AXIS_COLUMNS, 1)
+
+    def action_plots_wider(self) -> None:
+        """Show twice the frames to a mark."""
+        self._show_window(self.window.zoomed(2.0))
+
+    def action_plots_finer(self) -> None:
+        """Show half the frames to a mark."""
+        self._show_window(self.window.zoomed(0.5))
+
+    def action_plots_newest(self) -> None:
+        """Show the newest frames, one to a mark."""
+        self._show_window(PlotWindow())
+
+    def _show_window(self, window: PlotWindow) -> None:
+        self.window = window
+        self.show_plots()
+        words = window.words(self.night.rows)
+        self.say(f"plots: {words or 'the newest frames, one to a mark'}")

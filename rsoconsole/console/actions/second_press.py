@@ -1,0 +1,107 @@
+"""A key that must be pressed twice: it ends a track, or takes the mount from autonomy."""
+
+from collections.abc import Callable
+from typing import Literal
+
+from rsoconsole.console.actions.seat import Seat
+from rsoconsole.console.commands.keymap import first_key
+from rsoconsole.console.night.engine_view import EngineView
+from rsoconsole.console.words.words import present_utc_ns
+from rsoconsole.words import NS_PER_S, span
+
+WITHIN_S = 2.0
+REPEAT_S = 0.08
+"""Least time between two presses: closer ones are a key held down, which repeats by itself."""
+SETTLES_S = 0.2
+"""Wait after a second press: it counts when no third one follows within that time."""
+RELEASED_S = 0.7
+"""Time without a press after which a key that was held down counts as let go."""
+PressOutcome = Literal["asked", "acts", "held"]
+TRACKED = frozenset(("TRACK", "COAST"))
+
+
+def has_track(engine: EngineView) -> bool:
+    """Whether there is a track that a stray key could end."""
+    return engine.is_attached and engine.state in TRACKED
+
+
+class SecondPress:
+    """Tells a deliberate second press from a first one, from another key and from a held one."""
+
+    def __init__(self) -> None:
+        self._name = ""
+        self._asked_s = 0.0
+        self._last_s = 0.0
+        self._acted_s = 0.0
+        self._is_held = False
+        self.number = 0
+        """Of the press heard last: what it led to is off when another one has come."""
+
+    def receive(self, name: str, now_s: float) -> PressOutcome:
+        """Take one press of the command's key: asked for a second, acts, or held down."""
+        self.number += 1
+        since_s, self._last_s = now_s - self._last_s, now_s
+        if name == self._name:
+            is_third = now_s - self._acted_s < SETTLES_S
+            shortest_s = RELEASED_S if self._is_held else REPEAT_S
+            if is_third or since_s < shortest_s:
+                self._is_held, self._asked_s = True, 0.0
+                return "held"
+            if now_s - self._asked_s <= WITHIN_S:
+                self._asked_s, self._acted_s = 0.0, now_s
+                return "acts"
+        self._name, self._asked_s, self._is_held = name, now_s, False
+        return "asked"
+
+    def forget(self) -> None:
+        """Forget the first press, and what a second one was to do: another key came between."""
+        self.number += 1
+        self._name, self._is_held = "", False
+
+
+class TwicePressed:
+    """Acts on the second press of a key alone, for what ends a track or takes the mount."""
+
+    def __init__(self, seat: Seat) -> None:
+        self._seat = seat
+        self.press = SecondPress()
+
+    def ask(self, name: str, what: str, act: Callable[[], None], key: str = "") -> None:
+        """Say what a second press would do; do it when that comes. A click counts as no press.
+
+        ``name``: the command's; ``what``: as in "a again within 2 s ..."; ``key``: of what is no
+        command of its own.
+        """
+        seat, press = self._seat, self.press
+        if seat.is_click:
+            self.name_key(name, what)
+            return
+        stage = press.receive(name, seat.now_s())
+        key = key or first_key(name, seat.keymap)
+        if stage == "asked":
+            seat.say(f"{key} again within {WITHIN_S:.0f} s {what}", "warn", WITHIN_S)
+        elif stage == "held":
+            seat.say(f"{key} is held down: nothing is done", "warn")
+        else:
+            number = press.number
+
+            def unless_held() -> None:
+                if press.number == number:
+                    act()
+
+            seat.set_timer(SETTLES_S, unless_held)
+
+    def name_key(self, name: str, what: str) -> None:
+        """Say which key does by two presses what a click asked for."""
+        self.press.forget()
+        key = first_key(name, self._seat.keymap)
+        self._seat.say(f"{key} twice within {WITHIN_S:.0f} s {what}: not by the mouse", "warn")
+
+    def track_words(self) -> str:
+        """The track that is at stake: INTELSAT 14 (31 min)."""
+        seat = self._seat
+        name = seat.target_name() or "an unidentified object"
+        since, now = seat.night.track_since_utc_ns, present_utc_ns(seat.night, seat.engine)
+        if since is None or now is None:
+            return name
+        return f"{name} ({span((now - since) / NS_PER_S)})"
