@@ -46,7 +46,7 @@ from .cycle.cycle import Cycle as Cycle
 from .cycle.cycle import taken_record as taken_record
 from .cycle.decisions import Folds as Folds
 from .cycle.decisions import HandTrack as HandTrack
-from .cycle.frame_fold import Shown as Shown
+from .cycle.frame_fold import FrameObservations as FrameObservations
 from .cycle.frame_fold import fold as fold
 from .cycle.frame_fold import may_guide as may_guide
 from .cycle.miss_reasons import StarHistory as StarHistory

@@ -251,7 +251,7 @@ def test_a_frame_that_was_not_solved_says_so_before_anything_is_made_of_it():
     blind = dataclasses.replace(
         shown, solution=NotSolved(frame_id=3, reason="4 stars, 8 needed", ms=1.0)
     )
-    hand._frames = (dataclasses.replace(hand._frames[-1], shown=blind),)
+    hand._frames = (dataclasses.replace(hand._frames[-1], observations=blind),)
     outcome = say(r, "mark", frame=3, x_a=1.0, y_a=1.0, x_b=9.0, y_b=1.0)
     assert not outcome.ok
     assert "not solved" in outcome.message

@@ -306,7 +306,7 @@ def ruled_log(log: list[tuple[int, Any]], config: Config, frame_id: int) -> list
             taken = record
     assert taken is not None
     decision = Ruling(frame_id=frame_id, refused=(taken,))
-    again = walk.folds.rule(decision)
+    again = [(each.frame_id, each.records) for each in walk.folds.rule(decision)]
     t_utc_ns = log[until - 1][0]
     return [*log[:until], *((t_utc_ns, r) for r in on_record_again(decision, again))]
 
@@ -430,7 +430,7 @@ def test_another_detector_is_tried_with_the_recorded_plate_where_the_solver_is_n
     records = [record for _, record in log_of(SAMPLE)]
     as_it_was = replay(records, SessionReader(SAMPLE).config())
     recorded = next(frame for frame in as_it_was if frame.taken.frame_id == 9)
-    assert ninth.shown.solution == recorded.shown.solution
+    assert ninth.observations.solution == recorded.observations.solution
 
 
 # -- the verb ---------------------------------------------------------------------------------

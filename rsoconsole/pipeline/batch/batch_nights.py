@@ -83,24 +83,21 @@ def nights_in(
     The frames of a folder are taken in the order of their names, numbers as numbers. Raises
     BatchError where two would become the same session.
     """
-    nights = []
-    for folder in folders:
-        source = folder.resolve()
-        frames = _frames_in(source)
-        nights.append(
-            Night(
-                source=folder,
-                session=root / source.name,
-                frames=frames,
-                config=config,
-                is_again=is_again,
-            )
+    nights = tuple(
+        Night(
+            source=folder,
+            session=root / folder.resolve().name,
+            frames=_frames_in(folder.resolve()),
+            config=config,
+            is_again=is_again,
         )
+        for folder in folders
+    )
     names = [night.session.name for night in nights]
     twice = sorted({name for name in names if names.count(name) > 1})
     if twice:
         raise BatchError(f"two nights would become the session '{twice[0]}': rename one folder")
-    return tuple(nights)
+    return nights
 
 
 def process_nights(
@@ -140,9 +137,7 @@ def _already_done(night: Night) -> NightOutcome | None:
         return None
     try:
         made = SessionReader(night.session).about()
-        if not _is_made(made, _identity(night)):
-            return None
-        return _outcome(night, "skipped")
+        return _outcome(night, "skipped") if _is_made(made, _identity(night)) else None
     except RsoconsoleError:
         return None
 
@@ -219,8 +214,7 @@ def _record(night: Night, folder: Path, identity: dict[str, Any]) -> None:
             folder, night.config, sha256, title=night.session.name, batch=identity
         )
         is_usable, first_error = False, ""
-        paths = [path for _, path in night.frames]
-        numbers = [number for number, _ in night.frames]
+        numbers, paths = zip(*night.frames, strict=True)
         try:
             for result in process_files(paths, reducer, config, numbers=numbers):
                 if isinstance(result, Processed):
@@ -306,12 +300,14 @@ def _frames_in(folder: Path) -> tuple[tuple[int, Path], ...]:
         kept = ((number, reader.frame_path(number)) for number in numbers)
         return tuple((number, path) for number, path in kept if path is not None)
     with said_as(BatchError, f"{folder} cannot be looked into: "):
-        paths = [p for p in folder.iterdir() if p.is_file() and _is_frame(p.name)]
+        paths = [
+            p
+            for p in folder.iterdir()
+            if p.is_file()
+            and not p.name.startswith(".")
+            and p.name.lower().endswith(FRAME_SUFFIXES)
+        ]
     return tuple(enumerate(sorted(paths, key=lambda path: _natural(path.name)), start=1))
-
-
-def _is_frame(name: str) -> bool:
-    return not name.startswith(".") and name.lower().endswith(FRAME_SUFFIXES)
 
 
 def _natural(name: str) -> list[tuple[int, str]]:

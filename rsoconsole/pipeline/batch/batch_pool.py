@@ -13,7 +13,7 @@ import os
 import signal
 import threading
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from concurrent.futures import Future, ProcessPoolExecutor, as_completed
+from concurrent.futures import ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass
 from pathlib import Path
@@ -86,25 +86,36 @@ def share_out(
     Raises BatchError where there is nobody to do the work.
     """
     if pool.kind == "serial":
-        for task in tasks:
-            result = work(task)
-            on_done()
-            yield result
+        yield from _in_order(enumerate(map(work, tasks)), on_done)
     elif pool.kind == "processes":
-        yield from _by_processes(work, tasks, pool.workers, failed, on_done)
+        yield from _in_order(_by_processes(work, tasks, pool.workers, failed), on_done)
     else:
         from rsoconsole.pipeline.batch._batch_dask import by_dask
 
         with one_thread():
-            yield from by_dask(
+            results = by_dask(
                 work,
                 tasks,
                 workers=pool.workers,
                 scheduler=pool.scheduler,
                 failed=failed,
                 paths=paths,
-                on_done=on_done,
             )
+            yield from _in_order(results, on_done)
+
+
+def _in_order(
+    results: Iterator[tuple[int, Result]], on_done: Callable[[], None]
+) -> Iterator[Result]:
+    """Of (number of the task, result) as they come."""
+    early: dict[int, Result] = {}
+    given = 0
+    for number, result in results:
+        early[number] = result
+        on_done()
+        while given in early:
+            yield early.pop(given)
+            given += 1
 
 
 def _by_processes(
@@ -112,25 +123,17 @@ def _by_processes(
     tasks: Sequence[Task],
     workers: int,
     failed: Callable[[Task, str], Result],
-    on_done: Callable[[], None],
-) -> Iterator[Result]:
-    done: dict[int, Result] = {}
-    given = 0
+) -> Iterator[tuple[int, Result]]:
+    left = set(range(len(tasks)))
     for number, result in _as_processes_end(work, tasks, workers):
-        done[number] = result
-        on_done()
-        while given in done:
-            yield done.pop(given)
-            given += 1
+        left.remove(number)
+        yield number, result
     # A worker that died (killed, out of memory) takes its pool along: what is left gets a pool
     # of its own each, so that the task it died of is known and the others are done.
-    for number in range(given, len(tasks)):
-        if number not in done:
-            alone = [result for _, result in _as_processes_end(work, tasks[number : number + 1], 1)]
-            reason = "its worker died: out of memory, or killed from outside"
-            done[number] = alone[0] if alone else failed(tasks[number], reason)
-            on_done()
-        yield done.pop(number)
+    for number in sorted(left):
+        alone = [result for _, result in _as_processes_end(work, tasks[number : number + 1], 1)]
+        reason = "its worker died: out of memory, or killed from outside"
+        yield number, alone[0] if alone else failed(tasks[number], reason)
 
 
 def _as_processes_end(
@@ -145,9 +148,7 @@ def _as_processes_end(
             initializer=_become_worker,
         )
         try:
-            numbers: dict[Future[Result], int] = {}
-            for number, task in enumerate(tasks):
-                numbers[executor.submit(work, task)] = number
+            numbers = {executor.submit(work, task): n for n, task in enumerate(tasks)}
             for future in as_completed(numbers):
                 yield numbers[future], future.result()
         except BrokenProcessPool:

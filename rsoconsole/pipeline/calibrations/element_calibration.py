@@ -144,10 +144,10 @@ def _rows_of(session: str, track: str, seen: Mapping[str, Any]) -> Iterator[Elem
     if best["regime"] not in ERROR_REGIMES:
         raise ValueError(f"{best['regime']!r} is no kind of orbit")
     speed_km_s, range_km = float(best["speed_km_s"]), float(best["range_km"])
-    sigma_s, sigma_arcsec = (
-        float(best["sigma_along_track_s"]),
-        float(best["sigma_cross_track_arcsec"]),
-    )
+    sigma_s = float(best["sigma_along_track_s"])
+    sigma_arcsec = float(best["sigma_cross_track_arcsec"])
+    along_s, across_arcsec = float(best["along_track_s"]), float(best["cross_track_arcsec"])
+    by_radial, by_plane = (float(best[f"cross_track_by_{n}"]) for n in ("radial", "plane"))
     if not min(speed_km_s, range_km, sigma_s, sigma_arcsec) > 0.0:
         raise ValueError("an error, a speed or a distance is not above 0")
     epoch = iso_to_utc_ns(best["tle_epoch_utc"])
@@ -160,31 +160,25 @@ def _rows_of(session: str, track: str, seen: Mapping[str, Any]) -> Iterator[Elem
         tle_epoch_utc_ns=epoch,
         age_days=(seen["t_utc_ns"] - epoch) / NS_PER_DAY,
         regime=best["regime"],
-        along_s=float(best["along_track_s"]),
+        along_s=along_s,
         sigma_along_s=sigma_s,
-        along_km=float(best["along_track_s"]) * speed_km_s,
+        along_km=along_s * speed_km_s,
         sigma_along_km=sigma_s * speed_km_s,
-        across_arcsec=float(best["cross_track_arcsec"]),
+        across_arcsec=across_arcsec,
         sigma_across_arcsec=sigma_arcsec,
-        across_km=float(best["cross_track_arcsec"]) * range_km * ARCSEC_RAD,
+        across_km=across_arcsec * range_km * ARCSEC_RAD,
         sigma_across_km=sigma_arcsec * range_km * ARCSEC_RAD,
         along_by=(0.0, 1.0, 0.0),
-        across_by=(
-            float(best["cross_track_by_radial"]),
-            0.0,
-            float(best["cross_track_by_plane"]),
-        ),
+        across_by=(by_radial, 0.0, by_plane),
         observations=seen["observations"],
         probability=float(best["probability"]),
     )
-    numbers = [v for v in (*asdict(row).values(), *row.along_by, *row.across_by) if _is_float(v)]
+    numbers = [
+        v for v in (*asdict(row).values(), *row.along_by, *row.across_by) if isinstance(v, float)
+    ]
     if not all(map(math.isfinite, numbers)):
         raise ValueError("a value is not a number")
     yield row
-
-
-def _is_float(value: object) -> bool:
-    return isinstance(value, float)
 
 
 def _called(name: str, t_utc_ns: int) -> str:

@@ -1,9 +1,11 @@
 """Files with the orbits of navigation satellites, and which catalogued objects those are."""
 
 import gzip
+import math
 import zlib
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
+from operator import gt
 from pathlib import Path
 
 import numpy as np
@@ -24,6 +26,8 @@ from rsoconsole.orbits import (
 from rsoconsole.pipeline.calibrations.time_calibration import FoundTiming, Mode, SeenSatellite
 from rsoconsole.words import NS_PER_DAY
 
+_READ_OUT = ("binning", "width_px", "height_px", "x0_px", "y0_px", "gain", "time_by")
+"""Fields of ``CalibratedTiming.read_out``, in its order."""
 _GZIP = b"\x1f\x8b"
 _REVOLUTIONS_A_DAY = (1.6, 2.4)
 _MAX_E = 0.1
@@ -35,12 +39,12 @@ _DAYS = 30.0
 
 def read_rinex(files: Sequence[Path]) -> NavigationFile:
     """Broadcast ephemerides, plain or gzipped. Raises OrbitError in one line."""
-    return _read(files, parse_rinex_nav)
+    return parse_rinex_nav({str(path): _text(path) for path in files})
 
 
 def read_sp3(files: Sequence[Path]) -> NavigationFile:
     """Precise orbits, plain or gzipped. Raises OrbitError in one line."""
-    return _read(files, parse_sp3)
+    return parse_sp3({str(path): _text(path) for path in files})
 
 
 def from_elements(entries: Sequence[CatalogueEntry], t_utc_ns: int) -> NavigationFile:
@@ -109,12 +113,6 @@ def _medium(entries: Sequence[CatalogueEntry], t_utc_ns: int) -> list[CatalogueE
     ]
 
 
-def _read(
-    files: Sequence[Path], parse: Callable[[dict[str, str]], NavigationFile]
-) -> NavigationFile:
-    return parse({str(path): _text(path) for path in files})
-
-
 def _text(path: Path) -> str:
     try:
         # Comments in such files are in whatever encoding their station uses.
@@ -140,17 +138,10 @@ def timings_of(found: FoundTiming) -> tuple[CalibratedTiming, ...]:
 
 
 def _timing(mode: Mode, timing: ShutterTiming, found: FoundTiming) -> CalibratedTiming:
-    binning, width_px, height_px, x0_px, y0_px, gain, time_by = mode.read_out
     return CalibratedTiming.model_validate(
         {
             "exposure_s": mode.exposure_s,
-            "binning": binning,
-            "width_px": width_px,
-            "height_px": height_px,
-            "x0_px": x0_px,
-            "y0_px": y0_px,
-            "gain": gain,
-            "time_by": time_by,
+            **dict(zip(_READ_OUT, mode.read_out, strict=True)),
             "bias_s": round(timing.bias_s.value, 5),
             "bias_sigma_s": round(timing.bias_s.sigma, 5),
             "scatter_s": round(timing.scatter_s.value, 5),
@@ -181,12 +172,10 @@ def worse_than_known(
     """(new, known) of each mode of which something known is surer than the new."""
     known = {each.mode: each for each in exposure.calibrated}
     pairs = ((each, known[each.mode]) for each in timings if each.mode in known)
-    return tuple((new, old) for new, old in pairs if _is_worse(new, old))
+    return tuple((new, old) for new, old in pairs if any(map(gt, _sigmas(new), _sigmas(old))))
 
 
-def _is_worse(new: CalibratedTiming, old: CalibratedTiming) -> bool:
-    if new.bias_sigma_s > old.bias_sigma_s or new.scatter_sigma_s > old.scatter_sigma_s:
-        return True
-    if old.line_time_sigma_us is None:
-        return False
-    return new.line_time_sigma_us is None or new.line_time_sigma_us > old.line_time_sigma_us
+def _sigmas(timing: CalibratedTiming) -> tuple[float, float, float]:
+    """Of bias, scatter and line time; infinite where no line time was found."""
+    line_us = timing.line_time_sigma_us
+    return timing.bias_sigma_s, timing.scatter_sigma_s, math.inf if line_us is None else line_us

@@ -6,7 +6,7 @@ machine's clock may be off by something else another night.
 
 import math
 from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from datetime import UTC, date, datetime, timedelta
 from pathlib import Path
@@ -241,11 +241,17 @@ def _widened(timing: ShutterTiming, nights: Sequence[Estimated]) -> ShutterTimin
 
 def _less_sure(timing: ShutterTiming, by_s: float) -> ShutterTiming:
     """Its bias with one sigma more."""
-    bias, middle = timing.bias_s, timing.bias_at_middle_s
+    return _with_bias(timing, lambda bias: replace(bias, sigma=math.hypot(bias.sigma, by_s)))
+
+
+def _later(timing: ShutterTiming, late_s: float) -> ShutterTiming:
+    """Its bias counted from the header."""
+    return _with_bias(timing, lambda bias: replace(bias, value=bias.value + late_s))
+
+
+def _with_bias(timing: ShutterTiming, change: Callable[[Estimated], Estimated]) -> ShutterTiming:
     return replace(
-        timing,
-        bias_s=replace(bias, sigma=math.hypot(bias.sigma, by_s)),
-        bias_at_middle_s=replace(middle, sigma=math.hypot(middle.sigma, by_s)),
+        timing, bias_s=change(timing.bias_s), bias_at_middle_s=change(timing.bias_at_middle_s)
     )
 
 
@@ -262,12 +268,12 @@ def _as_sure_as_elements(
         for n in range(len(found))
     ]
     return tuple(
-        timing and _less_sure(timing, off_s / math.sqrt(_as_many_alike(list(streaks.values()))))
+        timing and _less_sure(timing, off_s / math.sqrt(_as_many_alike(streaks.values())))
         for timing, streaks in zip(found, seen, strict=True)
     )
 
 
-def _as_many_alike(counts: Sequence[int]) -> float:
+def _as_many_alike(counts: Collection[int]) -> float:
     """As how many that count alike those of such counts tell (Kish 1965, 11.7)."""
     return max(sum(counts) ** 2 / max(sum(n * n for n in counts), 1), 1.0)
 
@@ -412,17 +418,6 @@ def _tracks(used: Sequence[Streak]) -> Iterator[list[int]]:
                 track = []
         track.append(n)
     yield track
-
-
-def _later(timing: ShutterTiming, late_s: float) -> ShutterTiming:
-    """The same with the bias counted from the header."""
-    return replace(
-        timing,
-        bias_s=replace(timing.bias_s, value=timing.bias_s.value + late_s),
-        bias_at_middle_s=replace(
-            timing.bias_at_middle_s, value=timing.bias_at_middle_s.value + late_s
-        ),
-    )
 
 
 def _satellites(used: Iterable[Streak]) -> tuple[SeenSatellite, ...]:

@@ -6,6 +6,7 @@ the direction, as the sky's own motion between the frames makes it. What does no
 
 import math
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
@@ -100,7 +101,7 @@ def _at_its_place(
     for each in before.streaks:
         if not _is_alike(each, streak):
             continue
-        x, y = to_field(before, here, _one(each.x_px), _one(each.y_px))
+        x, y = to_field(before, here, np.array([each.x_px]), np.array([each.y_px]))
         if math.hypot(x[0] - streak.x_px, y[0] - streak.y_px) < streak.length_px:
             found.append((float(x[0]), float(y[0]), each.length_px))
     return found
@@ -122,10 +123,6 @@ def _leads(
     across = dy * math.cos(angle) - dx * math.sin(angle)
     beside_px = max(_BESIDE_SHARE * way_px, _BESIDE_FWHM * stars.median_fwhm_px)
     return max(abs(abs(along) - way_px), abs(across)) < beside_px
-
-
-def _one(value: float) -> FloatArray:
-    return np.array([value])
 
 
 LATEST_S = 600.0
@@ -174,7 +171,7 @@ class LookBack:
         profile = Profile.of(here.frame.pixels, ends_of(streak), width_px)
         if profile is None:
             return None
-        light = self._light(profile, streak, self._to_earlier, self.flux_ratio)
+        light = self._light(profile, streak, partial(to_field, here, before), self.flux_ratio)
         found = "unclear" if light is None else light.found
         if found == "same" and has_moved_on(streak, here, before, self.later_s):
             return None
@@ -186,9 +183,6 @@ class LookBack:
             if there is not None and there.is_identical:
                 return Word(reason=NotAStreak(kind="fixed on the sensor"))
         return Word(comparison="new light") if found == "new" else None
-
-    def _to_earlier(self, x: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray]:
-        return to_field(self.here, self.before, x, y)
 
     def _light(
         self, profile: Profile, streak: Detection, to_earlier: Mapping2d | None, flux_ratio: float

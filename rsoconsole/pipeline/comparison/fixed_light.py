@@ -234,21 +234,16 @@ def words_of(
     if back is not None:
         words = {each: word for each in streaks if (word := back.word(each)) is not None}
     left = [each for each in streaks if each not in words]
-    known = _known_stars(here) if left else None
-    if known is not None:
-        words |= {each: word for each in left if (word := known.word(each)) is not None}
-    return words
-
-
-def _known_stars(here: SolvedField) -> KnownStars | None:
-    """None, too, where the catalogue cannot be read: what the frame before says stands."""
+    known = None
     try:
-        return KnownStars.of(here)
-    except RsoconsoleError as error:
+        known = KnownStars.of(here) if left else None
+    except RsoconsoleError as error:  # what the frame before says stands
         log.warning(
             "frame %d: its streaks are held against no star: %s", here.frame.frame_id, error
         )
-        return None
+    if known is not None:
+        words |= {each: word for each in left if (word := known.word(each)) is not None}
+    return words
 
 
 def with_words(

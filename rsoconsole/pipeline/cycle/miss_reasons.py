@@ -100,17 +100,14 @@ def stars_of(taken: FrameTaken, detections: Detections) -> Stars | None:
     if detections.star_count is None or exposure_s is None:
         return None
     flux_adu = detections.star_flux_adu
+    binning = None if taken.camera is None else taken.camera.binning
+    # Pixels of the sensor on each axis of one of the frame's.
+    joined = 1 if binning is None else int(binning.split("x")[0])
     return Stars(
         count=detections.star_count,
         flux_adu_s=None if flux_adu is None or exposure_s <= 0.0 else flux_adu / exposure_s,
-        sensor_px=taken.width_px * taken.height_px * _joined(taken) ** 2,
+        sensor_px=taken.width_px * taken.height_px * joined**2,
     )
-
-
-def _joined(taken: FrameTaken) -> int:
-    """Pixels of the sensor on each axis of one of the frame's."""
-    binning = None if taken.camera is None else taken.camera.binning
-    return 1 if binning is None else int(binning.split("x")[0])
 
 
 def updated_star_history(before: StarHistory, stars: Stars | None, solution: object) -> StarHistory:

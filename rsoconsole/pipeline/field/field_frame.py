@@ -24,7 +24,7 @@ from rsoconsole.orbits import (
 from rsoconsole.pipeline.field.field_points import Mover, Points, movers_of, points_of
 from rsoconsole.pipeline.frame.calibration import Calibration
 from rsoconsole.pipeline.frame.measurement import measure, shutter_mid_utc_ns, shutter_time
-from rsoconsole.pipeline.frame.plate import Part, PlateFinder
+from rsoconsole.pipeline.frame.plate import GivenPlate, PlateFinder
 from rsoconsole.pipeline.frame.reduce import FrameReducer
 from rsoconsole.pipeline.orbits.expected import errors_of
 from rsoconsole.records import BelowTau, Detection, FloatArray, Frame, NotSolved, Solution
@@ -93,7 +93,7 @@ class FieldFrame:
         )
 
 
-class FieldPlate:
+class FieldPlate(GivenPlate):
     """A frame's plate: solved, or as its header has it."""
 
     def __init__(self, finder: PlateFinder | None, no_solver: str, mode: PlateMode) -> None:
@@ -124,14 +124,10 @@ class FieldPlate:
             )
         else:
             solved = self._finder.solve(frame, stars)
-        if isinstance(solved, Solution) or self._mode == "solve" or not _has_plate(frame):
+        has_plate = str(frame.header.get("CTYPE1", "")).startswith("RA---TAN")
+        if isinstance(solved, Solution) or self._mode == "solve" or not has_plate:
             return solved
         return self._of_header(frame, solved.reason)
-
-    def moved(self, frame: Frame, stars: StarList, part: Part) -> Solution | None:
-        """Nobody looks at a part of such a frame."""
-        _ = frame, stars, part
-        return None
 
     def _of_header(self, frame: Frame, why: str) -> Solution | NotSolved:
         try:
@@ -153,10 +149,6 @@ class FieldPlate:
             path="full",
             ms=0.0,
         )
-
-
-def _has_plate(frame: Frame) -> bool:
-    return str(frame.header.get("CTYPE1", "")).startswith("RA---TAN")
 
 
 class FieldReader:

@@ -82,14 +82,9 @@ def calibrated_for(frame: Frame | FrameTaken, exposure: ExposureConfig) -> Calib
     if not fitting:
         return None
 
-    def how_far(each: CalibratedTiming) -> float:
-        if each.exposure_s is None or not frame.exposure_s:
-            return math.inf
-        return abs(math.log(each.exposure_s / frame.exposure_s))
-
-    nearest = min(fitting, key=how_far)
+    nearest = min(fitting, key=lambda each: _exposures_apart(each, frame.exposure_s))
     pooled = next((each for each in fitting if each.exposure_s is None), None)
-    is_same = how_far(nearest) <= math.log(SAME_EXPOSURE)
+    is_same = _exposures_apart(nearest, frame.exposure_s) <= math.log(SAME_EXPOSURE)
     return nearest if is_same or pooled is None else pooled
 
 
@@ -117,12 +112,15 @@ def usual_sigma_s(exposure: ExposureConfig) -> float:
     if not exposure.calibrated:
         return exposure.timing_sigma_s
 
-    def how_far(each: CalibratedTiming) -> float:
-        if each.exposure_s is None:
-            return math.inf
-        return abs(math.log(each.exposure_s / exposure.exposure_s))
+    set_s = exposure.exposure_s
+    return _surely(min(exposure.calibrated, key=lambda each: _exposures_apart(each, set_s)))
 
-    return _surely(min(exposure.calibrated, key=how_far))
+
+def _exposures_apart(known: CalibratedTiming, exposure_s: float | None) -> float:
+    """Of a mode from an exposure, as a logarithm; infinite where either is not known."""
+    if known.exposure_s is None or not exposure_s:
+        return math.inf
+    return abs(math.log(known.exposure_s / exposure_s))
 
 
 def _surely(found: CalibratedTiming) -> float:

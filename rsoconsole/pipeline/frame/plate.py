@@ -121,7 +121,30 @@ _CLOUD_TURNS = 4
 """Frames in a row that may be cloud before hints that have held are doubted."""
 
 
-class PlateFinder:
+class GivenPlate:
+    """The plate of a frame as somebody gives it; what finds plates derives from it."""
+
+    solution: Solution | NotSolved | None = None
+    """None where nobody asks for one."""
+
+    def configure(self, config: Config) -> None:
+        """Take new tunables."""
+
+    def forget(self) -> None:
+        """Forget what was known of the camera: it has turned."""
+
+    def solve(self, frame: Frame, stars: StarList) -> Solution | NotSolved | None:
+        """The plate of one frame."""
+        _ = frame, stars
+        return self.solution
+
+    def moved(self, frame: Frame, stars: StarList, part: Part) -> Solution | None:
+        """The last plate moved onto the stars of a frame's part; None where there is none."""
+        _ = frame, stars, part
+        return None
+
+
+class PlateFinder(GivenPlate):
     """Remembers the last plate and where the mount said it pointed then."""
 
     def __init__(self, solver: PlateSolver, config: Config) -> None:

@@ -5,8 +5,9 @@ orbit until the object has surely gone through there, early or late; how late it
 streak, and how far across.
 """
 
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Collection
 from dataclasses import dataclass
+from itertools import chain
 
 import numpy as np
 
@@ -162,12 +163,8 @@ def next_of(
     """The next pass of a catalogued object within a day on which it is lit where it is met."""
     satellite = Satellite(entry)
     span = (now_utc_ns, now_utc_ns + NS_PER_DAY)
-    found = [
-        each
-        for _, some in night_passes([entry], site, span, limits, is_low_only=False, errors=errors)
-        for each in some
-    ]
-    for each in found:
+    passes = night_passes([entry], site, span, limits, is_low_only=False, errors=errors)
+    for each in chain.from_iterable(some for _, some in passes):
         if each.lit_from_utc_ns is None:
             continue
         awaited = awaited_on(
@@ -212,7 +209,7 @@ def awaited_on(
             until_utc_ns=t + span_ns,
             point_gcrs_km=(x, y, z),
         )
-        if all(_may_look(stare, site, at, held, lifted) for at in _instants(stare)):
+        if all(_may_look(stare, site, at, held, lifted) for at in (t - span_ns, t, t + span_ns)):
             return Awaited(name=name, states=states, stare=stare, set_utc_ns=up_utc_ns[1])
     return None
 
@@ -221,10 +218,6 @@ def is_dark(orbit: KnownOrbit, t_utc_ns: int) -> bool:
     """Whether the Sun does not shine on it at all."""
     at = np.array([t_utc_ns])
     return bool(lit_fraction(orbit.states(at)[0], at)[0] <= 0.0)
-
-
-def _instants(stare: Stare) -> Sequence[int]:
-    return (stare.from_utc_ns, stare.t_through_utc_ns, stare.until_utc_ns)
 
 
 def _may_look(

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from rsoconsole.orbits import Orbit, predict
-from rsoconsole.pipeline.cycle.frame_fold import Score
+from rsoconsole.pipeline.cycle.predictor_scores import Score
 from rsoconsole.pipeline.cycle.track_assignment import Track
 from rsoconsole.records import Measurement, Site
 from rsoconsole.sky import wrap_180

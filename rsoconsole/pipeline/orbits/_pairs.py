@@ -42,19 +42,12 @@ CLEAR_SHARE = 1.2
 """Of the angle: they are clear of each other again from there on."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _Approach:
-    """One that the operator has been warned of."""
-
-    nearest_arcsec: float
-    nearest_utc_ns: int
-
-
 class Approaches:
     """Those that are under way."""
 
     def __init__(self) -> None:
-        self._open: dict[tuple[int, int], _Approach] = {}
+        self._open: dict[tuple[int, int], tuple[float, int]] = {}
+        """By pair: the least separation so far, arcsec, and its instant."""
 
     def after(
         self,
@@ -79,15 +72,11 @@ class Approaches:
             known = self._open.get(pair)
             if known is None:
                 if _is_close(each, limit_arcsec):
-                    self._open[pair] = _Approach(
-                        nearest_arcsec=each.separation_arcsec, nearest_utc_ns=t_utc_ns
-                    )
-                    words.append(("warning", f"{tracks_words(pair)}: {_warning(each)}"))
+                    self._open[pair] = (each.separation_arcsec, t_utc_ns)
+                    warning = f"{apart_words(each)} apart, {closest_words(each)}"
+                    words.append(("warning", f"{tracks_words(pair)}: {warning}"))
                 continue
-            if each.separation_arcsec < known.nearest_arcsec:
-                known = self._open[pair] = replace(
-                    known, nearest_arcsec=each.separation_arcsec, nearest_utc_ns=t_utc_ns
-                )
+            known = self._open[pair] = min(known, (each.separation_arcsec, t_utc_ns))
             if _is_clear(each, limit_arcsec):
                 del self._open[pair]
                 words.append(("info", f"{tracks_words(pair)}: {_end(each, known, limit_arcsec)}"))
@@ -104,18 +93,14 @@ def _is_clear(pair: PairMotion, limit_arcsec: float) -> bool:
     return is_apart and (pair.close_probability <= UNLIKELY or limit_arcsec == 0.0)
 
 
-def _warning(pair: PairMotion) -> str:
-    return f"{apart_words(pair)} apart, {closest_words(pair)}"
-
-
-def _end(pair: PairMotion, approach: _Approach, limit_arcsec: float) -> str:
-    when = clock(approach.nearest_utc_ns, "minute")
+def _end(pair: PairMotion, nearest: tuple[float, int], limit_arcsec: float) -> str:
+    nearest_arcsec, when = nearest[0], clock(nearest[1], "minute")
     if limit_arcsec == 0.0:
         return "warning over, alert.separation_arcsec is 0"
-    if approach.nearest_arcsec < limit_arcsec:
-        return f"passed, nearest {approach.nearest_arcsec:.1f}″ at {when}"
+    if nearest_arcsec < limit_arcsec:
+        return f"passed, nearest {nearest_arcsec:.1f}″ at {when}"
     if pair.closest == "now":
-        return f"warning over, they part: nearest {approach.nearest_arcsec:.1f}″ at {when}"
+        return f"warning over, they part: nearest {nearest_arcsec:.1f}″ at {when}"
     return f"warning over, closest approach now {pair.closest_arcsec:.0f}″"
 
 
@@ -218,7 +203,7 @@ class Pairs:
         elif isinstance(record, StateChange):
             if record.after not in FOLLOWING:
                 self._alive, self.last = [], ()
-        elif isinstance(record, Miss) and _is_lost(record):
+        elif isinstance(record, Miss) and record.reason.lost is not None:
             self._alive = [each for each in self._alive if each != record.track_id]
 
     def _begin(self, frame_id: int) -> None:
@@ -332,10 +317,6 @@ class Pairs:
 
 def _ids(pair: PairMotion) -> tuple[int, int]:
     return pair.track_id, pair.other_track_id
-
-
-def _is_lost(record: Miss) -> bool:
-    return record.reason.lost is not None
 
 
 def _sight(m: Measurement, state: TrackState) -> _Sight:

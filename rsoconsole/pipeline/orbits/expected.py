@@ -87,20 +87,17 @@ def factors_of(catalogue: CatalogueConfig) -> dict[Regime, ErrorFactors]:
 def errors_report(catalogue: CatalogueConfig) -> list[dict[str, Any]]:
     """Of each kind of orbit, where its errors come from, as JSON carries it."""
     measured = {each.regime: each for each in catalogue.error_factors}
-    found: list[dict[str, Any]] = []
-    for regime in ERROR_REGIMES:
-        each = measured.get(regime)
-        found.append(
-            {
-                "regime": regime,
-                "source": "assumed" if each is None else "measured",
-                "tracks": 0 if each is None else each.tracks,
-                "objects": 0 if each is None else each.objects,
-                "oldest_days": None if each is None else each.oldest_days,
-                "measured_on": None if each is None else each.measured_on.isoformat(),
-            }
-        )
-    return found
+    return [
+        {
+            "regime": regime,
+            "source": "assumed" if (each := measured.get(regime)) is None else "measured",
+            "tracks": 0 if each is None else each.tracks,
+            "objects": 0 if each is None else each.objects,
+            "oldest_days": None if each is None else each.oldest_days,
+            "measured_on": None if each is None else each.measured_on.isoformat(),
+        }
+        for regime in ERROR_REGIMES
+    ]
 
 
 EVERY = 4
@@ -147,14 +144,10 @@ class Expected:
         """Solved ones since the last look."""
         self._missing: dict[int, int] = {}
         """By catalogue number: looks in a row that did not find it."""
-        self._uncatalogued: tuple[int, ...] = ()
+        self.uncatalogued: tuple[int, ...] = ()
+        """Tracks of the last frame that no catalogued object explains; other threads look in."""
         self.last: ExpectedMembers | None = None
         """Of the last look; other threads look in."""
-
-    @property
-    def uncatalogued(self) -> tuple[int, ...]:
-        """Tracks of the last frame that no catalogued object explains; from any thread."""
-        return self._uncatalogued
 
     def configure(self, config: Config, entries: Entries) -> None:
         """Take new tunables."""
@@ -174,12 +167,10 @@ class Expected:
                 self._tracks.pop(record.track_id or 0, None)
             case Identified():
                 self._names[record.track_id] = record
-            case _:
-                pass
 
     def refine(self) -> tuple[Record, ...]:
         """What belongs on record behind a frame. Raises OrbitError for a catalogue not read."""
-        self._uncatalogued = tuple(
+        self.uncatalogued = tuple(
             n
             for n in sorted(self._tracks)
             if n in self._names and self._names[n].verdict == "unknown"
@@ -197,9 +188,7 @@ class Expected:
         self._frames = 0
         frame = ShownFrame(taken=taken, solution=solution, t_utc_ns=t_utc_ns)
         sets = self._sets_at(t_utc_ns)
-        if not sets:
-            return ()
-        return self._look(frame, sets)
+        return self._look(frame, sets) if sets else ()
 
     def _sets_at(self, t_utc_ns: int) -> tuple[CatalogueEntry, ...]:
         if self._sets_utc_ns is None or abs(t_utc_ns - self._sets_utc_ns) > _KEPT_NS:

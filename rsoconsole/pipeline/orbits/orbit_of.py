@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 
@@ -20,6 +20,7 @@ from rsoconsole.orbits import (
     carried,
     common_error_arcsec,
     determine,
+    elements_of,
     gooding,
     is_plausible,
     log_odds_of_more,
@@ -126,16 +127,13 @@ def find_by_gooding(observed: Observed) -> Found:
     if not fits:
         return replace(nothing, reason="no bound orbit passes through the three directions")
     fits.sort(key=lambda each: each[0])
+    others = "no other orbit" if len(fits) == 1 else f"each of {len(fits)} orbits"
     return replace(
         nothing,
         orbit=fits[0][1],
-        reason=f"{fits[0][1].reason}; {_how_many(len(fits))} passes through the three",
+        reason=f"{fits[0][1].reason}; {others} passes through the three",
         solutions=tuple(each for _, _, each in fits),
     )
-
-
-def _how_many(orbits: int) -> str:
-    return "no other orbit" if orbits == 1 else f"each of {orbits} orbits"
 
 
 def _determined(
@@ -212,6 +210,24 @@ def _misfit(seen: Sightings, orbit: Orbit) -> float:
     places, _ = propagate(orbit.r_km, orbit.v_km_s, since_s)
     places, _ = propagate(orbit.r_km, orbit.v_km_s, since_s - seen.light_times_s(places))
     return float(np.sum(seen.whitened(seen.residuals_arcsec(places)) ** 2))
+
+
+def orbit_values(orbit: Orbit) -> dict[str, Any]:
+    """The fields that an orbit has on record and in the ledger alike."""
+    elements = elements_of(orbit.r_km, orbit.v_km_s)
+    return {
+        "label": orbit.label,
+        "prior": orbit.prior,
+        "epoch_utc_ns": orbit.epoch_utc_ns,
+        "r_gcrs_km": tuple(map(float, orbit.r_km)),
+        "v_gcrs_km_s": tuple(map(float, orbit.v_km_s)),
+        "covariance": tuple(tuple(map(float, row)) for row in orbit.covariance),
+        "a_km": elements.a_km,
+        "e": elements.e,
+        "i_deg": elements.i_deg,
+        "sigma_a_km": orbit.sigma_a_km,
+        "rms_arcsec": orbit.rms_arcsec,
+    }
 
 
 WORTH_WRITING = ("free", "constrained by prior")

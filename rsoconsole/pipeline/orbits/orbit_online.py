@@ -8,6 +8,7 @@ satellite that is found again keeps its orbit.
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from operator import is_
 
 import numpy as np
 
@@ -19,17 +20,26 @@ from rsoconsole.orbits import (
     State,
     alone,
     determine,
-    elements_of,
     log_odds_of_more,
     probability_of,
     together,
 )
-from rsoconsole.pipeline.cycle.frame_fold import Rivals, Score, may_guide
+from rsoconsole.pipeline.cycle.frame_fold import may_guide
+from rsoconsole.pipeline.cycle.predictor_scores import PredictorScores, Score
 from rsoconsole.pipeline.cycle.track_assignment import Track, TracksTaken
 from rsoconsole.pipeline.cycle.unassigned import Untaken
 from rsoconsole.pipeline.orbits._orbit_turns import Predicted, in_turn, predicted_by
-from rsoconsole.pipeline.orbits.track_measurements import Exposures, PartErrors, sightings_of
-from rsoconsole.records import Measurement, OrbitEstimate, Record, TrackState
+from rsoconsole.pipeline.orbits.orbit_of import orbit_values
+from rsoconsole.pipeline.orbits.track_measurements import PartErrors, sightings_of
+from rsoconsole.records import (
+    Event,
+    FrameTaken,
+    Measurement,
+    OrbitEstimate,
+    Record,
+    Topic,
+    TrackState,
+)
 from rsoconsole.tracking.filters import adaptive, estimator
 from rsoconsole.words import size_words, span
 
@@ -53,12 +63,8 @@ class Refined:
     estimate: OrbitEstimate
     seen: Sightings
     """The track's own directions."""
-    words: tuple[str, ...]
+    events: tuple[Event, ...]
     """What has changed, for the log of the night."""
-    is_turn: bool = False
-    """Whether the last of them says that the telescope aims by the other of orbit and filter."""
-    is_close: bool = False
-    """Whether that turn is between two that promise the same: no news for an operator."""
 
 
 @dataclass(slots=True, eq=False)
@@ -80,7 +86,7 @@ class _Target:
     sought_from: int = 0
     """The number of directions with which every start is tried again; 0: none has failed."""
     asked: set[int] = field(default_factory=set)
-    rivals: Rivals = field(default_factory=Rivals)
+    scores: PredictorScores = field(default_factory=PredictorScores)
     label: str = ""
     first: Alone | None = None
     """Of the first of its tracks, once that was asked for."""
@@ -106,7 +112,8 @@ class OnlineOrbit:
         self._site = config.site.to_site()
         self._tracks = TracksTaken()
         self._untaken = Untaken()
-        self._exposures = Exposures()
+        self._exposures_s: dict[int, float] = {}
+        """By frame number."""
         self._targets: dict[str, _Target] = {}
         """One a track, by the id of the measurement that the track began with."""
         self._lead: _Target | None = None
@@ -123,7 +130,8 @@ class OnlineOrbit:
         """One record of the log."""
         self._tracks.receive(record)
         self._untaken.receive(record)
-        self._exposures.receive(record)
+        if isinstance(record, FrameTaken) and record.exposure_s is not None:
+            self._exposures_s[record.frame_id] = record.exposure_s
         if isinstance(record, TrackState) and record.kind == "initial" and record.is_lead:
             self._is_begun = True
 
@@ -159,7 +167,7 @@ class OnlineOrbit:
         return self._guides(target)
 
     def _guides(self, target: _Target) -> bool:
-        return may_guide(self._config) and target.rivals.is_orbit_ahead
+        return may_guide(self._config) and target.scores.is_orbit_ahead
 
     def refine(self) -> tuple[Refined, ...]:
         """The orbit of each track through all that it took, where it took something new.
@@ -197,23 +205,22 @@ class OnlineOrbit:
             return None
         was_guide = self._guides(target)
         if track.last.foretold_by == "orbit":
-            target.rivals.filter_failed(track.last.filter_nis, self._config.filter.gate_nis)
+            target.scores.filter_failed(track.last.filter_nis, self._config.filter.gate_nis)
         elif predicted is not None and (by_filter := self._by_filter(track)) is not None:
-            target.rivals.compare(predicted.short, by_filter)
+            target.scores.compare(predicted.short, by_filter)
         estimate = self._estimate(target, track, orbit, seen, predicted)
         words, target.words = [*target.words, *_news(target, estimate)], []
-        is_turn = track.last.is_lead and estimate.is_guide != was_guide
         if not track.last.is_lead:
             words = [f"track {track.track_id}: {each}" for each in words]
-        elif is_turn:  # the telescope goes by the lead's alone
-            words.append(_guide_words(target, is_orbit=estimate.is_guide))
-        return Refined(
-            estimate=estimate,
-            seen=target.seen,
-            words=tuple(words),
-            is_turn=is_turn,
-            is_close=is_turn and target.rivals.is_close,
-        )
+        events = [Event(level="info", text=each, frame_id=estimate.frame_id) for each in words]
+        # The telescope goes by the lead's alone.
+        if track.last.is_lead and estimate.is_guide != was_guide:
+            which = "orbit from now on" if estimate.is_guide else "filter again"
+            text = f"aims by the {which}: {target.scores.words}"
+            topic: Topic = "close predictor" if target.scores.is_close else "predictor"
+            turn = Event(level="info", text=text, frame_id=estimate.frame_id, topic=topic)
+            events.append(turn)
+        return Refined(estimate=estimate, seen=target.seen, events=tuple(events))
 
     def _aimed_at(self, tracks: Sequence[Track]) -> list[_Target]:
         """What each track follows: known already, or another object until it is found to be one.
@@ -233,9 +240,9 @@ class OnlineOrbit:
     def _take(self, target: _Target, track: Track) -> bool:
         """The track's measurements, reduced; False where they are those that were known."""
         taken, known = tuple(track.measurements), target.taken
-        if len(taken) == len(known) and all(map(_is_same, taken, known)):
+        if len(taken) == len(known) and all(map(is_, taken, known)):
             return False
-        is_longer = len(taken) > len(known) and all(map(_is_same, taken, known))
+        is_longer = len(taken) > len(known) and all(map(is_, taken, known))
         learnt = _learnt(track.last)
         if any(
             abs(a - b) > _LEARNT * max(a, b) for a, b in zip(learnt, target.learnt, strict=True)
@@ -246,7 +253,7 @@ class OnlineOrbit:
         back = min(start, 1)
         fresh = adaptive.with_learned_errors(taken[start - back :], *target.learnt)[back:]
         target.part_errors = target.part_errors if is_longer else PartErrors()
-        fresh = target.part_errors.widened(fresh, taken, track.last, self._exposures)
+        fresh = target.part_errors.widened(fresh, taken, track.last, self._exposures_s)
         seen = self._reduced(fresh)
         if (seen is None or len(seen) < len(fresh)) and not target.is_none_reported:
             target.is_none_reported = True
@@ -370,25 +377,13 @@ class OnlineOrbit:
         seen: Sightings,
         predicted: Predicted | None,
     ) -> OrbitEstimate:
-        elements = elements_of(orbit.r_km, orbit.v_km_s)
-        r, v = orbit.r_km, orbit.v_km_s
         return OrbitEstimate(
+            **orbit_values(orbit),
             frame_id=track.last.frame_id,
             track_id=track.track_id,
-            label=orbit.label,
-            prior=orbit.prior,
             reason=orbit.reason,
             observations=orbit.observations,
             arc_s=float(seen.t_s[-1] - seen.t_s[0]),
-            epoch_utc_ns=orbit.epoch_utc_ns,
-            r_gcrs_km=(float(r[0]), float(r[1]), float(r[2])),
-            v_gcrs_km_s=(float(v[0]), float(v[1]), float(v[2])),
-            covariance=tuple(tuple(map(float, row)) for row in orbit.covariance),
-            a_km=elements.a_km,
-            e=elements.e,
-            i_deg=elements.i_deg,
-            sigma_a_km=orbit.sigma_a_km,
-            rms_arcsec=orbit.rms_arcsec,
             outliers=orbit.outliers,
             nis=None if predicted is None else predicted.short.nis,
             innovation_arcsec=None if predicted is None else predicted.innovation_arcsec,
@@ -411,10 +406,6 @@ def _learnt(state: TrackState) -> tuple[float, float]:
     return (0.0, 1.0) if said is None else (said.scatter_s, said.variance_scale)
 
 
-def _is_same(one: Measurement, other: Measurement) -> bool:
-    return one is other
-
-
 def _news(target: _Target, estimate: OrbitEstimate) -> Sequence[str]:
     if estimate.label == target.label:
         return ()
@@ -423,9 +414,3 @@ def _news(target: _Target, estimate: OrbitEstimate) -> Sequence[str]:
         f"orbit: {estimate.label}, {size_words(estimate.a_km, estimate.sigma_a_km)},"
         f" {estimate.observations} in {span(estimate.arc_s)}",
     )
-
-
-def _guide_words(target: _Target, *, is_orbit: bool) -> str:
-    if is_orbit:
-        return f"aims by the orbit from now on: {target.rivals.words}"
-    return f"aims by the filter again: {target.rivals.words}"

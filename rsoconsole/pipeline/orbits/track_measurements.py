@@ -1,7 +1,7 @@
 """The directions of one object, from a session's track or from a file of observations."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -12,7 +12,7 @@ from rsoconsole.base import OrbitError, SessionError, json_of, named_text, raise
 from rsoconsole.config import Config, LimitsConfig
 from rsoconsole.orbits import Sightings, sightings, together
 from rsoconsole.pipeline.cycle.track_assignment import Track, TracksTaken
-from rsoconsole.records import FrameTaken, Measurement, Record, Site, TrackState
+from rsoconsole.records import FrameTaken, Measurement, Site, TrackState
 from rsoconsole.session import SessionReader
 from rsoconsole.sky import iso_to_utc_ns
 from rsoconsole.tracking import (
@@ -25,22 +25,6 @@ from rsoconsole.tracking import (
 
 _BESIDE, _BESIDE_S = 5, 600.0
 """Measurements to either side, and seconds, over which a satellite's rate is taken for one."""
-
-
-class Exposures:
-    """How long each frame was exposed: what a streak's length is compared with."""
-
-    def __init__(self) -> None:
-        self._of_frame_s: dict[int, float] = {}
-
-    def receive(self, record: Record) -> None:
-        """One record of the log."""
-        if isinstance(record, FrameTaken) and record.exposure_s is not None:
-            self._of_frame_s[record.frame_id] = record.exposure_s
-
-    def of(self, measurement: Measurement) -> float | None:
-        """Seconds; None where the frame did not say."""
-        return self._of_frame_s.get(measurement.frame_id)
 
 
 class PartErrors:
@@ -56,16 +40,17 @@ class PartErrors:
         fresh: Sequence[Measurement],
         taken: Sequence[Measurement],
         track: TrackState,
-        exposures: Exposures,
+        exposures_s: Mapping[int, float],
     ) -> tuple[Measurement, ...]:
         """The track's next measurements, those of parts with the error that they share.
 
         ``fresh``: the last of ``taken``, with whatever else their covariances hold; ``taken``: all
-        that the track has taken, in order of time; ``track``: its state now.
+        that the track has taken, in order of time; ``track``: its state now; ``exposures_s``: by
+        frame number, without those whose frame did not say.
         """
         found, first = [], len(taken) - len(fresh)
         for n, each in enumerate(fresh, start=first):
-            exposure_s = exposures.of(each)
+            exposure_s = exposures_s.get(each.frame_id)
             wider = each
             if exposure_s is not None:
                 expected = _motion(taken, n, exposure_s) or expected_motion(track, exposure_s)
@@ -167,7 +152,7 @@ def longest_arc(seen: Sightings) -> Sightings:
 def _read_session(folder: Path, track: int | None) -> tuple[Observed, ...]:
     reader = SessionReader(folder)
     config = reader.config()
-    tracks, exposures = _tracks(reader)
+    tracks, exposures_s = _tracks(reader)
     if not tracks:
         raise SessionError(
             f"{folder} holds no track: nothing was followed in it; name a session that has one"
@@ -175,7 +160,7 @@ def _read_session(folder: Path, track: int | None) -> tuple[Observed, ...]:
     if track is not None and not 1 <= track <= len(tracks):
         raise SessionError(f"{folder} has tracks 1 to {len(tracks)}, not {track}")
     found = [
-        _of_track(folder.resolve().name, config, (number, len(tracks)), each, exposures)
+        _of_track(folder.resolve().name, config, (number, len(tracks)), each, exposures_s)
         for number, each in enumerate(tracks, start=1)
         if track in (None, number)
     ]
@@ -183,12 +168,16 @@ def _read_session(folder: Path, track: int | None) -> tuple[Observed, ...]:
 
 
 def _of_track(
-    name: str, config: Config, place: tuple[int, int], track: Track, exposures: Exposures
+    name: str,
+    config: Config,
+    place: tuple[int, int],
+    track: Track,
+    exposures_s: Mapping[int, float],
 ) -> Observed:
     """``place``: its number, and how many there are."""
     site, (number, count) = config.site.to_site(), place
     measured = tuple(track.measurements)
-    taken = PartErrors().widened(measured, measured, track.last, exposures)
+    taken = PartErrors().widened(measured, measured, track.last, exposures_s)
     try:
         seen = sightings_of(site, taken)
     except ValueError as error:
@@ -206,14 +195,15 @@ def _of_track(
     )
 
 
-def _tracks(reader: SessionReader) -> tuple[list[Track], Exposures]:
+def _tracks(reader: SessionReader) -> tuple[list[Track], dict[int, float]]:
     """Those with enough measurements, else all that have any, in order of time."""
-    taken, exposures = TracksTaken(), Exposures()
+    taken, exposures_s = TracksTaken(), dict[int, float]()
     for _, _, record in reader.records(kinds=(FrameTaken, *TracksTaken.KINDS)):
         taken.receive(record)
-        exposures.receive(record)
+        if isinstance(record, FrameTaken) and record.exposure_s is not None:
+            exposures_s[record.frame_id] = record.exposure_s
     found = [each for each in taken.tracks() if each.measurements]
-    return [each for each in found if len(each.measurements) >= _FEWEST] or found, exposures
+    return [each for each in found if len(each.measurements) >= _FEWEST] or found, exposures_s
 
 
 def _read_file(path: Path, sigma_arcsec: float, elsewhere: Site | None) -> Observed:
@@ -237,7 +227,7 @@ def _read_file(path: Path, sigma_arcsec: float, elsewhere: Site | None) -> Obser
 
 def _site(table: Any, path: Path) -> Site:
     try:
-        site = Site(
+        return Site(
             latitude_deg=_number(table["lat_deg"], 90.0),
             longitude_deg=_number(table["lon_deg"], 360.0),
             elevation_m=_number(table.get("alt_m", 0.0), 1e5),
@@ -246,7 +236,6 @@ def _site(table: Any, path: Path) -> Site:
         raise OrbitError(
             f"{path} has no site that can be used: it must be {_SHAPE}; or say it with --site"
         ) from error
-    return site
 
 
 def _row(row: Any, where: str, sigma_arcsec: float) -> tuple[int, float, float, float, float]:

@@ -19,11 +19,11 @@ from rsoconsole.orbits import (
     attributable,
     common_error_arcsec,
     determine,
-    elements_of,
     recognise,
     sightings,
     together,
 )
+from rsoconsole.pipeline.orbits.orbit_of import orbit_values
 from rsoconsole.pipeline.orbits.track_measurements import Observed, longest_arc, read_observed
 from rsoconsole.records import FloatArray, Identified, LedgerName, Site
 from rsoconsole.session import (
@@ -154,8 +154,9 @@ def keep(
             if ledger.number_of(session, each.track_id or 0) is not None:
                 found.append(taken_back(session, each.track_id or 0))
                 back.append(each.number)
-        numbers = _numbers(session, ledger, ready, done)
-        for (each, arc), orbit, number in zip(ready, orbits, numbers, strict=True):
+        done.extend(_kept_tracks(session, ledger, ready))
+        for (each, arc), orbit, track_kept in zip(ready, orbits, done, strict=True):
+            number = track_kept.number
             before = [known for known in ledger.objects if known.number == number]
             track = _ledger_track(folder, each, arc, is_simulated=is_simulated)
             known = _ledger_orbit(arc, orbit, before[0] if before else None, session)
@@ -177,12 +178,9 @@ def _short(tracks: Sequence[Observed]) -> tuple[int, ...]:
     return tuple(each.number for each in tracks if len(each.seen) < MIN_TRACKS)
 
 
-def _numbers(
-    session: str,
-    ledger: Ledger,
-    ready: Sequence[tuple[Observed, Sightings]],
-    done: list[KeptTrack],
-) -> list[int]:
+def _kept_tracks(
+    session: str, ledger: Ledger, ready: Sequence[tuple[Observed, Sightings]]
+) -> list[KeptTrack]:
     """Of which object each is: known by its own entry, recognised, or new."""
     known = [ledger.number_of(session, each.track_id or 0) for each, _ in ready]
     own = {number for number in known if number is not None}
@@ -198,7 +196,7 @@ def _numbers(
         found = recognise([ready[n][1] for n in asked], ready[0][0].site, seen_before(before))
         answers = dict(zip(asked, found, strict=True))
     new: list[tuple[int, Sightings, Site]] = []
-    numbers, following = [], ledger.next_number
+    done, following = [], ledger.next_number
     for n, (each, arc) in enumerate(ready):
         number, answer, is_new = known[n], answers.get(n), False
         if number is None:
@@ -209,9 +207,8 @@ def _numbers(
                 number, is_new = following, True
                 following += 1
             new.append((number, arc, each.site))
-        numbers.append(number)
         done.append(KeptTrack(track=each.number, number=number, is_new=is_new, recognised=answer))
-    return numbers
+    return done
 
 
 def _of_this_night(
@@ -223,10 +220,7 @@ def _of_this_night(
         for number, other, _ in new
         if other.t_utc_ns[0] <= arc.t_utc_ns[-1] and arc.t_utc_ns[0] <= other.t_utc_ns[-1]
     }
-    before = []
-    for number, other, there in new:
-        if number not in at_once:
-            before.append(_of_arc(number, other, there))
+    before = [_of_arc(*each) for each in new if each[0] not in at_once]
     return recognise([arc], site, before)[0].number if before else None
 
 
@@ -304,26 +298,8 @@ def _ledger_orbit(
         joined, common = _determined(whole), min(common_error_arcsec(whole), _MAX_COMMON_ARCSEC)
         most = math.hypot(_SAME_RMS * orbit.rms_arcsec, common)
         if joined is not None and joined.rms_arcsec <= most:
-            return _orbit_on_file(joined, 1 + len(parts))
-    return None if orbit is None else _orbit_on_file(orbit, 1)
-
-
-def _orbit_on_file(orbit: Orbit, nights: int) -> LedgerOrbit:
-    elements = elements_of(orbit.r_km, orbit.v_km_s)
-    return LedgerOrbit(
-        label=orbit.label,
-        prior=orbit.prior,
-        epoch_utc_ns=orbit.epoch_utc_ns,
-        r_gcrs_km=tuple(map(float, orbit.r_km)),
-        v_gcrs_km_s=tuple(map(float, orbit.v_km_s)),
-        covariance=_rows(orbit.covariance),
-        a_km=elements.a_km,
-        e=elements.e,
-        i_deg=elements.i_deg,
-        sigma_a_km=orbit.sigma_a_km,
-        rms_arcsec=orbit.rms_arcsec,
-        nights=nights,
-    )
+            return LedgerOrbit(**orbit_values(joined), nights=1 + len(parts))
+    return None if orbit is None else LedgerOrbit(**orbit_values(orbit))
 
 
 def _rows(values: FloatArray) -> tuple[tuple[float, ...], ...]:

@@ -11,9 +11,10 @@ from typing import assert_never
 
 from rsoconsole.config import Config
 from rsoconsole.night import FOLDED, is_from_outside
-from rsoconsole.pipeline.cycle.frame_fold import Shown, are_alike
+from rsoconsole.pipeline.cycle.frame_fold import FrameObservations, ReducedFrame
 from rsoconsole.pipeline.frame.measurement import at_its_row, shutter_mid_utc_ns, shutter_time
-from rsoconsole.pipeline.replays.refold import LookedAt, Part, ReplayedFrame, Walk
+from rsoconsole.pipeline.replays.record_equality import are_alike
+from rsoconsole.pipeline.replays.refold import Part, ReplayedFrame, Walk
 from rsoconsole.records import (
     BesideRecord,
     Cause,
@@ -153,18 +154,17 @@ class LogRewriter:
         again = self._walk.again.get(measurement.frame_id)
         if again is None:
             return measurement
-        t_mid_ns = shutter_mid_utc_ns(again.shown.taken, again.config.exposure)
+        taken, exposure = again.observations.taken, again.config.exposure
+        t_mid_ns = shutter_mid_utc_ns(taken, exposure)
         if t_mid_ns is None:
             return measurement
-        return at_its_row(
-            measurement, t_mid_ns, shutter_time(again.shown.taken, again.config.exposure)
-        )
+        return at_its_row(measurement, t_mid_ns, shutter_time(taken, exposure))
 
-    def _write_frame(self, closed: ReplayedFrame | LookedAt) -> None:
+    def _write_frame(self, closed: ReducedFrame) -> None:
         """A complete frame: its inputs, what the fold makes of them, and what came beside."""
         held, self._held = self._held, []
         is_again, self._is_again = self._is_again, False
-        inputs = () if is_again else _inputs(closed.shown)
+        inputs = () if is_again else _inputs(closed.observations)
         folded: tuple[Record, ...] = ()
         if isinstance(closed, ReplayedFrame):
             self._on_frame(closed)
@@ -201,9 +201,9 @@ def _without_orbits(
             yield each
 
 
-def _inputs(shown: Shown) -> tuple[Record, ...]:
-    solution = () if shown.solution is None else (shown.solution,)
-    return (shown.detections, *solution, *shown.measurements)
+def _inputs(observed: FrameObservations) -> tuple[Record, ...]:
+    solution = () if observed.solution is None else (observed.solution,)
+    return (observed.detections, *solution, *observed.measurements)
 
 
 def _closes(record: Record) -> bool:

@@ -14,13 +14,13 @@ from pathlib import Path
 from rsoconsole.base import FrameError, RsoconsoleError, SessionError
 from rsoconsole.config import Config, with_setting
 from rsoconsole.instruments import PlateSolver, header_start, read_frame
-from rsoconsole.night import NightFrames
+from rsoconsole.night import NightFrame, NightFrames
 from rsoconsole.pipeline.comparison.fixed_light import RecordedComparison
 from rsoconsole.pipeline.frame.calibration import Calibration
 from rsoconsole.pipeline.frame.frame_cautions import calibration_warnings
-from rsoconsole.pipeline.frame.plate import PlateFinder
-from rsoconsole.pipeline.frame.reduce import FrameReducer, Plate
-from rsoconsole.pipeline.replays.what_if_log import RecordedPlate, as_recorded
+from rsoconsole.pipeline.frame.plate import GivenPlate, PlateFinder
+from rsoconsole.pipeline.frame.reduce import FrameReducer, Reduction
+from rsoconsole.pipeline.replays.what_if_log import as_recorded
 from rsoconsole.records import (
     Detection,
     Detections,
@@ -55,21 +55,11 @@ confidence that was fitted again says 0.995 where 0.9999 was on record."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Seen:
-    """What a frame showed."""
-
-    detections: Detections | None
-    """None where the frame was never reduced."""
-    solution: Solution | NotSolved | None
-    measurements: tuple[Measurement, ...]
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
 class RecordedFrame:
     """What a session holds of one frame."""
 
     taken: FrameTaken
-    seen: Seen
+    seen: NightFrame
     config: Config
     """In force for it."""
     path: Path | None
@@ -110,9 +100,8 @@ class Compared:
         was, now = self.was, self.now
         if was is None or now is None or was.is_taken is not now.is_taken:
             return False
-        one, other = was.detection, now.detection
-        away_px = max(abs(one.x_px - other.x_px), abs(one.y_px - other.y_px))
-        return away_px < SAME_PX and abs(one.confidence - other.confidence) < SAME_CONFIDENCE
+        less_sure = abs(was.detection.confidence - now.detection.confidence)
+        return _away_px(was, now) < SAME_PX and less_sure < SAME_CONFIDENCE
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -125,8 +114,8 @@ class Reprocessed:
     """False: measured by the plate on record."""
     is_same_network: bool | None
     """Whether the network is the recorded one; None where the session does not say."""
-    was: Seen
-    now: Seen
+    was: NightFrame
+    now: Reduction
     candidates: tuple[Compared, ...]
     """Most confident first."""
     stage_ms: dict[str, float] = field(default_factory=dict)
@@ -152,11 +141,7 @@ def recorded_frame(
     sha256 = reader.about().get("model_sha256")
     return RecordedFrame(
         taken=frame.taken,
-        seen=Seen(
-            detections=frame.detections,
-            solution=frame.solution,
-            measurements=frame.measurements,
-        ),
+        seen=frame,
         config=_in_force(reader, config or reader.config(), seq_of_frame),
         path=path,
         not_kept_because="" if path else reader.not_kept_because(frame_id) or UNWRITTEN,
@@ -241,7 +226,7 @@ class Reprocessor:
                 config = with_setting(config, name, value)
         network = self._network
         curve = ConfidenceCurve.from_card(network.card)
-        plate = self._plate(config) if solves_again else _on_record(recorded.seen.solution)
+        plate = self._plate(config) if solves_again else _given(recorded.seen.solution)
         began_s = time.perf_counter()
         comparison = RecordedComparison(recorded.seen.detections)
         reducer = FrameReducer(
@@ -261,11 +246,7 @@ class Reprocessor:
             is_solved_again=solves_again,
             is_same_network=None if sha256 is None else sha256 == network.card["sha256"],
             was=recorded.seen,
-            now=Seen(
-                detections=reduction.detections,
-                solution=reduction.solution,
-                measurements=reduction.measurements,
-            ),
+            now=reduction,
             candidates=compare(recorded.seen.detections, reduction.detections),
             stage_ms=stage_ms,
         )
@@ -278,20 +259,18 @@ class Reprocessor:
         )
         return tuple(make_map(frame.pixels, map_mode, block) for block in blocks)
 
-    def _plate(self, config: Config) -> Plate:
+    def _plate(self, config: Config) -> GivenPlate:
         try:
             if self._solver is None:
                 self._solver = PlateSolver(config.solver.index_dirs, start_s=config.waits.process_s)
         except RsoconsoleError as error:
             log.warning("%s", error)
-            missing = NotSolved(frame_id=self._frame.frame_id, reason=str(error), ms=0.0)
-            return _on_record(missing)
+            return _given(NotSolved(frame_id=self._frame.frame_id, reason=str(error), ms=0.0))
         return PlateFinder(self._solver, config)
 
 
-def _on_record(solution: Solution | NotSolved | None) -> Plate:
-    """The same pixels have the same plate."""
-    plate = RecordedPlate()
+def _given(solution: Solution | NotSolved | None) -> GivenPlate:
+    plate = GivenPlate()
     plate.solution = solution
     return plate
 

@@ -4,6 +4,7 @@ import logging
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -11,16 +12,16 @@ from rsoconsole.base import ConfigError, FrameError, SessionError
 from rsoconsole.config import Config, with_changes, with_setting
 from rsoconsole.instruments import read_frame
 from rsoconsole.night import FigureSum, TrackFigures
-from rsoconsole.pipeline.cycle.frame_fold import Shown
+from rsoconsole.pipeline.cycle.frame_fold import FrameObservations, ReducedFrame
 from rsoconsole.pipeline.frame.frame_cautions import calibration_warnings
 from rsoconsole.pipeline.frame.measurement import measured, numbered_like
-from rsoconsole.pipeline.frame.plate import Part
+from rsoconsole.pipeline.frame.plate import GivenPlate
 from rsoconsole.pipeline.frame.reduce import FrameReducer, open_reducer
 from rsoconsole.pipeline.replays._rewrite_log import LogRewriter
-from rsoconsole.pipeline.replays.refold import LookedAt, ReduceAgain, ReplayedFrame, Walk, replay
+from rsoconsole.pipeline.replays.refold import ReduceAgain, ReplayedFrame, Walk, replay
 from rsoconsole.records import Frame, FrameTaken, NotSolved, Record, Solution
 from rsoconsole.session import SessionReader
-from rsoconsole.vision import ConfidenceCurve, Network, StarList
+from rsoconsole.vision import ConfidenceCurve, Network
 
 
 def once_each(frames: Iterable[ReplayedFrame]) -> list[ReplayedFrame]:
@@ -31,7 +32,7 @@ def once_each(frames: Iterable[ReplayedFrame]) -> list[ReplayedFrame]:
 
 def add_replayed(found: FigureSum, frame: ReplayedFrame) -> None:
     """One frame more."""
-    found.add(frame.taken, frame.records, frame.state, frame.solution)
+    found.add(frame.taken, frame.records, frame.after.state, frame.observations.solution)
 
 
 def figures_of(
@@ -76,7 +77,7 @@ class Rerun:
         self,
         reader: SessionReader,
         reducer: FrameReducer,
-        recorded_plate: "RecordedPlate | None",
+        recorded_plate: GivenPlate | None,
         *,
         with_detector: bool,
         on_frame: Callable[[], None],
@@ -90,18 +91,18 @@ class Rerun:
         self._config: Config | None = None
         self._said: set[str] = set()
 
-    def __call__(self, shown: Shown, config: Config) -> Shown:
+    def __call__(self, observed: FrameObservations, config: Config) -> FrameObservations:
         """What the frame shows now; what was recorded where its pixels are gone."""
         self._on_frame()
-        frame = self._frame(shown)
+        frame = self._frame(observed)
         if frame is None:
-            return shown
+            return observed
         if config != self._config:
             self._reducer.configure(config)
             self._config = config
         if self._recorded_plate is not None:
-            self._recorded_plate.solution = shown.solution
-        elif isinstance(shown.solution, Solution) and shown.solution.path == "full":
+            self._recorded_plate.solution = observed.solution
+        elif isinstance(observed.solution, Solution) and observed.solution.path == "full":
             self._reducer.forget_plate()
         reduction = self._reducer.reduce(frame)
         self.counts.rerun += 1
@@ -111,17 +112,17 @@ class Rerun:
                 log.warning("%s", words)
         if self._with_detector:
             return replace(
-                shown,
+                observed,
                 detections=reduction.detections,
                 solution=reduction.solution,
                 measurements=numbered_like(
-                    reduction.measurements, shown.measurements, shown.detections
+                    reduction.measurements, observed.measurements, observed.detections
                 ),
             )
-        return _with_plate(shown, reduction.solution, config)
+        return _with_plate(observed, reduction.solution, config)
 
-    def _frame(self, shown: Shown) -> Frame | None:
-        taken = shown.taken
+    def _frame(self, observed: FrameObservations) -> Frame | None:
+        taken = observed.taken
         path = self._reader.frame_path(taken.frame_id)
         if path is None:
             self.counts.not_kept += 1
@@ -145,29 +146,6 @@ def as_recorded(frame: Frame, taken: FrameTaken) -> Frame:
     )
 
 
-class RecordedPlate:
-    """Gives the plate that is on record: for a detector that is tried alone."""
-
-    def __init__(self) -> None:
-        self.solution: Solution | NotSolved | None = None
-
-    def configure(self, config: Config) -> None:
-        """Nothing to take."""
-
-    def forget(self) -> None:
-        """Nothing to forget."""
-
-    def solve(self, frame: Frame, stars: StarList) -> Solution | NotSolved | None:
-        """What was found that night."""
-        _ = frame, stars
-        return self.solution
-
-    def moved(self, frame: Frame, stars: StarList, part: Part) -> Solution | None:
-        """Nobody looks at a part of a recorded frame."""
-        _ = frame, stars, part
-        return None
-
-
 @contextmanager
 def open_rerun(
     reader: SessionReader,
@@ -181,28 +159,25 @@ def open_rerun(
 
     Raises ModelError when the network cannot be loaded, SolverError without index files.
     """
+    rerun = partial(Rerun, reader, on_frame=on_frame)
     if with_solver:
         with open_reducer(config) as (reducer, sha256):
-            yield (
-                Rerun(reader, reducer, None, with_detector=with_detector, on_frame=on_frame),
-                sha256,
-            )
+            yield rerun(reducer, None, with_detector=with_detector), sha256
         return
     network = Network.load(config.detector.model, config.detector.threads)
-    plate = RecordedPlate()
+    plate = GivenPlate()
     reducer = FrameReducer(network, ConfidenceCurve.from_card(network.card), plate, config)
-    yield (
-        Rerun(reader, reducer, plate, with_detector=True, on_frame=on_frame),
-        str(network.card["sha256"]),
-    )
+    yield rerun(reducer, plate, with_detector=True), str(network.card["sha256"])
 
 
-def _with_plate(shown: Shown, solution: Solution | NotSolved | None, config: Config) -> Shown:
+def _with_plate(
+    observed: FrameObservations, solution: Solution | NotSolved | None, config: Config
+) -> FrameObservations:
     """The recorded detections, measured with another plate; what a hand marked stays as it is."""
-    measurements = [m for m in shown.measurements if m.source == "operator"]
+    measurements = [m for m in observed.measurements if m.source == "operator"]
     if isinstance(solution, Solution):
-        measurements += measured(shown.detections, solution, shown.taken, config.exposure)
-    return replace(shown, solution=solution, measurements=tuple(measurements))
+        measurements += measured(observed.detections, solution, observed.taken, config.exposure)
+    return replace(observed, solution=solution, measurements=tuple(measurements))
 
 
 OF_THE_FOLD = (
@@ -268,9 +243,7 @@ def what_if_session(
     config = reader.config()
     changes = dict(changes or {})
     check_changes(changes, config, detector=detector, solver=solver)
-    frames: list[ReplayedFrame] = []
-    log: list[tuple[int, Record]] = []
-    both = _Both(config, keep=(frames, log) if keep else None)
+    both = _Both(config, is_kept=keep)
     counts, sha256 = None, None
     if detector or solver:
         begun_with = with_changes(config, changes)
@@ -291,8 +264,8 @@ def what_if_session(
         what_if=both.changed.figures(),
         is_reproduced=both.is_reproduced,
         config=begun_with,
-        frames=tuple(frames),
-        log=tuple(log),
+        frames=tuple(both.frames),
+        log=tuple(both.log),
         is_kept=keep,
         rerun=counts,
         model_sha256=sha256,
@@ -302,12 +275,10 @@ def what_if_session(
 class _Both:
     """One way through a log: followed with the recorded settings, and rewritten with others."""
 
-    def __init__(
-        self,
-        config: Config,
-        keep: tuple[list[ReplayedFrame], list[tuple[int, Record]]] | None,
-    ) -> None:
-        self._config, self._keep = config, keep
+    def __init__(self, config: Config, *, is_kept: bool) -> None:
+        self._config, self._is_kept = config, is_kept
+        self.frames: list[ReplayedFrame] = []
+        self.log: list[tuple[int, Record]] = []
         self.recorded, self.changed = FigureSum(), FigureSum()
         self.is_reproduced = True
 
@@ -331,7 +302,7 @@ class _Both:
         rewriter.close()
         return rewriter.config
 
-    def _add_recorded(self, closed: Iterable[ReplayedFrame | LookedAt]) -> None:
+    def _add_recorded(self, closed: Iterable[ReducedFrame]) -> None:
         for each in closed:
             if isinstance(each, ReplayedFrame):
                 self.is_reproduced = self.is_reproduced and each.is_alike
@@ -339,12 +310,12 @@ class _Both:
 
     def _add_changed(self, frame: ReplayedFrame) -> None:
         add_replayed(self.changed, frame)
-        if self._keep is not None:
-            self._keep[0].append(frame)
+        if self._is_kept:
+            self.frames.append(frame)
 
     def _keep_record(self, t_utc_ns: int, record: Record) -> None:
-        if self._keep is not None:
-            self._keep[1].append((t_utc_ns, record))
+        if self._is_kept:
+            self.log.append((t_utc_ns, record))
 
 
 def rewritten_log(what_if: WhatIf) -> Iterator[tuple[int, Record]]:

@@ -254,6 +254,8 @@ def text_of(content: bytes) -> str:
         content = _gunzipped(content)
     elif content.startswith(_ZIP):
         content = _of_archive(content)
+    if len(content) > MAX_BYTES:
+        raise OrbitError(f"unpacked it is larger than {MAX_BYTES >> 20} MB")
     try:
         text = content.decode("utf-8-sig")
     except UnicodeDecodeError:
@@ -279,14 +281,11 @@ def expect_elements_not_a_page(text: str) -> None:
 
 def _gunzipped(content: bytes) -> bytes:
     try:
-        plain = gunzipped(content)
+        return gunzipped(content)
     except (OSError, zlib.error) as error:
         raise OrbitError(f"its gzip is broken ({error})") from error
     except EOFError as error:
         raise OrbitError("its gzip ends before it is whole") from error
-    if len(plain) > MAX_BYTES:
-        raise OrbitError(f"unpacked it is larger than {MAX_BYTES >> 20} MB")
-    return plain
 
 
 def _of_archive(content: bytes) -> bytes:
@@ -296,9 +295,6 @@ def _of_archive(content: bytes) -> bytes:
             if len(files) != 1:
                 raise OrbitError(f"its archive holds {len(files)} files, one is needed")
             with archive.open(files[0]) as stream:
-                plain = stream.read(MAX_BYTES + 1)
+                return stream.read(MAX_BYTES + 1)
     except (zipfile.BadZipFile, zlib.error, EOFError, RuntimeError, NotImplementedError) as error:
         raise OrbitError(f"its archive is broken ({error})") from error
-    if len(plain) > MAX_BYTES:
-        raise OrbitError(f"unpacked it is larger than {MAX_BYTES >> 20} MB")
-    return plain

@@ -248,11 +248,10 @@ class ElementStore:
     def _of_files(self) -> dict[str, Kept]:
         """Without an index: what lies there, asked just now as far as anybody knows."""
         now_ns = time.time_ns()
-        found = {}
-        for path in sorted(self.folder.glob("*.txt")):
-            key = f"file:{path}"
-            found[key] = Kept(source=key, file=path.name, asked_utc_ns=now_ns)
-        return found
+        return {
+            (key := f"file:{path}"): Kept(source=key, file=path.name, asked_utc_ns=now_ns)
+            for path in sorted(self.folder.glob("*.txt"))
+        }
 
     def _write_index(self, rows: Sequence[Kept]) -> None:
         content = {"format": FORMAT, "sources": [asdict(each) for each in rows]}

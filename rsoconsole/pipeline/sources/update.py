@@ -105,10 +105,8 @@ class Update:
             with contextlib.suppress(OrbitError):  # a mount that slews on loses nothing fetched
                 self.wait()
             text, entries = _read(content, source.words)
-        except FetchError as error:
-            return self._failed(source, kept, error, error.kind, now_utc_ns)
         except OrbitError as error:
-            return self._failed(source, kept, error, "failed", now_utc_ns)
+            return self._failed(source, kept, error, now_utc_ns)
         now = self.store.keep(source, text, entries, now_utc_ns)
         return Updated(
             source=source, is_fetched=True, is_fault=False, words=_words(kept, now), kept=now
@@ -131,10 +129,8 @@ class Update:
             return f"not asked: once in two hours at most, next at {utc_ns_to_iso(due_utc_ns, 0)}"
         return None
 
-    def _failed(
-        self, source: Source, before: Kept, error: OrbitError, kind: str, now_utc_ns: int
-    ) -> Updated:
-        words = str(error)
+    def _failed(self, source: Source, before: Kept, error: OrbitError, now_utc_ns: int) -> Updated:
+        words, kind = str(error), error.kind if isinstance(error, FetchError) else "failed"
         if kind == "refused":
             kept = self.store.note(source, fault=words, refused_utc_ns=now_utc_ns)
             words += "; it is not asked again until it is added again"

@@ -13,6 +13,7 @@ HALF_WIDTH = 0.5
 _WORST = -1e12
 _FINE = {"xatol": 0.02, "fatol": 0.01}
 _COARSE = {"xatol": 0.1, "fatol": 0.05}
+_CORNER = 0.5
 _STRIDE = 0.2
 """Of a parabola's three points, in natural logarithms."""
 
@@ -242,14 +243,12 @@ class Search:
         return (there, above) if above > height else (logs, height)
 
 
-def _simplex(
-    start: FloatArray, bounds: Sequence[tuple[float, float]], size: float = 0.5
-) -> FloatArray:
+def _simplex(start: FloatArray, bounds: Sequence[tuple[float, float]]) -> FloatArray:
     """Corners about a start, inside the bounds."""
     corners = [start]
     for place, (_, high) in enumerate(bounds):
         corner = start.copy()
-        corner[place] += size if corner[place] + size <= high else -size
+        corner[place] += _CORNER if corner[place] + _CORNER <= high else -_CORNER
         corners.append(corner)
     return np.array(corners)
 

@@ -54,11 +54,6 @@ class Soundness:
     autocorrelation_east: float
     autocorrelation_north: float
 
-    @property
-    def is_nis_in_band(self) -> bool:
-        """Whether the mean NIS is that of a sound filter."""
-        return self.nis_band[0] <= self.nis_mean <= self.nis_band[1]
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class HoldOut:

@@ -49,21 +49,6 @@ class WrittenAngle:
     """ra, dec, alt, az or ha; empty where the text does not say."""
 
 
-def plain_signs(text: str) -> str:
-    """The same with one kind of minus, and a nought before a leading point."""
-    return _POINT_FIRST.sub("0.", text.translate(_DASHES))
-
-
-def without_labels(text: str) -> str:
-    """What is left of a text when ra, dec, alt, az and ha are taken out."""
-    return _LABEL.sub(" ", text)
-
-
-def is_labelled(text: str) -> bool:
-    """Whether a text begins with the name of a coordinate."""
-    return _LABEL.match(text.strip()) is not None
-
-
 def two_angles(text: str) -> tuple[WrittenAngle, WrittenAngle]:
     """The two angles of a text.
 
@@ -214,10 +199,11 @@ def understand(text: str, site: Site, t_utc_ns: int, names: Names | None = None)
     plain = " ".join(text.split())
     if not plain:
         raise ValueError(USAGE)
-    bare = plain_signs(_ICRS.sub(" ", _OF_DATE.sub(" ", plain))).strip()
-    values = without_labels(bare)
+    bare = _ICRS.sub(" ", _OF_DATE.sub(" ", plain)).translate(_DASHES)
+    bare = _POINT_FIRST.sub("0.", bare).strip()
+    values = _LABEL.sub(" ", bare)
     has_words = bool(_LETTERS.search("".join(c for c in values if c.lower() not in _UNITS)))
-    is_word_first = _LETTERS.match(bare) is not None and not is_labelled(bare)
+    is_word_first = _LETTERS.match(bare) is not None and _LABEL.match(bare) is None
     is_number = values == bare and bare.isdecimal()
     if has_words or is_word_first or is_number:
         return (names or Names()).find(plain, site, t_utc_ns)
