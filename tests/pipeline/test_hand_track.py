@@ -14,7 +14,7 @@ from rsoconsole.engine.operator._hand_marks import automatic_of, with_figures
 from rsoconsole.night import as_recorded
 from rsoconsole.pipeline import HELD, refined_mark, replay
 from rsoconsole.pipeline.cycle.decisions import KEPT, TAKEN_BACK
-from rsoconsole.pipeline.cycle.track_assignment import KEPT_S, TracksTaken
+from rsoconsole.pipeline.cycle.track_assignment import KEPT_S, TrackAssignment
 from rsoconsole.pipeline.replays.what_if_log import figures_of
 from rsoconsole.records import (
     CommandResult,
@@ -116,7 +116,7 @@ def test_two_marks_while_the_operator_has_the_mount_start_a_track_that_resume_fo
     assert r.engine.following.state == "TRACK"
     assert r.engine.following.track_id == kept.track_id
     assert_replayed_alike(r)
-    tracks = TracksTaken()
+    tracks = TrackAssignment()
     for record in r.memory.records:
         tracks.receive(record)
     (track,) = tracks.tracks()

@@ -306,7 +306,7 @@ def ruled_log(log: list[tuple[int, Any]], config: Config, frame_id: int) -> list
             taken = record
     assert taken is not None
     decision = Ruling(frame_id=frame_id, refused=(taken,))
-    again = [(each.frame_id, each.records) for each in walk.folds.rule(decision)]
+    again = [(each.frame_id, each.records) for each in walk.folds.apply(decision)]
     t_utc_ns = log[until - 1][0]
     return [*log[:until], *((t_utc_ns, r) for r in on_record_again(decision, again))]
 

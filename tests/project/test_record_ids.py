@@ -6,7 +6,7 @@ from typing import Any
 from rsoconsole.config import Config
 from rsoconsole.night import Night
 from rsoconsole.pipeline import replay
-from rsoconsole.pipeline.cycle.track_assignment import TracksTaken
+from rsoconsole.pipeline.cycle.track_assignment import TrackAssignment
 from rsoconsole.records import Measurement, Ruling, SlewCommand, TrackState
 from rsoconsole.tracking import Following, follow
 from tests.makers import geo_measurement
@@ -44,7 +44,7 @@ def two_tracks() -> list[Any]:
 
 
 def test_a_frame_may_hold_several_tracks_each_with_its_own_measurements() -> None:
-    tracks = TracksTaken()
+    tracks = TrackAssignment()
     for record in two_tracks():
         tracks.receive(record)
     found = tracks.tracks()

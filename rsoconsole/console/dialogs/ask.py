@@ -15,7 +15,7 @@ from rsoconsole.console.watches.messages import Previewed
 from rsoconsole.control import Beside, Goto, MovePreview, Preview, preview_lines, read_record
 
 if TYPE_CHECKING:
-    from rsoconsole.pipeline import Understood
+    from rsoconsole.pipeline import ParsedDirection
 
 GOTO_EXAMPLES = "05 32 11 -4 52 10 · 83.05 -4.87 of date · alt 47 az 201 · SES-10 · M31"
 
@@ -107,16 +107,16 @@ class GotoDialog(FieldDialog[tuple[float, float] | None]):
         move = Goto(ra_icrs_deg=found.ra_icrs_deg, dec_icrs_deg=found.dec_icrs_deg)
         _ask_engine(self, self._orders, move, self._asked, f"{found.words}{caution}")
 
-    def _understood(self, text: str) -> "Understood":
+    def _understood(self, text: str) -> "ParsedDirection":
         """What is meant at this instant. Raises ValueError or RsoconsoleError where none is."""
-        from rsoconsole.pipeline import Names, understand
+        from rsoconsole.pipeline import TargetNames, parse_direction
 
         config = self._config()
         if config is None:
             raise ValueError(UNREAD)
         if self._names is None:
-            self._names = Names.load(config.catalogue.tle_files)
-        return understand(text, config.site.to_site(), self._now_utc_ns(), self._names)
+            self._names = TargetNames.load(config.catalogue.tle_files)
+        return parse_direction(text, config.site.to_site(), self._now_utc_ns(), self._names)
 
     def on_previewed(self, message: Previewed) -> None:
         """What the engine says of the last thing typed."""

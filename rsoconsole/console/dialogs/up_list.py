@@ -19,7 +19,7 @@ from rsoconsole.console.words.words import clipped, first_shown
 from rsoconsole.words import clock, span
 
 if TYPE_CHECKING:
-    from rsoconsole.pipeline import Up
+    from rsoconsole.pipeline import VisibleSatellite
 
 log = logging.getLogger(__name__)
 
@@ -32,12 +32,14 @@ NAME_COLUMNS = 24
 class UpFound(Message):
     """What is up, or why that cannot be said."""
 
-    def __init__(self, found: "tuple[Up, ...]", t_utc_ns: int, fault: str = "") -> None:
+    def __init__(
+        self, found: "tuple[VisibleSatellite, ...]", t_utc_ns: int, fault: str = ""
+    ) -> None:
         super().__init__()
         self.found, self.t_utc_ns, self.fault = found, t_utc_ns, fault
 
 
-class UpListDialog(ListDialog[str | None, "Up"]):
+class UpListDialog(ListDialog[str | None, "VisibleSatellite"]):
     """Satellites above the limit; typing finds one. Gives its number, as the go-to takes it."""
 
     BINDINGS: ClassVar[list[BindingType]] = [
@@ -54,7 +56,7 @@ class UpListDialog(ListDialog[str | None, "Up"]):
         """``config``: the night's, None until it has been read; ``now_utc_ns``: the frame clock."""
         super().__init__()
         self._config, self._now_utc_ns = config, now_utc_ns
-        self._found: tuple[Up, ...] | None = None
+        self._found: tuple[VisibleSatellite, ...] | None = None
         self._t_utc_ns = 0
         self._limit_deg = 0.0
         self._fault = ""
@@ -62,7 +64,7 @@ class UpListDialog(ListDialog[str | None, "Up"]):
 
     def look(self, send: Send) -> None:
         """Compute it: large catalogues take a second."""
-        from rsoconsole.pipeline import read_catalogue, up_now
+        from rsoconsole.pipeline import read_catalogue, visible_now
 
         while (config := self._config()) is None:
             time.sleep(UNREAD_CHECK_S)
@@ -77,7 +79,7 @@ class UpListDialog(ListDialog[str | None, "Up"]):
         site, limits = config.site.to_site(), config.limits
         self._limit_deg = limits.min_altitude_deg
         try:
-            found = up_now(read_catalogue(files), site, t_utc_ns, limits)
+            found = visible_now(read_catalogue(files), site, t_utc_ns, limits)
         except RsoconsoleError as error:
             send(UpFound((), t_utc_ns, str(error)))
         except Exception:  # whatever it is, nobody waits for ever for the list
@@ -93,7 +95,7 @@ class UpListDialog(ListDialog[str | None, "Up"]):
         self.show()
 
     @property
-    def shown(self) -> "list[Up]":
+    def shown(self) -> "list[VisibleSatellite]":
         """Those that what was typed leaves, in the chosen order."""
         words = self.query_one(Input).value.lower().split()
         left = [
@@ -107,7 +109,7 @@ class UpListDialog(ListDialog[str | None, "Up"]):
             return sorted(left, key=lambda up: (up.minutes_left is None, up.minutes_left or 0.0))
         return left
 
-    def result_of(self, row: "Up") -> str:
+    def result_of(self, row: "VisibleSatellite") -> str:
         """Its number."""
         return str(row.norad_id)
 
@@ -118,7 +120,7 @@ class UpListDialog(ListDialog[str | None, "Up"]):
 
     def lines(self, width: int, height: int) -> list[Line]:
         """The satellites, or why there are none."""
-        shown: list[Up] = []
+        shown: list[VisibleSatellite] = []
         if self._found is None:
             head = "computing …"
         elif self._fault:
@@ -132,7 +134,9 @@ class UpListDialog(ListDialog[str | None, "Up"]):
         return up_lines(head, shown, self._at, width, height)
 
 
-def up_lines(head: str, shown: "list[Up]", chosen: int, width: int, height: int) -> list[Line]:
+def up_lines(
+    head: str, shown: "list[VisibleSatellite]", chosen: int, width: int, height: int
+) -> list[Line]:
     """How many, and as many of them as fit, the chosen one among them."""
     lines = [clipped([(head, "dim")], width)]
     room = max(height - 1, 1)

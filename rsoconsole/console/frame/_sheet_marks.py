@@ -10,7 +10,7 @@ from rsoconsole.console.picture.marks import SHOWN_REJECTED, Mark, mark_of, mark
 from rsoconsole.night import NightFrame
 
 if TYPE_CHECKING:
-    from rsoconsole.pipeline import Compared, Judged
+    from rsoconsole.pipeline import ComparedCandidate, JudgedCandidate
 
 FAINT_FROM_PX = 3.0
 """In larger squares a streak that is to be marked has its ends pointed at."""
@@ -24,7 +24,7 @@ Box = tuple[float, float, float, float]
 
 
 def sheet_marks(
-    detail: NightFrame, candidates: Sequence["Compared"], chosen: int | None
+    detail: NightFrame, candidates: Sequence["ComparedCandidate"], chosen: int | None
 ) -> tuple[Mark, ...]:
     """The recorded marks, the boxes of what was detected, and what the detector says now.
 
@@ -43,7 +43,7 @@ def sheet_marks(
     return (*_boxes(detail), *(_making_room(mark, now) for mark in then), *now)
 
 
-def _mark_now(judged: "Judged", is_as_recorded: bool) -> Mark:
+def _mark_now(judged: "JudgedCandidate", is_as_recorded: bool) -> Mark:
     mark = mark_of(judged.detection, "now" if judged.is_taken else "now_rejected")
     return replace(mark, is_outer=True, label="=" if is_as_recorded else mark.label)
 

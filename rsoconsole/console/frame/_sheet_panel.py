@@ -15,7 +15,7 @@ from rsoconsole.sky import wrap_180
 from rsoconsole.words import parts_of, short
 
 if TYPE_CHECKING:
-    from rsoconsole.pipeline import Compared
+    from rsoconsole.pipeline import ComparedCandidate
 
 LABEL_COLUMNS = 9
 STAGES = {
@@ -123,7 +123,7 @@ def _candidates(sheet: Sheet, width: int, room: int) -> list[Line]:
     return [head, *lines]
 
 
-def _block(sheet: Sheet, number: int, pair: "Compared", width: int) -> list[Line]:
+def _block(sheet: Sheet, number: int, pair: "ComparedCandidate", width: int) -> list[Line]:
     is_chosen = number == sheet.chosen
     place = pair.shown
     first = f"{_confidence(pair, 'was')} → {_confidence(pair, 'now')}"
@@ -143,12 +143,12 @@ def _block(sheet: Sheet, number: int, pair: "Compared", width: int) -> list[Line
     return lines
 
 
-def _confidence(pair: "Compared", when: str) -> str:
+def _confidence(pair: "ComparedCandidate", when: str) -> str:
     judged = pair.was if when == "was" else pair.now
     return "-" if judged is None else short(judged.detection.confidence)
 
 
-def _outcomes(sheet: Sheet, pair: "Compared") -> list[tuple[str, Ink]]:
+def _outcomes(sheet: Sheet, pair: "ComparedCandidate") -> list[tuple[str, Ink]]:
     """What was said of it then, and what now; once where that is the same."""
     was = "not a candidate"
     if pair.was is not None:
@@ -171,7 +171,7 @@ def _fate(sheet: Sheet, streak: Detection) -> str:
     return ", ".join(word for word in fate(streak, sheet.opened.detail) if word)
 
 
-def _moved(sheet: Sheet, pair: "Compared") -> str:
+def _moved(sheet: Sheet, pair: "ComparedCandidate") -> str:
     """How far the place on the sky is from the recorded one, where both are known."""
     if sheet.done is None or pair.was is None or pair.now is None:
         return ""

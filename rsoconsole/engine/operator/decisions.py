@@ -37,7 +37,7 @@ from rsoconsole.engine.operator._hand_marks import (
 )
 from rsoconsole.engine.operator.handlers import Accepted, Control, Handler, Handlers, RefusedError
 from rsoconsole.engine.tasks.session_log import SessionLog
-from rsoconsole.pipeline import Cycle, Folds, FrameObservations, HandTrack, refined_mark
+from rsoconsole.pipeline import Cycle, FollowedFrames, FrameObservations, HandTrack, refined_mark
 from rsoconsole.records import (
     BelowTau,
     Cause,
@@ -127,7 +127,7 @@ PixelsOf = Callable[[int], PixelArray | None]
 """The pixels of a frame by its number, (height, width) ADU; None where they were not kept."""
 
 
-Frames: TypeAlias = Folds | HandTrack
+Frames: TypeAlias = FollowedFrames | HandTrack
 """The last frames on which something may be said; each raises ValueError where nothing can."""
 
 
@@ -252,7 +252,7 @@ class Decisions:
         before = self._control.following
         if not self._control.authority.is_autonomous:
             return self._rule_by_hand(decision)
-        after, records = self._cycle.rule(decision)
+        after, records = self._cycle.apply_decision(decision)
         result = result_of(decision, records)
         if isinstance(command, Drop | Keep):
             result = replace(result, ruled=ruled_of(command), left_alone=0)
@@ -277,7 +277,7 @@ class Decisions:
     def _rule_by_hand(self, decision: Ruling) -> CommandResult:
         """Of a frame that nobody followed: what is kept is what the marks make of it."""
         authority = self._control.authority
-        kept, records = self._cycle.rule_by_hand(
+        kept, records = self._cycle.apply_hand_decision(
             decision, authority.kept, authority.following.last_track_id
         )
         for record in records:

@@ -30,7 +30,7 @@ def by_dask(
 ) -> Iterator[tuple[int, Result]]:
     """The number of each task with its result, as they come.
 
-    Arguments as ``batch_pool.share_out``'s; ``scheduler`` None: a cluster of this machine's own.
+    Arguments as ``batch_pool.run_tasks``'s; ``scheduler`` None: a cluster of this machine's own.
     Raises BatchError too where the scheduler ends, or its last worker, before all is done.
     """
     from concurrent.futures import CancelledError

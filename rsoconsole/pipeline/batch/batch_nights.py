@@ -28,7 +28,7 @@ from rsoconsole.base import (
 )
 from rsoconsole.config import Config
 from rsoconsole.night import TrackFigures
-from rsoconsole.pipeline.batch.batch_pool import Processed, WorkerPool, process_files, share_out
+from rsoconsole.pipeline.batch.batch_pool import Processed, WorkerPool, process_files, run_tasks
 from rsoconsole.pipeline.frame.reduce import open_reducer
 from rsoconsole.pipeline.replays.branches import check_name, save_branch
 from rsoconsole.pipeline.replays.what_if_log import RerunCounts, what_if_session
@@ -58,7 +58,7 @@ class Night:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class NightOutcome:
-    """What became of a night; the figures are those of its session."""
+    """Outcome of a night, with the figures of its session."""
 
     source: Path
     session: Path
@@ -106,7 +106,7 @@ def process_nights(
     *,
     on_done: Callable[[], None] = lambda: None,
 ) -> Iterator[NightOutcome]:
-    """What becomes of each night, in order; those that are done already need nobody.
+    """Process the nights and yield their outcomes in order; those already done need no worker.
 
     ``pool_of``: who does the work, by the number of nights that are left to do. Raises BatchError
     where there is nobody.
@@ -117,7 +117,7 @@ def process_nights(
         for left in night.session.parent.glob(f".{glob.escape(night.session.name)}.*part"):
             shutil.rmtree(left, ignore_errors=True)  # of work that was ended
     paths = [path for night in todo for path in (night.session.parent, night.source)]
-    outcomes = share_out(
+    outcomes = run_tasks(
         process_night,
         todo,
         pool_of(len(todo)),
@@ -158,7 +158,7 @@ def process_night(night: Night) -> NightOutcome:
 
 
 def failed_night(night: Night, reason: str) -> NightOutcome:
-    """The outcome of a night that came to nothing."""
+    """Outcome of a night that failed, with the reason."""
     return NightOutcome(source=night.source, session=night.session, state="failed", error=reason)
 
 
@@ -318,7 +318,7 @@ def _natural(name: str) -> list[tuple[int, str]]:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BatchQuestion:
-    """What is asked of one session; arguments as ``what_if_session``'s and ``save_branch``'s."""
+    """What-if of one session; arguments as ``what_if_session``'s and ``save_branch``'s."""
 
     session: Path
     changes: Mapping[str, float | str] = field(default_factory=dict)
@@ -330,7 +330,7 @@ class BatchQuestion:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Answer:
-    """The figures without the night itself, which may be large."""
+    """Figures of a what-if, without the frames and the log, which may be large."""
 
     changes: Mapping[str, float | str]
     before: Mapping[str, object] = field(default_factory=dict)
@@ -344,7 +344,7 @@ class Answer:
 
 
 def answer(question: BatchQuestion, on_frame: Callable[[], None] = lambda: None) -> Answer:
-    """Try, and keep the result where a name is given; never raises for what is broken."""
+    """Run a what-if, and save it as a branch where a name is given; errors become the answer's."""
     try:
         if question.save is not None:
             check_name(question.session, question.save, force=question.force)
@@ -374,5 +374,5 @@ def answer(question: BatchQuestion, on_frame: Callable[[], None] = lambda: None)
 
 
 def no_answer(question: BatchQuestion, reason: str) -> Answer:
-    """For a question that came to nothing."""
+    """Answer to a question that failed, with the reason."""
     return Answer(changes=dict(question.changes), error=reason)

@@ -22,7 +22,7 @@ from typing import Literal, TypeAlias, TypeVar
 from rsoconsole.base import BatchError, FrameError
 from rsoconsole.config import Config
 from rsoconsole.instruments import read_frame
-from rsoconsole.pipeline.cycle.cycle import Cycle, taken_record
+from rsoconsole.pipeline.cycle.cycle import Cycle, frame_taken_record
 from rsoconsole.pipeline.frame.measurement import shutter_mid_utc_ns
 from rsoconsole.pipeline.frame.reduce import FrameReducer, Reduction
 from rsoconsole.pipeline.orbits.orbits import Orbits
@@ -38,7 +38,7 @@ THREADS = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS", "OPENCV
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class WorkerPool:
-    """Who does the work."""
+    """Kind and number of the workers."""
 
     kind: Kind
     workers: int
@@ -46,7 +46,7 @@ class WorkerPool:
     """Address of a Dask scheduler; None for a cluster of this machine's own."""
 
 
-def pool_for(
+def choose_pool(
     tasks: int,
     *,
     workers: int | None = None,
@@ -69,7 +69,7 @@ def pool_for(
     return WorkerPool(kind="dask" if has_dask and is_dask_wanted else "processes", workers=count)
 
 
-def share_out(
+def run_tasks(
     work: Callable[[Task], Result],
     tasks: Sequence[Task],
     pool: WorkerPool,
@@ -78,7 +78,7 @@ def share_out(
     paths: Sequence[Path] = (),
     on_done: Callable[[], None] = lambda: None,
 ) -> Iterator[Result]:
-    """The result of each task, in order, as soon as those before it are there.
+    """Run the tasks and yield their results in order, each as soon as those before it are there.
 
     ``work`` and tasks go to other processes: a function of a module, and records. ``failed``
     makes the result of a task whose worker died. ``paths``: what every worker must be able to
@@ -179,7 +179,7 @@ def _become_worker() -> None:
 
 @contextlib.contextmanager
 def one_thread() -> Iterator[None]:
-    """Processes begun meanwhile compute with one thread."""
+    """Have processes that are started in this context compute with one thread."""
     before = {name: os.environ.get(name) for name in THREADS}
     os.environ.update(dict.fromkeys(THREADS, "1"))
     try:
@@ -194,7 +194,7 @@ def one_thread() -> Iterator[None]:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Processed:
-    """One frame, what it gave, and what is followed after it."""
+    """One processed frame: its reduction, the state after it and its records."""
 
     path: Path
     frame: Frame
@@ -229,7 +229,7 @@ def process_files(
             else:
                 result = cycle.run(frame, following, orbits=orbits.last)
                 reduction, following, outcomes = result.reduction, result.after, result.records
-                for record in (taken_record(frame), *outcomes):
+                for record in (frame_taken_record(frame), *outcomes):
                     orbits.receive(record)
                 outcomes = (*outcomes, *orbits.refine())
         except FrameError as error:
@@ -241,5 +241,5 @@ def process_files(
             t_mid_utc_ns=shutter_mid_utc_ns(frame, config.exposure),
             reduction=reduction,
             after=following,
-            records=(taken_record(frame), *outcomes),
+            records=(frame_taken_record(frame), *outcomes),
         )

@@ -20,7 +20,7 @@ from rsoconsole.orbits import (
     name_together,
     row_of,
 )
-from rsoconsole.pipeline.orbits.track_measurements import longest_arc, read_observed
+from rsoconsole.pipeline.orbits.track_measurements import longest_arc, read_observed_tracks
 from rsoconsole.session import SessionReader
 from rsoconsole.sky import ARCSEC_RAD, iso_to_utc_ns
 from rsoconsole.words import NS_PER_DAY, NS_PER_S, utc_ns_to_iso
@@ -32,7 +32,7 @@ _SHAPE = "a session's folder, or the lines of 'rsoconsole identify --field --jso
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class NightRows:
-    """What one night or file gave."""
+    """Rows of one night or file."""
 
     sessions: tuple[str, ...]
     """As the ledger names what it was read from: the session, or each frame."""
@@ -50,14 +50,14 @@ def is_session(path: Path) -> bool:
 def rows_of_session(
     path: Path, entries: Sequence[CatalogueEntry], errors: ElementErrors
 ) -> NightRows:
-    """Each track of a session against the set of its object that is nearest in epoch.
+    """Compare each track of a session with its object's element set that is nearest in epoch.
 
     ``errors``: how far off it may be to be named. Raises SessionError where there is no track that
     can be read.
     """
     folder = path if path.is_dir() else path.parent
     about = SessionReader(folder).about()
-    tracks = read_observed(folder)
+    tracks = read_observed_tracks(folder)
     compared = [
         compared_with(longest_arc(each.seen), each.site, entries, gate_deg=GATE_DEG, errors=errors)
         for each in tracks
@@ -78,7 +78,7 @@ def rows_of_session(
 
 
 def rows_of_lines(path: Path, *, is_simulated: bool) -> NightRows:
-    """Streaks and movers of the lines that ``identify --field --json`` printed.
+    """Read streaks and movers from the lines that ``identify --field --json`` printed.
 
     Raises OrbitError where it is no such file.
     """

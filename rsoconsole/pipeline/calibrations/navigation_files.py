@@ -23,7 +23,7 @@ from rsoconsole.orbits import (
     parse_sp3,
     states_gcrs,
 )
-from rsoconsole.pipeline.calibrations.time_calibration import FoundTiming, Mode, SeenSatellite
+from rsoconsole.pipeline.calibrations.time_calibration import FoundSatellite, FoundTiming, Mode
 from rsoconsole.words import NS_PER_DAY
 
 _READ_OUT = ("binning", "width_px", "height_px", "x0_px", "y0_px", "gain", "time_by")
@@ -38,12 +38,12 @@ _DAYS = 30.0
 
 
 def read_rinex(files: Sequence[Path]) -> NavigationFile:
-    """Broadcast ephemerides, plain or gzipped. Raises OrbitError in one line."""
+    """Read broadcast ephemerides, plain or gzipped. Raises OrbitError in one line."""
     return parse_rinex_nav({str(path): _text(path) for path in files})
 
 
 def read_sp3(files: Sequence[Path]) -> NavigationFile:
-    """Precise orbits, plain or gzipped. Raises OrbitError in one line."""
+    """Read precise orbits, plain or gzipped. Raises OrbitError in one line."""
     return parse_sp3({str(path): _text(path) for path in files})
 
 
@@ -76,7 +76,7 @@ def from_elements(entries: Sequence[CatalogueEntry], t_utc_ns: int) -> Navigatio
 def with_norad(
     found: FoundTiming, file: NavigationFile, entries: Sequence[CatalogueEntry]
 ) -> FoundTiming:
-    """The result, its satellites with the catalogue numbers of what is where they are."""
+    """Add catalogue numbers to the satellites of a result, by their positions."""
     if not entries or not found.satellites:
         return found
     by_name = {each.name: each for each in file.satellites}
@@ -89,8 +89,8 @@ def with_norad(
 
 
 def _named(
-    seen: SeenSatellite, satellite: NavigationSatellite, entries: Sequence[CatalogueEntry]
-) -> SeenSatellite:
+    seen: FoundSatellite, satellite: NavigationSatellite, entries: Sequence[CatalogueEntry]
+) -> FoundSatellite:
     t = np.array([seen.t_utc_ns], np.int64)
     here, _ = satellite.position_gcrs(t)
     there, _ = states_gcrs(entries, t)
@@ -131,7 +131,7 @@ def _text(path: Path) -> str:
 
 
 def timings_of(found: FoundTiming) -> tuple[CalibratedTiming, ...]:
-    """One entry for each mode of which something was found; none of mere elements."""
+    """Settings' entry of each camera mode that was calibrated; none by element sets."""
     if found.kind == "tle":
         return ()
     return tuple(_timing(mode, timing, found) for mode, timing in found.modes if timing is not None)
@@ -158,10 +158,10 @@ def _timing(mode: Mode, timing: ShutterTiming, found: FoundTiming) -> Calibrated
     )
 
 
-def put_together(
+def merged_timings(
     exposure: ExposureConfig, timings: Sequence[CalibratedTiming]
 ) -> tuple[CalibratedTiming, ...]:
-    """What is known of other modes, then the new ones."""
+    """Calibrated timings of other modes, then the new ones."""
     new = {each.mode for each in timings}
     return (*(each for each in exposure.calibrated if each.mode not in new), *timings)
 
@@ -169,7 +169,7 @@ def put_together(
 def worse_than_known(
     timings: Sequence[CalibratedTiming], exposure: ExposureConfig
 ) -> tuple[tuple[CalibratedTiming, CalibratedTiming], ...]:
-    """(new, known) of each mode of which something known is surer than the new."""
+    """Pairs (new, known) of the modes whose known timing is surer than the new one."""
     known = {each.mode: each for each in exposure.calibrated}
     pairs = ((each, known[each.mode]) for each in timings if each.mode in known)
     return tuple((new, old) for new, old in pairs if any(map(gt, _sigmas(new), _sigmas(old))))

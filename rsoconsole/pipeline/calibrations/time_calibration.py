@@ -66,7 +66,7 @@ class Mode:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class SeenSatellite:
+class FoundSatellite:
     """One navigation satellite that was found in the nights."""
 
     name: str
@@ -103,14 +103,14 @@ class Night:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FoundTiming:
-    """The result, with what it rests on."""
+    """Calibrated timing of each camera mode, with the nights and satellites it rests on."""
 
     kind: str
     """broadcast, sp3 or tle."""
     modes: tuple[tuple[Mode, ShutterTiming | None], ...]
     calibration: TimeCalibration
     nights: tuple[Night, ...]
-    satellites: tuple[SeenSatellite, ...]
+    satellites: tuple[FoundSatellite, ...]
     measured_on: date
     """Day of the last night."""
     simulated: tuple[Path, ...] = ()
@@ -120,7 +120,7 @@ class FoundTiming:
 
 
 def calibrate_time(folders: Sequence[Path], file: NavigationFile, source: str) -> FoundTiming:
-    """What the nights tell of the shutter of each camera mode.
+    """Calibrate the shutter of each camera mode from recorded nights.
 
     ``source``: the files' names, for people. Raises SessionError for what is no session, and
     OrbitError where the file is of another day, where no streak is a navigation satellite's, or
@@ -420,7 +420,7 @@ def _tracks(used: Sequence[Streak]) -> Iterator[list[int]]:
     yield track
 
 
-def _satellites(used: Iterable[Streak]) -> tuple[SeenSatellite, ...]:
+def _satellites(used: Iterable[Streak]) -> tuple[FoundSatellite, ...]:
     groups: dict[str, list[Streak]] = {}
     for streak in used:
         groups.setdefault(label_of(streak), []).append(streak)
@@ -430,7 +430,7 @@ def _satellites(used: Iterable[Streak]) -> tuple[SeenSatellite, ...]:
         satellite = streaks[0].satellite
         assert satellite is not None
         found.append(
-            SeenSatellite(
+            FoundSatellite(
                 name=satellite.name,
                 streaks=len(streaks),
                 rate_arcsec_s=float(np.hypot(east, north)),

@@ -1,4 +1,4 @@
-"""One cycle: a frame, what it shows, what is followed after it, and all that goes on record.
+"""One cycle: a frame, its reduction, the tracks after it, and all that goes on record.
 
 The engine, ``process`` and every replay run this, so that the same frames give the same track;
 ``pipeline.fold`` is the half of it that needs no pixels.
@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from rsoconsole.config import Config
-from rsoconsole.pipeline.cycle.decisions import Folds, HandTrack, on_record_again
+from rsoconsole.pipeline.cycle.decisions import FollowedFrames, HandTrack, on_record_again
 from rsoconsole.pipeline.cycle.frame_fold import (
     FrameObservations,
     fold,
@@ -32,7 +32,7 @@ from rsoconsole.tracking import Following
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CycleResult:
-    """What one frame led to."""
+    """Result of one cycle."""
 
     reduction: Reduction
     after: Following
@@ -47,7 +47,7 @@ class Cycle:
         self._reducer = reducer
         self._config = config
         self._stars = StarHistory()
-        self.folds = Folds()
+        self.folds = FollowedFrames()
         """The last frames followed, on which the operator may decide."""
         self.hand = HandTrack()
         """The last frames that belong to no track, on which the operator may decide, too."""
@@ -64,7 +64,7 @@ class Cycle:
         self._reducer.configure(config)
 
     def forget_plate(self) -> None:
-        """The camera has turned: the last plate says nothing any more."""
+        """Forget the last plate: the camera has turned."""
         self._reducer.forget_plate()
 
     def _observed(
@@ -92,36 +92,36 @@ class Cycle:
         events = (Event(level=each.level, text=each.words, frame_id=frame_id) for each in fresh)
         return (reduction.detections, *solution, *reduction.measurements, *events)
 
-    def rule_by_hand(
+    def apply_hand_decision(
         self, decision: Ruling, kept: Following | None, last_track_id: int
     ) -> tuple[Following | None, tuple[Record, ...]]:
-        """The operator's word on a frame that nobody followed.
+        """Apply the operator's decision on a frame that belongs to no track.
 
         The track that is kept then, and what belongs on the record. Raises ValueError where
         nothing can be said on the frame any more.
         """
-        after, again = self.hand.rule(decision, kept, last_track_id)
+        after, again = self.hand.apply(decision, kept, last_track_id)
         return after, on_record_again(decision, again)
 
-    def rule(self, decision: Ruling) -> tuple[Following, tuple[Record, ...]]:
-        """Follow a frame and those after it again by the operator's word.
+    def apply_decision(self, decision: Ruling) -> tuple[Following, tuple[Record, ...]]:
+        """Apply the operator's decision: fold a frame and those after it again.
 
         What is followed then, and what belongs on the record. Raises ValueError where nothing
         can be said on the frame any more.
         """
-        again = self.folds.rule(decision)
+        again = self.folds.apply(decision)
         return again[-1].following, on_record_again(
             decision, [(each.frame_id, each.records) for each in again]
         )
 
     def glance(self, frame: Frame, reach_px: float) -> Glance | None:
-        """A frame's middle, ``reach_px`` about its centre, before the frame is run."""
+        """Reduce the middle of a frame, ``reach_px`` about its centre, before the frame is run."""
         return self._reducer.glance(frame, reach_px)
 
     def look(self, frame: Frame) -> tuple[Reduction, tuple[Record, ...]]:
-        """Reduce a frame that is not followed; (what it shows, what belongs on the record)."""
+        """Reduce a frame that is not folded; (reduction, records)."""
         reduction = self._reducer.reduce(frame)
-        observed = self._observed(taken_record(frame), reduction)
+        observed = self._observed(frame_taken_record(frame), reduction)
         self._stars = star_history_without_fold(self._stars, observed)
         self.hand.add(observed, self._config)
         return reduction, self._on_record(reduction, frame.frame_id)
@@ -138,7 +138,7 @@ class Cycle:
         ``blocked``: why the slew to the track was refused before this frame, as ``FrameTaken``
         carries it; ``orbits``: the last one of each track on record, by track id.
         """
-        taken = taken_record(frame, blocked)
+        taken = frame_taken_record(frame, blocked)
         mid_exposure(taken, self._config)  # before the work: such a frame cannot be folded
         reduction = self._reducer.reduce(frame)
         observed = self._observed(taken, reduction, orbits)
@@ -154,8 +154,8 @@ class Cycle:
         )
 
 
-def taken_record(frame: Frame, blocked: SlewRefusal | None = None) -> FrameTaken:
-    """What the session keeps of a frame beside its pixels; ``blocked`` as ``Cycle.run`` has it."""
+def frame_taken_record(frame: Frame, blocked: SlewRefusal | None = None) -> FrameTaken:
+    """Record of a frame without its pixels; ``blocked`` as ``Cycle.run`` has it."""
     return FrameTaken(
         frame_id=frame.frame_id,
         name=frame.name,

@@ -1,4 +1,4 @@
-"""The operator's word on frames already followed: they are followed again by it, in order.
+"""The operator's decisions on frames already folded: these are folded again, in order.
 
 Pure but for its memory of the last frames. Engine and replay keep one each, and so come to the
 same track.
@@ -17,7 +17,7 @@ from rsoconsole.pipeline.cycle.frame_fold import (
     fold,
 )
 from rsoconsole.pipeline.cycle.miss_reasons import StarHistory
-from rsoconsole.pipeline.frame.held_frames import HELD
+from rsoconsole.pipeline.frame.marked_frames import HELD
 from rsoconsole.pipeline.frame.measurement import shutter_mid_utc_ns
 from rsoconsole.records import FollowedAgain, Measurement, Record, Ruling, StateChange
 from rsoconsole.tracking import Following
@@ -31,7 +31,7 @@ TAKEN_BACK = 60
 def on_record_again(
     decision: Ruling, again: Sequence[tuple[int, tuple[Record, ...]]]
 ) -> tuple[Record, ...]:
-    """A decision and all that it leads to, in the order of the record.
+    """Records of a decision and of all that it leads to, in the order of the record.
 
     ``again``: the numbers of the frames that are folded once more by it, and their records.
     """
@@ -47,7 +47,7 @@ OfFrame = TypeVar("OfFrame", bound=ReducedFrame)
 
 
 class LastFrames(Generic[OfFrame]):
-    """The last frames on which something may be said, those that are held among them."""
+    """The last frames on which the operator may decide, those that are held among them."""
 
     DONE: ClassVar[str]
     """What was done with them, in words."""
@@ -67,7 +67,7 @@ class LastFrames(Generic[OfFrame]):
             self._held = {**self._held, frame_id: HELD}
 
     def let_go(self, frame_id: int) -> None:
-        """It need not be kept any more (any thread)."""
+        """Release a held frame (any thread)."""
         with self._lock:
             if any(each.frame_id == frame_id for each in self.decisions()):
                 self._hold_ruled(frame_id)
@@ -75,30 +75,30 @@ class LastFrames(Generic[OfFrame]):
                 self._held = {n: left for n, left in self._held.items() if n != frame_id}
 
     def shown(self, frame_id: int) -> FrameObservations:
-        """What a frame showed. Raises ValueError where nothing can be said on it any more."""
+        """Observations of a frame. Raises ValueError where it is too late to decide on it."""
         frames = self._open()
         return frames[self._place(frames, frame_id)].observations
 
     def newest(self) -> FrameObservations:
-        """The last frame. Raises ValueError where there is none."""
+        """Observations of the last frame. Raises ValueError where there is none."""
         frames = self._frames
         if not frames:
             raise ValueError(f"no frame has been {self.DONE} yet that a word could be said on")
         return frames[-1].observations
 
     def decisions(self) -> tuple[Ruling, ...]:
-        """The operator's words on these frames, oldest first."""
+        """The operator's decisions on these frames, oldest first."""
         return tuple(
             f.observations.decision for f in self._open() if f.observations.decision is not None
         )
 
     def said_last(self) -> int | None:
-        """The newest frame that a word was said on; None where there is none."""
+        """Number of the newest frame with a decision; None where there is none."""
         said = self.decisions()
         return said[-1].frame_id if said else None
 
     def frame_ids(self) -> tuple[int, ...]:
-        """The frames on which something can still be said, oldest first."""
+        """Numbers of the frames on which a decision is possible, oldest first."""
         return tuple(each.frame_id for each in self._open())
 
     def _hold_ruled(self, frame_id: int) -> None:
@@ -131,7 +131,7 @@ class LastFrames(Generic[OfFrame]):
         raise NotImplementedError
 
 
-class Folds(LastFrames[FoldedFrame]):
+class FollowedFrames(LastFrames[FoldedFrame]):
     """The last frames followed without anything from outside between them.
 
     Where one is held (somebody is marking in it), all since then are kept, to be followed again by
@@ -144,7 +144,7 @@ class Folds(LastFrames[FoldedFrame]):
         super().__init__(TAKEN_BACK)
 
     def add(self, folded: FoldedFrame) -> None:
-        """One more frame."""
+        """Add a frame."""
         with self._lock:
             self._count_frame()
             frames = (*self._frames, folded)
@@ -152,19 +152,19 @@ class Folds(LastFrames[FoldedFrame]):
             self._frames = frames[self._place(frames, oldest) :]
 
     def forget(self) -> None:
-        """Something from outside has changed what is followed: these do not lead there."""
+        """Forget the frames: something from outside has changed what is followed."""
         with self._lock:
             self._frames = ()
             self._held = {}
 
     def taken(self, frame_id: int) -> Measurement | None:
-        """What the track took of a frame. Raises ValueError as ``shown`` does."""
+        """Measurement that the track took of a frame. Raises ValueError as ``shown`` does."""
         frames = self._open()
         taken = frames[self._place(frames, frame_id)].following.taken
         return taken if taken is not None and taken.frame_id == frame_id else None
 
-    def rule(self, decision: Ruling) -> tuple[FoldedFrame, ...]:
-        """The frame and those after it, followed again. Raises ValueError as ``shown`` does."""
+    def apply(self, decision: Ruling) -> tuple[FoldedFrame, ...]:
+        """Fold the frame and those after it again. Raises ValueError as ``shown`` does."""
         place = self._place(self._frames, decision.frame_id)
         before = self._frames[place].before
         again: list[FoldedFrame] = []
@@ -198,7 +198,7 @@ class _Made:
 
 
 class HandTrack(LastFrames[ReducedFrame]):
-    """The last frames that were looked at, and what the operator said of them."""
+    """The last frames that belong to no track, with the operator's marks in them."""
 
     DONE = "looked at"
 
@@ -208,7 +208,7 @@ class HandTrack(LastFrames[ReducedFrame]):
         """Before the first word; None while none was said."""
 
     def add(self, observed: FrameObservations, config: Config) -> None:
-        """One more frame; one without a time can be no part of a track."""
+        """Add a frame; one without a time can be no part of a track."""
         if shutter_mid_utc_ns(observed.taken, config.exposure) is not None:
             plain = replace(observed, orbits={}, decision=None, decisions=0)
             with self._lock:
@@ -217,7 +217,7 @@ class HandTrack(LastFrames[ReducedFrame]):
                 self._frames = self._within_reach(looked)
 
     def forget(self) -> None:
-        """Somebody else has the mount: what was said led to what is kept, and to no more."""
+        """Forget the decisions: somebody else has the mount, and the track so far is kept."""
         self._base = None
         with self._lock:
             self._held = {}
@@ -227,14 +227,14 @@ class HandTrack(LastFrames[ReducedFrame]):
             )[-KEPT:]
 
     def taken(self, frame_id: int) -> Measurement | None:
-        """What the operator gave of a frame. Raises ValueError as ``shown`` does."""
+        """Measurement that the operator gave of a frame. Raises ValueError as ``shown`` does."""
         decision = self.shown(frame_id).decision
         return None if decision is None else decision.taken
 
-    def rule(
+    def apply(
         self, decision: Ruling, kept: Following | None, last_track_id: int
     ) -> tuple[Following | None, list[tuple[int, tuple[Record, ...]]]]:
-        """The operator's word on a frame: (the track that is kept now, frames followed by it).
+        """Apply the operator's decision on a frame: (track that is kept, frames folded by it).
 
         ``kept``: what was kept before the first word; ``last_track_id``: of the session. The frames
         by number with their records. Raises ValueError as ``shown`` does.

@@ -1,4 +1,4 @@
-"""What is followed after a frame, from what is on record alone. Pure: no pixels, no memory."""
+"""The fold: tracks after a frame, from what is on record alone. Pure: no pixels, no memory."""
 
 import functools
 import statistics

@@ -68,7 +68,7 @@ class StarHistory:
     centre_icrs_deg: tuple[float, float] | None = None
 
     def usual_count(self, sensor_px: int) -> int | None:
-        """How many the clearest of them showed; None before there are enough.
+        """Star count of the clearest of the frames; None before there are enough.
 
         ``sensor_px``: of the sensor that are read. A smaller part has its share of the stars; a
         larger one may not have more, as only the brightest hundreds are counted.
@@ -82,7 +82,7 @@ class StarHistory:
         return counts[(len(counts) - 1) * 9 // 10] if len(counts) >= MIN_FRAMES else None
 
     def usual_flux_adu_s(self, sensor_px: int) -> float | None:
-        """How bright they were in the clearest of those of a size; None before there are enough.
+        """Star flux of the clearest of the frames of one size; None before there are enough.
 
         Of a smaller part the brightest are fainter ones.
         """
@@ -95,7 +95,7 @@ class StarHistory:
 
 
 def stars_of(taken: FrameTaken, detections: Detections) -> Stars | None:
-    """What the records of a frame say of its stars; None where nobody counted them."""
+    """Stars of a frame by its records; None where nobody counted them."""
     exposure_s = taken.exposure_s
     if detections.star_count is None or exposure_s is None:
         return None
@@ -131,7 +131,7 @@ def explain_absence(
     t_utc_ns: int,
     blocked: SlewRefusal | None = None,
 ) -> Missed:
-    """``plain`` with what it is put down to, most certain first; ``plain`` alone where unknown.
+    """Add the causes of a miss to ``plain``, most certain first; none where they are unknown.
 
     ``blocked``: why the slew to the track was refused. Without a track there is nothing to miss:
     only clouds are named then.
@@ -191,7 +191,7 @@ def direction_at(track: TrackState, t_utc_ns: int) -> tuple[float, float]:
 def next_eclipse_utc_ns(
     direction_icrs_deg: tuple[float, float], site: Site, t_utc_ns: int
 ) -> int | None:
-    """When a geostationary satellite in this direction next loses some of the Sun.
+    """Begin of the next eclipse of a geostationary satellite in this direction.
 
     To the second and within a day; the instant itself where it is eclipsed, None where it will
     not be. The satellite is taken to stand still over the ground.

@@ -19,7 +19,7 @@ _BELIEVED = 0.999
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Score:
-    """What one of them said of one measurement."""
+    """Score of one prediction of one measurement."""
 
     nis: float
     log_size: float
@@ -37,7 +37,7 @@ class Score:
 
 
 class PredictorScores:
-    """The last answers of both."""
+    """Scores of orbit and filter over the last measurements."""
 
     def __init__(self) -> None:
         self._scores: deque[tuple[Score, Score]] = deque(maxlen=WINDOW)
@@ -47,7 +47,7 @@ class PredictorScores:
         """By how much the filter failed last; empty: not known."""
 
     def compare(self, by_orbit: Score, by_filter: Score) -> None:
-        """One measurement that both predicted."""
+        """Add the scores of one measurement that both predicted."""
         self._scores.append((by_orbit, by_filter))
         if len(self._scores) >= _LEAST:
             lead = fmean(theirs.score - ours.score for ours, theirs in self._scores)
@@ -63,7 +63,7 @@ class PredictorScores:
 
     @property
     def is_close(self) -> bool:
-        """Whether the widths that both promise come to the same: within a tenth, or as written."""
+        """Whether both state the same width: within a tenth, or as written."""
         if not self._scores:
             return False
         ours, theirs = (fmean(each[n].width_arcsec for each in self._scores) for n in (0, 1))

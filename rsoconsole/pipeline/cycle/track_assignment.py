@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from rsoconsole.config import FilterConfig
-from rsoconsole.pipeline.frame.held_frames import BEGIN_MARK, HELD
+from rsoconsole.pipeline.frame.marked_frames import BEGIN_MARK, HELD
 from rsoconsole.records import (
     FOLLOWING,
     CauseKind,
@@ -25,7 +25,7 @@ ones only counts which measurement was taken. A mark that has been begun reaches
 
 @dataclass(slots=True)
 class Track:
-    """One track, from the two measurements that began it."""
+    """One track with its measurements, from the two that began it."""
 
     measurements: list[Measurement]
     """In order of time."""
@@ -53,8 +53,8 @@ class _Steps:
         return state is not None and state.is_lead
 
 
-class TracksTaken:
-    """Takes a session's records in order."""
+class TrackAssignment:
+    """The measurements of each track, from a session's records in order."""
 
     KINDS = (Measurement, TrackState, FollowedAgain, OperatorAction)
     """Those that it needs; others pass by."""
@@ -72,7 +72,7 @@ class TracksTaken:
         self._most_whole = WHOLE
 
     def receive(self, record: Record) -> None:
-        """One record."""
+        """Process the next record."""
         match record:
             case Measurement():
                 self._measured[record.measurement_id] = record
@@ -93,7 +93,7 @@ class TracksTaken:
                 self._most_whole = WHOLE + HELD
 
     def tracks(self) -> list[Track]:
-        """All of them, in order of time."""
+        """All tracks, in order of time."""
         for number in sorted(each for each in self._frames if each > self._known_to):
             for track_id, steps in self._frames[number].items():
                 if steps.corrected is not None:
@@ -118,11 +118,11 @@ class TracksTaken:
 
     @property
     def newest_frame_id(self) -> int:
-        """Of the newest frame that any track was predicted to; -1 before the first."""
+        """Number of the newest frame that any track was predicted to; -1 before the first."""
         return max(self._frames, default=-1)
 
     def live(self) -> list[Track]:
-        """Those of the newest frame that any track was predicted to, the lead first."""
+        """Tracks of the newest frame that any was predicted to, the lead first."""
         if not self._frames:
             return []
         newest = self._frames[max(self._frames)]
@@ -180,7 +180,7 @@ _LEAVES_NOTHING: frozenset[CauseKind] = frozenset(
 def kept_until_utc_ns(
     kept: Following, settings: FilterConfig, now_utc_ns: int, *, is_lent: bool
 ) -> int:
-    """Until when a track that is kept from now on can be followed again.
+    """Last instant at which a track that is kept from now on can be followed again.
 
     ``is_lent``: the operator has taken the mount from autonomy and moves it by hand: a track is
     kept as long as it would be coasted then.

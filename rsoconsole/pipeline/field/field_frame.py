@@ -75,7 +75,7 @@ class FieldFrame:
             )
 
     def view(self, config: Config) -> FieldOfView:
-        """What it looks at, for the catalogue."""
+        """Field of view of the frame, for the catalogue."""
         wcs = self.solution.wcs
         x = np.array([-0.5, self.width_px - 0.5, -0.5, self.width_px - 0.5])
         y = np.array([-0.5, -0.5, self.height_px - 0.5, self.height_px - 0.5])
@@ -152,14 +152,14 @@ class FieldPlate(GivenPlate):
 
 
 class FieldReader:
-    """Makes frames ready, one after another."""
+    """Reader of single frames: plate, lines and points of each."""
 
     def __init__(self, reducer: FrameReducer, plate: FieldPlate, config: Config) -> None:
         self._reducer, self._plate, self._config = reducer, plate, config
         self._calibration = Calibration(config)
 
     def read(self, frame: Frame) -> FieldFrame:
-        """Raises FrameError naming what is missing: the time, the plate."""
+        """Read one frame. Raises FrameError naming what is missing: the time, the plate."""
         t_mid_utc_ns = shutter_mid_utc_ns(frame, self._config.exposure)
         if t_mid_utc_ns is None or frame.exposure_s is None:
             raise FrameError(
@@ -284,7 +284,7 @@ TAKEN = 0.5
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class FrameAnswer:
-    """One frame."""
+    """Catalogued objects and streaks of one frame, matched."""
 
     frame: FieldFrame
     candidates: tuple[Candidate, ...]
@@ -307,7 +307,7 @@ class FrameAnswer:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class MoverAnswer:
-    """One point that moves."""
+    """One moving point and the catalogued objects that match it."""
 
     mover: Mover
     candidates: tuple[Candidate, ...]
@@ -315,14 +315,14 @@ class MoverAnswer:
 
 
 class FieldRun:
-    """One catalogue, and one frame after another."""
+    """Matching of one catalogue with one frame after another."""
 
     def __init__(self, config: Config, entries: Sequence[CatalogueEntry]) -> None:
         self._config = config
         self._catalogue = FieldCatalogue(entries, errors_of(config.catalogue))
 
     def frame(self, frame: FieldFrame) -> FrameAnswer:
-        """What crossed one frame."""
+        """Match one frame with the catalogue."""
         view = frame.view(self._config)
         candidates = self._catalogue.candidates(view)
         match = match_field(view, candidates, frame.lines)

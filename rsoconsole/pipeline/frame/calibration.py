@@ -1,4 +1,4 @@
-"""The frame as everything that looks for something sees it: dark, flat, then the mosaic.
+"""Calibration of a frame before anything is detected: dark, flat, then the mosaic.
 
 ``process``, ``detect``, ``solve``, the engine and every replay prepare their frames here. Without
 configured masters a frame is what the camera gave, and nothing is spent.
@@ -102,7 +102,7 @@ def _exposure_and_temperature(traits: Traits) -> Iterable[str]:
 
 
 def traits_of(frame: Frame) -> Traits:
-    """Of a frame, or of a master that was read as one."""
+    """Traits of a frame, or of a master that was read as one."""
     mode = camera_mode(frame.header)
     has_corner = mode.x0_px is not None and mode.y0_px is not None
     return Traits(
@@ -139,7 +139,7 @@ def _read(path: Path) -> Frame:
 
 
 def read_master(setting: str, path: Path) -> Master:
-    """What a master is. Raises FrameError where it cannot be used as what ``setting`` says."""
+    """Read a master frame. Raises FrameError where it cannot be used as what ``setting`` says."""
     frame = _read(path)
     level_adu = float(np.median(frame.pixels[::_SAMPLE, ::_SAMPLE]))
     if setting == "flat" and level_adu <= 0.0:

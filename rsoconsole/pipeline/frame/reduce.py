@@ -36,7 +36,7 @@ from rsoconsole.words import text
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Glance:
-    """What the middle of a frame shows, in the whole frame's pixels."""
+    """Streaks and plate of the middle of a frame, in the whole frame's pixels."""
 
     detections: Detections
     solution: Solution
@@ -88,7 +88,7 @@ BRIGHTEST_STARS = slice(20, 60)
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Reduction:
-    """All that one frame gave."""
+    """Result of the reduction of one frame."""
 
     detections: Detections
     solution: Solution | NotSolved | None
@@ -145,7 +145,7 @@ class FrameReducer:
         self._calibration.make_ready(self._config)
 
     def forget_plate(self) -> None:
-        """The camera has turned: the next frame is solved in full."""
+        """Forget the last plate: the next frame is solved in full."""
         self._plate.forget()
 
     def glance(self, frame: Frame, reach_px: float) -> Glance | None:
@@ -235,7 +235,7 @@ def plain_absence(
 
 @contextmanager
 def timed(stage_ms: dict[str, float], stage: str) -> Iterator[None]:
-    """What is done within takes so long."""
+    """Write the time that a stage takes, in ms, into ``stage_ms``."""
     started_s = time.perf_counter()
     yield
     stage_ms[stage] = (time.perf_counter() - started_s) * 1e3

@@ -84,7 +84,7 @@ def streaks_of(
 
 
 def timing_of(frame: Frame | FrameTaken, exposure: ExposureConfig) -> Timing:
-    """What the times of frames like this one are worth."""
+    """Uncertainty of the times of frames like this one."""
     shutter = shutter_time(frame, exposure)
     is_gps = frame.camera is not None and frame.camera.time_by == "gps"
     unknown_s = 0.0 if is_gps else UNKNOWN_BIAS_S

@@ -89,7 +89,7 @@ class Naming:
         self._config, self._errors = config, errors_of(config.catalogue)
 
     def forget(self) -> None:
-        """The clock was wrong until now."""
+        """Forget everything: the clock was wrong until now."""
         self._asked = {}
 
     def entries(self) -> tuple[CatalogueEntry, ...]:
@@ -152,7 +152,7 @@ class Naming:
 
 
 def on_record(frame_id: int, track_id: int, found: Identification, observations: int) -> Identified:
-    """What is put on record of an identification."""
+    """Record of an identification."""
     return Identified(
         frame_id=frame_id,
         track_id=track_id,

@@ -36,14 +36,14 @@ from rsoconsole.tracking import (
 from rsoconsole.tracking.filters import lqe
 from rsoconsole.words import NS_PER_S, apart_words, clock, closest_words, tracks_words
 
-Word = tuple[Literal["info", "warning"], str]
+Message = tuple[Literal["info", "warning"], str]
 LIKELY, UNLIKELY = 0.5, 0.2
 CLEAR_SHARE = 1.2
 """Of the angle: they are clear of each other again from there on."""
 
 
 class Approaches:
-    """Those that are under way."""
+    """Approaches of pairs that are under way."""
 
     def __init__(self) -> None:
         self._open: dict[tuple[int, int], tuple[float, int]] = {}
@@ -55,12 +55,12 @@ class Approaches:
         alive: Collection[int],
         t_utc_ns: int | None,
         limit_arcsec: float,
-    ) -> tuple[Collection[tuple[int, int]], Sequence[Word]]:
+    ) -> tuple[Collection[tuple[int, int]], Sequence[Message]]:
         """The pairs that are warned of after a frame, and words for what is new.
 
         ``alive``: the tracks that are followed; ``t_utc_ns``: the frame's instant.
         """
-        words: list[Word] = []
+        words: list[Message] = []
         for pair in [each for each in self._open if not set(alive).issuperset(each)]:
             del self._open[pair]
             gone = " and ".join(str(n) for n in pair if n not in alive)
@@ -126,7 +126,7 @@ class _Sight:
 
 
 @dataclass(slots=True)
-class _Seen:
+class _TrackSights:
     """One track."""
 
     sights: dict[int, _Sight] = field(default_factory=dict)
@@ -155,11 +155,11 @@ class _Seen:
 
 
 class Pairs:
-    """Hears the log; fed with its records alone, so that the same log gives the same pairs."""
+    """Relative motion of the tracks; fed with records alone, so that a log gives the same pairs."""
 
     def __init__(self, config: Config) -> None:
         self._config = config
-        self._tracks: dict[int, _Seen] = {}
+        self._tracks: dict[int, _TrackSights] = {}
         self._measured: dict[str, Measurement] = {}
         """By id."""
         self._frame_id = 0
@@ -180,7 +180,7 @@ class Pairs:
         self._config = config
 
     def forget(self) -> None:
-        """The clock was wrong until now."""
+        """Forget everything: the clock was wrong until now."""
         self._tracks, self._measured, self._paths, self._known = {}, {}, {}, {}
         self.last = ()
         self._alive, self._t_utc_ns = [], None
@@ -225,7 +225,7 @@ class Pairs:
         taken = [*(state.begun_with or ())[:1], state.measurement_id]
         for m in (self._measured.get(each) for each in taken if each is not None):
             if m is not None and not m.is_crossing and not m.is_clipped:
-                self._tracks.setdefault(number, _Seen()).put(m.frame_id, _sight(m, state))
+                self._tracks.setdefault(number, _TrackSights()).put(m.frame_id, _sight(m, state))
 
     def _is_seen(self, track_id: int) -> bool:
         seen = self._tracks.get(track_id)
@@ -300,7 +300,9 @@ class Pairs:
 
         return sorted(combinations(sorted(self._alive), 2), key=due)
 
-    def _path(self, one: int, other: int, tracks: Mapping[int, _Seen]) -> RelativePath | None:
+    def _path(
+        self, one: int, other: int, tracks: Mapping[int, _TrackSights]
+    ) -> RelativePath | None:
         if one not in tracks or other not in tracks:
             return None
         last = max(tracks[one].sights.keys() & tracks[other].sights.keys(), default=None)

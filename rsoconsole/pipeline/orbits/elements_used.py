@@ -26,7 +26,9 @@ class ElementsUsed:
 
 
 def elements_used(path: Path, configured: Sequence[Path], option: str) -> ElementsUsed:
-    """The configuration's; of a simulated night, or without any, those that the session began with.
+    """Element files to identify a session by: the configuration's, else the session's own.
+
+    The session's own come first for a simulated night.
 
     Raises OrbitError with the remedy, the caller's option or the setting, where there are none.
     """

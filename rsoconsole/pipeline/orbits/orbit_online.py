@@ -26,11 +26,11 @@ from rsoconsole.orbits import (
 )
 from rsoconsole.pipeline.cycle.frame_fold import may_guide
 from rsoconsole.pipeline.cycle.predictor_scores import PredictorScores, Score
-from rsoconsole.pipeline.cycle.track_assignment import Track, TracksTaken
-from rsoconsole.pipeline.cycle.unassigned import Untaken
+from rsoconsole.pipeline.cycle.track_assignment import Track, TrackAssignment
 from rsoconsole.pipeline.orbits._orbit_turns import Predicted, in_turn, predicted_by
-from rsoconsole.pipeline.orbits.orbit_of import orbit_values
-from rsoconsole.pipeline.orbits.track_measurements import PartErrors, sightings_of
+from rsoconsole.pipeline.orbits.orbit_determination import orbit_values
+from rsoconsole.pipeline.orbits.track_measurements import PartErrors, sightings_from_measurements
+from rsoconsole.pipeline.orbits.unassigned_measurements import UnassignedMeasurements
 from rsoconsole.records import (
     Event,
     FrameTaken,
@@ -58,7 +58,7 @@ _LEARNT = 0.2
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Refined:
-    """What one frame made of one track's orbit."""
+    """Orbit of one track as refined after one frame."""
 
     estimate: OrbitEstimate
     seen: Sightings
@@ -105,13 +105,13 @@ class _Target:
 
 
 class OnlineOrbit:
-    """Knows the objects that are followed, and the few that were followed before them."""
+    """Orbits of the objects that are followed, and of the few that were followed before them."""
 
     def __init__(self, config: Config) -> None:
         self._config = config
         self._site = config.site.to_site()
-        self._tracks = TracksTaken()
-        self._untaken = Untaken()
+        self._tracks = TrackAssignment()
+        self._unassigned = UnassignedMeasurements()
         self._exposures_s: dict[int, float] = {}
         """By frame number."""
         self._targets: dict[str, _Target] = {}
@@ -129,20 +129,20 @@ class OnlineOrbit:
     def receive(self, record: Record) -> None:
         """One record of the log."""
         self._tracks.receive(record)
-        self._untaken.receive(record)
+        self._unassigned.receive(record)
         if isinstance(record, FrameTaken) and record.exposure_s is not None:
             self._exposures_s[record.frame_id] = record.exposure_s
         if isinstance(record, TrackState) and record.kind == "initial" and record.is_lead:
             self._is_begun = True
 
     def forget(self) -> None:
-        """Nothing that was seen until now has a place in an orbit: the clock was wrong."""
-        self._tracks, self._targets, self._lead, self._earlier = TracksTaken(), {}, None, []
-        self._untaken = Untaken()
+        """Forget all measurements: the clock was wrong until now."""
+        self._tracks, self._targets, self._lead, self._earlier = TrackAssignment(), {}, None, []
+        self._unassigned = UnassignedMeasurements()
 
     @property
     def track_ids(self) -> frozenset[int]:
-        """Of all tracks that took something and were not followed otherwise again."""
+        """Ids of all tracks that have a measurement after all decisions."""
         return frozenset(each.track_id for each in self._tracks.tracks())
 
     @property
@@ -153,7 +153,7 @@ class OnlineOrbit:
 
     @property
     def orbit(self) -> Orbit | None:
-        """Of the lead, or of what was the lead last."""
+        """Orbit of the lead, or of what was the lead last."""
         target = self._lead
         return None if target is None else target.orbit
 
@@ -198,7 +198,7 @@ class OnlineOrbit:
             last = adaptive.with_learned_errors(target.taken[-2:], *learnt)[-1]
             predicted = predicted_by(target.orbit, self._site, target.part_errors.last_of(last))
         self._ask_earlier(target)
-        self._ask_untaken(target, count)
+        self._claim_unassigned(target, count)
         seen, _ = together(target.parts)
         orbit = target.orbit = self._determined(target, seen)
         if orbit is None:
@@ -207,7 +207,7 @@ class OnlineOrbit:
         if track.last.foretold_by == "orbit":
             target.scores.filter_failed(track.last.filter_nis, self._config.filter.gate_nis)
         elif predicted is not None and (by_filter := self._by_filter(track)) is not None:
-            target.scores.compare(predicted.short, by_filter)
+            target.scores.compare(predicted.score, by_filter)
         estimate = self._estimate(target, track, orbit, seen, predicted)
         words, target.words = [*target.words, *_news(target, estimate)], []
         if not track.last.is_lead:
@@ -273,7 +273,7 @@ class OnlineOrbit:
         parts = [each for each in (target.own, more) if each is not None]
         target.seen = together(parts)[0] if parts else None
 
-    def _ask_untaken(self, target: _Target, before: int) -> None:
+    def _claim_unassigned(self, target: _Target, before: int) -> None:
         """Whether what no track took is its own, now that its orbit is known better.
 
         ``before``: the number of measurements that the track had taken when it was refined last.
@@ -283,7 +283,7 @@ class OnlineOrbit:
             return
         # By the orbit of the frame before: all that it claims is asked for again each time.
         frames = {m.frame_id for m in target.taken}
-        more = self._untaken.of(target.orbit, self._site, frames, target.learnt)
+        more = self._unassigned.of(target.orbit, self._site, frames, target.learnt)
         if len(more) > len(target.more):
             new = len(more) - len(target.more)
             target.words.append(f"{new} more of the streaks that no track took belong to it")
@@ -294,7 +294,7 @@ class OnlineOrbit:
     def _reduced(self, taken: Sequence[Measurement]) -> Sightings | None:
         """Without those that are no directions."""
         try:
-            return sightings_of(self._site, taken)
+            return sightings_from_measurements(self._site, taken)
         except ValueError:
             if len(taken) == 1:
                 return None
@@ -385,7 +385,7 @@ class OnlineOrbit:
             observations=orbit.observations,
             arc_s=float(seen.t_s[-1] - seen.t_s[0]),
             outliers=orbit.outliers,
-            nis=None if predicted is None else predicted.short.nis,
+            nis=None if predicted is None else predicted.score.nis,
             innovation_arcsec=None if predicted is None else predicted.innovation_arcsec,
             sigma_innovation_arcsec=None if predicted is None else predicted.sigma_arcsec,
             is_guide=self._guides(target),

@@ -19,7 +19,7 @@ log = logging.getLogger(__name__)
 
 
 class Orbits:
-    """Hears the log, and makes of it what belongs behind a frame.
+    """Orbits, names and pairs of the tracks, made of the log behind each frame.
 
     No track depends on whether that succeeds: what fails is said once.
     """
@@ -50,7 +50,7 @@ class Orbits:
         self.expected.receive(record)
 
     def forget(self) -> None:
-        """The clock was wrong until now."""
+        """Forget everything: the clock was wrong until now."""
         self.online.forget()
         self._naming.forget()
         self.pairs.forget()

@@ -11,7 +11,7 @@ import numpy as np
 from rsoconsole.base import OrbitError, SessionError, json_of, named_text, raised_as
 from rsoconsole.config import Config, LimitsConfig
 from rsoconsole.orbits import Sightings, sightings, together
-from rsoconsole.pipeline.cycle.track_assignment import Track, TracksTaken
+from rsoconsole.pipeline.cycle.track_assignment import Track, TrackAssignment
 from rsoconsole.records import FrameTaken, Measurement, Site, TrackState
 from rsoconsole.session import SessionReader
 from rsoconsole.sky import iso_to_utc_ns
@@ -28,7 +28,7 @@ _BESIDE, _BESIDE_S = 5, 600.0
 
 
 class PartErrors:
-    """Knows the lengths of the streaks that one track has taken."""
+    """Shared error of part streaks, by the lengths of the streaks that one track has taken."""
 
     def __init__(self) -> None:
         self._excesses: tuple[float, ...] = ()
@@ -90,8 +90,8 @@ ARC_GAP_S = 3 * 3600.0
 """A longer silence begins another arc."""
 
 
-def sightings_of(site: Site, taken: Sequence[Measurement]) -> Sightings:
-    """Measurements, reduced. Raises ValueError for one that is no direction."""
+def sightings_from_measurements(site: Site, taken: Sequence[Measurement]) -> Sightings:
+    """Reduce measurements to sightings. Raises ValueError for one that is no direction."""
     return sightings(
         site,
         np.array([each.t_mid_utc_ns for each in taken], np.int64),
@@ -102,7 +102,7 @@ def sightings_of(site: Site, taken: Sequence[Measurement]) -> Sightings:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Observed:
+class ObservedTrack:
     """Measured directions of one object, and where they are from."""
 
     name: str
@@ -119,14 +119,14 @@ class Observed:
     """As in the session's records; None for a file."""
 
 
-def read_observed(
+def read_observed_tracks(
     path: Path,
     *,
     sigma_arcsec: float = 1.0,
     track: int | None = None,
     site: Site | None = None,
-) -> tuple[Observed, ...]:
-    """The tracks of a session, the longest first, or the observations of a file.
+) -> tuple[ObservedTrack, ...]:
+    """Read the tracks of a session, the longest first, or the observations of a file.
 
     ``track`` takes one of a session's tracks alone, counted from 1 in order of time;
     ``sigma_arcsec`` is that of observations which state none, ``site`` that of a file without one.
@@ -138,7 +138,7 @@ def read_observed(
 
 
 def arcs(seen: Sightings) -> tuple[Sightings, ...]:
-    """Its arcs, in order of time: a silence of three hours parts them."""
+    """Split into arcs, in order of time: a silence of three hours parts them."""
     starts = np.flatnonzero(np.diff(seen.t_s) > ARC_GAP_S) + 1
     groups = np.split(np.arange(len(seen)), starts)
     return tuple(together([seen.of(each)])[0] for each in groups)
@@ -149,7 +149,7 @@ def longest_arc(seen: Sightings) -> Sightings:
     return max(arcs(seen), key=len)
 
 
-def _read_session(folder: Path, track: int | None) -> tuple[Observed, ...]:
+def _read_session(folder: Path, track: int | None) -> tuple[ObservedTrack, ...]:
     reader = SessionReader(folder)
     config = reader.config()
     tracks, exposures_s = _tracks(reader)
@@ -173,18 +173,18 @@ def _of_track(
     place: tuple[int, int],
     track: Track,
     exposures_s: Mapping[int, float],
-) -> Observed:
+) -> ObservedTrack:
     """``place``: its number, and how many there are."""
     site, (number, count) = config.site.to_site(), place
     measured = tuple(track.measurements)
     taken = PartErrors().widened(measured, measured, track.last, exposures_s)
     try:
-        seen = sightings_of(site, taken)
+        seen = sightings_from_measurements(site, taken)
     except ValueError as error:
         raise SessionError(
             f"{name}, track {number}: {error}; take another track with --track"
         ) from error
-    return Observed(
+    return ObservedTrack(
         name=name if count == 1 else f"{name}, track {number} of {count}",
         site=site,
         limits=config.limits,
@@ -197,8 +197,8 @@ def _of_track(
 
 def _tracks(reader: SessionReader) -> tuple[list[Track], dict[int, float]]:
     """Those with enough measurements, else all that have any, in order of time."""
-    taken, exposures_s = TracksTaken(), dict[int, float]()
-    for _, _, record in reader.records(kinds=(FrameTaken, *TracksTaken.KINDS)):
+    taken, exposures_s = TrackAssignment(), dict[int, float]()
+    for _, _, record in reader.records(kinds=(FrameTaken, *TrackAssignment.KINDS)):
         taken.receive(record)
         if isinstance(record, FrameTaken) and record.exposure_s is not None:
             exposures_s[record.frame_id] = record.exposure_s
@@ -206,7 +206,7 @@ def _tracks(reader: SessionReader) -> tuple[list[Track], dict[int, float]]:
     return [each for each in found if len(each.measurements) >= _FEWEST] or found, exposures_s
 
 
-def _read_file(path: Path, sigma_arcsec: float, elsewhere: Site | None) -> Observed:
+def _read_file(path: Path, sigma_arcsec: float, elsewhere: Site | None) -> ObservedTrack:
     text = named_text(path, OrbitError, "name a session's folder or a file of observations")
     try:
         read = json_of(text)
@@ -222,7 +222,9 @@ def _read_file(path: Path, sigma_arcsec: float, elsewhere: Site | None) -> Obser
     parsed = [_row(row, f"{path}, observation {n}", sigma_arcsec) for n, row in enumerate(rows, 1)]
     t, ra, dec, east, north = (np.array(column) for column in zip(*parsed, strict=True))
     cov = np.stack([east**2, np.zeros_like(east), north**2], axis=-1)
-    return Observed(name=path.name, site=site, limits=None, seen=sightings(site, t, ra, dec, cov))
+    return ObservedTrack(
+        name=path.name, site=site, limits=None, seen=sightings(site, t, ra, dec, cov)
+    )
 
 
 def _site(table: Any, path: Path) -> Site:

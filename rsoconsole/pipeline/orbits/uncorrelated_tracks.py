@@ -23,8 +23,12 @@ from rsoconsole.orbits import (
     sightings,
     together,
 )
-from rsoconsole.pipeline.orbits.orbit_of import orbit_values
-from rsoconsole.pipeline.orbits.track_measurements import Observed, longest_arc, read_observed
+from rsoconsole.pipeline.orbits.orbit_determination import orbit_values
+from rsoconsole.pipeline.orbits.track_measurements import (
+    ObservedTrack,
+    longest_arc,
+    read_observed_tracks,
+)
 from rsoconsole.records import FloatArray, Identified, LedgerName, Site
 from rsoconsole.session import (
     Change,
@@ -54,7 +58,7 @@ _KNOWN = ("free", "constrained by prior")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class KeptTrack:
-    """What became of one track."""
+    """One track as kept in the ledger."""
 
     track: int
     """Its number in the session."""
@@ -68,7 +72,7 @@ class KeptTrack:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class KeptSession:
-    """What became of a session's tracks."""
+    """Tracks of a session as kept in the ledger."""
 
     tracks: tuple[KeptTrack, ...] = ()
     taken_back: tuple[int, ...] = ()
@@ -79,14 +83,14 @@ class KeptSession:
 
 
 class Past:
-    """What the ledger held when the night began."""
+    """Objects that the ledger held when the night began."""
 
     def __init__(self, ledger: Ledger) -> None:
         self._objects = {each.number: each for each in ledger.objects}
         self._before = seen_before(ledger.objects)
 
     def names_of(self, tracks: Mapping[int, Sightings], site: Site) -> dict[int, LedgerName]:
-        """Of those tracks, by id, that are or may be of an object that was seen before."""
+        """Names, by track id, of tracks that are or may be of an object seen before."""
         if not self._before or not tracks:
             return {}
         found = recognise(list(tracks.values()), site, self._before)
@@ -109,12 +113,12 @@ class Past:
 
 
 def seen_before(objects: Sequence[LedgerObject]) -> tuple[SeenBefore, ...]:
-    """What the latest tracks of each say."""
+    """Latest tracks of each object, to be recognised by."""
     return tuple(_seen_before(each.number, track) for each in objects for track in each.tracks[-2:])
 
 
 def keep_night(folder: Path, path: Path | None = None) -> KeptSession:
-    """The tracks of a closed session whose last name on record is none.
+    """Keep the tracks of a closed session that have no name on record.
 
     Those that were never compared with a catalogue are left out. Raises SessionError.
     """
@@ -125,12 +129,15 @@ def keep_night(folder: Path, path: Path | None = None) -> KeptSession:
     unknown = {n for n, each in identified.items() if each.verdict == "unknown"}
     if not unknown:
         return KeptSession()
-    tracks = [each for each in read_observed(folder) if each.track_id in unknown]
+    tracks = [each for each in read_observed_tracks(folder) if each.track_id in unknown]
     return keep(folder, tracks, (), path)
 
 
 def keep(
-    folder: Path, tracks: Sequence[Observed], named: Sequence[Observed], path: Path | None = None
+    folder: Path,
+    tracks: Sequence[ObservedTrack],
+    named: Sequence[ObservedTrack],
+    path: Path | None = None,
 ) -> KeptSession:
     """Keep tracks of a session that no catalogue explains, and take back those that it names now.
 
@@ -174,12 +181,12 @@ def keep(
     )
 
 
-def _short(tracks: Sequence[Observed]) -> tuple[int, ...]:
+def _short(tracks: Sequence[ObservedTrack]) -> tuple[int, ...]:
     return tuple(each.number for each in tracks if len(each.seen) < MIN_TRACKS)
 
 
 def _kept_tracks(
-    session: str, ledger: Ledger, ready: Sequence[tuple[Observed, Sightings]]
+    session: str, ledger: Ledger, ready: Sequence[tuple[ObservedTrack, Sightings]]
 ) -> list[KeptTrack]:
     """Of which object each is: known by its own entry, recognised, or new."""
     known = [ledger.number_of(session, each.track_id or 0) for each, _ in ready]
@@ -249,7 +256,7 @@ def _determined(arc: Sightings) -> Orbit | None:
 
 
 def _ledger_track(
-    folder: Path, observed: Observed, arc: Sightings, *, is_simulated: bool
+    folder: Path, observed: ObservedTrack, arc: Sightings, *, is_simulated: bool
 ) -> LedgerTrack:
     t, ra, dec, rate, covariance = attributable(arc)
     step = max(1, -(-len(arc) // _MAX_DIRECTIONS))

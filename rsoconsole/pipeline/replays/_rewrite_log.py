@@ -14,7 +14,7 @@ from rsoconsole.night import FOLDED, is_from_outside
 from rsoconsole.pipeline.cycle.frame_fold import FrameObservations, ReducedFrame
 from rsoconsole.pipeline.frame.measurement import at_its_row, shutter_mid_utc_ns, shutter_time
 from rsoconsole.pipeline.replays.record_equality import are_alike
-from rsoconsole.pipeline.replays.refold import Part, ReplayedFrame, Walk
+from rsoconsole.pipeline.replays.refold import RecordRole, ReplayedFrame, Walk
 from rsoconsole.records import (
     BesideRecord,
     Cause,
@@ -41,7 +41,7 @@ from rsoconsole.records import (
 
 
 class LogRewriter:
-    """Walks along a log and hands on another, record by record: a night may be a long one."""
+    """Rewrites a log record by record: a night may be a long one."""
 
     def __init__(
         self,
@@ -57,7 +57,7 @@ class LogRewriter:
         self._on_record = on_record
         self._on_frame = on_frame
         self._walk = walk
-        self._held: list[tuple[int, Record, Part]] = []
+        self._held: list[tuple[int, Record, RecordRole]] = []
         """Records since the frame that is open was reduced, or began to be followed again."""
         self._t_open_ns = 0
         self._is_again = False
@@ -69,7 +69,7 @@ class LogRewriter:
         """A decision whose change of state has not been told, and the states before and after."""
 
     def receive(self, t_utc_ns: int, record: Record) -> None:
-        """One record more."""
+        """Process the next record."""
         walk = self._walk
         if _closes(record):
             self.close()
@@ -191,8 +191,8 @@ class LogRewriter:
 
 
 def _without_orbits(
-    held: Iterable[tuple[int, Record, Part]],
-) -> Iterator[tuple[int, Record, Part]]:
+    held: Iterable[tuple[int, Record, RecordRole]],
+) -> Iterator[tuple[int, Record, RecordRole]]:
     """Without orbits and names, and the words that were said on them."""
     is_theirs = False
     for each in held:

@@ -47,7 +47,7 @@ class Branch:
 
 
 def branch_folder(session: Path, name: str) -> Path:
-    """Where a branch of that name lies. Raises SessionError for a name that cannot be one."""
+    """Folder of a branch of that name. Raises SessionError for a name that cannot be one."""
     if not _NAME.fullmatch(name) or name.endswith("."):
         raise SessionError(
             f"{name!r} cannot name a branch: use up to 64 letters, digits, '-', '_' and '.',"
@@ -59,7 +59,7 @@ def branch_folder(session: Path, name: str) -> Path:
 
 
 def check_name(session: Path, name: str, *, force: bool = False) -> Path:
-    """Where a branch of that name is to lie. Raises SessionError where it cannot."""
+    """Folder for a new branch of that name. Raises SessionError where it cannot."""
     folder = branch_folder(session, name)
     if folder.exists() and not force:
         raise SessionError(f"{session} has a branch '{name}' already: --force replaces it")

@@ -1,4 +1,4 @@
-"""The track once more, from what is on record alone: the same fold over the same inputs. Pure.
+"""Replay of the tracks from what is on record alone: the same fold, the same inputs. Pure.
 
 What-if, review and tests run this. With the session's own configuration it gives every record of
 the fold again, bit for bit. Inputs are, in the order of the log: the frames that were reduced
@@ -14,7 +14,7 @@ from typing import Literal, TypeAlias, assert_never
 
 from rsoconsole.config import Config, ExposureConfig, with_changes, with_setting
 from rsoconsole.night import FOLDED, is_from_outside, is_instruments
-from rsoconsole.pipeline.cycle.decisions import Folds, HandTrack
+from rsoconsole.pipeline.cycle.decisions import FollowedFrames, HandTrack
 from rsoconsole.pipeline.cycle.frame_fold import (
     FoldedFrame,
     FrameObservations,
@@ -24,7 +24,7 @@ from rsoconsole.pipeline.cycle.frame_fold import (
 )
 from rsoconsole.pipeline.cycle.miss_reasons import StarHistory
 from rsoconsole.pipeline.cycle.track_assignment import kept_after
-from rsoconsole.pipeline.frame.held_frames import BEGIN_MARK
+from rsoconsole.pipeline.frame.marked_frames import BEGIN_MARK
 from rsoconsole.pipeline.frame.measurement import (
     at_its_row,
     measure,
@@ -63,14 +63,14 @@ from rsoconsole.tracking import Following
 def at_instant(
     observed: FrameObservations, t_mid_utc_ns: int, exposure: ExposureConfig
 ) -> FrameObservations:
-    """The same measurements at the frame's mid-exposure: another where its latency is tried."""
+    """Put the measurements at the frame's mid-exposure: another where its latency is tried."""
     shutter = shutter_time(observed.taken, exposure)
     moved = tuple(at_its_row(m, t_mid_utc_ns, shutter) for m in observed.measurements)
     return observed if moved == observed.measurements else replace(observed, measurements=moved)
 
 
 def at_tau(observed: FrameObservations, config: Config) -> FrameObservations:
-    """What the frame would have observed at the configured tau, most confident first.
+    """Observations of the frame at the configured tau, most confident first.
 
     The detector keeps what passed its gates and lay below tau, so nothing is guessed; without a
     plate solution a candidate is detected and not measured, as ever.
@@ -150,7 +150,7 @@ class ReplayedFrame(ReducedFrame):
 
 ReduceAgain: TypeAlias = Callable[[FrameObservations, Config], FrameObservations]
 """What a frame shows when it is reduced once more: its record and the configuration in force."""
-Part: TypeAlias = Literal["input", "folded", "other"]
+RecordRole: TypeAlias = Literal["input", "folded", "other"]
 """What a record is to the fold: what goes in, what comes out, neither."""
 
 
@@ -183,7 +183,7 @@ def _folded(closed: Iterable[ReducedFrame]) -> Iterator[ReplayedFrame]:
 
 @dataclass(slots=True, kw_only=True)
 class Walk:
-    """Where a replay stands in the log."""
+    """State of a replay: what the log has led to so far."""
 
     config: Config
     held: frozenset[str]
@@ -201,7 +201,7 @@ class Walk:
     """A reduced frame whose records still come in."""
     recorded: list[Record] = field(default_factory=list)
     """What the fold had made of it, so far."""
-    folds: Folds = field(default_factory=Folds)
+    folds: FollowedFrames = field(default_factory=FollowedFrames)
     hand: HandTrack = field(default_factory=HandTrack)
     is_by_hand: bool = False
     """The last decision was on a frame that nobody followed."""
@@ -211,7 +211,7 @@ class Walk:
     """One of them whose records still come in."""
     is_ruled: bool = False
     """A decision has come, and none of the frames that it has followed again."""
-    part: Part = "other"
+    part: RecordRole = "other"
     """What the record heard last is to the fold."""
 
     @classmethod
@@ -221,7 +221,7 @@ class Walk:
         changes: Mapping[str, float | str] | None = None,
         reduce_again: ReduceAgain | None = None,
     ) -> "Walk":
-        """At the beginning of a log. Raises ConfigError as ``replay`` does."""
+        """State at the beginning of a log. Raises ConfigError as ``replay`` does."""
         changes = changes or {}
         return cls(
             config=with_changes(config, changes),
@@ -230,7 +230,7 @@ class Walk:
         )
 
     def receive(self, record: Record) -> Iterator[ReducedFrame]:  # noqa: PLR0912 -- one case a kind
-        """One record; gives the frame that it shows to be complete."""
+        """Process the next record; yields the frame that it shows to be complete."""
         self.part = "other"
         match record:
             case FrameTaken():
@@ -286,7 +286,9 @@ class Walk:
         else:
             frames.let_go(frame_id)
 
-    def _receive_of_frame(self, record: FoldRecord | Solution | NotSolved | Measurement) -> Part:
+    def _receive_of_frame(
+        self, record: FoldRecord | Solution | NotSolved | Measurement
+    ) -> RecordRole:
         """What was seen in a frame, or what the fold made of it."""
         is_folds = isinstance(record, FoldRecord) and not self._is_loops_own(record)
         if self.open_again is not None:
@@ -371,7 +373,7 @@ class Walk:
             if self.is_by_hand:
                 self._rule_by_hand(record)
                 return
-            again = self.folds.rule(record)
+            again = self.folds.apply(record)
         except ValueError:  # under what is tried the frame was not followed
             return
         self.again = {each.frame_id: each for each in again}
@@ -379,7 +381,7 @@ class Walk:
 
     def _rule_by_hand(self, record: Ruling) -> None:
         self.again = {}
-        self.kept, _ = self.hand.rule(record, self.kept, self.following.last_track_id)
+        self.kept, _ = self.hand.apply(record, self.kept, self.following.last_track_id)
         if self.kept is not None:
             last_track_id = max(self.kept.last_track_id, self.following.last_track_id)
             self.following = replace(self.following, last_track_id=last_track_id)

@@ -56,7 +56,7 @@ confidence that was fitted again says 0.995 where 0.9999 was on record."""
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RecordedFrame:
-    """What a session holds of one frame."""
+    """Everything that a session has of one frame."""
 
     taken: FrameTaken
     seen: NightFrame
@@ -71,8 +71,8 @@ class RecordedFrame:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Judged:
-    """A candidate and what the detector said of it."""
+class JudgedCandidate:
+    """A candidate with the detector's decision."""
 
     detection: Detection
     is_taken: bool
@@ -81,15 +81,15 @@ class Judged:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Compared:
-    """One candidate then and now; one of them is missing where only the other saw it."""
+class ComparedCandidate:
+    """One candidate as recorded and now; None where it was not found."""
 
-    was: Judged | None
-    now: Judged | None
+    was: JudgedCandidate | None
+    now: JudgedCandidate | None
 
     @property
     def shown(self) -> Detection:
-        """Where it is: as seen now, or then where it is not seen any more."""
+        """The detection as it is now, else as recorded."""
         judged = self.now or self.was
         assert judged is not None
         return judged.detection
@@ -116,7 +116,7 @@ class Reprocessed:
     """Whether the network is the recorded one; None where the session does not say."""
     was: NightFrame
     now: Reduction
-    candidates: tuple[Compared, ...]
+    candidates: tuple[ComparedCandidate, ...]
     """Most confident first."""
     stage_ms: dict[str, float] = field(default_factory=dict)
     """Of the detector's stages, of ``solve``, and of it all as ``total``."""
@@ -125,7 +125,7 @@ class Reprocessed:
 def recorded_frame(
     reader: SessionReader, frame_id: int, config: Config | None = None
 ) -> RecordedFrame:
-    """What the session holds of a frame.
+    """Read what the session has of a frame.
 
     ``config``: instead of that with which the session began; recorded changes before the frame
     are made to either. Raises SessionError where the session has no such frame, or where its
@@ -159,7 +159,7 @@ def _in_force(reader: SessionReader, config: Config, seq_of_frame: int) -> Confi
 
 
 def read_pixels(recorded: RecordedFrame) -> Frame:
-    """The frame as the camera gave it.
+    """Read the frame as the camera gave it.
 
     Raises FrameError where it was not kept (and says why), where its file is damaged, and where
     the file holds another exposure than the recorded one.
@@ -214,7 +214,7 @@ class Reprocessor:
         *,
         solves_again: bool = False,
     ) -> Reprocessed:
-        """The frame with these settings; None: as they were in force for it.
+        """Reduce the frame with these settings; None: as they were in force for it.
 
         ``solves_again``: find the plate from this frame's stars alone, instead of taking the one
         on record. Raises ConfigError for a value that cannot be, ModelError without a network.
@@ -252,7 +252,7 @@ class Reprocessor:
         )
 
     def maps(self, map_mode: MapMode) -> tuple[FrameMap, ...]:
-        """What the network sees of the frame: one map, or several where its scale is unknown."""
+        """Maps that the network is given of the frame: several where its scale is unknown."""
         frame, _ = self._calibration.prepare(self._frame)
         blocks = choose_blocks(
             frame.width_px, frame.height_px, frame.scale_arcsec_px, frame.exposure_s
@@ -275,34 +275,34 @@ def _given(solution: Solution | NotSolved | None) -> GivenPlate:
     return plate
 
 
-def compare(was: Detections | None, now: Detections | None) -> tuple[Compared, ...]:
-    """Candidates then and now, those of one streak side by side, most confident first."""
+def compare(was: Detections | None, now: Detections | None) -> tuple[ComparedCandidate, ...]:
+    """Pair candidates as recorded and now by streak, most confident first."""
     left = list(judged_candidates(was))
-    pairs: list[Compared] = []
+    pairs: list[ComparedCandidate] = []
     for judged in judged_candidates(now):
         same = [other for other in left if is_same_streak(judged.detection, other.detection)]
         nearest = min(same, key=lambda other: _away_px(judged, other), default=None)
         if nearest is not None:
             left.remove(nearest)
-        pairs.append(Compared(was=nearest, now=judged))
-    pairs += [Compared(was=judged, now=None) for judged in left]
+        pairs.append(ComparedCandidate(was=nearest, now=judged))
+    pairs += [ComparedCandidate(was=judged, now=None) for judged in left]
     return tuple(sorted(pairs, key=lambda pair: -_highest(pair)))
 
 
-def judged_candidates(found: Detections | None) -> Iterable[Judged]:
-    """All that the detector held possible in a frame, and what it said of each."""
+def judged_candidates(found: Detections | None) -> Iterable[JudgedCandidate]:
+    """All candidates of a frame with the detector's decisions."""
     if found is None:
         return
     for each in found.detections:
-        yield Judged(detection=each, is_taken=True, reason="")
+        yield JudgedCandidate(detection=each, is_taken=True, reason="")
     for one in found.rejected:
-        yield Judged(detection=one.detection, is_taken=False, reason=text(one.reason))
+        yield JudgedCandidate(detection=one.detection, is_taken=False, reason=text(one.reason))
 
 
-def _away_px(one: Judged, other: Judged) -> float:
+def _away_px(one: JudgedCandidate, other: JudgedCandidate) -> float:
     a, b = one.detection, other.detection
     return max(abs(a.x_px - b.x_px), abs(a.y_px - b.y_px))
 
 
-def _highest(pair: Compared) -> float:
+def _highest(pair: ComparedCandidate) -> float:
     return max(each.detection.confidence for each in (pair.was, pair.now) if each is not None)

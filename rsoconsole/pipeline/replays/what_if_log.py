@@ -25,20 +25,20 @@ from rsoconsole.vision import ConfidenceCurve, Network
 
 
 def once_each(frames: Iterable[ReplayedFrame]) -> list[ReplayedFrame]:
-    """In order of their numbers; of a frame that was followed again, what counts in the end."""
+    """Frames in order of their numbers; of one that was folded again the last version."""
     by_number = {each.taken.frame_id: each for each in frames}
     return [by_number[number] for number in sorted(by_number)]
 
 
 def add_replayed(found: FigureSum, frame: ReplayedFrame) -> None:
-    """One frame more."""
+    """Add a replayed frame to the figures."""
     found.add(frame.taken, frame.records, frame.after.state, frame.observations.solution)
 
 
 def figures_of(
     frames: Iterable[ReplayedFrame], last: int | None = None, *, of_lead: bool = False
 ) -> TrackFigures:
-    """Figures of a night that was followed again, as ``as_recorded`` has it."""
+    """Figures of a replayed night."""
     found = FigureSum(of_lead=of_lead)
     for each in frames:
         add_replayed(found, each)
@@ -53,7 +53,7 @@ def what_if(
     *,
     of_lead: bool = False,
 ) -> TrackFigures:
-    """A night with other settings, as ``as_recorded`` has it. Raises ConfigError for one that
+    """Figures of a night with other settings. Raises ConfigError for one that
     cannot be."""
     return figures_of(replay(records, config, changes=changes), last, of_lead=of_lead)
 
@@ -63,7 +63,7 @@ log = logging.getLogger(__name__)
 
 @dataclass(slots=True, kw_only=True)
 class RerunCounts:
-    """How many frames were reduced again, and of how many the record was taken."""
+    """Numbers of frames that were reduced again, and of those taken from the record."""
 
     rerun: int = 0
     not_kept: int = 0
@@ -71,7 +71,7 @@ class RerunCounts:
 
 
 class Rerun:
-    """Calls itself for each frame of a replay (``Walk``'s ``reduce_again``)."""
+    """Reduction of the recorded frames again, called for each by ``Walk.reduce_again``."""
 
     def __init__(
         self,
@@ -136,7 +136,7 @@ class Rerun:
 
 
 def as_recorded(frame: Frame, taken: FrameTaken) -> Frame:
-    """What the camera's process said of it counts, not what a card may have rounded."""
+    """Give a frame its recorded time and pointing: a card of its file may have rounded them."""
     return replace(
         frame,
         t_start_utc_ns=taken.t_start_utc_ns,
@@ -155,7 +155,7 @@ def open_rerun(
     with_solver: bool,
     on_frame: Callable[[], None] = lambda: None,
 ) -> Iterator[tuple[Rerun, str]]:
-    """Ready to reduce a session's frames again, and the network's SHA-256.
+    """Open a reducer for a session's frames, and yield it with the network's SHA-256.
 
     Raises ModelError when the network cannot be loaded, SolverError without index files.
     """
@@ -231,7 +231,7 @@ def what_if_session(
     keep: bool = True,
     on_frame: Callable[[], None] = lambda: None,
 ) -> WhatIf:
-    """A session with other settings, by their dotted names.
+    """Try other settings on a session, by their dotted names.
 
     ``detector``, ``solver``: run them again over the frames that the session has kept; ``on_frame``
     is called before each frame then. Without them their settings, but for tau, cannot be tried.

@@ -32,7 +32,7 @@ class Parameter:
     """Where to look first, in units of what was recorded."""
 
     def held_at(self, value: float) -> "Parameter":
-        """The same, with no other value to take."""
+        """The parameter held at one value."""
         return replace(self, low=value, high=value, scan=())
 
     def clipped(self, log_value: float) -> float:
@@ -49,12 +49,12 @@ class Fit:
     log_likelihood: float
 
     def settings(self) -> dict[str, float]:
-        """By dotted name."""
+        """Settings by dotted name."""
         pairs = zip(self.parameters, self.values, strict=True)
         return {name: value for parameter, value in pairs for name in parameter.names}
 
     def value(self, parameter: Parameter) -> float:
-        """Of one parameter; as recorded where it was not sought."""
+        """Value of one parameter; as recorded where it was not sought."""
         pairs = zip(self.parameters, self.values, strict=True)
         found = (value for each, value in pairs if each.names == parameter.names)
         return next(found, parameter.recorded)

@@ -46,7 +46,7 @@ class Term:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Soundness:
-    """What the innovations say of one filter."""
+    """Consistency of one filter by its innovations."""
 
     log_likelihood: float
     nis_mean: float
@@ -117,7 +117,7 @@ FLAT_DECADES = 4.0
 
 
 class Inquiry:
-    """What is asked of one set of tracks."""
+    """Comparison of models of Q and R on one set of tracks."""
 
     def __init__(self, arcs: Sequence[Arc], preset: str, on_evaluation: Callable[[], None]) -> None:
         self._arcs = arcs
@@ -207,7 +207,7 @@ class Inquiry:
             self._chosen = fit
 
     def proposal(self, folders: tuple[Path, ...], rounds: int, evaluations: int) -> Proposal:
-        """What was found, with its evidence."""
+        """Proposal with its evidence."""
         is_change = bool(self._chosen.parameters)
         parameters = self._evidence()
         self._warn(parameters)

@@ -43,7 +43,7 @@ Axes = tuple[FloatArray, FloatArray, FloatArray]
 
 
 class Standing:
-    """M objects at N instants; geometric, without refraction."""
+    """Places of M objects at N instants; geometric, without refraction."""
 
     def __init__(
         self,
@@ -82,7 +82,7 @@ def directions(line_km: FloatArray, axes: Axes) -> tuple[FloatArray, FloatArray]
 
 
 def margin_deg(alt_deg: FloatArray, az_deg: FloatArray, limits: LimitsConfig) -> FloatArray:
-    """How far above altitude limit and horizon mask; -90 where there is no place."""
+    """Height above altitude limit and horizon mask, degrees; -90 where there is no place."""
     lowest_deg = np.full(np.shape(alt_deg), limits.min_altitude_deg)
     if limits.horizon:
         lowest_deg = np.maximum(lowest_deg, horizon_altitude_deg(limits.horizon, az_deg))
@@ -90,7 +90,7 @@ def margin_deg(alt_deg: FloatArray, az_deg: FloatArray, limits: LimitsConfig) ->
 
 
 def unit(vectors: FloatArray) -> FloatArray:
-    """(..., 3) of length 1."""
+    """Unit vectors (..., 3)."""
     return np.asarray(vectors / np.linalg.norm(vectors, axis=-1, keepdims=True))
 
 
@@ -326,7 +326,7 @@ RATE_STEP_S = 2
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Up:
+class VisibleSatellite:
     """One satellite above the limit."""
 
     norad_id: int
@@ -344,10 +344,10 @@ class Up:
     """Until it sinks to the limit; None: not within 12 hours."""
 
 
-def up_now(
+def visible_now(
     entries: Sequence[CatalogueEntry], site: Site, t_utc_ns: int, limits: LimitsConfig
-) -> tuple[Up, ...]:
-    """Those above altitude limit and horizon mask, the highest first.
+) -> tuple[VisibleSatellite, ...]:
+    """Satellites above altitude limit and horizon mask, the highest first.
 
     Elements that SGP4 refuses are left out.
     """
@@ -364,7 +364,7 @@ def up_now(
     lit = lit_fraction(now.r_km[is_up, 0], t_utc_ns) >= LIT_SHARE
     left = _minutes_left(there, site, t_utc_ns, limits)
     found = [
-        Up(
+        VisibleSatellite(
             norad_id=each.norad_id,
             name=each.name or str(each.norad_id),
             ra_icrs_deg=float(ra_deg[n, 0]),

@@ -1,4 +1,4 @@
-"""Frames in which somebody is marking by hand: they can be ruled on for longer than the others."""
+"""Frames in which the operator marks by hand: they are held for longer than the others."""
 
 import logging
 from pathlib import Path
@@ -18,7 +18,10 @@ log = logging.getLogger(__name__)
 
 
 def kept_pixels(folder: Path, frame_id: int) -> PixelArray | None:
-    """(height, width) ADU; None where they were not kept, are not written yet, or are damaged."""
+    """Pixels of a recorded frame, (height, width) ADU.
+
+    None where they were not kept, are not written yet, or are damaged.
+    """
     try:
         path = SessionReader(folder).frame_path(frame_id)
         return None if path is None else read_frame(path, frame_id).pixels

@@ -32,7 +32,7 @@ from rsoconsole.orbits import (
     through,
     together,
 )
-from rsoconsole.pipeline.orbits.track_measurements import Observed, arcs
+from rsoconsole.pipeline.orbits.track_measurements import ObservedTrack, arcs
 from rsoconsole.words import NS_PER_S, counted
 
 Method = Literal["least squares", "gooding"]
@@ -42,7 +42,7 @@ _MAX_TRACKS = 8
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Part:
+class OrbitArc:
     """One arc, and whether it is of the same object as those before it."""
 
     name: str
@@ -55,24 +55,27 @@ class Part:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Found:
-    """What came of it."""
+class FoundOrbit:
+    """Result of an orbit determination."""
 
     method: Method
     orbit: Orbit | None
     reason: str
     seen: Sightings
     """All directions that were used."""
-    observed: Observed
+    observed: ObservedTrack
     """Of the longest arc."""
-    parts: tuple[Part, ...]
+    parts: tuple[OrbitArc, ...]
     solutions: tuple[GoodingOrbit, ...] = ()
     """By Gooding's method: every orbit through the three lines that does not meet the ground."""
 
 
 def find_orbit(
-    observed: Sequence[Observed], *, prior: PriorName = "auto", others: Sequence[Observed] = ()
-) -> Found:
+    observed: Sequence[ObservedTrack],
+    *,
+    prior: PriorName = "auto",
+    others: Sequence[ObservedTrack] = (),
+) -> FoundOrbit:
     """The orbit of what was ``observed``: all of it is said to be of one object, and is used.
 
     ``others``, such as a session's further tracks, are used where one orbit fits them too.
@@ -93,7 +96,7 @@ def find_orbit(
             used.append(arc)
     seen, _ = together(used)
     orbit = _determined(seen, used, start, prior)
-    return Found(
+    return FoundOrbit(
         method="least squares",
         orbit=orbit,
         reason=_why_none(seen) if orbit is None else orbit.reason,
@@ -103,10 +106,10 @@ def find_orbit(
     )
 
 
-def find_by_gooding(observed: Observed) -> Found:
+def find_by_gooding(observed: ObservedTrack) -> FoundOrbit:
     """The orbit through the first, the middlemost and the last direction, without any prior."""
     seen = observed.seen
-    nothing = Found(
+    nothing = FoundOrbit(
         method="gooding",
         orbit=None,
         reason=_why_none(seen),
@@ -185,8 +188,10 @@ def _probability(
     return probability_of(log_odds_of_more(start, used[1:], more))
 
 
-def _part(observed: Observed, arc: Sightings, *, is_used: bool, probability: float | None) -> Part:
-    return Part(
+def _part(
+    observed: ObservedTrack, arc: Sightings, *, is_used: bool, probability: float | None
+) -> OrbitArc:
+    return OrbitArc(
         name=observed.name,
         observations=len(arc),
         t_first_utc_ns=int(arc.t_utc_ns[0]),
@@ -244,8 +249,10 @@ class FittedElements:
     reason: str
 
 
-def orbit_elements(found: Found, *, norad_id: int, name: str, cospar: str = "") -> FittedElements:
-    """Fitted to the directions and the orbit; nothing is raised for what SGP4 does not follow."""
+def orbit_elements(
+    found: FoundOrbit, *, norad_id: int, name: str, cospar: str = ""
+) -> FittedElements:
+    """Mean elements fitted to the directions and the orbit; raises nothing where SGP4 fails."""
     if found.orbit is None or found.orbit.label not in WORTH_WRITING:
         label = "not observable" if found.orbit is None else found.orbit.label
         return FittedElements(mean=None, tle=None, reason=f"the orbit is labelled {label}")
