@@ -136,12 +136,12 @@ def explain_absence(
     ``blocked``: why the slew to the track was refused. Without a track there is nothing to miss:
     only clouds are named then.
     """
-    causes: list[HiddenBy | None] = []
-    if blocked is not None and track is not None:
-        causes.append(HiddenBy(kind="slew refused", refusal=blocked))
-    causes.append(cloud_before(stars, stars_before))
-    if track is not None:
-        causes.append(eclipse_of(track, site, t_utc_ns))
+    is_refused = blocked is not None and track is not None
+    causes = (
+        HiddenBy(kind="slew refused", refusal=blocked) if is_refused else None,
+        cloud_before(stars, stars_before),
+        None if track is None else eclipse_of(track, site, t_utc_ns),
+    )
     return replace(plain, hidden_by=tuple(cause for cause in causes if cause is not None))
 
 

@@ -154,7 +154,8 @@ class TargetNames:
         wanted = _plain(text)
         fixed = _of_the_sky(wanted, site, t_utc_ns)
         if fixed is not None:
-            return fixed
+            words, (ra, dec) = fixed
+            return ParsedDirection(words=words, ra_icrs_deg=ra, dec_icrs_deg=dec)
         nearest = nearest_in_epoch_of_each(self._entries, t_utc_ns)
         exact = [e for e in nearest if wanted in {_plain(e.name), str(e.norad_id)}]
         like = exact or [e for e in nearest if wanted and _plain(e.name).startswith(wanted)]
@@ -168,31 +169,24 @@ class TargetNames:
         raise ValueError(f"{text.strip()!r} is no star known here, nor in {loaded}; {USAGE}")
 
 
-def _of_the_sky(wanted: str, site: Site, t_utc_ns: int) -> ParsedDirection | None:
-    """A star, an object of Messier's list, the Moon or a planet; None where it is none of them.
+def _of_the_sky(wanted: str, site: Site, t_utc_ns: int) -> tuple[str, tuple[float, float]] | None:
+    """Words and place of a star, an object of Messier's list, the Moon or a planet; else None.
 
     Raises ValueError for the Sun.
     """
     if wanted in {"sun", "thesun"}:
         raise ValueError("no telescope is sent to the Sun from here")
-    for name, (ra, dec) in NAMED_STARS.items():
+    for name, place in NAMED_STARS.items():
         if _plain(name) == wanted:
-            return ParsedDirection(words=f"{name}, a star", ra_icrs_deg=ra, dec_icrs_deg=dec)
+            return f"{name}, a star", place
     listed = _MESSIER.fullmatch(wanted)
-    if listed is not None and int(listed[1]) in MESSIER:
-        number = int(listed[1])
-        ra, dec = MESSIER[number]
-        return ParsedDirection(
-            words=f"M{number} of Messier's list", ra_icrs_deg=ra, dec_icrs_deg=dec
-        )
+    if listed is not None and (number := int(listed[1])) in MESSIER:
+        return f"M{number} of Messier's list", MESSIER[number]
     if wanted in {"moon", "themoon"}:
-        ra, dec = moon_icrs(site, t_utc_ns)
-        words = "the Moon, as it stands now"
-        return ParsedDirection(words=words, ra_icrs_deg=ra, dec_icrs_deg=dec)
+        return "the Moon, as it stands now", moon_icrs(site, t_utc_ns)
     for name in PLANETS:
         if _plain(name) == wanted:
-            ra, dec = planet_icrs(name, t_utc_ns)
-            return ParsedDirection(words=f"{name}, a planet", ra_icrs_deg=ra, dec_icrs_deg=dec)
+            return f"{name}, a planet", planet_icrs(name, t_utc_ns)
     return None
 
 
@@ -203,6 +197,7 @@ def parse_direction(
     plain = " ".join(text.split())
     if not plain:
         raise ValueError(USAGE)
+    is_of_date = _OF_DATE.search(plain) is not None
     bare = _ICRS.sub(" ", _OF_DATE.sub(" ", plain)).translate(_DASHES)
     bare = _POINT_FIRST.sub("0.", bare).strip()
     values = _LABEL.sub(" ", bare)
@@ -215,6 +210,14 @@ def parse_direction(
         first, second = two_angles(bare)
     except ValueError as error:
         raise ValueError(f"{error}: {USAGE}") from error
+    words, (ra, dec) = _place_of(first, second, site, t_utc_ns, is_of_date=is_of_date)
+    return ParsedDirection(words=words, ra_icrs_deg=ra, dec_icrs_deg=dec)
+
+
+def _place_of(
+    first: WrittenAngle, second: WrittenAngle, site: Site, t_utc_ns: int, *, is_of_date: bool
+) -> tuple[str, tuple[float, float]]:
+    """How two angles are read, and the direction that they give, ICRS."""
     kinds = {first.kind, second.kind} - {""}
     if kinds <= {"alt", "az"} and kinds:
         return _horizontal(first, second, site, t_utc_ns)
@@ -222,10 +225,8 @@ def parse_direction(
         if second.kind == "ha" or first.kind == "dec":
             first, second = second, first
         hour_angle_deg, dec_deg = _hour_angle_deg(first.text), parse_dec_deg(second.text)
-        ra_icrs, dec_icrs = icrs_of_hour_angle(site, hour_angle_deg, dec_deg, t_utc_ns)
-        return ParsedDirection(
-            words="hour angle and declination of date", ra_icrs_deg=ra_icrs, dec_icrs_deg=dec_icrs
-        )
+        place = icrs_of_hour_angle(site, hour_angle_deg, dec_deg, t_utc_ns)
+        return "hour angle and declination of date", place
     if not kinds <= {"ra", "dec"}:
         raise ValueError(f"{' and '.join(sorted(kinds))} do not go together: {USAGE}")
     if first.kind == "dec" or second.kind == "ra":
@@ -234,17 +235,15 @@ def parse_direction(
     _refuse_ambiguous(first.text)
     ra = _ra_of_degrees(first.text) if is_degrees else parse_ra_deg(first.text)
     dec = parse_dec_deg(second.text)
-    if _OF_DATE.search(plain):
-        ra, dec = jnow_to_icrs(ra, dec, t_utc_ns)
-        return ParsedDirection(words="RA and Dec of date", ra_icrs_deg=ra, dec_icrs_deg=dec)
+    if is_of_date:
+        return "RA and Dec of date", jnow_to_icrs(ra, dec, t_utc_ns)
     is_degrees |= number_of_fields(first.text) == 1 and not is_marked(first.text, "h", "ʰ")
-    words = "RA and Dec, ICRS, in degrees" if is_degrees else "RA and Dec, ICRS"
-    return ParsedDirection(words=words, ra_icrs_deg=ra, dec_icrs_deg=dec)
+    return "RA and Dec, ICRS, in degrees" if is_degrees else "RA and Dec, ICRS", (ra, dec)
 
 
 def _horizontal(
     first: WrittenAngle, second: WrittenAngle, site: Site, t_utc_ns: int
-) -> ParsedDirection:
+) -> tuple[str, tuple[float, float]]:
     is_turned = first.kind == "az" or second.kind == "alt"
     alt_text, az_text = (second, first) if is_turned else (first, second)
     alt, az = parse_dec_deg(alt_text.text), parse_sexagesimal(az_text.text)
@@ -252,10 +251,8 @@ def _horizontal(
         raise ValueError(f"altitude {alt:g} is below the horizon")
     if not -360.0 <= az <= 360.0:
         raise ValueError(f"azimuth {az:g} is beyond a full turn")
-    ra, dec = altaz_to_icrs(site, alt, az % 360.0, t_utc_ns)
-    return ParsedDirection(
-        words="altitude and azimuth, as it stands now", ra_icrs_deg=ra, dec_icrs_deg=dec
-    )
+    place = altaz_to_icrs(site, alt, az % 360.0, t_utc_ns)
+    return "altitude and azimuth, as it stands now", place
 
 
 def _refuse_ambiguous(text: str) -> None:
