@@ -113,7 +113,7 @@ def test_a_candidate_has_one_id_whichever_lets_it_in() -> None:
     records = [each for each in r.memory.records if not isinstance(each, Ruling)]
     changes = list(replay(records, CONFIG, changes={"detector.tau": 0.01}))
     (frame,) = [f for f in changes if f.taken.frame_id == 8][:1]
-    ids = [m.measurement_id for m in frame.shown.measurements]
+    ids = [m.measurement_id for m in frame.observations.measurements]
     assert "8-1" in ids
     assert len(set(ids)) == len(ids)
 
