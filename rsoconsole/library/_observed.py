@@ -21,12 +21,12 @@ from rsoconsole.library.notebook.session import Session
 from rsoconsole.library.tracking import Track
 from rsoconsole.night import NightTrack
 from rsoconsole.orbits import sightings
-from rsoconsole.pipeline import Observed, sightings_of
+from rsoconsole.pipeline import ObservedTrack, sightings_from_measurements
 from rsoconsole.records import Measurement, Site
 
 Observations: TypeAlias = str | PathLike[str] | Session | Track | NightTrack | TableLike
 """A session or a file of observations by its path, a session, a track, a table of one object."""
-Group: TypeAlias = tuple[Observed, ...]
+Group: TypeAlias = tuple[ObservedTrack, ...]
 """A session's tracks, the longest first, or one object alone."""
 
 
@@ -100,13 +100,15 @@ def _only(groups: list[Group], track: int) -> Group:
     return (chosen[0],)
 
 
-def _of_taken(name: str, number_: int, site: Site, taken: Sequence[Measurement]) -> Observed:
+def _of_taken(name: str, number_: int, site: Site, taken: Sequence[Measurement]) -> ObservedTrack:
     with raised_as(InputError):
-        seen = sightings_of(site, taken)
-    return Observed(name=name, site=site, limits=None, seen=seen, number=number_, track_id=number_)
+        seen = sightings_from_measurements(site, taken)
+    return ObservedTrack(
+        name=name, site=site, limits=None, seen=seen, number=number_, track_id=number_
+    )
 
 
-def _of_table(value: Any, ask: Asked) -> Observed:
+def _of_table(value: Any, ask: Asked) -> ObservedTrack:
     table = expect_table(value, "file, session, track or table of observations")
     # Nobody knows when a crossing was where, or where along itself one that the frame cuts was.
     for name, is_wanted in (("is_crossing", False), ("is_clipped", False), ("is_taken", True)):
@@ -119,4 +121,4 @@ def _of_table(value: Any, ask: Asked) -> Observed:
         seen = sightings(
             site, rows.t_utc_ns, rows.ra_icrs_deg, rows.dec_icrs_deg, rows.cov_sky_arcsec2
         )
-    return Observed(name="the table", site=site, limits=None, seen=seen)
+    return ObservedTrack(name="the table", site=site, limits=None, seen=seen)

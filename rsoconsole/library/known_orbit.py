@@ -13,8 +13,8 @@ from rsoconsole.orbits import ANALYST_NUMBERS, PriorName, Sightings, omm, period
 from rsoconsole.orbits import Orbit as Determined
 from rsoconsole.pipeline import (
     FittedElements,
-    Found,
-    Part,
+    FoundOrbit,
+    OrbitArc,
     element_sigmas,
     elements_by_name,
     find_by_gooding,
@@ -43,7 +43,7 @@ class Orbit:
     (``tle``, ``omm``) are mean elements in TEME, as all such are.
     """
 
-    def __init__(self, found: Found, orbit: Determined) -> None:
+    def __init__(self, found: FoundOrbit, orbit: Determined) -> None:
         self._found = found
         self._orbit = orbit
         self._elements = elements_by_name(orbit.r_km, orbit.v_km_s)
@@ -92,7 +92,7 @@ class Orbit:
         return _quantity(float(seen.t_s[-1] - seen.t_s[0]), "s")
 
     @property
-    def parts(self) -> tuple[Part, ...]:
+    def parts(self) -> tuple[OrbitArc, ...]:
         """The arcs, and how likely each further one is of the same object."""
         return self._found.parts
 

@@ -18,7 +18,7 @@ from rsoconsole.library._given import (
 )
 from rsoconsole.library._observations import META, sigmas_of
 from rsoconsole.library.frames import Frames, frame_facts, opened
-from rsoconsole.pipeline import Reduction, open_reducer, taken_record
+from rsoconsole.pipeline import Reduction, frame_taken_record, open_reducer
 from rsoconsole.records import Column, Frame, Measurement, NotSolved, Record, Solution
 from rsoconsole.session import encode
 from rsoconsole.words import utc_ns_to_iso
@@ -122,7 +122,7 @@ def _expect_time(frame: Frame) -> None:
 
 def _records(frame: Frame, reduction: Reduction) -> list[list[str]]:
     """What ``rso.track`` needs of a frame beside its measurements, as a session's log has it."""
-    records: list[Record] = [taken_record(frame), reduction.detections]
+    records: list[Record] = [frame_taken_record(frame), reduction.detections]
     if reduction.solution is not None:
         records.append(reduction.solution)
     return [[kind, body] for kind, _, body in map(encode, records)]

@@ -30,7 +30,7 @@ from rsoconsole.library._observations import (
 )
 from rsoconsole.library.measuring import SIGMAS
 from rsoconsole.night import NightTrack, frames_of, tracks_of
-from rsoconsole.pipeline import Orbits, Shown, StarHistory, fold, shutter_mid_utc_ns
+from rsoconsole.pipeline import FrameObservations, Orbits, StarHistory, fold, shutter_mid_utc_ns
 from rsoconsole.records import (
     Detections,
     FrameTaken,
@@ -217,7 +217,9 @@ def track(
     )
 
 
-def _left(frames: Sequence[Shown], tracks: Iterable[NightTrack]) -> list[Shown]:
+def _left(
+    frames: Sequence[FrameObservations], tracks: Iterable[NightTrack]
+) -> list[FrameObservations]:
     """The frames with what no track took; none where that is too little for one more."""
     taken = {m.measurement_id for each in tracks for m in each.measurements}
     left = [
@@ -231,7 +233,7 @@ def _left(frames: Sequence[Shown], tracks: Iterable[NightTrack]) -> list[Shown]:
 
 
 def followed(
-    frames: Sequence[Shown], config: Config, *, last_track_id: int = 0
+    frames: Sequence[FrameObservations], config: Config, *, last_track_id: int = 0
 ) -> Iterator[Record]:
     """Everything that goes on record, frame after frame, as ``process`` has it."""
     following, stars, orbits = Following(last_track_id=last_track_id), StarHistory(), Orbits(config)
@@ -263,7 +265,7 @@ class _Seen:
 
 def _frames(
     table: Any, rows: Directions, config: Config, exposure_s: float | None
-) -> Iterator[Shown]:
+) -> Iterator[FrameObservations]:
     """In order of time, each with its rows, the most confident first."""
     confidence = plain_column(table, "confidence", float)
     lengths = column_of(table, ("exposure",), "s")
@@ -277,7 +279,7 @@ def _frames(
             if exposure_s is None and lengths is not None:
                 length_s = float(lengths[members[0]])
             seen = _made_up(int(rows.t_utc_ns[members[0]]), length_s, config)  # noqa: PLW2901
-        yield Shown(
+        yield FrameObservations(
             taken=replace(seen.taken, frame_id=frame_id),
             detections=replace(seen.detections, frame_id=frame_id),
             solution=None if seen.solution is None else replace(seen.solution, frame_id=frame_id),

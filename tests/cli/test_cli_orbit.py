@@ -14,7 +14,7 @@ from rsoconsole.cli.app import app, main
 from rsoconsole.cli.words.orbit_words import orbit_lines
 from rsoconsole.config import Config
 from rsoconsole.orbits import ElementSet, Satellite
-from rsoconsole.pipeline import longest_arc, read_observed
+from rsoconsole.pipeline import longest_arc, read_observed_tracks
 from rsoconsole.records import FollowedAgain, Measurement, TrackState
 from rsoconsole.session import SessionWriter
 from rsoconsole.sky import IntArray
@@ -347,7 +347,7 @@ def test_a_file_that_is_none_is_refused_with_what_is_wrong(
     else:
         path.write_text(text)
     with pytest.raises(OrbitError) as refused:
-        read_observed(path)
+        read_observed_tracks(path)
     assert said in str(refused.value)
     assert str(path) in str(refused.value)
 
@@ -465,7 +465,7 @@ def test_a_session_gives_what_each_track_took_with_its_covariance(
     session: tuple[Path, list[Measurement], list[Measurement]],
 ) -> None:
     folder, *expected = session
-    tracks = read_observed(folder)
+    tracks = read_observed_tracks(folder)
     assert [each.tracks for each in tracks] == [2, 2]
     for track, taken in zip(tracks, expected, strict=True):
         assert track.seen.ra_icrs_deg.tolist() == [each.ra_icrs_deg for each in taken]
@@ -501,19 +501,19 @@ def test_a_session_without_a_track_says_so(tmp_path: Path) -> None:
     writer.append(measurement(1, 1_687_400_000 * NS_PER_S, 10.0, 5.0), 1_687_400_000 * NS_PER_S)
     writer.close()
     with pytest.raises(SessionError, match="holds no track"):
-        read_observed(tmp_path / "empty")
+        read_observed_tracks(tmp_path / "empty")
 
 
 def test_a_track_that_is_not_there_is_named(
     session: tuple[Path, list[Measurement], list[Measurement]],
 ) -> None:
     with pytest.raises(SessionError, match="tracks 1 to 2, not 3"):
-        read_observed(session[0], track=3)
+        read_observed_tracks(session[0], track=3)
 
 
 def test_a_long_silence_parts_arcs(tmp_path: Path) -> None:
     rows = rows_of(SATELLITE, instants(0.0, 5)) + rows_of(SATELLITE, instants(86_400.0, 9))
-    (observed,) = read_observed(observation_file(tmp_path / "both.json", rows))
+    (observed,) = read_observed_tracks(observation_file(tmp_path / "both.json", rows))
     assert len(longest_arc(observed.seen)) == 9
 
 

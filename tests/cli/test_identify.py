@@ -27,7 +27,7 @@ from rsoconsole.orbits import (
 )
 from rsoconsole.orbits.elements.elements import checksum
 from rsoconsole.orbits.identification.element_errors import MANOEUVRED, UNDISTURBED
-from rsoconsole.pipeline import read_observed
+from rsoconsole.pipeline import read_observed_tracks
 from rsoconsole.records import Site
 from rsoconsole.words import NS_PER_DAY, NS_PER_S
 from tests.makers import identify
@@ -91,7 +91,7 @@ class TestRealObservations:
         self, observation: str, elements: str, norad_id: int, off_arcsec: float
     ) -> None:
         (entries,) = self.read(observation, elements)
-        (observed,) = read_observed(SHARED / "observations" / observation)
+        (observed,) = read_observed_tracks(SHARED / "observations" / observation)
         found = identify(observed.seen, observed.site, entries)
         assert found.verdict == "identified"
         assert found.matches[0].norad_id == norad_id
@@ -104,7 +104,7 @@ class TestRealObservations:
         self, observation: str, elements: str, norad_id: int, off_arcsec: float
     ) -> None:
         (entries,) = self.read(observation, elements)
-        (observed,) = read_observed(SHARED / "observations" / observation)
+        (observed,) = read_observed_tracks(SHARED / "observations" / observation)
         others = [each for each in entries if each.norad_id != norad_id]
         found = identify(observed.seen, observed.site, others)
         assert found.verdict == "unknown"

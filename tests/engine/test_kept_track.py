@@ -203,7 +203,7 @@ def kept_by_replay(r: Rig) -> int | None:
     walk = Walk.begin(CONFIG)
     for record in r.memory.records:
         list(walk.receive(decode(*encode(record)[::2])))
-    return None if walk.kept.following is None else walk.kept.following.track_id
+    return None if walk.kept is None else walk.kept.track_id
 
 
 def assert_given_up_on_record(r: Rig) -> None:

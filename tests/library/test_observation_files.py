@@ -16,7 +16,7 @@ from rsoconsole.library import ExportOptions, ReadAs, Target, read_observations,
 from rsoconsole.library.formats._iod_reader import parse_uk
 from rsoconsole.library.formats._tdm_reader import parse_tdm
 from rsoconsole.library.formats.night import read_night
-from rsoconsole.pipeline import read_observed
+from rsoconsole.pipeline import read_observed_tracks
 from rsoconsole.records import Site
 from rsoconsole.sky import chart_to_icrs, iso_to_utc_ns
 from tests.nights.samples import SAMPLE
@@ -48,7 +48,7 @@ def printed(*words: object) -> dict[str, Any]:
 
 @pytest.mark.parametrize("kind", ["tdm", "tdm-xml", "iod", "udl", "ecsv", "csv", "jsonl"])
 def test_each_export_is_read_back_as_the_sessions_own_directions(kind: Any, tmp_path: Path) -> None:
-    (own,) = read_observed(SAMPLE)
+    (own,) = read_observed_tracks(SAMPLE)
     path = tmp_path / f"night.{kind}"
     text, _ = render(SAMPLE, kind, ExportOptions(site_line=True))
     path.write_text(text)

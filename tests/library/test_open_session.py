@@ -17,7 +17,7 @@ from rsoconsole.library.notebook.card import card_text, strip_svg
 from rsoconsole.library.notebook.figures.figures import NightPlots
 from rsoconsole.library.notebook.session import open_session
 from rsoconsole.night import StateSpan
-from rsoconsole.pipeline.cycle.frame_fold import are_alike, is_alike
+from rsoconsole.pipeline.replays.record_equality import are_alike, is_alike
 from rsoconsole.pipeline.replays.what_if_log import figures_of
 from rsoconsole.records import TABLES, Measurement, OrbitEstimate, Ruling, TrackState
 from rsoconsole.session import SessionReader

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from rsoconsole.config import Config
-from rsoconsole.pipeline import Shown, StarHistory, fold
+from rsoconsole.pipeline import FrameObservations, StarHistory, fold
 from rsoconsole.records import CycleTiming, Detections, FrameTaken, Measurement, Solution
 from rsoconsole.session import SessionWriter
 from rsoconsole.sky import tan_wcs, times
@@ -67,10 +67,10 @@ def record_night(
 
 def _shown(
     frame_id: int, t_ns: int, at_deg: tuple[float, float], claimed_arcsec: float, is_seen: bool
-) -> Shown:
+) -> FrameObservations:
     (ra, dec), (width, height) = at_deg, SIZE
     detection = straight_detection(frame_id=frame_id)
-    return Shown(
+    return FrameObservations(
         taken=FrameTaken(
             frame_id=frame_id,
             name=f"{frame_id:06d}.fits",

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from rsoconsole.pipeline import replay
-from rsoconsole.pipeline.cycle.frame_fold import are_alike, is_alike
+from rsoconsole.pipeline.replays.record_equality import are_alike, is_alike
 from rsoconsole.records import Cause, Miss, Missed, StateChange, TrackState
 from rsoconsole.session import SessionReader
 from tests.nights.samples import SAMPLE

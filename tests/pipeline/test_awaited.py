@@ -13,7 +13,7 @@ from rsoconsole.config import Config
 from rsoconsole.engine.leaps import awaiting
 from rsoconsole.orbits import KnownOrbit
 from rsoconsole.orbits.motion.forces import Zonal
-from rsoconsole.pipeline import Awaited, awaited_on, came, expected_at, next_of
+from rsoconsole.pipeline import AwaitedPass, awaited_pass, came, expected_at, next_awaited_pass
 from rsoconsole.records import Event, SlewCommand
 from rsoconsole.simulator import elements_path
 from rsoconsole.sky import Limits, icrs_to_altaz, separation_deg
@@ -31,14 +31,14 @@ BY_DAY = ("Sun", "twilight")
 needs_passes = pytest.mark.skipif(not are_there(), reason="no element sets beside the project")
 
 
-def waited_for(one, sigma_s=10.0) -> Awaited:
+def waited_for(one, sigma_s=10.0) -> AwaitedPass:
     found = waited_on(one, one.rise_utc_ns - 600 * NS_PER_S, sigma_s)
     assert found is not None
     return found
 
 
-def waited_on(one, now_utc_ns, sigma_s=10.0) -> Awaited | None:
-    return awaited_on(
+def waited_on(one, now_utc_ns, sigma_s=10.0) -> AwaitedPass | None:
+    return awaited_pass(
         str(one.norad_id),
         one.satellite.position_gcrs,
         SITE,
@@ -143,7 +143,7 @@ def test_the_next_pass_of_a_catalogued_one_is_found_where_it_may_be_looked_at() 
     one = low_passes(30)[3]
     entry = one.satellite.element_set
     limits = Config().limits
-    found = next_of(
+    found = next_awaited_pass(
         entry,
         SITE,
         one.rise_utc_ns - 3_600 * NS_PER_S,
@@ -184,7 +184,7 @@ def test_elements_that_are_20_s_wrong_are_found_and_it_is_followed(late_s, monke
     monkeypatch.setattr(awaiting, "entry_of", lambda _config: None)
 
     def next_pass(_entry, site, now_utc_ns, *, held, lifted, **_):
-        return awaited_on(
+        return awaited_pass(
             "it",
             told.states,
             site,
@@ -195,7 +195,7 @@ def test_elements_that_are_20_s_wrong_are_found_and_it_is_followed(late_s, monke
             lifted=lifted,
         )
 
-    monkeypatch.setattr(awaiting, "next_of", next_pass)
+    monkeypatch.setattr(awaiting, "next_awaited_pass", next_pass)
     r.engine.arm()
     r.engine.run(frames=50)
     said = words(r)

@@ -19,7 +19,7 @@ from typer.testing import CliRunner
 from rsoconsole.base import BatchError
 from rsoconsole.cli.app import app
 from rsoconsole.config import Config
-from rsoconsole.pipeline import NightOutcome, WorkerPool, nights_in, pool_for, share_out
+from rsoconsole.pipeline import NightOutcome, WorkerPool, choose_pool, nights_in, run_tasks
 from rsoconsole.pipeline.batch import batch_nights
 from rsoconsole.pipeline.batch.batch_nights import process_nights, working_in
 from rsoconsole.records import Event
@@ -146,14 +146,16 @@ def test_dask_makes_what_one_after_another_makes(nights, serial_root, tmp_path):
 
 
 def test_who_does_the_work(monkeypatch):
-    assert pool_for(1).kind == "serial"
-    assert pool_for(3, is_serial=True).kind == "serial"
-    assert pool_for(3, workers=2, is_dask_wanted=False) == WorkerPool(kind="processes", workers=2)
-    assert pool_for(2, workers=8, is_dask_wanted=False).workers == 2
+    assert choose_pool(1).kind == "serial"
+    assert choose_pool(3, is_serial=True).kind == "serial"
+    assert choose_pool(3, workers=2, is_dask_wanted=False) == WorkerPool(
+        kind="processes", workers=2
+    )
+    assert choose_pool(2, workers=8, is_dask_wanted=False).workers == 2
     monkeypatch.setattr("importlib.util.find_spec", lambda _: None)
-    assert pool_for(3, workers=2).kind == "processes"
+    assert choose_pool(3, workers=2).kind == "processes"
     with pytest.raises(BatchError, match="needs Dask"):
-        pool_for(3, scheduler="tcp://127.0.0.1:1")
+        choose_pool(3, scheduler="tcp://127.0.0.1:1")
 
 
 @needs_dask
@@ -174,7 +176,7 @@ def _double(number: int) -> int:
 @pytest.mark.slow("a pool of processes is started again")
 def test_a_worker_that_is_killed_costs_its_own_task_alone():
     tasks = [1, 13, 3, 4]
-    results = share_out(
+    results = run_tasks(
         _double,
         tasks,
         WorkerPool(kind="processes", workers=2),

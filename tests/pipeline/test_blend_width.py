@@ -4,7 +4,7 @@ import dataclasses
 
 import pytest
 
-from rsoconsole.pipeline import Shown
+from rsoconsole.pipeline import FrameObservations
 from rsoconsole.pipeline.cycle.frame_fold import _width_arcsec
 from rsoconsole.records import Detections, FrameTaken, Solution
 from rsoconsole.session import SessionReader
@@ -12,7 +12,7 @@ from tests.nights.samples import SAMPLE
 
 
 @pytest.fixture(scope="module")
-def frame() -> Shown:
+def frame() -> FrameObservations:
     """A frame of the shipped session that shows a streak."""
     found: dict[int, dict[type, object]] = {}
     for _, _, record in SessionReader(SAMPLE).records():
@@ -23,7 +23,7 @@ def frame() -> Shown:
         for each in found.values()
         if len(each) == 3 and any(d.kind == "streak" for d in each[Detections].detections)  # type: ignore[attr-defined]
     )
-    return Shown(
+    return FrameObservations(
         taken=parts[FrameTaken],  # type: ignore[arg-type]
         detections=parts[Detections],  # type: ignore[arg-type]
         solution=parts[Solution],  # type: ignore[arg-type]
@@ -31,7 +31,9 @@ def frame() -> Shown:
     )
 
 
-def shown(frame: Shown, star_px: float | None, streaks_px: list[float]) -> Shown:
+def shown(
+    frame: FrameObservations, star_px: float | None, streaks_px: list[float]
+) -> FrameObservations:
     assert frame.detections is not None
     one = next(d for d in frame.detections.detections if d.kind == "streak")
     streaks = tuple(dataclasses.replace(one, width_px=each) for each in streaks_px)

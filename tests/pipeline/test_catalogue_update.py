@@ -29,8 +29,8 @@ from rsoconsole.control import ControlServer, Outcome, Status, default_socket_pa
 from rsoconsole.orbits import parse_catalogue
 from rsoconsole.pipeline import (
     ElementStore,
-    Update,
-    Updated,
+    SourceUpdate,
+    SourceUpdater,
     default_folder,
     parse_source,
     read_catalogue,
@@ -96,12 +96,14 @@ class Night:
         self.store, self.server = ElementStore(folder), server
         self.now_utc_ns = 1_800_000_000 * 10**9
 
-    def update(self, *texts: str, deadline_s: float = 20.0) -> list[Updated]:
+    def update(self, *texts: str, deadline_s: float = 20.0) -> list[SourceUpdate]:
         run = self.run(deadline_s=deadline_s)
         return list(run.run([parse_source(text) for text in texts]))
 
-    def run(self, wait: Callable[[], None] = lambda: None, deadline_s: float = 20.0) -> Update:
-        return Update(
+    def run(
+        self, wait: Callable[[], None] = lambda: None, deadline_s: float = 20.0
+    ) -> SourceUpdater:
+        return SourceUpdater(
             store=self.store,
             celestrak_url=self.server.url,
             space_track_url=self.server.url,
@@ -111,7 +113,7 @@ class Night:
             now_utc_ns=lambda: self.now_utc_ns,
         )
 
-    def one(self, behaviour: Behaviour, text: str = "celestrak:geo", **how: float) -> Updated:
+    def one(self, behaviour: Behaviour, text: str = "celestrak:geo", **how: float) -> SourceUpdate:
         self.server.default = behaviour
         (updated,) = self.update(text, **how)
         return updated

@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from rsoconsole.base import OrbitError
-from rsoconsole.pipeline import Names, understand
+from rsoconsole.pipeline import TargetNames, parse_direction
 from rsoconsole.records import Site
 from rsoconsole.sky import (
     NAMED_STARS,
@@ -49,13 +49,13 @@ ARCSEC = 1.0 / 3600.0
     ],
 )
 def test_one_place_in_many_notations(text):
-    found = understand(text, SITE, NOW)
+    found = parse_direction(text, SITE, NOW)
     assert separation_deg(found.ra_icrs_deg, found.dec_icrs_deg, *HERE) < ARCSEC
     assert "ICRS" in found.words
 
 
 def test_of_date_is_precessed():
-    found = understand("05:32:11 -04:52:10 of date", SITE, NOW)
+    found = parse_direction("05:32:11 -04:52:10 of date", SITE, NOW)
     assert "of date" in found.words
     back = icrs_to_jnow(found.ra_icrs_deg, found.dec_icrs_deg, NOW)
     assert separation_deg(*back, *HERE) < ARCSEC
@@ -67,7 +67,7 @@ def test_of_date_is_precessed():
     "text", ["alt 47 az 201", "az 201 alt 47", "el 47, az 201", "Alt=47 Az=201"]
 )
 def test_altitude_and_azimuth_are_those_of_now(text):
-    found = understand(text, SITE, NOW)
+    found = parse_direction(text, SITE, NOW)
     alt, az = icrs_to_altaz(SITE, found.ra_icrs_deg, found.dec_icrs_deg, NOW)
     assert (alt, az) == pytest.approx((47.0, 201.0), abs=1e-6)
 
@@ -84,7 +84,7 @@ def test_altitude_and_azimuth_are_those_of_now(text):
     ],
 )
 def test_an_hour_angle_stands_over_the_ground(text, degrees):
-    found = understand(text, SITE, NOW)
+    found = parse_direction(text, SITE, NOW)
     ha = hour_angle_icrs_deg(SITE, found.ra_icrs_deg, found.dec_icrs_deg, NOW)
     assert ha == pytest.approx(degrees, abs=0.01)
 
@@ -102,7 +102,7 @@ def test_an_hour_angle_stands_over_the_ground(text, degrees):
     ],
 )
 def test_where_the_second_angle_begins_is_seen_by_its_name_or_its_unit(text, ra, dec):
-    found = understand(text, SITE, NOW)
+    found = parse_direction(text, SITE, NOW)
     assert separation_deg(found.ra_icrs_deg, found.dec_icrs_deg, ra, dec) < ARCSEC
 
 
@@ -115,25 +115,25 @@ def test_where_the_second_angle_begins_is_seen_by_its_name_or_its_unit(text, ra,
     ],
 )
 def test_altitude_and_azimuth_with_minutes(text, alt, az):
-    found = understand(text, SITE, NOW)
+    found = parse_direction(text, SITE, NOW)
     seen = icrs_to_altaz(SITE, found.ra_icrs_deg, found.dec_icrs_deg, NOW)
     assert seen == pytest.approx((alt, az), abs=1e-5)
 
 
 def test_a_bare_number_below_24_is_shown_both_ways_and_taken_neither():
     with pytest.raises(ValueError, match=r"hours \(α 20:54:00\) or degrees \(α 01:23:36\)"):
-        understand("20.9 -4.8", SITE, NOW)
-    hours, degrees = (understand(f"20.9{unit} -4.8", SITE, NOW) for unit in "hd")
+        parse_direction("20.9 -4.8", SITE, NOW)
+    hours, degrees = (parse_direction(f"20.9{unit} -4.8", SITE, NOW) for unit in "hd")
     assert hours.ra_icrs_deg == pytest.approx(313.5)
     assert degrees.ra_icrs_deg == pytest.approx(20.9)
     # 24 and more can be degrees alone, 0 is the same in both.
-    assert understand("24.5 -4.8", SITE, NOW).ra_icrs_deg == 24.5
-    assert understand("0 -4.8", SITE, NOW).ra_icrs_deg == 0.0
+    assert parse_direction("24.5 -4.8", SITE, NOW).ra_icrs_deg == 24.5
+    assert parse_direction("0 -4.8", SITE, NOW).ra_icrs_deg == 0.0
 
 
 @pytest.mark.parametrize("text", ["M31", "m 31", "Messier 31", "M031"])
 def test_messiers_objects_are_found_by_number(text):
-    found = understand(text, SITE, NOW)
+    found = parse_direction(text, SITE, NOW)
     one_arcmin = 1.0 / 60.0
     andromeda = (10.6847, 41.2688)
     assert separation_deg(found.ra_icrs_deg, found.dec_icrs_deg, *andromeda) < one_arcmin
@@ -141,7 +141,7 @@ def test_messiers_objects_are_found_by_number(text):
 
 def test_there_is_no_messier_111():
     with pytest.raises(ValueError, match="no star known here"):
-        understand("M111", SITE, NOW)
+        parse_direction("M111", SITE, NOW)
 
 
 @pytest.mark.parametrize(
@@ -159,7 +159,7 @@ def test_moon_and_planets_stand_where_an_ephemeris_has_them(name):
     instant = load.timescale(builtin=True).utc(1970, 1, 1, 0, 0, seconds)
     ra, dec, _ = (ephemeris["earth"] + site).at(instant).observe(ephemeris[body]).radec()
     ephemeris.close()
-    found = understand(name, SITE, NOW)
+    found = parse_direction(name, SITE, NOW)
     two_arcmin = 2.0 / 60.0
     place = (ra._degrees, dec.degrees)
     assert separation_deg(found.ra_icrs_deg, found.dec_icrs_deg, *place) < two_arcmin
@@ -168,15 +168,15 @@ def test_moon_and_planets_stand_where_an_ephemeris_has_them(name):
 def test_a_name_may_have_digits_and_begin_with_any_letter():
     for text in ("SDS 2-1", "D 5", "h 12 3"):
         with pytest.raises(ValueError, match="no star known here"):
-            understand(text, SITE, NOW)
-    assert understand("Deneb", SITE, NOW).words == "Deneb, a star"
+            parse_direction(text, SITE, NOW)
+    assert parse_direction("Deneb", SITE, NOW).words == "Deneb, a star"
 
 
 @given(st.floats(0.0, 359.99), st.floats(-89.9, 89.9))
 def test_what_the_console_writes_it_understands(ra, dec):
-    found = understand(f"{format_ra(ra, 2)} {format_dec(dec, 1)}", SITE, NOW)
+    found = parse_direction(f"{format_ra(ra, 2)} {format_dec(dec, 1)}", SITE, NOW)
     assert separation_deg(found.ra_icrs_deg, found.dec_icrs_deg, ra, dec) < 0.2 * ARCSEC
-    plain = understand(f"{ra:.6f}d {dec:+.6f}", SITE, NOW)
+    plain = parse_direction(f"{ra:.6f}d {dec:+.6f}", SITE, NOW)
     assert separation_deg(plain.ra_icrs_deg, plain.dec_icrs_deg, ra, dec) < 0.01 * ARCSEC
 
 
@@ -206,12 +206,12 @@ def test_what_the_console_writes_it_understands(ra, dec):
 )
 def test_what_is_none_is_refused_with_what_may_be_written(text, words):
     with pytest.raises(ValueError, match=words):
-        understand(text, SITE, NOW)
+        parse_direction(text, SITE, NOW)
 
 
 def test_a_star_is_found_by_its_name_however_written():
     for text in ("Rigel", " rigel ", "RIGEL"):
-        found = understand(text, SITE, NOW)
+        found = parse_direction(text, SITE, NOW)
         assert separation_deg(found.ra_icrs_deg, found.dec_icrs_deg, *NAMED_STARS["Rigel"]) == 0.0
 
 
@@ -255,18 +255,18 @@ def element_file(tmp_path, *names_and_numbers):
 
 def test_a_satellite_is_found_by_name_number_and_beginning(tmp_path):
     path = element_file(tmp_path, ("SES-10", 42432, 10.0), ("INTELSAT 14", 36097, 60.0))
-    names = Names.load([path])
+    names = TargetNames.load([path])
     places = {
-        understand(text, SITE, NOW, names).words[:14] for text in ("SES-10", "ses 10", "42432")
+        parse_direction(text, SITE, NOW, names).words[:14] for text in ("SES-10", "ses 10", "42432")
     }
     assert places == {"SES-10 (42432)"}
-    found = understand("Intelsat", SITE, NOW, names)
+    found = parse_direction("Intelsat", SITE, NOW, names)
     assert found.words.startswith("INTELSAT 14 (36097), elements 0.6 d old")
     assert found.caution == ""
     # On the belt it stands some degrees south of the equator as seen from the north.
     assert -8.0 < found.dec_icrs_deg < -3.0
     assert math.isfinite(found.ra_icrs_deg)
-    later = understand("42432", SITE, NOW + 30 * 86400 * 10**9, names)
+    later = parse_direction("42432", SITE, NOW + 30 * 86400 * 10**9, names)
     assert later.caution == "elements 30.6 d old"
 
 
@@ -274,8 +274,8 @@ def test_a_name_is_found_in_a_catalogue_of_messages_too(tmp_path):
     lines = element_file(tmp_path, ("SES-10", 42432, 10.0))
     fields = json.loads(OMM)
     (tmp_path / "geo.json").write_text(json.dumps([fields]))
-    by_lines = understand("SES-10", SITE, NOW, Names.load([lines]))
-    by_message = understand("42432", SITE, NOW, Names.load([tmp_path / "geo.json"]))
+    by_lines = parse_direction("SES-10", SITE, NOW, TargetNames.load([lines]))
+    by_message = parse_direction("42432", SITE, NOW, TargetNames.load([tmp_path / "geo.json"]))
     assert by_message.words == by_lines.words
     assert by_message.ra_icrs_deg == pytest.approx(by_lines.ra_icrs_deg, abs=1e-3)
     assert by_message.dec_icrs_deg == pytest.approx(by_lines.dec_icrs_deg, abs=1e-3)
@@ -284,11 +284,11 @@ def test_a_name_is_found_in_a_catalogue_of_messages_too(tmp_path):
 def test_a_name_that_may_be_several_asks_for_more(tmp_path):
     path = element_file(tmp_path, ("SES-10", 42432, 10.0), ("SES-11", 42967, 60.0))
     with pytest.raises(ValueError, match="may be SES-10, SES-11: write more of it"):
-        understand("ses", SITE, NOW, Names.load([path]))
+        parse_direction("ses", SITE, NOW, TargetNames.load([path]))
     with pytest.raises(ValueError, match="nor in 2 satellites"):
-        understand("nimiq", SITE, NOW, Names.load([path]))
+        parse_direction("nimiq", SITE, NOW, TargetNames.load([path]))
 
 
 def test_a_file_that_cannot_be_read_is_named(tmp_path):
     with pytest.raises(OrbitError, match=r"missing\.tle does not exist"):
-        Names.load([tmp_path / "missing.tle"])
+        TargetNames.load([tmp_path / "missing.tle"])

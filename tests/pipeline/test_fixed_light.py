@@ -162,8 +162,8 @@ def test_a_pulse_is_told_in_time_once_its_streak_is_no_chain_any_more():
     shares = {"satellite": 0.2, "star chain": 0.8}
     chain = replace(chain, class_probability=decided(shares)[1])
     found = Detections(frame_id=2, width_px=600, height_px=600, detections=(chain,))
-    words = {chain: fixed_light.Word(comparison="new light")}
-    (told,) = fixed_light.with_words(found, words, {chain: shares}, frame).detections
+    words = {chain: fixed_light.StreakComparison(comparison="new light")}
+    (told,) = fixed_light.with_comparisons(found, words, {chain: shares}, frame).detections
     assert told.object_class == "satellite"
     assert told.modulation_period_s == pytest.approx(10.0 * 11.0 / chain.length_px)
 
@@ -177,7 +177,7 @@ def test_a_look_that_breaks_costs_no_frame(monkeypatch, caplog):
     def broken(*_: object, **__: object) -> None:
         raise ValueError("broken")
 
-    monkeypatch.setattr(fixed_light, "words_of", broken)
+    monkeypatch.setattr(fixed_light, "comparisons_of", broken)
     found, _ = night(6, is_chain=True)
     assert len(found.measurements) == 1
     assert "not compared" in caplog.text
@@ -237,7 +237,7 @@ def test_catalogue_stars_that_have_all_of_the_light_are_the_streak():
     sky.add(*on_line(LONG, SIX), FAINT_ADU * UNLIKE)
     known, frame = known_of(sky)
     assert known is not None
-    word = known.word(streak_at(LONG, frame))
+    word = known.compare(streak_at(LONG, frame))
     assert word is not None
     assert word.comparison == "catalogue stars"
     assert word.reason == NotAStreak(kind="catalogue stars", value=6)
@@ -249,7 +249,7 @@ def test_flashes_brighter_than_all_stars_that_the_catalogue_lacks_are_no_stars()
     sky.clear_about(LONG)
     known, frame = known_of(sky, points(*on_line(LONG, SIX), BRIGHT_ADU * UNLIKE))
     assert known is not None
-    word = known.word(streak_at(LONG, frame, 800.0))
+    word = known.compare(streak_at(LONG, frame, 800.0))
     assert word is not None
     assert (word.comparison, word.reason) == ("no catalogue stars", None)
 
@@ -259,7 +259,7 @@ def test_stars_that_the_catalogue_does_not_reach_say_nothing():
     sky.clear_about(LONG)
     sky.add(*on_line(LONG, SIX), FAINT_ADU * UNLIKE)
     known, frame = known_of(sky, faintest_mag=10.9)
-    assert known is None or known.word(streak_at(LONG, frame)) is None
+    assert known is None or known.compare(streak_at(LONG, frame)) is None
 
 
 def test_a_streak_that_passes_catalogue_stars_is_none_of_them():
@@ -268,7 +268,7 @@ def test_a_streak_that_passes_catalogue_stars_is_none_of_them():
     sky.add(*on_line(LONG, np.array([0.3, 0.75])), np.array([9000.0, 7000.0]))
     known, frame = known_of(sky, flashes(LONG, 1, 16000.0, 1.0))
     assert known is not None
-    word = known.word(streak_at(LONG, frame))
+    word = known.compare(streak_at(LONG, frame))
     assert word is None or word.reason is None
 
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from rsoconsole.orbits import orbit_from_record, predict
-from rsoconsole.pipeline.orbits.track_measurements import Exposures, PartErrors
+from rsoconsole.pipeline.orbits.track_measurements import PartErrors
 from rsoconsole.records import FrameTaken, Measurement, TrackState
 from rsoconsole.sky import Places
 from rsoconsole.tracking import expected_motion
@@ -95,7 +95,6 @@ def test_streaks_of_another_rate_an_hour_ago_are_no_parts():
     fast, slow = (expected_motion(each, 1.0).length_arcsec for each in (fastest, slowest))
     assert fast > 1.5 * slow
     taken = [each for each in watched.log if isinstance(each, Measurement)]
-    exposures = Exposures()
-    for each in watched.log:
-        exposures.receive(each)
+    frames = [each for each in watched.log if isinstance(each, FrameTaken)]
+    exposures = {each.frame_id: each.exposure_s for each in frames}
     assert PartErrors().widened(taken, taken, fastest, exposures) == tuple(taken)

@@ -14,7 +14,7 @@ from rsoconsole.engine.operator._hand_marks import automatic_of, with_figures
 from rsoconsole.night import as_recorded
 from rsoconsole.pipeline import HELD, refined_mark, replay
 from rsoconsole.pipeline.cycle.decisions import KEPT, TAKEN_BACK
-from rsoconsole.pipeline.cycle.track_assignment import KEPT_S, TracksTaken
+from rsoconsole.pipeline.cycle.track_assignment import KEPT_S, TrackAssignment
 from rsoconsole.pipeline.replays.what_if_log import figures_of
 from rsoconsole.records import (
     CommandResult,
@@ -116,7 +116,7 @@ def test_two_marks_while_the_operator_has_the_mount_start_a_track_that_resume_fo
     assert r.engine.following.state == "TRACK"
     assert r.engine.following.track_id == kept.track_id
     assert_replayed_alike(r)
-    tracks = TracksTaken()
+    tracks = TrackAssignment()
     for record in r.memory.records:
         tracks.receive(record)
     (track,) = tracks.tracks()
@@ -251,7 +251,7 @@ def test_a_frame_that_was_not_solved_says_so_before_anything_is_made_of_it():
     blind = dataclasses.replace(
         shown, solution=NotSolved(frame_id=3, reason="4 stars, 8 needed", ms=1.0)
     )
-    hand._frames = (dataclasses.replace(hand._frames[-1], shown=blind),)
+    hand._frames = (dataclasses.replace(hand._frames[-1], observations=blind),)
     outcome = say(r, "mark", frame=3, x_a=1.0, y_a=1.0, x_b=9.0, y_b=1.0)
     assert not outcome.ok
     assert "not solved" in outcome.message

@@ -12,10 +12,10 @@ from rsoconsole.orbits.motion.ahead import path_of
 from rsoconsole.pipeline import (
     Leap,
     LeapTerms,
+    MeasuredSlew,
     MountMotion,
     NoLeap,
     PassPlan,
-    SlewSeen,
     Telescope,
     duty,
     exposure_for,
@@ -25,7 +25,7 @@ from rsoconsole.pipeline import (
     terms_of,
 )
 from rsoconsole.pipeline.leaps import leaps as mount_motion
-from rsoconsole.pipeline.leaps.awaited import Stare
+from rsoconsole.pipeline.leaps.awaited_passes import Stare
 from rsoconsole.pipeline.leaps.leaps import LENGTH_PX, LONGEST_S, SHORTEST_S, within_field
 from rsoconsole.sky import (
     Limits,
@@ -222,7 +222,7 @@ def test_slews_of_the_night_teach_the_law_of_a_mount() -> None:
     for _ in range(40):
         way = (float(random.exponential(4.0)), float(random.exponential(4.0)))
         took = 0.8 + travel_s(max(way), 2.5, 1.2) + float(random.normal(0.0, 0.05))
-        seen.append(SlewSeen(travel_deg=way, seconds=took))
+        seen.append(MeasuredSlew(travel_deg=way, seconds=took))
     seen[7] = replace(seen[7], seconds=seen[7].seconds + 15.0)  # sent twice
     motion = learned(MountConfig(), seen)
     for way_deg in (0.5, 2.0, 5.0, 15.0):
@@ -252,14 +252,14 @@ def test_a_mount_that_reports_at_once_is_learned_slew_after_slew() -> None:
             law = learned(MountConfig(), seen)
             assert law.slew_s((way, 0.0)) == pytest.approx(took_s, abs=0.15, rel=0.02)
             assert law.scatter_s < 0.15
-        seen.append(SlewSeen(travel_deg=(way, 0.0), seconds=took_s))
+        seen.append(MeasuredSlew(travel_deg=(way, 0.0), seconds=took_s))
 
 
 def test_a_slew_is_surely_over_in_98_of_100() -> None:
     random = np.random.default_rng(3)
     ways = random.exponential(4.0, 400)
     took = [0.4 + travel_s(way, 4.0, 2.0) + float(random.normal(0.0, 0.15)) for way in ways]
-    seen = [SlewSeen(travel_deg=(w, 0.0), seconds=s) for w, s in zip(ways, took, strict=True)]
+    seen = [MeasuredSlew(travel_deg=(w, 0.0), seconds=s) for w, s in zip(ways, took, strict=True)]
     motion = learned(MountConfig(), seen[:60])
     late = [each.seconds > motion.surely_s(each.travel_deg) for each in seen[60:]]
     assert np.mean(late) < 0.04

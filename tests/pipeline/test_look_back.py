@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from rsoconsole.pipeline.comparison._look_back import LookBack, SolvedField, Word
+from rsoconsole.pipeline.comparison._look_back import LookBack, SolvedField, StreakComparison
 from rsoconsole.records import Frame, Wcs
 from rsoconsole.vision import find_stars
 from tests.drawn.drawn_lines import line_of_light
@@ -49,13 +49,15 @@ def snr_of(flux_adu: float) -> float:
     return flux_adu / NOISE_ADU / np.sqrt(length_px * 2.0 * np.sqrt(np.pi) * sigma_px)
 
 
-def word(before: tuple[Frame, Wcs], now: tuple[Frame, Wcs], flux_adu: float) -> Word | None:
+def word(
+    before: tuple[Frame, Wcs], now: tuple[Frame, Wcs], flux_adu: float
+) -> StreakComparison | None:
     back = LookBack.of(field_of(*now), field_of(*before))
     assert back is not None
-    return back.word(streak_at(ENDS, now[0], snr_of(flux_adu)))
+    return back.compare(streak_at(ENDS, now[0], snr_of(flux_adu)))
 
 
-def comparison(found: Word | None) -> str | None:
+def comparison(found: StreakComparison | None) -> str | None:
     return None if found is None else found.comparison
 
 
@@ -77,7 +79,7 @@ def test_flashes_were_not(shift_px, flux_adu):
     then, now = plate(shift_px), plate()
     light = flashes(ENDS, 6, flux_adu)
     found = word((sky.frame(1, then), then), (sky.frame(2, now, light), now), 6.0 * flux_adu)
-    assert found == Word(comparison="new light")
+    assert found == StreakComparison(comparison="new light")
 
 
 @pytest.mark.parametrize(("transparency", "sigma_px"), [(0.6, 1.2), (1.0, 1.8), (0.7, 0.9)])
@@ -100,7 +102,7 @@ def test_a_frame_that_is_not_deep_enough_excludes_nothing():
     bright = sky.frame(2, now, flashes(ENDS, 6, 700.0))
     back = LookBack.of(field_of(bright, now), field_of(cloudy, then))
     # Either no star is found in both, or the light would not have shown.
-    assert back is None or back.word(streak_at(ENDS, bright, snr_of(6.0 * 700.0))) is None
+    assert back is None or back.compare(streak_at(ENDS, bright, snr_of(6.0 * 700.0))) is None
 
 
 @pytest.mark.parametrize("seed", range(8))
@@ -127,7 +129,7 @@ def test_a_neighbour_that_was_half_a_streak_ahead_is_not_the_same_light():
     assert comparison(word((frames[0], then), (frames[1], now), 5800.0)) != "same light"
 
 
-def trailing(seed: int, gap: float, *, leaves_heir: bool) -> Word | None:
+def trailing(seed: int, gap: float, *, leaves_heir: bool) -> StreakComparison | None:
     """Two satellites, the second behind the first by so many of the ways between two frames."""
     sky = sky_with(seed)
     then, now = plate((3.0, -2.0)), plate()
@@ -150,7 +152,7 @@ def trailing(seed: int, gap: float, *, leaves_heir: bool) -> Word | None:
     after = replace(field_of(frames[1], now), streaks=here if leaves_heir else here[1:])
     back = LookBack.of(after, before)
     assert back is not None
-    return back.word(here[1])
+    return back.compare(here[1])
 
 
 @pytest.mark.parametrize("gap", [1.0, 0.98, 1.03])
@@ -175,7 +177,7 @@ def test_stars_in_a_row_stay_stars_beside_a_satellite_of_the_same_length():
     after = replace(field_of(frames[1], now), streaks=(chain, streak_at(beside, frames[1])))
     back = LookBack.of(after, before)
     assert back is not None
-    assert comparison(back.word(chain)) == "same light"
+    assert comparison(back.compare(chain)) == "same light"
 
 
 # -- the sensor --------------------------------------------------------------------------------

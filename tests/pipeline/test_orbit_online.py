@@ -13,8 +13,8 @@ import pytest
 from rsoconsole.config import Config
 from rsoconsole.engine.aim.guide import Guide, Way
 from rsoconsole.orbits import Forces, KnownOrbit, elements_of, orbit_from_record, predict
-from rsoconsole.pipeline import OnlineOrbit, Orbits, Shown, StarHistory, fold
-from rsoconsole.pipeline.cycle.frame_fold import Rivals, Score
+from rsoconsole.pipeline import FrameObservations, OnlineOrbit, Orbits, StarHistory, fold
+from rsoconsole.pipeline.cycle.predictor_scores import PredictorScores, Score
 from rsoconsole.pipeline.orbits._naming import Naming
 from rsoconsole.pipeline.orbits.orbit_online import Refined
 from rsoconsole.records import (
@@ -107,7 +107,7 @@ class Watched:
                 pointing_dec_icrs_deg=None,
             )
             empty = Detections(frame_id=self.frame_id, width_px=4656, height_px=3520, detections=())
-            shown = Shown(
+            shown = FrameObservations(
                 taken=taken,
                 detections=empty,
                 solution=None,
@@ -148,7 +148,7 @@ class Watched:
 
     @property
     def words(self) -> list[str]:
-        return [words for each in self.refined for words in each.words]
+        return [event.text for each in self.refined for event in each.events]
 
 
 def measured_at(
@@ -405,7 +405,7 @@ def test_a_slanting_streak_gives_neither_of_them_a_lead():
         watched = Watched(config(), slant_deg=angle_deg)
         watched.see(every_frame(flight(*GEO), 30))
         assert watched.orbit._lead is not None
-        told = list(watched.orbit._lead.rivals._scores)
+        told = list(watched.orbit._lead.scores._scores)
         leads.append(np.mean([theirs.log_size - ours.log_size for ours, theirs in told]))
     # What each has learnt of its noise differs by chance.
     assert leads[1] == pytest.approx(leads[0], abs=0.5)
@@ -446,7 +446,7 @@ def test_an_orbit_is_not_asked_for_where_it_is_not_wanted():
 
 def test_who_foretells_better_is_no_matter_of_chance_or_of_big_words():
     sharp, vague = Score(nis=2.0, log_size=0.0), Score(nis=0.1, log_size=8.0)
-    rivals = Rivals()
+    rivals = PredictorScores()
     leads = []
     for _ in range(8):
         rivals.compare(sharp, vague)
@@ -456,7 +456,7 @@ def test_who_foretells_better_is_no_matter_of_chance_or_of_big_words():
     for _ in range(8):
         rivals.compare(wrong, vague)
     assert not rivals.is_orbit_ahead, "an orbit that is sure and wrong is not believed"
-    alike = Rivals()
+    alike = PredictorScores()
     for _ in range(20):
         alike.compare(sharp, Score(nis=2.2, log_size=0.0))
         assert not alike.is_orbit_ahead
@@ -466,7 +466,7 @@ def test_who_foretells_better_is_no_matter_of_chance_or_of_big_words():
     ("by_orbit_arcsec", "is_close"), [(1.0, True), (0.95, True), (0.5, False), (2.0, False)]
 )
 def test_what_promises_the_same_but_for_a_tenth_is_close(by_orbit_arcsec: float, is_close: bool):
-    rivals = Rivals()
+    rivals = PredictorScores()
     assert not rivals.is_close
     for _ in range(6):
         by_filter = Score(nis=2.0, log_size=0.0)

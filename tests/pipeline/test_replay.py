@@ -80,7 +80,7 @@ def test_wherever_a_session_is_cut_off_only_its_last_frame_lacks_anything(busy_n
                 f.taken.frame_id == each.taken.frame_id for f in (*whole, last) if f is not each
             )
             is_again = is_again or each.taken.frame_id == last.taken.frame_id
-            assert is_again or (fold.records, fold.state) == (each.recorded, each.state)
+            assert is_again or (fold.records, fold.state) == (each.recorded, each.after.state)
         assert all(frame.is_as_recorded for frame in whole)
         if last is not None:
             assert last.records[: len(last.recorded)] == last.recorded
@@ -157,7 +157,7 @@ def test_what_is_tried_holds_from_the_start_whatever_was_set_later(busy_night):
 
 def test_a_higher_tau_leaves_out_what_was_less_confident(busy_night):
     changes = list(replay(busy_night.records, CONFIG, changes={"detector.tau": 0.8}))
-    assert {m.confidence for frame in changes for m in frame.shown.measurements} == {0.9}
+    assert {m.confidence for frame in changes for m in frame.observations.measurements} == {0.9}
     assert misses(list(replay(busy_night.records, CONFIG, changes={"detector.tau": 0.95}))) == 0
 
 
@@ -180,7 +180,7 @@ def test_a_lower_tau_measures_what_lay_below_it():
     (changes,) = replay(records, CONFIG, changes={"detector.tau": 0.06})
     assert as_it_was.after.state == "SEARCH"
     assert changes.after.state == "ACQUIRE"
-    assert [m.confidence for m in changes.shown.measurements] == [0.08]
+    assert [m.confidence for m in changes.observations.measurements] == [0.08]
 
 
 def taken(frame_id: int) -> FrameTaken:

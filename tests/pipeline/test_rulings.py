@@ -120,7 +120,7 @@ def test_a_word_on_an_earlier_frame_follows_all_later_ones_again():
         each.engine.run(frames=10)
     seventh = r.engine.cycle.folds.shown(7).measurements[0]
     decision = Ruling(frame_id=7, refused=(seventh,))
-    after, records = r.engine.cycle.rule(decision)
+    after, records = r.engine.cycle.apply_decision(decision)
     assert after.track.x == plain.engine.following.track.x
     assert after.track.P == plain.engine.following.track.P
     assert [f.frame_id for f in records if isinstance(f, FollowedAgain)] == [7, 8, 9, 10]

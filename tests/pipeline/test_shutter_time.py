@@ -18,7 +18,7 @@ from rsoconsole.config import (
 from rsoconsole.engine.doctor.checks import check_shutter
 from rsoconsole.engine.operator.arming import ArmingCheck, arming_checks
 from rsoconsole.library.formats.night import read_night
-from rsoconsole.pipeline import measure, put_together, replay, shutter_mid_utc_ns, shutter_time
+from rsoconsole.pipeline import measure, merged_timings, replay, shutter_mid_utc_ns, shutter_time
 from rsoconsole.records import CameraMode, FrameTaken, Measurement
 from rsoconsole.session import SessionReader
 from rsoconsole.sky import iso_to_utc_ns
@@ -155,7 +155,7 @@ pattern = "stay"
 
 def written(path: Path, *timings: CalibratedTiming) -> ExposureConfig:
     known = load_config(path).exposure
-    whole = put_together(known, timings)
+    whole = merged_timings(known, timings)
     write_settings(path, {"exposure.calibrated": [each.model_dump(mode="json") for each in whole]})
     return load_config(path).exposure
 

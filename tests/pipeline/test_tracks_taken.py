@@ -3,7 +3,7 @@
 import random
 from dataclasses import replace
 
-from rsoconsole.pipeline.cycle.track_assignment import WHOLE, TracksTaken
+from rsoconsole.pipeline.cycle.track_assignment import WHOLE, TrackAssignment
 from rsoconsole.records import FollowedAgain, Measurement, Record, TrackState
 from tests.makers import NS, T0_UTC_NS, geo_measurement
 
@@ -50,7 +50,7 @@ def night() -> list[Record]:
 
 
 def test_asked_after_every_record_it_tells_the_same_as_asked_once():
-    often, once = TracksTaken(), TracksTaken()
+    often, once = TrackAssignment(), TrackAssignment()
     for record in night():
         often.receive(record)
         often.live()
@@ -64,7 +64,7 @@ def test_asked_after_every_record_it_tells_the_same_as_asked_once():
 
 
 def test_what_filters_know_does_not_stay_in_memory_for_a_whole_night():
-    taken = TracksTaken()
+    taken = TrackAssignment()
     for frame_id in range(1, 10 * WHOLE):
         measured = geo_measurement(frame_id)
         taken.receive(measured)

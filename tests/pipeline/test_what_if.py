@@ -251,8 +251,8 @@ def test_what_another_tau_leaves_out_can_be_let_in_again(busy_night):
     records, config, _ = retold(busy_night, detector__tau=0.8)
     back = list(replay(records, config, changes={"detector.tau": 0.1}))
     plain = list(replay(busy_night.records, CONFIG, changes={"detector.tau": 0.1}))
-    assert [len(f.shown.detections.detections) for f in back] == [
-        len(f.shown.detections.detections) for f in plain
+    assert [len(f.observations.detections.detections) for f in back] == [
+        len(f.observations.detections.detections) for f in plain
     ]
 
 
@@ -306,7 +306,7 @@ def ruled_log(log: list[tuple[int, Any]], config: Config, frame_id: int) -> list
             taken = record
     assert taken is not None
     decision = Ruling(frame_id=frame_id, refused=(taken,))
-    again = walk.folds.rule(decision)
+    again = [(each.frame_id, each.records) for each in walk.folds.apply(decision)]
     t_utc_ns = log[until - 1][0]
     return [*log[:until], *((t_utc_ns, r) for r in on_record_again(decision, again))]
 
@@ -424,13 +424,13 @@ def test_another_detector_is_tried_with_the_recorded_plate_where_the_solver_is_n
     assert found.rerun.rerun == 2
     ninth = next(frame for frame in found.frames if frame.taken.frame_id == 9)
     eighth = next(frame for frame in found.frames if frame.taken.frame_id == 8)
-    (measured,) = ninth.shown.measurements
+    (measured,) = ninth.observations.measurements
     assert measured.ends_icrs_deg is None
-    assert eighth.shown.measurements[0].ends_icrs_deg is not None
+    assert eighth.observations.measurements[0].ends_icrs_deg is not None
     records = [record for _, record in log_of(SAMPLE)]
     as_it_was = replay(records, SessionReader(SAMPLE).config())
     recorded = next(frame for frame in as_it_was if frame.taken.frame_id == 9)
-    assert ninth.shown.solution == recorded.shown.solution
+    assert ninth.observations.solution == recorded.observations.solution
 
 
 # -- the verb ---------------------------------------------------------------------------------

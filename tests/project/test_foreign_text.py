@@ -26,7 +26,7 @@ from rsoconsole.control.wire import read_outcome
 from rsoconsole.library import ReadAs, read_observations
 from rsoconsole.orbits import parse_catalogue
 from rsoconsole.orbits.elements import catalogue
-from rsoconsole.pipeline import read_catalogue, read_observed
+from rsoconsole.pipeline import read_catalogue, read_observed_tracks
 from rsoconsole.records import Event, FrameTaken
 from rsoconsole.session import SessionReader
 from rsoconsole.session.files.upkeep_log import parse_notes
@@ -105,7 +105,7 @@ def test_observations_nested_too_deeply_are_one_line(tmp_path: Path):
     path = tmp_path / "seen.json"
     path.write_text(DEEP_JSON, encoding="utf-8")
     with pytest.raises(OrbitError, match="nested too deeply"):
-        read_observed(path)
+        read_observed_tracks(path)
 
 
 @pytest.mark.parametrize(

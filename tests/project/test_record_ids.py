@@ -6,7 +6,7 @@ from typing import Any
 from rsoconsole.config import Config
 from rsoconsole.night import Night
 from rsoconsole.pipeline import replay
-from rsoconsole.pipeline.cycle.track_assignment import TracksTaken
+from rsoconsole.pipeline.cycle.track_assignment import TrackAssignment
 from rsoconsole.records import Measurement, Ruling, SlewCommand, TrackState
 from rsoconsole.tracking import Following, follow
 from tests.makers import geo_measurement
@@ -44,7 +44,7 @@ def two_tracks() -> list[Any]:
 
 
 def test_a_frame_may_hold_several_tracks_each_with_its_own_measurements() -> None:
-    tracks = TracksTaken()
+    tracks = TrackAssignment()
     for record in two_tracks():
         tracks.receive(record)
     found = tracks.tracks()
@@ -113,7 +113,7 @@ def test_a_candidate_has_one_id_whichever_lets_it_in() -> None:
     records = [each for each in r.memory.records if not isinstance(each, Ruling)]
     changes = list(replay(records, CONFIG, changes={"detector.tau": 0.01}))
     (frame,) = [f for f in changes if f.taken.frame_id == 8][:1]
-    ids = [m.measurement_id for m in frame.shown.measurements]
+    ids = [m.measurement_id for m in frame.observations.measurements]
     assert "8-1" in ids
     assert len(set(ids)) == len(ids)
 

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from rsoconsole.pipeline.cycle.track_assignment import TracksTaken
+from rsoconsole.pipeline.cycle.track_assignment import TrackAssignment
 from rsoconsole.records import Measurement, NotFollowed, TrackState
 from rsoconsole.tracking import Following, follow
 from rsoconsole.tracking.initiation import chains
@@ -25,8 +25,8 @@ def point(frame_id: int, **other: float) -> Measurement:
 
 def followed(
     frames: dict[int, list[Measurement]],
-) -> tuple[Following, list[TrackState], TracksTaken]:
-    following, begun, taken = Following(), [], TracksTaken()
+) -> tuple[Following, list[TrackState], TrackAssignment]:
+    following, begun, taken = Following(), [], TrackAssignment()
     for frame_id, shown in frames.items():
         sight = replace(seen(frame_id, *shown), **QUICK)
         following, records = follow(following, sight, SETTINGS)

@@ -14,7 +14,7 @@ import pytest
 
 from rsoconsole.config import Config
 from rsoconsole.pipeline.cycle.frame_fold import follow_settings
-from rsoconsole.pipeline.cycle.track_assignment import TracksTaken
+from rsoconsole.pipeline.cycle.track_assignment import TrackAssignment
 from rsoconsole.records import (
     FloatArray,
     FrameTaken,
@@ -189,7 +189,7 @@ def test_nobody_steals_the_track_and_it_holds(company: str, scatter_s: float, ni
 def test_a_track_begun_with_two_objects_is_begun_again_with_one() -> None:
     """In the first frame one of two neighbours is seen, in the second the other."""
     random = np.random.default_rng(1)
-    following, told, taken, replaced = Following(), [], TracksTaken(), []
+    following, told, taken, replaced = Following(), [], TrackAssignment(), []
     for k in range(12):
         rate = truth()[k].rate
         ours = streak(k, "ours", random, np.zeros(2), rate, 0.0)

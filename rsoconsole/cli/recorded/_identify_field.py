@@ -16,7 +16,7 @@ from rsoconsole.orbits import Identification
 from rsoconsole.pipeline import (
     MIN_TRACKS,
     FieldFrame,
-    Observed,
+    ObservedTrack,
     Past,
     PlateMode,
     keep,
@@ -105,7 +105,7 @@ class SessionLedger:
     """The ledger beside one session or file of observations."""
 
     def __init__(
-        self, path: Path, tracks: Sequence[Observed], named: Sequence[Identification]
+        self, path: Path, tracks: Sequence[ObservedTrack], named: Sequence[Identification]
     ) -> None:
         """``named``: each of the tracks, in their order."""
         is_session = tracks[0].track_id is not None

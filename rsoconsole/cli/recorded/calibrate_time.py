@@ -148,7 +148,7 @@ def _elements(
 
 def _write(found: "FoundTiming", config_path: Path | None, *, force: bool) -> Path:
     """Put the result into the configuration file; its place. Raises ConfigError."""
-    from rsoconsole.pipeline import put_together, timings_of, worse_than_known
+    from rsoconsole.pipeline import merged_timings, timings_of, worse_than_known
     from rsoconsole.words import errors_words, mode_words
 
     if found.simulated and not force:
@@ -165,5 +165,5 @@ def _write(found: "FoundTiming", config_path: Path | None, *, force: bool) -> Pa
             f"not written: at {mode_words(old.mode)} the configuration has {errors_words(old)}"
             f" (of {old.measured_on}), this result {errors_words(new)}: add nights, or --force"
         )
-    whole = [each.model_dump(mode="json") for each in put_together(exposure, timings)]
+    whole = [each.model_dump(mode="json") for each in merged_timings(exposure, timings)]
     return set_in_file(config_path, {"exposure.calibrated": whole})

@@ -16,7 +16,7 @@ from rsoconsole.config import Config, home_path, load_config, shown
 from rsoconsole.words import counted
 
 if TYPE_CHECKING:
-    from rsoconsole.pipeline import Kept, Source, Update, Updated
+    from rsoconsole.pipeline import Source, SourceStatus, SourceUpdate, SourceUpdater
 
 SLEW_WAIT_S = 300.0
 _POLL_S = 2.0
@@ -69,7 +69,7 @@ def update(
     output.exit_where(faults, f"{counted(faults, 'source')} could not be fetched; each says why")
 
 
-def _report(each: "Updated", settings: Config, json_: bool) -> None:
+def _report(each: "SourceUpdate", settings: Config, json_: bool) -> None:
     if json_:
         outcome = {"fetched": each.is_fetched, "ok": not each.is_fault, "detail": each.words}
         output.emit_json({**_row(each.source, each.kept, settings), **outcome})
@@ -86,12 +86,15 @@ def list_(config: ConfigOption = None, json_: JsonOption = False) -> None:
 
     Example: rsoconsole catalogue list --json
     """
-    from rsoconsole.pipeline import ElementStore, Kept
+    from rsoconsole.pipeline import ElementStore, SourceStatus
 
     settings = load_config(config)
     kept = ElementStore().kept()
     sources = _configured(settings)
-    rows = [_row(each, kept.get(each.text, Kept(source=each.text)), settings) for each in sources]
+    rows = [
+        _row(each, kept.get(each.text, SourceStatus(source=each.text)), settings)
+        for each in sources
+    ]
     rows += [_file_row(path) for path in settings.catalogue.tle_files if not path.is_dir()]
     for row in rows:
         output.answer(json_, row, _line)
@@ -128,7 +131,7 @@ def add(
 
     Example: rsoconsole catalogue add supgp:intelsat celestrak:geo
     """
-    from rsoconsole.pipeline import Kept
+    from rsoconsole.pipeline import SourceStatus
 
     given = [_source_of(text) for text in source]
     settings = load_config(config, environ={})
@@ -137,7 +140,7 @@ def add(
     new = [each for each in given if each.text not in {one.text for one in there}]
     order = [*new, *there] if first else [*there, *new]
     # A file that cannot be read is not added.
-    brought = {each.text: run.bring_in(each) for each in given if each.file is not None}
+    brought = {each.text: run.import_file(each) for each in given if each.file is not None}
     files = [str(path) for path in settings.catalogue.tle_files]
     if str(run.store.folder) not in files:
         files.append(str(run.store.folder))
@@ -150,7 +153,7 @@ def add(
     settings = load_config(config)
     for each in given:
         known = brought.get(each.text) or run.store.note(each, refused_utc_ns=None, fault=None)
-        output.answer(json_, _row(each, known or Kept(source=each.text), settings), _line)
+        output.answer(json_, _row(each, known or SourceStatus(source=each.text), settings), _line)
     if any(each.file is None for each in given) and not json_:
         output.say(
             "'rsoconsole catalogue update' fetches them; a running engine reads them when"
@@ -192,11 +195,11 @@ def _chosen(there: "list[Source]", wanted: list[str]) -> "list[Source]":
     return [known[text] for text in texts]
 
 
-def _run(settings: Config, wait: Callable[[], None] = lambda: None) -> "Update":
-    from rsoconsole.pipeline import ElementStore, Update
+def _run(settings: Config, wait: Callable[[], None] = lambda: None) -> "SourceUpdater":
+    from rsoconsole.pipeline import ElementStore, SourceUpdater
 
     catalogue = settings.catalogue
-    return Update(
+    return SourceUpdater(
         store=ElementStore(),
         celestrak_url=catalogue.celestrak_url,
         space_track_url=catalogue.space_track_url,
@@ -225,7 +228,7 @@ def _wait_while_slewing(socket: Path | None) -> None:
         time.sleep(_POLL_S)
 
 
-def _row(source: "Source", kept: "Kept", settings: Config) -> dict[str, Any]:
+def _row(source: "Source", kept: "SourceStatus", settings: Config) -> dict[str, Any]:
     from rsoconsole.pipeline import default_folder
     from rsoconsole.words import utc_ns_to_iso
 
@@ -244,17 +247,17 @@ def _row(source: "Source", kept: "Kept", settings: Config) -> dict[str, Any]:
 
 def _file_row(path: Path) -> dict[str, Any]:
     """Of a file that the configuration names itself."""
-    from rsoconsole.pipeline import Kept, element_figures, read_catalogue
+    from rsoconsole.pipeline import SourceStatus, element_figures, read_catalogue
 
     try:
         figures: Any = element_figures(read_catalogue([path]))
-        kept = Kept(source=str(path), **figures)
+        kept = SourceStatus(source=str(path), **figures)
     except OrbitError as error:
-        kept = Kept(source=str(path), fault=str(error))
+        kept = SourceStatus(source=str(path), fault=str(error))
     return {**_kept_row(kept), "next_utc": None, "in_use": kept.fault is None, "path": path}
 
 
-def _kept_row(kept: "Kept") -> dict[str, Any]:
+def _kept_row(kept: "SourceStatus") -> dict[str, Any]:
     now_utc_ns = time.time_ns()
 
     def hours(t_utc_ns: int | None) -> float | None:

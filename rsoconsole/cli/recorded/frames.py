@@ -201,7 +201,7 @@ def process(
     where it was when the same command is given again: nights that are done are not done twice.
     Example: rsoconsole process nights/* --session processed
     """
-    from rsoconsole.pipeline import nights_in, pool_for
+    from rsoconsole.pipeline import choose_pool, nights_in
 
     overrides = {"detector.tau": tau, "filter.preset": preset}
     settings = load_config(config, {k: v for k, v in overrides.items() if v is not None})
@@ -220,7 +220,7 @@ def process(
             )
         nights = nights_in(everywhere(given), session.resolve(), settings, is_again=again)
         pool_of = partial(
-            pool_for,
+            choose_pool,
             workers=workers,
             scheduler=scheduler,
             is_serial=serial,

@@ -23,7 +23,7 @@ from rsoconsole.config import Config, load_config
 
 if TYPE_CHECKING:
     from rsoconsole.library import ReadAs
-    from rsoconsole.pipeline import Observed
+    from rsoconsole.pipeline import ObservedTrack
 
 
 def register(app: typer.Typer) -> None:
@@ -195,7 +195,7 @@ def _report(
 
 def _tracks_of(
     path: Path, ask: "ReadAs", track: int | None
-) -> "tuple[tuple[Observed, ...], Observed]":
+) -> "tuple[tuple[ObservedTrack, ...], ObservedTrack]":
     """All that are named together, and the object that is reported in full."""
     from rsoconsole.library import read_observations
 

@@ -112,7 +112,7 @@ def what_if(
 
     A branch lies in SESSION/branches/NAME and can be shown, drawn and exported like a session.
     """
-    from rsoconsole.pipeline import BatchQuestion, pool_for
+    from rsoconsole.pipeline import BatchQuestion, choose_pool
 
     named = {
         "detector.tau": tau,
@@ -153,7 +153,7 @@ def what_if(
         for path in sessions
     ]
     is_shared = detector or solver or workers is not None or len(sessions) >= SHARED_FROM
-    pool = pool_for(
+    pool = choose_pool(
         len(sessions),
         workers=workers,
         scheduler=scheduler,
@@ -167,7 +167,7 @@ def _answer(questions: "list[BatchQuestion]", pool: "WorkerPool", json_: bool) -
     from dataclasses import replace
 
     from rsoconsole.cli.words.what_if_words import answer_lines
-    from rsoconsole.pipeline import answer, no_answer, share_out
+    from rsoconsole.pipeline import answer, no_answer, run_tasks
 
     failures = 0
     is_alone = len(questions) == 1
@@ -178,7 +178,7 @@ def _answer(questions: "list[BatchQuestion]", pool: "WorkerPool", json_: bool) -
         paths = everywhere([each.session for each in questions])
         whole = [replace(q, session=path) for q, path in zip(questions, paths, strict=True)]
         with progress("sessions", len(questions)) as on_done:
-            found_of = share_out(
+            found_of = run_tasks(
                 answer, whole, pool, failed=no_answer, paths=paths, on_done=on_done
             )
             answers = list(found_of)

@@ -13,7 +13,7 @@ from rsoconsole.control import Goto, Outcome, Preview
 
 if TYPE_CHECKING:
     from rsoconsole.control import Status
-    from rsoconsole.pipeline import Understood
+    from rsoconsole.pipeline import ParsedDirection
 
 TargetArgument = Annotated[
     list[str],
@@ -108,13 +108,13 @@ def _waited(follower: Follower, taken: Outcome, move: Goto, status: "Status") ->
     return follower.outcome(arrival(ra_icrs_deg, dec_icrs_deg, near_arcmin))
 
 
-def _understood(text: str, status: "Status") -> "Understood":
+def _understood(text: str, status: "Status") -> "ParsedDirection":
     """What is meant at the engine's own time and site. Raises BadParameter where nothing is."""
-    from rsoconsole.pipeline import Names, understand
+    from rsoconsole.pipeline import TargetNames, parse_direction
 
     config = config_of(status.session)
     if status.now_utc_ns is None:
         raise ControlError("the engine does not say what time it has: it is of another version")
-    names = Names.load(config.catalogue.tle_files)
+    names = TargetNames.load(config.catalogue.tle_files)
     with usage_faults():
-        return understand(text, config.site.to_site(), status.now_utc_ns, names)
+        return parse_direction(text, config.site.to_site(), status.now_utc_ns, names)

@@ -7,7 +7,7 @@ from typing import Any
 
 from rsoconsole.cli.words import output
 from rsoconsole.orbits import MIN_MEASUREMENTS, SYSTEMS, Estimate, ShutterTiming
-from rsoconsole.pipeline import FoundTiming, Mode, SeenSatellite
+from rsoconsole.pipeline import FoundSatellite, FoundTiming, Mode
 from rsoconsole.words import counted, mode_words
 
 _SOURCES = {
@@ -140,7 +140,7 @@ def _mode(mode: Mode) -> str:
     return mode_words((mode.exposure_s, *mode.read_out), "other exposures")
 
 
-def _satellites_words(satellites: Sequence[SeenSatellite]) -> str:
+def _satellites_words(satellites: Sequence[FoundSatellite]) -> str:
     systems: dict[str, int] = {}
     for each in satellites:
         system = SYSTEMS.get(each.name[:1], "") if each.name[1:].isdigit() else ""

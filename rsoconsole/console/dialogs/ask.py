@@ -24,7 +24,7 @@ from rsoconsole.control import (
 )
 
 if TYPE_CHECKING:
-    from rsoconsole.pipeline import Understood
+    from rsoconsole.pipeline import ParsedDirection
 
 GOTO_EXAMPLES = "05 32 11 -4 52 10 · 83.05 -4.87 of date · alt 47 az 201 · SES-10 · M31"
 
@@ -112,16 +112,16 @@ class GotoDialog(FieldDialog[tuple[float, float] | None]):
         answer = partial(self._show_preview, self._asked, f"{found.words}{caution}")
         _ask_engine(self, self._orders, move, answer)
 
-    def _understood(self, text: str) -> "Understood":
+    def _understood(self, text: str) -> "ParsedDirection":
         """What is meant at this instant. Raises ValueError or RsoconsoleError where none is."""
-        from rsoconsole.pipeline import Names, understand
+        from rsoconsole.pipeline import TargetNames, parse_direction
 
         config = self._config()
         if config is None:
             raise ValueError(UNREAD)
         if self._names is None:
-            self._names = Names.load(config.catalogue.tle_files)
-        return understand(text, config.site.to_site(), self._now_utc_ns(), self._names)
+            self._names = TargetNames.load(config.catalogue.tle_files)
+        return parse_direction(text, config.site.to_site(), self._now_utc_ns(), self._names)
 
     def _show_preview(self, number: int, words: str, outcome: Outcome) -> None:
         """What the engine says of the last thing typed."""

@@ -17,7 +17,7 @@ from rsoconsole.console.watches.messages import call_in_turn
 from rsoconsole.words import clock, span
 
 if TYPE_CHECKING:
-    from rsoconsole.pipeline import Up
+    from rsoconsole.pipeline import VisibleSatellite
 
 log = logging.getLogger(__name__)
 
@@ -27,7 +27,7 @@ SOON_MIN = 15.0
 NAME_COLUMNS = 24
 
 
-class UpListDialog(ListDialog[str | None, "Up"]):
+class UpListDialog(ListDialog[str | None, "VisibleSatellite"]):
     """Satellites above the limit; typing finds one. Gives its catalogue number, for the go-to."""
 
     BINDINGS: ClassVar[list[BindingType]] = [
@@ -44,7 +44,7 @@ class UpListDialog(ListDialog[str | None, "Up"]):
         """``config``: the night's, None until it has been read; ``now_utc_ns``: the frame clock."""
         super().__init__()
         self._config, self._now_utc_ns = config, now_utc_ns
-        self._found: tuple[Up, ...] | None = None
+        self._found: tuple[VisibleSatellite, ...] | None = None
         self._t_utc_ns = 0
         self._limit_deg = 0.0
         self._fault = ""
@@ -52,7 +52,7 @@ class UpListDialog(ListDialog[str | None, "Up"]):
 
     def look(self) -> None:
         """Compute the list, a second for large catalogues; runs on the thread."""
-        from rsoconsole.pipeline import read_catalogue, up_now
+        from rsoconsole.pipeline import read_catalogue, visible_now
 
         while (config := self._config()) is None:
             time.sleep(UNREAD_CHECK_S)
@@ -66,10 +66,10 @@ class UpListDialog(ListDialog[str | None, "Up"]):
             return
         site, limits = config.site.to_site(), config.limits
         self._limit_deg = limits.min_altitude_deg
-        found: tuple[Up, ...] = ()
+        found: tuple[VisibleSatellite, ...] = ()
         fault = ""
         try:
-            found = up_now(read_catalogue(files), site, t_utc_ns, limits)
+            found = visible_now(read_catalogue(files), site, t_utc_ns, limits)
         except RsoconsoleError as error:
             fault = str(error)
         except Exception:  # whatever it is, nobody waits for ever for the list
@@ -77,12 +77,14 @@ class UpListDialog(ListDialog[str | None, "Up"]):
             fault = "it cannot be computed: the console's log says why"
         call_in_turn(self, self._list_satellites, found, t_utc_ns, fault)
 
-    def _list_satellites(self, found: "tuple[Up, ...]", t_utc_ns: int, fault: str) -> None:
+    def _list_satellites(
+        self, found: "tuple[VisibleSatellite, ...]", t_utc_ns: int, fault: str
+    ) -> None:
         self._found, self._t_utc_ns, self._fault = found, t_utc_ns, fault
         self.show()
 
     @property
-    def shown(self) -> "list[Up]":
+    def shown(self) -> "list[VisibleSatellite]":
         """Those that what was typed leaves, in the chosen order."""
         words = self.query_one(Input).value.lower().split()
         left = [
@@ -96,7 +98,7 @@ class UpListDialog(ListDialog[str | None, "Up"]):
             return sorted(left, key=lambda up: (up.minutes_left is None, up.minutes_left or 0.0))
         return left
 
-    def result_of(self, row: "Up") -> str:
+    def result_of(self, row: "VisibleSatellite") -> str:
         """Its number."""
         return str(row.norad_id)
 
@@ -114,7 +116,7 @@ class UpListDialog(ListDialog[str | None, "Up"]):
             f" at {clock(self._t_utc_ns)}, by {self._order}"
         )
 
-    def row_words(self, row: "Up", width: int) -> tuple[str, Ink]:  # noqa: ARG002
+    def row_words(self, row: "VisibleSatellite", width: int) -> tuple[str, Ink]:  # noqa: ARG002
         """Its name, where it is, and for how long."""
         left = "12 h +" if row.minutes_left is None else span(row.minutes_left * 60.0)
         is_soon = row.minutes_left is not None and row.minutes_left < SOON_MIN

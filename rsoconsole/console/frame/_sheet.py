@@ -15,7 +15,7 @@ from rsoconsole.words import direction
 
 if TYPE_CHECKING:
     from rsoconsole.console.picture.sheet_pixels import SheetPixels
-    from rsoconsole.pipeline import Compared
+    from rsoconsole.pipeline import ComparedCandidate
     from rsoconsole.vision import FrameMap
 
 TAU = Tunable(name="detector.tau", label="τ", low=0.001, high=0.99)
@@ -86,7 +86,7 @@ class Sheet:
         return None if self.opened is None else self.opened.recorded.config.detector.map_mode
 
     @property
-    def candidates(self) -> "tuple[Compared, ...]":
+    def candidates(self) -> "tuple[ComparedCandidate, ...]":
         """Candidates then and now, or then alone."""
         if self.done is not None:
             return self.done.result.candidates

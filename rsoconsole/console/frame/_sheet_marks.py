@@ -10,7 +10,7 @@ from rsoconsole.console.picture.marks import SHOWN_REJECTED, Mark, mark_of, mark
 from rsoconsole.night import NightFrame
 
 if TYPE_CHECKING:
-    from rsoconsole.pipeline import Compared, Judged
+    from rsoconsole.pipeline import ComparedCandidate, JudgedCandidate
 
 FAINT_FROM_PX = 3.0
 """Pixels a square above which a streak to be marked has points beyond its ends."""
@@ -26,7 +26,7 @@ Box = tuple[float, float, float, float]
 
 
 def sheet_marks(
-    detail: NightFrame, candidates: Sequence["Compared"], chosen: int | None
+    detail: NightFrame, candidates: Sequence["ComparedCandidate"], chosen: int | None
 ) -> tuple[Mark, ...]:
     """Return the recorded marks, the boxes of the detections, and the detector's marks of now.
 
@@ -49,7 +49,7 @@ def sheet_marks(
     return (*boxes, *(_making_room(mark, now) for mark in then), *now)
 
 
-def _mark_now(judged: "Judged", is_as_recorded: bool) -> Mark:
+def _mark_now(judged: "JudgedCandidate", is_as_recorded: bool) -> Mark:
     mark = mark_of(judged.detection, "now" if judged.is_taken else "now_rejected")
     return replace(mark, is_outer=True, label="=" if is_as_recorded else mark.label)
 

@@ -15,7 +15,7 @@ from rsoconsole.sky import wrap_180
 from rsoconsole.words import parts_of, short
 
 if TYPE_CHECKING:
-    from rsoconsole.pipeline import Compared
+    from rsoconsole.pipeline import ComparedCandidate
 
 LABEL_COLUMNS = 9
 MAX_WARNING_ROWS = 3
@@ -124,7 +124,7 @@ def _candidates(sheet: Sheet, width: int, room: int) -> list[Line]:
     return [head, *lines]
 
 
-def _block(sheet: Sheet, number: int, pair: "Compared", width: int) -> list[Line]:
+def _block(sheet: Sheet, number: int, pair: "ComparedCandidate", width: int) -> list[Line]:
     is_chosen = number == sheet.chosen
     place = pair.shown
     first = f"{_confidence(pair, 'was')} → {_confidence(pair, 'now')}"
@@ -144,12 +144,12 @@ def _block(sheet: Sheet, number: int, pair: "Compared", width: int) -> list[Line
     return lines
 
 
-def _confidence(pair: "Compared", when: str) -> str:
+def _confidence(pair: "ComparedCandidate", when: str) -> str:
     judged = pair.was if when == "was" else pair.now
     return "-" if judged is None else short(judged.detection.confidence)
 
 
-def _outcomes(sheet: Sheet, pair: "Compared") -> list[Item]:
+def _outcomes(sheet: Sheet, pair: "ComparedCandidate") -> list[Item]:
     """What was made of a candidate then and now; once where that is the same."""
     was = "not a candidate"
     if pair.was is not None:
@@ -172,7 +172,7 @@ def _fate(sheet: Sheet, streak: Detection) -> str:
     return ", ".join(word for word in fate(streak, sheet.opened.detail) if word)
 
 
-def _moved(sheet: Sheet, pair: "Compared") -> str:
+def _moved(sheet: Sheet, pair: "ComparedCandidate") -> str:
     """How far the measurement is from the recorded one on the sky, where both are known."""
     if sheet.done is None or pair.was is None or pair.now is None:
         return ""

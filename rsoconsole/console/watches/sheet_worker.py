@@ -22,7 +22,7 @@ from rsoconsole.session import SessionReader
 
 if TYPE_CHECKING:
     from rsoconsole.console.picture.sheet_pixels import SheetPixels
-    from rsoconsole.pipeline import Compared, RecordedFrame, Reprocessed, Reprocessor
+    from rsoconsole.pipeline import ComparedCandidate, RecordedFrame, Reprocessed, Reprocessor
     from rsoconsole.vision import FrameMap
 
 log = logging.getLogger(__name__)
@@ -51,7 +51,7 @@ class Opened:
     preview: Picture | None
     bytes: int
     """Size of the frame's file; 0 where there is none."""
-    candidates: tuple["Compared", ...]
+    candidates: tuple["ComparedCandidate", ...]
     """Candidates on record, with none of a new processing beside them yet."""
 
 

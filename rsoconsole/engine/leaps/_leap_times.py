@@ -15,8 +15,8 @@ from rsoconsole.pipeline import (
     LAST_SLEWS,
     Leap,
     LeapTerms,
+    MeasuredSlew,
     MountMotion,
-    SlewSeen,
     Telescope,
     learned,
     shutter_mid_utc_ns,
@@ -214,7 +214,7 @@ class LeapTimes:
         self._config = config
         self._instrument_controller = instrument_controller
         self._watch = watch
-        self._seen: deque[SlewSeen] = deque(maxlen=LAST_SLEWS)
+        self._seen: deque[MeasuredSlew] = deque(maxlen=LAST_SLEWS)
         self._motion: MountMotion | None = None
         """By the slews seen so far; None: to be found again."""
         self._readouts_s: deque[float] = deque(maxlen=_FRAMES)
@@ -252,7 +252,7 @@ class LeapTimes:
             self._settle.begun()
         took_s = (self._instrument_controller.arrived_utc_ns - since_ns) / NS
         if took_s > 0.0:  # a hold may have come before the arrival
-            self._seen.append(SlewSeen(travel_deg=travel, seconds=took_s))
+            self._seen.append(MeasuredSlew(travel_deg=travel, seconds=took_s))
             self._motion = None
 
     def read_out(self, frame: Frame, opened_utc_ns: int) -> None:

@@ -6,7 +6,7 @@ from rsoconsole.engine.leaps._leap_times import LeapTimes
 from rsoconsole.engine.leaps.awaiting import Awaiting
 from rsoconsole.engine.operator.by_hand import Parts
 from rsoconsole.engine.operator.handlers import Control
-from rsoconsole.pipeline import Awaited, duty, expected_at, exposure_for
+from rsoconsole.pipeline import AwaitedPass, duty, expected_at, exposure_for
 from rsoconsole.sky import (
     Pose,
     hour_angle_icrs_deg,
@@ -77,7 +77,7 @@ class Staring:
         self._note_slew(pose, there, now_ns)
         return plan
 
-    def _waited(self, awaited: Awaited, pose: Pose, now_ns: int) -> Plan:
+    def _waited(self, awaited: AwaitedPass, pose: Pose, now_ns: int) -> Plan:
         """In place until shortly before; then at the point of its orbit, until it has come."""
         stare = awaited.stare
         until_ns = stare.from_utc_ns - _GO_THERE_NS

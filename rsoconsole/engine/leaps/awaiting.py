@@ -19,14 +19,14 @@ from rsoconsole.orbits import (
     passes_above,
 )
 from rsoconsole.pipeline import (
-    Awaited,
-    Came,
+    AwaitedPass,
     FrameStreak,
     Leap,
+    PassOffset,
     PassPlan,
-    awaited_on,
+    awaited_pass,
     errors_of,
-    next_of,
+    next_awaited_pass,
     read_catalogue,
 )
 from rsoconsole.records import Site
@@ -51,7 +51,7 @@ def entry_of(config: Config) -> CatalogueEntry:
 SEARCHED_NS = NS_PER_DAY
 
 
-def begun_words(track: LeapTrack, awaited: Awaited | None, found: Came | None) -> str:
+def begun_words(track: LeapTrack, awaited: AwaitedPass | None, found: PassOffset | None) -> str:
     """A first streak: how fast, in which sense; of one that was waited for how late."""
     speed = track.best.streaks[0].speed_arcsec_s
     if awaited is None or found is None:
@@ -64,7 +64,7 @@ def begun_words(track: LeapTrack, awaited: Awaited | None, found: Came | None) -
     )
 
 
-def awaited_words(awaited: Awaited) -> str:
+def awaited_words(awaited: AwaitedPass) -> str:
     """Which pass is waited for, and how long."""
     stare = awaited.stare
     either_s = (stare.until_utc_ns - stare.from_utc_ns) / 2 / NS_PER_S
@@ -170,7 +170,7 @@ class Awaiting:
         self._control = control
         self._parts = parts
         self._site = control.config.site.to_site()
-        self.awaited: Awaited | None = None
+        self.awaited: AwaitedPass | None = None
         """The pass that is waited for; None: whatever comes."""
         self._entry: CatalogueEntry | None = None
         self._last_orbit: LowOrbit | None = None
@@ -203,7 +203,7 @@ class Awaiting:
         self.forget()
         self._last_orbit = orbit
 
-    def next_one(self, now_ns: int) -> Awaited | None:
+    def next_one(self, now_ns: int) -> AwaitedPass | None:
         """The pass that is waited for, found where the last is over; None: whatever comes."""
         awaited, leap = self.awaited, self._control.config.leap
         if awaited is not None and now_ns > awaited.stare.until_utc_ns:
@@ -227,14 +227,14 @@ class Awaiting:
             self._parts.session_log.say("info", "no pass within a day to wait for: stares instead")
         return self.awaited
 
-    def _next_pass(self, now_ns: int) -> Awaited | None:
+    def _next_pass(self, now_ns: int) -> AwaitedPass | None:
         config, held = self._control.config, self._parts.watch.limits
         lifted = self._parts.watch.lifted_limits()
         if config.leap.pass_norad:
             if self._entry is None:
                 self._entry = entry_of(config)
             sigma_s = config.leap.late_sigma_s
-            return next_of(
+            return next_awaited_pass(
                 self._entry,
                 self._site,
                 now_ns,
@@ -249,7 +249,7 @@ class Awaiting:
             return None
         least_deg = config.limits.min_altitude_deg
         for each in passes_above(orbit, self._site, now_ns, now_ns + _WAITS_NS, least_deg):
-            found = awaited_on(
+            found = awaited_pass(
                 "it",
                 orbit.states,
                 self._site,

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 from rsoconsole.config import Config
 from rsoconsole.control import MarkByHand
-from rsoconsole.pipeline import Shown, measure
+from rsoconsole.pipeline import FrameObservations, measure
 from rsoconsole.records import (
     CommandResult,
     Detection,
@@ -30,7 +30,7 @@ SAME_STREAK_ARCSEC = 30.0
 """An automatic measurement farther from the mark is of something else, if the mark is sure."""
 
 
-def marked_decision(shown: Shown, mark: MarkByHand, by: str, config: Config) -> Ruling:
+def marked_decision(shown: FrameObservations, mark: MarkByHand, by: str, config: Config) -> Ruling:
     """A streak between two ends that the operator has pointed at."""
     x_a, y_a, x_b, y_b = mark.x_a_px, mark.y_a_px, mark.x_b_px, mark.y_b_px
     taken = shown.taken
@@ -96,7 +96,9 @@ def sigma_arcsec(measurement: Measurement) -> float:
     return largest_sigma(*measurement.cov_sky_arcsec2)
 
 
-def better_known(mark: Measurement, shown: Shown, taken: Measurement | None) -> Measurement | None:
+def better_known(
+    mark: Measurement, shown: FrameObservations, taken: Measurement | None
+) -> Measurement | None:
     """What a mark would replace and is known much better; None where there is no such thing."""
     sigma = sigma_arcsec(mark)
     near = [m for m in shown.measurements if _is_at(m, mark, 3.0 * sigma)]
@@ -117,7 +119,7 @@ def _away_arcsec(one: Measurement, other: Measurement) -> float:
 
 
 def measured(
-    detection: Detection, measurement_id: str, shown: Shown, config: Config
+    detection: Detection, measurement_id: str, shown: FrameObservations, config: Config
 ) -> Measurement:
     """A detection that is taken on the operator's word, as a direction."""
     if not isinstance(shown.solution, Solution):
@@ -139,7 +141,9 @@ def _not_solved(frame_id: int) -> str:
     return f"frame {frame_id} was not solved: without stars a streak has no place on the sky"
 
 
-def automatic_of(mark: Measurement, shown: Shown, taken: Measurement | None) -> Measurement | None:
+def automatic_of(
+    mark: Measurement, shown: FrameObservations, taken: Measurement | None
+) -> Measurement | None:
     """What the detector measured of the streak that is marked; None where it did not.
 
     ``taken``: what the track has of the frame.

@@ -37,7 +37,7 @@ from rsoconsole.engine.operator._hand_marks import (
 )
 from rsoconsole.engine.operator.handlers import Accepted, Control, Handler, Handlers, RefusedError
 from rsoconsole.engine.tasks.session_log import SessionLog
-from rsoconsole.pipeline import Cycle, Folds, HandTrack, Shown, refined_mark
+from rsoconsole.pipeline import Cycle, FollowedFrames, FrameObservations, HandTrack, refined_mark
 from rsoconsole.records import (
     BelowTau,
     Cause,
@@ -55,7 +55,7 @@ from rsoconsole.words import error_figure, text
 
 
 def on_track(
-    word: Drop | Keep, shown: Shown, following: Following, by: str, config: Config
+    word: Drop | Keep, shown: FrameObservations, following: Following, by: str, config: Config
 ) -> Ruling:
     """One track is dropped or kept; what was said of the frame before stands.
 
@@ -127,7 +127,7 @@ PixelsOf = Callable[[int], PixelArray | None]
 """The pixels of a frame by its number, (height, width) ADU; None where they were not kept."""
 
 
-Frames: TypeAlias = Folds | HandTrack
+Frames: TypeAlias = FollowedFrames | HandTrack
 """The last frames on which something may be said; each raises ValueError where nothing can."""
 
 
@@ -252,7 +252,7 @@ class Decisions:
         before = self._control.following
         if not self._control.authority.is_autonomous:
             return self._rule_by_hand(decision)
-        after, records = self._cycle.rule(decision)
+        after, records = self._cycle.apply_decision(decision)
         result = result_of(decision, records)
         if isinstance(command, Drop | Keep):
             result = replace(result, ruled=ruled_of(command), left_alone=0)
@@ -277,7 +277,7 @@ class Decisions:
     def _rule_by_hand(self, decision: Ruling) -> CommandResult:
         """Of a frame that nobody followed: what is kept is what the marks make of it."""
         authority = self._control.authority
-        kept, records = self._cycle.rule_by_hand(
+        kept, records = self._cycle.apply_hand_decision(
             decision, authority.kept, authority.following.last_track_id
         )
         for record in records:
@@ -333,11 +333,11 @@ def _take_back(command: TakeBack, folds: Frames, by: str) -> Ruling:
     return Ruling(frame_id=frame_id, by=by)
 
 
-def _frame(command: Decision, folds: Frames) -> Shown:
+def _frame(command: Decision, folds: Frames) -> FrameObservations:
     return folds.newest() if command.frame_id is None else folds.shown(command.frame_id)
 
 
-def _choose(shown: Shown, choice: Choose, by: str, config: Config) -> Ruling:
+def _choose(shown: FrameObservations, choice: Choose, by: str, config: Config) -> Ruling:
     """The streak nearest to a place is the one to follow."""
     x_px, y_px = choice.x_px, choice.y_px
     found = shown.detections
@@ -351,7 +351,7 @@ def _choose(shown: Shown, choice: Choose, by: str, config: Config) -> Ruling:
     return Ruling(frame_id=shown.taken.frame_id, taken=_measurement_of(near, shown, config), by=by)
 
 
-def _accept(shown: Shown, folds: Frames, by: str, config: Config) -> Ruling:
+def _accept(shown: FrameObservations, folds: Frames, by: str, config: Config) -> Ruling:
     """The likeliest streak that was not taken is taken."""
     refused = shown.decision.refused if shown.decision is not None else ()
     already = folds.taken(shown.taken.frame_id)
@@ -394,7 +394,7 @@ def _reject(rejection: Reject, folds: Frames, following: Following, by: str) -> 
     return Ruling(frame_id=taken.frame_id, refused=(*before, taken), by=by)
 
 
-def _measurement_of(detection: Detection, shown: Shown, config: Config) -> Measurement:
+def _measurement_of(detection: Detection, shown: FrameObservations, config: Config) -> Measurement:
     """What was measured of a detection; a candidate that was not is measured on their word."""
     for each in shown.measurements:
         if (each.x_px, each.y_px) == (detection.x_px, detection.y_px):

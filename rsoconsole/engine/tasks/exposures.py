@@ -13,7 +13,7 @@ from rsoconsole.engine.aim.plan import Planner
 from rsoconsole.engine.tasks.session_log import SessionLog
 from rsoconsole.engine.tasks.watch import Watch
 from rsoconsole.instruments import ARRIVED_KEY
-from rsoconsole.pipeline import taken_record
+from rsoconsole.pipeline import frame_taken_record
 from rsoconsole.records import Frame, LoopState
 
 REMEMBERED = 10
@@ -134,7 +134,7 @@ class Exposures:
         self._expect_believable(frame, opened_ns)
         arrived_s = frame.header.get(ARRIVED_KEY)
         read_ms = 0.0 if arrived_s is None else (time.monotonic() - float(arrived_s)) * 1e3
-        self._session_log.append(taken_record(frame, plan.blocked))
+        self._session_log.append(frame_taken_record(frame, plan.blocked))
         for text in self._instrument_controller.instruments.camera.take_messages():
             self._session_log.say("info", f"camera: {text}")
         clocks_apart = self._planner.exposed(frame, opened_ns)

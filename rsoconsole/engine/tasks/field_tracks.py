@@ -7,7 +7,7 @@ from rsoconsole.config import Config, FilterConfig
 from rsoconsole.control import NextAim, TrackNow
 from rsoconsole.engine.aim.instrument_controller import Ahead
 from rsoconsole.engine.aim.states import Authority
-from rsoconsole.pipeline import Shown, kept_until_utc_ns, tracks_inside
+from rsoconsole.pipeline import FrameObservations, kept_until_utc_ns, tracks_inside
 from rsoconsole.records import Measurement
 from rsoconsole.tracking import ON_TRIAL, Following, LiveTrack
 
@@ -53,7 +53,7 @@ def aim_ahead(ahead: Ahead | None, following: Following, config: Config) -> AimA
 def tracks_now(
     following: Following,
     names: Mapping[int, str],
-    shown_of: Callable[[int], Shown],
+    shown_of: Callable[[int], FrameObservations],
     now_utc_ns: int,
     ahead: AimAhead | None,
 ) -> tuple[TrackNow, ...]:
@@ -72,7 +72,9 @@ def tracks_now(
     )
 
 
-def _now(each: LiveTrack, shown_of: Callable[[int], Shown], now_utc_ns: int) -> TrackNow:
+def _now(
+    each: LiveTrack, shown_of: Callable[[int], FrameObservations], now_utc_ns: int
+) -> TrackNow:
     track, taken = each.track, each.taken
     is_on_trial = not track.is_lead and track.innovations < ON_TRIAL
     residual = None if track.misses else track.innovation_arcsec
@@ -90,7 +92,7 @@ def _now(each: LiveTrack, shown_of: Callable[[int], Shown], now_utc_ns: int) -> 
     )
 
 
-def _snr_of(taken: Measurement, shown_of: Callable[[int], Shown]) -> float | None:
+def _snr_of(taken: Measurement, shown_of: Callable[[int], FrameObservations]) -> float | None:
     """Of the streak that was measured; None where its light was not, or its frame is long past."""
     try:
         found = shown_of(taken.frame_id).detections

@@ -38,7 +38,7 @@ from rsoconsole.library.formats._observed_csv import (
 from rsoconsole.library.formats._observed_tdm import rows_of_tdm
 from rsoconsole.library.formats._tdm_reader import parse_tdm
 from rsoconsole.orbits import sightings
-from rsoconsole.pipeline import Observed, read_observed
+from rsoconsole.pipeline import ObservedTrack, read_observed_tracks
 from rsoconsole.records import FloatArray, Site
 from rsoconsole.sky import chart_to_icrs, wrap_180
 from rsoconsole.words import NS_PER_S, no_direction
@@ -68,19 +68,19 @@ class ReadAs:
 
 def read_observations(
     path: Path, ask: ReadAs, *, track: int | None = None
-) -> tuple[tuple[Observed, ...], ...]:
+) -> tuple[tuple[ObservedTrack, ...], ...]:
     """The tracks of a session, the longest first; or of a file its one object, by station.
 
     Raises SessionError, OrbitError or ExportError saying what is wrong with what.
     """
     if path.is_dir() or path.name == "session.db" or not path.exists():
-        return (read_observed(path, sigma_arcsec=ask.sigma_arcsec, track=track),)
+        return (read_observed_tracks(path, sigma_arcsec=ask.sigma_arcsec, track=track),)
     text = _text(path)
     rows = _rows(text, path)
     if rows is None:
         if ask.is_radians:
             raise OrbitError(f"{path} is JSON, whose angles are degrees: write them so")
-        return (read_observed(path, sigma_arcsec=ask.sigma_arcsec, site=ask.site),)
+        return (read_observed_tracks(path, sigma_arcsec=ask.sigma_arcsec, site=ask.site),)
     rows = _in_degrees(rows, path, ask)
     rows = _of_one(rows, path, ask.target)
     return tuple(_of_station(path, station, each, ask) for station, each in _stations(rows))
@@ -285,7 +285,7 @@ def _stations(
 
 def _of_station(
     path: Path, station: str | None, rows: tuple[ObservedRow, ...], ask: ReadAs
-) -> tuple[Observed, ...]:
+) -> tuple[ObservedTrack, ...]:
     site = _site(path, station, rows, ask)
     t = np.array([each.t_utc_ns for each in rows], np.int64)
     ra = np.array([each.ra_icrs_deg for each in rows])
@@ -295,7 +295,7 @@ def _of_station(
     name = path.name if station is None else f"{path.name}, station {station}"
     with raised_as(OrbitError, f"{path}: "):
         seen = sightings(site, t, ra, dec, cov)
-    return (Observed(name=name, site=site, limits=None, seen=seen),)
+    return (ObservedTrack(name=name, site=site, limits=None, seen=seen),)
 
 
 def _site(path: Path, station: str | None, rows: tuple[ObservedRow, ...], ask: ReadAs) -> Site:

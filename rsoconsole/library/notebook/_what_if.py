@@ -137,6 +137,6 @@ def _night_of(
     for each in frames:
         tau = each.config.detector.tau
         fold.take(ParameterChange(name="detector.tau", before=tau, after=tau, by="what-if"))
-        for record in (each.taken, *each.shown.measurements, *each.records):
+        for record in (each.taken, *each.observations.measurements, *each.records):
             fold.take(record)
     return night_of(title, config, fold.seen())

@@ -43,7 +43,7 @@ class SearchBase:
 def search_base(
     search: SearchConfig, site: Site, ra_icrs_deg: float, dec_icrs_deg: float, t_utc_ns: int
 ) -> SearchBase:
-    """As configured; where the configuration is silent, where the telescope points now."""
+    """Base of a search as configured; what is not configured is where the telescope points."""
     here = search_base_at(site, ra_icrs_deg, dec_icrs_deg, t_utc_ns)
     hour_angle_deg = search.hour_angle_deg
     declination_deg = search.declination_deg
@@ -64,7 +64,7 @@ def search_base_at(
     comes_before_targets: bool = False,
     widens: bool = False,
 ) -> SearchBase:
-    """Around this direction, on its own declination: where something was lost."""
+    """Base of a search around this direction, on its own declination: where something was lost."""
     ra_jnow_deg, dec_jnow_deg = icrs_to_jnow(ra_icrs_deg, dec_icrs_deg, t_utc_ns)
     return SearchBase(
         hour_angle_deg=hour_angle_jnow_deg(site, ra_jnow_deg, t_utc_ns),
@@ -75,7 +75,7 @@ def search_base_at(
 
 
 def fields_in_round(base: SearchBase, search: SearchConfig) -> int:
-    """How many fields a search visits before it comes back to its first."""
+    """Number of fields that a search visits before it comes back to its first."""
     if base.widens:
         return SPIRAL_FIELDS
     if search.pattern == "belt":
@@ -86,7 +86,7 @@ def fields_in_round(base: SearchBase, search: SearchConfig) -> int:
 
 
 def field_number(base: SearchBase, search: SearchConfig, exposure_number: int) -> int:
-    """Which field of the round the n-th exposure of a search belongs to, from 0."""
+    """Field of the round, from 0, to which the n-th exposure of a search belongs."""
     return exposure_number // search.frames_per_field % fields_in_round(base, search)
 
 
@@ -134,7 +134,7 @@ def search_direction(
 
 
 def spiral(number: int) -> tuple[int, int]:
-    """The n-th place of a square spiral: (0, 0), then round it, then round that; columns, rows."""
+    """Column and row of the n-th place of a square spiral that begins at (0, 0)."""
     if number == 0:
         return 0, 0
     ring = math.ceil((math.sqrt(number + 1) - 1.0) / 2.0)
@@ -178,7 +178,7 @@ def side_at_arrival(
     t_utc_ns: int,
     present: PierSide | None,
 ) -> PierSide | None:
-    """The side of the pier the telescope will be on after a slew; None where the mount is mute.
+    """Side of the pier after a slew; None where the mount does not tell its side.
 
     A German mount changes sides where the direction is far enough past the meridian, not before.
     """
@@ -197,7 +197,7 @@ def flip_refusal(
     t_utc_ns: int,
     present: PierSide | None,
 ) -> SlewRefusal | None:
-    """Why the meridian policy forbids this slew while a track is followed; None when it may be."""
+    """Reason why the meridian policy forbids this slew of a track; None where it allows it."""
     after = side_at_arrival(site, mount, direction_icrs_deg, t_utc_ns, present)
     if mount.meridian != "hold" or after == present:
         return None
@@ -208,7 +208,7 @@ def flip_refusal(
 def follow_direction(
     track: TrackState, t_mid_utc_ns: int, settings: FilterConfig, aim: AimConfig | None = None
 ) -> tuple[float, float]:
-    """Where the track will be at the middle of the next exposure, ICRS, beside it by ``aim``."""
+    """Aim point of the track at the next mid-exposure, ICRS, with the offsets of ``aim``."""
     aim = aim or AimConfig()
     led_ns = t_mid_utc_ns + round(aim.lead_s * 1e9)
     ahead = predict(track, led_ns, settings, track.frame_id)
@@ -218,7 +218,7 @@ def follow_direction(
 def beside(
     direction_icrs_deg: tuple[float, float], rate_arcsec_s: tuple[float, float], aim: AimConfig
 ) -> tuple[float, float]:
-    """A direction that moves at a rate (east, north), put beside itself by ``aim``'s offsets."""
+    """Add the offsets of ``aim``, along and across the motion, to a direction (ICRS, degrees)."""
     ra_deg, dec_deg = direction_icrs_deg
     dec_deg = min(max(dec_deg, -90.0), 90.0)
     if aim.along_arcmin == 0.0 and aim.across_arcmin == 0.0:
@@ -255,7 +255,7 @@ def slew_to(
     reason: str,
     track_id: int | None = None,
 ) -> SlewCommand:
-    """The command for the record."""
+    """Slew command for the record."""
     return SlewCommand(
         frame_id=frame_id,
         ra_icrs_deg=direction[0],

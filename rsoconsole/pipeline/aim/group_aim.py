@@ -59,7 +59,7 @@ def group_direction(
     exposure_s: float,
     settings: FilterConfig,
 ) -> tuple[tuple[float, float], int]:
-    """Where to look (ICRS) at an instant, and how many of the tracks are then in the field.
+    """Aim point (ICRS) at an instant, and the number of tracks that are then in the field.
 
     ``tracks``: the lead first, which is at ``lead_deg``.
     """
@@ -101,7 +101,7 @@ def tracks_inside(
 
 
 def best_centre(members: Sequence[Member], radius_deg: float, policy: Policy) -> FloatArray:
-    """(2,) where the circle lies best; the first of the members is the lead."""
+    """Best centre (2,) of the field's circle; the first of the members is the lead."""
     fitting = [each for each in members if each.reach_deg < radius_deg]
     lead = members[0]
     if not fitting:

@@ -27,10 +27,10 @@ def by_dask(
     scheduler: str | None,
     failed: Callable[[Task, str], Result],
     paths: Sequence[Path],
-    on_done: Callable[[], None],
-) -> Iterator[Result]:
-    """As ``batch_pool.share_out``; ``scheduler`` None: a cluster of this machine's own.
+) -> Iterator[tuple[int, Result]]:
+    """The number of each task with its result, as they come.
 
+    Arguments as ``batch_pool.run_tasks``'s; ``scheduler`` None: a cluster of this machine's own.
     Raises BatchError too where the scheduler ends, or its last worker, before all is done.
     """
     from concurrent.futures import CancelledError
@@ -44,26 +44,19 @@ def by_dask(
         # A task that takes its worker's process along is not tried over and over.
         futures = [client.submit(work, task, pure=False, retries=0) for task in tasks]
         numbers = {future.key: number for number, future in enumerate(futures)}
-        done: dict[int, Result] = {}
-        given = 0
-        for future in _as_they_end(client, futures, named):
+        for done, future in enumerate(_as_they_end(client, futures, named)):
             number = numbers[future.key]
             try:
                 result = future.result() if future.status == "finished" else None
                 error = None if result is not None else future.exception()
             except (OSError, CancelledError) as gone:  # while what it gave was fetched
-                raise BatchError(_gone_words(named, len(tasks), given + len(done))) from gone
-            if result is not None:
-                done[number] = result
-            else:
+                raise BatchError(_gone_words(named, len(tasks), done)) from gone
+            if result is None:
                 died = "its worker died: out of memory, or killed from outside"
                 is_killed = isinstance(error, KilledWorker)
                 reason = died if is_killed else f"its worker failed: {error}"
-                done[number] = failed(tasks[number], reason)
-            on_done()
-            while given in done:
-                yield done.pop(given)
-                given += 1
+                result = failed(tasks[number], reason)
+            yield number, result
 
 
 def _as_they_end(client: Any, futures: Sequence[Any], scheduler: str) -> Iterator[Any]:

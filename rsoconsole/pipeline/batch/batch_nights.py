@@ -28,7 +28,7 @@ from rsoconsole.base import (
 )
 from rsoconsole.config import Config
 from rsoconsole.night import TrackFigures
-from rsoconsole.pipeline.batch.batch_pool import Processed, WorkerPool, process_files, share_out
+from rsoconsole.pipeline.batch.batch_pool import Processed, WorkerPool, process_files, run_tasks
 from rsoconsole.pipeline.frame.reduce import open_reducer
 from rsoconsole.pipeline.replays.branches import check_name, save_branch
 from rsoconsole.pipeline.replays.what_if_log import RerunCounts, what_if_session
@@ -58,7 +58,7 @@ class Night:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class NightOutcome:
-    """What became of a night; the figures are those of its session."""
+    """Outcome of a night, with the figures of its session."""
 
     source: Path
     session: Path
@@ -83,24 +83,21 @@ def nights_in(
     The frames of a folder are taken in the order of their names, numbers as numbers. Raises
     BatchError where two would become the same session.
     """
-    nights = []
-    for folder in folders:
-        source = folder.resolve()
-        frames = _frames_in(source)
-        nights.append(
-            Night(
-                source=folder,
-                session=root / source.name,
-                frames=frames,
-                config=config,
-                is_again=is_again,
-            )
+    nights = tuple(
+        Night(
+            source=folder,
+            session=root / folder.resolve().name,
+            frames=_frames_in(folder.resolve()),
+            config=config,
+            is_again=is_again,
         )
+        for folder in folders
+    )
     names = [night.session.name for night in nights]
     twice = sorted({name for name in names if names.count(name) > 1})
     if twice:
         raise BatchError(f"two nights would become the session '{twice[0]}': rename one folder")
-    return tuple(nights)
+    return nights
 
 
 def process_nights(
@@ -109,7 +106,7 @@ def process_nights(
     *,
     on_done: Callable[[], None] = lambda: None,
 ) -> Iterator[NightOutcome]:
-    """What becomes of each night, in order; those that are done already need nobody.
+    """Process the nights and yield their outcomes in order; those already done need no worker.
 
     ``pool_of``: who does the work, by the number of nights that are left to do. Raises BatchError
     where there is nobody.
@@ -120,7 +117,7 @@ def process_nights(
         for left in night.session.parent.glob(f".{glob.escape(night.session.name)}.*part"):
             shutil.rmtree(left, ignore_errors=True)  # of work that was ended
     paths = [path for night in todo for path in (night.session.parent, night.source)]
-    outcomes = share_out(
+    outcomes = run_tasks(
         process_night,
         todo,
         pool_of(len(todo)),
@@ -140,9 +137,7 @@ def _already_done(night: Night) -> NightOutcome | None:
         return None
     try:
         made = SessionReader(night.session).about()
-        if not _is_made(made, _identity(night)):
-            return None
-        return _outcome(night, "skipped")
+        return _outcome(night, "skipped") if _is_made(made, _identity(night)) else None
     except RsoconsoleError:
         return None
 
@@ -163,7 +158,7 @@ def process_night(night: Night) -> NightOutcome:
 
 
 def failed_night(night: Night, reason: str) -> NightOutcome:
-    """The outcome of a night that came to nothing."""
+    """Outcome of a night that failed, with the reason."""
     return NightOutcome(source=night.source, session=night.session, state="failed", error=reason)
 
 
@@ -219,8 +214,7 @@ def _record(night: Night, folder: Path, identity: dict[str, Any]) -> None:
             folder, night.config, sha256, title=night.session.name, batch=identity
         )
         is_usable, first_error = False, ""
-        paths = [path for _, path in night.frames]
-        numbers = [number for number, _ in night.frames]
+        numbers, paths = zip(*night.frames, strict=True)
         try:
             for result in process_files(paths, reducer, config, numbers=numbers):
                 if isinstance(result, Processed):
@@ -306,12 +300,14 @@ def _frames_in(folder: Path) -> tuple[tuple[int, Path], ...]:
         kept = ((number, reader.frame_path(number)) for number in numbers)
         return tuple((number, path) for number, path in kept if path is not None)
     with said_as(BatchError, f"{folder} cannot be looked into: "):
-        paths = [p for p in folder.iterdir() if p.is_file() and _is_frame(p.name)]
+        paths = [
+            p
+            for p in folder.iterdir()
+            if p.is_file()
+            and not p.name.startswith(".")
+            and p.name.lower().endswith(FRAME_SUFFIXES)
+        ]
     return tuple(enumerate(sorted(paths, key=lambda path: _natural(path.name)), start=1))
-
-
-def _is_frame(name: str) -> bool:
-    return not name.startswith(".") and name.lower().endswith(FRAME_SUFFIXES)
 
 
 def _natural(name: str) -> list[tuple[int, str]]:
@@ -322,7 +318,7 @@ def _natural(name: str) -> list[tuple[int, str]]:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BatchQuestion:
-    """What is asked of one session; arguments as ``what_if_session``'s and ``save_branch``'s."""
+    """What-if of one session; arguments as ``what_if_session``'s and ``save_branch``'s."""
 
     session: Path
     changes: Mapping[str, float | str] = field(default_factory=dict)
@@ -334,7 +330,7 @@ class BatchQuestion:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Answer:
-    """The figures without the night itself, which may be large."""
+    """Figures of a what-if, without the frames and the log, which may be large."""
 
     changes: Mapping[str, float | str]
     before: Mapping[str, object] = field(default_factory=dict)
@@ -348,7 +344,7 @@ class Answer:
 
 
 def answer(question: BatchQuestion, on_frame: Callable[[], None] = lambda: None) -> Answer:
-    """Try, and keep the result where a name is given; never raises for what is broken."""
+    """Run a what-if, and save it as a branch where a name is given; errors become the answer's."""
     try:
         if question.save is not None:
             check_name(question.session, question.save, force=question.force)
@@ -378,5 +374,5 @@ def answer(question: BatchQuestion, on_frame: Callable[[], None] = lambda: None)
 
 
 def no_answer(question: BatchQuestion, reason: str) -> Answer:
-    """For a question that came to nothing."""
+    """Answer to a question that failed, with the reason."""
     return Answer(changes=dict(question.changes), error=reason)

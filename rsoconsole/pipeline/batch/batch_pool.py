@@ -13,7 +13,7 @@ import os
 import signal
 import threading
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from concurrent.futures import Future, ProcessPoolExecutor, as_completed
+from concurrent.futures import ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass
 from pathlib import Path
@@ -22,7 +22,7 @@ from typing import Literal, TypeAlias, TypeVar
 from rsoconsole.base import BatchError, FrameError
 from rsoconsole.config import Config
 from rsoconsole.instruments import read_frame
-from rsoconsole.pipeline.cycle.cycle import Cycle, taken_record
+from rsoconsole.pipeline.cycle.cycle import Cycle, frame_taken_record
 from rsoconsole.pipeline.frame.measurement import shutter_mid_utc_ns
 from rsoconsole.pipeline.frame.reduce import FrameReducer, Reduction
 from rsoconsole.pipeline.orbits.orbits import Orbits
@@ -38,7 +38,7 @@ THREADS = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS", "OPENCV
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class WorkerPool:
-    """Who does the work."""
+    """Kind and number of the workers."""
 
     kind: Kind
     workers: int
@@ -46,7 +46,7 @@ class WorkerPool:
     """Address of a Dask scheduler; None for a cluster of this machine's own."""
 
 
-def pool_for(
+def choose_pool(
     tasks: int,
     *,
     workers: int | None = None,
@@ -69,7 +69,7 @@ def pool_for(
     return WorkerPool(kind="dask" if has_dask and is_dask_wanted else "processes", workers=count)
 
 
-def share_out(
+def run_tasks(
     work: Callable[[Task], Result],
     tasks: Sequence[Task],
     pool: WorkerPool,
@@ -78,7 +78,7 @@ def share_out(
     paths: Sequence[Path] = (),
     on_done: Callable[[], None] = lambda: None,
 ) -> Iterator[Result]:
-    """The result of each task, in order, as soon as those before it are there.
+    """Run the tasks and yield their results in order, each as soon as those before it are there.
 
     ``work`` and tasks go to other processes: a function of a module, and records. ``failed``
     makes the result of a task whose worker died. ``paths``: what every worker must be able to
@@ -86,25 +86,36 @@ def share_out(
     Raises BatchError where there is nobody to do the work.
     """
     if pool.kind == "serial":
-        for task in tasks:
-            result = work(task)
-            on_done()
-            yield result
+        yield from _in_order(enumerate(map(work, tasks)), on_done)
     elif pool.kind == "processes":
-        yield from _by_processes(work, tasks, pool.workers, failed, on_done)
+        yield from _in_order(_by_processes(work, tasks, pool.workers, failed), on_done)
     else:
         from rsoconsole.pipeline.batch._batch_dask import by_dask
 
         with one_thread():
-            yield from by_dask(
+            results = by_dask(
                 work,
                 tasks,
                 workers=pool.workers,
                 scheduler=pool.scheduler,
                 failed=failed,
                 paths=paths,
-                on_done=on_done,
             )
+            yield from _in_order(results, on_done)
+
+
+def _in_order(
+    results: Iterator[tuple[int, Result]], on_done: Callable[[], None]
+) -> Iterator[Result]:
+    """Of (number of the task, result) as they come."""
+    early: dict[int, Result] = {}
+    given = 0
+    for number, result in results:
+        early[number] = result
+        on_done()
+        while given in early:
+            yield early.pop(given)
+            given += 1
 
 
 def _by_processes(
@@ -112,25 +123,17 @@ def _by_processes(
     tasks: Sequence[Task],
     workers: int,
     failed: Callable[[Task, str], Result],
-    on_done: Callable[[], None],
-) -> Iterator[Result]:
-    done: dict[int, Result] = {}
-    given = 0
+) -> Iterator[tuple[int, Result]]:
+    left = set(range(len(tasks)))
     for number, result in _as_processes_end(work, tasks, workers):
-        done[number] = result
-        on_done()
-        while given in done:
-            yield done.pop(given)
-            given += 1
+        left.remove(number)
+        yield number, result
     # A worker that died (killed, out of memory) takes its pool along: what is left gets a pool
     # of its own each, so that the task it died of is known and the others are done.
-    for number in range(given, len(tasks)):
-        if number not in done:
-            alone = [result for _, result in _as_processes_end(work, tasks[number : number + 1], 1)]
-            reason = "its worker died: out of memory, or killed from outside"
-            done[number] = alone[0] if alone else failed(tasks[number], reason)
-            on_done()
-        yield done.pop(number)
+    for number in sorted(left):
+        alone = [result for _, result in _as_processes_end(work, tasks[number : number + 1], 1)]
+        reason = "its worker died: out of memory, or killed from outside"
+        yield number, alone[0] if alone else failed(tasks[number], reason)
 
 
 def _as_processes_end(
@@ -145,9 +148,7 @@ def _as_processes_end(
             initializer=_become_worker,
         )
         try:
-            numbers: dict[Future[Result], int] = {}
-            for number, task in enumerate(tasks):
-                numbers[executor.submit(work, task)] = number
+            numbers = {executor.submit(work, task): n for n, task in enumerate(tasks)}
             for future in as_completed(numbers):
                 yield numbers[future], future.result()
         except BrokenProcessPool:
@@ -178,7 +179,7 @@ def _become_worker() -> None:
 
 @contextlib.contextmanager
 def one_thread() -> Iterator[None]:
-    """Processes begun meanwhile compute with one thread."""
+    """Have processes that are started in this context compute with one thread."""
     before = {name: os.environ.get(name) for name in THREADS}
     os.environ.update(dict.fromkeys(THREADS, "1"))
     try:
@@ -193,7 +194,7 @@ def one_thread() -> Iterator[None]:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Processed:
-    """One frame, what it gave, and what is followed after it."""
+    """One processed frame: its reduction, the state after it and its records."""
 
     path: Path
     frame: Frame
@@ -228,7 +229,7 @@ def process_files(
             else:
                 result = cycle.run(frame, following, orbits=orbits.last)
                 reduction, following, outcomes = result.reduction, result.after, result.records
-                for record in (taken_record(frame), *outcomes):
+                for record in (frame_taken_record(frame), *outcomes):
                     orbits.receive(record)
                 outcomes = (*outcomes, *orbits.refine())
         except FrameError as error:
@@ -240,5 +241,5 @@ def process_files(
             t_mid_utc_ns=shutter_mid_utc_ns(frame, config.exposure),
             reduction=reduction,
             after=following,
-            records=(taken_record(frame), *outcomes),
+            records=(frame_taken_record(frame), *outcomes),
         )

@@ -42,8 +42,10 @@ _MIN_SIGMA_ARCSEC = 0.03
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LightAlong:
-    """A streak along itself by ends and light together (``vision/streaks/streak_middle.py``);
-    arcsec."""
+    """Middle and length of a streak by its ends and its light together; arcsec.
+
+    As ``vision/streaks/streak_middle.py`` measures them.
+    """
 
     offset_arcsec: float
     """From the measurement's place towards the second of its ends."""
@@ -56,7 +58,7 @@ class LightAlong:
 
 @dataclass(slots=True, kw_only=True)
 class Streak:
-    """One with both its ends in the frame; changed where it is matched."""
+    """Streak with both its ends in the frame; changed where it is matched."""
 
     measurement: Measurement
     taken: FrameTaken
@@ -85,7 +87,7 @@ class NightStreaks:
 
 
 def read_streaks(folder: Path, session: int) -> NightStreaks:
-    """What a session has measured that may be used. Raises SessionError."""
+    """Read the usable streaks of a session. Raises SessionError."""
     reader = SessionReader(folder)
     config = reader.config()
     about = reader.about()
@@ -181,7 +183,7 @@ def _shift(streak: Streak) -> FloatArray:
 
 
 def length_arcsec(streak: Streak) -> tuple[float, float]:
-    """From end to end, and one sigma of that; NaN where the ends are not known."""
+    """Length of a streak and its sigma; NaN where the ends are not known."""
     if streak.light is not None:
         return streak.light.length_arcsec, streak.light.length_sigma_arcsec
     way = _along(streak.measurement)
@@ -288,13 +290,13 @@ def _has_shape_of(streak: Streak, speed: float, aside: FloatArray) -> bool:
 
 
 def label_of(streak: Streak) -> str:
-    """Of its satellite, unique among those of a file."""
+    """Label of the streak's satellite, unique within a file of orbits."""
     assert streak.satellite is not None
     return f"{streak.satellite.name} {streak.satellite.norad_id or ''}"
 
 
 def match_later(streaks: Sequence[Streak], site: Site, late_s: FloatArray) -> None:
-    """Offsets of one satellite's streaks at instants that are later by so much."""
+    """Compute the offsets of one satellite's streaks at instants that are later by ``late_s``."""
     satellite = streaks[0].satellite
     assert satellite is not None
     t = np.array([header_mid(s) for s in streaks], np.int64)

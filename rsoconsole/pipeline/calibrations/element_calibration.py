@@ -20,7 +20,7 @@ from rsoconsole.orbits import (
     name_together,
     row_of,
 )
-from rsoconsole.pipeline.orbits.track_measurements import longest_arc, read_observed
+from rsoconsole.pipeline.orbits.track_measurements import longest_arc, read_observed_tracks
 from rsoconsole.session import SessionReader
 from rsoconsole.sky import ARCSEC_RAD, iso_to_utc_ns
 from rsoconsole.words import NS_PER_DAY, NS_PER_S, utc_ns_to_iso
@@ -32,7 +32,7 @@ _SHAPE = "a session's folder, or the lines of 'rsoconsole identify --field --jso
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class NightRows:
-    """What one night or file gave."""
+    """Rows of one night or file."""
 
     sessions: tuple[str, ...]
     """As the ledger names what it was read from: the session, or each frame."""
@@ -50,14 +50,14 @@ def is_session(path: Path) -> bool:
 def rows_of_session(
     path: Path, entries: Sequence[CatalogueEntry], errors: ElementErrors
 ) -> NightRows:
-    """Each track of a session against the set of its object that is nearest in epoch.
+    """Compare each track of a session with its object's element set that is nearest in epoch.
 
     ``errors``: how far off it may be to be named. Raises SessionError where there is no track that
     can be read.
     """
     folder = path if path.is_dir() else path.parent
     about = SessionReader(folder).about()
-    tracks = read_observed(folder)
+    tracks = read_observed_tracks(folder)
     compared = [
         compare_with_catalogue(
             longest_arc(each.seen), each.site, entries, gate_deg=GATE_DEG, errors=errors
@@ -80,7 +80,7 @@ def rows_of_session(
 
 
 def rows_of_lines(path: Path, *, is_simulated: bool) -> NightRows:
-    """Streaks and movers of the lines that ``identify --field --json`` printed.
+    """Read streaks and movers from the lines that ``identify --field --json`` printed.
 
     Raises OrbitError where it is no such file.
     """
@@ -146,10 +146,10 @@ def _rows_of(session: str, track: str, seen: Mapping[str, Any]) -> Iterator[Elem
     if best["regime"] not in ERROR_REGIMES:
         raise ValueError(f"{best['regime']!r} is no kind of orbit")
     speed_km_s, range_km = float(best["speed_km_s"]), float(best["range_km"])
-    sigma_s, sigma_arcsec = (
-        float(best["sigma_along_track_s"]),
-        float(best["sigma_cross_track_arcsec"]),
-    )
+    sigma_s = float(best["sigma_along_track_s"])
+    sigma_arcsec = float(best["sigma_cross_track_arcsec"])
+    along_s, across_arcsec = float(best["along_track_s"]), float(best["cross_track_arcsec"])
+    by_radial, by_plane = (float(best[f"cross_track_by_{n}"]) for n in ("radial", "plane"))
     if not min(speed_km_s, range_km, sigma_s, sigma_arcsec) > 0.0:
         raise ValueError("an error, a speed or a distance is not above 0")
     epoch = iso_to_utc_ns(best["tle_epoch_utc"])
@@ -162,31 +162,25 @@ def _rows_of(session: str, track: str, seen: Mapping[str, Any]) -> Iterator[Elem
         tle_epoch_utc_ns=epoch,
         age_days=(seen["t_utc_ns"] - epoch) / NS_PER_DAY,
         regime=best["regime"],
-        along_s=float(best["along_track_s"]),
+        along_s=along_s,
         sigma_along_s=sigma_s,
-        along_km=float(best["along_track_s"]) * speed_km_s,
+        along_km=along_s * speed_km_s,
         sigma_along_km=sigma_s * speed_km_s,
-        across_arcsec=float(best["cross_track_arcsec"]),
+        across_arcsec=across_arcsec,
         sigma_across_arcsec=sigma_arcsec,
-        across_km=float(best["cross_track_arcsec"]) * range_km * ARCSEC_RAD,
+        across_km=across_arcsec * range_km * ARCSEC_RAD,
         sigma_across_km=sigma_arcsec * range_km * ARCSEC_RAD,
         along_by=(0.0, 1.0, 0.0),
-        across_by=(
-            float(best["cross_track_by_radial"]),
-            0.0,
-            float(best["cross_track_by_plane"]),
-        ),
+        across_by=(by_radial, 0.0, by_plane),
         observations=seen["observations"],
         probability=float(best["probability"]),
     )
-    numbers = [v for v in (*asdict(row).values(), *row.along_by, *row.across_by) if _is_float(v)]
+    numbers = [
+        v for v in (*asdict(row).values(), *row.along_by, *row.across_by) if isinstance(v, float)
+    ]
     if not all(map(math.isfinite, numbers)):
         raise ValueError("a value is not a number")
     yield row
-
-
-def _is_float(value: object) -> bool:
-    return isinstance(value, float)
 
 
 def _called(name: str, t_utc_ns: int) -> str:

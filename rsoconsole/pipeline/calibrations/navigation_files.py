@@ -1,9 +1,11 @@
 """Files with the orbits of navigation satellites, and which catalogued objects those are."""
 
 import gzip
+import math
 import zlib
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
+from operator import gt
 from pathlib import Path
 
 import numpy as np
@@ -21,9 +23,11 @@ from rsoconsole.orbits import (
     parse_sp3,
     states_gcrs,
 )
-from rsoconsole.pipeline.calibrations.time_calibration import FoundTiming, Mode, SeenSatellite
+from rsoconsole.pipeline.calibrations.time_calibration import FoundSatellite, FoundTiming, Mode
 from rsoconsole.words import NS_PER_DAY
 
+_READ_OUT = ("binning", "width_px", "height_px", "x0_px", "y0_px", "gain", "time_by")
+"""Fields of ``CalibratedTiming.read_out``, in its order."""
 _GZIP = b"\x1f\x8b"
 _REVOLUTIONS_A_DAY = (1.6, 2.4)
 _MAX_E = 0.1
@@ -34,13 +38,13 @@ _DAYS = 30.0
 
 
 def read_rinex(files: Sequence[Path]) -> NavigationFile:
-    """Broadcast ephemerides, plain or gzipped. Raises OrbitError in one line."""
-    return _read(files, parse_rinex_nav)
+    """Read broadcast ephemerides, plain or gzipped. Raises OrbitError in one line."""
+    return parse_rinex_nav({str(path): _text(path) for path in files})
 
 
 def read_sp3(files: Sequence[Path]) -> NavigationFile:
-    """Precise orbits, plain or gzipped. Raises OrbitError in one line."""
-    return _read(files, parse_sp3)
+    """Read precise orbits, plain or gzipped. Raises OrbitError in one line."""
+    return parse_sp3({str(path): _text(path) for path in files})
 
 
 def from_elements(entries: Sequence[CatalogueEntry], t_utc_ns: int) -> NavigationFile:
@@ -72,7 +76,7 @@ def from_elements(entries: Sequence[CatalogueEntry], t_utc_ns: int) -> Navigatio
 def with_norad(
     found: FoundTiming, file: NavigationFile, entries: Sequence[CatalogueEntry]
 ) -> FoundTiming:
-    """The result, its satellites with the catalogue numbers of what is where they are."""
+    """Add catalogue numbers to the satellites of a result, by their positions."""
     if not entries or not found.satellites:
         return found
     by_name = {each.name: each for each in file.satellites}
@@ -85,8 +89,8 @@ def with_norad(
 
 
 def _named(
-    seen: SeenSatellite, satellite: NavigationSatellite, entries: Sequence[CatalogueEntry]
-) -> SeenSatellite:
+    seen: FoundSatellite, satellite: NavigationSatellite, entries: Sequence[CatalogueEntry]
+) -> FoundSatellite:
     t = np.array([seen.t_utc_ns], np.int64)
     here, _ = satellite.position_gcrs(t)
     there, _ = states_gcrs(entries, t)
@@ -109,12 +113,6 @@ def _medium(entries: Sequence[CatalogueEntry], t_utc_ns: int) -> list[CatalogueE
     ]
 
 
-def _read(
-    files: Sequence[Path], parse: Callable[[dict[str, str]], NavigationFile]
-) -> NavigationFile:
-    return parse({str(path): _text(path) for path in files})
-
-
 def _text(path: Path) -> str:
     try:
         # Comments in such files are in whatever encoding their station uses.
@@ -133,24 +131,17 @@ def _text(path: Path) -> str:
 
 
 def timings_of(found: FoundTiming) -> tuple[CalibratedTiming, ...]:
-    """One entry for each mode of which something was found; none of mere elements."""
+    """Settings' entry of each camera mode that was calibrated; none by element sets."""
     if found.kind == "tle":
         return ()
     return tuple(_timing(mode, timing, found) for mode, timing in found.modes if timing is not None)
 
 
 def _timing(mode: Mode, timing: ShutterTiming, found: FoundTiming) -> CalibratedTiming:
-    binning, width_px, height_px, x0_px, y0_px, gain, time_by = mode.read_out
     return CalibratedTiming.model_validate(
         {
             "exposure_s": mode.exposure_s,
-            "binning": binning,
-            "width_px": width_px,
-            "height_px": height_px,
-            "x0_px": x0_px,
-            "y0_px": y0_px,
-            "gain": gain,
-            "time_by": time_by,
+            **dict(zip(_READ_OUT, mode.read_out, strict=True)),
             "bias_s": round(timing.bias_s.value, 5),
             "bias_sigma_s": round(timing.bias_s.sigma, 5),
             "scatter_s": round(timing.scatter_s.value, 5),
@@ -167,10 +158,10 @@ def _timing(mode: Mode, timing: ShutterTiming, found: FoundTiming) -> Calibrated
     )
 
 
-def put_together(
+def merged_timings(
     exposure: ExposureConfig, timings: Sequence[CalibratedTiming]
 ) -> tuple[CalibratedTiming, ...]:
-    """What is known of other modes, then the new ones."""
+    """Calibrated timings of other modes, then the new ones."""
     new = {each.mode for each in timings}
     return (*(each for each in exposure.calibrated if each.mode not in new), *timings)
 
@@ -178,15 +169,13 @@ def put_together(
 def worse_than_known(
     timings: Sequence[CalibratedTiming], exposure: ExposureConfig
 ) -> tuple[tuple[CalibratedTiming, CalibratedTiming], ...]:
-    """(new, known) of each mode of which something known is surer than the new."""
+    """Pairs (new, known) of the modes whose known timing is surer than the new one."""
     known = {each.mode: each for each in exposure.calibrated}
     pairs = ((each, known[each.mode]) for each in timings if each.mode in known)
-    return tuple((new, old) for new, old in pairs if _is_worse(new, old))
+    return tuple((new, old) for new, old in pairs if any(map(gt, _sigmas(new), _sigmas(old))))
 
 
-def _is_worse(new: CalibratedTiming, old: CalibratedTiming) -> bool:
-    if new.bias_sigma_s > old.bias_sigma_s or new.scatter_sigma_s > old.scatter_sigma_s:
-        return True
-    if old.line_time_sigma_us is None:
-        return False
-    return new.line_time_sigma_us is None or new.line_time_sigma_us > old.line_time_sigma_us
+def _sigmas(timing: CalibratedTiming) -> tuple[float, float, float]:
+    """Of bias, scatter and line time; infinite where no line time was found."""
+    line_us = timing.line_time_sigma_us
+    return timing.bias_sigma_s, timing.scatter_sigma_s, math.inf if line_us is None else line_us

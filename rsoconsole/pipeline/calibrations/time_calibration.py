@@ -6,7 +6,7 @@ machine's clock may be off by something else another night.
 
 import math
 from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from datetime import UTC, date, datetime, timedelta
 from pathlib import Path
@@ -66,7 +66,7 @@ class Mode:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class SeenSatellite:
+class FoundSatellite:
     """One navigation satellite that was found in the nights."""
 
     name: str
@@ -103,14 +103,14 @@ class Night:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FoundTiming:
-    """The result, with what it rests on."""
+    """Calibrated timing of each camera mode, with the nights and satellites it rests on."""
 
     kind: str
     """broadcast, sp3 or tle."""
     modes: tuple[tuple[Mode, ShutterTiming | None], ...]
     calibration: TimeCalibration
     nights: tuple[Night, ...]
-    satellites: tuple[SeenSatellite, ...]
+    satellites: tuple[FoundSatellite, ...]
     measured_on: date
     """Day of the last night."""
     simulated: tuple[Path, ...] = ()
@@ -120,7 +120,7 @@ class FoundTiming:
 
 
 def calibrate_time(folders: Sequence[Path], file: NavigationFile, source: str) -> FoundTiming:
-    """What the nights tell of the shutter of each camera mode.
+    """Calibrate the shutter of each camera mode from recorded nights.
 
     ``source``: the files' names, for people. Raises SessionError for what is no session, and
     OrbitError where the file is of another day, where no streak is a navigation satellite's, or
@@ -241,11 +241,17 @@ def _widened(timing: ShutterTiming, nights: Sequence[Estimate]) -> ShutterTiming
 
 def _less_sure(timing: ShutterTiming, by_s: float) -> ShutterTiming:
     """Its bias with one sigma more."""
-    bias, middle = timing.bias_s, timing.bias_at_middle_s
+    return _with_bias(timing, lambda bias: replace(bias, sigma=math.hypot(bias.sigma, by_s)))
+
+
+def _later(timing: ShutterTiming, late_s: float) -> ShutterTiming:
+    """Its bias counted from the header."""
+    return _with_bias(timing, lambda bias: replace(bias, value=bias.value + late_s))
+
+
+def _with_bias(timing: ShutterTiming, change: Callable[[Estimate], Estimate]) -> ShutterTiming:
     return replace(
-        timing,
-        bias_s=replace(bias, sigma=math.hypot(bias.sigma, by_s)),
-        bias_at_middle_s=replace(middle, sigma=math.hypot(middle.sigma, by_s)),
+        timing, bias_s=change(timing.bias_s), bias_at_middle_s=change(timing.bias_at_middle_s)
     )
 
 
@@ -262,12 +268,12 @@ def _as_sure_as_elements(
         for n in range(len(found))
     ]
     return tuple(
-        timing and _less_sure(timing, off_s / math.sqrt(_as_many_alike(list(streaks.values()))))
+        timing and _less_sure(timing, off_s / math.sqrt(_as_many_alike(streaks.values())))
         for timing, streaks in zip(found, seen, strict=True)
     )
 
 
-def _as_many_alike(counts: Sequence[int]) -> float:
+def _as_many_alike(counts: Collection[int]) -> float:
     """As how many that count alike those of such counts tell (Kish 1965, 11.7)."""
     return max(sum(counts) ** 2 / max(sum(n * n for n in counts), 1), 1.0)
 
@@ -416,18 +422,7 @@ def _tracks(used: Sequence[Streak]) -> Iterator[list[int]]:
     yield track
 
 
-def _later(timing: ShutterTiming, late_s: float) -> ShutterTiming:
-    """The same with the bias counted from the header."""
-    return replace(
-        timing,
-        bias_s=replace(timing.bias_s, value=timing.bias_s.value + late_s),
-        bias_at_middle_s=replace(
-            timing.bias_at_middle_s, value=timing.bias_at_middle_s.value + late_s
-        ),
-    )
-
-
-def _satellites(used: Iterable[Streak]) -> tuple[SeenSatellite, ...]:
+def _satellites(used: Iterable[Streak]) -> tuple[FoundSatellite, ...]:
     groups: dict[str, list[Streak]] = {}
     for streak in used:
         groups.setdefault(label_of(streak), []).append(streak)
@@ -437,7 +432,7 @@ def _satellites(used: Iterable[Streak]) -> tuple[SeenSatellite, ...]:
         satellite = streaks[0].satellite
         assert satellite is not None
         found.append(
-            SeenSatellite(
+            FoundSatellite(
                 name=satellite.name,
                 streaks=len(streaks),
                 rate_arcsec_s=float(np.hypot(east, north)),

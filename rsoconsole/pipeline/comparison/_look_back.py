@@ -6,6 +6,7 @@ the direction, as the sky's own motion between the frames makes it. What does no
 
 import math
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
@@ -25,7 +26,7 @@ from rsoconsole.vision import (
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class SolvedField:
-    """A solved frame."""
+    """Solved frame with its stars and streaks."""
 
     frame: Frame
     stars: StarList
@@ -35,8 +36,8 @@ class SolvedField:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Word:
-    """What a comparison says of a streak."""
+class StreakComparison:
+    """Result of the comparison of a streak with earlier light or catalogue stars."""
 
     comparison: Compared | None = None
     reason: NotAStreak | None = None
@@ -46,17 +47,17 @@ class Word:
 def to_field(
     here: SolvedField, other: SolvedField, x: FloatArray, y: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """The same places of the sky in another frame."""
+    """Pixels of the same places of the sky in another frame."""
     return sky_to_pixel(other.solution.wcs, *pixel_to_sky(here.solution.wcs, x, y))
 
 
 def places_px(stars: StarList) -> FloatArray:
-    """(n, 2) of x, y."""
+    """Pixels of the stars, (n, 2) as x, y."""
     return np.stack([stars.x_px, stars.y_px], axis=1)
 
 
 def ends_of(streak: Detection) -> Box:
-    """x_a, y_a, x_b, y_b in pixels."""
+    """Ends of a streak: x_a, y_a, x_b, y_b in pixels."""
     return streak.x_a_px, streak.y_a_px, streak.x_b_px, streak.y_b_px
 
 
@@ -100,7 +101,7 @@ def _at_its_place(
     for each in before.streaks:
         if not _is_alike(each, streak):
             continue
-        x, y = to_field(before, here, _one(each.x_px), _one(each.y_px))
+        x, y = to_field(before, here, np.array([each.x_px]), np.array([each.y_px]))
         if math.hypot(x[0] - streak.x_px, y[0] - streak.y_px) < streak.length_px:
             found.append((float(x[0]), float(y[0]), each.length_px))
     return found
@@ -124,10 +125,6 @@ def _leads(
     return max(abs(abs(along) - way_px), abs(across)) < beside_px
 
 
-def _one(value: float) -> FloatArray:
-    return np.array([value])
-
-
 LATEST_S = 600.0
 """An older frame is not asked."""
 _BRIGHTEST = slice(120)
@@ -149,7 +146,10 @@ class LookBack:
 
     @classmethod
     def of(cls, here: SolvedField, before: SolvedField) -> "LookBack | None":
-        """None where the field is another, the frames overlap in time, or their stars disagree."""
+        """Compare two frames.
+
+        None where the field is another, they overlap in time, or their stars disagree.
+        """
         later_s = _later_s(here.frame, before.frame)
         is_alike = here.frame.pixels.shape == before.frame.pixels.shape
         if later_s is None or not is_alike or before.stars.trail is not None:
@@ -167,28 +167,27 @@ class LookBack:
             return None
         return cls(here=here, before=before, flux_ratio=agree.flux_ratio, later_s=later_s)
 
-    def word(self, streak: Detection) -> Word | None:
-        """What the earlier frame says of one streak; None where nothing."""
+    def compare(self, streak: Detection) -> StreakComparison | None:
+        """Compare one streak with the earlier frame; None where that tells nothing."""
         here, before = self.here, self.before
         width_px = max(streak.width_px, here.stars.median_fwhm_px, before.stars.median_fwhm_px)
         profile = Profile.of(here.frame.pixels, ends_of(streak), width_px)
         if profile is None:
             return None
-        light = self._light(profile, streak, self._to_earlier, self.flux_ratio)
+        light = self._light(profile, streak, partial(to_field, here, before), self.flux_ratio)
         found = "unclear" if light is None else light.found
         if found == "same" and has_moved_on(streak, here, before, self.later_s):
             return None
         if found == "same":
-            return Word(comparison="same light", reason=NotAStreak(kind="fixed in the sky"))
+            return StreakComparison(
+                comparison="same light", reason=NotAStreak(kind="fixed in the sky")
+            )
         if self._may_be_sensors(streak):
             exposures = (before.frame.exposure_s or 1.0) / (here.frame.exposure_s or 1.0)
             there = self._light(profile, streak, None, exposures)
             if there is not None and there.is_identical:
-                return Word(reason=NotAStreak(kind="fixed on the sensor"))
-        return Word(comparison="new light") if found == "new" else None
-
-    def _to_earlier(self, x: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray]:
-        return to_field(self.here, self.before, x, y)
+                return StreakComparison(reason=NotAStreak(kind="fixed on the sensor"))
+        return StreakComparison(comparison="new light") if found == "new" else None
 
     def _light(
         self, profile: Profile, streak: Detection, to_earlier: Mapping2d | None, flux_ratio: float

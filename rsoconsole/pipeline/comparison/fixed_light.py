@@ -17,7 +17,7 @@ from rsoconsole.base import RsoconsoleError
 from rsoconsole.pipeline.comparison._look_back import (
     LookBack,
     SolvedField,
-    Word,
+    StreakComparison,
     ends_of,
     places_px,
 )
@@ -86,7 +86,7 @@ def catalogue_stars(
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class KnownStars:
-    """Catalogue stars of a frame's field, with the light that they promise."""
+    """Catalogue stars of a frame's field, with their predicted light in ADU."""
 
     here: SolvedField
     places_px: FloatArray
@@ -95,7 +95,7 @@ class KnownStars:
 
     @classmethod
     def of(cls, here: SolvedField, catalogue: StarCatalogue | None = None) -> "KnownStars | None":
-        """None where the field is too wide, or too few of its stars are in the catalogue."""
+        """Match a field's stars; None where it is too wide, or too few are in the catalogue."""
         known = catalogue_stars(here.frame, here.solution, _MAX_STARS, catalogue)
         if known is None:
             return None
@@ -114,8 +114,8 @@ class KnownStars:
             complete_adu=10.0 ** (-0.4 * (_COMPLETE_MAG - zero_mag)),
         )
 
-    def word(self, streak: Detection) -> Word | None:
-        """What the catalogue says of one streak; None where nothing."""
+    def compare(self, streak: Detection) -> StreakComparison | None:
+        """Compare one streak with the catalogue; None where that tells nothing."""
         light = catalogue_light(
             self.here.frame.pixels,
             self.places_px,
@@ -127,9 +127,9 @@ class KnownStars:
         if light is None or light.said == "unclear":
             return None
         if light.said == "no stars":
-            return Word(comparison="no catalogue stars")
+            return StreakComparison(comparison="no catalogue stars")
         reason = NotAStreak(kind="catalogue stars", value=light.stars)
-        return Word(comparison="catalogue stars", reason=reason)
+        return StreakComparison(comparison="catalogue stars", reason=reason)
 
 
 log = logging.getLogger(__name__)
@@ -144,17 +144,17 @@ _LED_TO: dict[NotAStreakKind, Compared | None] = {
     "fixed on the sensor": None,
 }
 """What the comparison was that led to a reason."""
-_NOTHING = Word()
+_NOTHING = StreakComparison()
 
 
 class FixedLight:
-    """Knows the last solved frame, whose pixels it holds until the next one."""
+    """Comparison with the last solved frame, whose pixels are held until the next one."""
 
     def __init__(self) -> None:
         self._before: SolvedField | None = None
 
     def compared(self, frame: Frame, analysis: FrameAnalysis, solution: Solution) -> Detections:
-        """The frame's streaks with what the comparison makes of them; raises nothing.
+        """Streaks of the frame after the comparison; raises nothing.
 
         ``frame``: with its pixels as ``analysis`` has seen them; they come in the order of the
         record.
@@ -167,11 +167,11 @@ class FixedLight:
         )
         before, self._before = self._before, here
         asked = _worth_a_look(analysis)
-        return _after(here, analysis, lambda: words_of(here, before, asked))
+        return _after(here, analysis, lambda: comparisons_of(here, before, asked))
 
 
 class RecordedComparison:
-    """Says what is on record, of a frame that is looked at again without the one before it."""
+    """Comparison as recorded, for a frame that is reduced again without the one before it."""
 
     def __init__(self, recorded: Detections | None) -> None:
         """``recorded``: what was found in that frame; None where it was never reduced."""
@@ -186,26 +186,30 @@ class RecordedComparison:
         """As ``FixedLight`` has it; the catalogue is asked once more."""
         here = SolvedField(frame=frame, stars=analysis.stars, solution=solution)
         asked = _worth_a_look(analysis)
-        return _after(here, analysis, lambda: words_of(here, None, asked) | self._words(asked))
+        return _after(
+            here, analysis, lambda: comparisons_of(here, None, asked) | self._words(asked)
+        )
 
-    def _words(self, streaks: list[Detection]) -> dict[Detection, Word]:
-        words: dict[Detection, Word] = {}
+    def _words(self, streaks: list[Detection]) -> dict[Detection, StreakComparison]:
+        words: dict[Detection, StreakComparison] = {}
         for each in streaks:
             for one in self._fixed:
                 reason = one.reason
                 if isinstance(reason, NotAStreak) and is_same_streak(each, one.detection):
-                    words[each] = Word(comparison=_LED_TO[reason.kind], reason=reason)
+                    words[each] = StreakComparison(comparison=_LED_TO[reason.kind], reason=reason)
         return words
 
 
 def _after(
-    here: SolvedField, analysis: FrameAnalysis, compare: Callable[[], dict[Detection, Word]]
+    here: SolvedField,
+    analysis: FrameAnalysis,
+    compare: Callable[[], dict[Detection, StreakComparison]],
 ) -> Detections:
     """The frame's streaks after a comparison; as they were where it breaks."""
     found = analysis.detections
     try:
         words = compare()
-        return with_words(found, words, analysis.class_shares, here.frame) if words else found
+        return with_comparisons(found, words, analysis.class_shares, here.frame) if words else found
     except Exception:
         # A look beside the frame must not cost the frame.
         log.exception("frame %d: its streaks are not compared", here.frame.frame_id)
@@ -220,44 +224,39 @@ def _worth_a_look(analysis: FrameAnalysis) -> list[Detection]:
     return seen[:MAX_LOOKS]
 
 
-def words_of(
+def comparisons_of(
     here: SolvedField, before: SolvedField | None, streaks: list[Detection]
-) -> dict[Detection, Word]:
-    """What earlier frame and catalogue say of a frame's streaks; nothing of those left out. Pure.
+) -> dict[Detection, StreakComparison]:
+    """Comparisons of a frame's streaks with earlier frame and catalogue, where they tell. Pure.
 
     Without streaks nothing is looked up.
     """
     if not streaks or here.stars.trail is not None:
         return {}
-    words: dict[Detection, Word] = {}
+    words: dict[Detection, StreakComparison] = {}
     back = None if before is None else LookBack.of(here, before)
     if back is not None:
-        words = {each: word for each in streaks if (word := back.word(each)) is not None}
+        words = {each: word for each in streaks if (word := back.compare(each)) is not None}
     left = [each for each in streaks if each not in words]
-    known = _known_stars(here) if left else None
-    if known is not None:
-        words |= {each: word for each in left if (word := known.word(each)) is not None}
-    return words
-
-
-def _known_stars(here: SolvedField) -> KnownStars | None:
-    """None, too, where the catalogue cannot be read: what the frame before says stands."""
+    known = None
     try:
-        return KnownStars.of(here)
-    except RsoconsoleError as error:
+        known = KnownStars.of(here) if left else None
+    except RsoconsoleError as error:  # what the frame before says stands
         log.warning(
             "frame %d: its streaks are held against no star: %s", here.frame.frame_id, error
         )
-        return None
+    if known is not None:
+        words |= {each: word for each in left if (word := known.compare(each)) is not None}
+    return words
 
 
-def with_words(
+def with_comparisons(
     found: Detections,
-    words: Mapping[Detection, Word],
+    words: Mapping[Detection, StreakComparison],
     shares: Mapping[Detection, Likelihood],
     frame: Frame,
 ) -> Detections:
-    """A frame's streaks after what was said of them: classes, and what is no streak. Pure."""
+    """Apply comparisons to a frame's streaks: classes, and what is no streak. Pure."""
     kept: list[Detection] = []
     rejected: list[Rejection] = []
     for each in found.detections:
@@ -280,7 +279,7 @@ def with_words(
 
 
 def _renamed(
-    streak: Detection, word: Word, shares: Mapping[Detection, Likelihood], frame: Frame
+    streak: Detection, word: StreakComparison, shares: Mapping[Detection, Likelihood], frame: Frame
 ) -> Detection:
     if word == _NOTHING:
         return streak

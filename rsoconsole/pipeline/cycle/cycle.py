@@ -1,4 +1,4 @@
-"""One cycle: a frame, what it shows, what is followed after it, and all that goes on record.
+"""One cycle: a frame, its reduction, the tracks after it, and all that goes on record.
 
 The engine, ``process`` and every replay run this, so that the same frames give the same track;
 ``pipeline.fold`` is the half of it that needs no pixels.
@@ -8,9 +8,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from rsoconsole.config import Config
-from rsoconsole.pipeline.cycle.decisions import Fold, Folds, HandTrack, on_record_again
+from rsoconsole.pipeline.cycle.decisions import FollowedFrames, HandTrack, on_record_again
 from rsoconsole.pipeline.cycle.frame_fold import (
-    Shown,
+    FrameObservations,
     fold,
     mid_exposure,
     star_history_without_fold,
@@ -32,7 +32,7 @@ from rsoconsole.tracking import Following
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CycleResult:
-    """What one frame led to."""
+    """Result of one cycle."""
 
     reduction: Reduction
     after: Following
@@ -47,10 +47,14 @@ class Cycle:
         self._reducer = reducer
         self._config = config
         self._stars = StarHistory()
-        self._folds = Folds()
-        self._hand = HandTrack()
-        self._cloud: HiddenBy | None = None
-        self._star_count: int | None = None
+        self.folds = FollowedFrames()
+        """The last frames followed, on which the operator may decide."""
+        self.hand = HandTrack()
+        """The last frames that belong to no track, on which the operator may decide, too."""
+        self.cloud: HiddenBy | None = None
+        """What the last frame's stars say of cloud; None for a clear sky."""
+        self.star_count: int | None = None
+        """How many stars the last frame showed; None where nobody counted them."""
         self._said: set[str] = set()
         """Kinds of cautions that are on record already."""
 
@@ -60,23 +64,25 @@ class Cycle:
         self._reducer.configure(config)
 
     def forget_plate(self) -> None:
-        """The camera has turned: the last plate says nothing any more."""
+        """Forget the last plate: the camera has turned."""
         self._reducer.forget_plate()
 
-    @property
-    def cloud(self) -> HiddenBy | None:
-        """What the last frame's stars say of cloud; None for a clear sky."""
-        return self._cloud
-
-    @property
-    def star_count(self) -> int | None:
-        """How many stars the last frame showed; None where nobody counted them."""
-        return self._star_count
-
-    def _look_at_clouds(self, shown: Shown) -> None:
-        self._star_count = shown.detections.star_count
-        if shown.taken.exposure_s is not None:
-            self._cloud = cloud_before(stars_of(shown.taken, shown.detections), self._stars)
+    def _observed(
+        self,
+        taken: FrameTaken,
+        reduction: Reduction,
+        orbits: Mapping[int, OrbitEstimate] | None = None,
+    ) -> FrameObservations:
+        self.star_count = reduction.detections.star_count
+        if taken.exposure_s is not None:
+            self.cloud = cloud_before(stars_of(taken, reduction.detections), self._stars)
+        return FrameObservations(
+            taken=taken,
+            detections=reduction.detections,
+            solution=reduction.solution,
+            measurements=reduction.measurements,
+            orbits=orbits or {},
+        )
 
     def _on_record(self, reduction: Reduction, frame_id: int) -> tuple[Record, ...]:
         """What a frame gave, and each caution when it is first met."""
@@ -86,47 +92,38 @@ class Cycle:
         events = (Event(level=each.level, text=each.words, frame_id=frame_id) for each in fresh)
         return (reduction.detections, *solution, *reduction.measurements, *events)
 
-    @property
-    def folds(self) -> Folds:
-        """The last frames followed, on which the operator may say a word."""
-        return self._folds
-
-    @property
-    def hand(self) -> HandTrack:
-        """The last frames that belong to no track, on which the operator may say a word, too."""
-        return self._hand
-
-    def rule_by_hand(
+    def apply_hand_decision(
         self, decision: Ruling, kept: Following | None, last_track_id: int
     ) -> tuple[Following | None, tuple[Record, ...]]:
-        """The operator's word on a frame that nobody followed.
+        """Apply the operator's decision on a frame that belongs to no track.
 
         The track that is kept then, and what belongs on the record. Raises ValueError where
         nothing can be said on the frame any more.
         """
-        after, again = self._hand.rule(decision, kept, last_track_id)
+        after, again = self.hand.apply(decision, kept, last_track_id)
         return after, on_record_again(decision, again)
 
-    def rule(self, decision: Ruling) -> tuple[Following, tuple[Record, ...]]:
-        """Follow a frame and those after it again by the operator's word.
+    def apply_decision(self, decision: Ruling) -> tuple[Following, tuple[Record, ...]]:
+        """Apply the operator's decision: fold a frame and those after it again.
 
         What is followed then, and what belongs on the record. Raises ValueError where nothing
         can be said on the frame any more.
         """
-        again = self._folds.rule(decision)
-        return again[-1].folded.following, on_record_again(decision, again)
+        again = self.folds.apply(decision)
+        return again[-1].following, on_record_again(
+            decision, [(each.frame_id, each.records) for each in again]
+        )
 
     def glance(self, frame: Frame, reach_px: float) -> Glance | None:
-        """A frame's middle, ``reach_px`` about its centre, before the frame is run."""
+        """Reduce the middle of a frame, ``reach_px`` about its centre, before the frame is run."""
         return self._reducer.glance(frame, reach_px)
 
     def look(self, frame: Frame) -> tuple[Reduction, tuple[Record, ...]]:
-        """Reduce a frame that is not followed; (what it shows, what belongs on the record)."""
+        """Reduce a frame that is not folded; (reduction, records)."""
         reduction = self._reducer.reduce(frame)
-        shown = _shown(taken_record(frame), reduction, {})
-        self._look_at_clouds(shown)
-        self._stars = star_history_without_fold(self._stars, shown)
-        self._hand.add(shown, self._config)
+        observed = self._observed(frame_taken_record(frame), reduction)
+        self._stars = star_history_without_fold(self._stars, observed)
+        self.hand.add(observed, self._config)
         return reduction, self._on_record(reduction, frame.frame_id)
 
     def run(
@@ -141,24 +138,15 @@ class Cycle:
         ``blocked``: why the slew to the track was refused before this frame, as ``FrameTaken``
         carries it; ``orbits``: the last one of each track on record, by track id.
         """
-        taken = taken_record(frame, blocked)
+        taken = frame_taken_record(frame, blocked)
         mid_exposure(taken, self._config)  # before the work: such a frame cannot be folded
         reduction = self._reducer.reduce(frame)
-        shown = _shown(taken, reduction, orbits or {})
-        self._look_at_clouds(shown)
-        folded = fold(before, self._stars, shown, self._config)
-        self._folds.add(
-            Fold(
-                before=before,
-                stars_before=self._stars,
-                shown=shown,
-                config=self._config,
-                folded=folded,
-            )
-        )
+        observed = self._observed(taken, reduction, orbits)
+        folded = fold(before, self._stars, observed, self._config)
+        self.folds.add(folded)
         self._stars = folded.stars
         if folded.following.track is None:
-            self._hand.add(shown, self._config)
+            self.hand.add(observed, self._config)
         return CycleResult(
             reduction=reduction,
             after=folded.following,
@@ -166,18 +154,8 @@ class Cycle:
         )
 
 
-def _shown(taken: FrameTaken, reduction: Reduction, orbits: Mapping[int, OrbitEstimate]) -> Shown:
-    return Shown(
-        taken=taken,
-        detections=reduction.detections,
-        solution=reduction.solution,
-        measurements=reduction.measurements,
-        orbits=orbits,
-    )
-
-
-def taken_record(frame: Frame, blocked: SlewRefusal | None = None) -> FrameTaken:
-    """What the session keeps of a frame beside its pixels; ``blocked`` as ``Cycle.run`` has it."""
+def frame_taken_record(frame: Frame, blocked: SlewRefusal | None = None) -> FrameTaken:
+    """Record of a frame without its pixels; ``blocked`` as ``Cycle.run`` has it."""
     return FrameTaken(
         frame_id=frame.frame_id,
         name=frame.name,

@@ -1,17 +1,23 @@
-"""The operator's word on frames already followed: they are followed again by it, in order.
+"""The operator's decisions on frames already folded: these are folded again, in order.
 
 Pure but for its memory of the last frames. Engine and replay keep one each, and so come to the
 same track.
 """
 
 import threading
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import ClassVar, Generic, TypeVar
 
 from rsoconsole.config import Config
-from rsoconsole.pipeline.cycle.frame_fold import Folded, Shown, fold
+from rsoconsole.pipeline.cycle.frame_fold import (
+    FoldedFrame,
+    FrameObservations,
+    ReducedFrame,
+    fold,
+)
 from rsoconsole.pipeline.cycle.miss_reasons import StarHistory
-from rsoconsole.pipeline.frame.held_frames import HELD, HeldFrames
+from rsoconsole.pipeline.frame.marked_frames import HELD
 from rsoconsole.pipeline.frame.measurement import shutter_mid_utc_ns
 from rsoconsole.records import FollowedAgain, Measurement, Record, Ruling, StateChange
 from rsoconsole.tracking import Following
@@ -22,39 +28,26 @@ TAKEN_BACK = 60
 """Frames within which a word on a frame that was held for it can be taken back."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Looked:
-    """One frame that was looked at."""
+def on_record_again(
+    decision: Ruling, again: Sequence[tuple[int, tuple[Record, ...]]]
+) -> tuple[Record, ...]:
+    """Records of a decision and of all that it leads to, in the order of the record.
 
-    shown: Shown
-    config: Config
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Fold(Looked):
-    """One frame that was followed: what went in and what came out."""
-
-    before: Following
-    stars_before: StarHistory
-    folded: Folded
-
-
-def on_record_again(decision: Ruling, again: tuple[Fold, ...]) -> tuple[Record, ...]:
-    """A decision and all that it leads to, in the order of the record."""
+    ``again``: the numbers of the frames that are folded once more by it, and their records.
+    """
     records: list[Record] = [decision]
     if decision.taken is not None and decision.taken.source == "operator":
         records.append(decision.taken)
-    for each in again:
-        records.append(FollowedAgain(frame_id=each.shown.taken.frame_id))
-        records.extend(each.folded.records)
+    for frame_id, folded in again:
+        records += [FollowedAgain(frame_id=frame_id), *folded]
     return tuple(records)
 
 
-OfFrame = TypeVar("OfFrame", bound=Looked)
+OfFrame = TypeVar("OfFrame", bound=ReducedFrame)
 
 
 class LastFrames(Generic[OfFrame]):
-    """The last frames on which something may be said, those that are held among them."""
+    """The last frames on which the operator may decide, those that are held among them."""
 
     DONE: ClassVar[str]
     """What was done with them, in words."""
@@ -62,45 +55,59 @@ class LastFrames(Generic[OfFrame]):
     def __init__(self, after_word: int) -> None:
         """``after_word``: for how many frames one is held once a word has been said on it."""
         self._frames: tuple[OfFrame, ...] = ()
-        # Replaced as a whole, never changed: other threads look in.
-        self._held = HeldFrames(after_word)
+        self._held: Mapping[int, int] = {}
+        """Frames that are held, each for how many more frames."""
+        # Both are replaced as a whole, never changed: other threads look in.
+        self._after_word = after_word
         self._lock = threading.Lock()
 
     def hold(self, frame_id: int) -> None:
         """Keep a frame to be ruled on, if it is there still or comes (any thread)."""
         with self._lock:
-            self._held.hold(frame_id)
+            self._held = {**self._held, frame_id: HELD}
 
     def let_go(self, frame_id: int) -> None:
-        """It need not be kept any more (any thread)."""
+        """Release a held frame (any thread)."""
         with self._lock:
-            is_ruled = any(each.frame_id == frame_id for each in self.decisions())
-            (self._held.ruled if is_ruled else self._held.let_go)(frame_id)
+            if any(each.frame_id == frame_id for each in self.decisions()):
+                self._hold_ruled(frame_id)
+            else:
+                self._held = {n: left for n, left in self._held.items() if n != frame_id}
 
-    def shown(self, frame_id: int) -> Shown:
-        """What a frame showed. Raises ValueError where nothing can be said on it any more."""
+    def shown(self, frame_id: int) -> FrameObservations:
+        """Observations of a frame. Raises ValueError where it is too late to decide on it."""
         frames = self._open()
-        return frames[self._place(frames, frame_id)].shown
+        return frames[self._place(frames, frame_id)].observations
 
-    def newest(self) -> Shown:
-        """The last frame. Raises ValueError where there is none."""
+    def newest(self) -> FrameObservations:
+        """Observations of the last frame. Raises ValueError where there is none."""
         frames = self._frames
         if not frames:
             raise ValueError(f"no frame has been {self.DONE} yet that a word could be said on")
-        return frames[-1].shown
+        return frames[-1].observations
 
     def decisions(self) -> tuple[Ruling, ...]:
-        """The operator's words on these frames, oldest first."""
-        return tuple(f.shown.decision for f in self._open() if f.shown.decision is not None)
+        """The operator's decisions on these frames, oldest first."""
+        return tuple(
+            f.observations.decision for f in self._open() if f.observations.decision is not None
+        )
 
     def said_last(self) -> int | None:
-        """The newest frame that a word was said on; None where there is none."""
+        """Number of the newest frame with a decision; None where there is none."""
         said = self.decisions()
         return said[-1].frame_id if said else None
 
     def frame_ids(self) -> tuple[int, ...]:
-        """The frames on which something can still be said, oldest first."""
-        return tuple(each.shown.taken.frame_id for each in self._open())
+        """Numbers of the frames on which a decision is possible, oldest first."""
+        return tuple(each.frame_id for each in self._open())
+
+    def _hold_ruled(self, frame_id: int) -> None:
+        """Of a frame that is held: as long as the decision on it may be taken back."""
+        if frame_id in self._held:
+            self._held = {**self._held, frame_id: self._after_word}
+
+    def _count_frame(self) -> None:
+        self._held = {n: left - 1 for n, left in self._held.items() if left > 1}
 
     def _open(self) -> tuple[OfFrame, ...]:
         """Those on which something can still be said."""
@@ -110,14 +117,12 @@ class LastFrames(Generic[OfFrame]):
         """The last ones and those that are held."""
         first = len(frames) - KEPT
         return tuple(
-            each
-            for n, each in enumerate(frames)
-            if n >= first or each.shown.taken.frame_id in self._held
+            each for n, each in enumerate(frames) if n >= first or each.frame_id in self._held
         )
 
     def _place(self, frames: tuple[OfFrame, ...], frame_id: int) -> int:
         for number, each in enumerate(frames):
-            if each.shown.taken.frame_id == frame_id:
+            if each.frame_id == frame_id:
                 return number
         raise ValueError(self._why_not(frames, frame_id))
 
@@ -126,7 +131,7 @@ class LastFrames(Generic[OfFrame]):
         raise NotImplementedError
 
 
-class Folds(LastFrames[Fold]):
+class FollowedFrames(LastFrames[FoldedFrame]):
     """The last frames followed without anything from outside between them.
 
     Where one is held (somebody is marking in it), all since then are kept, to be followed again by
@@ -138,48 +143,47 @@ class Folds(LastFrames[Fold]):
     def __init__(self) -> None:
         super().__init__(TAKEN_BACK)
 
-    def add(self, fold_: Fold) -> None:
-        """One more frame."""
+    def add(self, folded: FoldedFrame) -> None:
+        """Add a frame."""
         with self._lock:
-            self._held.count()
-            frames = (*self._frames, fold_)
-            oldest = self._within_reach(frames)[0].shown.taken.frame_id
+            self._count_frame()
+            frames = (*self._frames, folded)
+            oldest = self._within_reach(frames)[0].frame_id
             self._frames = frames[self._place(frames, oldest) :]
 
     def forget(self) -> None:
-        """Something from outside has changed what is followed: these do not lead there."""
+        """Forget the frames: something from outside has changed what is followed."""
         with self._lock:
             self._frames = ()
-            self._held.forget()
+            self._held = {}
 
     def taken(self, frame_id: int) -> Measurement | None:
-        """What the track took of a frame. Raises ValueError as ``shown`` does."""
+        """Measurement that the track took of a frame. Raises ValueError as ``shown`` does."""
         frames = self._open()
-        taken = frames[self._place(frames, frame_id)].folded.following.taken
+        taken = frames[self._place(frames, frame_id)].following.taken
         return taken if taken is not None and taken.frame_id == frame_id else None
 
-    def rule(self, decision: Ruling) -> tuple[Fold, ...]:
-        """The frame and those after it, followed again. Raises ValueError as ``shown`` does."""
+    def apply(self, decision: Ruling) -> tuple[FoldedFrame, ...]:
+        """Fold the frame and those after it again. Raises ValueError as ``shown`` does."""
         place = self._place(self._frames, decision.frame_id)
         before = self._frames[place].before
-        again: list[Fold] = []
+        again: list[FoldedFrame] = []
         for old in self._frames[place:]:
-            shown = old.shown
+            observed = old.observations
             if not again:
-                shown = replace(shown, decision=decision, decisions=shown.decisions + 1)
-            folded = fold(before, old.stars_before, shown, old.config)
-            again.append(replace(old, before=before, shown=shown, folded=folded))
-            before = folded.following
+                observed = _decided(observed, decision)
+            again.append(fold(before, old.stars_before, observed, old.config))
+            before = again[-1].following
         self._frames = (*self._frames[:place], *again)
         with self._lock:
-            self._held.ruled(decision.frame_id)
+            self._hold_ruled(decision.frame_id)
         return tuple(again)
 
-    def _open(self) -> tuple[Fold, ...]:
+    def _open(self) -> tuple[FoldedFrame, ...]:
         return self._within_reach(self._frames)
 
-    def _why_not(self, frames: tuple[Fold, ...], frame_id: int) -> str:
-        known = [each.shown.taken.frame_id for each in frames[-KEPT:]]
+    def _why_not(self, frames: tuple[FoldedFrame, ...], frame_id: int) -> str:
+        known = [each.frame_id for each in frames[-KEPT:]]
         reach = f", only on frames {known[0]} to {known[-1]}" if known else " until the next one"
         return f"nothing can be said on frame {frame_id} any more{reach}"
 
@@ -193,8 +197,8 @@ class _Made:
     last_track_id: int
 
 
-class HandTrack(LastFrames[Looked]):
-    """The last frames that were looked at, and what the operator said of them."""
+class HandTrack(LastFrames[ReducedFrame]):
+    """The last frames that belong to no track, with the operator's marks in them."""
 
     DONE = "looked at"
 
@@ -203,117 +207,106 @@ class HandTrack(LastFrames[Looked]):
         self._base: _Made | None = None
         """Before the first word; None while none was said."""
 
-    def add(self, shown: Shown, config: Config) -> None:
-        """One more frame; one without a time can be no part of a track."""
-        if shutter_mid_utc_ns(shown.taken, config.exposure) is not None:
-            plain = replace(shown, orbits={}, decision=None, decisions=0)
+    def add(self, observed: FrameObservations, config: Config) -> None:
+        """Add a frame; one without a time can be no part of a track."""
+        if shutter_mid_utc_ns(observed.taken, config.exposure) is not None:
+            plain = replace(observed, orbits={}, decision=None, decisions=0)
             with self._lock:
-                self._held.count()
-                looked = (*self._frames, Looked(shown=plain, config=config))
+                self._count_frame()
+                looked = (*self._frames, ReducedFrame(observations=plain, config=config))
                 self._frames = self._within_reach(looked)
 
     def forget(self) -> None:
-        """Somebody else has the mount: what was said led to what is kept, and to no more."""
+        """Forget the decisions: somebody else has the mount, and the track so far is kept."""
         self._base = None
         with self._lock:
-            self._held.forget()
+            self._held = {}
             self._frames = tuple(
-                replace(each, shown=replace(each.shown, decision=None)) for each in self._frames
+                replace(each, observations=replace(each.observations, decision=None))
+                for each in self._frames
             )[-KEPT:]
 
     def taken(self, frame_id: int) -> Measurement | None:
-        """What the operator gave of a frame. Raises ValueError as ``shown`` does."""
+        """Measurement that the operator gave of a frame. Raises ValueError as ``shown`` does."""
         decision = self.shown(frame_id).decision
         return None if decision is None else decision.taken
 
-    def rule(
+    def apply(
         self, decision: Ruling, kept: Following | None, last_track_id: int
-    ) -> tuple[Following | None, tuple[Fold, ...]]:
-        """The operator's word on a frame: (the track that is kept now, frames followed by it).
+    ) -> tuple[Following | None, list[tuple[int, tuple[Record, ...]]]]:
+        """Apply the operator's decision on a frame: (track that is kept, frames folded by it).
 
-        ``kept``: what was kept before the first word; ``last_track_id``: of the session. Raises
-        ValueError as ``shown`` does.
+        ``kept``: what was kept before the first word; ``last_track_id``: of the session. The frames
+        by number with their records. Raises ValueError as ``shown`` does.
         """
         place = self._place(self._frames, decision.frame_id)
         old = self._frames[place]
-        shown = replace(old.shown, decision=decision, decisions=old.shown.decisions + 1)
-        self._frames = (
-            *self._frames[:place],
-            replace(old, shown=shown),
-            *self._frames[place + 1 :],
-        )
+        decided = replace(old, observations=_decided(old.observations, decision))
+        self._frames = (*self._frames[:place], decided, *self._frames[place + 1 :])
         with self._lock:
-            self._held.ruled(decision.frame_id)
+            self._hold_ruled(decision.frame_id)
         if self._base is None:
             self._base = _Made(kept=kept, last_track_id=last_track_id)
-        made, again = self._base, list[Fold]()
-        for number, looked in enumerate(self._frames):
-            if looked.shown.decision is None:
+        made, again = self._base, list[tuple[int, tuple[Record, ...]]]()
+        for number, each in enumerate(self._frames):
+            if each.observations.decision is None:
                 continue
-            before = made
-            made, folded = _with(made, looked)
+            made, records = _with(made, each)
             if number >= place:
-                again.append(_fold_of(before, looked, folded))
-        return made.kept, tuple(again)
+                again.append((each.frame_id, records))
+        return made.kept, again
 
-    def _why_not(self, _frames: tuple[Looked, ...], frame_id: int) -> str:
+    def _why_not(self, _frames: tuple[ReducedFrame, ...], frame_id: int) -> str:
         return f"frame {frame_id} is none of those looked at since nobody follows: mark a newer one"
 
 
-def _with(made: _Made, looked: Looked) -> tuple[_Made, Folded]:
+def _decided(observed: FrameObservations, decision: Ruling) -> FrameObservations:
+    return replace(observed, decision=decision, decisions=observed.decisions + 1)
+
+
+def _with(made: _Made, marked: ReducedFrame) -> tuple[_Made, tuple[Record, ...]]:
     """One marked frame more: the second of a track, one of a track that is kept, or a first."""
-    decision = looked.shown.decision
-    nothing = Folded(following=Following(state="MANUAL"), stars=StarHistory(), records=())
+    decision = marked.observations.decision
     if decision is None or decision.taken is None:
-        return made, nothing
+        return made, ()
     if made.candidates:
-        folded = _folded(_waiting(made), looked)
-        if folded.following.track is not None:
-            return _begun(folded), folded
-        if not _goes_on(made, looked):
-            return replace(made, candidates=folded.following.candidates), folded
-    if made.kept is not None and _goes_on(made, looked):
+        following, records = _folded(_waiting(made), marked)
+        if following.track is not None:
+            return _begun(following), records
+        if not _goes_on(made, marked):
+            return replace(made, candidates=following.candidates), records
+    if made.kept is not None and _goes_on(made, marked):
         before = replace(made.kept, state="COAST", candidates=())
-        folded = _folded(before, looked)
-        if folded.following.track_id == made.kept.track_id:
-            return _begun(folded), folded
-    folded = _folded(_waiting(replace(made, candidates=())), looked)
-    return replace(made, candidates=folded.following.candidates), folded
+        following, records = _folded(before, marked)
+        if following.track_id == made.kept.track_id:
+            return _begun(following), records
+    following, records = _folded(_waiting(replace(made, candidates=())), marked)
+    return replace(made, candidates=following.candidates), records
 
 
-def _goes_on(made: _Made, looked: Looked) -> bool:
+def _goes_on(made: _Made, marked: ReducedFrame) -> bool:
     """Whether a frame comes after all that the kept track has."""
     if made.kept is None or made.kept.track is None:
         return False
-    t_mid_ns = shutter_mid_utc_ns(looked.shown.taken, looked.config.exposure)
+    t_mid_ns = shutter_mid_utc_ns(marked.observations.taken, marked.config.exposure)
     return t_mid_ns is not None and t_mid_ns > made.kept.track.t_utc_ns
 
 
 def _waiting(made: _Made) -> Following:
-    state = "ACQUIRE" if made.candidates else "SEARCH"
     return Following(
-        state=state,  # type: ignore[arg-type]
+        state="ACQUIRE" if made.candidates else "SEARCH",
         candidates=made.candidates,
         last_track_id=made.last_track_id,
     )
 
 
-def _begun(folded: Folded) -> _Made:
-    return _Made(kept=folded.following, last_track_id=folded.following.last_track_id)
+def _begun(following: Following) -> _Made:
+    return _Made(kept=following, last_track_id=following.last_track_id)
 
 
-def _folded(before: Following, looked: Looked) -> Folded:
+def _folded(before: Following, marked: ReducedFrame) -> tuple[Following, tuple[Record, ...]]:
     """By what the operator gave alone; who has the mount does not change by it."""
-    folded = fold(before, StarHistory(), replace(looked.shown, measurements=()), looked.config)
+    observed = replace(marked.observations, measurements=())
+    folded = fold(before, StarHistory(), observed, marked.config)
     kept = tuple(each for each in folded.records if not isinstance(each, StateChange))
-    return replace(folded, records=kept)
-
-
-def _fold_of(before: _Made, looked: Looked, folded: Folded) -> Fold:
-    return Fold(
-        before=before.kept or _waiting(before),
-        stars_before=StarHistory(),
-        shown=looked.shown,
-        config=looked.config,
-        folded=folded,
-    )
+    return folded.following, kept

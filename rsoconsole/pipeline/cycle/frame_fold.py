@@ -1,13 +1,9 @@
-"""What is followed after a frame, from what is on record alone. Pure: no pixels, no memory."""
+"""The fold: tracks after a frame, from what is on record alone. Pure: no pixels, no memory."""
 
 import functools
-import math
 import statistics
-from collections import deque
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, fields, is_dataclass
-from statistics import fmean
-from typing import Any
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
 
 from rsoconsole.base import FrameError
 from rsoconsole.config import Config
@@ -49,64 +45,6 @@ from rsoconsole.tracking import (
 )
 from rsoconsole.tracking.filters import estimator
 
-ROUNDING = 1e-7
-"""Relative; a fold's own digits agree to 1e-12 after a night, a setting changes the third."""
-_DIRECTION_DEG = 1e-9
-"""Four millionths of an arcsecond, below what any record can mean."""
-
-
-def are_alike(ours: Sequence[Any], theirs: Sequence[Any]) -> bool:
-    """Whether two lists of records agree, but for what a processor's rounding may change."""
-    return len(ours) == len(theirs) and all(map(is_alike, ours, theirs))
-
-
-def is_alike(one: Any, other: Any) -> bool:
-    """Whether two records, or values within them, agree but for rounding."""
-    if one == other:
-        return True
-    if type(one) is not type(other):
-        return False
-    if isinstance(one, TrackState):
-        return _is_same_track(one, other)
-    if is_dataclass(one):
-        names = (field.name for field in fields(one))
-        return all(is_alike(getattr(one, name), getattr(other, name)) for name in names)
-    if isinstance(one, tuple):
-        return are_alike(one, other)
-    return isinstance(one, float) and math.isclose(one, other, rel_tol=ROUNDING)
-
-
-def _is_same_track(one: TrackState, other: TrackState) -> bool:
-    """Places to less than anybody can measure, covariances in units of their own diagonal."""
-    plain = (f.name for f in fields(one) if f.name not in {"x", "P", "innovation_arcsec"})
-    if not all(is_alike(getattr(one, name), getattr(other, name)) for name in plain):
-        return False
-    sigma = [math.sqrt(one.P[n][n]) for n in range(4)]
-    largest = max(_DIRECTION_DEG, ROUNDING * max(sigma))
-    if any(abs(a - b) > largest for a, b in zip(one.x, other.x, strict=True)):
-        return False
-    if (one.innovation_arcsec is None) != (other.innovation_arcsec is None):
-        return False
-    innovations = zip(one.innovation_arcsec or (), other.innovation_arcsec or (), strict=True)
-    if any(abs(a - b) > largest * 3600.0 for a, b in innovations):
-        return False
-    return all(
-        abs(one.P[i][j] - other.P[i][j]) <= ROUNDING * sigma[i] * sigma[j]
-        for i in range(4)
-        for j in range(4)
-    )
-
-
-WINDOW = 8
-_LEAST = 5
-"""Measurements that both must have predicted."""
-_AHEAD = 0.5
-"""By so much better on the mean before the guide changes, so that it does not change for chance."""
-_CLOSE = 0.1
-"""A turn between two that promise the same but for such a share is no news."""
-_BELIEVED = 0.999
-"""An orbit whose NIS are this unlikely is not believed, however the filter fares."""
-
 
 def may_guide(config: Config) -> bool:
     """Whether an orbit may say where the telescope goes, and carry on a track.
@@ -117,81 +55,8 @@ def may_guide(config: Config) -> bool:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Score:
-    """What one of them said of one measurement."""
-
-    nis: float
-    log_size: float
-    """Logarithm of the determinant of the innovation's covariance, arcsec."""
-
-    @property
-    def width_arcsec(self) -> float:
-        """One sigma that it had stated: the geometric mean of both axes."""
-        return math.exp(self.log_size / 4.0)
-
-    @property
-    def score(self) -> float:
-        """Smaller is better: minus twice the logarithm of the density, but for a constant."""
-        return self.nis + self.log_size
-
-
-class Rivals:
-    """The last answers of both."""
-
-    def __init__(self) -> None:
-        self._scores: deque[tuple[Score, Score]] = deque(maxlen=WINDOW)
-        self.is_orbit_ahead = False
-        """Whether the orbit predicts better."""
-        self._failed = ""
-        """By how much the filter failed last; empty: not known."""
-
-    def compare(self, by_orbit: Score, by_filter: Score) -> None:
-        """One measurement that both predicted."""
-        self._scores.append((by_orbit, by_filter))
-        if len(self._scores) >= _LEAST:
-            lead = fmean(theirs.score - ours.score for ours, theirs in self._scores)
-            is_better = lead > (0.0 if self.is_orbit_ahead else _AHEAD)
-            self.is_orbit_ahead = is_better and self._is_believed()
-
-    def filter_failed(self, nis: float | None = None, gate_nis: float | None = None) -> None:
-        """The orbit predicted what the filter did not: the NIS of the measurement by the latter."""
-        self._scores.clear()
-        self.is_orbit_ahead = True
-        known = nis is not None and gate_nis is not None
-        self._failed = f": NIS {nis:.1f} by that, gate {gate_nis:.1f}" if known else ""
-
-    @property
-    def is_close(self) -> bool:
-        """Whether the widths that both promise come to the same: within a tenth, or as written."""
-        if not self._scores:
-            return False
-        ours, theirs = (fmean(each[n].width_arcsec for each in self._scores) for n in (0, 1))
-        return abs(ours - theirs) < _CLOSE * max(ours, theirs) or f"{ours:.1f}" == f"{theirs:.1f}"
-
-    @property
-    def words(self) -> str:
-        """How both have predicted the last measurements."""
-        if not self._scores:
-            return f"what was seen does not fit the filter's prediction{self._failed}"
-        ours, theirs = zip(*self._scores, strict=True)
-        which = "it has predicted better" if self.is_orbit_ahead else "the orbit predicts no better"
-        return f"{which} (orbit {_fared(ours)}, filter {_fared(theirs)})"
-
-    def _is_believed(self) -> bool:
-        from scipy.special import chdtr
-
-        total = sum(ours.nis for ours, _ in self._scores)
-        return bool(chdtr(2 * len(self._scores), total) < _BELIEVED)
-
-
-def _fared(scores: Sequence[Score]) -> str:
-    width = fmean(each.width_arcsec for each in scores)
-    return f"±{width:.1f}″, NIS {fmean(each.nis for each in scores):.1f}"
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Shown:
-    """What a frame showed, as the record has it."""
+class FrameObservations:
+    """Everything on record that was observed in one frame: the input of the fold."""
 
     taken: FrameTaken
     detections: Detections
@@ -206,24 +71,41 @@ class Shown:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Folded:
-    """What is known after a frame."""
+class ReducedFrame:
+    """The observations of one frame and the configuration in force for it."""
 
+    observations: FrameObservations
+    config: Config
+
+    @property
+    def frame_id(self) -> int:
+        """As in the records."""
+        return self.observations.taken.frame_id
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FoldedFrame(ReducedFrame):
+    """A frame that was folded into the tracks: the state before it and after it."""
+
+    before: Following
+    stars_before: StarHistory
     following: Following
     stars: StarHistory
     records: tuple[Record, ...]
     """What the fold puts on record, in order."""
 
 
-def fold(before: Following, stars_before: StarHistory, shown: Shown, config: Config) -> Folded:
-    """What is followed after a frame. Pure. Raises FrameError for a frame without a time."""
-    taken = shown.taken
+def fold(
+    before: Following, stars_before: StarHistory, observed: FrameObservations, config: Config
+) -> FoldedFrame:
+    """Fold one frame into the tracks. Pure. Raises FrameError for a frame without a time."""
+    taken = observed.taken
     t_mid_ns, exposure_s = mid_exposure(taken, config)
-    stars = stars_of(taken, shown.detections)
+    stars = stars_of(taken, observed.detections)
     plain = Missed(kind="nothing fits")
-    if not shown.measurements:
-        plain = plain_absence(shown.detections, shown.solution, t_mid_ns)
-    elif all(m.is_crossing for m in shown.measurements):
+    if not observed.measurements:
+        plain = plain_absence(observed.detections, observed.solution, t_mid_ns)
+    elif all(m.is_crossing for m in observed.measurements):
         plain = ONLY_CROSSING
     # Asked for by misses alone: the Sun and the Earth's shadow cost more than all the rest.
     absence = functools.partial(
@@ -236,12 +118,12 @@ def fold(before: Following, stars_before: StarHistory, shown: Shown, config: Con
         t_utc_ns=t_mid_ns,
         blocked=taken.blocked,
     )
-    decision = shown.decision or Ruling(frame_id=taken.frame_id)
+    decision = observed.decision or Ruling(frame_id=taken.frame_id)
     shutter = shutter_time(taken, config.exposure)
     refused = tuple(at_its_row(m, t_mid_ns, shutter) for m in decision.refused)
     chosen = decision.taken and at_its_row(decision.taken, t_mid_ns, shutter)
     # The decision's own instant is the recorded one: another where its latency is tried.
-    measurements = tuple(m for m in shown.measurements if m not in refused)
+    measurements = tuple(m for m in observed.measurements if m not in refused)
     if chosen is not None and chosen not in measurements:
         measurements = (*measurements, chosen)
     seen = FrameInput(
@@ -250,35 +132,39 @@ def fold(before: Following, stars_before: StarHistory, shown: Shown, config: Con
         exposure_s=exposure_s,
         measurements=measurements,
         absence=absence,
-        field=_field_of(shown),
-        star_width_arcsec=_width_arcsec(shown),
+        field=_field_of(observed),
+        star_width_arcsec=_width_arcsec(observed),
         chosen=chosen,
         refused=refused,
         dropped=decision.dropped,
         kept=decision.kept,
         released=decision.released,
-        by_orbit=_asks_orbit(before, shown.orbits, config, t_mid_ns),
+        by_orbit=_asks_orbit(before, observed.orbits, config, t_mid_ns),
     )
     after, records = follow(before, seen, follow_settings(config, taken))
-    return Folded(
+    return FoldedFrame(
+        observations=observed,
+        config=config,
+        before=before,
+        stars_before=stars_before,
         following=after,
-        stars=updated_star_history(stars_before, stars, shown.solution),
+        stars=updated_star_history(stars_before, stars, observed.solution),
         records=records,
     )
 
 
-def _width_arcsec(shown: Shown) -> float | None:
+def _width_arcsec(observed: FrameObservations) -> float | None:
     """Of the frame's stars, where they and its scale are known; of its streaks, if narrower.
 
     Stars that drift while the shutter is open are wider than what shows two satellites apart.
     """
-    width_px = None if shown.detections is None else shown.detections.star_fwhm_px
-    if width_px is None or not isinstance(shown.solution, Solution):
+    width_px = None if observed.detections is None else observed.detections.star_fwhm_px
+    if width_px is None or not isinstance(observed.solution, Solution):
         return None
-    streaks_px = [d.width_px for d in shown.detections.detections if d.kind == "streak"]
+    streaks_px = [d.width_px for d in observed.detections.detections if d.kind == "streak"]
     if streaks_px:
         width_px = min(width_px, statistics.median(streaks_px))
-    return width_px * shown.solution.scale_arcsec_px
+    return width_px * observed.solution.scale_arcsec_px
 
 
 def _asks_orbit(
@@ -321,11 +207,11 @@ def _by_orbit(
     return state if three_sigma_deg(state) <= widest_deg else None
 
 
-def _field_of(shown: Shown) -> Field | None:
-    if not isinstance(shown.solution, Solution):
+def _field_of(observed: FrameObservations) -> Field | None:
+    if not isinstance(observed.solution, Solution):
         return None
-    size = (shown.taken.width_px, shown.taken.height_px)
-    return Field(wcs=shown.solution.wcs, width_px=size[0], height_px=size[1])
+    taken = observed.taken
+    return Field(wcs=observed.solution.wcs, width_px=taken.width_px, height_px=taken.height_px)
 
 
 def mid_exposure(taken: FrameTaken, config: Config) -> tuple[int, float]:
@@ -339,12 +225,14 @@ def mid_exposure(taken: FrameTaken, config: Config) -> tuple[int, float]:
     return t_mid_ns, taken.exposure_s
 
 
-def star_history_without_fold(stars_before: StarHistory, shown: Shown) -> StarHistory:
+def star_history_without_fold(
+    stars_before: StarHistory, observed: FrameObservations
+) -> StarHistory:
     """The stars known after a frame that is not followed."""
-    if shown.taken.exposure_s is None:
+    if observed.taken.exposure_s is None:
         return stars_before
     return updated_star_history(
-        stars_before, stars_of(shown.taken, shown.detections), shown.solution
+        stars_before, stars_of(observed.taken, observed.detections), observed.solution
     )
 
 

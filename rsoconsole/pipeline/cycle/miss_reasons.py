@@ -68,7 +68,7 @@ class StarHistory:
     centre_icrs_deg: tuple[float, float] | None = None
 
     def usual_count(self, sensor_px: int) -> int | None:
-        """How many the clearest of them showed; None before there are enough.
+        """Star count of the clearest of the frames; None before there are enough.
 
         ``sensor_px``: of the sensor that are read. A smaller part has its share of the stars; a
         larger one may not have more, as only the brightest hundreds are counted.
@@ -82,7 +82,7 @@ class StarHistory:
         return counts[(len(counts) - 1) * 9 // 10] if len(counts) >= MIN_FRAMES else None
 
     def usual_flux_adu_s(self, sensor_px: int) -> float | None:
-        """How bright they were in the clearest of those of a size; None before there are enough.
+        """Star flux of the clearest of the frames of one size; None before there are enough.
 
         Of a smaller part the brightest are fainter ones.
         """
@@ -95,22 +95,19 @@ class StarHistory:
 
 
 def stars_of(taken: FrameTaken, detections: Detections) -> Stars | None:
-    """What the records of a frame say of its stars; None where nobody counted them."""
+    """Stars of a frame by its records; None where nobody counted them."""
     exposure_s = taken.exposure_s
     if detections.star_count is None or exposure_s is None:
         return None
     flux_adu = detections.star_flux_adu
+    binning = None if taken.camera is None else taken.camera.binning
+    # Pixels of the sensor on each axis of one of the frame's.
+    joined = 1 if binning is None else int(binning.split("x")[0])
     return Stars(
         count=detections.star_count,
         flux_adu_s=None if flux_adu is None or exposure_s <= 0.0 else flux_adu / exposure_s,
-        sensor_px=taken.width_px * taken.height_px * _joined(taken) ** 2,
+        sensor_px=taken.width_px * taken.height_px * joined**2,
     )
-
-
-def _joined(taken: FrameTaken) -> int:
-    """Pixels of the sensor on each axis of one of the frame's."""
-    binning = None if taken.camera is None else taken.camera.binning
-    return 1 if binning is None else int(binning.split("x")[0])
 
 
 def updated_star_history(before: StarHistory, stars: Stars | None, solution: object) -> StarHistory:
@@ -134,17 +131,17 @@ def explain_absence(
     t_utc_ns: int,
     blocked: SlewRefusal | None = None,
 ) -> Missed:
-    """``plain`` with what it is put down to, most certain first; ``plain`` alone where unknown.
+    """Add the causes of a miss to ``plain``, most certain first; none where they are unknown.
 
     ``blocked``: why the slew to the track was refused. Without a track there is nothing to miss:
     only clouds are named then.
     """
-    causes: list[HiddenBy | None] = []
-    if blocked is not None and track is not None:
-        causes.append(HiddenBy(kind="slew refused", refusal=blocked))
-    causes.append(cloud_before(stars, stars_before))
-    if track is not None:
-        causes.append(eclipse_of(track, site, t_utc_ns))
+    is_refused = blocked is not None and track is not None
+    causes = (
+        HiddenBy(kind="slew refused", refusal=blocked) if is_refused else None,
+        cloud_before(stars, stars_before),
+        None if track is None else eclipse_of(track, site, t_utc_ns),
+    )
     return replace(plain, hidden_by=tuple(cause for cause in causes if cause is not None))
 
 
@@ -194,7 +191,7 @@ def direction_at(track: TrackState, t_utc_ns: int) -> tuple[float, float]:
 def next_eclipse_utc_ns(
     direction_icrs_deg: tuple[float, float], site: Site, t_utc_ns: int
 ) -> int | None:
-    """When a geostationary satellite in this direction next loses some of the Sun.
+    """Begin of the next eclipse of a geostationary satellite in this direction.
 
     To the second and within a day; the instant itself where it is eclipsed, None where it will
     not be. The satellite is taken to stand still over the ground.

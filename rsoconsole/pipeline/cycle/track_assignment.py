@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from rsoconsole.config import FilterConfig
-from rsoconsole.pipeline.frame.held_frames import BEGIN_MARK, HELD
+from rsoconsole.pipeline.frame.marked_frames import BEGIN_MARK, HELD
 from rsoconsole.records import (
     FOLLOWING,
     CauseKind,
@@ -25,7 +25,7 @@ ones only counts which measurement was taken. A mark that has been begun reaches
 
 @dataclass(slots=True)
 class Track:
-    """One track, from the two measurements that began it."""
+    """One track with its measurements, from the two that began it."""
 
     measurements: list[Measurement]
     """In order of time."""
@@ -53,8 +53,8 @@ class _Steps:
         return state is not None and state.is_lead
 
 
-class TracksTaken:
-    """Takes a session's records in order."""
+class TrackAssignment:
+    """The measurements of each track, from a session's records in order."""
 
     KINDS = (Measurement, TrackState, FollowedAgain, OperatorAction)
     """Those that it needs; others pass by."""
@@ -72,7 +72,7 @@ class TracksTaken:
         self._most_whole = WHOLE
 
     def receive(self, record: Record) -> None:
-        """One record."""
+        """Process the next record."""
         match record:
             case Measurement():
                 self._measured[record.measurement_id] = record
@@ -93,11 +93,11 @@ class TracksTaken:
                 self._most_whole = WHOLE + HELD
 
     def tracks(self) -> list[Track]:
-        """All of them, in order of time."""
+        """All tracks, in order of time."""
         for number in sorted(each for each in self._frames if each > self._known_to):
             for track_id, steps in self._frames[number].items():
                 if steps.corrected is not None:
-                    self._go_on(self._known, track_id, steps.corrected, steps.predicted)
+                    self._go_on(track_id, steps.corrected, steps.predicted)
             self._known_to = number
         return list(self._known.values())
 
@@ -118,11 +118,11 @@ class TracksTaken:
 
     @property
     def newest_frame_id(self) -> int:
-        """Of the newest frame that any track was predicted to; -1 before the first."""
+        """Number of the newest frame that any track was predicted to; -1 before the first."""
         return max(self._frames, default=-1)
 
     def live(self) -> list[Track]:
-        """Those of the newest frame that any track was predicted to, the lead first."""
+        """Tracks of the newest frame that any was predicted to, the lead first."""
         if not self._frames:
             return []
         newest = self._frames[max(self._frames)]
@@ -142,23 +142,17 @@ class TracksTaken:
         ]
         return sorted(found, key=lambda track: not newest[track.track_id].is_lead)
 
-    def _go_on(
-        self,
-        found: dict[int, Track],
-        track_id: int,
-        corrected: TrackState,
-        predicted: TrackState | None,
-    ) -> None:
+    def _go_on(self, track_id: int, corrected: TrackState, predicted: TrackState | None) -> None:
         """A track has taken a measurement."""
         taken = self._named((corrected.measurement_id,))
         if not taken:
             return  # its record has been lost
         if corrected.shared_with is not None:
             taken = []  # lies between two satellites: no direction of either
-        if track_id not in found:
+        if track_id not in self._known:
             earlier = (*(corrected.begun_with or ())[:1], *corrected.begun_through)
-            found[track_id] = Track(self._named(earlier), corrected)
-        track = found[track_id]
+            self._known[track_id] = Track(self._named(earlier), corrected)
+        track = self._known[track_id]
         track.measurements += taken
         track.last, track.predicted = corrected, predicted
 
@@ -186,7 +180,7 @@ _LEAVES_NOTHING: frozenset[CauseKind] = frozenset(
 def kept_until_utc_ns(
     kept: Following, settings: FilterConfig, now_utc_ns: int, *, is_lent: bool
 ) -> int:
-    """Until when a track that is kept from now on can be followed again.
+    """Last instant at which a track that is kept from now on can be followed again.
 
     ``is_lent``: the operator has taken the mount from autonomy and moves it by hand: a track is
     kept as long as it would be coasted then.
@@ -196,31 +190,14 @@ def kept_until_utc_ns(
     return until_ns if is_lent else min(until_ns, now_utc_ns + round(KEPT_S * NS))
 
 
-class KeptOnRecord:
-    """What the engine kept, by the changes of state on record."""
+def kept_after(change: StateChange, before: Following, kept: Following | None) -> Following | None:
+    """The track that can be followed again after a change of state from outside.
 
-    def __init__(self) -> None:
-        self.following: Following | None = None
-        """The track that can be followed again; None where there is none."""
-
-    def folded(self, after: Following) -> None:
-        """A frame was folded into what is followed: a new track takes the place of the old one."""
-        if after.state in FOLLOWING:
-            self.following = None
-
-    def given_up(self) -> None:
-        """The engine says that it can no longer be followed again."""
-        self.following = None
-
-    def made(self, kept: Following | None) -> None:
-        """The operator's words on frames that nobody followed have made it."""
-        self.following = kept
-
-    def passed(self, change: StateChange, before: Following) -> None:
-        """The state has changed from outside. ``before``: what was followed until then."""
-        if change.reason.kind in _LEAVES_NOTHING:
-            self.following = None
-        elif before.state in FOLLOWING:
-            self.following = before
-        elif change.before in FOLLOWING:
-            self.following = None  # there was a track then; under what is tried there is not
+    ``before``: what was followed until then; ``kept``: what could be followed again.
+    """
+    if change.reason.kind in _LEAVES_NOTHING:
+        return None
+    if before.state in FOLLOWING:
+        return before
+    # There was a track then; under what is tried there is not.
+    return None if change.before in FOLLOWING else kept

@@ -24,7 +24,7 @@ from rsoconsole.orbits import (
 from rsoconsole.pipeline.field.field_points import Mover, Points, movers_of, points_of
 from rsoconsole.pipeline.frame.calibration import Calibration
 from rsoconsole.pipeline.frame.measurement import measure, shutter_mid_utc_ns, shutter_time
-from rsoconsole.pipeline.frame.plate import Part, PlateFinder
+from rsoconsole.pipeline.frame.plate import GivenPlate, PlateFinder
 from rsoconsole.pipeline.frame.reduce import FrameReducer
 from rsoconsole.pipeline.orbits.expected import errors_of
 from rsoconsole.records import BelowTau, Detection, FloatArray, Frame, NotSolved, Solution
@@ -75,7 +75,7 @@ class FieldFrame:
             )
 
     def view(self, config: Config) -> FieldOfView:
-        """What it looks at, for the catalogue."""
+        """Field of view of the frame, for the catalogue."""
         wcs = self.solution.wcs
         x = np.array([-0.5, self.width_px - 0.5, -0.5, self.width_px - 0.5])
         y = np.array([-0.5, -0.5, self.height_px - 0.5, self.height_px - 0.5])
@@ -93,7 +93,7 @@ class FieldFrame:
         )
 
 
-class FieldPlate:
+class FieldPlate(GivenPlate):
     """A frame's plate: solved, or as its header has it."""
 
     def __init__(self, finder: PlateFinder | None, no_solver: str, mode: PlateMode) -> None:
@@ -124,14 +124,10 @@ class FieldPlate:
             )
         else:
             solved = self._finder.solve(frame, stars)
-        if isinstance(solved, Solution) or self._mode == "solve" or not _has_plate(frame):
+        has_plate = str(frame.header.get("CTYPE1", "")).startswith("RA---TAN")
+        if isinstance(solved, Solution) or self._mode == "solve" or not has_plate:
             return solved
         return self._of_header(frame, solved.reason)
-
-    def moved(self, frame: Frame, stars: StarList, part: Part) -> Solution | None:
-        """Nobody looks at a part of such a frame."""
-        _ = frame, stars, part
-        return None
 
     def _of_header(self, frame: Frame, why: str) -> Solution | NotSolved:
         try:
@@ -155,19 +151,15 @@ class FieldPlate:
         )
 
 
-def _has_plate(frame: Frame) -> bool:
-    return str(frame.header.get("CTYPE1", "")).startswith("RA---TAN")
-
-
 class FieldReader:
-    """Makes frames ready, one after another."""
+    """Reader of single frames: plate, lines and points of each."""
 
     def __init__(self, reducer: FrameReducer, plate: FieldPlate, config: Config) -> None:
         self._reducer, self._plate, self._config = reducer, plate, config
         self._calibration = Calibration(config)
 
     def read(self, frame: Frame) -> FieldFrame:
-        """Raises FrameError naming what is missing: the time, the plate."""
+        """Read one frame. Raises FrameError naming what is missing: the time, the plate."""
         t_mid_utc_ns = shutter_mid_utc_ns(frame, self._config.exposure)
         if t_mid_utc_ns is None or frame.exposure_s is None:
             raise FrameError(
@@ -292,7 +284,7 @@ TAKEN = 0.5
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class FrameAnswer:
-    """One frame."""
+    """Catalogued objects and streaks of one frame, matched."""
 
     frame: FieldFrame
     candidates: tuple[Candidate, ...]
@@ -315,7 +307,7 @@ class FrameAnswer:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class MoverAnswer:
-    """One point that moves."""
+    """One moving point and the catalogued objects that match it."""
 
     mover: Mover
     candidates: tuple[Candidate, ...]
@@ -323,14 +315,14 @@ class MoverAnswer:
 
 
 class FieldRun:
-    """One catalogue, and one frame after another."""
+    """Matching of one catalogue with one frame after another."""
 
     def __init__(self, config: Config, entries: Sequence[CatalogueEntry]) -> None:
         self._config = config
         self._catalogue = FieldCatalogue(entries, errors_of(config.catalogue))
 
     def frame(self, frame: FieldFrame) -> FrameAnswer:
-        """What crossed one frame."""
+        """Match one frame with the catalogue."""
         view = frame.view(self._config)
         candidates = self._catalogue.candidates(view)
         match = match_field(view, candidates, frame.lines)

@@ -87,7 +87,7 @@ def points_of(  # noqa: PLR0917 - what a frame is made of
     detections: Sequence[Detection],
     config: Config,
 ) -> Points:
-    """Stars and what looks like them, and what is a little longer; no pieces of streaks."""
+    """Points of a frame: stars and what is a little longer than one; no pieces of streaks."""
     x, y, snr = stars.x_px, stars.y_px, stars.snr
     if stars.oblong is not None and len(stars.oblong.x_px):
         more = stars.oblong
@@ -124,7 +124,7 @@ def points_of(  # noqa: PLR0917 - what a frame is made of
 
 
 def movers_of(frames: Sequence[Points]) -> tuple[Mover, ...]:
-    """What moves through frames in order of time, the surest first; a point belongs to one."""
+    """Movers through frames in order of time, the surest first; a point belongs to one."""
     found: list[Mover] = []
     for window in _windows(len(frames)):
         begun = found

@@ -28,7 +28,7 @@ _ARCMIN_RAD = 60.0 * ARCSEC_RAD
 
 
 def frame_report(name: str, answer: FrameAnswer, movers: Mapping[int, int]) -> dict[str, Any]:
-    """One frame. ``movers``: by catalogue number, the mover that was named so."""
+    """Report of one frame. ``movers``: number of the mover, by its catalogue number."""
     frame = answer.frame
     seen_as = _seen_as(answer)
     crossed = [
@@ -83,7 +83,7 @@ def frame_report(name: str, answer: FrameAnswer, movers: Mapping[int, int]) -> d
 def movers_report(
     names: Sequence[str], frames: Sequence[FieldFrame], answers: Sequence[MoverAnswer]
 ) -> dict[str, Any]:
-    """What moves as a point through several frames."""
+    """Report of the movers through several frames."""
     return {
         "frames": list(names),
         "movers": [
@@ -105,7 +105,7 @@ def movers_report(
 
 
 def named_movers(answers: Sequence[MoverAnswer]) -> dict[int, int]:
-    """By catalogue number, which mover it is."""
+    """Number of each named mover, by its catalogue number."""
     return {
         each.candidates[best].entry.norad_id: number
         for number, each in enumerate(answers, start=1)

@@ -1,4 +1,4 @@
-"""The frame as everything that looks for something sees it: dark, flat, then the mosaic.
+"""Calibration of a frame before anything is detected: dark, flat, then the mosaic.
 
 ``process``, ``detect``, ``solve``, the engine and every replay prepare their frames here. Without
 configured masters a frame is what the camera gave, and nothing is spent.
@@ -102,7 +102,7 @@ def _exposure_and_temperature(traits: Traits) -> Iterable[str]:
 
 
 def traits_of(frame: Frame) -> Traits:
-    """Of a frame, or of a master that was read as one."""
+    """Traits of a frame, or of a master that was read as one."""
     mode = camera_mode(frame.header)
     has_corner = mode.x0_px is not None and mode.y0_px is not None
     return Traits(
@@ -139,7 +139,7 @@ def _read(path: Path) -> Frame:
 
 
 def read_master(setting: str, path: Path) -> Master:
-    """What a master is. Raises FrameError where it cannot be used as what ``setting`` says."""
+    """Read a master frame. Raises FrameError where it cannot be used as what ``setting`` says."""
     frame = _read(path)
     level_adu = float(np.median(frame.pixels[::_SAMPLE, ::_SAMPLE]))
     if setting == "flat" and level_adu <= 0.0:
@@ -166,34 +166,21 @@ def is_same_exposure(one_s: float | None, other_s: float | None) -> bool:
     return abs(one_s - other_s) <= max(SAME_EXPOSURE * max(one_s, other_s), SAME_EXPOSURE_S)
 
 
-def is_same_temperature(one_c: float | None, other_c: float | None) -> bool:
-    """The same of temperatures; True where either is not known."""
-    return one_c is None or other_c is None or abs(one_c - other_c) <= SAME_TEMPERATURE_C
-
-
 def nearest_dark(masters: Iterable[Master], wanted: Traits) -> Master | None:
     """The dark of the frame's size whose exposure, then temperature, is nearest to the frame's."""
 
     def apart(dark: Master) -> tuple[float, float]:
-        return (
-            _exposures_apart(dark.traits.exposure_s, wanted.exposure_s),
-            _degrees_apart(dark.traits.temperature_c, wanted.temperature_c),
-        )
+        dark_s, frame_s = dark.traits.exposure_s, wanted.exposure_s
+        dark_c, frame_c = dark.traits.temperature_c, wanted.temperature_c
+        by_s = 0.0 if is_same_exposure(dark_s, frame_s) else math.inf
+        if by_s and dark_s is not None and frame_s is not None:
+            by_s = abs(math.log(dark_s / frame_s))
+        return by_s, math.inf if dark_c is None or frame_c is None else abs(dark_c - frame_c)
 
     fitting = [
         each for each in masters if each.setting == "darks" and each.traits.has_pixels_of(wanted)
     ]
     return min(fitting, key=apart, default=None)
-
-
-def _exposures_apart(one_s: float | None, other_s: float | None) -> float:
-    if one_s is None or other_s is None:
-        return math.inf
-    return 0.0 if is_same_exposure(one_s, other_s) else abs(math.log(one_s / other_s))
-
-
-def _degrees_apart(one_c: float | None, other_c: float | None) -> float:
-    return math.inf if one_c is None or other_c is None else abs(one_c - other_c)
 
 
 _MAX_PREPARED = 2
@@ -292,8 +279,10 @@ class Calibration:
         if dark is None and bias is None:
             return None
         scale = 1.0
-        if dark is not None and bias is not None:
-            scale = _dark_scale(dark.traits.exposure_s, wanted.exposure_s)
+        dark_s = None if dark is None else dark.traits.exposure_s
+        frame_s = wanted.exposure_s
+        if bias is not None and dark_s is not None and frame_s is not None:
+            scale = 1.0 if is_same_exposure(dark_s, frame_s) else frame_s / dark_s
         is_scaled = dark is None or scale != 1.0
         return _Choice(
             dark=None if dark is None else dark.path,
@@ -314,12 +303,6 @@ class Calibration:
             ready = DarkAndFlat(_dark_pixels(choice), flat, has_mosaic=choice.has_mosaic)
         self._prepared[choice] = ready
         return ready
-
-
-def _dark_scale(dark_s: float | None, frame_s: float | None) -> float:
-    if dark_s is None or frame_s is None or is_same_exposure(dark_s, frame_s):
-        return 1.0
-    return frame_s / dark_s
 
 
 def _window_of(wanted: Traits, chosen: list[Master]) -> tuple[int, int, int, int] | None:
@@ -384,12 +367,13 @@ def _mismatches(used: list[Master], wanted: Traits, choice: _Choice) -> Iterator
         own, name = each.traits, each.path.name
         if each.setting == "darks" and choice.dark_scale == 1.0:
             yield from _exposure_mismatch(name, own, wanted)
-        if each.setting == "darks" and not is_same_temperature(
-            own.temperature_c, wanted.temperature_c
-        ):
+        own_c = own.temperature_c if each.setting == "darks" else None
+        frame_c = wanted.temperature_c
+        apart_c = 0.0 if own_c is None or frame_c is None else abs(own_c - frame_c)
+        if apart_c > SAME_TEMPERATURE_C:
             words = (
-                f"{name} was taken at {own.temperature_c:.0f} °C, the frame at"
-                f" {wanted.temperature_c:.0f} °C: hot pixels are left or overdone; give a dark of"
+                f"{name} was taken at {own_c:.0f} °C, the frame at"
+                f" {frame_c:.0f} °C: hot pixels are left or overdone; give a dark of"
                 " that temperature"
             )
             yield Caution(kind="calibration temperature", words=words)

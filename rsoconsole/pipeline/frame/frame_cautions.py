@@ -27,7 +27,7 @@ class Caution:
 def cautions(
     frame: Frame, solution: Solution | NotSolved | None, config: Config
 ) -> tuple[Caution, ...]:
-    """What its reader noted, where camera or exposure leave what was calibrated, wrong hints.
+    """Cautions of a frame: its reader's notes, an uncalibrated camera or exposure, wrong hints.
 
     The scale is the stars' where they told it, else the header's.
     """

@@ -24,7 +24,7 @@ class WrongHint:
 
 
 def hint_of(frame: Frame, config: Config) -> SolveHint:
-    """What the frame's header promises of its field."""
+    """Hint for the solver from the frame's header."""
     scale, tolerance = frame.scale_arcsec_px, config.solver.scale_tolerance
     return SolveHint(
         ra_icrs_deg=frame.pointing_ra_icrs_deg,
@@ -54,7 +54,7 @@ def overridden(
 
 
 def rescaled(hint: SolveHint, factor: float) -> SolveHint:
-    """The hint with its scale that many times as large."""
+    """The hint with its scale times ``factor``."""
     if hint.scale_low_arcsec_px is None or hint.scale_high_arcsec_px is None:
         return hint
     return replace(
@@ -75,7 +75,7 @@ def relaxed(hint: SolveHint) -> tuple[SolveHint, ...]:
 def wrong_hints(
     hint: SolveHint, solution: Solution, frame: Frame, config: Config
 ) -> tuple[WrongHint, ...]:
-    """What of the hint the solved plate contradicts."""
+    """Hints that the solved plate contradicts."""
     return (*_wrong_scale(hint, solution, frame, config), *_wrong_position(hint, solution, frame))
 
 

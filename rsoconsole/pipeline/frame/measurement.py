@@ -28,7 +28,7 @@ NO_MODE = CameraMode()
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ShutterTime:
-    """Of one frame."""
+    """Timing of the shutter in one frame."""
 
     late_s: float
     """True mid-exposure of the first row minus the header's."""
@@ -40,12 +40,12 @@ class ShutterTime:
 
     @property
     def total_sigma_s(self) -> float:
-        """Of one frame's time by itself."""
+        """Sigma of one frame's time by itself, bias included."""
         return math.hypot(self.sigma_s, self.bias_sigma_s)
 
 
 def shutter_time(frame: Frame | FrameTaken, exposure: ExposureConfig) -> ShutterTime:
-    """By the calibration of the frame's mode; where there is none, by the settings for all.
+    """Shutter timing by the calibration of the frame's mode, else by the settings for all.
 
     A time by the camera's own GPS has no header latency.
     """
@@ -82,14 +82,9 @@ def calibrated_for(frame: Frame | FrameTaken, exposure: ExposureConfig) -> Calib
     if not fitting:
         return None
 
-    def how_far(each: CalibratedTiming) -> float:
-        if each.exposure_s is None or not frame.exposure_s:
-            return math.inf
-        return abs(math.log(each.exposure_s / frame.exposure_s))
-
-    nearest = min(fitting, key=how_far)
+    nearest = min(fitting, key=lambda each: _exposures_apart(each, frame.exposure_s))
     pooled = next((each for each in fitting if each.exposure_s is None), None)
-    is_same = how_far(nearest) <= math.log(SAME_EXPOSURE)
+    is_same = _exposures_apart(nearest, frame.exposure_s) <= math.log(SAME_EXPOSURE)
     return nearest if is_same or pooled is None else pooled
 
 
@@ -117,12 +112,15 @@ def usual_sigma_s(exposure: ExposureConfig) -> float:
     if not exposure.calibrated:
         return exposure.timing_sigma_s
 
-    def how_far(each: CalibratedTiming) -> float:
-        if each.exposure_s is None:
-            return math.inf
-        return abs(math.log(each.exposure_s / exposure.exposure_s))
+    set_s = exposure.exposure_s
+    return _surely(min(exposure.calibrated, key=lambda each: _exposures_apart(each, set_s)))
 
-    return _surely(min(exposure.calibrated, key=how_far))
+
+def _exposures_apart(known: CalibratedTiming, exposure_s: float | None) -> float:
+    """Of a mode from an exposure, as a logarithm; infinite where either is not known."""
+    if known.exposure_s is None or not exposure_s:
+        return math.inf
+    return abs(math.log(known.exposure_s / exposure_s))
 
 
 def _surely(found: CalibratedTiming) -> float:
@@ -131,7 +129,7 @@ def _surely(found: CalibratedTiming) -> float:
 
 
 def read_out_of(frame: Frame | FrameTaken) -> tuple[object, ...]:
-    """As ``CalibratedTiming.read_out``."""
+    """Read-out mode of a frame, as ``CalibratedTiming.read_out``."""
     camera = frame.camera or NO_MODE
     sides = (frame.width_px, frame.height_px, camera.x0_px, camera.y0_px)
     return (camera.binning, *sides, camera.gain, camera.time_by)
@@ -155,7 +153,7 @@ def shutter_mid_utc_ns(frame: Frame | FrameTaken, exposure: ExposureConfig) -> i
 
 
 def at_its_row(measurement: Measurement, t_mid_utc_ns: int, shutter: ShutterTime) -> Measurement:
-    """A measurement of the frame whose first row has this mid-exposure, at that of its own row."""
+    """Put a measurement at the mid-exposure of its own row; ``t_mid_utc_ns``: the first row's."""
     t_row_ns = _row_mid_utc_ns(t_mid_utc_ns, measurement.y_px, shutter)
     if t_row_ns == measurement.t_mid_utc_ns:
         return measurement
@@ -230,7 +228,7 @@ def measured(
     frame: Frame | FrameTaken,
     exposure: ExposureConfig,
 ) -> tuple[Measurement, ...]:
-    """What is measured of a frame's detections, in their order."""
+    """Measurements of a frame's detections, in their order."""
     made = (
         measure(
             each,
@@ -247,7 +245,7 @@ def measured(
 def numbered_like(
     measurements: Sequence[Measurement], recorded: Sequence[Measurement], found: Detections
 ) -> tuple[Measurement, ...]:
-    """What a frame shows when it is reduced once more, under ids that mean nothing else.
+    """Number the measurements of a frame that is reduced again, by ids that are not used yet.
 
     What is as ``recorded`` keeps its id; all else gets a number behind the recorded candidates
     (``found``), which the operator may have spoken of.

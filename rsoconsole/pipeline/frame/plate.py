@@ -21,8 +21,8 @@ _GRID_PX = 16
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Part:
-    """Some rows and columns of a frame."""
+class FramePart:
+    """Rectangle of a frame's pixels."""
 
     x0_px: int
     y0_px: int
@@ -78,8 +78,8 @@ class Part:
         )
 
 
-def middle_of(frame: Frame, reach_px: float) -> Part | None:
-    """So far about the centre; None where that is most of the frame."""
+def middle_of(frame: Frame, reach_px: float) -> FramePart | None:
+    """Part of a frame, ``reach_px`` about its centre; None where that is most of the frame."""
     least_px = max(MIN_PART_PX / 2.0, MIN_SHARE * min(frame.width_px, frame.height_px))
     half_px = max(reach_px, least_px)
     sides = [
@@ -88,14 +88,14 @@ def middle_of(frame: Frame, reach_px: float) -> Part | None:
     ]
     if sides[0] * sides[1] > MAX_SHARE * frame.width_px * frame.height_px:
         return None
-    return Part(
+    return FramePart(
         x0_px=(frame.width_px - sides[0]) // 2,
         y0_px=(frame.height_px - sides[1]) // 2,
         size_px=(sides[0], sides[1]),
     )
 
 
-def part_between(before: Frame, frame: Frame) -> Part | None:
+def part_between(before: Frame, frame: Frame) -> FramePart | None:
     """A frame as a part of the one before, where both are of one sensor, joined alike.
 
     Where it is the larger one, its corner lies outside. None where the headers do not tell.
@@ -106,7 +106,7 @@ def part_between(before: Frame, frame: Frame) -> Part | None:
     smaller = one if before.width_px < frame.width_px else other
     if smaller.x0_px is None or smaller.y0_px is None:
         return None
-    return Part(
+    return FramePart(
         x0_px=(other.x0_px or 0) - (one.x0_px or 0),
         y0_px=(other.y0_px or 0) - (one.y0_px or 0),
         size_px=(frame.width_px, frame.height_px),
@@ -121,7 +121,30 @@ _CLOUD_TURNS = 4
 """Frames in a row that may be cloud before hints that have held are doubted."""
 
 
-class PlateFinder:
+class GivenPlate:
+    """The plate of a frame as somebody gives it; what finds plates derives from it."""
+
+    solution: Solution | NotSolved | None = None
+    """None where nobody asks for one."""
+
+    def configure(self, config: Config) -> None:
+        """Take new tunables."""
+
+    def forget(self) -> None:
+        """Forget what was known of the camera: it has turned."""
+
+    def solve(self, frame: Frame, stars: StarList) -> Solution | NotSolved | None:
+        """The plate of one frame."""
+        _ = frame, stars
+        return self.solution
+
+    def moved(self, frame: Frame, stars: StarList, part: FramePart) -> Solution | None:
+        """The last plate moved onto the stars of a frame's part; None where there is none."""
+        _ = frame, stars, part
+        return None
+
+
+class PlateFinder(GivenPlate):
     """Remembers the last plate and where the mount said it pointed then."""
 
     def __init__(self, solver: PlateSolver, config: Config) -> None:
@@ -141,7 +164,7 @@ class PlateFinder:
         self._config = config
 
     def forget(self) -> None:
-        """After a flip the last plate says nothing."""
+        """Forget the last plate: after a flip it says nothing."""
         self._last = self._last_frame = None
 
     def solve(self, frame: Frame, stars: StarList) -> Solution | NotSolved:
@@ -170,7 +193,7 @@ class PlateFinder:
             self._last_frame = replace(frame, pixels=frame.pixels[:0].copy())
         return solution
 
-    def moved(self, frame: Frame, stars: StarList, part: Part) -> Solution | None:
+    def moved(self, frame: Frame, stars: StarList, part: FramePart) -> Solution | None:
         """The last plate moved onto the stars of a frame's part, which stays the last plate.
 
         ``stars`` in the part's pixels, the solution in the frame's. None where it does not fit.
@@ -240,7 +263,7 @@ class PlateFinder:
         self,
         frame: Frame,
         stars: StarList,
-        part: Part | None = None,
+        part: FramePart | None = None,
         last: Solution | None = None,
     ) -> Solution | None:
         last, before = last or self._last, self._last_frame

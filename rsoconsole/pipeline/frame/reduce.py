@@ -5,7 +5,6 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
-from typing import Protocol
 
 import numpy as np
 
@@ -20,7 +19,7 @@ from rsoconsole.pipeline.comparison.fixed_light import (
 from rsoconsole.pipeline.frame.calibration import Calibration
 from rsoconsole.pipeline.frame.frame_cautions import Caution, cautions
 from rsoconsole.pipeline.frame.measurement import measured
-from rsoconsole.pipeline.frame.plate import Part, PlateFinder, middle_of
+from rsoconsole.pipeline.frame.plate import GivenPlate, PlateFinder, middle_of
 from rsoconsole.records import Detections, Frame, Measurement, Missed, NotSolved, Solution
 from rsoconsole.vision import (
     MIN_MATCHED,
@@ -37,7 +36,7 @@ from rsoconsole.words import text
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Glance:
-    """What the middle of a frame shows, in the whole frame's pixels."""
+    """Streaks and plate of the middle of a frame, in the whole frame's pixels."""
 
     detections: Detections
     solution: Solution
@@ -63,11 +62,9 @@ class ZeroPoint:
         None without a plate or exposure, for trailed stars, and where fewer than
         ``MIN_MATCHED`` unsaturated stars are in the catalogue.
         """
-        is_usable = isinstance(solution, Solution) and stars.trail is None and frame.exposure_s
-        if self._is_broken or not is_usable:
+        is_unusable = self._is_broken or stars.trail is not None
+        if is_unusable or not isinstance(solution, Solution) or not frame.exposure_s:
             return None
-        assert isinstance(solution, Solution)
-        assert frame.exposure_s is not None
         try:
             known = catalogue_stars(frame, solution, _MAX_STARS)
         except RsoconsoleError as error:
@@ -91,7 +88,7 @@ BRIGHTEST_STARS = slice(20, 60)
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Reduction:
-    """All that one frame gave."""
+    """Result of the reduction of one frame."""
 
     detections: Detections
     solution: Solution | NotSolved | None
@@ -107,22 +104,6 @@ class Reduction:
     """What is unusual about frame, camera or hints."""
 
 
-class Plate(Protocol):
-    """Who tells a frame's plate; ``pipeline.plate.PlateFinder`` finds it."""
-
-    def configure(self, config: Config) -> None:
-        """Take new tunables."""
-
-    def forget(self) -> None:
-        """What was known of the camera holds no more."""
-
-    def solve(self, frame: Frame, stars: StarList) -> Solution | NotSolved | None:
-        """The plate of one frame; None where nobody asks for one."""
-
-    def moved(self, frame: Frame, stars: StarList, part: Part) -> Solution | None:
-        """The last plate moved onto the stars of a frame's part, remembering nothing of it."""
-
-
 class FrameReducer:
     """Detector and plate finder in the order of Algorithm 1."""
 
@@ -130,7 +111,7 @@ class FrameReducer:
         self,
         network: Proposer,
         curve: ConfidenceCurve,
-        plate: Plate,
+        plate: GivenPlate,
         config: Config,
         *,
         calibration: Calibration | None = None,
@@ -164,7 +145,7 @@ class FrameReducer:
         self._calibration.make_ready(self._config)
 
     def forget_plate(self) -> None:
-        """The camera has turned: the next frame is solved in full."""
+        """Forget the last plate: the next frame is solved in full."""
         self._plate.forget()
 
     def glance(self, frame: Frame, reach_px: float) -> Glance | None:
@@ -254,7 +235,7 @@ def plain_absence(
 
 @contextmanager
 def timed(stage_ms: dict[str, float], stage: str) -> Iterator[None]:
-    """What is done within takes so long."""
+    """Write the time that a stage takes, in ms, into ``stage_ms``."""
     started_s = time.perf_counter()
     yield
     stage_ms[stage] = (time.perf_counter() - started_s) * 1e3

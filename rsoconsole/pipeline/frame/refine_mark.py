@@ -9,7 +9,7 @@ import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
-from rsoconsole.pipeline.frame.plate import Part
+from rsoconsole.pipeline.frame.plate import FramePart
 from rsoconsole.records import Detection, PixelArray
 from rsoconsole.vision import (
     Background,
@@ -50,7 +50,7 @@ class _Piece:
     pixels: PixelArray
     sky: Background
     stars: StarList
-    place: Part
+    place: FramePart
 
 
 def refined_mark(
@@ -109,7 +109,7 @@ def _piece_of(pixels: PixelArray, mark: Detection, sigma: float) -> _Piece | Non
         return None
     piece = pixels[y0:y1, x0:x1]
     sky = local_background(piece)
-    place = Part(x0_px=x0, y0_px=y0, size_px=(x1 - x0, y1 - y0))
+    place = FramePart(x0_px=x0, y0_px=y0, size_px=(x1 - x0, y1 - y0))
     return _Piece(pixels=piece, sky=sky, stars=find_stars(piece, sky), place=place)
 
 

@@ -4,6 +4,7 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
+import numpy.typing as npt
 
 from rsoconsole.config import ExposureConfig
 from rsoconsole.orbits import UNSEEN_ARCSEC, StreakEnds, Timing
@@ -12,7 +13,7 @@ from rsoconsole.pipeline.frame.measurement import (
     shutter_mid_utc_ns,
     shutter_time,
 )
-from rsoconsole.records import Detection, Detections, Frame, FrameTaken, Solution
+from rsoconsole.records import Detection, Detections, FloatArray, Frame, FrameTaken, Solution
 from rsoconsole.sky import pixel_to_sky
 from rsoconsole.tracking import TRACKABLE_CLASSES
 from rsoconsole.words import NS_PER_S
@@ -83,7 +84,7 @@ def streaks_of(
 
 
 def timing_of(frame: Frame | FrameTaken, exposure: ExposureConfig) -> Timing:
-    """What the times of frames like this one are worth."""
+    """Uncertainty of the times of frames like this one."""
     shutter = shutter_time(frame, exposure)
     is_gps = frame.camera is not None and frame.camera.time_by == "gps"
     unknown_s = 0.0 if is_gps else UNKNOWN_BIAS_S
@@ -112,11 +113,8 @@ def _sigmas(detection: Detection, solution: Solution, exposure_s: float) -> tupl
 
 
 def _is_cut(
-    detection: Detection,
-    x: np.ndarray[tuple[int], np.dtype[np.float64]],
-    y: np.ndarray[tuple[int], np.dtype[np.float64]],
-    size_px: tuple[int, int],
-) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
+    detection: Detection, x: FloatArray, y: FloatArray, size_px: tuple[int, int]
+) -> npt.NDArray[np.bool_]:
     """(2,) which ends lie at the rim; of a streak called clipped at least the nearer one."""
     room = np.minimum(np.minimum(x, size_px[0] - 1 - x), np.minimum(y, size_px[1] - 1 - y))
     cut = room < RIM_PX

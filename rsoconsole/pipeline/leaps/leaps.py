@@ -32,8 +32,8 @@ LAST_SLEWS = 60
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class SlewSeen:
-    """One slew that was done."""
+class MeasuredSlew:
+    """A slew that was made, and the time it took."""
 
     travel_deg: tuple[float, float]
     """Of the polar and the declination axis."""
@@ -43,7 +43,7 @@ class SlewSeen:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MountMotion:
-    """The law of a mount's slews."""
+    """Model of a mount's slews: rate, acceleration, fixed time."""
 
     rate_deg_s: float
     acceleration_deg_s2: float
@@ -67,7 +67,7 @@ class MountMotion:
 
 
 def configured(mount: MountConfig) -> MountMotion:
-    """What is believed before the first slew."""
+    """Model of the slews before the first one, as configured."""
     rate = mount.slew_rate_deg_s
     return MountMotion(
         rate_deg_s=rate,
@@ -78,8 +78,8 @@ def configured(mount: MountConfig) -> MountMotion:
     )
 
 
-def learned(mount: MountConfig, seen: Sequence[SlewSeen]) -> MountMotion:
-    """The law that fits the last slews best, near what is configured."""
+def learned(mount: MountConfig, seen: Sequence[MeasuredSlew]) -> MountMotion:
+    """Model that fits the last slews best, near what is configured."""
     start = configured(mount)
     last = [each for each in seen if max(each.travel_deg) > 0.0][-LAST_SLEWS:]
     if not last:
@@ -160,12 +160,12 @@ class LeapTerms:
 
     @property
     def length_px(self) -> float:
-        """Of a streak that is measured well."""
+        """Length of a streak that is measured well."""
         return max(LENGTH_PX / self.binning, BINNED_LENGTH_PX)
 
     @property
     def half_short_deg(self) -> float:
-        """Of the field, however the camera is turned."""
+        """Half the short side of the field, degrees, however the camera is turned."""
         return RIM * min(self.field_deg) / 2.0
 
 
@@ -184,7 +184,7 @@ def binning_for(config: Config) -> int:
 
 
 def terms_of(config: Config, binning: int = 1) -> LeapTerms:
-    """As configured, with ``binning`` of the configured pixels joined on each axis."""
+    """Terms as configured, with ``binning`` of the configured pixels joined on each axis."""
     exposure = config.exposure
     return LeapTerms(
         field_deg=config.optics.field_deg,
@@ -198,7 +198,7 @@ def terms_of(config: Config, binning: int = 1) -> LeapTerms:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Telescope:
-    """What it can do and may do."""
+    """The telescope's motion, terms and limits."""
 
     motion: MountMotion
     terms: LeapTerms
@@ -209,7 +209,7 @@ class Telescope:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Leap:
-    """One of them: the slew, the wait, the exposure."""
+    """One leap: the slew, the wait, the exposure."""
 
     t_order_utc_ns: int
     """When the slew is ordered."""
@@ -237,11 +237,11 @@ class Leap:
 
     @property
     def length_arcsec(self) -> float:
-        """Of the streak."""
+        """Length of the streak, arcsec."""
         return self.place.speed_arcsec_s * self.exposure_s
 
     def reach_px(self, terms: LeapTerms) -> float:
-        """From the middle of the field either end is surely no farther."""
+        """Distance from the middle of the field, pixels, within which both ends surely are."""
         off_arcsec = self.length_arcsec / 2.0 + 3.0 * self.place.sigma_arcsec + BESIDE_ARCSEC
         return off_arcsec / terms.scale_arcsec_px
 
@@ -261,7 +261,7 @@ NoLeapKind = Literal["it sets", "too fast", "too unsure", "limit"]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class NoLeap:
-    """Why it is not followed further."""
+    """Why there is no next leap."""
 
     kind: NoLeapKind
     refusal: Refusal | None = None

@@ -35,16 +35,11 @@ class Catalogue:
     """The element sets of the configuration's files, read beside whatever else is done."""
 
     def __init__(self, files: Sequence[Path]) -> None:
-        self._files = tuple(files)
+        self.files = tuple(files)
         self._entries: tuple[CatalogueEntry, ...] = ()
         self._fault: OrbitError | None = None
         self._reading = threading.Thread(target=self._read, name="catalogue", daemon=True)
         self._reading.start()
-
-    @property
-    def files(self) -> tuple[Path, ...]:
-        """Where it is from."""
-        return self._files
 
     def entries(self) -> tuple[CatalogueEntry, ...]:
         """All of them, as soon as they are read. Raises OrbitError for a file that cannot be."""
@@ -55,7 +50,7 @@ class Catalogue:
 
     def _read(self) -> None:
         try:
-            self._entries = read_catalogue(self._files)
+            self._entries = read_catalogue(self.files)
         except OrbitError as error:
             self._fault = error
         except Exception as error:  # the caller is given it
@@ -94,7 +89,7 @@ class Naming:
         self._config, self._errors = config, errors_of(config.catalogue)
 
     def forget(self) -> None:
-        """The clock was wrong until now."""
+        """Forget everything: the clock was wrong until now."""
         self._asked = {}
 
     def entries(self) -> tuple[CatalogueEntry, ...]:
@@ -145,7 +140,7 @@ class Naming:
     def _said(
         self, frame_id: int, due: Collection[int], answers: Mapping[int, Identification]
     ) -> Iterator[Identified]:
-        unknown = {n: self._asked[n].compared.seen for n in due if _is_unknown(answers[n])}
+        unknown = {n: self._asked[n].compared.seen for n in due if answers[n].verdict == "unknown"}
         past = self._past.names_of(unknown, self._config.site.to_site()) if self._past else {}
         for track_id, found in answers.items():
             best = found.matches[0].norad_id if found.matches else None
@@ -157,7 +152,7 @@ class Naming:
 
 
 def on_record(frame_id: int, track_id: int, found: Identification, observations: int) -> Identified:
-    """What is put on record of an identification."""
+    """Record of an identification."""
     return Identified(
         frame_id=frame_id,
         track_id=track_id,
@@ -170,10 +165,6 @@ def on_record(frame_id: int, track_id: int, found: Identification, observations:
         not_catalogued=found.not_catalogued,
         named_with=found.named_with,
     )
-
-
-def _is_unknown(found: Identification) -> bool:
-    return found.verdict == "unknown"
 
 
 def _with_past(name: Identified, past: LedgerName | None) -> Identified:

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from rsoconsole.orbits import Orbit, predict
-from rsoconsole.pipeline.cycle.frame_fold import Score
+from rsoconsole.pipeline.cycle.predictor_scores import Score
 from rsoconsole.pipeline.cycle.track_assignment import Track
 from rsoconsole.records import Measurement, Site
 from rsoconsole.sky import wrap_180
@@ -48,9 +48,9 @@ def in_turn(
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Predicted:
-    """How an orbit fared with one measurement."""
+    """Innovation of one measurement by an orbit, with its score."""
 
-    short: Score
+    score: Score
     innovation_arcsec: tuple[float, float]
     """East, north."""
     sigma_arcsec: tuple[float, float]
@@ -70,7 +70,7 @@ def predicted_by(orbit: Orbit, site: Site, measured: Measurement) -> Predicted |
     if not np.all(np.isfinite(s)) or not np.all(np.isfinite(off)):
         return None
     return Predicted(
-        short=Score(
+        score=Score(
             nis=float(off @ np.linalg.solve(s, off)), log_size=float(np.linalg.slogdet(s)[1])
         ),
         innovation_arcsec=(float(off[0]), float(off[1])),

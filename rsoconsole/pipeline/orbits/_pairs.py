@@ -36,25 +36,18 @@ from rsoconsole.tracking import (
 from rsoconsole.tracking.filters import lqe
 from rsoconsole.words import NS_PER_S, apart_words, clock, closest_words, tracks_words
 
-Word = tuple[Literal["info", "warning"], str]
+Message = tuple[Literal["info", "warning"], str]
 LIKELY, UNLIKELY = 0.5, 0.2
 CLEAR_SHARE = 1.2
 """Of the angle: they are clear of each other again from there on."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _Approach:
-    """One that the operator has been warned of."""
-
-    nearest_arcsec: float
-    nearest_utc_ns: int
-
-
 class Approaches:
-    """Those that are under way."""
+    """Approaches of pairs that are under way."""
 
     def __init__(self) -> None:
-        self._open: dict[tuple[int, int], _Approach] = {}
+        self._open: dict[tuple[int, int], tuple[float, int]] = {}
+        """By pair: the least separation so far, arcsec, and its instant."""
 
     def after(
         self,
@@ -62,12 +55,12 @@ class Approaches:
         alive: Collection[int],
         t_utc_ns: int | None,
         limit_arcsec: float,
-    ) -> tuple[Collection[tuple[int, int]], Sequence[Word]]:
+    ) -> tuple[Collection[tuple[int, int]], Sequence[Message]]:
         """The pairs that are warned of after a frame, and words for what is new.
 
         ``alive``: the tracks that are followed; ``t_utc_ns``: the frame's instant.
         """
-        words: list[Word] = []
+        words: list[Message] = []
         for pair in [each for each in self._open if not set(alive).issuperset(each)]:
             del self._open[pair]
             gone = " and ".join(str(n) for n in pair if n not in alive)
@@ -79,15 +72,11 @@ class Approaches:
             known = self._open.get(pair)
             if known is None:
                 if _is_close(each, limit_arcsec):
-                    self._open[pair] = _Approach(
-                        nearest_arcsec=each.separation_arcsec, nearest_utc_ns=t_utc_ns
-                    )
-                    words.append(("warning", f"{tracks_words(pair)}: {_warning(each)}"))
+                    self._open[pair] = (each.separation_arcsec, t_utc_ns)
+                    warning = f"{apart_words(each)} apart, {closest_words(each)}"
+                    words.append(("warning", f"{tracks_words(pair)}: {warning}"))
                 continue
-            if each.separation_arcsec < known.nearest_arcsec:
-                known = self._open[pair] = replace(
-                    known, nearest_arcsec=each.separation_arcsec, nearest_utc_ns=t_utc_ns
-                )
+            known = self._open[pair] = min(known, (each.separation_arcsec, t_utc_ns))
             if _is_clear(each, limit_arcsec):
                 del self._open[pair]
                 words.append(("info", f"{tracks_words(pair)}: {_end(each, known, limit_arcsec)}"))
@@ -104,18 +93,14 @@ def _is_clear(pair: PairMotion, limit_arcsec: float) -> bool:
     return is_apart and (pair.close_probability <= UNLIKELY or limit_arcsec == 0.0)
 
 
-def _warning(pair: PairMotion) -> str:
-    return f"{apart_words(pair)} apart, {closest_words(pair)}"
-
-
-def _end(pair: PairMotion, approach: _Approach, limit_arcsec: float) -> str:
-    when = clock(approach.nearest_utc_ns, "minute")
+def _end(pair: PairMotion, nearest: tuple[float, int], limit_arcsec: float) -> str:
+    nearest_arcsec, when = nearest[0], clock(nearest[1], "minute")
     if limit_arcsec == 0.0:
         return "warning over, alert.separation_arcsec is 0"
-    if approach.nearest_arcsec < limit_arcsec:
-        return f"passed, nearest {approach.nearest_arcsec:.1f}″ at {when}"
+    if nearest_arcsec < limit_arcsec:
+        return f"passed, nearest {nearest_arcsec:.1f}″ at {when}"
     if pair.closest == "now":
-        return f"warning over, they part: nearest {approach.nearest_arcsec:.1f}″ at {when}"
+        return f"warning over, they part: nearest {nearest_arcsec:.1f}″ at {when}"
     return f"warning over, closest approach now {pair.closest_arcsec:.0f}″"
 
 
@@ -141,7 +126,7 @@ class _Sight:
 
 
 @dataclass(slots=True)
-class _Seen:
+class _TrackSights:
     """One track."""
 
     sights: dict[int, _Sight] = field(default_factory=dict)
@@ -170,11 +155,11 @@ class _Seen:
 
 
 class Pairs:
-    """Hears the log; fed with its records alone, so that the same log gives the same pairs."""
+    """Relative motion of the tracks; fed with records alone, so that a log gives the same pairs."""
 
     def __init__(self, config: Config) -> None:
         self._config = config
-        self._tracks: dict[int, _Seen] = {}
+        self._tracks: dict[int, _TrackSights] = {}
         self._measured: dict[str, Measurement] = {}
         """By id."""
         self._frame_id = 0
@@ -195,7 +180,7 @@ class Pairs:
         self._config = config
 
     def forget(self) -> None:
-        """The clock was wrong until now."""
+        """Forget everything: the clock was wrong until now."""
         self._tracks, self._measured, self._paths, self._known = {}, {}, {}, {}
         self.last = ()
         self._alive, self._t_utc_ns = [], None
@@ -218,7 +203,7 @@ class Pairs:
         elif isinstance(record, StateChange):
             if record.after not in FOLLOWING:
                 self._alive, self.last = [], ()
-        elif isinstance(record, Miss) and _is_lost(record):
+        elif isinstance(record, Miss) and record.reason.lost is not None:
             self._alive = [each for each in self._alive if each != record.track_id]
 
     def _begin(self, frame_id: int) -> None:
@@ -240,7 +225,7 @@ class Pairs:
         taken = [*(state.begun_with or ())[:1], state.measurement_id]
         for m in (self._measured.get(each) for each in taken if each is not None):
             if m is not None and not m.is_crossing and not m.is_clipped:
-                self._tracks.setdefault(number, _Seen()).put(m.frame_id, _sight(m, state))
+                self._tracks.setdefault(number, _TrackSights()).put(m.frame_id, _sight(m, state))
 
     def _is_seen(self, track_id: int) -> bool:
         seen = self._tracks.get(track_id)
@@ -315,7 +300,9 @@ class Pairs:
 
         return sorted(combinations(sorted(self._alive), 2), key=due)
 
-    def _path(self, one: int, other: int, tracks: Mapping[int, _Seen]) -> RelativePath | None:
+    def _path(
+        self, one: int, other: int, tracks: Mapping[int, _TrackSights]
+    ) -> RelativePath | None:
         if one not in tracks or other not in tracks:
             return None
         last = max(tracks[one].sights.keys() & tracks[other].sights.keys(), default=None)
@@ -332,10 +319,6 @@ class Pairs:
 
 def _ids(pair: PairMotion) -> tuple[int, int]:
     return pair.track_id, pair.other_track_id
-
-
-def _is_lost(record: Miss) -> bool:
-    return record.reason.lost is not None
 
 
 def _sight(m: Measurement, state: TrackState) -> _Sight:

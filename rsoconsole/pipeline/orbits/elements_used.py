@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from itertools import chain
 from pathlib import Path
 
 from rsoconsole.base import OrbitError, SessionError, named_text
@@ -25,7 +26,9 @@ class ElementsUsed:
 
 
 def elements_used(path: Path, configured: Sequence[Path], option: str) -> ElementsUsed:
-    """The configuration's; of a simulated night, or without any, those that the session began with.
+    """Element files to identify a session by: the configuration's, else the session's own.
+
+    The session's own come first for a simulated night.
 
     Raises OrbitError with the remedy, the caller's option or the setting, where there are none.
     """
@@ -60,13 +63,8 @@ def read_catalogue(files: Sequence[Path]) -> tuple[CatalogueEntry, ...]:
 
     Raises OrbitError naming a file that cannot be read.
     """
-    found: list[CatalogueEntry] = []
-    for path in files:
-        if path.is_dir():
-            found.extend(_of_folder(path))
-        else:
-            found.extend(_of_file(path))
-    return tuple(found)
+    sources = (_of_folder(path) if path.is_dir() else _of_file(path) for path in files)
+    return tuple(chain.from_iterable(sources))
 
 
 def by_precedence(

@@ -51,12 +51,12 @@ _TIMES = 3.0
 
 
 def errors_of(catalogue: CatalogueConfig) -> ElementErrors:
-    """By the measured factors of the configuration; as assumed where it has none."""
+    """Element errors by the measured factors of the configuration, as assumed where it has none."""
     return ASSUMED.scaled(factors_of(catalogue))
 
 
 def wide_errors_of(catalogue: CatalogueConfig) -> ElementErrors:
-    """Three times as wide as assumed, or twice as measured: for what is to measure them.
+    """Element errors three times as wide as assumed, or twice as measured: to measure them.
 
     Named by narrow errors, tracks could only say that errors are narrow.
     """
@@ -73,7 +73,7 @@ def wide_errors_of(catalogue: CatalogueConfig) -> ElementErrors:
 
 
 def factors_of(catalogue: CatalogueConfig) -> dict[Regime, ErrorFactors]:
-    """Of each kind of orbit that was measured."""
+    """Measured factors of element errors, by kind of orbit."""
     return {
         each.regime: ErrorFactors(
             along_at_epoch=each.along_at_epoch,
@@ -85,22 +85,19 @@ def factors_of(catalogue: CatalogueConfig) -> dict[Regime, ErrorFactors]:
 
 
 def errors_report(catalogue: CatalogueConfig) -> list[dict[str, Any]]:
-    """Of each kind of orbit, where its errors come from, as JSON carries it."""
+    """Source of the element errors of each kind of orbit, as JSON carries it."""
     measured = {each.regime: each for each in catalogue.error_factors}
-    found: list[dict[str, Any]] = []
-    for regime in ERROR_REGIMES:
-        each = measured.get(regime)
-        found.append(
-            {
-                "regime": regime,
-                "source": "assumed" if each is None else "measured",
-                "tracks": 0 if each is None else each.tracks,
-                "objects": 0 if each is None else each.objects,
-                "oldest_days": None if each is None else each.oldest_days,
-                "measured_on": None if each is None else each.measured_on.isoformat(),
-            }
-        )
-    return found
+    return [
+        {
+            "regime": regime,
+            "source": "assumed" if (each := measured.get(regime)) is None else "measured",
+            "tracks": 0 if each is None else each.tracks,
+            "objects": 0 if each is None else each.objects,
+            "oldest_days": None if each is None else each.oldest_days,
+            "measured_on": None if each is None else each.measured_on.isoformat(),
+        }
+        for regime in ERROR_REGIMES
+    ]
 
 
 EVERY = 4
@@ -120,8 +117,8 @@ Entries = Callable[[], Sequence[CatalogueEntry]]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class ShownFrame:
-    """What is asked of a frame."""
+class SolvedFrame:
+    """A solved frame with its time."""
 
     taken: FrameTaken
     solution: Solution
@@ -130,7 +127,7 @@ class ShownFrame:
 
 
 class Expected:
-    """Hears the log; fed with its records alone."""
+    """Expected members that are not followed; fed with the records of the log alone."""
 
     def __init__(self, config: Config, entries: Entries) -> None:
         """``entries``: the catalogue; raises OrbitError where it cannot be read."""
@@ -147,14 +144,10 @@ class Expected:
         """Solved ones since the last look."""
         self._missing: dict[int, int] = {}
         """By catalogue number: looks in a row that did not find it."""
-        self._uncatalogued: tuple[int, ...] = ()
+        self.uncatalogued: tuple[int, ...] = ()
+        """Tracks of the last frame that no catalogued object explains; other threads look in."""
         self.last: ExpectedMembers | None = None
         """Of the last look; other threads look in."""
-
-    @property
-    def uncatalogued(self) -> tuple[int, ...]:
-        """Tracks of the last frame that no catalogued object explains; from any thread."""
-        return self._uncatalogued
 
     def configure(self, config: Config, entries: Entries) -> None:
         """Take new tunables."""
@@ -174,12 +167,10 @@ class Expected:
                 self._tracks.pop(record.track_id or 0, None)
             case Identified():
                 self._names[record.track_id] = record
-            case _:
-                pass
 
     def refine(self) -> tuple[Record, ...]:
         """What belongs on record behind a frame. Raises OrbitError for a catalogue not read."""
-        self._uncatalogued = tuple(
+        self.uncatalogued = tuple(
             n
             for n in sorted(self._tracks)
             if n in self._names and self._names[n].verdict == "unknown"
@@ -195,11 +186,9 @@ class Expected:
         if self.last is not None and self._frames < max(EVERY, len(self._sets) // _SETS_A_FRAME):
             return ()
         self._frames = 0
-        frame = ShownFrame(taken=taken, solution=solution, t_utc_ns=t_utc_ns)
+        frame = SolvedFrame(taken=taken, solution=solution, t_utc_ns=t_utc_ns)
         sets = self._sets_at(t_utc_ns)
-        if not sets:
-            return ()
-        return self._look(frame, sets)
+        return self._look(frame, sets) if sets else ()
 
     def _sets_at(self, t_utc_ns: int) -> tuple[CatalogueEntry, ...]:
         if self._sets_utc_ns is None or abs(t_utc_ns - self._sets_utc_ns) > _KEPT_NS:
@@ -207,7 +196,7 @@ class Expected:
             self._sets_utc_ns = t_utc_ns
         return self._sets
 
-    def _look(self, frame: ShownFrame, sets: Sequence[CatalogueEntry]) -> tuple[Record, ...]:
+    def _look(self, frame: SolvedFrame, sets: Sequence[CatalogueEntry]) -> tuple[Record, ...]:
         errors = errors_of(self._config.catalogue)
         there = members_in(frame, sets, self._config.site.to_site(), errors)
         claimed = self._claimed()
@@ -267,12 +256,12 @@ class Expected:
 
 
 def members_in(
-    frame: ShownFrame,
+    frame: SolvedFrame,
     sets: Sequence[CatalogueEntry],
     site: Site,
     errors: ElementErrors = ASSUMED,
 ) -> tuple[UnseenMember, ...]:
-    """Of the sets those whose objects should be in a frame, the nearest to its middle first."""
+    """Catalogued objects that should be in a frame, the nearest to its middle first."""
     taken, wcs = frame.taken, frame.solution.wcs
     width, height = taken.width_px, taken.height_px
     centre = ((width - 1) / 2.0, (height - 1) / 2.0)
@@ -309,7 +298,7 @@ def _within(
 
 
 def _member(
-    entry: CatalogueEntry, frame: ShownFrame, site: Site, errors: ElementErrors
+    entry: CatalogueEntry, frame: SolvedFrame, site: Site, errors: ElementErrors
 ) -> UnseenMember | None:
     t = np.array([frame.t_utc_ns], np.int64)
     places = places_of(entry, site, t)

@@ -8,6 +8,7 @@ satellite that is found again keeps its orbit.
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from operator import is_
 
 import numpy as np
 
@@ -18,18 +19,27 @@ from rsoconsole.orbits import (
     State,
     TrackletOrbit,
     determine,
-    elements_of,
     log_odds_of_more,
     merged_tracklets,
     probability_of,
     tracklet_orbit,
 )
-from rsoconsole.pipeline.cycle.frame_fold import Rivals, Score, may_guide
-from rsoconsole.pipeline.cycle.track_assignment import Track, TracksTaken
-from rsoconsole.pipeline.cycle.unassigned import Untaken
+from rsoconsole.pipeline.cycle.frame_fold import may_guide
+from rsoconsole.pipeline.cycle.predictor_scores import PredictorScores, Score
+from rsoconsole.pipeline.cycle.track_assignment import Track, TrackAssignment
 from rsoconsole.pipeline.orbits._orbit_turns import Predicted, in_turn, predicted_by
-from rsoconsole.pipeline.orbits.track_measurements import Exposures, PartErrors, sightings_of
-from rsoconsole.records import Measurement, OrbitEstimate, Record, TrackState
+from rsoconsole.pipeline.orbits.orbit_determination import orbit_values
+from rsoconsole.pipeline.orbits.track_measurements import PartErrors, sightings_from_measurements
+from rsoconsole.pipeline.orbits.unassigned_measurements import UnassignedMeasurements
+from rsoconsole.records import (
+    Event,
+    FrameTaken,
+    Measurement,
+    OrbitEstimate,
+    Record,
+    Topic,
+    TrackState,
+)
 from rsoconsole.tracking.filters import adaptive, estimator
 from rsoconsole.words import size_words, span
 
@@ -48,17 +58,13 @@ _LEARNT = 0.2
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Refined:
-    """What one frame made of one track's orbit."""
+    """Orbit of one track as refined after one frame."""
 
     estimate: OrbitEstimate
     seen: Sightings
     """The track's own directions."""
-    words: tuple[str, ...]
+    events: tuple[Event, ...]
     """What has changed, for the log of the night."""
-    is_turn: bool = False
-    """Whether the last of them says that the telescope aims by the other of orbit and filter."""
-    is_close: bool = False
-    """Whether that turn is between two that promise the same: no news for an operator."""
 
 
 @dataclass(slots=True, eq=False)
@@ -80,7 +86,7 @@ class _Target:
     sought_from: int = 0
     """The number of directions with which every start is tried again; 0: none has failed."""
     asked: set[int] = field(default_factory=set)
-    rivals: Rivals = field(default_factory=Rivals)
+    scores: PredictorScores = field(default_factory=PredictorScores)
     label: str = ""
     first: TrackletOrbit | None = None
     """Of the first of its tracks, once that was asked for."""
@@ -99,14 +105,15 @@ class _Target:
 
 
 class OnlineOrbit:
-    """Knows the objects that are followed, and the few that were followed before them."""
+    """Orbits of the objects that are followed, and of the few that were followed before them."""
 
     def __init__(self, config: Config) -> None:
         self._config = config
         self._site = config.site.to_site()
-        self._tracks = TracksTaken()
-        self._untaken = Untaken()
-        self._exposures = Exposures()
+        self._tracks = TrackAssignment()
+        self._unassigned = UnassignedMeasurements()
+        self._exposures_s: dict[int, float] = {}
+        """By frame number."""
         self._targets: dict[str, _Target] = {}
         """One a track, by the id of the measurement that the track began with."""
         self._lead: _Target | None = None
@@ -122,19 +129,20 @@ class OnlineOrbit:
     def receive(self, record: Record) -> None:
         """One record of the log."""
         self._tracks.receive(record)
-        self._untaken.receive(record)
-        self._exposures.receive(record)
+        self._unassigned.receive(record)
+        if isinstance(record, FrameTaken) and record.exposure_s is not None:
+            self._exposures_s[record.frame_id] = record.exposure_s
         if isinstance(record, TrackState) and record.kind == "initial" and record.is_lead:
             self._is_begun = True
 
     def forget(self) -> None:
-        """Nothing that was seen until now has a place in an orbit: the clock was wrong."""
-        self._tracks, self._targets, self._lead, self._earlier = TracksTaken(), {}, None, []
-        self._untaken = Untaken()
+        """Forget all measurements: the clock was wrong until now."""
+        self._tracks, self._targets, self._lead, self._earlier = TrackAssignment(), {}, None, []
+        self._unassigned = UnassignedMeasurements()
 
     @property
     def track_ids(self) -> frozenset[int]:
-        """Of all tracks that took something and were not followed otherwise again."""
+        """Ids of all tracks that have a measurement after all decisions."""
         return frozenset(each.track_id for each in self._tracks.tracks())
 
     @property
@@ -145,7 +153,7 @@ class OnlineOrbit:
 
     @property
     def orbit(self) -> Orbit | None:
-        """Of the lead, or of what was the lead last."""
+        """Orbit of the lead, or of what was the lead last."""
         target = self._lead
         return None if target is None else target.orbit
 
@@ -159,7 +167,7 @@ class OnlineOrbit:
         return self._guides(target)
 
     def _guides(self, target: _Target) -> bool:
-        return may_guide(self._config) and target.rivals.is_orbit_ahead
+        return may_guide(self._config) and target.scores.is_orbit_ahead
 
     def refine(self) -> tuple[Refined, ...]:
         """The orbit of each track through all that it took, where it took something new.
@@ -190,30 +198,29 @@ class OnlineOrbit:
             last = adaptive.with_learned_errors(target.taken[-2:], *learnt)[-1]
             predicted = predicted_by(target.orbit, self._site, target.part_errors.last_of(last))
         self._ask_earlier(target)
-        self._ask_untaken(target, count)
+        self._claim_unassigned(target, count)
         seen, _ = merged_tracklets(target.parts)
         orbit = target.orbit = self._determined(target, seen)
         if orbit is None:
             return None
         was_guide = self._guides(target)
         if track.last.foretold_by == "orbit":
-            target.rivals.filter_failed(track.last.filter_nis, self._config.filter.gate_nis)
+            target.scores.filter_failed(track.last.filter_nis, self._config.filter.gate_nis)
         elif predicted is not None and (by_filter := self._by_filter(track)) is not None:
-            target.rivals.compare(predicted.short, by_filter)
+            target.scores.compare(predicted.score, by_filter)
         estimate = self._estimate(target, track, orbit, seen, predicted)
         words, target.words = [*target.words, *_news(target, estimate)], []
-        is_turn = track.last.is_lead and estimate.is_guide != was_guide
         if not track.last.is_lead:
             words = [f"track {track.track_id}: {each}" for each in words]
-        elif is_turn:  # the telescope goes by the lead's alone
-            words.append(_guide_words(target, is_orbit=estimate.is_guide))
-        return Refined(
-            estimate=estimate,
-            seen=target.seen,
-            words=tuple(words),
-            is_turn=is_turn,
-            is_close=is_turn and target.rivals.is_close,
-        )
+        events = [Event(level="info", text=each, frame_id=estimate.frame_id) for each in words]
+        # The telescope goes by the lead's alone.
+        if track.last.is_lead and estimate.is_guide != was_guide:
+            which = "orbit from now on" if estimate.is_guide else "filter again"
+            text = f"aims by the {which}: {target.scores.words}"
+            topic: Topic = "close predictor" if target.scores.is_close else "predictor"
+            turn = Event(level="info", text=text, frame_id=estimate.frame_id, topic=topic)
+            events.append(turn)
+        return Refined(estimate=estimate, seen=target.seen, events=tuple(events))
 
     def _aimed_at(self, tracks: Sequence[Track]) -> list[_Target]:
         """What each track follows: known already, or another object until it is found to be one.
@@ -233,9 +240,9 @@ class OnlineOrbit:
     def _take(self, target: _Target, track: Track) -> bool:
         """The track's measurements, reduced; False where they are those that were known."""
         taken, known = tuple(track.measurements), target.taken
-        if len(taken) == len(known) and all(map(_is_same, taken, known)):
+        if len(taken) == len(known) and all(map(is_, taken, known)):
             return False
-        is_longer = len(taken) > len(known) and all(map(_is_same, taken, known))
+        is_longer = len(taken) > len(known) and all(map(is_, taken, known))
         learnt = _learnt(track.last)
         if any(
             abs(a - b) > _LEARNT * max(a, b) for a, b in zip(learnt, target.learnt, strict=True)
@@ -246,7 +253,7 @@ class OnlineOrbit:
         back = min(start, 1)
         fresh = adaptive.with_learned_errors(taken[start - back :], *target.learnt)[back:]
         target.part_errors = target.part_errors if is_longer else PartErrors()
-        fresh = target.part_errors.widened(fresh, taken, track.last, self._exposures)
+        fresh = target.part_errors.widened(fresh, taken, track.last, self._exposures_s)
         seen = self._reduced(fresh)
         if (seen is None or len(seen) < len(fresh)) and not target.is_none_reported:
             target.is_none_reported = True
@@ -266,7 +273,7 @@ class OnlineOrbit:
         parts = [each for each in (target.own, more) if each is not None]
         target.seen = merged_tracklets(parts)[0] if parts else None
 
-    def _ask_untaken(self, target: _Target, before: int) -> None:
+    def _claim_unassigned(self, target: _Target, before: int) -> None:
         """Whether what no track took is its own, now that its orbit is known better.
 
         ``before``: the number of measurements that the track had taken when it was refined last.
@@ -276,7 +283,7 @@ class OnlineOrbit:
             return
         # By the orbit of the frame before: all that it claims is asked for again each time.
         frames = {m.frame_id for m in target.taken}
-        more = self._untaken.of(target.orbit, self._site, frames, target.learnt)
+        more = self._unassigned.of(target.orbit, self._site, frames, target.learnt)
         if len(more) > len(target.more):
             new = len(more) - len(target.more)
             target.words.append(f"{new} more of the streaks that no track took belong to it")
@@ -287,7 +294,7 @@ class OnlineOrbit:
     def _reduced(self, taken: Sequence[Measurement]) -> Sightings | None:
         """Without those that are no directions."""
         try:
-            return sightings_of(self._site, taken)
+            return sightings_from_measurements(self._site, taken)
         except ValueError:
             if len(taken) == 1:
                 return None
@@ -370,27 +377,15 @@ class OnlineOrbit:
         seen: Sightings,
         predicted: Predicted | None,
     ) -> OrbitEstimate:
-        elements = elements_of(orbit.r_km, orbit.v_km_s)
-        r, v = orbit.r_km, orbit.v_km_s
         return OrbitEstimate(
+            **orbit_values(orbit),
             frame_id=track.last.frame_id,
             track_id=track.track_id,
-            label=orbit.label,
-            prior=orbit.prior,
             reason=orbit.reason,
             observations=orbit.observations,
             arc_s=float(seen.t_s[-1] - seen.t_s[0]),
-            epoch_utc_ns=orbit.epoch_utc_ns,
-            r_gcrs_km=(float(r[0]), float(r[1]), float(r[2])),
-            v_gcrs_km_s=(float(v[0]), float(v[1]), float(v[2])),
-            covariance=tuple(tuple(map(float, row)) for row in orbit.covariance),
-            a_km=elements.a_km,
-            e=elements.e,
-            i_deg=elements.i_deg,
-            sigma_a_km=orbit.sigma_a_km,
-            rms_arcsec=orbit.rms_arcsec,
             outliers=orbit.outliers,
-            nis=None if predicted is None else predicted.short.nis,
+            nis=None if predicted is None else predicted.score.nis,
             innovation_arcsec=None if predicted is None else predicted.innovation_arcsec,
             sigma_innovation_arcsec=None if predicted is None else predicted.sigma_arcsec,
             is_guide=self._guides(target),
@@ -411,10 +406,6 @@ def _learnt(state: TrackState) -> tuple[float, float]:
     return (0.0, 1.0) if said is None else (said.scatter_s, said.variance_scale)
 
 
-def _is_same(one: Measurement, other: Measurement) -> bool:
-    return one is other
-
-
 def _news(target: _Target, estimate: OrbitEstimate) -> Sequence[str]:
     if estimate.label == target.label:
         return ()
@@ -423,9 +414,3 @@ def _news(target: _Target, estimate: OrbitEstimate) -> Sequence[str]:
         f"orbit: {estimate.label}, {size_words(estimate.a_km, estimate.sigma_a_km)},"
         f" {estimate.observations} in {span(estimate.arc_s)}",
     )
-
-
-def _guide_words(target: _Target, *, is_orbit: bool) -> str:
-    if is_orbit:
-        return f"aims by the orbit from now on: {target.rivals.words}"
-    return f"aims by the filter again: {target.rivals.words}"

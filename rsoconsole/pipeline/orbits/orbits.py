@@ -13,13 +13,13 @@ from rsoconsole.pipeline.orbits._pairs import Pairs
 from rsoconsole.pipeline.orbits.expected import Expected
 from rsoconsole.pipeline.orbits.orbit_online import OnlineOrbit, Refined
 from rsoconsole.pipeline.orbits.uncorrelated_tracks import Past
-from rsoconsole.records import Event, OrbitEstimate, Record, Topic
+from rsoconsole.records import Event, OrbitEstimate, Record
 
 log = logging.getLogger(__name__)
 
 
 class Orbits:
-    """Hears the log, and makes of it what belongs behind a frame.
+    """Orbits, names and pairs of the tracks, made of the log behind each frame.
 
     No track depends on whether that succeeds: what fails is said once.
     """
@@ -50,7 +50,7 @@ class Orbits:
         self.expected.receive(record)
 
     def forget(self) -> None:
-        """The clock was wrong until now."""
+        """Forget everything: the clock was wrong until now."""
         self.online.forget()
         self._naming.forget()
         self.pairs.forget()
@@ -67,14 +67,7 @@ class Orbits:
             for each in refined:
                 estimate = each.estimate
                 self.last = {**self.last, estimate.track_id: estimate}
-                records.append(estimate)
-                for number, words in enumerate(each.words, 1):
-                    is_turn = each.is_turn and number == len(each.words)
-                    turned: Topic = "close predictor" if each.is_close else "predictor"
-                    topic: Topic = turned if is_turn else ""
-                    records.append(
-                        Event(level="info", text=words, frame_id=estimate.frame_id, topic=topic)
-                    )
+                records += [estimate, *each.events]
             records += self._names_of(refined)
         except Exception as error:  # the telescope goes on without an orbit
             log.exception("the orbit could not be refined")

@@ -1,7 +1,7 @@
 """The directions of one object, from a session's track or from a file of observations."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -11,8 +11,8 @@ import numpy as np
 from rsoconsole.base import OrbitError, SessionError, json_of, named_text, raised_as
 from rsoconsole.config import Config, LimitsConfig
 from rsoconsole.orbits import Sightings, merged_tracklets, sightings
-from rsoconsole.pipeline.cycle.track_assignment import Track, TracksTaken
-from rsoconsole.records import FrameTaken, Measurement, Record, Site, TrackState
+from rsoconsole.pipeline.cycle.track_assignment import Track, TrackAssignment
+from rsoconsole.records import FrameTaken, Measurement, Site, TrackState
 from rsoconsole.session import SessionReader
 from rsoconsole.sky import iso_to_utc_ns
 from rsoconsole.tracking import (
@@ -27,24 +27,8 @@ _BESIDE, _BESIDE_S = 5, 600.0
 """Measurements to either side, and seconds, over which a satellite's rate is taken for one."""
 
 
-class Exposures:
-    """How long each frame was exposed: what a streak's length is compared with."""
-
-    def __init__(self) -> None:
-        self._of_frame_s: dict[int, float] = {}
-
-    def receive(self, record: Record) -> None:
-        """One record of the log."""
-        if isinstance(record, FrameTaken) and record.exposure_s is not None:
-            self._of_frame_s[record.frame_id] = record.exposure_s
-
-    def of(self, measurement: Measurement) -> float | None:
-        """Seconds; None where the frame did not say."""
-        return self._of_frame_s.get(measurement.frame_id)
-
-
 class PartErrors:
-    """Knows the lengths of the streaks that one track has taken."""
+    """Shared error of part streaks, by the lengths of the streaks that one track has taken."""
 
     def __init__(self) -> None:
         self._excesses: tuple[float, ...] = ()
@@ -56,16 +40,17 @@ class PartErrors:
         fresh: Sequence[Measurement],
         taken: Sequence[Measurement],
         track: TrackState,
-        exposures: Exposures,
+        exposures_s: Mapping[int, float],
     ) -> tuple[Measurement, ...]:
         """The track's next measurements, those of parts with the error that they share.
 
         ``fresh``: the last of ``taken``, with whatever else their covariances hold; ``taken``: all
-        that the track has taken, in order of time; ``track``: its state now.
+        that the track has taken, in order of time; ``track``: its state now; ``exposures_s``: by
+        frame number, without those whose frame did not say.
         """
         found, first = [], len(taken) - len(fresh)
         for n, each in enumerate(fresh, start=first):
-            exposure_s = exposures.of(each)
+            exposure_s = exposures_s.get(each.frame_id)
             wider = each
             if exposure_s is not None:
                 expected = _motion(taken, n, exposure_s) or expected_motion(track, exposure_s)
@@ -105,8 +90,8 @@ ARC_GAP_S = 3 * 3600.0
 """A longer silence begins another arc."""
 
 
-def sightings_of(site: Site, taken: Sequence[Measurement]) -> Sightings:
-    """Measurements, reduced. Raises ValueError for one that is no direction."""
+def sightings_from_measurements(site: Site, taken: Sequence[Measurement]) -> Sightings:
+    """Reduce measurements to sightings. Raises ValueError for one that is no direction."""
     return sightings(
         site,
         np.array([each.t_mid_utc_ns for each in taken], np.int64),
@@ -117,7 +102,7 @@ def sightings_of(site: Site, taken: Sequence[Measurement]) -> Sightings:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Observed:
+class ObservedTrack:
     """Measured directions of one object, and where they are from."""
 
     name: str
@@ -134,14 +119,14 @@ class Observed:
     """As in the session's records; None for a file."""
 
 
-def read_observed(
+def read_observed_tracks(
     path: Path,
     *,
     sigma_arcsec: float = 1.0,
     track: int | None = None,
     site: Site | None = None,
-) -> tuple[Observed, ...]:
-    """The tracks of a session, the longest first, or the observations of a file.
+) -> tuple[ObservedTrack, ...]:
+    """Read the tracks of a session, the longest first, or the observations of a file.
 
     ``track`` takes one of a session's tracks alone, counted from 1 in order of time;
     ``sigma_arcsec`` is that of observations which state none, ``site`` that of a file without one.
@@ -153,7 +138,7 @@ def read_observed(
 
 
 def arcs(seen: Sightings) -> tuple[Sightings, ...]:
-    """Its arcs, in order of time: a silence of three hours parts them."""
+    """Split into arcs, in order of time: a silence of three hours parts them."""
     starts = np.flatnonzero(np.diff(seen.t_s) > ARC_GAP_S) + 1
     groups = np.split(np.arange(len(seen)), starts)
     return tuple(merged_tracklets([seen.of(each)])[0] for each in groups)
@@ -164,10 +149,10 @@ def longest_arc(seen: Sightings) -> Sightings:
     return max(arcs(seen), key=len)
 
 
-def _read_session(folder: Path, track: int | None) -> tuple[Observed, ...]:
+def _read_session(folder: Path, track: int | None) -> tuple[ObservedTrack, ...]:
     reader = SessionReader(folder)
     config = reader.config()
-    tracks, exposures = _tracks(reader)
+    tracks, exposures_s = _tracks(reader)
     if not tracks:
         raise SessionError(
             f"{folder} holds no track: nothing was followed in it; name a session that has one"
@@ -175,7 +160,7 @@ def _read_session(folder: Path, track: int | None) -> tuple[Observed, ...]:
     if track is not None and not 1 <= track <= len(tracks):
         raise SessionError(f"{folder} has tracks 1 to {len(tracks)}, not {track}")
     found = [
-        _of_track(folder.resolve().name, config, (number, len(tracks)), each, exposures)
+        _of_track(folder.resolve().name, config, (number, len(tracks)), each, exposures_s)
         for number, each in enumerate(tracks, start=1)
         if track in (None, number)
     ]
@@ -183,19 +168,23 @@ def _read_session(folder: Path, track: int | None) -> tuple[Observed, ...]:
 
 
 def _of_track(
-    name: str, config: Config, place: tuple[int, int], track: Track, exposures: Exposures
-) -> Observed:
+    name: str,
+    config: Config,
+    place: tuple[int, int],
+    track: Track,
+    exposures_s: Mapping[int, float],
+) -> ObservedTrack:
     """``place``: its number, and how many there are."""
     site, (number, count) = config.site.to_site(), place
     measured = tuple(track.measurements)
-    taken = PartErrors().widened(measured, measured, track.last, exposures)
+    taken = PartErrors().widened(measured, measured, track.last, exposures_s)
     try:
-        seen = sightings_of(site, taken)
+        seen = sightings_from_measurements(site, taken)
     except ValueError as error:
         raise SessionError(
             f"{name}, track {number}: {error}; take another track with --track"
         ) from error
-    return Observed(
+    return ObservedTrack(
         name=name if count == 1 else f"{name}, track {number} of {count}",
         site=site,
         limits=config.limits,
@@ -206,17 +195,18 @@ def _of_track(
     )
 
 
-def _tracks(reader: SessionReader) -> tuple[list[Track], Exposures]:
+def _tracks(reader: SessionReader) -> tuple[list[Track], dict[int, float]]:
     """Those with enough measurements, else all that have any, in order of time."""
-    taken, exposures = TracksTaken(), Exposures()
-    for _, _, record in reader.records(kinds=(FrameTaken, *TracksTaken.KINDS)):
+    taken, exposures_s = TrackAssignment(), dict[int, float]()
+    for _, _, record in reader.records(kinds=(FrameTaken, *TrackAssignment.KINDS)):
         taken.receive(record)
-        exposures.receive(record)
+        if isinstance(record, FrameTaken) and record.exposure_s is not None:
+            exposures_s[record.frame_id] = record.exposure_s
     found = [each for each in taken.tracks() if each.measurements]
-    return [each for each in found if len(each.measurements) >= _FEWEST] or found, exposures
+    return [each for each in found if len(each.measurements) >= _FEWEST] or found, exposures_s
 
 
-def _read_file(path: Path, sigma_arcsec: float, elsewhere: Site | None) -> Observed:
+def _read_file(path: Path, sigma_arcsec: float, elsewhere: Site | None) -> ObservedTrack:
     text = named_text(path, OrbitError, "name a session's folder or a file of observations")
     try:
         read = json_of(text)
@@ -232,12 +222,14 @@ def _read_file(path: Path, sigma_arcsec: float, elsewhere: Site | None) -> Obser
     parsed = [_row(row, f"{path}, observation {n}", sigma_arcsec) for n, row in enumerate(rows, 1)]
     t, ra, dec, east, north = (np.array(column) for column in zip(*parsed, strict=True))
     cov = np.stack([east**2, np.zeros_like(east), north**2], axis=-1)
-    return Observed(name=path.name, site=site, limits=None, seen=sightings(site, t, ra, dec, cov))
+    return ObservedTrack(
+        name=path.name, site=site, limits=None, seen=sightings(site, t, ra, dec, cov)
+    )
 
 
 def _site(table: Any, path: Path) -> Site:
     try:
-        site = Site(
+        return Site(
             latitude_deg=_number(table["lat_deg"], 90.0),
             longitude_deg=_number(table["lon_deg"], 360.0),
             elevation_m=_number(table.get("alt_m", 0.0), 1e5),
@@ -246,7 +238,6 @@ def _site(table: Any, path: Path) -> Site:
         raise OrbitError(
             f"{path} has no site that can be used: it must be {_SHAPE}; or say it with --site"
         ) from error
-    return site
 
 
 def _row(row: Any, where: str, sigma_arcsec: float) -> tuple[int, float, float, float, float]:

@@ -20,11 +20,15 @@ from rsoconsole.orbits import (
     common_error_arcsec,
     correlate_tracks,
     determine,
-    elements_of,
     merged_tracklets,
     sightings,
 )
-from rsoconsole.pipeline.orbits.track_measurements import Observed, longest_arc, read_observed
+from rsoconsole.pipeline.orbits.orbit_determination import orbit_values
+from rsoconsole.pipeline.orbits.track_measurements import (
+    ObservedTrack,
+    longest_arc,
+    read_observed_tracks,
+)
 from rsoconsole.records import FloatArray, Identified, LedgerName, Site
 from rsoconsole.session import (
     Change,
@@ -54,7 +58,7 @@ _KNOWN = ("free", "constrained by prior")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class KeptTrack:
-    """What became of one track."""
+    """One track as kept in the ledger."""
 
     track: int
     """Its number in the session."""
@@ -68,7 +72,7 @@ class KeptTrack:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class KeptSession:
-    """What became of a session's tracks."""
+    """Tracks of a session as kept in the ledger."""
 
     tracks: tuple[KeptTrack, ...] = ()
     taken_back: tuple[int, ...] = ()
@@ -79,14 +83,14 @@ class KeptSession:
 
 
 class Past:
-    """What the ledger held when the night began."""
+    """Objects that the ledger held when the night began."""
 
     def __init__(self, ledger: Ledger) -> None:
         self._objects = {each.number: each for each in ledger.objects}
         self._before = seen_before(ledger.objects)
 
     def names_of(self, tracks: Mapping[int, Sightings], site: Site) -> dict[int, LedgerName]:
-        """Of those tracks, by id, that are or may be of an object that was seen before."""
+        """Names, by track id, of tracks that are or may be of an object seen before."""
         if not self._before or not tracks:
             return {}
         found = correlate_tracks(list(tracks.values()), site, self._before)
@@ -109,12 +113,12 @@ class Past:
 
 
 def seen_before(objects: Sequence[LedgerObject]) -> tuple[EarlierTrack, ...]:
-    """What the latest tracks of each say."""
+    """Latest tracks of each object, to be recognised by."""
     return tuple(_seen_before(each.number, track) for each in objects for track in each.tracks[-2:])
 
 
 def keep_night(folder: Path, path: Path | None = None) -> KeptSession:
-    """The tracks of a closed session whose last name on record is none.
+    """Keep the tracks of a closed session that have no name on record.
 
     Those that were never compared with a catalogue are left out. Raises SessionError.
     """
@@ -125,12 +129,15 @@ def keep_night(folder: Path, path: Path | None = None) -> KeptSession:
     unknown = {n for n, each in identified.items() if each.verdict == "unknown"}
     if not unknown:
         return KeptSession()
-    tracks = [each for each in read_observed(folder) if each.track_id in unknown]
+    tracks = [each for each in read_observed_tracks(folder) if each.track_id in unknown]
     return keep(folder, tracks, (), path)
 
 
 def keep(
-    folder: Path, tracks: Sequence[Observed], named: Sequence[Observed], path: Path | None = None
+    folder: Path,
+    tracks: Sequence[ObservedTrack],
+    named: Sequence[ObservedTrack],
+    path: Path | None = None,
 ) -> KeptSession:
     """Keep tracks of a session that no catalogue explains, and take back those that it names now.
 
@@ -154,8 +161,9 @@ def keep(
             if ledger.number_of(session, each.track_id or 0) is not None:
                 found.append(withdraw_change(session, each.track_id or 0))
                 back.append(each.number)
-        numbers = _numbers(session, ledger, ready, done)
-        for (each, arc), orbit, number in zip(ready, orbits, numbers, strict=True):
+        done.extend(_kept_tracks(session, ledger, ready))
+        for (each, arc), orbit, track_kept in zip(ready, orbits, done, strict=True):
+            number = track_kept.number
             before = [known for known in ledger.objects if known.number == number]
             track = _ledger_track(folder, each, arc, is_simulated=is_simulated)
             known = _ledger_orbit(arc, orbit, before[0] if before else None, session)
@@ -173,16 +181,13 @@ def keep(
     )
 
 
-def _short(tracks: Sequence[Observed]) -> tuple[int, ...]:
+def _short(tracks: Sequence[ObservedTrack]) -> tuple[int, ...]:
     return tuple(each.number for each in tracks if len(each.seen) < MIN_TRACKS)
 
 
-def _numbers(
-    session: str,
-    ledger: Ledger,
-    ready: Sequence[tuple[Observed, Sightings]],
-    done: list[KeptTrack],
-) -> list[int]:
+def _kept_tracks(
+    session: str, ledger: Ledger, ready: Sequence[tuple[ObservedTrack, Sightings]]
+) -> list[KeptTrack]:
     """Of which object each is: known by its own entry, recognised, or new."""
     known = [ledger.number_of(session, each.track_id or 0) for each, _ in ready]
     own = {number for number in known if number is not None}
@@ -200,7 +205,7 @@ def _numbers(
         )
         answers = dict(zip(asked, found, strict=True))
     new: list[tuple[int, Sightings, Site]] = []
-    numbers, following = [], ledger.next_number
+    done, following = [], ledger.next_number
     for n, (each, arc) in enumerate(ready):
         number, answer, is_new = known[n], answers.get(n), False
         if number is None:
@@ -211,9 +216,8 @@ def _numbers(
                 number, is_new = following, True
                 following += 1
             new.append((number, arc, each.site))
-        numbers.append(number)
         done.append(KeptTrack(track=each.number, number=number, is_new=is_new, recognised=answer))
-    return numbers
+    return done
 
 
 def _of_this_night(
@@ -225,10 +229,7 @@ def _of_this_night(
         for number, other, _ in new
         if other.t_utc_ns[0] <= arc.t_utc_ns[-1] and arc.t_utc_ns[0] <= other.t_utc_ns[-1]
     }
-    before = []
-    for number, other, there in new:
-        if number not in at_once:
-            before.append(_of_arc(number, other, there))
+    before = [_of_arc(*each) for each in new if each[0] not in at_once]
     return correlate_tracks([arc], site, before)[0].number if before else None
 
 
@@ -257,7 +258,7 @@ def _determined(arc: Sightings) -> Orbit | None:
 
 
 def _ledger_track(
-    folder: Path, observed: Observed, arc: Sightings, *, is_simulated: bool
+    folder: Path, observed: ObservedTrack, arc: Sightings, *, is_simulated: bool
 ) -> LedgerTrack:
     t, ra, dec, rate, covariance = attributable(arc)
     step = max(1, -(-len(arc) // _MAX_DIRECTIONS))
@@ -306,26 +307,8 @@ def _ledger_orbit(
         joined, common = _determined(whole), min(common_error_arcsec(whole), _MAX_COMMON_ARCSEC)
         most = math.hypot(_SAME_RMS * orbit.rms_arcsec, common)
         if joined is not None and joined.rms_arcsec <= most:
-            return _orbit_on_file(joined, 1 + len(parts))
-    return None if orbit is None else _orbit_on_file(orbit, 1)
-
-
-def _orbit_on_file(orbit: Orbit, nights: int) -> LedgerOrbit:
-    elements = elements_of(orbit.r_km, orbit.v_km_s)
-    return LedgerOrbit(
-        label=orbit.label,
-        prior=orbit.prior,
-        epoch_utc_ns=orbit.epoch_utc_ns,
-        r_gcrs_km=tuple(map(float, orbit.r_km)),
-        v_gcrs_km_s=tuple(map(float, orbit.v_km_s)),
-        covariance=_rows(orbit.covariance),
-        a_km=elements.a_km,
-        e=elements.e,
-        i_deg=elements.i_deg,
-        sigma_a_km=orbit.sigma_a_km,
-        rms_arcsec=orbit.rms_arcsec,
-        nights=nights,
-    )
+            return LedgerOrbit(**orbit_values(joined), nights=1 + len(parts))
+    return None if orbit is None else LedgerOrbit(**orbit_values(orbit))
 
 
 def _rows(values: FloatArray) -> tuple[tuple[float, ...], ...]:

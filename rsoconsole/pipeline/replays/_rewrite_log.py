@@ -11,9 +11,10 @@ from typing import assert_never
 
 from rsoconsole.config import Config
 from rsoconsole.night import FOLDED, is_from_outside
-from rsoconsole.pipeline.cycle.frame_fold import Shown, are_alike
+from rsoconsole.pipeline.cycle.frame_fold import FrameObservations, ReducedFrame
 from rsoconsole.pipeline.frame.measurement import at_its_row, shutter_mid_utc_ns, shutter_time
-from rsoconsole.pipeline.replays.refold import LookedAt, Part, ReplayedFrame, Walk
+from rsoconsole.pipeline.replays.record_equality import are_alike
+from rsoconsole.pipeline.replays.refold import RecordRole, ReplayedFrame, Walk
 from rsoconsole.records import (
     BesideRecord,
     Cause,
@@ -40,7 +41,7 @@ from rsoconsole.records import (
 
 
 class LogRewriter:
-    """Walks along a log and hands on another, record by record: a night may be a long one."""
+    """Rewrites a log record by record: a night may be a long one."""
 
     def __init__(
         self,
@@ -56,7 +57,7 @@ class LogRewriter:
         self._on_record = on_record
         self._on_frame = on_frame
         self._walk = walk
-        self._held: list[tuple[int, Record, Part]] = []
+        self._held: list[tuple[int, Record, RecordRole]] = []
         """Records since the frame that is open was reduced, or began to be followed again."""
         self._t_open_ns = 0
         self._is_again = False
@@ -68,7 +69,7 @@ class LogRewriter:
         """A decision whose change of state has not been told, and the states before and after."""
 
     def receive(self, t_utc_ns: int, record: Record) -> None:
-        """One record more."""
+        """Process the next record."""
         walk = self._walk
         if _closes(record):
             self.close()
@@ -153,18 +154,17 @@ class LogRewriter:
         again = self._walk.again.get(measurement.frame_id)
         if again is None:
             return measurement
-        t_mid_ns = shutter_mid_utc_ns(again.shown.taken, again.config.exposure)
+        taken, exposure = again.observations.taken, again.config.exposure
+        t_mid_ns = shutter_mid_utc_ns(taken, exposure)
         if t_mid_ns is None:
             return measurement
-        return at_its_row(
-            measurement, t_mid_ns, shutter_time(again.shown.taken, again.config.exposure)
-        )
+        return at_its_row(measurement, t_mid_ns, shutter_time(taken, exposure))
 
-    def _write_frame(self, closed: ReplayedFrame | LookedAt) -> None:
+    def _write_frame(self, closed: ReducedFrame) -> None:
         """A complete frame: its inputs, what the fold makes of them, and what came beside."""
         held, self._held = self._held, []
         is_again, self._is_again = self._is_again, False
-        inputs = () if is_again else _inputs(closed.shown)
+        inputs = () if is_again else _inputs(closed.observations)
         folded: tuple[Record, ...] = ()
         if isinstance(closed, ReplayedFrame):
             self._on_frame(closed)
@@ -191,8 +191,8 @@ class LogRewriter:
 
 
 def _without_orbits(
-    held: Iterable[tuple[int, Record, Part]],
-) -> Iterator[tuple[int, Record, Part]]:
+    held: Iterable[tuple[int, Record, RecordRole]],
+) -> Iterator[tuple[int, Record, RecordRole]]:
     """Without orbits and names, and the words that were said on them."""
     is_theirs = False
     for each in held:
@@ -201,9 +201,9 @@ def _without_orbits(
             yield each
 
 
-def _inputs(shown: Shown) -> tuple[Record, ...]:
-    solution = () if shown.solution is None else (shown.solution,)
-    return (shown.detections, *solution, *shown.measurements)
+def _inputs(observed: FrameObservations) -> tuple[Record, ...]:
+    solution = () if observed.solution is None else (observed.solution,)
+    return (observed.detections, *solution, *observed.measurements)
 
 
 def _closes(record: Record) -> bool:

@@ -6,11 +6,9 @@ and the figures before and after. The session itself is never written to. Pictur
 with the session, where the reader looks for what a branch does not hold.
 """
 
-import contextlib
 import re
 import shutil
 import time
-from collections.abc import Iterator
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
@@ -49,7 +47,7 @@ class Branch:
 
 
 def branch_folder(session: Path, name: str) -> Path:
-    """Where a branch of that name lies. Raises SessionError for a name that cannot be one."""
+    """Folder of a branch of that name. Raises SessionError for a name that cannot be one."""
     if not _NAME.fullmatch(name) or name.endswith("."):
         raise SessionError(
             f"{name!r} cannot name a branch: use up to 64 letters, digits, '-', '_' and '.',"
@@ -61,7 +59,7 @@ def branch_folder(session: Path, name: str) -> Path:
 
 
 def check_name(session: Path, name: str, *, force: bool = False) -> Path:
-    """Where a branch of that name is to lie. Raises SessionError where it cannot."""
+    """Folder for a new branch of that name. Raises SessionError where it cannot."""
     folder = branch_folder(session, name)
     if folder.exists() and not force:
         raise SessionError(f"{session} has a branch '{name}' already: --force replaces it")
@@ -152,23 +150,16 @@ def _write(what_if: WhatIf, name: str, folder: Path) -> None:
     if what_if.model_sha256 is not None:
         about["model_sha256"] = what_if.model_sha256
     records = 0
-    with _writing(folder, what_if, about) as writer:
+    writer = SessionWriter.create(folder, what_if.config, about)
+    try:
         for t_utc_ns, record in rewritten_log(what_if):
             writer.append(record, t_utc_ns)
             records += 1
+    finally:
+        writer.close(_WRITE_S)
+    if writer.faults:  # a live session's never raises for them
+        raise SessionError(f"the branch cannot be written: {'; '.join(writer.faults)}")
     if SessionReader(folder).counts().records != records:
         raise SessionError("the branch could not be written in whole: free some disk and try again")
     for empty in (path for path in folder.iterdir() if path.is_dir()):
         empty.rmdir()
-
-
-@contextlib.contextmanager
-def _writing(folder: Path, what_if: WhatIf, about: dict[str, Any]) -> Iterator[SessionWriter]:
-    """A writer that raises in the end what it lacks; a live session's never does."""
-    writer = SessionWriter.create(folder, what_if.config, about)
-    try:
-        yield writer
-    finally:
-        writer.close(_WRITE_S)
-    if writer.faults:
-        raise SessionError(f"the branch cannot be written: {'; '.join(writer.faults)}")

@@ -1,4 +1,4 @@
-"""The track once more, from what is on record alone: the same fold over the same inputs. Pure.
+"""Replay of the tracks from what is on record alone: the same fold, the same inputs. Pure.
 
 What-if, review and tests run this. With the session's own configuration it gives every record of
 the fold again, bit for bit. Inputs are, in the order of the log: the frames that were reduced
@@ -14,18 +14,26 @@ from typing import Literal, TypeAlias, assert_never
 
 from rsoconsole.config import Config, ExposureConfig, with_changes, with_setting
 from rsoconsole.night import FOLDED, is_from_outside, is_instruments
-from rsoconsole.pipeline.cycle.decisions import Fold, Folds, HandTrack
-from rsoconsole.pipeline.cycle.frame_fold import Shown, are_alike, fold, star_history_without_fold
+from rsoconsole.pipeline.cycle.decisions import FollowedFrames, HandTrack
+from rsoconsole.pipeline.cycle.frame_fold import (
+    FoldedFrame,
+    FrameObservations,
+    ReducedFrame,
+    fold,
+    star_history_without_fold,
+)
 from rsoconsole.pipeline.cycle.miss_reasons import StarHistory
-from rsoconsole.pipeline.cycle.track_assignment import KeptOnRecord
-from rsoconsole.pipeline.frame.held_frames import BEGIN_MARK
+from rsoconsole.pipeline.cycle.track_assignment import kept_after
+from rsoconsole.pipeline.frame.marked_frames import BEGIN_MARK
 from rsoconsole.pipeline.frame.measurement import (
     at_its_row,
     measure,
     shutter_mid_utc_ns,
     shutter_time,
 )
+from rsoconsole.pipeline.replays.record_equality import are_alike
 from rsoconsole.records import (
+    FOLLOWING,
     BelowTau,
     BesideRecord,
     CycleTiming,
@@ -35,7 +43,6 @@ from rsoconsole.records import (
     FoldRecord,
     FollowedAgain,
     FrameTaken,
-    LoopState,
     Measurement,
     Miss,
     NotSolved,
@@ -53,21 +60,23 @@ from rsoconsole.records import (
 from rsoconsole.tracking import Following
 
 
-def at_instant(shown: Shown, t_mid_utc_ns: int, exposure: ExposureConfig) -> Shown:
-    """The same measurements at the frame's mid-exposure: another where its latency is tried."""
-    shutter = shutter_time(shown.taken, exposure)
-    moved = tuple(at_its_row(m, t_mid_utc_ns, shutter) for m in shown.measurements)
-    return shown if moved == shown.measurements else replace(shown, measurements=moved)
+def at_instant(
+    observed: FrameObservations, t_mid_utc_ns: int, exposure: ExposureConfig
+) -> FrameObservations:
+    """Put the measurements at the frame's mid-exposure: another where its latency is tried."""
+    shutter = shutter_time(observed.taken, exposure)
+    moved = tuple(at_its_row(m, t_mid_utc_ns, shutter) for m in observed.measurements)
+    return observed if moved == observed.measurements else replace(observed, measurements=moved)
 
 
-def at_tau(shown: Shown, config: Config) -> Shown:
-    """What the frame would have shown at the configured tau, most confident first.
+def at_tau(observed: FrameObservations, config: Config) -> FrameObservations:
+    """Observations of the frame at the configured tau, most confident first.
 
     The detector keeps what passed its gates and lay below tau, so nothing is guessed; without a
     plate solution a candidate is detected and not measured, as ever.
     """
     tau = config.detector.tau
-    found = shown.detections
+    found = observed.detections
     numbered = {
         number: r.detection
         for number, r in enumerate(found.rejected, start=len(found.detections))
@@ -80,13 +89,15 @@ def at_tau(shown: Shown, config: Config) -> Shown:
         for d in found.detections
         if d.confidence <= tau
     ]
-    measurements = [m for m in shown.measurements if m.source == "operator" or m.confidence > tau]
-    if isinstance(shown.solution, Solution):
+    measurements = [
+        m for m in observed.measurements if m.source == "operator" or m.confidence > tau
+    ]
+    if isinstance(observed.solution, Solution):
         made = (
             measure(
                 detection,
-                shown.solution,
-                shown.taken,
+                observed.solution,
+                observed.taken,
                 config.exposure,
                 measurement_id=measurement_id_of(found.frame_id, number),
             )
@@ -98,7 +109,7 @@ def at_tau(shown: Shown, config: Config) -> Shown:
     rejected = [r for r in found.rejected if r.detection not in admitted]
     rejected = sorted((*rejected, *too_faint), key=lambda r: -r.detection.confidence)
     return replace(
-        shown,
+        observed,
         detections=replace(found, detections=tuple(detections), rejected=tuple(rejected)),
         measurements=tuple(sorted(measurements, key=lambda m: -m.confidence)),
     )
@@ -108,14 +119,12 @@ TAU = "detector.tau"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class ReplayedFrame:
-    """One folded frame."""
+class ReplayedFrame(ReducedFrame):
+    """One folded frame, as it is now and as it was recorded.
 
-    taken: FrameTaken
-    shown: Shown
-    """What was folded; other than recorded only where another tau or header latency is tried."""
-    config: Config
-    """In force for this frame."""
+    Its observations differ from the record only where another tau or header latency is tried.
+    """
+
     after: Following
     """What is followed after it."""
     records: tuple[Record, ...]
@@ -124,14 +133,9 @@ class ReplayedFrame:
     """What it made of it then."""
 
     @property
-    def state(self) -> LoopState:
-        """After it."""
-        return self.after.state
-
-    @property
-    def solution(self) -> Solution | NotSolved | None:
-        """Of its stars."""
-        return self.shown.solution
+    def taken(self) -> FrameTaken:
+        """As the camera gave it."""
+        return self.observations.taken
 
     @property
     def is_as_recorded(self) -> bool:
@@ -144,16 +148,9 @@ class ReplayedFrame:
         return are_alike(self.records, self.recorded)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class LookedAt:
-    """A frame that was reduced and not folded: the operator had the mount, or it has no time."""
-
-    shown: Shown
-
-
-ReduceAgain: TypeAlias = Callable[[Shown, Config], Shown]
+ReduceAgain: TypeAlias = Callable[[FrameObservations, Config], FrameObservations]
 """What a frame shows when it is reduced once more: its record and the configuration in force."""
-Part: TypeAlias = Literal["input", "folded", "other"]
+RecordRole: TypeAlias = Literal["input", "folded", "other"]
 """What a record is to the fold: what goes in, what comes out, neither."""
 
 
@@ -180,40 +177,19 @@ def replay(
     yield from _folded(walk.close())
 
 
-def _folded(closed: Iterable[ReplayedFrame | LookedAt]) -> Iterator[ReplayedFrame]:
+def _folded(closed: Iterable[ReducedFrame]) -> Iterator[ReplayedFrame]:
     return (each for each in closed if isinstance(each, ReplayedFrame))
 
 
 @dataclass(slots=True, kw_only=True)
-class _Open:
-    """A reduced frame whose records still come in."""
-
-    taken: FrameTaken
-    detections: Detections
-    solution: Solution | NotSolved | None = None
-    measurements: list[Measurement] = field(default_factory=list)
-    recorded: list[Record] = field(default_factory=list)
-    orbits: Mapping[int, OrbitEstimate] = field(default_factory=dict)
-
-    def shown(self) -> Shown:
-        return Shown(
-            taken=self.taken,
-            detections=self.detections,
-            solution=self.solution,
-            measurements=tuple(self.measurements),
-            orbits=self.orbits,
-        )
-
-
-@dataclass(slots=True, kw_only=True)
 class Walk:
-    """Where a replay stands in the log."""
+    """State of a replay: what the log has led to so far."""
 
     config: Config
     held: frozenset[str]
     reduce_again: ReduceAgain | None = None
     following: Following = field(default_factory=Following)
-    kept: KeptOnRecord = field(default_factory=KeptOnRecord)
+    kept: Following | None = None
     """The track that ended last by somebody's word: it may be followed again."""
     stars: StarHistory = field(default_factory=StarHistory)
     taken: FrameTaken | None = None
@@ -221,18 +197,21 @@ class Walk:
     """The last one of each track, by track id; never changed, frames keep theirs."""
     is_another_night: bool = False
     """A frame came out otherwise than recorded: the orbits behind it are of another track."""
-    open: _Open | None = None
-    folds: Folds = field(default_factory=Folds)
+    open: FrameObservations | None = None
+    """A reduced frame whose records still come in."""
+    recorded: list[Record] = field(default_factory=list)
+    """What the fold had made of it, so far."""
+    folds: FollowedFrames = field(default_factory=FollowedFrames)
     hand: HandTrack = field(default_factory=HandTrack)
     is_by_hand: bool = False
     """The last decision was on a frame that nobody followed."""
-    again: dict[int, Fold] = field(default_factory=dict)
+    again: dict[int, FoldedFrame] = field(default_factory=dict)
     """Frames that a decision has had followed again, by number."""
-    open_again: tuple[Fold, list[Record]] | None = None
+    open_again: tuple[FoldedFrame, list[Record]] | None = None
     """One of them whose records still come in."""
     is_ruled: bool = False
     """A decision has come, and none of the frames that it has followed again."""
-    part: Part = "other"
+    part: RecordRole = "other"
     """What the record heard last is to the fold."""
 
     @classmethod
@@ -242,7 +221,7 @@ class Walk:
         changes: Mapping[str, float | str] | None = None,
         reduce_again: ReduceAgain | None = None,
     ) -> "Walk":
-        """At the beginning of a log. Raises ConfigError as ``replay`` does."""
+        """State at the beginning of a log. Raises ConfigError as ``replay`` does."""
         changes = changes or {}
         return cls(
             config=with_changes(config, changes),
@@ -250,8 +229,8 @@ class Walk:
             reduce_again=reduce_again,
         )
 
-    def receive(self, record: Record) -> Iterator[ReplayedFrame | LookedAt]:  # noqa: PLR0912 -- one case a kind
-        """One record; gives the frame that it shows to be complete."""
+    def receive(self, record: Record) -> Iterator[ReducedFrame]:  # noqa: PLR0912 -- one case a kind
+        """Process the next record; yields the frame that it shows to be complete."""
         self.part = "other"
         match record:
             case FrameTaken():
@@ -260,7 +239,14 @@ class Walk:
             case Detections():
                 if self.taken is not None:
                     self.part = "input"
-                    self.open = _Open(taken=self.taken, detections=record, orbits=self.orbits)
+                    self.recorded = []
+                    self.open = FrameObservations(
+                        taken=self.taken,
+                        detections=record,
+                        solution=None,
+                        measurements=(),
+                        orbits=self.orbits,
+                    )
             case CycleTiming():
                 yield from self.close()
             case Ruling() | FollowedAgain():
@@ -281,7 +267,7 @@ class Walk:
                 self.part = self._receive_of_frame(record)
             case Event() if record.topic == "kept":
                 yield from self.close()
-                self.kept.given_up()
+                self.kept = None
             case OperatorAction() if record.verb == BEGIN_MARK:
                 self._hold(record)
             case _ if isinstance(record, (OrbitRecord, BesideRecord)):
@@ -300,7 +286,9 @@ class Walk:
         else:
             frames.let_go(frame_id)
 
-    def _receive_of_frame(self, record: FoldRecord | Solution | NotSolved | Measurement) -> Part:
+    def _receive_of_frame(
+        self, record: FoldRecord | Solution | NotSolved | Measurement
+    ) -> RecordRole:
         """What was seen in a frame, or what the fold made of it."""
         is_folds = isinstance(record, FoldRecord) and not self._is_loops_own(record)
         if self.open_again is not None:
@@ -310,13 +298,14 @@ class Walk:
         if self.open is None:
             return "other"
         if is_folds:
-            self.open.recorded.append(record)
+            self.recorded.append(record)
             return "folded"
         match record:
             case Solution() | NotSolved():
-                self.open.solution = record
+                self.open = replace(self.open, solution=record)
             case Measurement():
-                self.open.measurements.append(record)
+                measurements = (*self.open.measurements, record)
+                self.open = replace(self.open, measurements=measurements)
             case _ if isinstance(record, FoldRecord):
                 return "other"
             case _:
@@ -329,47 +318,47 @@ class Walk:
             return is_instruments(record)
         return isinstance(record, StateChange) and self.is_ruled
 
-    def close(self) -> Iterator[ReplayedFrame | LookedAt]:
+    def close(self) -> Iterator[ReducedFrame]:
         """Fold the open frame, if there is one."""
         if self.open_again is not None:
-            fold_, recorded_again = self.open_again
-            self.open_again = None
-            yield self._compared(_replayed(fold_, tuple(recorded_again)))
+            again, self.open_again = self.open_again, None
+            yield self._compared(*again)
         if self.open is None:
             return
-        shown, recorded = self.open.shown(), tuple(self.open.recorded)
+        observed, config = self.open, self.config
         self.open = self.taken = None
         if TAU in self.held:
-            shown = at_tau(shown, self.config)
+            observed = at_tau(observed, config)
         if self.reduce_again is not None:
-            shown = self.reduce_again(shown, self.config)
-        t_mid_ns = shutter_mid_utc_ns(shown.taken, self.config.exposure)
+            observed = self.reduce_again(observed, config)
+        t_mid_ns = shutter_mid_utc_ns(observed.taken, config.exposure)
         if t_mid_ns is not None:
-            shown = at_instant(shown, t_mid_ns, self.config.exposure)
+            observed = at_instant(observed, t_mid_ns, config.exposure)
         if self.following.state not in FOLDED or t_mid_ns is None:
-            self.stars = star_history_without_fold(self.stars, shown)
-            self.hand.add(shown, self.config)
-            yield LookedAt(shown=shown)
+            self.stars = star_history_without_fold(self.stars, observed)
+            self.hand.add(observed, config)
+            yield ReducedFrame(observations=observed, config=config)
             return
-        folded = fold(self.following, self.stars, shown, self.config)
-        done = Fold(
-            before=self.following,
-            stars_before=self.stars,
-            shown=shown,
-            config=self.config,
-            folded=folded,
-        )
-        self.folds.add(done)
+        folded = fold(self.following, self.stars, observed, config)
+        self.folds.add(folded)
         self.following, self.stars = folded.following, folded.stars
-        self.kept.folded(self.following)
+        if self.following.state in FOLLOWING:
+            self.kept = None
         if folded.following.track is None:
-            self.hand.add(shown, self.config)
-        yield self._compared(_replayed(done, recorded))
+            self.hand.add(observed, config)
+        yield self._compared(folded, self.recorded)
 
-    def _compared(self, frame: ReplayedFrame) -> ReplayedFrame:
+    def _compared(self, folded: FoldedFrame, recorded: list[Record]) -> ReplayedFrame:
+        frame = ReplayedFrame(
+            observations=folded.observations,
+            config=folded.config,
+            after=folded.following,
+            records=folded.records,
+            recorded=tuple(recorded),
+        )
         if not frame.is_alike:
             # Those of the frames before are of what is followed here, too.
-            orbits = self.orbits if self.is_another_night else frame.shown.orbits
+            orbits = self.orbits if self.is_another_night else frame.observations.orbits
             self.is_another_night, self.orbits = True, orbits
         return frame
 
@@ -384,18 +373,17 @@ class Walk:
             if self.is_by_hand:
                 self._rule_by_hand(record)
                 return
-            again = self.folds.rule(record)
+            again = self.folds.apply(record)
         except ValueError:  # under what is tried the frame was not followed
             return
-        self.again = {each.shown.taken.frame_id: each for each in again}
-        self.following = again[-1].folded.following
+        self.again = {each.frame_id: each for each in again}
+        self.following = again[-1].following
 
     def _rule_by_hand(self, record: Ruling) -> None:
         self.again = {}
-        kept, _ = self.hand.rule(record, self.kept.following, self.following.last_track_id)
-        self.kept.made(kept)
-        if kept is not None:
-            last_track_id = max(kept.last_track_id, self.following.last_track_id)
+        self.kept, _ = self.hand.apply(record, self.kept, self.following.last_track_id)
+        if self.kept is not None:
+            last_track_id = max(self.kept.last_track_id, self.following.last_track_id)
             self.following = replace(self.following, last_track_id=last_track_id)
 
     def _pass(self, change: StateChange) -> None:
@@ -405,8 +393,8 @@ class Walk:
         if change.reason.kind == "clock set":
             self.orbits = {}
             self.following = replace(self.following, dropped=())
-        before, kept = self.following, self.kept.following
-        self.kept.passed(change, before)
+        before, kept = self.following, self.kept
+        self.kept = kept_after(change, before, kept)
         if change.after != "COAST":
             self.following = before.without_track(change.after)
         elif kept is not None:
@@ -416,14 +404,3 @@ class Walk:
             )
         else:
             self.following = before.without_track("SEARCH")
-
-
-def _replayed(done: Fold, recorded: tuple[Record, ...]) -> ReplayedFrame:
-    return ReplayedFrame(
-        taken=done.shown.taken,
-        shown=done.shown,
-        config=done.config,
-        after=done.folded.following,
-        records=done.folded.records,
-        recorded=recorded,
-    )

@@ -14,13 +14,13 @@ from pathlib import Path
 from rsoconsole.base import FrameError, RsoconsoleError, SessionError
 from rsoconsole.config import Config, with_setting
 from rsoconsole.instruments import PlateSolver, header_start, read_frame
-from rsoconsole.night import NightFrames
+from rsoconsole.night import NightFrame, NightFrames
 from rsoconsole.pipeline.comparison.fixed_light import RecordedComparison
 from rsoconsole.pipeline.frame.calibration import Calibration
 from rsoconsole.pipeline.frame.frame_cautions import calibration_warnings
-from rsoconsole.pipeline.frame.plate import PlateFinder
-from rsoconsole.pipeline.frame.reduce import FrameReducer, Plate
-from rsoconsole.pipeline.replays.what_if_log import RecordedPlate, as_recorded
+from rsoconsole.pipeline.frame.plate import GivenPlate, PlateFinder
+from rsoconsole.pipeline.frame.reduce import FrameReducer, Reduction
+from rsoconsole.pipeline.replays.what_if_log import as_recorded
 from rsoconsole.records import (
     Detection,
     Detections,
@@ -55,21 +55,11 @@ confidence that was fitted again says 0.995 where 0.9999 was on record."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Seen:
-    """What a frame showed."""
-
-    detections: Detections | None
-    """None where the frame was never reduced."""
-    solution: Solution | NotSolved | None
-    measurements: tuple[Measurement, ...]
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
 class RecordedFrame:
-    """What a session holds of one frame."""
+    """Everything that a session has of one frame."""
 
     taken: FrameTaken
-    seen: Seen
+    seen: NightFrame
     config: Config
     """In force for it."""
     path: Path | None
@@ -81,8 +71,8 @@ class RecordedFrame:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Judged:
-    """A candidate and what the detector said of it."""
+class JudgedCandidate:
+    """A candidate with the detector's decision."""
 
     detection: Detection
     is_taken: bool
@@ -91,15 +81,15 @@ class Judged:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Compared:
-    """One candidate then and now; one of them is missing where only the other saw it."""
+class ComparedCandidate:
+    """One candidate as recorded and now; None where it was not found."""
 
-    was: Judged | None
-    now: Judged | None
+    was: JudgedCandidate | None
+    now: JudgedCandidate | None
 
     @property
     def shown(self) -> Detection:
-        """Where it is: as seen now, or then where it is not seen any more."""
+        """The detection as it is now, else as recorded."""
         judged = self.now or self.was
         assert judged is not None
         return judged.detection
@@ -110,9 +100,8 @@ class Compared:
         was, now = self.was, self.now
         if was is None or now is None or was.is_taken is not now.is_taken:
             return False
-        one, other = was.detection, now.detection
-        away_px = max(abs(one.x_px - other.x_px), abs(one.y_px - other.y_px))
-        return away_px < SAME_PX and abs(one.confidence - other.confidence) < SAME_CONFIDENCE
+        less_sure = abs(was.detection.confidence - now.detection.confidence)
+        return _away_px(was, now) < SAME_PX and less_sure < SAME_CONFIDENCE
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -125,9 +114,9 @@ class Reprocessed:
     """False: measured by the plate on record."""
     is_same_network: bool | None
     """Whether the network is the recorded one; None where the session does not say."""
-    was: Seen
-    now: Seen
-    candidates: tuple[Compared, ...]
+    was: NightFrame
+    now: Reduction
+    candidates: tuple[ComparedCandidate, ...]
     """Most confident first."""
     stage_ms: dict[str, float] = field(default_factory=dict)
     """Of the detector's stages, of ``solve``, and of it all as ``total``."""
@@ -136,7 +125,7 @@ class Reprocessed:
 def recorded_frame(
     reader: SessionReader, frame_id: int, config: Config | None = None
 ) -> RecordedFrame:
-    """What the session holds of a frame.
+    """Read what the session has of a frame.
 
     ``config``: instead of that with which the session began; recorded changes before the frame
     are made to either. Raises SessionError where the session has no such frame, or where its
@@ -152,11 +141,7 @@ def recorded_frame(
     sha256 = reader.about().get("model_sha256")
     return RecordedFrame(
         taken=frame.taken,
-        seen=Seen(
-            detections=frame.detections,
-            solution=frame.solution,
-            measurements=frame.measurements,
-        ),
+        seen=frame,
         config=_in_force(reader, config or reader.config(), seq_of_frame),
         path=path,
         not_kept_because="" if path else reader.not_kept_because(frame_id) or UNWRITTEN,
@@ -174,7 +159,7 @@ def _in_force(reader: SessionReader, config: Config, seq_of_frame: int) -> Confi
 
 
 def read_pixels(recorded: RecordedFrame) -> Frame:
-    """The frame as the camera gave it.
+    """Read the frame as the camera gave it.
 
     Raises FrameError where it was not kept (and says why), where its file is damaged, and where
     the file holds another exposure than the recorded one.
@@ -229,7 +214,7 @@ class Reprocessor:
         *,
         solves_again: bool = False,
     ) -> Reprocessed:
-        """The frame with these settings; None: as they were in force for it.
+        """Reduce the frame with these settings; None: as they were in force for it.
 
         ``solves_again``: find the plate from this frame's stars alone, instead of taking the one
         on record. Raises ConfigError for a value that cannot be, ModelError without a network.
@@ -241,7 +226,7 @@ class Reprocessor:
                 config = with_setting(config, name, value)
         network = self._network
         curve = ConfidenceCurve.from_card(network.card)
-        plate = self._plate(config) if solves_again else _on_record(recorded.seen.solution)
+        plate = self._plate(config) if solves_again else _given(recorded.seen.solution)
         began_s = time.perf_counter()
         comparison = RecordedComparison(recorded.seen.detections)
         reducer = FrameReducer(
@@ -261,69 +246,63 @@ class Reprocessor:
             is_solved_again=solves_again,
             is_same_network=None if sha256 is None else sha256 == network.card["sha256"],
             was=recorded.seen,
-            now=Seen(
-                detections=reduction.detections,
-                solution=reduction.solution,
-                measurements=reduction.measurements,
-            ),
+            now=reduction,
             candidates=compare(recorded.seen.detections, reduction.detections),
             stage_ms=stage_ms,
         )
 
     def maps(self, map_mode: MapMode) -> tuple[FrameMap, ...]:
-        """What the network sees of the frame: one map, or several where its scale is unknown."""
+        """Maps that the network is given of the frame: several where its scale is unknown."""
         frame, _ = self._calibration.prepare(self._frame)
         blocks = choose_blocks(
             frame.width_px, frame.height_px, frame.scale_arcsec_px, frame.exposure_s
         )
         return tuple(make_map(frame.pixels, map_mode, block) for block in blocks)
 
-    def _plate(self, config: Config) -> Plate:
+    def _plate(self, config: Config) -> GivenPlate:
         try:
             if self._solver is None:
                 self._solver = PlateSolver(config.solver.index_dirs, start_s=config.waits.process_s)
         except RsoconsoleError as error:
             log.warning("%s", error)
-            missing = NotSolved(frame_id=self._frame.frame_id, reason=str(error), ms=0.0)
-            return _on_record(missing)
+            return _given(NotSolved(frame_id=self._frame.frame_id, reason=str(error), ms=0.0))
         return PlateFinder(self._solver, config)
 
 
-def _on_record(solution: Solution | NotSolved | None) -> Plate:
-    """The same pixels have the same plate."""
-    plate = RecordedPlate()
+def _given(solution: Solution | NotSolved | None) -> GivenPlate:
+    plate = GivenPlate()
     plate.solution = solution
     return plate
 
 
-def compare(was: Detections | None, now: Detections | None) -> tuple[Compared, ...]:
-    """Candidates then and now, those of one streak side by side, most confident first."""
+def compare(was: Detections | None, now: Detections | None) -> tuple[ComparedCandidate, ...]:
+    """Pair candidates as recorded and now by streak, most confident first."""
     left = list(judged_candidates(was))
-    pairs: list[Compared] = []
+    pairs: list[ComparedCandidate] = []
     for judged in judged_candidates(now):
         same = [other for other in left if is_same_streak(judged.detection, other.detection)]
         nearest = min(same, key=lambda other: _away_px(judged, other), default=None)
         if nearest is not None:
             left.remove(nearest)
-        pairs.append(Compared(was=nearest, now=judged))
-    pairs += [Compared(was=judged, now=None) for judged in left]
+        pairs.append(ComparedCandidate(was=nearest, now=judged))
+    pairs += [ComparedCandidate(was=judged, now=None) for judged in left]
     return tuple(sorted(pairs, key=lambda pair: -_highest(pair)))
 
 
-def judged_candidates(found: Detections | None) -> Iterable[Judged]:
-    """All that the detector held possible in a frame, and what it said of each."""
+def judged_candidates(found: Detections | None) -> Iterable[JudgedCandidate]:
+    """All candidates of a frame with the detector's decisions."""
     if found is None:
         return
     for each in found.detections:
-        yield Judged(detection=each, is_taken=True, reason="")
+        yield JudgedCandidate(detection=each, is_taken=True, reason="")
     for one in found.rejected:
-        yield Judged(detection=one.detection, is_taken=False, reason=text(one.reason))
+        yield JudgedCandidate(detection=one.detection, is_taken=False, reason=text(one.reason))
 
 
-def _away_px(one: Judged, other: Judged) -> float:
+def _away_px(one: JudgedCandidate, other: JudgedCandidate) -> float:
     a, b = one.detection, other.detection
     return max(abs(a.x_px - b.x_px), abs(a.y_px - b.y_px))
 
 
-def _highest(pair: Compared) -> float:
+def _highest(pair: ComparedCandidate) -> float:
     return max(each.detection.confidence for each in (pair.was, pair.now) if each is not None)

@@ -4,6 +4,7 @@ import logging
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -11,33 +12,33 @@ from rsoconsole.base import ConfigError, FrameError, SessionError
 from rsoconsole.config import Config, with_changes, with_setting
 from rsoconsole.instruments import read_frame
 from rsoconsole.night import FigureSum, TrackFigures
-from rsoconsole.pipeline.cycle.frame_fold import Shown
+from rsoconsole.pipeline.cycle.frame_fold import FrameObservations, ReducedFrame
 from rsoconsole.pipeline.frame.frame_cautions import calibration_warnings
 from rsoconsole.pipeline.frame.measurement import measured, numbered_like
-from rsoconsole.pipeline.frame.plate import Part
+from rsoconsole.pipeline.frame.plate import GivenPlate
 from rsoconsole.pipeline.frame.reduce import FrameReducer, open_reducer
 from rsoconsole.pipeline.replays._rewrite_log import LogRewriter
-from rsoconsole.pipeline.replays.refold import LookedAt, ReduceAgain, ReplayedFrame, Walk, replay
+from rsoconsole.pipeline.replays.refold import ReduceAgain, ReplayedFrame, Walk, replay
 from rsoconsole.records import Frame, FrameTaken, NotSolved, Record, Solution
 from rsoconsole.session import SessionReader
-from rsoconsole.vision import ConfidenceCurve, Network, StarList
+from rsoconsole.vision import ConfidenceCurve, Network
 
 
 def once_each(frames: Iterable[ReplayedFrame]) -> list[ReplayedFrame]:
-    """In order of their numbers; of a frame that was followed again, what counts in the end."""
+    """Frames in order of their numbers; of one that was folded again the last version."""
     by_number = {each.taken.frame_id: each for each in frames}
     return [by_number[number] for number in sorted(by_number)]
 
 
 def add_replayed(found: FigureSum, frame: ReplayedFrame) -> None:
-    """One frame more."""
-    found.add(frame.taken, frame.records, frame.state, frame.solution)
+    """Add a replayed frame to the figures."""
+    found.add(frame.taken, frame.records, frame.after.state, frame.observations.solution)
 
 
 def figures_of(
     frames: Iterable[ReplayedFrame], last: int | None = None, *, of_lead: bool = False
 ) -> TrackFigures:
-    """Figures of a night that was followed again, as ``as_recorded`` has it."""
+    """Figures of a replayed night."""
     found = FigureSum(of_lead=of_lead)
     for each in frames:
         add_replayed(found, each)
@@ -52,7 +53,7 @@ def what_if(
     *,
     of_lead: bool = False,
 ) -> TrackFigures:
-    """A night with other settings, as ``as_recorded`` has it. Raises ConfigError for one that
+    """Figures of a night with other settings. Raises ConfigError for one that
     cannot be."""
     return figures_of(replay(records, config, changes=changes), last, of_lead=of_lead)
 
@@ -62,7 +63,7 @@ log = logging.getLogger(__name__)
 
 @dataclass(slots=True, kw_only=True)
 class RerunCounts:
-    """How many frames were reduced again, and of how many the record was taken."""
+    """Numbers of frames that were reduced again, and of those taken from the record."""
 
     rerun: int = 0
     not_kept: int = 0
@@ -70,13 +71,13 @@ class RerunCounts:
 
 
 class Rerun:
-    """Calls itself for each frame of a replay (``Walk``'s ``reduce_again``)."""
+    """Reduction of the recorded frames again, called for each by ``Walk.reduce_again``."""
 
     def __init__(
         self,
         reader: SessionReader,
         reducer: FrameReducer,
-        recorded_plate: "RecordedPlate | None",
+        recorded_plate: GivenPlate | None,
         *,
         with_detector: bool,
         on_frame: Callable[[], None],
@@ -90,18 +91,18 @@ class Rerun:
         self._config: Config | None = None
         self._said: set[str] = set()
 
-    def __call__(self, shown: Shown, config: Config) -> Shown:
+    def __call__(self, observed: FrameObservations, config: Config) -> FrameObservations:
         """What the frame shows now; what was recorded where its pixels are gone."""
         self._on_frame()
-        frame = self._frame(shown)
+        frame = self._frame(observed)
         if frame is None:
-            return shown
+            return observed
         if config != self._config:
             self._reducer.configure(config)
             self._config = config
         if self._recorded_plate is not None:
-            self._recorded_plate.solution = shown.solution
-        elif isinstance(shown.solution, Solution) and shown.solution.path == "full":
+            self._recorded_plate.solution = observed.solution
+        elif isinstance(observed.solution, Solution) and observed.solution.path == "full":
             self._reducer.forget_plate()
         reduction = self._reducer.reduce(frame)
         self.counts.rerun += 1
@@ -111,17 +112,17 @@ class Rerun:
                 log.warning("%s", words)
         if self._with_detector:
             return replace(
-                shown,
+                observed,
                 detections=reduction.detections,
                 solution=reduction.solution,
                 measurements=numbered_like(
-                    reduction.measurements, shown.measurements, shown.detections
+                    reduction.measurements, observed.measurements, observed.detections
                 ),
             )
-        return _with_plate(shown, reduction.solution, config)
+        return _with_plate(observed, reduction.solution, config)
 
-    def _frame(self, shown: Shown) -> Frame | None:
-        taken = shown.taken
+    def _frame(self, observed: FrameObservations) -> Frame | None:
+        taken = observed.taken
         path = self._reader.frame_path(taken.frame_id)
         if path is None:
             self.counts.not_kept += 1
@@ -135,7 +136,7 @@ class Rerun:
 
 
 def as_recorded(frame: Frame, taken: FrameTaken) -> Frame:
-    """What the camera's process said of it counts, not what a card may have rounded."""
+    """Give a frame its recorded time and pointing: a card of its file may have rounded them."""
     return replace(
         frame,
         t_start_utc_ns=taken.t_start_utc_ns,
@@ -143,29 +144,6 @@ def as_recorded(frame: Frame, taken: FrameTaken) -> Frame:
         pointing_ra_icrs_deg=taken.pointing_ra_icrs_deg,
         pointing_dec_icrs_deg=taken.pointing_dec_icrs_deg,
     )
-
-
-class RecordedPlate:
-    """Gives the plate that is on record: for a detector that is tried alone."""
-
-    def __init__(self) -> None:
-        self.solution: Solution | NotSolved | None = None
-
-    def configure(self, config: Config) -> None:
-        """Nothing to take."""
-
-    def forget(self) -> None:
-        """Nothing to forget."""
-
-    def solve(self, frame: Frame, stars: StarList) -> Solution | NotSolved | None:
-        """What was found that night."""
-        _ = frame, stars
-        return self.solution
-
-    def moved(self, frame: Frame, stars: StarList, part: Part) -> Solution | None:
-        """Nobody looks at a part of a recorded frame."""
-        _ = frame, stars, part
-        return None
 
 
 @contextmanager
@@ -177,32 +155,29 @@ def open_rerun(
     with_solver: bool,
     on_frame: Callable[[], None] = lambda: None,
 ) -> Iterator[tuple[Rerun, str]]:
-    """Ready to reduce a session's frames again, and the network's SHA-256.
+    """Open a reducer for a session's frames, and yield it with the network's SHA-256.
 
     Raises ModelError when the network cannot be loaded, SolverError without index files.
     """
+    rerun = partial(Rerun, reader, on_frame=on_frame)
     if with_solver:
         with open_reducer(config) as (reducer, sha256):
-            yield (
-                Rerun(reader, reducer, None, with_detector=with_detector, on_frame=on_frame),
-                sha256,
-            )
+            yield rerun(reducer, None, with_detector=with_detector), sha256
         return
     network = Network.load(config.detector.model, config.detector.threads)
-    plate = RecordedPlate()
+    plate = GivenPlate()
     reducer = FrameReducer(network, ConfidenceCurve.from_card(network.card), plate, config)
-    yield (
-        Rerun(reader, reducer, plate, with_detector=True, on_frame=on_frame),
-        str(network.card["sha256"]),
-    )
+    yield rerun(reducer, plate, with_detector=True), str(network.card["sha256"])
 
 
-def _with_plate(shown: Shown, solution: Solution | NotSolved | None, config: Config) -> Shown:
+def _with_plate(
+    observed: FrameObservations, solution: Solution | NotSolved | None, config: Config
+) -> FrameObservations:
     """The recorded detections, measured with another plate; what a hand marked stays as it is."""
-    measurements = [m for m in shown.measurements if m.source == "operator"]
+    measurements = [m for m in observed.measurements if m.source == "operator"]
     if isinstance(solution, Solution):
-        measurements += measured(shown.detections, solution, shown.taken, config.exposure)
-    return replace(shown, solution=solution, measurements=tuple(measurements))
+        measurements += measured(observed.detections, solution, observed.taken, config.exposure)
+    return replace(observed, solution=solution, measurements=tuple(measurements))
 
 
 OF_THE_FOLD = (
@@ -256,7 +231,7 @@ def what_if_session(
     keep: bool = True,
     on_frame: Callable[[], None] = lambda: None,
 ) -> WhatIf:
-    """A session with other settings, by their dotted names.
+    """Try other settings on a session, by their dotted names.
 
     ``detector``, ``solver``: run them again over the frames that the session has kept; ``on_frame``
     is called before each frame then. Without them their settings, but for tau, cannot be tried.
@@ -268,9 +243,7 @@ def what_if_session(
     config = reader.config()
     changes = dict(changes or {})
     check_changes(changes, config, detector=detector, solver=solver)
-    frames: list[ReplayedFrame] = []
-    log: list[tuple[int, Record]] = []
-    both = _Both(config, keep=(frames, log) if keep else None)
+    both = _Both(config, is_kept=keep)
     counts, sha256 = None, None
     if detector or solver:
         begun_with = with_changes(config, changes)
@@ -291,8 +264,8 @@ def what_if_session(
         what_if=both.changed.figures(),
         is_reproduced=both.is_reproduced,
         config=begun_with,
-        frames=tuple(frames),
-        log=tuple(log),
+        frames=tuple(both.frames),
+        log=tuple(both.log),
         is_kept=keep,
         rerun=counts,
         model_sha256=sha256,
@@ -302,12 +275,10 @@ def what_if_session(
 class _Both:
     """One way through a log: followed with the recorded settings, and rewritten with others."""
 
-    def __init__(
-        self,
-        config: Config,
-        keep: tuple[list[ReplayedFrame], list[tuple[int, Record]]] | None,
-    ) -> None:
-        self._config, self._keep = config, keep
+    def __init__(self, config: Config, *, is_kept: bool) -> None:
+        self._config, self._is_kept = config, is_kept
+        self.frames: list[ReplayedFrame] = []
+        self.log: list[tuple[int, Record]] = []
         self.recorded, self.changed = FigureSum(), FigureSum()
         self.is_reproduced = True
 
@@ -331,7 +302,7 @@ class _Both:
         rewriter.close()
         return rewriter.config
 
-    def _add_recorded(self, closed: Iterable[ReplayedFrame | LookedAt]) -> None:
+    def _add_recorded(self, closed: Iterable[ReducedFrame]) -> None:
         for each in closed:
             if isinstance(each, ReplayedFrame):
                 self.is_reproduced = self.is_reproduced and each.is_alike
@@ -339,12 +310,12 @@ class _Both:
 
     def _add_changed(self, frame: ReplayedFrame) -> None:
         add_replayed(self.changed, frame)
-        if self._keep is not None:
-            self._keep[0].append(frame)
+        if self._is_kept:
+            self.frames.append(frame)
 
     def _keep_record(self, t_utc_ns: int, record: Record) -> None:
-        if self._keep is not None:
-            self._keep[1].append((t_utc_ns, record))
+        if self._is_kept:
+            self.log.append((t_utc_ns, record))
 
 
 def rewritten_log(what_if: WhatIf) -> Iterator[tuple[int, Record]]:

@@ -55,14 +55,14 @@ class Question:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Unexpected:
-    """An answer that is none: what broke, for the parent's log."""
+    """Failure of the child, for the parent's log."""
 
     words: str
     traceback: str
 
 
 class LogOfOneSession:
-    """The records of the session that was asked for last; only what is new is read again.
+    """Records of the last session asked for; only what is new is read again.
 
     Of a long one the first are kept, and the others read for each question: they would fill the
     memory of a small computer.
@@ -75,7 +75,7 @@ class LogOfOneSession:
         self._seqs: list[int] = []
 
     def until(self, folder: Path, seq: int | None) -> Iterator[Record]:
-        """All up to that place, None: all there are. Raises SessionError."""
+        """Records up to a sequence number, or all with None. Raises SessionError."""
         if folder != self._folder:
             self._folder, self._records, self._seqs = folder, [], []
         yield from self._records if seq is None else self._records[: bisect_right(self._seqs, seq)]
@@ -108,7 +108,7 @@ class WhatIfProcess:
         return self._child.pid
 
     def start(self) -> None:
-        """Have the process ready before the first question; that one says where it cannot be."""
+        """Start the process before the first question; a failure is reported by that one."""
         with self._lock, contextlib.suppress(SessionError, OSError):
             self._started()
             self._end_when_idle()

@@ -42,7 +42,7 @@ class FrameSolver:
     @classmethod
     @contextmanager
     def open(cls, config: Config) -> "Iterator[FrameSolver]":
-        """Raises SolverError without index files."""
+        """Start the solver. Raises SolverError without index files."""
         with PlateSolver(config.solver.index_dirs, start_s=config.waits.process_s) as solver:
             yield cls(solver, config)
 
@@ -55,7 +55,7 @@ class FrameSolver:
         radius_deg: float | None = None,
         scale_arcsec_px: tuple[float, float] | None = None,
     ) -> Solved:
-        """Hints come from the header; what is given here overrides them.
+        """Solve a frame by its header's hints; what is given here overrides them.
 
         What fails with its hints is tried without them, within the same deadline.
         """
@@ -92,7 +92,7 @@ class FrameDetector:
         self._calibration = Calibration(config)
 
     def detect(self, frame: Frame) -> tuple[Detections, tuple[str, ...]]:
-        """What was found, and what is to be known of the frame, a sentence each."""
+        """Detections of a frame, and what is to be known of it, a sentence each."""
         prepared, noted = self._calibration.prepare(frame)
         found = self._detector.analyse(prepared).detections
         notes = (*noted, *cautions(frame, None, self._config))

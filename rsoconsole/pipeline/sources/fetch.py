@@ -41,7 +41,7 @@ FaultKind = Literal["refused", "unreachable", "failed"]
 
 
 class FetchError(OrbitError):
-    """No answer that can be used. ``kind``: "refused" must not be asked again by itself;
+    """A server gave no usable answer. ``kind``: "refused" must not be asked again by itself;
     "unreachable" was never asked at all."""
 
     def __init__(self, words: str, kind: FaultKind, is_answer: bool = False) -> None:
@@ -82,7 +82,7 @@ class _Redirects(urllib.request.HTTPRedirectHandler):
 
 
 class Fetcher:
-    """Asks one host or several; what a login leaves (cookies) lives as long as this does."""
+    """Client for one host or several; cookies of a login live as long as this does."""
 
     def __init__(self, *, deadline_s: float = DEADLINE_S, is_bound: bool = False) -> None:
         self._deadline_s = deadline_s
@@ -91,7 +91,7 @@ class Fetcher:
         )
 
     def get(self, url: str, *, form: Mapping[str, str] | None = None) -> bytes:
-        """The body, unpacked where it came as gzip. ``form``: sent by POST.
+        """Get the body, unpacked where it came as gzip. ``form``: sent by POST.
 
         Raises FetchError, never with a secret of the address or the form in its words.
         """
@@ -249,11 +249,13 @@ _GZIP, _ZIP = b"\x1f\x8b", b"PK\x03\x04"
 
 
 def text_of(content: bytes) -> str:
-    """The text. Raises OrbitError where it is none, or unpacked larger than ``MAX_BYTES``."""
+    """Decode an answer. Raises OrbitError where it is no text, or larger than ``MAX_BYTES``."""
     if content.startswith(_GZIP):
         content = _gunzipped(content)
     elif content.startswith(_ZIP):
         content = _of_archive(content)
+    if len(content) > MAX_BYTES:
+        raise OrbitError(f"unpacked it is larger than {MAX_BYTES >> 20} MB")
     try:
         text = content.decode("utf-8-sig")
     except UnicodeDecodeError:
@@ -263,7 +265,7 @@ def text_of(content: bytes) -> str:
     return text.replace("\r\n", "\n").replace("\r", "\n")
 
 
-def expect_elements_not_a_page(text: str) -> None:
+def reject_web_page(text: str) -> None:
     """Raises OrbitError, with its first words, where a web page or a remark stands in for data."""
     start = text.lstrip()[:400]
     lower = start.lower()
@@ -279,14 +281,11 @@ def expect_elements_not_a_page(text: str) -> None:
 
 def _gunzipped(content: bytes) -> bytes:
     try:
-        plain = gunzipped(content)
+        return gunzipped(content)
     except (OSError, zlib.error) as error:
         raise OrbitError(f"its gzip is broken ({error})") from error
     except EOFError as error:
         raise OrbitError("its gzip ends before it is whole") from error
-    if len(plain) > MAX_BYTES:
-        raise OrbitError(f"unpacked it is larger than {MAX_BYTES >> 20} MB")
-    return plain
 
 
 def _of_archive(content: bytes) -> bytes:
@@ -296,9 +295,6 @@ def _of_archive(content: bytes) -> bytes:
             if len(files) != 1:
                 raise OrbitError(f"its archive holds {len(files)} files, one is needed")
             with archive.open(files[0]) as stream:
-                plain = stream.read(MAX_BYTES + 1)
+                return stream.read(MAX_BYTES + 1)
     except (zipfile.BadZipFile, zlib.error, EOFError, RuntimeError, NotImplementedError) as error:
         raise OrbitError(f"its archive is broken ({error})") from error
-    if len(plain) > MAX_BYTES:
-        raise OrbitError(f"unpacked it is larger than {MAX_BYTES >> 20} MB")
-    return plain

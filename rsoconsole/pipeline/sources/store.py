@@ -60,11 +60,11 @@ class Source:
 
     @property
     def file(self) -> Path | None:
-        """Of a local source."""
+        """Path of a local source; None of others."""
         return home_path(self.what) if self.kind == "file" else None
 
     def url(self, *, celestrak_url: str, space_track_url: str) -> str:
-        """Where it is asked for; empty of a local one."""
+        """Address of the source; empty of a local one."""
         base = celestrak_url.rstrip("/")
         if self.kind == "celestrak":
             return f"{base}/NORAD/elements/gp.php?{self._query('GROUP')}"
@@ -76,7 +76,7 @@ class Source:
         return self.what if self.kind == "url" else ""
 
     def host(self, *, celestrak_url: str, space_track_url: str) -> str:
-        """Whom it asks; empty of a local one."""
+        """Host of the source; empty of a local one."""
         url = self.url(celestrak_url=celestrak_url, space_track_url=space_track_url)
         return urlsplit(url).netloc.rpartition("@")[2].lower()
 
@@ -87,7 +87,7 @@ class Source:
 
 
 def parse_source(text: str) -> Source:
-    """Raises ValueError with what to write instead."""
+    """Parse a source's name. Raises ValueError with what to write instead."""
     kind, what = split_source(text)
     return Source(f"{kind}:{what}", kind, what)
 
@@ -101,7 +101,7 @@ _WAIT_S = 20.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Kept:
+class SourceStatus:
     """What is known of one source; None: not yet."""
 
     source: str
@@ -129,7 +129,7 @@ class Kept:
 
 
 def default_folder() -> Path:
-    """In the user's data folder."""
+    """Folder of the cache in the user's data folder."""
     return data_dir() / "catalogue"
 
 
@@ -144,19 +144,19 @@ class ElementStore:
     def __init__(self, folder: Path | None = None) -> None:
         self.folder = folder or default_folder()
 
-    def kept(self) -> dict[str, Kept]:
-        """By source, in their order of precedence; empty where there is no cache."""
+    def kept(self) -> dict[str, SourceStatus]:
+        """Status by source, in order of precedence; empty where there is no cache."""
         indexed = self._indexed()
         return self._of_files() if indexed is None else indexed
 
     def files(self) -> tuple[Path, ...]:
-        """Of the elements, the source with precedence first."""
+        """Files of elements, the source with precedence first."""
         named = [self.folder / each.file for each in self.kept().values() if each.file]
         return tuple(path for path in named if path.is_file())
 
     def keep(
         self, source: Source, text: str, entries: Sequence[CatalogueEntry], now_utc_ns: int
-    ) -> Kept:
+    ) -> SourceStatus:
         """Put what came in place of what was; the time of asking stays."""
         name = f"{source.slug}.txt"
         with self._writing():
@@ -170,33 +170,33 @@ class ElementStore:
                 **element_figures(entries),
             )
 
-    def note(self, source: Source, **values: Any) -> Kept:
-        """Change what is known of a source, by the fields of ``Kept``."""
+    def note(self, source: Source, **values: Any) -> SourceStatus:
+        """Change what is known of a source, by the fields of ``SourceStatus``."""
         with self._writing():
             return self._changed(source, **values)
 
-    def current(self, source: Source, now_utc_ns: int) -> Kept:
-        """What is known of a source; one asked in the future, by a clock since set right, counts
+    def current(self, source: Source, now_utc_ns: int) -> SourceStatus:
+        """Status of a source; one asked in the future, by a clock since set right, counts
         as asked now, and that is written."""
-        kept = self.kept().get(source.text, Kept(source=source.text))
+        kept = self.kept().get(source.text, SourceStatus(source=source.text))
         if kept.asked_utc_ns is not None and kept.asked_utc_ns > now_utc_ns:
             return self.note(source, asked_utc_ns=now_utc_ns)
         return kept
 
-    def claim(self, source: Source, now_utc_ns: int) -> tuple[Kept, bool]:
-        """What is known of a source, and whether it may be asked: then it counts as asked now.
+    def claim(self, source: Source, now_utc_ns: int) -> tuple[SourceStatus, bool]:
+        """Status of a source, and whether it may be asked: then it counts as asked now.
 
         One step: of two updates at a time one asks.
         """
         with self._writing():
-            kept = self.kept().get(source.text, Kept(source=source.text))
+            kept = self.kept().get(source.text, SourceStatus(source=source.text))
             if kept.refused_utc_ns is not None or kept.due_utc_ns(now_utc_ns) > now_utc_ns:
                 return kept, False
             self._changed(source, asked_utc_ns=now_utc_ns)
             return kept, True
 
     def arrange(self, order: Sequence[Source]) -> None:
-        """These sources alone, in this order of precedence; what others left is removed.
+        """Keep these sources alone, in this order of precedence; what others left is removed.
 
         Behind a damaged or lost index nothing is removed: each source has its file again.
         """
@@ -205,7 +205,7 @@ class ElementStore:
             is_damaged = indexed is None and (self.folder / INDEX).exists()
             kept = indexed or {}
             rows = [
-                self._adopted(each, kept.get(each.text, Kept(source=each.text)), is_damaged)
+                self._adopted(each, kept.get(each.text, SourceStatus(source=each.text)), is_damaged)
                 for each in order
             ]
             self._write_index(rows)
@@ -216,15 +216,15 @@ class ElementStore:
                 if path.name not in named:
                     path.unlink(missing_ok=True)
 
-    def _changed(self, source: Source, **values: Any) -> Kept:
+    def _changed(self, source: Source, **values: Any) -> SourceStatus:
         kept = self.kept()
-        changed = replace(kept.get(source.text, Kept(source=source.text)), **values)
+        changed = replace(kept.get(source.text, SourceStatus(source=source.text)), **values)
         kept[source.text] = changed
         rows = [each for each in kept.values() if each is changed or each.file != changed.file]
         self._write_index(rows if changed.file else list(kept.values()))
         return changed
 
-    def _adopted(self, source: Source, kept: Kept, is_damaged: bool) -> Kept:
+    def _adopted(self, source: Source, kept: SourceStatus, is_damaged: bool) -> SourceStatus:
         """With the file that lies there under its name; asked just now as far as anybody knows."""
         path = self.folder / f"{source.slug}.txt"
         if kept.file is None and path.is_file():
@@ -234,27 +234,26 @@ class ElementStore:
             kept = replace(kept, asked_utc_ns=time.time_ns())
         return kept
 
-    def _indexed(self) -> dict[str, Kept] | None:
+    def _indexed(self) -> dict[str, SourceStatus] | None:
         """As the index says; None where it is damaged or lost."""
         try:
             rows = json_of(read_foreign(self.folder / INDEX))["sources"]
-            found = TypeAdapter(list[Kept]).validate_python(rows)
+            found = TypeAdapter(list[SourceStatus]).validate_python(rows)
         except (OSError, ValueError, KeyError, TypeError):
             return None
         if any(each.file is not None and Path(each.file).name != each.file for each in found):
             return None  # it names what lies elsewhere
         return {each.source: each for each in found}
 
-    def _of_files(self) -> dict[str, Kept]:
+    def _of_files(self) -> dict[str, SourceStatus]:
         """Without an index: what lies there, asked just now as far as anybody knows."""
         now_ns = time.time_ns()
-        found = {}
-        for path in sorted(self.folder.glob("*.txt")):
-            key = f"file:{path}"
-            found[key] = Kept(source=key, file=path.name, asked_utc_ns=now_ns)
-        return found
+        return {
+            (key := f"file:{path}"): SourceStatus(source=key, file=path.name, asked_utc_ns=now_ns)
+            for path in sorted(self.folder.glob("*.txt"))
+        }
 
-    def _write_index(self, rows: Sequence[Kept]) -> None:
+    def _write_index(self, rows: Sequence[SourceStatus]) -> None:
         content = {"format": FORMAT, "sources": [asdict(each) for each in rows]}
         self._write(INDEX, json.dumps(content, indent=1).encode())
 
@@ -284,7 +283,7 @@ class ElementStore:
 
 
 def element_figures(entries: Sequence[CatalogueEntry]) -> dict[str, int]:
-    """How many they are, of how many objects, and how old, as ``Kept`` has it."""
+    """Numbers of sets and objects, and their age, by the fields of ``SourceStatus``."""
     newest: dict[int, int] = {}
     for each in entries:
         newest[each.norad_id] = max(each.epoch_utc_ns, newest.get(each.norad_id, 0))
@@ -298,7 +297,7 @@ def element_figures(entries: Sequence[CatalogueEntry]) -> dict[str, int]:
 
 
 def _figures_of(path: Path) -> dict[str, Any]:
-    """Of a file that lies in the cache, as ``Kept`` has it; none where it holds no elements."""
+    """Figures of a cached file, as ``SourceStatus`` has them; empty where it has no elements."""
     try:
         entries = parse_catalogue(path.read_text(errors="replace"), path.name)
         fetched_ns = path.stat().st_mtime_ns

@@ -13,10 +13,10 @@ from rsoconsole.pipeline.sources.fetch import (
     MAX_BYTES,
     Fetcher,
     FetchError,
-    expect_elements_not_a_page,
+    reject_web_page,
     text_of,
 )
-from rsoconsole.pipeline.sources.store import ElementStore, Kept, Source
+from rsoconsole.pipeline.sources.store import ElementStore, Source, SourceStatus
 from rsoconsole.words import NAME_ELEMENTS, utc_ns_to_iso
 
 NEEDED = (
@@ -26,7 +26,7 @@ NEEDED = (
 
 
 def read_login(path: Path | None) -> tuple[str, str]:
-    """User name and password. Raises OrbitError with what to do; neither is ever in it."""
+    """Read user name and password. Raises OrbitError with what to do; neither is ever in it."""
     if path is None:
         raise OrbitError(f"Space-Track wants an account: {NEEDED}")
     lines = read_private(path, OrbitError, NEEDED)
@@ -36,7 +36,7 @@ def read_login(path: Path | None) -> tuple[str, str]:
 
 
 def fetch_with_login(url: str, base_url: str, login: tuple[str, str], deadline_s: float) -> bytes:
-    """One query under an account. Raises FetchError; a failed login counts as a refusal."""
+    """Run one query under an account. Raises FetchError; a failed login counts as a refusal."""
     fetcher = Fetcher(deadline_s=deadline_s, is_bound=True)
     answer = fetcher.get(
         f"{base_url.rstrip('/')}/ajaxauth/login",
@@ -48,19 +48,19 @@ def fetch_with_login(url: str, base_url: str, login: tuple[str, str], deadline_s
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Updated:
-    """What came of one source."""
+class SourceUpdate:
+    """Outcome of the update of one source."""
 
     source: Source
     is_fetched: bool
     is_fault: bool
     words: str
-    kept: Kept
+    kept: SourceStatus
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Update:
-    """How sources are asked. ``wait`` is called before each, and raises where it must not be."""
+class SourceUpdater:
+    """Updates sources in turn. ``wait`` is called before each, and raises where it must not be."""
 
     store: ElementStore
     celestrak_url: str
@@ -70,8 +70,8 @@ class Update:
     wait: Callable[[], None] = lambda: None
     now_utc_ns: Callable[[], int] = time.time_ns
 
-    def run(self, sources: Sequence[Source]) -> Iterator[Updated]:
-        """Each source, in order. Raises OrbitError where the cache cannot be written."""
+    def run(self, sources: Sequence[Source]) -> Iterator[SourceUpdate]:
+        """Update each source, in order. Raises OrbitError where the cache cannot be written."""
         refusing: dict[str, str] = {}
         for source in sources:
             updated = self._one(source, refusing)
@@ -79,14 +79,14 @@ class Update:
                 refusing.setdefault(self._host(source), source.words)
             yield updated
 
-    def bring_in(self, source: Source) -> Kept:
-        """A local file into the cache. Raises OrbitError where it cannot be read."""
+    def import_file(self, source: Source) -> SourceStatus:
+        """Import a local file into the cache. Raises OrbitError where it cannot be read."""
         now_utc_ns = self.now_utc_ns()
         assert source.file is not None
         text, entries = _read(_file_content(source.file), source.words)
         return self.store.keep(source, text, entries, now_utc_ns)
 
-    def _one(self, source: Source, refusing: dict[str, str]) -> Updated:
+    def _one(self, source: Source, refusing: dict[str, str]) -> SourceUpdate:
         now_utc_ns = self.now_utc_ns()
         kept = self.store.current(source, now_utc_ns)
         reason = self._not_now(source, kept, refusing, now_utc_ns)
@@ -99,23 +99,23 @@ class Update:
                 if not is_ours:
                     reason = self._not_now(source, kept, refusing, now_utc_ns)
         if reason is not None:
-            return Updated(source=source, is_fetched=False, is_fault=False, words=reason, kept=kept)
+            return SourceUpdate(
+                source=source, is_fetched=False, is_fault=False, words=reason, kept=kept
+            )
         try:
             content = self._content(source)
             with contextlib.suppress(OrbitError):  # a mount that slews on loses nothing fetched
                 self.wait()
             text, entries = _read(content, source.words)
-        except FetchError as error:
-            return self._failed(source, kept, error, error.kind, now_utc_ns)
         except OrbitError as error:
-            return self._failed(source, kept, error, "failed", now_utc_ns)
+            return self._failed(source, kept, error, now_utc_ns)
         now = self.store.keep(source, text, entries, now_utc_ns)
-        return Updated(
+        return SourceUpdate(
             source=source, is_fetched=True, is_fault=False, words=_words(kept, now), kept=now
         )
 
     def _not_now(
-        self, source: Source, kept: Kept, refusing: dict[str, str], now_utc_ns: int
+        self, source: Source, kept: SourceStatus, refusing: dict[str, str], now_utc_ns: int
     ) -> str | None:
         """Why it is not asked; None where it is."""
         if source.file is not None:
@@ -132,9 +132,9 @@ class Update:
         return None
 
     def _failed(
-        self, source: Source, before: Kept, error: OrbitError, kind: str, now_utc_ns: int
-    ) -> Updated:
-        words = str(error)
+        self, source: Source, before: SourceStatus, error: OrbitError, now_utc_ns: int
+    ) -> SourceUpdate:
+        words, kind = str(error), error.kind if isinstance(error, FetchError) else "failed"
         if kind == "refused":
             kept = self.store.note(source, fault=words, refused_utc_ns=now_utc_ns)
             words += "; it is not asked again until it is added again"
@@ -144,7 +144,7 @@ class Update:
             kept = self.store.note(source, fault=words)
         if kept.fetched_utc_ns is not None:
             words += f"; what came on {utc_ns_to_iso(kept.fetched_utc_ns, 0)} is kept"
-        return Updated(source=source, is_fetched=False, is_fault=True, words=words, kept=kept)
+        return SourceUpdate(source=source, is_fetched=False, is_fault=True, words=words, kept=kept)
 
     def _content(self, source: Source) -> bytes:
         if source.file is not None:
@@ -163,7 +163,7 @@ def _read(content: bytes, where: str) -> tuple[str, tuple[CatalogueEntry, ...]]:
     """Raises OrbitError where that is no catalogue."""
     with raised_as(OrbitError, f"{where}: ", OrbitError):
         text = text_of(content)
-        expect_elements_not_a_page(text)
+        reject_web_page(text)
     return text, parse_catalogue(text, where)
 
 
@@ -176,7 +176,7 @@ def _file_content(path: Path) -> bytes:
         return path.read_bytes()
 
 
-def _words(before: Kept, now: Kept) -> str:
+def _words(before: SourceStatus, now: SourceStatus) -> str:
     words = f"{now.objects:,} objects"
     if before.objects and now.objects < before.objects / 2:
         words += f", {before.objects:,} before: look whether the source has changed"

@@ -52,7 +52,7 @@ class Arc:
 
     @property
     def measurements(self) -> tuple[Measurement, ...]:
-        """Those that updated it by the filter's own prediction, in order."""
+        """Measurements that updated it by the filter's own prediction, in order."""
         steps = (s for s in self.steps if s.by_orbit is None)
         return tuple(s.measurement for s in steps if s.measurement is not None)
 
@@ -77,7 +77,7 @@ class Innovations:
 
     @property
     def autocorrelation(self) -> tuple[float, float]:
-        """Of successive innovations (east, north), about zero; 0 for a filter in tune."""
+        """Lag-1 autocorrelation (east, north), about zero; 0 for a filter in tune."""
         return self._lag_1(self.east), self._lag_1(self.north)
 
     def _lag_1(self, values: FloatArray) -> float:
@@ -125,7 +125,7 @@ def _first_of(
 
 
 def innovations(arcs: Sequence[Arc], settings: Mapping[str, float]) -> Innovations | None:
-    """The filter over the arcs; None where its numbers no longer invert.
+    """Run the filter over the arcs; None where its matrices are singular.
 
     ``settings``: fields of FilterConfig that hold throughout, in the place of those in force.
     """

@@ -13,6 +13,7 @@ HALF_WIDTH = 0.5
 _WORST = -1e12
 _FINE = {"xatol": 0.02, "fatol": 0.01}
 _COARSE = {"xatol": 0.1, "fatol": 0.05}
+_CORNER = 0.5
 _STRIDE = 0.2
 """Of a parabola's three points, in natural logarithms."""
 
@@ -31,7 +32,7 @@ class Parameter:
     """Where to look first, in units of what was recorded."""
 
     def held_at(self, value: float) -> "Parameter":
-        """The same, with no other value to take."""
+        """The parameter held at one value."""
         return replace(self, low=value, high=value, scan=())
 
     def clipped(self, log_value: float) -> float:
@@ -48,12 +49,12 @@ class Fit:
     log_likelihood: float
 
     def settings(self) -> dict[str, float]:
-        """By dotted name."""
+        """Settings by dotted name."""
         pairs = zip(self.parameters, self.values, strict=True)
         return {name: value for parameter, value in pairs for name in parameter.names}
 
     def value(self, parameter: Parameter) -> float:
-        """Of one parameter; as recorded where it was not sought."""
+        """Value of one parameter; as recorded where it was not sought."""
         pairs = zip(self.parameters, self.values, strict=True)
         found = (value for each, value in pairs if each.names == parameter.names)
         return next(found, parameter.recorded)
@@ -242,14 +243,12 @@ class Search:
         return (there, above) if above > height else (logs, height)
 
 
-def _simplex(
-    start: FloatArray, bounds: Sequence[tuple[float, float]], size: float = 0.5
-) -> FloatArray:
+def _simplex(start: FloatArray, bounds: Sequence[tuple[float, float]]) -> FloatArray:
     """Corners about a start, inside the bounds."""
     corners = [start]
     for place, (_, high) in enumerate(bounds):
         corner = start.copy()
-        corner[place] += size if corner[place] + size <= high else -size
+        corner[place] += _CORNER if corner[place] + _CORNER <= high else -_CORNER
         corners.append(corner)
     return np.array(corners)
 

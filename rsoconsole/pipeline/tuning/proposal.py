@@ -9,12 +9,10 @@ so what is found is replayed, and sought again with what the tracks take then, u
 
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from rsoconsole.base import ConfigError, SessionError
-from rsoconsole.config import Config
 from rsoconsole.pipeline.frame.measurement import usual_sigma_s
 from rsoconsole.pipeline.replays.refold import replay
 from rsoconsole.pipeline.tuning._propose_likelihood import Arc, arcs_of
@@ -28,11 +26,11 @@ FIRST_GATE_NIS, GATE_NIS = 50.0, 25.0
 MAX_ROUNDS = 3
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
 class _Session:
-    folder: Path
-    records: list[Any]
-    config: Config
+    def __init__(self, folder: Path) -> None:
+        reader = SessionReader(folder)
+        self.folder, self.config = folder, reader.config()
+        self.records = [record for _, _, record in reader.records()]
 
 
 def propose(
@@ -46,7 +44,7 @@ def propose(
     """
     if not folders:
         raise SessionError("name at least one session")
-    sessions = [_load(Path(folder)) for folder in folders]
+    sessions = [_Session(Path(folder)) for folder in folders]
     presets = sorted({session.config.filter.preset for session in sessions})
     if "adaptive" in presets:
         raise ConfigError(_nothing_to_propose(sessions))
@@ -86,12 +84,6 @@ def _nothing_to_propose(sessions: Sequence[_Session]) -> str:
         f" to propose ({learnt}); put the scatter into exposure.timing_sigma_s if it is the"
         " shutter's, or record with preset tuned"
     )
-
-
-def _load(folder: Path) -> _Session:
-    reader = SessionReader(folder)
-    records = [record for _, _, record in reader.records()]
-    return _Session(folder=folder, records=records, config=reader.config())
 
 
 def _arcs(sessions: Sequence[_Session], changes: Mapping[str, float] | None) -> list[Arc]:

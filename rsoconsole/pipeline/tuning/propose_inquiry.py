@@ -46,18 +46,13 @@ class Term:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Soundness:
-    """What the innovations say of one filter."""
+    """Consistency of one filter by its innovations."""
 
     log_likelihood: float
     nis_mean: float
     nis_band: tuple[float, float]
     autocorrelation_east: float
     autocorrelation_north: float
-
-    @property
-    def is_nis_in_band(self) -> bool:
-        """Whether the mean NIS is that of a sound filter."""
-        return self.nis_band[0] <= self.nis_mean <= self.nis_band[1]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -122,7 +117,7 @@ FLAT_DECADES = 4.0
 
 
 class Inquiry:
-    """What is asked of one set of tracks."""
+    """Comparison of models of Q and R on one set of tracks."""
 
     def __init__(self, arcs: Sequence[Arc], preset: str, on_evaluation: Callable[[], None]) -> None:
         self._arcs = arcs
@@ -212,7 +207,7 @@ class Inquiry:
             self._chosen = fit
 
     def proposal(self, folders: tuple[Path, ...], rounds: int, evaluations: int) -> Proposal:
-        """What was found, with its evidence."""
+        """Proposal with its evidence."""
         is_change = bool(self._chosen.parameters)
         parameters = self._evidence()
         self._warn(parameters)

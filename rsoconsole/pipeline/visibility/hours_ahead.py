@@ -81,16 +81,13 @@ def outlook(
     limits = Limits(site, config.limits, config.mount)
     moon = moon_icrs(site, t_utc_ns)
     moon_altitude_deg, moon_azimuth_deg = icrs_to_altaz(site, *moon, t_utc_ns)
-    margins: tuple[tuple[LimitName, float], ...] = ()
-    if direction_icrs_deg is not None:
-        margins = limits.margins_deg(_pose(direction_icrs_deg, t_utc_ns))
+    here = direction_icrs_deg
+    margins = () if here is None else limits.margins_deg(_pose(here, t_utc_ns))
     dark_utc_ns = night_span(site, t_utc_ns, config.limits.twilight_deg)
     ahead_s = AHEAD_S
     if dark_utc_ns is not None:
         ahead_s = min(ahead_s, max(dark_utc_ns[1] - t_utc_ns, 0) // NS_PER_S)
     sun = icrs_to_altaz(site, *sun_icrs(t_utc_ns), t_utc_ns)
-    here = direction_icrs_deg
-    is_geo = track is not None and is_geostationary_like(track)
     return Outlook(
         t_utc_ns=t_utc_ns,
         sun_altitude_deg=sun[0],
@@ -99,9 +96,7 @@ def outlook(
         moon_altitude_deg=moon_altitude_deg,
         moon_azimuth_deg=moon_azimuth_deg,
         moon_lit=moon_lit_fraction(t_utc_ns),
-        moon_away_deg=(
-            None if direction_icrs_deg is None else separation_deg(*moon, *direction_icrs_deg)
-        ),
+        moon_away_deg=None if here is None else separation_deg(*moon, *here),
         margins_deg=tuple(margin for margin in margins if math.isfinite(margin[1])),
         here_altaz_deg=None if here is None else icrs_to_altaz(site, *here, t_utc_ns),
         way_altaz_deg=() if track is None else _way_of(track, site, t_utc_ns),
@@ -109,7 +104,7 @@ def outlook(
         target_limit=None if track is None else _limit_of(track, limits, t_utc_ns, ahead_s),
         eclipse_utc_ns=(
             next_eclipse_utc_ns(direction_at(track, t_utc_ns), site, t_utc_ns)
-            if track is not None and is_geo
+            if track is not None and is_geostationary_like(track)
             else None
         ),
     )

@@ -23,6 +23,7 @@ from rsoconsole.orbits import (
 from rsoconsole.records import FloatArray, Site
 from rsoconsole.sky import (
     EARTH_RADIUS_KM,
+    LIT_SHARE,
     IntArray,
     horizon_altitude_deg,
     jd_utc,
@@ -41,35 +42,25 @@ Axes = tuple[FloatArray, FloatArray, FloatArray]
 """Up, north and east of a site at instants, (N, 3) unit vectors along GCRS axes."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Standing:
-    """M objects at N instants; geometric, without refraction."""
+    """Places of M objects at N instants; geometric, without refraction."""
 
-    r_km: FloatArray
-    """(M, N, 3), GCRS."""
-    line_km: FloatArray
-    """(M, N, 3), from the site."""
-    alt_deg: FloatArray
-    """(M, N); NaN where an object has no place."""
-    az_deg: FloatArray
-    margin_deg: FloatArray
-    """(M, N), above the limit; far below it where an object has no place."""
-
-
-def standing(
-    entries: Sequence[CatalogueEntry], site: Site, t_utc_ns: IntArray, limits: LimitsConfig
-) -> Standing:
-    """All objects at all instants (N,)."""
-    r_km, _ = states_gcrs(entries, t_utc_ns)
-    line_km = r_km - site_gcrs(site, t_utc_ns)[0]
-    alt_deg, az_deg = directions(line_km, axes_of(site, t_utc_ns))
-    return Standing(
-        r_km=r_km,
-        line_km=line_km,
-        alt_deg=alt_deg,
-        az_deg=az_deg,
-        margin_deg=margin_deg(alt_deg, az_deg, limits),
-    )
+    def __init__(
+        self,
+        entries: Sequence[CatalogueEntry],
+        site: Site,
+        t_utc_ns: IntArray,
+        limits: LimitsConfig,
+    ) -> None:
+        self.r_km, _ = states_gcrs(entries, t_utc_ns)
+        """(M, N, 3), GCRS."""
+        self.line_km = self.r_km - site_gcrs(site, t_utc_ns)[0]
+        """(M, N, 3), from the site."""
+        self.alt_deg, az_deg = directions(self.line_km, axes_of(site, t_utc_ns))
+        """(M, N); NaN where an object has no place, as the azimuth."""
+        self.az_deg = az_deg
+        self.margin_deg = margin_deg(self.alt_deg, az_deg, limits)
+        """(M, N), above the limit; far below it where an object has no place."""
 
 
 def axes_of(site: Site, t_utc_ns: IntArray) -> Axes:
@@ -91,7 +82,7 @@ def directions(line_km: FloatArray, axes: Axes) -> tuple[FloatArray, FloatArray]
 
 
 def margin_deg(alt_deg: FloatArray, az_deg: FloatArray, limits: LimitsConfig) -> FloatArray:
-    """How far above altitude limit and horizon mask; -90 where there is no place."""
+    """Height above altitude limit and horizon mask, degrees; -90 where there is no place."""
     lowest_deg = np.full(np.shape(alt_deg), limits.min_altitude_deg)
     if limits.horizon:
         lowest_deg = np.maximum(lowest_deg, horizon_altitude_deg(limits.horizon, az_deg))
@@ -99,15 +90,13 @@ def margin_deg(alt_deg: FloatArray, az_deg: FloatArray, limits: LimitsConfig) ->
 
 
 def unit(vectors: FloatArray) -> FloatArray:
-    """(..., 3) of length 1."""
+    """Unit vectors (..., 3)."""
     return np.asarray(vectors / np.linalg.norm(vectors, axis=-1, keepdims=True))
 
 
 STEP_S = 60
 LOW_REVOLUTIONS = 9.0
 """A day, from which an orbit counts as low."""
-LIT_SHARE = 0.5
-"""Of the Sun's disc, from which a satellite counts as lit."""
 _OBJECTS_AT_ONCE = 400
 _NEAR_LIMIT_DEG, _NEARER = 4.0, 0.5
 """What is highest so far below the limit at a look may be above it between two: the lowest orbits
@@ -164,7 +153,7 @@ def night_passes(
     """
     nearest = nearest_in_epoch_of_each(entries, span_utc_ns[0])
     looked_at = [e for e in nearest if _may_rise(e, site, limits, is_low_only=is_low_only)]
-    looks = _Looks.over(site, span_utc_ns)
+    looks = _Looks(site, span_utc_ns)
     done = len(nearest) - len(looked_at)
     for start in range(0, len(looked_at), _OBJECTS_AT_ONCE):
         some = looked_at[start : start + _OBJECTS_AT_ONCE]
@@ -197,33 +186,18 @@ def _may_rise(
     return abs(site.latitude_deg) <= northmost_deg + float(np.degrees(reach_rad)) + 1.0
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class _Looks:
     """The site at each look, one before the span and one behind it among them."""
 
-    t_utc_ns: IntArray
-    """(N,)"""
-    site_km: FloatArray
-    site_km_s: FloatArray
-    axes: Axes
-    sun_km: FloatArray
-    to_gcrs: FloatArray
-    """(N, 3, 3) from TEME, as SGP4 has it."""
-
-    @classmethod
-    def over(cls, site: Site, span_utc_ns: tuple[int, int]) -> "_Looks":
-        """Those of a span."""
+    def __init__(self, site: Site, span_utc_ns: tuple[int, int]) -> None:
         step_ns = STEP_S * NS_PER_S
         t = np.arange(span_utc_ns[0] - step_ns, span_utc_ns[1] + 2 * step_ns, step_ns)
-        site_km, site_km_s = site_gcrs(site, t)
-        return cls(
-            t_utc_ns=t,
-            site_km=site_km,
-            site_km_s=site_km_s,
-            axes=axes_of(site, t),
-            sun_km=sun_gcrs_km(t),
-            to_gcrs=teme_to_gcrs_rotation(t),
-        )
+        self.t_utc_ns = t
+        self.site_km, self.site_km_s = site_gcrs(site, t)
+        self.axes = axes_of(site, t)
+        self.sun_km = sun_gcrs_km(t)
+        self.to_gcrs = teme_to_gcrs_rotation(t)
+        """(N, 3, 3) from TEME, as SGP4 has it."""
 
     def near_the_limit(
         self, entries: Sequence[CatalogueEntry], limits: LimitsConfig
@@ -317,8 +291,7 @@ def _pass(
     bright = path.t_utc_ns[lit]
     is_lit = bool(len(bright)) and bright[-1] >= t[rise] and bright[0] <= t[set_]
     nearest = int(np.argmin(np.abs(path.t_utc_ns - t[top])))
-    beside = lines[[max(top - 1, 0), min(top + 1, len(t) - 1)]]
-    beside = beside / np.linalg.norm(beside, axis=-1, keepdims=True)
+    beside = unit(lines[[max(top - 1, 0), min(top + 1, len(t) - 1)]])
     moved_deg = float(np.degrees(np.arcsin(np.linalg.norm(np.cross(*beside)))))
     span_s = (t[min(top + 1, len(t) - 1)] - t[max(top - 1, 0)]) / NS_PER_S
     age_days = (int(t[top]) - entry.epoch_utc_ns) / NS_PER_DAY
@@ -353,7 +326,7 @@ RATE_STEP_S = 2
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Up:
+class VisibleSatellite:
     """One satellite above the limit."""
 
     norad_id: int
@@ -371,17 +344,17 @@ class Up:
     """Until it sinks to the limit; None: not within 12 hours."""
 
 
-def up_now(
+def visible_now(
     entries: Sequence[CatalogueEntry], site: Site, t_utc_ns: int, limits: LimitsConfig
-) -> tuple[Up, ...]:
-    """Those above altitude limit and horizon mask, the highest first.
+) -> tuple[VisibleSatellite, ...]:
+    """Satellites above altitude limit and horizon mask, the highest first.
 
     Elements that SGP4 refuses are left out.
     """
     nearest = nearest_in_epoch_of_each(entries, t_utc_ns)
     if not nearest:
         return ()
-    now = standing(nearest, site, np.array([t_utc_ns, t_utc_ns + RATE_STEP_S * NS_PER_S]), limits)
+    now = Standing(nearest, site, np.array([t_utc_ns, t_utc_ns + RATE_STEP_S * NS_PER_S]), limits)
     is_up = now.margin_deg[:, 0] > 0.0
     there = [each for each, up in zip(nearest, is_up, strict=True) if up]
     if not there:
@@ -391,7 +364,7 @@ def up_now(
     lit = lit_fraction(now.r_km[is_up, 0], t_utc_ns) >= LIT_SHARE
     left = _minutes_left(there, site, t_utc_ns, limits)
     found = [
-        Up(
+        VisibleSatellite(
             norad_id=each.norad_id,
             name=each.name or str(each.norad_id),
             ra_icrs_deg=float(ra_deg[n, 0]),
@@ -413,7 +386,7 @@ def _minutes_left(
     """Minutes until the margin of each is used up; infinite where it is not."""
     minutes = np.array(MINUTES)
     t = t_utc_ns + minutes.astype(np.int64) * 60 * NS_PER_S
-    margin = standing(entries, site, t, limits).margin_deg
+    margin = Standing(entries, site, t, limits).margin_deg
     is_down = margin <= 0.0
     first = np.argmax(is_down, axis=1)
     rows = np.arange(len(entries))

@@ -1,4 +1,4 @@
-"""What people type when they want a telescope to look somewhere, understood.
+"""Parser of the directions that people type for a telescope.
 
 Two coordinates in any usual notation (equatorial, ICRS or of date; altitude and azimuth; hour
 angle and declination), a satellite of a loaded element file by name or number, a bright star, an
@@ -49,21 +49,6 @@ class WrittenAngle:
     """ra, dec, alt, az or ha; empty where the text does not say."""
 
 
-def plain_signs(text: str) -> str:
-    """The same with one kind of minus, and a nought before a leading point."""
-    return _POINT_FIRST.sub("0.", text.translate(_DASHES))
-
-
-def without_labels(text: str) -> str:
-    """What is left of a text when ra, dec, alt, az and ha are taken out."""
-    return _LABEL.sub(" ", text)
-
-
-def is_labelled(text: str) -> bool:
-    """Whether a text begins with the name of a coordinate."""
-    return _LABEL.match(text.strip()) is not None
-
-
 def two_angles(text: str) -> tuple[WrittenAngle, WrittenAngle]:
     """The two angles of a text.
 
@@ -94,7 +79,7 @@ def is_marked(angle: str, *marks: str) -> bool:
 
 
 def number_of_fields(angle: str) -> int:
-    """How many numbers an angle is written with."""
+    """Number of numbers an angle is written with."""
     return len(_FIELD.findall(angle))
 
 
@@ -143,7 +128,7 @@ OLD_DAYS = 14.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Understood:
+class ParsedDirection:
     """A direction and how it was understood."""
 
     words: str
@@ -153,23 +138,24 @@ class Understood:
     """What speaks against trusting it; empty as a rule."""
 
 
-class Names:
+class TargetNames:
     """Satellites of element files and bright stars, by name."""
 
     def __init__(self, entries: Sequence[CatalogueEntry] = ()) -> None:
         self._entries = tuple(entries)
 
     @classmethod
-    def load(cls, files: Sequence[Path]) -> "Names":
-        """From element files. Raises OrbitError naming a file that cannot be read."""
+    def load(cls, files: Sequence[Path]) -> "TargetNames":
+        """Load names from element files. Raises OrbitError naming a file that cannot be read."""
         return cls(read_catalogue(files))
 
-    def find(self, text: str, site: Site, t_utc_ns: int) -> Understood:
-        """The object that is meant. Raises ValueError where none is, or several are."""
+    def find(self, text: str, site: Site, t_utc_ns: int) -> ParsedDirection:
+        """Find the object by its name. Raises ValueError where there is none, or several."""
         wanted = _plain(text)
         fixed = _of_the_sky(wanted, site, t_utc_ns)
         if fixed is not None:
-            return fixed
+            words, (ra, dec) = fixed
+            return ParsedDirection(words=words, ra_icrs_deg=ra, dec_icrs_deg=dec)
         nearest = nearest_in_epoch_of_each(self._entries, t_utc_ns)
         exact = [e for e in nearest if wanted in {_plain(e.name), str(e.norad_id)}]
         like = exact or [e for e in nearest if wanted and _plain(e.name).startswith(wanted)]
@@ -183,48 +169,55 @@ class Names:
         raise ValueError(f"{text.strip()!r} is no star known here, nor in {loaded}; {USAGE}")
 
 
-def _of_the_sky(wanted: str, site: Site, t_utc_ns: int) -> Understood | None:
-    """A star, an object of Messier's list, the Moon or a planet; None where it is none of them.
+def _of_the_sky(wanted: str, site: Site, t_utc_ns: int) -> tuple[str, tuple[float, float]] | None:
+    """Words and place of a star, an object of Messier's list, the Moon or a planet; else None.
 
     Raises ValueError for the Sun.
     """
     if wanted in {"sun", "thesun"}:
         raise ValueError("no telescope is sent to the Sun from here")
-    for name, (ra, dec) in NAMED_STARS.items():
+    for name, place in NAMED_STARS.items():
         if _plain(name) == wanted:
-            return Understood(words=f"{name}, a star", ra_icrs_deg=ra, dec_icrs_deg=dec)
+            return f"{name}, a star", place
     listed = _MESSIER.fullmatch(wanted)
-    if listed is not None and int(listed[1]) in MESSIER:
-        number = int(listed[1])
-        ra, dec = MESSIER[number]
-        return Understood(words=f"M{number} of Messier's list", ra_icrs_deg=ra, dec_icrs_deg=dec)
+    if listed is not None and (number := int(listed[1])) in MESSIER:
+        return f"M{number} of Messier's list", MESSIER[number]
     if wanted in {"moon", "themoon"}:
-        ra, dec = moon_icrs(site, t_utc_ns)
-        words = "the Moon, as it stands now"
-        return Understood(words=words, ra_icrs_deg=ra, dec_icrs_deg=dec)
+        return "the Moon, as it stands now", moon_icrs(site, t_utc_ns)
     for name in PLANETS:
         if _plain(name) == wanted:
-            ra, dec = planet_icrs(name, t_utc_ns)
-            return Understood(words=f"{name}, a planet", ra_icrs_deg=ra, dec_icrs_deg=dec)
+            return f"{name}, a planet", planet_icrs(name, t_utc_ns)
     return None
 
 
-def understand(text: str, site: Site, t_utc_ns: int, names: Names | None = None) -> Understood:
-    """The direction that somebody typed, ICRS. Raises ValueError saying what may be written."""
+def parse_direction(
+    text: str, site: Site, t_utc_ns: int, names: TargetNames | None = None
+) -> ParsedDirection:
+    """Parse a typed direction, ICRS. Raises ValueError saying what may be written."""
     plain = " ".join(text.split())
     if not plain:
         raise ValueError(USAGE)
-    bare = plain_signs(_ICRS.sub(" ", _OF_DATE.sub(" ", plain))).strip()
-    values = without_labels(bare)
+    is_of_date = _OF_DATE.search(plain) is not None
+    bare = _ICRS.sub(" ", _OF_DATE.sub(" ", plain)).translate(_DASHES)
+    bare = _POINT_FIRST.sub("0.", bare).strip()
+    values = _LABEL.sub(" ", bare)
     has_words = bool(_LETTERS.search("".join(c for c in values if c.lower() not in _UNITS)))
-    is_word_first = _LETTERS.match(bare) is not None and not is_labelled(bare)
+    is_word_first = _LETTERS.match(bare) is not None and _LABEL.match(bare) is None
     is_number = values == bare and bare.isdecimal()
     if has_words or is_word_first or is_number:
-        return (names or Names()).find(plain, site, t_utc_ns)
+        return (names or TargetNames()).find(plain, site, t_utc_ns)
     try:
         first, second = two_angles(bare)
     except ValueError as error:
         raise ValueError(f"{error}: {USAGE}") from error
+    words, (ra, dec) = _place_of(first, second, site, t_utc_ns, is_of_date=is_of_date)
+    return ParsedDirection(words=words, ra_icrs_deg=ra, dec_icrs_deg=dec)
+
+
+def _place_of(
+    first: WrittenAngle, second: WrittenAngle, site: Site, t_utc_ns: int, *, is_of_date: bool
+) -> tuple[str, tuple[float, float]]:
+    """How two angles are read, and the direction that they give, ICRS."""
     kinds = {first.kind, second.kind} - {""}
     if kinds <= {"alt", "az"} and kinds:
         return _horizontal(first, second, site, t_utc_ns)
@@ -232,10 +225,8 @@ def understand(text: str, site: Site, t_utc_ns: int, names: Names | None = None)
         if second.kind == "ha" or first.kind == "dec":
             first, second = second, first
         hour_angle_deg, dec_deg = _hour_angle_deg(first.text), parse_dec_deg(second.text)
-        ra_icrs, dec_icrs = icrs_of_hour_angle(site, hour_angle_deg, dec_deg, t_utc_ns)
-        return Understood(
-            words="hour angle and declination of date", ra_icrs_deg=ra_icrs, dec_icrs_deg=dec_icrs
-        )
+        place = icrs_of_hour_angle(site, hour_angle_deg, dec_deg, t_utc_ns)
+        return "hour angle and declination of date", place
     if not kinds <= {"ra", "dec"}:
         raise ValueError(f"{' and '.join(sorted(kinds))} do not go together: {USAGE}")
     if first.kind == "dec" or second.kind == "ra":
@@ -244,15 +235,15 @@ def understand(text: str, site: Site, t_utc_ns: int, names: Names | None = None)
     _refuse_ambiguous(first.text)
     ra = _ra_of_degrees(first.text) if is_degrees else parse_ra_deg(first.text)
     dec = parse_dec_deg(second.text)
-    if _OF_DATE.search(plain):
-        ra, dec = jnow_to_icrs(ra, dec, t_utc_ns)
-        return Understood(words="RA and Dec of date", ra_icrs_deg=ra, dec_icrs_deg=dec)
+    if is_of_date:
+        return "RA and Dec of date", jnow_to_icrs(ra, dec, t_utc_ns)
     is_degrees |= number_of_fields(first.text) == 1 and not is_marked(first.text, "h", "ʰ")
-    words = "RA and Dec, ICRS, in degrees" if is_degrees else "RA and Dec, ICRS"
-    return Understood(words=words, ra_icrs_deg=ra, dec_icrs_deg=dec)
+    return "RA and Dec, ICRS, in degrees" if is_degrees else "RA and Dec, ICRS", (ra, dec)
 
 
-def _horizontal(first: WrittenAngle, second: WrittenAngle, site: Site, t_utc_ns: int) -> Understood:
+def _horizontal(
+    first: WrittenAngle, second: WrittenAngle, site: Site, t_utc_ns: int
+) -> tuple[str, tuple[float, float]]:
     is_turned = first.kind == "az" or second.kind == "alt"
     alt_text, az_text = (second, first) if is_turned else (first, second)
     alt, az = parse_dec_deg(alt_text.text), parse_sexagesimal(az_text.text)
@@ -260,10 +251,8 @@ def _horizontal(first: WrittenAngle, second: WrittenAngle, site: Site, t_utc_ns:
         raise ValueError(f"altitude {alt:g} is below the horizon")
     if not -360.0 <= az <= 360.0:
         raise ValueError(f"azimuth {az:g} is beyond a full turn")
-    ra, dec = altaz_to_icrs(site, alt, az % 360.0, t_utc_ns)
-    return Understood(
-        words="altitude and azimuth, as it stands now", ra_icrs_deg=ra, dec_icrs_deg=dec
-    )
+    place = altaz_to_icrs(site, alt, az % 360.0, t_utc_ns)
+    return "altitude and azimuth, as it stands now", place
 
 
 def _refuse_ambiguous(text: str) -> None:
@@ -296,14 +285,14 @@ def _hour_angle_deg(text: str) -> float:
     return wrap_180(degrees)
 
 
-def _satellite(elements: CatalogueEntry, site: Site, t_utc_ns: int) -> Understood:
+def _satellite(elements: CatalogueEntry, site: Site, t_utc_ns: int) -> ParsedDirection:
     places = places_of(elements, site, np.array([t_utc_ns]))
     age_days = (t_utc_ns - elements.epoch_utc_ns) / NS_PER_DAY
     ra, dec = float(places.ra_icrs_deg[0]), float(places.dec_icrs_deg[0])
     if not np.isfinite(ra):
         raise ValueError(f"{elements.name} has no place: its elements are no good at this instant")
     name = called(elements.name, elements.norad_id)
-    return Understood(
+    return ParsedDirection(
         words=f"{name}, elements {age(age_days)}",
         ra_icrs_deg=ra,
         dec_icrs_deg=dec,

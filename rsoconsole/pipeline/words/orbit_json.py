@@ -15,8 +15,8 @@ from rsoconsole.orbits import (
     elements_of,
     period_s,
 )
-from rsoconsole.pipeline.orbits.ahead import Ahead, OrbitOutlook
-from rsoconsole.pipeline.orbits.orbit_of import Found, Part
+from rsoconsole.pipeline.orbits.orbit_determination import FoundOrbit, OrbitArc
+from rsoconsole.pipeline.orbits.orbit_outlook import Ahead, OrbitOutlook
 from rsoconsole.records import FloatArray
 from rsoconsole.sky import wrap_180
 from rsoconsole.words import NS_PER_S, utc_ns_to_iso
@@ -37,7 +37,7 @@ _OF_MATCH = (
 
 
 def orbit_report(
-    found: Found, outlook: OrbitOutlook | None, tle: tuple[str, str] | None = None
+    found: FoundOrbit, outlook: OrbitOutlook | None, tle: tuple[str, str] | None = None
 ) -> dict[str, Any]:
     """The object of ``rsoconsole orbit``.
 
@@ -176,7 +176,7 @@ def _ahead_report(ahead: Ahead) -> dict[str, Any]:
     }
 
 
-def _part_report(part: Part) -> dict[str, Any]:
+def _part_report(part: OrbitArc) -> dict[str, Any]:
     return {
         "name": part.name,
         "observations": part.observations,

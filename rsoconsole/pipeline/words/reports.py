@@ -31,6 +31,16 @@ _OF_DETECTION = (
     *("angle_deg", "sigma_angle_deg", "sigma_across_px"),
 )
 """Keys that are the detection's own."""
+_OF_PLATE = {
+    "ra": "ra_icrs_deg",
+    "dec": "dec_icrs_deg",
+    "scale_arcsec_px": "scale_arcsec_px",
+    "rotation_deg": "rotation_deg",
+    "flipped": "is_flipped",
+    "matched": "matched",
+    "rms_arcsec": "rms_arcsec",
+}
+"""Keys of a plate, and the fields of a solution that they show."""
 
 
 def detection_report(detection: Detection) -> dict[str, Any]:
@@ -99,29 +109,14 @@ def solution_report(
     name: str, solution: Solution | NotSolved, width_px: int, height_px: int
 ) -> dict[str, Any]:
     """A plate, or why there is none."""
-    if isinstance(solution, NotSolved):
-        empty = ("ra", "dec", "scale_arcsec_px", "rotation_deg", "flipped", "matched")
-        return {
-            "frame": name,
-            "solved": False,
-            "reason": solution.reason,
-            **dict.fromkeys(empty),
-            "rms_arcsec": None,
-            "wcs": None,
-            "ms": round(solution.ms, 3),
-        }
+    plate = solution if isinstance(solution, Solution) else None
+    values = {key: getattr(plate, field, None) for key, field in _OF_PLATE.items()}
     return {
         "frame": name,
-        "solved": True,
-        "reason": None,
-        "ra": solution.ra_icrs_deg,
-        "dec": solution.dec_icrs_deg,
-        "scale_arcsec_px": solution.scale_arcsec_px,
-        "rotation_deg": solution.rotation_deg,
-        "flipped": solution.is_flipped,
-        "matched": solution.matched,
-        "rms_arcsec": solution.rms_arcsec,
-        "wcs": wcs_cards(solution.wcs, width_px, height_px),
+        "solved": plate is not None,
+        "reason": solution.reason if isinstance(solution, NotSolved) else None,
+        **values,
+        "wcs": None if plate is None else wcs_cards(plate.wcs, width_px, height_px),
         "ms": round(solution.ms, 3),
     }
 

@@ -211,13 +211,13 @@ class PanelOrders:
         self._send(Goto(ra_icrs_deg=found.ra_icrs_deg, dec_icrs_deg=found.dec_icrs_deg))
 
     def _understood(self, text: str) -> Any:
-        from rsoconsole.pipeline import Names, understand
+        from rsoconsole.pipeline import TargetNames, parse_direction
 
         live, now_utc_ns = self._link.live, self._link.now_utc_ns
         if live is None or now_utc_ns is None:
             raise ValueError("the engine has not said where and when it is yet")
-        names = Names.load(live.config.catalogue.tle_files)
-        return understand(text, live.config.site.to_site(), now_utc_ns, names)
+        names = TargetNames.load(live.config.catalogue.tle_files)
+        return parse_direction(text, live.config.site.to_site(), now_utc_ns, names)
 
     # -- tuning ---------------------------------------------------------------------------------
 

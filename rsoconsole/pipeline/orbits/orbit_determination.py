@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 
@@ -18,6 +18,7 @@ from rsoconsole.orbits import (
     at_epoch,
     common_error_arcsec,
     determine,
+    elements_of,
     gooding,
     is_plausible,
     joint_orbit,
@@ -31,7 +32,7 @@ from rsoconsole.orbits import (
     three_lines,
     tracklet_orbit,
 )
-from rsoconsole.pipeline.orbits.track_measurements import Observed, arcs
+from rsoconsole.pipeline.orbits.track_measurements import ObservedTrack, arcs
 from rsoconsole.words import NS_PER_S, counted
 
 Method = Literal["least squares", "gooding"]
@@ -41,7 +42,7 @@ _MAX_TRACKS = 8
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Part:
+class OrbitArc:
     """One arc, and whether it is of the same object as those before it."""
 
     name: str
@@ -54,24 +55,27 @@ class Part:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Found:
-    """What came of it."""
+class FoundOrbit:
+    """Result of an orbit determination."""
 
     method: Method
     orbit: Orbit | None
     reason: str
     seen: Sightings
     """All directions that were used."""
-    observed: Observed
+    observed: ObservedTrack
     """Of the longest arc."""
-    parts: tuple[Part, ...]
+    parts: tuple[OrbitArc, ...]
     solutions: tuple[GoodingOrbit, ...] = ()
     """By Gooding's method: every orbit through the three lines that does not meet the ground."""
 
 
 def find_orbit(
-    observed: Sequence[Observed], *, prior: PriorName = "auto", others: Sequence[Observed] = ()
-) -> Found:
+    observed: Sequence[ObservedTrack],
+    *,
+    prior: PriorName = "auto",
+    others: Sequence[ObservedTrack] = (),
+) -> FoundOrbit:
     """The orbit of what was ``observed``: all of it is said to be of one object, and is used.
 
     ``others``, such as a session's further tracks, are used where one orbit fits them too.
@@ -92,7 +96,7 @@ def find_orbit(
             used.append(arc)
     seen, _ = merged_tracklets(used)
     orbit = _determined(seen, used, start, prior)
-    return Found(
+    return FoundOrbit(
         method="least squares",
         orbit=orbit,
         reason=_why_none(seen) if orbit is None else orbit.reason,
@@ -102,10 +106,10 @@ def find_orbit(
     )
 
 
-def find_by_gooding(observed: Observed) -> Found:
+def find_by_gooding(observed: ObservedTrack) -> FoundOrbit:
     """The orbit through the first, the middlemost and the last direction, without any prior."""
     seen = observed.seen
-    nothing = Found(
+    nothing = FoundOrbit(
         method="gooding",
         orbit=None,
         reason=_why_none(seen),
@@ -126,16 +130,13 @@ def find_by_gooding(observed: Observed) -> Found:
     if not fits:
         return replace(nothing, reason="no bound orbit passes through the three directions")
     fits.sort(key=lambda each: each[0])
+    others = "no other orbit" if len(fits) == 1 else f"each of {len(fits)} orbits"
     return replace(
         nothing,
         orbit=fits[0][1],
-        reason=f"{fits[0][1].reason}; {_how_many(len(fits))} passes through the three",
+        reason=f"{fits[0][1].reason}; {others} passes through the three",
         solutions=tuple(each for _, _, each in fits),
     )
-
-
-def _how_many(orbits: int) -> str:
-    return "no other orbit" if orbits == 1 else f"each of {orbits} orbits"
 
 
 def _determined(
@@ -187,8 +188,10 @@ def _probability(
     return probability_of(log_odds_of_more(start, used[1:], more))
 
 
-def _part(observed: Observed, arc: Sightings, *, is_used: bool, probability: float | None) -> Part:
-    return Part(
+def _part(
+    observed: ObservedTrack, arc: Sightings, *, is_used: bool, probability: float | None
+) -> OrbitArc:
+    return OrbitArc(
         name=observed.name,
         observations=len(arc),
         t_first_utc_ns=int(arc.t_utc_ns[0]),
@@ -214,6 +217,24 @@ def _misfit(seen: Sightings, orbit: Orbit) -> float:
     return float(np.sum(seen.whitened(seen.residuals_arcsec(places)) ** 2))
 
 
+def orbit_values(orbit: Orbit) -> dict[str, Any]:
+    """The fields that an orbit has on record and in the ledger alike."""
+    elements = elements_of(orbit.r_km, orbit.v_km_s)
+    return {
+        "label": orbit.label,
+        "prior": orbit.prior,
+        "epoch_utc_ns": orbit.epoch_utc_ns,
+        "r_gcrs_km": tuple(map(float, orbit.r_km)),
+        "v_gcrs_km_s": tuple(map(float, orbit.v_km_s)),
+        "covariance": tuple(tuple(map(float, row)) for row in orbit.covariance),
+        "a_km": elements.a_km,
+        "e": elements.e,
+        "i_deg": elements.i_deg,
+        "sigma_a_km": orbit.sigma_a_km,
+        "rms_arcsec": orbit.rms_arcsec,
+    }
+
+
 WORTH_WRITING = ("free", "constrained by prior")
 """Others would be taken for better than they are: elements carry no errors."""
 
@@ -228,8 +249,10 @@ class FittedElements:
     reason: str
 
 
-def orbit_elements(found: Found, *, norad_id: int, name: str, cospar: str = "") -> FittedElements:
-    """Fitted to the directions and the orbit; nothing is raised for what SGP4 does not follow."""
+def orbit_elements(
+    found: FoundOrbit, *, norad_id: int, name: str, cospar: str = ""
+) -> FittedElements:
+    """Mean elements fitted to the directions and the orbit; raises nothing where SGP4 fails."""
     if found.orbit is None or found.orbit.label not in WORTH_WRITING:
         label = "not observable" if found.orbit is None else found.orbit.label
         return FittedElements(mean=None, tle=None, reason=f"the orbit is labelled {label}")

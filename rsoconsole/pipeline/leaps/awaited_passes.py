@@ -5,8 +5,9 @@ orbit until the object has surely gone through there, early or late; how late it
 streak, and how far across.
 """
 
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Collection
 from dataclasses import dataclass
+from itertools import chain
 
 import numpy as np
 
@@ -130,8 +131,8 @@ _FARTHEST_DEG = 3.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Awaited:
-    """One pass, and where it is waited for."""
+class AwaitedPass:
+    """A pass that is awaited, and where."""
 
     name: str
     states: StatesOf
@@ -140,15 +141,15 @@ class Awaited:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Came:
-    """What a first streak says of the elements."""
+class PassOffset:
+    """Offset of a pass from its elements, by the first streak."""
 
     late_s: float
     across_arcmin: float
     """To the left of the motion."""
 
 
-def next_of(
+def next_awaited_pass(
     entry: CatalogueEntry,
     site: Site,
     now_utc_ns: int,
@@ -158,19 +159,15 @@ def next_of(
     late_sigma_s: float,
     lifted: Collection[LimitName] = (),
     errors: ElementErrors = ASSUMED,
-) -> Awaited | None:
+) -> AwaitedPass | None:
     """The next pass of a catalogued object within a day on which it is lit where it is met."""
     satellite = Satellite(entry)
     span = (now_utc_ns, now_utc_ns + NS_PER_DAY)
-    found = [
-        each
-        for _, some in night_passes([entry], site, span, limits, is_low_only=False, errors=errors)
-        for each in some
-    ]
-    for each in found:
+    passes = night_passes([entry], site, span, limits, is_low_only=False, errors=errors)
+    for each in chain.from_iterable(some for _, some in passes):
         if each.lit_from_utc_ns is None:
             continue
-        awaited = awaited_on(
+        awaited = awaited_pass(
             each.name,
             satellite.position_gcrs,
             site,
@@ -185,7 +182,7 @@ def next_of(
     return None
 
 
-def awaited_on(
+def awaited_pass(
     name: str,
     states: StatesOf,
     site: Site,
@@ -195,7 +192,7 @@ def awaited_on(
     held: Limits,
     now_utc_ns: int,
     lifted: Collection[LimitName] = (),
-) -> Awaited | None:
+) -> AwaitedPass | None:
     """The earliest point of a pass that the telescope may look at all the time, and that is lit."""
     span_ns = round(SIGMAS * sigma_s * NS_PER_S)
     for t in range(up_utc_ns[0], up_utc_ns[1], round(_STEP_S * NS_PER_S)):
@@ -212,19 +209,15 @@ def awaited_on(
             until_utc_ns=t + span_ns,
             point_gcrs_km=(x, y, z),
         )
-        if all(_may_look(stare, site, at, held, lifted) for at in _instants(stare)):
-            return Awaited(name=name, states=states, stare=stare, set_utc_ns=up_utc_ns[1])
+        if all(_may_look(stare, site, at, held, lifted) for at in (t - span_ns, t, t + span_ns)):
+            return AwaitedPass(name=name, states=states, stare=stare, set_utc_ns=up_utc_ns[1])
     return None
 
 
 def is_dark(orbit: KnownOrbit, t_utc_ns: int) -> bool:
-    """Whether the Sun does not shine on it at all."""
+    """Whether the object is wholly in the Earth's shadow."""
     at = np.array([t_utc_ns])
     return bool(lit_fraction(orbit.states(at)[0], at)[0] <= 0.0)
-
-
-def _instants(stare: Stare) -> Sequence[int]:
-    return (stare.from_utc_ns, stare.t_through_utc_ns, stare.until_utc_ns)
 
 
 def _may_look(
@@ -235,8 +228,8 @@ def _may_look(
     return held.refuse_pose(pose, is_slewing=False, lifted=lifted) is None
 
 
-def expected_at(awaited: Awaited, site: Site, t_utc_ns: int, late_s: float) -> SkyAhead:
-    """Where it would be at an instant if it were so late."""
+def expected_at(awaited: AwaitedPass, site: Site, t_utc_ns: int, late_s: float) -> SkyAhead:
+    """Predicted position at an instant of an object that is late by ``late_s``."""
     moved_ns = round(late_s * NS_PER_S)
 
     def states(t: IntArray) -> tuple[FloatArray, FloatArray]:
@@ -254,8 +247,10 @@ def expected_at(awaited: Awaited, site: Site, t_utc_ns: int, late_s: float) -> S
     )
 
 
-def came(awaited: Awaited, site: Site, streak: StreakEnds) -> tuple[Came, StreakEnds] | None:
-    """How late and how far across it is by one whole streak, taken in its sense.
+def came(
+    awaited: AwaitedPass, site: Site, streak: StreakEnds
+) -> tuple[PassOffset, StreakEnds] | None:
+    """Offset of a pass by one whole streak, and the streak in the sense of its motion.
 
     None for one that is nowhere on its way within the window, or that goes another way or at
     another speed than it would there.
@@ -284,7 +279,7 @@ def came(awaited: Awaited, site: Site, streak: StreakEnds) -> tuple[Came, Streak
     off = np.array([east * np.cos(np.radians(middle_dec)), middle_dec - place.dec_icrs_deg])
     ahead = place.rate_arcsec_s / expected
     along_s = 3600.0 * float(off @ ahead) / expected
-    found = Came(
+    found = PassOffset(
         late_s=float(late[best]) - along_s,
         across_arcmin=60.0 * float(off[1] * ahead[0] - off[0] * ahead[1]),
     )

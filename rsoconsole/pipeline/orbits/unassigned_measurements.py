@@ -1,4 +1,4 @@
-"""Directions that no track took, and which of them an orbit knows as its own.
+"""Measurements that no track took, and which of them belong to an orbit.
 
 A track begins with the first two frames that agree, and coasts beside what its gate refuses: what
 was seen before, or refused then, may be the very object. An orbit that has grown since can tell:
@@ -32,8 +32,8 @@ _GATE_NIS = 9.21
 """Of two numbers; a hundredth of what belongs lies beyond."""
 
 
-class Untaken:
-    """Takes a session's records in order; remembers the last two hours."""
+class UnassignedMeasurements:
+    """Measurements of the last two hours that no track took; fed with records in order."""
 
     def __init__(self) -> None:
         self._seen: dict[str, Measurement] = {}
@@ -42,7 +42,7 @@ class Untaken:
         """By frame: the ids that tracks took there, and those that the operator refused."""
 
     def receive(self, record: Record) -> None:
-        """One record; others than the four kinds that matter pass by."""
+        """Process the next record; others than the four kinds that matter pass by."""
         if isinstance(record, Measurement):
             self._seen[record.measurement_id] = record
             self._let_go(record.t_mid_utc_ns)
@@ -57,7 +57,7 @@ class Untaken:
     def of(
         self, orbit: KnownOrbit, site: Site, without: Collection[int], learnt: tuple[float, float]
     ) -> tuple[Measurement, ...]:
-        """Those that are the object's of this orbit, in order of time; at most one of a frame.
+        """Measurements that belong to an orbit, in order of time; at most one of a frame.
 
         ``without``: frames in which it is known already which streak is its; ``learnt``: scatter
         along the motion (s) and the scale of variances, as the track has learnt them.

@@ -1,0 +1,55 @@
+"""Equality of records but for what another processor's rounding may change. Pure."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import fields, is_dataclass
+from typing import Any
+
+from rsoconsole.records import TrackState
+
+ROUNDING = 1e-7
+"""Relative; a fold's own digits agree to 1e-12 after a night, a setting changes the third."""
+_DIRECTION_DEG = 1e-9
+"""Four millionths of an arcsecond, below what any record can mean."""
+
+
+def are_alike(ours: Sequence[Any], theirs: Sequence[Any]) -> bool:
+    """Whether two lists of records agree, but for what a processor's rounding may change."""
+    return len(ours) == len(theirs) and all(map(is_alike, ours, theirs))
+
+
+def is_alike(one: Any, other: Any) -> bool:
+    """Whether two records, or values within them, agree but for rounding."""
+    if one == other:
+        return True
+    if type(one) is not type(other):
+        return False
+    if isinstance(one, TrackState):
+        return _is_same_track(one, other)
+    if is_dataclass(one):
+        names = (field.name for field in fields(one))
+        return all(is_alike(getattr(one, name), getattr(other, name)) for name in names)
+    if isinstance(one, tuple):
+        return are_alike(one, other)
+    return isinstance(one, float) and math.isclose(one, other, rel_tol=ROUNDING)
+
+
+def _is_same_track(one: TrackState, other: TrackState) -> bool:
+    """Places to less than anybody can measure, covariances in units of their own diagonal."""
+    plain = (f.name for f in fields(one) if f.name not in {"x", "P", "innovation_arcsec"})
+    if not all(is_alike(getattr(one, name), getattr(other, name)) for name in plain):
+        return False
+    sigma = [math.sqrt(one.P[n][n]) for n in range(4)]
+    largest = max(_DIRECTION_DEG, ROUNDING * max(sigma))
+    if any(abs(a - b) > largest for a, b in zip(one.x, other.x, strict=True)):
+        return False
+    if (one.innovation_arcsec is None) != (other.innovation_arcsec is None):
+        return False
+    innovations = zip(one.innovation_arcsec or (), other.innovation_arcsec or (), strict=True)
+    if any(abs(a - b) > largest * 3600.0 for a, b in innovations):
+        return False
+    return all(
+        abs(one.P[i][j] - other.P[i][j]) <= ROUNDING * sigma[i] * sigma[j]
+        for i in range(4)
+        for j in range(4)
+    )
