@@ -6,7 +6,7 @@ import socket
 import time
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 from rsoconsole.base import ControlError
 from rsoconsole.control.command import Command
@@ -29,26 +29,6 @@ GRACE_S = 0.5
 MADE_AGAIN_S = 2.0
 """So long an engine is waited for whose socket somebody has removed."""
 OPERATOR = Sender()
-
-
-class Wire(Protocol):
-    """The operator's end of the wire, as ``ControlClient`` is."""
-
-    def send(self, command: Command, *, timeout_s: float = DEFAULT_TIMEOUT_S) -> Outcome:
-        """Raises ControlError when no engine runs or it does not answer, or what never can be."""
-
-
-def answer_of(wire: Wire, question: Command) -> Mapping[str, Any]:
-    """What the engine answers. Raises ControlError where it does not, or refuses."""
-    outcome = wire.send(question)
-    if not outcome.ok:
-        raise ControlError(outcome.message)
-    return outcome.data
-
-
-def status_of(wire: Wire) -> Status:
-    """How the engine stands. Raises as ``answer_of`` does."""
-    return read_status(answer_of(wire, AskStatus()))
 
 
 class ControlClient:
@@ -127,6 +107,19 @@ class ControlClient:
                 if time.monotonic() > until or not (may_come or engine_behind(self._path)):
                     raise
                 time.sleep(0.1)
+
+
+def answer_of(wire: ControlClient, question: Command) -> Mapping[str, Any]:
+    """What the engine answers. Raises ControlError where it does not, or refuses."""
+    outcome = wire.send(question)
+    if not outcome.ok:
+        raise ControlError(outcome.message)
+    return outcome.data
+
+
+def status_of(wire: ControlClient) -> Status:
+    """How the engine stands. Raises as ``answer_of`` does."""
+    return read_status(answer_of(wire, AskStatus()))
 
 
 def _no_engine(path: Path) -> str:

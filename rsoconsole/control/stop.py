@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 from typing import Any, Literal, get_args
 
 from rsoconsole.base import RsoconsoleError
-from rsoconsole.control.client import Wire
+from rsoconsole.control.client import ControlClient
 from rsoconsole.control.commands import AskStatus, Stop
 from rsoconsole.records import StopOutcome
 from rsoconsole.words import (
@@ -91,7 +91,7 @@ class Stopping:
 
     def __init__(
         self,
-        wire: Callable[[], Wire],
+        wire: Callable[[], ControlClient],
         directly: DirectStop | None,
         on_news: Callable[[StopNews], None] = unheard,
     ) -> None:

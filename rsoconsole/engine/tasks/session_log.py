@@ -4,36 +4,17 @@ import contextlib
 import logging
 from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
-from typing import Literal, Protocol
-
-import numpy as np
-import numpy.typing as npt
+from typing import Literal
 
 from rsoconsole.base import RsoconsoleError
 from rsoconsole.engine.tasks.preview import closeup_of, preview_of
 from rsoconsole.pipeline import Past, keep_night
 from rsoconsole.records import Closeup, Event, Frame, Record, Topic
-from rsoconsole.session import damage_words, ledger_path, read_ledger
+from rsoconsole.session import SessionWriter, damage_words, ledger_path, read_ledger
 
 log = logging.getLogger(__name__)
 
 _LOG_LEVELS = {"info": logging.INFO, "warning": logging.WARNING, "alarm": logging.ERROR}
-
-
-class Recorder(Protocol):
-    """Where the loop puts what happened; must return at once and never raise."""
-
-    def append(self, record: Record, t_utc_ns: int) -> int:
-        """One record, in order."""
-
-    def save_frame(self, frame: Frame) -> bool:
-        """The pixels as the camera gave them."""
-
-    def save_preview(self, frame_id: int, picture: npt.NDArray[np.uint8]) -> bool:
-        """A small uint8 picture."""
-
-    def save_closeup(self, frame_id: int, picture: npt.NDArray[np.uint8]) -> bool:
-        """A uint8 picture of a piece at full resolution."""
 
 
 class SessionLog:
@@ -41,7 +22,7 @@ class SessionLog:
 
     def __init__(
         self,
-        record: Recorder,
+        record: SessionWriter,
         now_utc_ns: Callable[[], int],
         on_record: Callable[[Record], None] | None = None,
     ) -> None:
