@@ -27,17 +27,12 @@ _held: dict[Path, str] = {}
 _held_lock = threading.Lock()
 
 
-def holder(path: Path) -> int | None:
-    """The process that holds the lock of a file; None where none does or the system does not tell.
-
-    Only asks: a lock taken for the asking would turn away a process that starts just now.
-    """
-    found = read_holder(path)
-    return None if found is None else found[0]
-
-
 def read_holder(path: Path) -> tuple[int, str] | None:
-    """The same, with what its holder has written into the file."""
+    """The process that holds a file's lock, and what it has written there; None where none does.
+
+    Only asks: a lock taken for the asking would turn away a process that starts just now. None
+    also where the system does not tell.
+    """
     if sys.platform != "linux":
         return None
     with _held_lock:
@@ -206,7 +201,8 @@ def engine_pid(socket_path: Path) -> int | None:
     None also where the system does not tell. Only asks: a lock taken for the asking would turn
     away an engine that starts just now.
     """
-    return holder(address_of(socket_path).with_suffix(".lock"))
+    found = read_holder(address_of(socket_path).with_suffix(".lock"))
+    return None if found is None else found[0]
 
 
 class EngineLock(RecordLock):

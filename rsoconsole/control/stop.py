@@ -82,18 +82,14 @@ def counted(said: str, ordered_ms: float | None, since: str) -> str:
     return said if ordered_ms is None else f"{said} ({since})"
 
 
-def unheard(_news: StopNews) -> None:
-    """For who waits for the end only."""
-
-
 class Stopping:
-    """One STOP under way; ``on_news`` is called from its threads."""
+    """One STOP under way; ``on_news`` is called from its threads, and not for who only waits."""
 
     def __init__(
         self,
         wire: Callable[[], ControlClient],
         directly: DirectStop | None,
-        on_news: Callable[[StopNews], None] = unheard,
+        on_news: Callable[[StopNews], None] = lambda _news: None,
     ) -> None:
         self._wire = wire
         self._directly = directly

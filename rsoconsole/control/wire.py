@@ -9,7 +9,7 @@ import socket
 import struct
 import threading
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Any, Literal, TypeAlias
 
@@ -171,9 +171,21 @@ class Connection:
             socket.SOL_SOCKET, socket.SO_SNDTIMEO, struct.pack("ll", int(_SEND_TIMEOUT_S), 0)
         )
 
-    def lines(self) -> "_Lines":
-        """Lines as they come in; raises ValueError at one that is too long."""
-        return _Lines(self._peer, self)
+    def lines(self) -> Iterator[bytes]:
+        """Lines as they come in; answers one that is too long, then raises ValueError."""
+        received = b""
+        while True:
+            while b"\n" not in received:
+                if len(received) > MAX_LINE_BYTES:
+                    text = f"a line of more than {MAX_LINE_BYTES} bytes: the connection is closed"
+                    self.answer(None, Outcome(ok=False, message=text))
+                    raise ValueError(text)
+                chunk = self._peer.recv(4096)
+                if not chunk:
+                    return
+                received += chunk
+            line, _, received = received.partition(b"\n")
+            yield line
 
     def answer(self, request_id: int | str | None, outcome: Outcome) -> None:
         """Send an outcome; a peer that is gone or does not read is let go."""
@@ -194,31 +206,6 @@ class Connection:
         with contextlib.suppress(OSError):
             self._peer.shutdown(socket.SHUT_RDWR)
         self._peer.close()
-
-
-class _Lines:
-    """Lines as they come in, none longer than is allowed."""
-
-    def __init__(self, peer: socket.socket, connection: Connection) -> None:
-        self._peer = peer
-        self._connection = connection
-        self._buffer = b""
-
-    def __iter__(self) -> "_Lines":
-        return self
-
-    def __next__(self) -> bytes:
-        while b"\n" not in self._buffer:
-            if len(self._buffer) > MAX_LINE_BYTES:
-                text = f"a line of more than {MAX_LINE_BYTES} bytes: the connection is closed"
-                self._connection.answer(None, Outcome(ok=False, message=text))
-                raise ValueError(text)
-            chunk = self._peer.recv(4096)
-            if not chunk:
-                raise StopIteration
-            self._buffer += chunk
-        line, _, self._buffer = self._buffer.partition(b"\n")
-        return line
 
 
 def read_request(connection: Connection, line: bytes) -> WaitingRequest:

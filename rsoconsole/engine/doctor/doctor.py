@@ -17,7 +17,9 @@ from rsoconsole.engine.doctor.checks import Check, bad, unsure, well
 from rsoconsole.engine.doctor.doctor_indi import import_faults
 from rsoconsole.engine.doctor.doctor_system import ClockReading
 from rsoconsole.engine.doctor.mount_lacks import PROPERTIES, lacks_of
+from rsoconsole.engine.machine.machine import read_machine
 from rsoconsole.engine.machine.medium import DISK_REMEDY, disk_outlook, disk_words
+from rsoconsole.engine.machine.time_source import read_time_source
 from rsoconsole.instruments import missing_protocol, utc_now_ns
 from rsoconsole.records import Site
 from rsoconsole.sky import separation_deg
@@ -55,9 +57,9 @@ def run_checks(config: Config) -> Iterator[Check]:
         ("mount driver", check_mount_driver),
         ("clock", lambda _: check_clock()),
         ("shutter", checks.check_shutter),
-        ("time source", lambda _: checks.check_time_source()),
-        ("temperature", lambda _: checks.check_temperature()),
-        ("power", lambda _: checks.check_power()),
+        ("time source", lambda _: checks.check_time_source(read_time_source())),
+        ("temperature", lambda _: checks.check_temperature(read_machine())),
+        ("power", lambda _: checks.check_power(read_machine())),
         ("disk", check_disk),
         ("recording medium", checks.check_medium),
         ("sessions folder", check_sessions_folder),

@@ -2,18 +2,15 @@
 
 import logging
 
-import numpy as np
-
 from rsoconsole.base import InstrumentError
 from rsoconsole.config import Config
 from rsoconsole.engine.operator.by_hand import Parts
 from rsoconsole.engine.operator.handlers import Control
-from rsoconsole.engine.tasks.pace import change_record, changed
+from rsoconsole.engine.tasks.pace import EXPOSURE, change_record, changed, two_digits
 from rsoconsole.pipeline import binning_for
 
 log = logging.getLogger(__name__)
 
-_EXPOSURE = "exposure.exposure_s"
 _WORTH_CHANGING = 0.15
 
 
@@ -87,7 +84,7 @@ class LeapCamera:
     def expose_for(self, exposure_s: float) -> None:
         """Set the exposure, on record, where another one is wanted."""
         config = self._control.config
-        wanted_s = float(np.format_float_positional(exposure_s, precision=2, fractional=False))
+        wanted_s = two_digits(exposure_s)
         if abs(wanted_s / config.exposure.exposure_s - 1.0) <= _WORTH_CHANGING:
             return
         if self._before_s is None:
@@ -125,6 +122,6 @@ class LeapCamera:
     def _set(self, exposure_s: float, by: str) -> None:
         config = self._control.config
         self._set_s = exposure_s
-        after = changed(config, _EXPOSURE, exposure_s)
-        self._session_log.append(change_record(config, after, _EXPOSURE, by))
+        after = changed(config, EXPOSURE, exposure_s)
+        self._session_log.append(change_record(config, after, EXPOSURE, by))
         self._control.configure(after)

@@ -123,7 +123,6 @@ class DiskOutlook:
     """At most: exposures from dusk to dawn without a pause, each kept as configured."""
     dark_s: float
     """How long that night is."""
-    free_bytes: int
     nights: float
     warning: str | None
     """In words, with the figures and what to do; None while there is room for some nights."""
@@ -146,7 +145,6 @@ def disk_outlook(
     return DiskOutlook(
         bytes_a_night=round(need),
         dark_s=dark_s,
-        free_bytes=free_bytes,
         nights=nights,
         warning=_warning(disk_words(free_bytes, dark_s, need), nights),
     )
@@ -170,13 +168,9 @@ def session_bytes(config: Config, duration_s: float, bytes_a_frame: float | None
     elif bytes_a_frame is not None:
         kept_bytes = bytes_a_frame
     else:
-        kept_bytes = COMPRESSED_SHARE * raw_frame_bytes(config)
+        raw_bytes = 2 * config.optics.width_px * config.optics.height_px
+        kept_bytes = COMPRESSED_SHARE * raw_bytes
     return duration_s / cadence_s * (kept_bytes + BYTES_BESIDE_FRAME)
-
-
-def raw_frame_bytes(config: Config) -> int:
-    """One frame as the camera gives it: 16 bits a pixel."""
-    return 2 * config.optics.width_px * config.optics.height_px
 
 
 def disk_words(free_bytes: float, dark_s: float, need_bytes: float) -> str:

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from rsoconsole.base import ConfigError
-from rsoconsole.config import Config, OpticsConfig, unknown_setting, walk, with_setting
+from rsoconsole.config import Config, unknown_setting, walk, with_setting
 from rsoconsole.records import ParameterChange, TrackState
 from rsoconsole.tracking import sky_rate_arcsec_s
 
@@ -84,16 +84,8 @@ FARTHEST_FIELDS = 0.5
 EXPOSURE, CADENCE = "exposure.exposure_s", "exposure.cadence_s"
 
 
-@dataclass(frozen=True, slots=True)
-class Wanted:
-    """What suits a rate."""
-
-    exposure_s: float
-    cadence_s: float
-
-
-def wanted(rate_arcsec_s: float, config: Config) -> Wanted:
-    """Exposure and cadence for a rate on the sky; the configured ones where they will do."""
+def pace_for(rate_arcsec_s: float, config: Config) -> tuple[float, float]:
+    """Exposure and cadence, s, for a rate on the sky; the configured ones where they will do."""
     exposure, optics = config.exposure, config.optics
     pixels_s = max(rate_arcsec_s / optics.scale_arcsec_px, 1e-6)
     longest_px = LONGEST_SHARE * min(optics.width_px, optics.height_px)
@@ -106,8 +98,8 @@ def wanted(rate_arcsec_s: float, config: Config) -> Wanted:
     if exposure_s != exposure.exposure_s:
         shortest_s = min(exposure.shortest_s, exposure.exposure_s)
         longest_s = max(exposure.longest_s, exposure.exposure_s)
-        exposure_s = min(max(_rounded(exposure_s), shortest_s), longest_s)
-    return Wanted(exposure_s, _cadence_s(rate_arcsec_s, exposure_s, config))
+        exposure_s = min(max(two_digits(exposure_s), shortest_s), longest_s)
+    return exposure_s, _cadence_s(rate_arcsec_s, exposure_s, config)
 
 
 def _cadence_s(rate_arcsec_s: float, exposure_s: float, config: Config) -> float:
@@ -117,18 +109,14 @@ def _cadence_s(rate_arcsec_s: float, exposure_s: float, config: Config) -> float
     cadence_s = exposure.cadence_s
     if exposure_s > exposure.exposure_s:
         cadence_s += exposure_s - exposure.exposure_s
-    crossed_s = FARTHEST_FIELDS * _field_arcsec(config.optics) / max(rate_arcsec_s, 1e-6)
+    crossed_s = FARTHEST_FIELDS * 3600.0 * min(config.optics.field_deg) / max(rate_arcsec_s, 1e-6)
     if crossed_s < cadence_s:
         cadence_s = min(cadence_s, max(crossed_s, exposure_s + beside_s))
     return cadence_s if cadence_s == exposure.cadence_s else round(cadence_s, 1)
 
 
-def _field_arcsec(optics: OpticsConfig) -> float:
-    return 3600.0 * min(optics.field_deg)
-
-
-def _rounded(value_s: float) -> float:
-    """To two digits: what an operator would have chosen."""
+def two_digits(value_s: float) -> float:
+    """A figure to two significant digits: what an operator would have chosen."""
     return float(np.format_float_positional(value_s, precision=2, fractional=False))
 
 
@@ -161,8 +149,7 @@ class Pace:
         base = self.of_night(config)
         east, north = sky_rate_arcsec_s(track)
         rate = float(np.hypot(east, north))
-        found = wanted(rate, base)
-        values = {EXPOSURE: found.exposure_s, CADENCE: found.cadence_s}
+        values = dict(zip((EXPOSURE, CADENCE), pace_for(rate, base), strict=True))
         apart = {
             name: value
             for name, value in values.items()
