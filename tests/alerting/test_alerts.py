@@ -40,7 +40,7 @@ from rsoconsole.control import (
 )
 from rsoconsole.engine import services_of
 from rsoconsole.engine.alerts._news import Alert, News
-from rsoconsole.engine.alerts._spool import MOST, OLDEST_NS, Spool
+from rsoconsole.engine.alerts._spool import MOST, OLDEST_NS, Spool, Waiting
 from rsoconsole.engine.alerts.child import Limiter
 from rsoconsole.engine.alerts.process import AlertProcess, _log_file
 from rsoconsole.engine.alerts.services import Sender, Sent, Service, send
@@ -222,7 +222,7 @@ def test_what_is_not_wanted_is_not_told() -> None:
 
 
 def add(spool: Spool, n: int, to: list[str], t_utc_ns: int = 5) -> None:
-    spool.add(kind="lock", title="t", body=str(n), t_utc_ns=t_utc_ns, to=to)
+    spool.add(Waiting(kind="lock", title="t", body=str(n), t_utc_ns=t_utc_ns, pending=to))
 
 
 def test_the_spool_outlives_its_process_is_bounded_and_holds_no_address(tmp_path: Path) -> None:
@@ -267,8 +267,10 @@ def test_what_two_engines_have_to_say_is_in_one_spool_when_the_first_has_ended(
     tmp_path: Path,
 ) -> None:
     first, second = Spool(tmp_path), Spool(tmp_path, claim_again_s=0.0)
-    first.add(kind="lock", title="t", body="first", t_utc_ns=1, to=["a"], seen=("night 1", 7))
-    second.add(kind="lock", title="t", body="second", t_utc_ns=2, to=["a"], seen=("night 2", 9))
+    one = Waiting(kind="lock", title="t", body="first", t_utc_ns=1, pending=["a"])
+    first.add(one, ("night 1", 7))
+    other = Waiting(kind="lock", title="t", body="second", t_utc_ns=2, pending=["a"])
+    second.add(other, ("night 2", 9))
     held = second.first_for("a")
     assert held is not None
     assert (held.body, bool(second.fault)) == ("second", True)
@@ -365,7 +367,7 @@ def test_a_service_that_hangs_or_fails_delays_no_other_and_gets_its_message_late
     sender = Sender(services, Spool(tmp_path), send=send_, first_again_s=0.05)
     began = time.monotonic()
     for n in range(3):
-        sender.add(kind="lock", title="t", body=str(n), t_utc_ns=time.time_ns())
+        sender.add(Waiting(kind="lock", title="t", body=str(n), t_utc_ns=time.time_ns()))
     assert time.monotonic() - began < 5.0
     until(lambda: got == [("x://good", "0"), ("x://good", "1"), ("x://good", "2")])
     is_up = True

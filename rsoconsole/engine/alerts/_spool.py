@@ -11,7 +11,7 @@ import json
 import os
 import threading
 import time
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
@@ -31,7 +31,7 @@ SPOOL, LOCK = "spool.json", "spool.lock"
 class Waiting:
     """One message and who has not had it yet."""
 
-    number: int
+    number: int = 0
     kind: str
     title: str
     body: str
@@ -61,32 +61,15 @@ class Spool:
         self._owns: int | None = None
         self._claim_and_merge()
 
-    def add(
-        self,
-        *,
-        kind: str,
-        title: str,
-        body: str,
-        t_utc_ns: int,
-        to: Iterable[str],
-        seen: tuple[str, int] = ("", 0),
-    ) -> None:
-        """Another message; the oldest goes where there are too many.
+    def add(self, waiting: Waiting, seen: tuple[str, int] = ("", 0)) -> None:
+        """Another message, which gets its number here; the oldest goes where there are too many.
 
         ``seen``: the session and its record that it is about.
         """
         with self._lock:
             self._claim_if_due()
             self._note_seen({seen[0]: seen[1]})
-            waiting = Waiting(
-                number=self._next,
-                kind=kind,
-                title=title,
-                body=body,
-                t_utc_ns=t_utc_ns,
-                pending=list(to),
-            )
-            self._next += 1
+            waiting.number, self._next = self._next, self._next + 1
             self._waiting = [*self._waiting, waiting][-MOST:]
             self._write()
 

@@ -21,7 +21,7 @@ from rsoconsole.base import SessionError
 from rsoconsole.config import AlertKind
 from rsoconsole.control import one_line
 from rsoconsole.engine.alerts._news import KINDS, Alert, News
-from rsoconsole.engine.alerts._spool import Spool
+from rsoconsole.engine.alerts._spool import Spool, Waiting
 from rsoconsole.engine.alerts.services import FIRST_AGAIN_S, Sender, Service, call
 from rsoconsole.session import SessionReader
 
@@ -160,13 +160,13 @@ def _follow(engine: Engine, sender: Sender, seen: int | None, settings: Mapping[
     def send(alert: Alert) -> None:
         passed = limiter.passed(alert, time.monotonic())
         if passed is not None:
-            sender.add(
+            message = Waiting(
                 kind=passed.kind,
                 title=one_line(f"{settings['title']}: {passed.kind}"),
                 body=one_line(passed.text)[:MAX_TEXT],
                 t_utc_ns=time.time_ns(),
-                seen=(settings["session"], seq),
             )
+            sender.add(message, (settings["session"], seq))
 
     while True:
         is_gone = engine.is_gone.wait(look_s)

@@ -11,7 +11,7 @@ from pathlib import Path
 from rsoconsole.base import ConfigError, raised_as, read_private
 from rsoconsole.config import AlertsConfig, expect_service, scheme_of
 from rsoconsole.engine.alerts._news import URGENT
-from rsoconsole.engine.alerts._spool import Spool, digest_of
+from rsoconsole.engine.alerts._spool import Spool, Waiting, digest_of
 
 SEND_S = 30.0
 
@@ -133,13 +133,11 @@ class Sender:
         for thread in self._threads:
             thread.start()
 
-    def add(
-        self, *, kind: str, title: str, body: str, t_utc_ns: int, seen: tuple[str, int] = ("", 0)
-    ) -> None:
-        """One message to all services."""
-        to = [digest_of(each.url) for each in self._services]
-        if to:
-            self._spool.add(kind=kind, title=title, body=body, t_utc_ns=t_utc_ns, to=to, seen=seen)
+    def add(self, message: Waiting, seen: tuple[str, int] = ("", 0)) -> None:
+        """One message to all services; ``seen``: the session and its record that it is about."""
+        message.pending = [digest_of(each.url) for each in self._services]
+        if message.pending:
+            self._spool.add(message, seen)
         with self._there:
             self._there.notify_all()
 

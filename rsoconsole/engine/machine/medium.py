@@ -6,8 +6,7 @@ from pathlib import Path
 from typing import Literal
 
 from rsoconsole.config import Config
-from rsoconsole.engine.machine import machine
-from rsoconsole.engine.machine.machine import text_of
+from rsoconsole.engine.machine.machine import ROOT, text_of
 from rsoconsole.sky import night_span
 from rsoconsole.words import NS_PER_S
 
@@ -30,10 +29,9 @@ class Medium:
     """As an eMMC counts it itself, in steps of ten; 110: beyond what it is made for."""
 
 
-def medium_of(folder: Path, root: Path | None = None) -> Medium:
+def medium_of(folder: Path, root: Path = ROOT) -> Medium:
     """What the folder lies on, or would once it is made. Raises nothing."""
-    place = machine.ROOT if root is None else root
-    mount = _mount_of(folder, place)
+    mount = _mount_of(folder, root)
     if mount is None:
         return Medium(kind="unknown")
     number, file_system, source = mount
@@ -43,8 +41,8 @@ def medium_of(folder: Path, root: Path | None = None) -> Medium:
         return Medium(kind="network share")
     # A file system of several disks (btrfs) has no number of its own but names one of them.
     for path in (
-        place / "sys/dev/block" / number,
-        place / "sys/class/block" / Path(source).name,
+        root / "sys/dev/block" / number,
+        root / "sys/class/block" / Path(source).name,
     ):
         if path.exists():
             return _disk(path.resolve())
