@@ -190,14 +190,14 @@ class LeapParts:
     settle_s: float
     shutter_s: float
     """Until it opens, beyond what of that the mount settles in."""
-    exposure_s: float
+    open_s: float
     readout_s: float
     """With what came of the frame; 0 where the next slew was ordered as the shutter closed."""
 
     @property
     def wait_s(self) -> float:
         """For the satellite to come, and all that has no name."""
-        named_s = self.slew_s + self.settle_s + self.shutter_s + self.exposure_s + self.readout_s
+        named_s = self.slew_s + self.settle_s + self.shutter_s + self.open_s + self.readout_s
         return self.total_s - named_s
 
 
@@ -399,6 +399,6 @@ class LeapTimes:
             slew_s=self._seen[-1].seconds if self._seen else leap.slew_s,
             settle_s=self._given_last_s,
             shutter_s=max(terms.latency_s - while_settling_s, 0.0),
-            exposure_s=leap.exposure_s,
+            open_s=leap.exposure_s,
             readout_s=readout_s if waited_for_frame else 0.0,
         )

@@ -49,6 +49,7 @@ def entry_of(config: Config) -> CatalogueEntry:
 
 
 SEARCHED_NS = NS_PER_DAY
+"""How far ahead passes are looked for."""
 
 
 def begun_words(track: LeapTrack, awaited: Awaited | None, found: Came | None) -> str:
@@ -129,7 +130,7 @@ def last_words(track: LeapTrack, parts: Sequence[LeapParts]) -> str:
         f"{words}; a leap took {mean(lambda each: each.total_s):.1f} s: slew"
         f" {mean(lambda each: each.slew_s):.1f}, settle {mean(lambda each: each.settle_s):.1f},"
         f" shutter {mean(lambda each: each.shutter_s):.1f}, exposure"
-        f" {mean(lambda each: each.exposure_s):.2f}, read-out"
+        f" {mean(lambda each: each.open_s):.2f}, read-out"
         f" {mean(lambda each: each.readout_s):.1f}, wait {mean(lambda each: each.wait_s):.1f}"
     )
 
@@ -159,7 +160,6 @@ def orbit_words(orbit: LowOrbit, later: ExpectedPass | None) -> Iterator[str]:
         )
 
 
-_WAITS_NS = 24 * 3600 * NS
 _LOOKS_AGAIN_NS = 3600 * NS
 
 
@@ -248,7 +248,7 @@ class Awaiting:
         if orbit is None:
             return None
         least_deg = config.limits.min_altitude_deg
-        for each in passes_above(orbit, self._site, now_ns, now_ns + _WAITS_NS, least_deg):
+        for each in passes_above(orbit, self._site, now_ns, now_ns + SEARCHED_NS, least_deg):
             found = awaited_on(
                 "it",
                 orbit.states,
