@@ -9,7 +9,6 @@ from dataclasses import dataclass
 
 from rsoconsole.base import InstrumentError
 from rsoconsole.config import Config
-from rsoconsole.engine.aim._search import Direction
 from rsoconsole.instruments import ClockFault, Instruments, MountReport
 from rsoconsole.records import Frame, SlewCommand, SlewRefusal
 from rsoconsole.sky import separation_deg
@@ -279,18 +278,3 @@ class Plan:
     them where nothing is left to search."""
     blocked: SlewRefusal | None = None
     """Why the telescope does not go where the track is; None when nothing keeps it."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Ahead:
-    """Where the exposure after the planned one would look, as things stand now."""
-
-    direction: Direction
-    lead: Direction
-    """Where the lead then is."""
-    t_mid_utc_ns: int
-    reason: str
-    is_slew: bool
-    """Whether the mount would move for it."""
-    way_deg: float
-    """From where it looks before."""

@@ -3,6 +3,7 @@
 from dataclasses import replace
 
 from rsoconsole.config import Config
+from rsoconsole.control import NextAim
 from rsoconsole.engine.aim._search import Direction, Search
 from rsoconsole.engine.aim.guide import Guide
 from rsoconsole.engine.aim.instrument_controller import (
@@ -10,7 +11,6 @@ from rsoconsole.engine.aim.instrument_controller import (
     FLIP_WAY_DEG,
     NS,
     SLEW_OVERHEAD_S,
-    Ahead,
     IsRefused,
     Plan,
 )
@@ -110,11 +110,10 @@ class Planner:
         What it shows is waited for in place; where the telescope stands in the search's first
         field it counts as that field's first frame.
         """
-        t_start_ns = self._earliest_ns(now_utc_ns)
-        t_mid_ns = self._t_mid_ns(t_start_ns)
+        plan = self._in_place(now_utc_ns)
         if self._centre is not None:
-            self._search.look_here(self._centre, t_mid_ns)
-        return Plan(t_start_utc_ns=t_start_ns, t_mid_utc_ns=t_mid_ns, slew=None)
+            self._search.look_here(self._centre, plan.t_mid_utc_ns)
+        return plan
 
     def pose(self, now_utc_ns: int) -> Pose | None:
         """Where the telescope looks now; None where nobody knows."""
@@ -221,7 +220,7 @@ class Planner:
     def _in_place(
         self,
         now_utc_ns: int,
-        refused: tuple[tuple[SlewCommand, SlewRefusal], ...],
+        refused: tuple[tuple[SlewCommand, SlewRefusal], ...] = (),
         blocked: SlewRefusal | None = None,
     ) -> Plan:
         t_start_ns = self._earliest_ns(now_utc_ns)
@@ -324,8 +323,13 @@ class Planner:
         config = self._config
         return follow_direction(track, t_mid_ns, config.filter, config.aim), "filter"
 
-    def ahead(self, following: Following, planned: Plan | None, now_utc_ns: int) -> Ahead | None:
-        """The exposure after ``planned``; None where nothing is followed. Moves nothing."""
+    def ahead(
+        self, following: Following, planned: Plan | None, now_utc_ns: int
+    ) -> tuple[NextAim, Direction] | None:
+        """The aim of the exposure after ``planned``, and where the lead then is. Moves nothing.
+
+        None where nothing is followed.
+        """
         if following.track is None:
             return None
         config, centre = self._config, self._centre
@@ -336,14 +340,17 @@ class Planner:
                 centre = (planned.slew.ra_icrs_deg, planned.slew.dec_icrs_deg)
         t_mid_ns = self._t_mid_ns(t_start_ns)
         direction, reason = self._direction(following, self._search.number, t_mid_ns)
-        return Ahead(
-            direction=direction,
-            lead=self._of_lead(following.track, t_mid_ns)[0],
-            t_mid_utc_ns=t_mid_ns,
+        is_slew = needs_recentre(config.search, config.optics.field_deg, centre, direction)
+        way_deg = 0.0 if centre is None else separation_deg(*centre, *direction)
+        aim = NextAim(
+            ra_icrs_deg=direction[0] % 360.0,
+            dec_icrs_deg=direction[1],
+            t_utc_ns=t_mid_ns,
+            policy="lead" if config.filter.preset == "paper" else config.aim.policy,
             reason=reason,
-            is_slew=needs_recentre(config.search, config.optics.field_deg, centre, direction),
-            way_deg=0.0 if centre is None else separation_deg(*centre, *direction),
+            moves_arcmin=60.0 * way_deg if is_slew else None,
         )
+        return aim, self._of_lead(following.track, t_mid_ns)[0]
 
     def _among(
         self, following: Following, lead: Direction, t_mid_ns: int, reason: str

@@ -59,7 +59,8 @@ class CommandTurn:
             request.course.is_begun = True
             try:
                 with self._queue.executing():
-                    outcome = self._execute(request)
+                    handler = self._handlers[type(request.command)]
+                    outcome = handler.execute(request.command, request.by)
             except (ValueError, InstrumentError, StoppedElsewhere) as error:
                 outcome = CommandResult.refused(error)
                 log.warning("%s refused: %s", request.command.verb, error)
@@ -86,10 +87,6 @@ class CommandTurn:
         """Put on record what came of it, and tell who waits for the answer."""
         self._session_log.append(action_record(request, result))
         request.course.settle(result)
-
-    def _execute(self, request: Request) -> CommandResult:
-        """One command, by its handler. Raises as the handler does."""
-        return self._handlers[type(request.command)].execute(request.command, request.by)
 
     def heed_alarms(self) -> None:
         """What cut the loop short: pass through its step, then say so.

@@ -135,9 +135,7 @@ def disk_outlook(
     computes from the sensor and how well such frames compress. For "detected" every frame is
     counted: how many will show something nobody knows.
     """
-    span = night_span(config.site.to_site(), now_utc_ns, config.limits.twilight_deg)
-    dark_s = NIGHT_WITHOUT_DARK_S if span is None else (span[1] - span[0]) / NS_PER_S
-    dark_s = min(dark_s, LONGEST_NIGHT_S)
+    dark_s = min(_dark_s(config, now_utc_ns, from_utc_ns=0), LONGEST_NIGHT_S)
     need = session_bytes(config, dark_s, bytes_a_frame)
     nights = free_bytes / need
     return DiskOutlook(
@@ -150,12 +148,16 @@ def disk_outlook(
 
 def bytes_until_dawn(config: Config, now_utc_ns: int) -> tuple[float, float]:
     """(disk that what is left of this night, or the whole coming one, takes; its seconds)."""
-    span = night_span(config.site.to_site(), now_utc_ns, config.limits.twilight_deg)
-    if span is None:
-        dark_s = NIGHT_WITHOUT_DARK_S
-    else:
-        dark_s = (span[1] - max(span[0], now_utc_ns)) / NS_PER_S
+    dark_s = _dark_s(config, now_utc_ns, from_utc_ns=now_utc_ns)
     return session_bytes(config, dark_s), dark_s
+
+
+def _dark_s(config: Config, now_utc_ns: int, *, from_utc_ns: int) -> float:
+    """How long this night or the coming one is dark, of it what is after ``from_utc_ns``."""
+    span = night_span(config.site.to_site(), now_utc_ns, config.limits.twilight_deg)
+    return (
+        NIGHT_WITHOUT_DARK_S if span is None else (span[1] - max(span[0], from_utc_ns)) / NS_PER_S
+    )
 
 
 def session_bytes(config: Config, duration_s: float, bytes_a_frame: float | None = None) -> float:

@@ -99,14 +99,10 @@ def sigma_arcsec(measurement: Measurement) -> float:
 def better_known(mark: Measurement, shown: Shown, taken: Measurement | None) -> Measurement | None:
     """What a mark would replace and is known much better; None where there is no such thing."""
     sigma = sigma_arcsec(mark)
-    near = [m for m in shown.measurements if _is_at(m, mark, 3.0 * sigma)]
+    near = [m for m in shown.measurements if _away_arcsec(m, mark) <= 3.0 * sigma]
     known = [m for m in (taken, *near) if m is not None and m != mark and not m.is_clipped]
     best = min(known, key=sigma_arcsec, default=None)
     return best if best is not None and BETTER * sigma_arcsec(best) < sigma else None
-
-
-def _is_at(one: Measurement, other: Measurement, within_arcsec: float) -> bool:
-    return _away_arcsec(one, other) <= within_arcsec
 
 
 def _away_arcsec(one: Measurement, other: Measurement) -> float:
@@ -146,7 +142,7 @@ def automatic_of(mark: Measurement, shown: Shown, taken: Measurement | None) -> 
     """
     known = [m for m in (taken, *shown.measurements) if m is not None and m.source != "operator"]
     within = max(SAME_STREAK_ARCSEC, 3.0 * sigma_arcsec(mark))
-    near = [m for m in known if _is_at(m, mark, within)]
+    near = [m for m in known if _away_arcsec(m, mark) <= within]
     return min(near, key=lambda m: _away_arcsec(m, mark), default=None)
 
 

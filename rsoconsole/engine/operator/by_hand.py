@@ -101,8 +101,9 @@ class ByHand:
     def _check_move(self, command: Move, _by: str) -> Accepted:
         direction = self._possible(command)
         commanded = self._command(direction)
-        data = {"ra_icrs_deg": direction[0], "dec_icrs_deg": direction[1]}
-        data |= {
+        data = {
+            "ra_icrs_deg": direction[0],
+            "dec_icrs_deg": direction[1],
             "command_ra_icrs_deg": float(commanded[0]),
             "command_dec_icrs_deg": float(commanded[1]),
         }

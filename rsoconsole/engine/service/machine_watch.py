@@ -161,23 +161,17 @@ class HealthMeter:
         ``trouble``: what happened to the machine's clock last; ``lacks``: what the mount's driver
         does not offer.
         """
-        return (*self._now(report, trouble), *driver_health(lacks))
-
-    def _now(self, report: MountReport | None, trouble: TimeTrouble | None) -> tuple[Health, ...]:
-        if trouble is not None:
-            since_s = (self._clock.now_utc_ns() - trouble.t_utc_ns) / 1e9
-            if 0.0 <= since_s < SAID_S or not self._clock.is_steady:
-                others = (each for each in self._all(report) if each.name != "clock")
-                return (*others, Health(name="clock", ok=False, text=trouble.text))
-        return self._all(report)
-
-    def _all(self, report: MountReport | None) -> tuple[Health, ...]:
         now_s = time.monotonic()
         if now_s - self._read_s >= HOLDS_S:
             self._read_s = now_s
-            found = (self._read_clock(), self._read_disk())
-            self._readings = tuple(each for each in found if each is not None)
-        return (self._mount(report), *self._readings, *machine_health(self._machine()))
+            self._readings = (self._read_clock(), self._read_disk())
+        found = (self._mount(report), *self._readings, *machine_health(self._machine()))
+        if trouble is not None:
+            since_s = (self._clock.now_utc_ns() - trouble.t_utc_ns) / 1e9
+            if 0.0 <= since_s < SAID_S or not self._clock.is_steady:
+                clock = Health(name="clock", ok=False, text=trouble.text)
+                found = (*(each for each in found if each.name != "clock"), clock)
+        return (*found, *driver_health(lacks))
 
     def _mount(self, report: MountReport | None) -> Health:
         if report is None:
@@ -201,7 +195,7 @@ class HealthMeter:
         words = "synchronised" if offset_ms is None else f"NTP ±{offset_ms:.1f} ms"
         return Health(name="clock", ok=True, text=words)
 
-    def _read_disk(self) -> Health | None:
+    def _read_disk(self) -> Health:
         try:
             free = free_bytes(self._folder)
         except OSError as error:

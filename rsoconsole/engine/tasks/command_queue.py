@@ -42,7 +42,8 @@ class CommandQueue:
         self._waiting: deque[Request] = deque()
         self._alarms: deque[Alarm] = deque()
         self._stops_under_way = 0
-        self._stops = 0
+        self.stops = 0
+        """How many STOPs there have been; limits and the end of the night do not count."""
         self._are_under_way = False
         self._is_executing = False
         self._cut_by: Trigger | None = None
@@ -56,16 +57,11 @@ class CommandQueue:
         come since it was given: with a stamp before it.
         """
         with self._lock:
-            is_late = request.stamp is not None and request.stamp < self._stops
+            is_late = request.stamp is not None and request.stamp < self.stops
             if is_late and not request.command.survives_stop:
                 raise OvertakenError(text(OVERTAKEN))
             on_taken()
             self._waiting.append(request)
-
-    @property
-    def stops(self) -> int:
-        """How many STOPs there have been; limits and the end of the night do not count."""
-        return self._stops
 
     def take_all(self) -> tuple[Request, ...]:
         """All that wait, in order; they count as under way until ``finished`` or put back."""
@@ -92,7 +88,7 @@ class CommandQueue:
         """
         with self._lock:
             self._stops_under_way += 1
-            self._stops += isinstance(trigger, Stopped)
+            self.stops += isinstance(trigger, Stopped)
             self._cut_by = trigger
             dropped = self._undo_waiting(trigger)
         # Their records come with the alarm; who waits for them hears it now.

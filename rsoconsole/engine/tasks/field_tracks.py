@@ -1,17 +1,15 @@
 """The tracks of the field at one instant, and the next aim because of them. Pure."""
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 from rsoconsole.config import Config, FilterConfig
 from rsoconsole.control import NextAim, TrackNow
-from rsoconsole.engine.aim.instrument_controller import Ahead
 from rsoconsole.engine.aim.states import Authority
 from rsoconsole.pipeline import Shown, kept_until_utc_ns, tracks_inside
 from rsoconsole.records import Measurement
-from rsoconsole.tracking import ON_TRIAL, Following, Tracked
-
-NS_PER_S = 1_000_000_000
+from rsoconsole.tracking import ON_TRIAL, Following
+from rsoconsole.words import NS_PER_S
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -23,28 +21,25 @@ class AimAhead:
     """By track id."""
 
 
-def aim_ahead(ahead: Ahead | None, following: Following, config: Config) -> AimAhead | None:
-    """What the planner looks ahead to, as it is told; None where nothing is followed."""
+def aim_ahead(
+    ahead: tuple[NextAim, tuple[float, float]] | None, following: Following, config: Config
+) -> AimAhead | None:
+    """What the planner looks ahead to, with the tracks in that field; None: nothing is followed.
+
+    ``ahead``: the aim, and where the lead then is, ICRS degrees.
+    """
     if ahead is None:
         return None
+    aim, lead = ahead
     states = [each.track for each in following.tracks]
     inside = tracks_inside(
         states,
-        ahead.lead,
-        ahead.direction,
-        ahead.t_mid_utc_ns,
+        lead,
+        (aim.ra_icrs_deg, aim.dec_icrs_deg),
+        aim.t_utc_ns,
         field_deg=config.optics.field_deg,
         exposure_s=config.exposure.exposure_s,
         settings=config.filter,
-    )
-    ra_icrs_deg, dec_icrs_deg = ahead.direction
-    aim = NextAim(
-        ra_icrs_deg=ra_icrs_deg % 360.0,
-        dec_icrs_deg=dec_icrs_deg,
-        t_utc_ns=ahead.t_mid_utc_ns,
-        policy="lead" if config.filter.preset == "paper" else config.aim.policy,
-        reason=ahead.reason,
-        moves_arcmin=60.0 * ahead.way_deg if ahead.is_slew else None,
     )
     known = zip(states, inside, strict=True)
     return AimAhead(aim=aim, inside=frozenset(t.track_id for t, is_in in known if is_in))
@@ -62,32 +57,27 @@ def tracks_now(
     ``names``: of identified ones, by track id. ``shown_of``: what one of the last frames showed,
     ValueError for others.
     """
-    return tuple(
-        replace(
-            _now(each, shown_of, now_utc_ns),
-            name=names.get(each.track.track_id),
-            is_in_next_field=None if ahead is None else each.track.track_id in ahead.inside,
+    found = []
+    for each in sorted(following.tracks, key=lambda one: one.track.track_id):
+        track, taken = each.track, each.taken
+        is_on_trial = not track.is_lead and track.innovations < ON_TRIAL
+        residual = None if track.misses else track.innovation_arcsec
+        now = TrackNow(
+            track_id=track.track_id,
+            name=names.get(track.track_id),
+            is_lead=track.is_lead,
+            state="COAST" if track.misses else "trial" if is_on_trial else "TRACK",
+            misses=track.misses,
+            is_kept=each.is_kept,
+            age_s=max(now_utc_ns - each.since_utc_ns, 0) / NS_PER_S if each.since_utc_ns else None,
+            residual_east_arcsec=None if residual is None else residual[0],
+            residual_north_arcsec=None if residual is None else residual[1],
+            nis=None if track.misses else track.nis,
+            snr=None if taken is None else _snr_of(taken, shown_of),
+            is_in_next_field=None if ahead is None else track.track_id in ahead.inside,
         )
-        for each in sorted(following.tracks, key=lambda one: one.track.track_id)
-    )
-
-
-def _now(each: Tracked, shown_of: Callable[[int], Shown], now_utc_ns: int) -> TrackNow:
-    track, taken = each.track, each.taken
-    is_on_trial = not track.is_lead and track.innovations < ON_TRIAL
-    residual = None if track.misses else track.innovation_arcsec
-    return TrackNow(
-        track_id=track.track_id,
-        is_lead=track.is_lead,
-        state="COAST" if track.misses else "trial" if is_on_trial else "TRACK",
-        misses=track.misses,
-        is_kept=each.is_kept,
-        age_s=max(now_utc_ns - each.since_utc_ns, 0) / NS_PER_S if each.since_utc_ns else None,
-        residual_east_arcsec=None if residual is None else residual[0],
-        residual_north_arcsec=None if residual is None else residual[1],
-        nis=None if track.misses else track.nis,
-        snr=None if taken is None else _snr_of(taken, shown_of),
-    )
+        found.append(now)
+    return tuple(found)
 
 
 def _snr_of(taken: Measurement, shown_of: Callable[[int], Shown]) -> float | None:

@@ -11,12 +11,13 @@ from rsoconsole.engine.aim.instrument_controller import (
     StoppedElsewhere,
 )
 from rsoconsole.engine.aim.plan import Planner
+from rsoconsole.engine.tasks._observed_motion import pose_of
 from rsoconsole.engine.tasks.session_log import SessionLog
 from rsoconsole.engine.tasks.watch import Watch
 from rsoconsole.instruments import MountReport
 from rsoconsole.pipeline import slew_to
 from rsoconsole.records import SlewCommand, SlewRefusal
-from rsoconsole.sky import LimitName, Pose, separation_deg
+from rsoconsole.sky import LimitName, separation_deg
 from rsoconsole.tracking import Following
 from rsoconsole.words import text
 
@@ -163,12 +164,7 @@ class Slews:
         """Why the mount must not go there; the same limits for the loop and for the operator."""
         start = self._instrument_controller.mount_report()
         refusal = self._watch.limits.refuse_slew(
-            Pose(
-                t_utc_ns=self._instrument_controller.now_utc_ns(),
-                ra_icrs_deg=start.ra_icrs_deg,
-                dec_icrs_deg=start.dec_icrs_deg,
-                pier_side=start.pier_side,
-            ),
+            replace(pose_of(start), t_utc_ns=self._instrument_controller.now_utc_ns()),
             *to_icrs_deg,
             t_aim_utc_ns=t_aim_utc_ns,
             t_until_utc_ns=t_until_utc_ns,

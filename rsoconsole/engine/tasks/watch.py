@@ -11,6 +11,7 @@ import logging
 import threading
 import time
 from collections.abc import Callable, Iterator
+from typing import Literal
 
 from rsoconsole.base import RsoconsoleError
 from rsoconsole.config import Config
@@ -72,8 +73,10 @@ class Watch:
         self._config = config
         self._queue = queue
         self._say = say
-        self._limits = Limits(config.site.to_site(), config.limits, config.mount)
-        self._lifted: frozenset[str] = frozenset()
+        self.limits = Limits(config.site.to_site(), config.limits, config.mount)
+        """The limits that every slew and every position is held against."""
+        self.lifted: frozenset[str] = frozenset()
+        """Checks that the operator has overridden by name, as long as their reason stands."""
         self._is_responsible = False
         self._lock = threading.Lock()
         """Over the two above, which the loop sets and the watch's thread thins out."""
@@ -89,29 +92,15 @@ class Watch:
         self._ordered = ordered
         self._own, self._parked = OwnMotion(ordered), ParkedMotion()
         self._stop = LimitStop(instruments, say)
-        self._next: tuple[int, Refusal] | None = None
+        self.next_limit: tuple[int, Refusal] | None = None
+        """When sidereal tracking meets a limit, UTC ns, and which; None when none is near."""
         self._end = threading.Event()
         self._loop_alive_s = time.monotonic()
-
-    @property
-    def limits(self) -> Limits:
-        """The limits that every slew and every position is held against."""
-        return self._limits
-
-    @property
-    def next_limit(self) -> tuple[int, Refusal] | None:
-        """When sidereal tracking meets a limit, and which; None when none is near."""
-        return self._next
 
     def configure(self, config: Config) -> None:
         """Take new tunables."""
         self._config = config
-        self._limits = Limits(config.site.to_site(), config.limits, config.mount)
-
-    @property
-    def lifted(self) -> frozenset[str]:
-        """Checks that the operator has overridden by name, as long as their reason stands."""
-        return self._lifted
+        self.limits = Limits(config.site.to_site(), config.limits, config.mount)
 
     def take_over(self, is_responsible: bool, lifted: frozenset[str] | None = None) -> None:
         """Whether the mount is autonomy's affair: then the night's end and the least altitude are.
@@ -121,11 +110,11 @@ class Watch:
         with self._lock:
             self._is_responsible = is_responsible
             if lifted is not None:
-                self._lifted = lifted
+                self.lifted = lifted
 
     def lifted_limits(self) -> frozenset[LimitName]:
         """Limits that an override of the checklist has lifted."""
-        return frozenset(LIFTS[name] for name in self._lifted if name in LIFTS)
+        return frozenset(LIFTS[name] for name in self.lifted if name in LIFTS)
 
     @contextlib.contextmanager
     def running(self) -> Iterator[None]:
@@ -189,9 +178,9 @@ class Watch:
 
     def limit_before(self, t_utc_ns: int) -> Refusal | None:
         """The limit that tracking on meets before an instant; None when none."""
-        if self._next is None or self._next[0] > t_utc_ns:
+        if self.next_limit is None or self.next_limit[0] > t_utc_ns:
             return None
-        return self._next[1]
+        return self.next_limit[1]
 
     def refusal(self, report: MountReport) -> Refusal | None:
         """The limit that forbids how the mount moves; None also where it stands or is parked."""
@@ -200,7 +189,7 @@ class Watch:
         if seen.how == "stands" or (report.is_parked and seen.how != "slews"):
             return None
         pose = pose_of(report)
-        own = self._own.kind(pose, seen, self._limits)
+        own = self._own.kind(pose, seen, self.limits)
         return self._refusal(report, pose, seen, own)
 
     def end_at_limit(self, words: str) -> None:
@@ -209,7 +198,7 @@ class Watch:
         Nothing counts as ahead until the next look: a loop that nothing keeps from exposing would
         meet it again at once.
         """
-        self._next = self._forecast_of = None
+        self.next_limit = self._forecast_of = None
         parks = not self._is_responsible
         end = functools.partial(
             self._stop.end, "tracks", self._instruments.clock.now_utc_ns(), parks=parks
@@ -230,7 +219,7 @@ class Watch:
         self, report: MountReport, pose: Pose, seen: SeenMotion, own: Own | None
     ) -> Refusal | None:
         """The limit that forbids how it moves: what was ordered here has been judged before."""
-        limits = self._limits
+        limits = self.limits
         if seen.how != "slews":
             return limits.refuse_pose(pose, is_slewing=False, lifted=self._held_lifted())
         is_parking = own == "park" or report.is_parking or report.is_parked or self._stop.is_parking
@@ -260,7 +249,7 @@ class Watch:
         safety_monitor = self._instruments.safety_monitor
         sky = None if safety_monitor is None else safety_monitor.look()
         now_ns = self._instruments.clock.now_utc_ns()
-        return night_end(self._config, now_ns, sky, self._lifted)
+        return night_end(self._config, now_ns, sky, self.lifted)
 
     def _look_at_the_mount(self, now_ns: int) -> None:
         mount = self._instruments.mount
@@ -272,7 +261,7 @@ class Watch:
         if (ordered := self._ordered()) is not None:
             self._stop.forget_park(ordered.t_utc_ns)
         self._stop.look(report, pose, seen, is_heeded=not self._queue.is_stopping)
-        own = self._own.kind(pose, seen, self._limits)
+        own = self._own.kind(pose, seen, self.limits)
         is_stopped = self._look_whether_it_is_parked(report, own, now_ns)
         if seen.how == "stands" or (report.is_parked and seen.how != "slews"):
             self._look_at_a_resting_mount(report, pose)
@@ -289,7 +278,9 @@ class Watch:
         if not is_stopped:
             self._stop.is_over()
         self._look_ahead(report, pose, seen)
-        mount.keep(self._config.mount.lease_s, None if self._next is None else self._next[0])
+        mount.keep(
+            self._config.mount.lease_s, None if self.next_limit is None else self.next_limit[0]
+        )
 
     def _look_whether_it_is_parked(self, report: MountReport, own: Own | None, now_ns: int) -> bool:
         """Its driver's word that it is parked is held against what was measured.
@@ -312,13 +303,13 @@ class Watch:
 
     def _look_at_a_resting_mount(self, report: MountReport, pose: Pose) -> None:
         """Nothing moves that could be stopped; but the Sun may come to where it looks."""
-        self._next = self._forecast_of = None
+        self.next_limit = self._forecast_of = None
         self._last_pose = self._rested = pose
         self._said.pop("limit", None)
         if report.is_parked:
             return
         self._stop.is_over()
-        refusal = self._limits.refuse_pose(pose, is_slewing=False, lifted=ALL_BUT_SUN)
+        refusal = self.limits.refuse_pose(pose, is_slewing=False, lifted=ALL_BUT_SUN)
         if refusal is None:
             self._said.pop("Sun", None)
         else:
@@ -344,20 +335,20 @@ class Watch:
 
     def _look_ahead(self, report: MountReport, pose: Pose, seen: SeenMotion) -> None:
         if seen.how == "slews":
-            self._next = self._forecast_of = None
+            self.next_limit = self._forecast_of = None
             return
         self._look_how_low(pose)
         lifted = self._held_lifted()
         if self._forecast_of is not None and _holds(*self._forecast_of, report, lifted):
             return
-        self._next = self._limits.next_limit(pose, AHEAD_S, lifted=lifted)
+        self.next_limit = self.limits.next_limit(pose, AHEAD_S, lifted=lifted)
         self._forecast_of = report, lifted
 
     def _look_how_low(self, pose: Pose) -> None:
         """Where nobody is armed the least altitude is a matter of taste."""
         refusal = None
         if not self._is_responsible:
-            refusal = self._limits.refuse_pose(pose, is_slewing=False, lifted=self.lifted_limits())
+            refusal = self.limits.refuse_pose(pose, is_slewing=False, lifted=self.lifted_limits())
         if refusal is None:
             self._said.pop("altitude", None)
         else:
@@ -367,13 +358,13 @@ class Watch:
     def _look_at_the_sky(self, now_ns: int) -> None:
         safety_monitor = self._instruments.safety_monitor
         sky = None if safety_monitor is None else safety_monitor.look()
-        if sky is not None and sky.weather == "warning" and "weather" not in self._lifted:
+        if sky is not None and sky.weather == "warning" and "weather" not in self.lifted:
             self._say_once("weather", "warning", f"the weather station warns: {sky.detail}")
         else:
             self._said.pop("weather", None)
         with self._lock:
-            self._lifted = lasting_overrides(self._config, now_ns, sky, self._lifted)
-            end = night_end(self._config, now_ns, sky, self._lifted)
+            self.lifted = lasting_overrides(self._config, now_ns, sky, self.lifted)
+            end = night_end(self._config, now_ns, sky, self.lifted)
             is_ours = end is not None and self._is_responsible
             if is_ours:
                 self._is_responsible = False
@@ -390,14 +381,15 @@ class Watch:
         elif end.cause != "dawn":
             self._say_once("night", "alarm", f"{end.detail}: the mount is not armed, look to it")
 
-    def _say_once(self, about: str, level: str, text: str, *, is_same: bool = False) -> None:
+    def _say_once(
+        self, about: str, level: Literal["warning", "alarm"], text: str, *, is_same: bool = False
+    ) -> None:
         """Say it unless it was said; ``is_same``: also where only its figures have changed."""
         said = self._said.get(about)
         if said == text or (is_same and said is not None):
             return
         self._said[about] = text
-        assert level in ("warning", "alarm")
-        self._say(Event(level="alarm" if level == "alarm" else "warning", text=text))
+        self._say(Event(level=level, text=text))
 
 
 def _holds(
