@@ -292,35 +292,24 @@ class Decisions:
         if isinstance(command, Drop | Keep):
             of = frame_of(command, self._cycle.folds.decisions())
             command = replace(command, frame_id=of)
-        return decision_of(
-            command,
-            by=by,
-            folds=self._frames,
-            following=self._control.following,
-            config=self._control.config,
-        )
-
-
-def decision_of(
-    command: Decision, *, by: str, folds: Frames, following: Following, config: Config
-) -> Ruling:
-    """The operator's word as a decision. Raises ValueError where it cannot be one."""
-    match command:
-        case Drop() | Keep():
-            return on_track(command, _frame(command, folds), following, by, config)
-        case TakeBack():
-            return _take_back(command, folds, by)
-        case Choose():
-            made = _choose(_frame(command, folds), command, by, config)
-        case Accept():
-            made = _accept(_frame(command, folds), folds, by, config)
-        case Reject():
-            made = _reject(command, folds, following, by)
-        case MarkByHand():
-            made = marked_decision(_frame(command, folds), command, by, config)
-        case _:
-            raise TypeError(f"{command.verb} is no word on a frame")
-    return with_tracks_of(made, folds.shown(made.frame_id).decision)
+        folds, following = self._frames, self._control.following
+        config = self._control.config
+        match command:
+            case Drop() | Keep():
+                return on_track(command, _frame(command, folds), following, by, config)
+            case TakeBack():
+                return _take_back(command, folds, by)
+            case Choose():
+                made = _choose(_frame(command, folds), command, by, config)
+            case Accept():
+                made = _accept(_frame(command, folds), folds, by, config)
+            case Reject():
+                made = _reject(command, folds, following, by)
+            case MarkByHand():
+                made = marked_decision(_frame(command, folds), command, by, config)
+            case _:
+                raise TypeError(f"{command.verb} is no word on a frame")
+        return with_tracks_of(made, folds.shown(made.frame_id).decision)
 
 
 def _take_back(command: TakeBack, folds: Frames, by: str) -> Ruling:

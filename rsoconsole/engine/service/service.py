@@ -35,7 +35,7 @@ from rsoconsole.engine.operator.arming import (
 from rsoconsole.engine.service._command_handler import CommandHandler
 from rsoconsole.engine.service.machine_watch import MachineWatch
 from rsoconsole.engine.tasks.command_queue import CommandQueue
-from rsoconsole.engine.tasks.session_log import keep_uncorrelated, read_past, warnings_on_record
+from rsoconsole.engine.tasks.session_log import WarningsOnRecord, keep_uncorrelated, read_past
 from rsoconsole.instruments import (
     Instruments,
     MountPort,
@@ -134,7 +134,7 @@ def run_engine(
             pixels_of=partial(kept_pixels, folder),
             past=past,
         )
-        stack.enter_context(warnings_on_record(engine.session_log, "rsoconsole.instruments"))
+        stack.enter_context(WarningsOnRecord(engine.session_log, "rsoconsole.instruments"))
         if config.exposure.calibrated:
             engine.session_log.say("info", shutter_words(config.exposure, day_of(now_ns)))
         _say_faults(

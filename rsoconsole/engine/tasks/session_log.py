@@ -2,7 +2,7 @@
 
 import contextlib
 import logging
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Literal
 
@@ -83,36 +83,32 @@ class SessionLog:
         return self._seen_utc_ns
 
 
-@contextlib.contextmanager
-def warnings_on_record(session_log: SessionLog, logger: str) -> Iterator[None]:
-    """Put every warning of a logger and of those below it on record, while this lasts.
+class WarningsOnRecord(logging.Handler):
+    """Puts every warning of a logger and of those below it on record, while it is entered.
 
     What happens beside the loop (a process that died and was replaced before anybody missed it)
     has no other way there.
     """
-    handler = _OnRecord(session_log)
-    logging.getLogger(logger).addHandler(handler)
-    try:
-        yield
-    finally:
-        logging.getLogger(logger).removeHandler(handler)
 
-
-class _OnRecord(logging.Handler):
-    """Writes what it is handed into the session log."""
-
-    def __init__(self, session_log: SessionLog) -> None:
+    def __init__(self, session_log: SessionLog, logger: str) -> None:
         super().__init__(logging.WARNING)
-        self._session_log = session_log
+        self._session_log, self._logger = session_log, logging.getLogger(logger)
+
+    def __enter__(self) -> None:
+        self._logger.addHandler(self)
+
+    def __exit__(self, *_exception: object) -> None:
+        self._logger.removeHandler(self)
 
     def emit(self, record: logging.LogRecord) -> None:
-        """One line, from any thread."""
-        level: Literal["warning", "alarm"] = (
-            "alarm" if record.levelno >= logging.ERROR else "warning"
+        """One line, from any thread; into the session alone: the log has it already."""
+        self._session_log.append(
+            Event(
+                level="alarm" if record.levelno >= logging.ERROR else "warning",
+                text=record.getMessage(),
+                frame_id=self._session_log.frame_id,
+            )
         )
-        # Into the session alone: the log has it already.
-        text, frame_id = record.getMessage(), self._session_log.frame_id
-        self._session_log.append(Event(level=level, text=text, frame_id=frame_id))
 
 
 def read_past(*, is_simulated: bool) -> tuple[Past | None, str | None]:
