@@ -14,7 +14,7 @@ from rsoconsole.control.commands import AskStatus
 from rsoconsole.control.record_lock import (
     address_of,
     default_socket_path,
-    engine_behind,
+    engine_at,
     engine_pid,
     running_engines,
 )
@@ -104,7 +104,7 @@ class ControlClient:
                 # A folder that is not even there was emptied by somebody: the engine, if there is
                 # one, makes it again.
                 may_come = may_come or not Path(address).parent.exists()
-                if time.monotonic() > until or not (may_come or engine_behind(self._path)):
+                if time.monotonic() > until or not (may_come or engine_at(self._path)):
                     raise
                 time.sleep(0.1)
 
@@ -124,7 +124,7 @@ def status_of(wire: ControlClient) -> Status:
 
 def _no_engine(path: Path) -> str:
     """That none listens there, and where one does."""
-    behind = engine_behind(path)
+    behind = engine_at(path)
     if behind is not None:
         return (
             f"the engine (process {behind.pid}) runs and its socket is gone; it makes a new one"

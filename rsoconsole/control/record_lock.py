@@ -265,7 +265,7 @@ def running_engines() -> list[RunningEngine]:
     return found
 
 
-def engine_behind(socket: Path) -> RunningEngine | None:
+def engine_at(socket: Path) -> RunningEngine | None:
     """The engine that listens there, or did before its socket was removed."""
     return next((each for each in running_engines() if each.socket == socket), None)
 

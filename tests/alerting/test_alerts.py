@@ -43,7 +43,7 @@ from rsoconsole.engine.alerts._news import Alert, News
 from rsoconsole.engine.alerts._spool import MOST, OLDEST_NS, Spool, Waiting
 from rsoconsole.engine.alerts.child import Limiter
 from rsoconsole.engine.alerts.process import AlertProcess, _log_file
-from rsoconsole.engine.alerts.services import Sender, Sent, Service, send
+from rsoconsole.engine.alerts.services import AlertSender, SendResult, Service, send
 from rsoconsole.records import (
     CatalogueMatch,
     Cause,
@@ -300,9 +300,9 @@ def test_a_spool_of_the_first_form_is_read(tmp_path: Path) -> None:
 def test_messages_for_services_of_another_engine_are_not_waited_for(tmp_path: Path) -> None:
     spool = Spool(tmp_path)
     add(spool, 1, ["nobody's"], t_utc_ns=time.time_ns())
-    sender = Sender([], Spool(tmp_path / "own"), send=lambda *_, **__: Sent(True, ""))
+    sender = AlertSender([], Spool(tmp_path / "own"), send=lambda *_, **__: SendResult(True, ""))
     assert sender.finish(0.0) == 0
-    sender = Sender([], spool, send=lambda *_, **__: Sent(True, ""))
+    sender = AlertSender([], spool, send=lambda *_, **__: SendResult(True, ""))
     add(spool, 2, ["nobody's"], t_utc_ns=time.time_ns())
     began = time.monotonic()
     assert sender.finish(PATIENCE_S) == 0
@@ -355,16 +355,16 @@ def test_a_service_that_hangs_or_fails_delays_no_other_and_gets_its_message_late
     got: list[tuple[str, str]] = []
     is_up = False
 
-    def send_(url: str, title: str, body: str, *, is_urgent: bool) -> Sent:
+    def send_(url: str, title: str, body: str, *, is_urgent: bool) -> SendResult:
         if url == "x://hangs":
             time.sleep(PATIENCE_S)
         if url == "x://fails" and not is_up:
-            return Sent(False, "offline")
+            return SendResult(False, "offline")
         got.append((url, body))
-        return Sent(True, "sent")
+        return SendResult(True, "sent")
 
     services = [Service(name, f"x://{name}") for name in ("hangs", "fails", "good")]
-    sender = Sender(services, Spool(tmp_path), send=send_, first_again_s=0.05)
+    sender = AlertSender(services, Spool(tmp_path), send=send_, first_again_s=0.05)
     began = time.monotonic()
     for n in range(3):
         sender.add(Waiting(kind="lock", title="t", body=str(n), t_utc_ns=time.time_ns()))
@@ -629,10 +629,10 @@ def test_alerts_test_tries_each_service_and_says_what_came_of_it(
 def test_alerts_test_logs_nothing_that_a_library_says(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
-    def send_(url: str, title: str, body: str) -> Sent:
+    def send_(url: str, title: str, body: str) -> SendResult:
         logging.getLogger("urllib3.connectionpool").warning("Retrying: %s", url)
         logging.getLogger("rsoconsole.engine.alerts.services").warning("own words")
-        return Sent(True, "sent")
+        return SendResult(True, "sent")
 
     monkeypatch.setattr("rsoconsole.engine.alerts.services.send", send_)
     path = tmp_path / "config.toml"
@@ -646,14 +646,14 @@ def test_alerts_test_logs_nothing_that_a_library_says(
 def test_a_service_that_never_answers_is_given_up(
     server: BadServer, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    from rsoconsole.engine import call, send_within
+    from rsoconsole.engine import send_heartbeat, send_within
 
     monkeypatch.setattr(
-        "rsoconsole.engine.alerts.services.send", lambda *_: time.sleep(5.0) or Sent(True, "")
+        "rsoconsole.engine.alerts.services.send", lambda *_: time.sleep(5.0) or SendResult(True, "")
     )
     assert "no answer" in send_within("json://x", "t", "b", limit_s=0.2).detail
     server.default = drip(3.0)
-    assert not call(f"{server.url}/beat", limit_s=0.3).ok
+    assert not send_heartbeat(f"{server.url}/beat", limit_s=0.3).ok
 
 
 def figures(text: str) -> dict[tuple[str, ...], float]:

@@ -28,13 +28,13 @@ class Guide:
         self._orbit = orbit
         self._config = config
         self._site = config.site.to_site()
-        self._way: Way | None = None
+        self._way: PredictedPath | None = None
 
     def configure(self, config: Config) -> None:
         """Take new tunables."""
         self._config = config
 
-    def of_track(
+    def track_direction(
         self, t_mid_utc_ns: int, aim: AimConfig | None = None
     ) -> tuple[float, float] | None:
         """Where what is followed will be, ICRS; None where the filter knows better.
@@ -43,7 +43,7 @@ class Guide:
         """
         return self._direction(t_mid_utc_ns, aim) if self._orbit.is_guide else None
 
-    def of_lost(self, t_mid_utc_ns: int) -> tuple[float, float] | None:
+    def lost_direction(self, t_mid_utc_ns: int) -> tuple[float, float] | None:
         """Where what the filter has lost is to be waited for; None where it is not."""
         seen = self._orbit.seen
         if not may_guide(self._config) or seen is None:
@@ -52,15 +52,15 @@ class Guide:
         is_time = 0.0 <= since_s <= 60.0 * self._config.orbit.wait_min
         return self._direction(t_mid_utc_ns) if is_time else None
 
-    def is_lost_one(self, seen: Measurement) -> bool:
+    def may_be_lost_object(self, seen: Measurement) -> bool:
         """Whether a measurement may be what was lost: near to where its orbit has it."""
-        at = self.of_lost(seen.t_mid_utc_ns)
+        at = self.lost_direction(seen.t_mid_utc_ns)
         if at is None:
             return False
         near_deg = SAME_PLACE * min(self._config.optics.field_deg)
         return separation_deg(*at, seen.ra_icrs_deg, seen.dec_icrs_deg) < near_deg
 
-    def of_last(self, t_utc_ns: int) -> tuple[float, float] | None:
+    def last_direction(self, t_utc_ns: int) -> tuple[float, float] | None:
         """Where what was followed last is by its orbit, however long ago that was."""
         return self._direction(t_utc_ns) if may_guide(self._config) else None
 
@@ -70,7 +70,7 @@ class Guide:
         if orbit is None or not may_guide(self._config):
             self._way = None
         elif self._way is None or self._way.orbit is not orbit or not self._way.reaches(now_utc_ns):
-            self._way = Way.of(orbit, self._site, now_utc_ns)
+            self._way = PredictedPath.of(orbit, self._site, now_utc_ns)
 
     def _direction(
         self, t_mid_utc_ns: int, aim: AimConfig | None = None
@@ -81,7 +81,7 @@ class Guide:
         t_utc_ns = t_mid_utc_ns + round(aim.lead_s * 1e9)
         way = self._way
         if way is None or way.orbit is not orbit or not way.holds(t_utc_ns):
-            way = Way.of(orbit, self._site, t_utc_ns)
+            way = PredictedPath.of(orbit, self._site, t_utc_ns)
         direction, rate, sigma_deg = way.at(t_utc_ns)
         # Not a number where the orbit has come down.
         if not 3.0 * sigma_deg < SHARE_OF_FIELD * min(self._config.optics.field_deg):
@@ -90,7 +90,7 @@ class Guide:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Way:
+class PredictedPath:
     """An orbit's way over some minutes, between whose places one may interpolate."""
 
     orbit: KnownOrbit
@@ -104,7 +104,7 @@ class Way:
     """(N,)"""
 
     @classmethod
-    def of(cls, orbit: KnownOrbit, site: Site, t_utc_ns: int) -> "Way":
+    def of(cls, orbit: KnownOrbit, site: Site, t_utc_ns: int) -> "PredictedPath":
         """From an instant on."""
         t = t_utc_ns + np.arange(_STEPS + 1) * _STEP_S * NS_PER_S
         ahead = predict(orbit, site, t)

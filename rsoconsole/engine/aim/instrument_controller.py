@@ -88,14 +88,14 @@ class InstrumentController:
         clock = self.instruments.clock
         while True:
             self.heed()
-            self.heed_clock()
+            self.raise_if_clock_fault()
             now_ns = clock.now_utc_ns()
             if now_ns >= t_utc_ns:
                 return
             clock.wait_until(min(t_utc_ns, now_ns + NS))
             self.on_tick()
 
-    def heed_clock(self) -> None:
+    def raise_if_clock_fault(self) -> None:
         """Raise Interrupted when something has gone wrong with time."""
         faults = self.instruments.clock.take_faults()
         for fault in faults:
@@ -236,7 +236,7 @@ class InstrumentController:
             raise
         frame = camera.wait_frame(exposure.frame_timeout_s)
         # Some drivers write a frame's time when they have read it.
-        self.heed_clock()
+        self.raise_if_clock_fault()
         return frame if looked is None else _looked_at(frame, looked)
 
 

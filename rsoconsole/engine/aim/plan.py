@@ -203,10 +203,12 @@ class Planner:
         """Where the orbit of what was lost says; None where it is not waited for there."""
         if not self._is_waiting or self._guide is None:
             return None
-        if self._guide.of_lost(self._t_mid_ns(self._earliest_ns(now_utc_ns))) is None:
+        if self._guide.lost_direction(self._t_mid_ns(self._earliest_ns(now_utc_ns))) is None:
             self._is_waiting = False
             return None
-        if following.candidates and not any(map(self._guide.is_lost_one, following.candidates)):
+        if following.candidates and not any(
+            map(self._guide.may_be_lost_object, following.candidates)
+        ):
             # A stranger is waited for where it was seen.
             if self._centre is not None:
                 self._search.look_here(self._centre, self._last_mid_utc_ns)
@@ -308,7 +310,7 @@ class Planner:
                 return direction, f"{reason}, offset by hand"
             return self._among(following, direction, t_mid_ns, reason)
         if self._is_waiting and not self._search.is_here and self._guide is not None:
-            by_orbit = self._guide.of_lost(t_mid_ns)
+            by_orbit = self._guide.lost_direction(t_mid_ns)
             if by_orbit is not None:
                 return by_orbit, "where its orbit says"
         return self._search.direction(
@@ -317,7 +319,7 @@ class Planner:
 
     def _of_lead(self, track: TrackState, t_mid_ns: int) -> tuple[Direction, str]:
         """Where the lead will be, or beside it by the operator's offset, and who says so."""
-        by_orbit = None if self._guide is None else self._guide.of_track(t_mid_ns)
+        by_orbit = None if self._guide is None else self._guide.track_direction(t_mid_ns)
         if by_orbit is not None:
             return by_orbit, "orbit"
         config = self._config

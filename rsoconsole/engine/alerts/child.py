@@ -22,7 +22,7 @@ from rsoconsole.config import AlertKind
 from rsoconsole.control import one_line
 from rsoconsole.engine.alerts._news import KINDS, Alert, News
 from rsoconsole.engine.alerts._spool import Spool, Waiting
-from rsoconsole.engine.alerts.services import FIRST_AGAIN_S, Sender, Service, call
+from rsoconsole.engine.alerts.services import FIRST_AGAIN_S, AlertSender, Service, send_heartbeat
 from rsoconsole.session import SessionReader
 
 HOUR_S = 3600.0
@@ -98,7 +98,7 @@ def own_words_alone(stream: TextIO) -> None:
     )
 
 
-class Engine:
+class EngineLink:
     """What stdin says of it."""
 
     def __init__(self, alive_s: float = ALIVE_S) -> None:
@@ -125,7 +125,7 @@ def main() -> None:
     own_words_alone(sys.stderr)
     settings: dict[str, Any] = json.loads(sys.stdin.readline())
     services = [Service(name, url) for name, url in settings["services"]]
-    engine = Engine(float(settings.get("alive_s", ALIVE_S)))
+    engine = EngineLink(float(settings.get("alive_s", ALIVE_S)))
     if settings["heartbeat_url"]:
         threading.Thread(
             target=_beat, args=(engine, settings), daemon=True, name="heartbeat"
@@ -133,7 +133,7 @@ def main() -> None:
     spool = Spool(Path(settings["spool"]))
     if spool.fault:
         log.warning("%s: messages wait in memory alone", spool.fault)
-    sender = Sender(
+    sender = AlertSender(
         services, spool, first_again_s=float(settings.get("first_again_s", FIRST_AGAIN_S))
     )
     try:
@@ -144,7 +144,9 @@ def main() -> None:
             log.warning("%d messages wait in the spool for the next engine", left)
 
 
-def _follow(engine: Engine, sender: Sender, seen: int | None, settings: Mapping[str, Any]) -> None:
+def _follow(
+    engine: EngineLink, sender: AlertSender, seen: int | None, settings: Mapping[str, Any]
+) -> None:
     """``seen``: the record that was told last; None: nobody knows."""
     folder, look_s = Path(settings["session"]), float(settings.get("look_s", LOOK_S))
     limiter = Limiter(
@@ -191,11 +193,11 @@ def _follow(engine: Engine, sender: Sender, seen: int | None, settings: Mapping[
             time.sleep(look_s)
 
 
-def _beat(engine: Engine, settings: Mapping[str, Any]) -> None:
+def _beat(engine: EngineLink, settings: Mapping[str, Any]) -> None:
     url, every_s, is_failing = settings["heartbeat_url"], float(settings["heartbeat_s"]), False
     while not engine.is_gone.is_set():
         if engine.is_alive:
-            done = call(url, limit_s=min(20.0, every_s))
+            done = send_heartbeat(url, limit_s=min(20.0, every_s))
             if done.ok == is_failing:
                 log.log(logging.INFO if done.ok else logging.WARNING, "heartbeat: %s", done.detail)
             is_failing = not done.ok

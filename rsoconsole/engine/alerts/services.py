@@ -26,7 +26,7 @@ class Service:
 
 
 @dataclass(frozen=True, slots=True)
-class Sent:
+class SendResult:
     """What came of one message to one service."""
 
     ok: bool
@@ -42,44 +42,47 @@ def services_of(config: AlertsConfig) -> tuple[Service, ...]:
     return tuple(Service(f"{scheme_of(url)} {n}", url) for n, url in enumerate(urls, start=1))
 
 
-def send(url: str, title: str, body: str, *, is_urgent: bool = False) -> Sent:
+def send(url: str, title: str, body: str, *, is_urgent: bool = False) -> SendResult:
     """One message by apprise, which has time-outs of its own. Never raises."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # what it loads, and when, is its own affair
         return _send(url, title, body, is_urgent)
 
 
-def _send(url: str, title: str, body: str, is_urgent: bool) -> Sent:
+def _send(url: str, title: str, body: str, is_urgent: bool) -> SendResult:
     try:
         import apprise
     except ImportError:
-        return Sent(False, "the package apprise is not installed: 'pip install apprise' gets it")
+        words = "the package apprise is not installed: 'pip install apprise' gets it"
+        return SendResult(False, words)
     # What it logs may hold the address.
     logging.getLogger("apprise").disabled = True
     try:
         one = apprise.Apprise()
         if not one.add(url):
-            return Sent(False, "apprise does not understand the address: see its list of services")
+            words = "apprise does not understand the address: see its list of services"
+            return SendResult(False, words)
         kind = apprise.NotifyType.WARNING if is_urgent else apprise.NotifyType.INFO
         if one.notify(body=body, title=title, notify_type=kind):
-            return Sent(True, "sent")
+            return SendResult(True, "sent")
     except Exception as error:  # whatever one of a hundred services does
-        return Sent(False, f"apprise broke ({type(error).__name__})")
-    return Sent(False, "the service did not take it: no network, a wrong address, or a refusal")
+        return SendResult(False, f"apprise broke ({type(error).__name__})")
+    words = "the service did not take it: no network, a wrong address, or a refusal"
+    return SendResult(False, words)
 
 
-def send_within(url: str, title: str, body: str, *, limit_s: float = SEND_S) -> Sent:
+def send_within(url: str, title: str, body: str, *, limit_s: float = SEND_S) -> SendResult:
     """The same, given up after a while."""
-    done: list[Sent] = []
+    done: list[SendResult] = []
     worker = threading.Thread(
         target=lambda: done.append(send(url, title, body)), daemon=True, name="send"
     )
     worker.start()
     worker.join(limit_s)
-    return done[0] if done else Sent(False, f"no answer in {limit_s:.0f} s")
+    return done[0] if done else SendResult(False, f"no answer in {limit_s:.0f} s")
 
 
-def call(url: str, *, limit_s: float = SEND_S) -> Sent:
+def send_heartbeat(url: str, *, limit_s: float = SEND_S) -> SendResult:
     """One heartbeat."""
     from rsoconsole.pipeline import Fetcher, FetchError
 
@@ -90,8 +93,8 @@ def call(url: str, *, limit_s: float = SEND_S) -> Sent:
             "refused": "it refuses",
             "unreachable": "it cannot be reached: is there a network?",
         }
-        return Sent(False, words.get(error.kind, "it did not answer as it should"))
-    return Sent(True, "called")
+        return SendResult(False, words.get(error.kind, "it did not answer as it should"))
+    return SendResult(True, "called")
 
 
 def _of_file(path: Path) -> Sequence[str]:
@@ -107,10 +110,10 @@ log = logging.getLogger(__name__)
 
 FIRST_AGAIN_S, LONGEST_AGAIN_S = 20.0, 900.0
 _LOOK_S = 0.5
-Send = Callable[..., Sent]
+Send = Callable[..., SendResult]
 
 
-class Sender:
+class AlertSender:
     """Sends until it is closed; ``add`` returns as soon as the message is in the spool."""
 
     def __init__(

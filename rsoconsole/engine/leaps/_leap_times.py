@@ -103,7 +103,7 @@ class SettleTrials:
         """The frame under way is of no leap, or never comes."""
         self._used = None
 
-    def forget_widths(self) -> None:
+    def forget_star_widths(self) -> None:
         """Stars are as wide as before no more: the camera reads out in another mode."""
         self._begin_comparison()
         self._used = None
@@ -279,7 +279,7 @@ class LeapTimes:
         self._readouts_s.clear()
         self._whole_s.clear()
         self._latencies_s.clear()
-        self._settle.forget_widths()
+        self._settle.forget_star_widths()
 
     def forget_readouts(self) -> None:
         """It reads out more or less of its sensor: the shutter is the same."""
@@ -297,7 +297,7 @@ class LeapTimes:
         is_slow = float(np.median(self._whole_s)) > float(np.median(ways_s))
         return _SUBFRAME if is_slow else 1.0
 
-    def whole_seen(self, now_utc_ns: int) -> None:
+    def record_readout(self, now_utc_ns: int) -> None:
         """A whole frame is done with: the next exposure could be ordered now."""
         took_s = self._since_closed_s(now_utc_ns)
         if took_s is not None:
@@ -310,7 +310,7 @@ class LeapTimes:
         took_s = (now_utc_ns - self._closed_utc_ns) / NS
         return took_s if 0.0 <= took_s < _LONGEST_READOUT_S else None
 
-    def stars_seen(self, width_px: float | None) -> str | None:
+    def add_star_width(self, width_px: float | None) -> str | None:
         """How wide the stars of the last leap's frame are; words where the mount is given another
         time to settle from now on."""
         return self._settle.seen(width_px) if self._config().leap.learns_settle else None

@@ -51,7 +51,7 @@ class Staring:
 
         Raises what ``Slews.order`` does.
         """
-        awaited = self._awaiting.next_one(now_ns)
+        awaited = self._awaiting.next_pass(now_ns)
         if awaited is not None:
             return self._waited(awaited, pose, now_ns)
         exposure = self._control.config.exposure
@@ -95,7 +95,7 @@ class Staring:
         refused = self._parts.slews.order(plan, t_until_utc_ns=end_ns)
         if refused is not None:
             self._parts.session_log.say("warning", f"cannot wait where it comes: {text(refused)}")
-            self._awaiting.passed_over()
+            self._awaiting.skip_pass()
             return self.in_place(now_ns)
         self._note_slew(pose, there, now_ns)
         return plan

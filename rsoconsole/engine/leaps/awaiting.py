@@ -52,7 +52,7 @@ SEARCHED_NS = NS_PER_DAY
 """How far ahead passes are looked for."""
 
 
-def begun_words(track: LeapTrack, awaited: Awaited | None, found: Came | None) -> str:
+def first_streak_words(track: LeapTrack, awaited: Awaited | None, found: Came | None) -> str:
     """A first streak: how fast, in which sense; of one that was waited for how late."""
     speed = track.best.streaks[0].speed_arcsec_s
     if awaited is None or found is None:
@@ -75,7 +75,7 @@ def awaited_words(awaited: Awaited) -> str:
     )
 
 
-def leap_words(track: LeapTrack, seen: FrameStreak, leap: Leap | None) -> str:
+def met_words(track: LeapTrack, seen: FrameStreak, leap: Leap | None) -> str:
     """One that was met: its number, how far off, how well the orbit fits."""
     best, number = track.best, len(track.best.streaks) - 1
     words = f"leap {number} met: {seen.detection.length_px:.0f} px"
@@ -193,7 +193,7 @@ class Awaiting:
         """It was by a wrong clock."""
         self._last_orbit, self._from_ns = None, 0
 
-    def passed_over(self) -> None:
+    def skip_pass(self) -> None:
         """What is waited for cannot be met, or has not come: the next one is looked for."""
         if self.awaited is not None:
             self._from_ns, self.awaited = self.awaited.set_utc_ns, None
@@ -203,19 +203,19 @@ class Awaiting:
         self.forget()
         self._last_orbit = orbit
 
-    def next_one(self, now_ns: int) -> Awaited | None:
+    def next_pass(self, now_ns: int) -> Awaited | None:
         """The pass that is waited for, found where the last is over; None: whatever comes."""
         awaited, leap = self.awaited, self._control.config.leap
         if awaited is not None and now_ns > awaited.stare.until_utc_ns:
             self._parts.session_log.say("info", f"{awaited.name} did not come by")
-            self.passed_over()
+            self.skip_pass()
             awaited = None
         if awaited is not None or not (leap.pass_norad or leap.waits):
             return awaited
         if now_ns < self._looked_until_ns:
             return None
         try:
-            self.awaited = self._next_pass(max(now_ns, self._from_ns))
+            self.awaited = self._find_pass(max(now_ns, self._from_ns))
         except OrbitError as error:
             self._looked_until_ns = now_ns + _LOOKS_AGAIN_NS
             self._parts.session_log.say("warning", f"nothing is waited for: {error}")
@@ -227,7 +227,7 @@ class Awaiting:
             self._parts.session_log.say("info", "no pass within a day to wait for: stares instead")
         return self.awaited
 
-    def _next_pass(self, now_ns: int) -> Awaited | None:
+    def _find_pass(self, now_ns: int) -> Awaited | None:
         config, held = self._control.config, self._parts.watch.limits
         lifted = self._parts.watch.lifted_limits()
         if config.leap.pass_norad:

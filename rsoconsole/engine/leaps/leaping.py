@@ -18,7 +18,7 @@ from rsoconsole.engine.leaps._leap_camera import LeapCamera
 from rsoconsole.engine.leaps._leap_log import LeapLog
 from rsoconsole.engine.leaps._leap_times import LeapTimes
 from rsoconsole.engine.leaps._staring import Staring
-from rsoconsole.engine.leaps.awaiting import Awaiting, begun_words, leap_words
+from rsoconsole.engine.leaps.awaiting import Awaiting, first_streak_words, met_words
 from rsoconsole.engine.operator.by_hand import Parts
 from rsoconsole.engine.operator.handlers import Control
 from rsoconsole.instruments import MountReport
@@ -249,7 +249,7 @@ class Leaping:
             if after is not None:
                 self._note_leap(leap, "met", each)
                 self.track, self._misses = after, 0
-                self._parts.session_log.say("info", leap_words(after, each, leap))
+                self._parts.session_log.say("info", met_words(after, each, leap))
                 return
         self._note_leap(leap, "another streak" if found else "not in the frame")
         if self._begins_again(found, timing_of(frame, exposure), frame.frame_id):
@@ -270,7 +270,7 @@ class Leaping:
             self.times.examined(self._parts.instrument_controller.now_utc_ns())
             if leap is not None:
                 self._log.took(leap, waited_for_frame=True)
-        if words := self.times.stars_seen(reduction.fwhm_px):
+        if words := self.times.add_star_width(reduction.fwhm_px):
             self._parts.session_log.say("info", words)
 
     def _note_leap(
@@ -306,7 +306,7 @@ class Leaping:
             if track is None:
                 continue
             name = "" if awaited is None else awaited.name
-            return track, name, begun_words(track, awaited, known and known[0])
+            return track, name, first_streak_words(track, awaited, known and known[0])
         return None
 
     def _begin(self, first: tuple[LeapTrack, str, str], frame_id: int) -> None:
@@ -362,7 +362,7 @@ class Leaping:
         Raises what ``Slews.order`` does.
         """
         if self._camera.share == 1.0:
-            self.times.whole_seen(self._parts.instrument_controller.now_utc_ns())
+            self.times.record_readout(self._parts.instrument_controller.now_utc_ns())
         plan = self._next_plan(is_held=is_held)
         self._read_what_shows_it()
         return plan

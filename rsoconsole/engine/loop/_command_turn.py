@@ -21,7 +21,7 @@ from rsoconsole.engine.tasks.command_queue import (
     alarm_words,
     dropped_by,
 )
-from rsoconsole.engine.tasks.seats import Faults
+from rsoconsole.engine.tasks.faults import Faults
 from rsoconsole.engine.tasks.session_log import SessionLog
 from rsoconsole.records import DONE, CommandResult, Topic
 

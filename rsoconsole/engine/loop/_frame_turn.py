@@ -10,10 +10,10 @@ from rsoconsole.engine.operator.arming import pointing_check
 from rsoconsole.engine.operator.by_hand import ByHand, Parts
 from rsoconsole.engine.operator.handlers import Control
 from rsoconsole.engine.tasks.exposures import Exposures
+from rsoconsole.engine.tasks.faults import Faults
 from rsoconsole.engine.tasks.field_tracks import AimAhead, aim_ahead
-from rsoconsole.engine.tasks.pace import Pace, Temporary
+from rsoconsole.engine.tasks.pace import Pace, TemporarySettings
 from rsoconsole.engine.tasks.preview import PlacesOfInterest
-from rsoconsole.engine.tasks.seats import Faults
 from rsoconsole.pipeline import Cycle, Orbits, Reduction
 from rsoconsole.records import CycleTiming, Frame, SlewRefusal, Solution, TrackState
 from rsoconsole.tracking.filters import estimator
@@ -55,7 +55,7 @@ class FrameTurn:
         self.ahead: AimAhead | None = None
         """Where the exposure after the next one would look."""
         self._pace = Pace()
-        self.temporary = Temporary(self._pace.of_night)
+        self.temporary = TemporarySettings(self._pace.of_night)
         """Settings that hold for some frames only."""
         self._places = PlacesOfInterest()
 

@@ -23,7 +23,7 @@ GIVEN_UP = "what was under way is given up"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class TimeTrouble:
+class ClockTrouble:
     """The last fault of the clock, for the health panel."""
 
     t_utc_ns: int
@@ -50,7 +50,7 @@ class Interruptions:
         self._forget, self._forget_camera = forget, forget_camera
         self._end_at_limit = end_at_limit
         self._must_look = False
-        self.trouble: TimeTrouble | None = None
+        self.trouble: ClockTrouble | None = None
         """What happened to the clock last."""
 
     # -- time -----------------------------------------------------------------------------------
@@ -204,7 +204,7 @@ class Interruptions:
         self._say("info", f"{where}{within}: {goes_on}")
 
     def _note(self, text: str) -> None:
-        self.trouble = TimeTrouble(
+        self.trouble = ClockTrouble(
             t_utc_ns=self._parts.instrument_controller.now_utc_ns(), text=text
         )
 

@@ -47,9 +47,9 @@ from rsoconsole.engine.operator.decisions import Decisions, PixelsOf
 from rsoconsole.engine.operator.handlers import Modes, Seeking, Settings, joined
 from rsoconsole.engine.tasks.command_queue import CommandQueue, action_record
 from rsoconsole.engine.tasks.exposures import Exposures
+from rsoconsole.engine.tasks.faults import Faults
 from rsoconsole.engine.tasks.field_tracks import KeptTrack, kept_name, tracks_now
 from rsoconsole.engine.tasks.parking import Parking
-from rsoconsole.engine.tasks.seats import Faults
 from rsoconsole.engine.tasks.session_log import SessionLog
 from rsoconsole.engine.tasks.slews import NowhereError, Slews
 from rsoconsole.engine.tasks.watch import Watch

@@ -178,7 +178,7 @@ _kept: list[str] = []
 """The address, once it is kept from the children."""
 
 
-def keep_from_children() -> None:
+def hide_notify_socket() -> None:
     """Take the address out of the environment: a program that the engine runs is not the engine.
 
     Those of systemd itself (``timedatectl``) report their own failures to it otherwise.

@@ -13,7 +13,7 @@ _ARM = {"aarch64", "arm64", "armv7l", "armv8l", "armv6l"}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Identity:
+class MachineIdentity:
     """A machine as a figure measured on it must name it."""
 
     model: str
@@ -37,12 +37,12 @@ class Identity:
         )
 
 
-def identity(root: Path = ROOT, architecture: str | None = None) -> Identity:
+def machine_identity(root: Path = ROOT, architecture: str | None = None) -> MachineIdentity:
     """This machine; ``root`` and ``architecture`` are put in its place by tests."""
     kind = platform.machine() if architecture is None else architecture
     cpu = name_values(text_of(root / "proc/cpuinfo"), ":")
     board = board_model(root)
-    return Identity(
+    return MachineIdentity(
         model=board or cpu.get("Model") or cpu.get("model name") or f"unnamed {kind} processor",
         cores=available_cores(),
         architecture=kind,

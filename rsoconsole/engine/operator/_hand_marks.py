@@ -77,7 +77,7 @@ def detection_of(mark: MarkByHand, frame_id: int) -> Detection:
     )
 
 
-def refined_as(mark: MarkByHand, found: Detection) -> MarkByHand:
+def refined_command(mark: MarkByHand, found: Detection) -> MarkByHand:
     """The same mark where the light is."""
     return replace(
         mark,
@@ -96,7 +96,9 @@ def sigma_arcsec(measurement: Measurement) -> float:
     return largest_sigma(*measurement.cov_sky_arcsec2)
 
 
-def better_known(mark: Measurement, shown: Shown, taken: Measurement | None) -> Measurement | None:
+def better_measurement(
+    mark: Measurement, shown: Shown, taken: Measurement | None
+) -> Measurement | None:
     """What a mark would replace and is known much better; None where there is no such thing."""
     sigma = sigma_arcsec(mark)
     near = [m for m in shown.measurements if _away_arcsec(m, mark) <= 3.0 * sigma]
@@ -135,7 +137,9 @@ def _not_solved(frame_id: int) -> str:
     return f"frame {frame_id} was not solved: without stars a streak has no place on the sky"
 
 
-def automatic_of(mark: Measurement, shown: Shown, taken: Measurement | None) -> Measurement | None:
+def detected_measurement(
+    mark: Measurement, shown: Shown, taken: Measurement | None
+) -> Measurement | None:
     """What the detector measured of the streak that is marked; None where it did not.
 
     ``taken``: what the track has of the frame.
@@ -146,7 +150,7 @@ def automatic_of(mark: Measurement, shown: Shown, taken: Measurement | None) -> 
     return min(near, key=lambda m: _away_arcsec(m, mark), default=None)
 
 
-def with_figures(
+def with_mark_figures(
     result: CommandResult, mark: Measurement, automatic: Measurement | None
 ) -> CommandResult:
     """With how good a mark is, and how far from what the detector measured."""

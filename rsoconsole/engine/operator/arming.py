@@ -202,7 +202,7 @@ def _clock(facts: ArmingFacts, config: Config) -> Check:
 
 def _site(facts: ArmingFacts) -> Check:
     if facts.site is None:
-        return _mount_is_dumb(facts)
+        return _mount_is_silent(facts)
     if facts.site.is_consistent:
         return well(facts.site.detail)
     remedy = "correct site.latitude_deg and site.longitude_deg, or set the mount's site"
@@ -211,7 +211,7 @@ def _site(facts: ArmingFacts) -> Check:
 
 def _time(facts: ArmingFacts) -> Check:
     if facts.report is None:
-        return _mount_is_dumb(facts)
+        return _mount_is_silent(facts)
     offset_s = facts.mount_utc_offset_s
     if offset_s is None:
         return well("the mount does not tell its time")
@@ -232,7 +232,7 @@ def _sun(facts: ArmingFacts, config: Config) -> Check:
 
 def _unparked(facts: ArmingFacts, config: Config) -> Check:
     if facts.report is None:
-        return _mount_is_dumb(facts)
+        return _mount_is_silent(facts)
     if facts.report.is_parked:
         return bad("the mount is parked", "'rsoconsole unpark'")
     is_parking = facts.report.is_parking
@@ -246,7 +246,7 @@ def _ability(
     name: Literal["abort", "tracking"], detail: str, facts: ArmingFacts, config: Config
 ) -> Check:
     if facts.report is None or facts.abilities is None:
-        return _mount_is_dumb(facts)
+        return _mount_is_silent(facts)
     lack = _lack(name, facts, config)
     if lack is None:
         return well(detail)
@@ -300,7 +300,7 @@ def _of_doctor(name: str, found: Check) -> ArmingCheck:
     )
 
 
-def _mount_is_dumb(facts: ArmingFacts) -> Check:
+def _mount_is_silent(facts: ArmingFacts) -> Check:
     return bad(
         f"{NO_ANSWER}: {facts.mount_fault or 'no reason given'}",
         "look at its driver, its cable, its power",

@@ -193,7 +193,7 @@ class ByHand:
         for name, value in move.settings().items():
             config = changed(config, name, value)
         now_ns = self._parts.instrument_controller.now_utc_ns()
-        by_orbit = self._parts.guide.of_track(now_ns, config.aim)
+        by_orbit = self._parts.guide.track_direction(now_ns, config.aim)
         return by_orbit or follow_direction(track, now_ns, config.filter, config.aim)
 
     def _refusal(self, direction: Direction, override: tuple[str, ...]) -> str | None:

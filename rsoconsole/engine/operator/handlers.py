@@ -24,7 +24,7 @@ from rsoconsole.engine.aim.states import (
     Trigger,
     step,
 )
-from rsoconsole.engine.tasks.pace import Temporary, change_record, changed
+from rsoconsole.engine.tasks.pace import TemporarySettings, change_record, changed
 from rsoconsole.engine.tasks.session_log import SessionLog
 from rsoconsole.engine.tasks.slews import Slews
 from rsoconsole.pipeline import direction_at
@@ -214,7 +214,9 @@ def trigger_of(command: Command, by: str) -> Trigger:
 class Settings:
     """What may be tuned while the loop runs."""
 
-    def __init__(self, control: Control, temporary: Temporary, session_log: SessionLog) -> None:
+    def __init__(
+        self, control: Control, temporary: TemporarySettings, session_log: SessionLog
+    ) -> None:
         self._control = control
         self._temporary = temporary
         self._session_log = session_log
@@ -288,7 +290,7 @@ class Seeking:
             raise ValueError("the mount is held: resume first")
         now_ns = self._instrument_controller.now_utc_ns()
         # A line on the sky leads astray within the hour, an orbit does not.
-        direction = self._guide.of_last(now_ns) or direction_at(track, now_ns)
+        direction = self._guide.last_direction(now_ns) or direction_at(track, now_ns)
         refused = self._slews.refuse_direction(direction, now_ns)
         if refused is not None:
             raise ValueError(f"it cannot be looked for where it must be: {text(refused)}")

@@ -15,7 +15,7 @@ from rsoconsole.config import Config
 from rsoconsole.control import Health, Machine, Poller
 from rsoconsole.engine.doctor.doctor_system import free_bytes, read_clock
 from rsoconsole.engine.doctor.mount_lacks import Lack
-from rsoconsole.engine.loop.interruptions import TimeTrouble
+from rsoconsole.engine.loop.interruptions import ClockTrouble
 from rsoconsole.engine.machine.machine import Trouble, read_machine, troubles_of
 from rsoconsole.engine.machine.medium import Medium, medium_of, session_bytes
 from rsoconsole.engine.machine.time_source import TimeSource, read_time_source
@@ -153,7 +153,7 @@ class HealthMeter:
     def read(
         self,
         report: MountReport | None,
-        trouble: TimeTrouble | None = None,
+        trouble: ClockTrouble | None = None,
         lacks: Sequence[Lack] = (),
     ) -> tuple[Health, ...]:
         """Mount, clock, disk, temperature; what cannot be read is left out.

@@ -24,7 +24,7 @@ from rsoconsole.engine.alerts.process import AlertProcess
 from rsoconsole.engine.doctor.doctor_system import read_clock
 from rsoconsole.engine.doctor.mount_lacks import Lack, lacks_of
 from rsoconsole.engine.loop.loop import Engine
-from rsoconsole.engine.machine.machine import keep_from_children, notify
+from rsoconsole.engine.machine.machine import hide_notify_socket, notify
 from rsoconsole.engine.machine.medium import disk_outlook
 from rsoconsole.engine.operator.arming import (
     arming_checks,
@@ -87,7 +87,7 @@ def run_engine(
     InstrumentError, ModelError, SolverError, SessionError or ControlError before it starts.
     """
     return_what_is_freed()
-    keep_from_children()
+    hide_notify_socket()
     queue = CommandQueue()
     with contextlib.ExitStack() as stack:
         starting = stack.enter_context(contextlib.ExitStack())

@@ -11,7 +11,7 @@ from typing import Literal
 
 from rsoconsole.base import RsoconsoleError
 from rsoconsole.engine.aim.instrument_controller import NS
-from rsoconsole.engine.tasks._observed_motion import How, SeenMotion
+from rsoconsole.engine.tasks._observed_motion import How, ObservedMotion
 from rsoconsole.instruments import Instruments, MountAbilities, MountReport, StopResult
 from rsoconsole.records import Event
 from rsoconsole.sky import Pose, StoppingDistance, wrap_180
@@ -55,14 +55,14 @@ class LimitStop:
         self._ended: _Ended | None = None
         self._park_due_ns: int | None = None
         self._parks_since_ns: int | None = None
-        self._last: tuple[Pose, SeenMotion] | None = None
+        self._last: tuple[Pose, ObservedMotion] | None = None
 
     @property
     def is_parking(self) -> bool:
         """The mount is on its way to its park position because it could not be told to stand."""
         return self._parks_since_ns is not None
 
-    def is_over(self) -> None:
+    def forget_motion(self) -> None:
         """The mount rests, or is where it may be: what moves next is another motion."""
         self._how, self._orders = None, 0
 
@@ -137,7 +137,9 @@ class LimitStop:
         if self._park_due_ns is not None and ordered_utc_ns > self._park_due_ns:
             self._park_due_ns = None
 
-    def look(self, report: MountReport, pose: Pose, seen: SeenMotion, *, is_heeded: bool) -> None:
+    def look(
+        self, report: MountReport, pose: Pose, seen: ObservedMotion, *, is_heeded: bool
+    ) -> None:
         """One look: learn, tell, park where that is due.
 
         ``is_heeded``: the loop has taken notice of all that cut it short.
@@ -202,7 +204,7 @@ class LimitStop:
             return MountAbilities()
 
 
-def _late_words(seen: SeenMotion) -> Event:
+def _late_words(seen: ObservedMotion) -> Event:
     since = f"{MEASURED_BY_S:.0f} s after ABORT at the limit"
     if seen.how == "stands":
         return _event("warning", f"nobody can tell whether the mount stands, {since}: look at it")

@@ -30,7 +30,7 @@ PARKED_S = 5.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class SeenMotion:
+class ObservedMotion:
     """One look's answer."""
 
     how: How
@@ -48,7 +48,7 @@ def pose_of(report: MountReport) -> Pose:
     )
 
 
-def seen_motion(report: MountReport, before: MountReport | None) -> SeenMotion:
+def observed_motion(report: MountReport, before: MountReport | None) -> ObservedMotion:
     """How it moves; ``before``: its report at the look before this one.
 
     A measured drift counts as tracking: it is slow enough to be held where it is. What is not
@@ -58,17 +58,17 @@ def seen_motion(report: MountReport, before: MountReport | None) -> SeenMotion:
     motion = report.motion
     if motion.kind == "moves":
         if not motion.is_fast:
-            return SeenMotion(how="tracks")
+            return ObservedMotion(how="tracks")
         rates = Rates(
             ra_deg_s=motion.ra_rate_arcsec_s / 3600.0, dec_deg_s=motion.dec_rate_arcsec_s / 3600.0
         )
-        return SeenMotion(how="slews", rates=rates)
+        return ObservedMotion(how="slews", rates=rates)
     if motion.kind != "unknown":
-        return SeenMotion(how=motion.kind)
+        return ObservedMotion(how=motion.kind)
     rates_seen = _rates_between(before, report)
     if rates_seen is not None or report.is_slewing:
-        return SeenMotion(how="slews", rates=rates_seen)
-    return SeenMotion(how="tracks" if report.is_tracking else "stands")
+        return ObservedMotion(how="slews", rates=rates_seen)
+    return ObservedMotion(how="tracks" if report.is_tracking else "stands")
 
 
 def _rates_between(before: MountReport | None, report: MountReport) -> Rates | None:
@@ -102,7 +102,7 @@ class OwnMotion:
         self._last: Pose | None = None
         self._is_over = False
 
-    def note(self, report: MountReport, pose: Pose, seen: SeenMotion) -> None:
+    def note(self, report: MountReport, pose: Pose, seen: ObservedMotion) -> None:
         """One look."""
         ordered = self._ordered()
         if ordered is not self._of:
@@ -124,7 +124,7 @@ class OwnMotion:
         elif to is None:
             self._is_over = since_s > PARKS_WITHIN_S
 
-    def kind(self, pose: Pose, seen: SeenMotion, limits: Limits) -> Own | None:
+    def kind(self, pose: Pose, seen: ObservedMotion, limits: Limits) -> Own | None:
         """Which order a slew follows; None where it is somebody else's."""
         ordered, start = self._of, self._start
         if ordered is None or start is None or self._is_over:

@@ -195,7 +195,7 @@ class _Loan:
     frames: int
 
 
-class Temporary:
+class TemporarySettings:
     """What is lent, by the name of the setting."""
 
     def __init__(self, of_night: Callable[[Config], Config] = lambda config: config) -> None:

@@ -22,12 +22,12 @@ from rsoconsole.engine.machine.machine import notify
 from rsoconsole.engine.tasks._limit_stop import LimitStop
 from rsoconsole.engine.tasks._observed_motion import (
     How,
+    ObservedMotion,
     Own,
     OwnMotion,
     ParkedMotion,
-    SeenMotion,
+    observed_motion,
     pose_of,
-    seen_motion,
 )
 from rsoconsole.engine.tasks.command_queue import CommandQueue
 from rsoconsole.instruments import Instruments, MountReport
@@ -185,7 +185,7 @@ class Watch:
     def refusal(self, report: MountReport) -> Refusal | None:
         """The limit that forbids how the mount moves; None also where it stands or is parked."""
         last = self.last_report
-        seen = seen_motion(report, last)
+        seen = observed_motion(report, last)
         if seen.how == "stands" or (report.is_parked and seen.how != "slews"):
             return None
         pose = pose_of(report)
@@ -216,7 +216,7 @@ class Watch:
         return lifted if self._is_responsible else lifted | {"altitude"}
 
     def _refusal(
-        self, report: MountReport, pose: Pose, seen: SeenMotion, own: Own | None
+        self, report: MountReport, pose: Pose, seen: ObservedMotion, own: Own | None
     ) -> Refusal | None:
         """The limit that forbids how it moves: what was ordered here has been judged before."""
         limits = self.limits
@@ -256,7 +256,7 @@ class Watch:
         not_before = now_ns if self._instruments.clock.is_simulated else None
         report = mount.report(not_before, SILENCE_S)
         before, self.last_report = self.last_report, report
-        pose, seen = pose_of(report), seen_motion(report, before)
+        pose, seen = pose_of(report), observed_motion(report, before)
         self._own.note(report, pose, seen)
         if (ordered := self._ordered()) is not None:
             self._stop.forget_park(ordered.t_utc_ns)
@@ -276,7 +276,7 @@ class Watch:
             return
         self._said.pop("limit", None)
         if not is_stopped:
-            self._stop.is_over()
+            self._stop.forget_motion()
         self._look_ahead(report, pose, seen)
         mount.keep(
             self._config.mount.lease_s, None if self.next_limit is None else self.next_limit[0]
@@ -308,7 +308,7 @@ class Watch:
         self._said.pop("limit", None)
         if report.is_parked:
             return
-        self._stop.is_over()
+        self._stop.forget_motion()
         refusal = self.limits.refuse_pose(pose, is_slewing=False, lifted=ALL_BUT_SUN)
         if refusal is None:
             self._said.pop("Sun", None)
@@ -333,7 +333,7 @@ class Watch:
         words = f"{whose}{refusal.text}; {self._stop.words(how, parks=parks)}"
         self._queue.stop(LimitMet(words=words), end)
 
-    def _look_ahead(self, report: MountReport, pose: Pose, seen: SeenMotion) -> None:
+    def _look_ahead(self, report: MountReport, pose: Pose, seen: ObservedMotion) -> None:
         if seen.how == "slews":
             self.next_limit = self._forecast_of = None
             return
