@@ -110,7 +110,7 @@ class ControlClient:
 
 
 def answer_of(wire: ControlClient, question: Command) -> Mapping[str, Any]:
-    """What the engine answers. Raises ControlError where it does not, or refuses."""
+    """The engine's answer to a question. Raises ControlError without one, or for a refusal."""
     outcome = wire.send(question)
     if not outcome.ok:
         raise ControlError(outcome.message)
@@ -118,7 +118,7 @@ def answer_of(wire: ControlClient, question: Command) -> Mapping[str, Any]:
 
 
 def status_of(wire: ControlClient) -> Status:
-    """How the engine stands. Raises as ``answer_of`` does."""
+    """The engine's status. Raises as ``answer_of`` does."""
     return read_status(answer_of(wire, AskStatus()))
 
 

@@ -1,4 +1,4 @@
-"""What a command of the operator is: a frozen dataclass that is all there is to know of its verb.
+"""Commands of the operator: each is a frozen dataclass with all there is to know of its verb.
 
 Its fields are the arguments, its class attributes the policy, its methods the check and the words.
 The wire's JSON, the record's arguments and the shell's verb are made of the fields; the engine has
@@ -61,7 +61,7 @@ class Command:
         """Raises ValueError with the reason where its arguments can never be carried out."""
 
     def words(self) -> str:
-        """What is wanted, for the log."""
+        """The command in words, for the log."""
         return self.verb
 
     def arguments(self) -> dict[str, Any]:
@@ -127,13 +127,13 @@ def command_of(verb: str, arguments: Mapping[str, Any]) -> Command:
 
 
 def takes_anything(verb: str) -> bool:
-    """Whether nothing that is odd about a request may stand in the verb's way."""
+    """True for verbs that are carried out whatever is odd about the request."""
     known = COMMANDS.get(verb)
     return known is not None and known.takes_anything
 
 
 def command_words(verb: str, arguments: Mapping[str, Any]) -> str:
-    """What was wanted, of a record: any session's, so also what no command is today.
+    """A recorded command in words, also one that the program no longer has.
 
     Arguments that say nothing are left out.
     """
@@ -151,12 +151,12 @@ def command_words(verb: str, arguments: Mapping[str, Any]) -> str:
 
 
 def with_overrides(words: str, override: tuple[str, ...]) -> str:
-    """The same, with the checks that are overridden by name."""
+    """Words of a command with the checks that it overrides by name."""
     return f"{words}, overriding {', '.join(override)}" if override else words
 
 
 def finite(value: Any) -> bool:
-    """Whether that is a number that can be worked with."""
+    """True for a finite number."""
     is_number = isinstance(value, int | float) and not isinstance(value, bool)
     return is_number and (isinstance(value, int) or math.isfinite(value))
 

@@ -104,7 +104,7 @@ MAX_LINES = 12
 
 
 def nearest_first(pairs: Iterable[PairMotion]) -> tuple[PairMotion, ...]:
-    """Those that stand nearest to each other first."""
+    """Pairs in the order of their separation, the nearest first."""
     return tuple(sorted(pairs, key=lambda each: each.separation_arcsec))
 
 

@@ -1,4 +1,4 @@
-"""Where the socket lies, and locks that live as long as their process: one engine a mount."""
+"""The place of the socket, and locks that live as long as their process: one engine a mount."""
 
 import contextlib
 import fcntl
@@ -65,7 +65,7 @@ class RecordLock:
         self._descriptor: int | None = None
 
     def refusal(self, holder_words: str) -> str:
-        """What is said to the process that comes second; ``holder_words`` as the first has them."""
+        """The message to a second process; ``holder_words``: what the first has written there."""
         return f"{self._path} is held: {holder_words.strip()}"
 
     def acquire(self) -> None:
@@ -147,7 +147,7 @@ MAX_ADDRESS_BYTES = 100
 
 
 def default_socket_path() -> Path:
-    """Where the engine of this user listens."""
+    """The socket of this user's engine."""
     return runtime_dir() / "engine.sock"
 
 
@@ -271,7 +271,7 @@ def engine_at(socket: Path) -> RunningEngine | None:
 
 
 def socket_option(socket: Path) -> str:
-    """What follows a verb that is to reach the engine there."""
+    """The option of a verb that reaches the engine at a socket; empty for the usual one."""
     is_usual = socket in {Path(), default_socket_path()}
     return "" if is_usual else f" --socket {shlex.quote(str(socket))}"
 

@@ -144,7 +144,7 @@ class ControlServer:
             said = words if "cannot" in words else ""
 
     def _kept(self) -> str:
-        """What was put back, in words; empty where nothing was missing."""
+        """Put back socket and locks; in words what was missing, else empty."""
         again, failed = [], ""
         for lock in self._locks:
             try:

@@ -53,7 +53,7 @@ Phase = Literal["sent", "late", "answered", "stopped", "failed"]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StopNews:
-    """How a STOP stands."""
+    """The state of a STOP."""
 
     phase: Phase
     """answered: by the driver, and being measured; stopped: measured to be at rest; failed: it
@@ -116,7 +116,7 @@ class Stopping:
         late.start()
 
     def wait(self) -> StopNews:
-        """How it ended: measured by a way, or every way has failed.
+        """Wait for the end: measured by a way, or every way has failed.
 
         A way past the engine that has begun is waited for all the same: it may still set tracking
         as configured after its own ABORT, and repeats that while the mount moves.

@@ -1,4 +1,4 @@
-"""What goes over the operator's wire, line by line."""
+"""Requests and outcomes on the operator's wire, line by line."""
 
 import contextlib
 import getpass
@@ -24,7 +24,7 @@ _CONSOLE = "console "
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Sender:
-    """Who hands the engine a command."""
+    """The sender of a command."""
 
     name: str = "operator"
     kind: SenderKind = "script"
@@ -61,12 +61,12 @@ def sender_of(by: str, kind: Any = None) -> Sender:
 
 
 def printable(text: str) -> str:
-    """The same without what would be a command to a terminal, by any author."""
+    """Text of any author without what would be a command to a terminal."""
     return "".join(c if c.isprintable() or c == "\n" else " " for c in text)
 
 
 def one_line(text: str) -> str:
-    """The same on one line: a line break in it could pass for a line of the program's own."""
+    """Printable text on one line: a line break could pass for a line of the program's own."""
     return printable(text).replace("\n", " ")
 
 
@@ -76,7 +76,7 @@ _SEND_TIMEOUT_S = 2.0
 
 
 class Course:
-    """How far a request has come; the loop says so, who waits for its answer looks."""
+    """The progress of a request: set by the loop, read where the answer is waited for."""
 
     def __init__(self) -> None:
         self.is_begun = False
@@ -85,12 +85,12 @@ class Course:
         self._is_settled = threading.Event()
 
     def settle(self, result: CommandResult) -> None:
-        """That came of it (any thread; never waits)."""
+        """Set the result (any thread; never waits)."""
         self._result = result
         self._is_settled.set()
 
     def wait(self, timeout_s: float) -> CommandResult | None:
-        """What came of it; None where that is not known so soon."""
+        """Wait for the result; None where it is not known in time."""
         self._is_settled.wait(timeout_s)
         return self._result
 
@@ -109,7 +109,7 @@ class Request:
 
     @property
     def by(self) -> str:
-        """Who asks, as the record has it."""
+        """The sender in words, as the record has it."""
         return self.sender.words
 
 
@@ -119,7 +119,7 @@ ON_RECORD = "on_record"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Outcome:
-    """What came of a command."""
+    """The outcome of a command."""
 
     ok: bool
     message: str = ""
@@ -271,7 +271,7 @@ def read_outcome(reply: bytes) -> Outcome:
 
 
 def is_same_user(peer: socket.socket) -> bool:
-    """Whether this process's user is at the other end."""
+    """True where this process's user is at the other end."""
     if not hasattr(socket, "SO_PEERCRED"):
         return True  # the folder, which only its owner can enter, protects it
     credentials = peer.getsockopt(socket.SOL_SOCKET, socket.SO_PEERCRED, struct.calcsize("3i"))

@@ -1,4 +1,4 @@
-"""Where the telescope goes by the orbit: instead of the filter's prediction, and without one."""
+"""Directions by the orbit: in place of the filter's prediction, and where the filter has none."""
 
 import math
 from dataclasses import dataclass
@@ -22,7 +22,7 @@ SAME_PLACE = 0.05
 
 
 class Guide:
-    """Asks the orbit of what is, or was last, followed."""
+    """Predicts by the orbit of the track that is followed, or was followed last."""
 
     def __init__(self, orbit: OnlineOrbit, config: Config) -> None:
         self._orbit = orbit
@@ -37,14 +37,14 @@ class Guide:
     def track_direction(
         self, t_mid_utc_ns: int, aim: AimConfig | None = None
     ) -> tuple[float, float] | None:
-        """Where what is followed will be, ICRS; None where the filter knows better.
+        """The track's direction, ICRS degrees; None where the filter predicts it better.
 
-        Beside it by ``aim``, as configured where that is None.
+        Offset by ``aim``; by the configured offset where that is None.
         """
         return self._direction(t_mid_utc_ns, aim) if self._orbit.is_guide else None
 
     def lost_direction(self, t_mid_utc_ns: int) -> tuple[float, float] | None:
-        """Where what the filter has lost is to be waited for; None where it is not."""
+        """The direction in which a lost track is waited for, ICRS degrees; None where it is not."""
         seen = self._orbit.seen
         if not may_guide(self._config) or seen is None:
             return None
@@ -53,7 +53,7 @@ class Guide:
         return self._direction(t_mid_utc_ns) if is_time else None
 
     def may_be_lost_object(self, seen: Measurement) -> bool:
-        """Whether a measurement may be what was lost: near to where its orbit has it."""
+        """True where a measurement lies near the lost track's direction by its orbit."""
         at = self.lost_direction(seen.t_mid_utc_ns)
         if at is None:
             return False
@@ -61,11 +61,11 @@ class Guide:
         return separation_deg(*at, seen.ra_icrs_deg, seen.dec_icrs_deg) < near_deg
 
     def last_direction(self, t_utc_ns: int) -> tuple[float, float] | None:
-        """Where what was followed last is by its orbit, however long ago that was."""
+        """The last track's direction by its orbit, ICRS degrees, however old that track is."""
         return self._direction(t_utc_ns) if may_guide(self._config) else None
 
     def prepare(self, now_utc_ns: int) -> None:
-        """Compute the way of the next minutes while nobody waits for it."""
+        """Predict the path of the next minutes while no frame waits for it."""
         orbit = self._orbit.orbit
         if orbit is None or not may_guide(self._config):
             self._way = None
@@ -91,7 +91,7 @@ class Guide:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class PredictedPath:
-    """An orbit's way over some minutes, between whose places one may interpolate."""
+    """An orbit's predicted path over some minutes, interpolated between its places."""
 
     orbit: KnownOrbit
     t_utc_ns: IntArray
@@ -105,7 +105,7 @@ class PredictedPath:
 
     @classmethod
     def of(cls, orbit: KnownOrbit, site: Site, t_utc_ns: int) -> "PredictedPath":
-        """From an instant on."""
+        """Predict the path from an instant on, UTC nanoseconds."""
         t = t_utc_ns + np.arange(_STEPS + 1) * _STEP_S * NS_PER_S
         ahead = predict(orbit, site, t)
         places = ahead.places
@@ -119,11 +119,11 @@ class PredictedPath:
         )
 
     def holds(self, t_utc_ns: int) -> bool:
-        """Whether an instant is within it."""
+        """True where an instant is within the path."""
         return bool(self.t_utc_ns[0] <= t_utc_ns < self.t_utc_ns[-1])
 
     def reaches(self, t_utc_ns: int) -> bool:
-        """Whether it holds the next minutes too."""
+        """True where the path goes on for some minutes beyond an instant."""
         return bool(self.t_utc_ns[0] <= t_utc_ns < self.t_utc_ns[_STEPS // 2])
 
     def at(self, t_utc_ns: int) -> tuple[tuple[float, float], tuple[float, float], float]:

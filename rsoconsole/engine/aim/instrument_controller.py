@@ -104,7 +104,7 @@ class InstrumentController:
             raise Interrupted
 
     def mount_report(self) -> MountReport:
-        """Where the mount says it is, no older than now under simulation."""
+        """The mount's report of its place, no older than now under simulation."""
         not_before = self.now_utc_ns() if self.instruments.clock.is_simulated else None
         return self.instruments.mount.report(not_before)
 
@@ -124,13 +124,13 @@ class InstrumentController:
         self._is_sent_to_park = True
 
     def forget_order(self) -> None:
-        """Its motion was ended, or is to be: nobody waits for its arrival any more."""
+        """Forget the order whose motion was ended, or is to be: its arrival is not waited for."""
         self.sent, self._is_sent_to_park = None, False
         if self.ordered is not None and self.ordered.to_icrs_deg is None:
             self.ordered = None
 
     def is_on_its_way_to_park(self, report: MountReport) -> bool:
-        """Whether the mount moves to its park position; some drivers do not say where it goes."""
+        """True while the mount moves to its park position; some drivers do not say where to."""
         return report.is_slewing and (report.is_parking or self._is_sent_to_park)
 
     def end_motion(self) -> None:

@@ -1,4 +1,4 @@
-"""What the next exposure is: where, when, and whether the mount must move for it."""
+"""Plans the next exposure: where, when, and whether the mount must move for it."""
 
 from dataclasses import replace
 
@@ -89,7 +89,7 @@ class Planner:
         self._stands_at(report)
 
     def looking_at(self, report: MountReport) -> Direction:
-        """Where the telescope looks while the mount says so: its word put right by the offset."""
+        """The mount's report corrected by the pointing offset, ICRS degrees."""
         here = (report.ra_icrs_deg, report.dec_icrs_deg)
         known = self._pointing.at(*self._axes(here, report.t_utc_ns), report.pier_side)
         back = replace(known, east_arcsec=-known.east_arcsec, north_arcsec=-known.north_arcsec)
@@ -116,7 +116,7 @@ class Planner:
         return plan
 
     def pose(self, now_utc_ns: int) -> Pose | None:
-        """Where the telescope looks now; None where nobody knows."""
+        """The telescope's present pose; None where it is not known."""
         if self._centre is None:
             return None
         ra_deg, dec_deg = self._centre
@@ -267,7 +267,7 @@ class Planner:
         return t_start_ns + round((exposure.start_latency_s + exposure.exposure_s / 2.0) * NS)
 
     def end_utc_ns(self, plan: Plan) -> int:
-        """When the shutter closes."""
+        """The instant at which the shutter closes, UTC nanoseconds."""
         return plan.t_mid_utc_ns + round(self._config.exposure.exposure_s / 2.0 * NS)
 
     def slew_s(self, direction: Direction, t_utc_ns: int) -> float:
@@ -374,7 +374,7 @@ class Planner:
         return direction, f"{reason}, {inside} of {len(tracks)} in the field"
 
     def command(self, slew: SlewCommand) -> Direction:
-        """What to tell the mount so that it looks where the slew wants."""
+        """The direction to command so that the telescope looks at a slew's place, ICRS degrees."""
         to = (slew.ra_icrs_deg, slew.dec_icrs_deg)
         planned, planned_utc_ns = self._planned
         # The mount chooses its side when it is told, not when it arrives.
@@ -429,7 +429,7 @@ class Planner:
         )
 
     def followed(self, before: Following, after: Following, now_utc_ns: int) -> None:
-        """One exposure of a search is done, or a track was lost and is to be looked for here."""
+        """Go on after a frame: count it in the search, or search here for a track that was lost."""
         is_held = (before.state, after.state) == ("ACQUIRE", "ACQUIRE")
         if after.state == "LOST" and self._centre is not None:
             self._search.start_where_lost(self._centre, now_utc_ns)

@@ -23,7 +23,7 @@ URGENT: frozenset[AlertKind] = frozenset(("fault", "limit"))
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Alert:
-    """What has come to pass, in a sentence."""
+    """One event worth a message, in a sentence."""
 
     kind: AlertKind
     text: str
@@ -31,7 +31,7 @@ class Alert:
 
     @property
     def is_urgent(self) -> bool:
-        """Whether it has a share of its own of what may be sent."""
+        """True for kinds that have a quota of their own."""
         return self.kind in URGENT
 
 
@@ -43,7 +43,7 @@ _ITS_OWN = frozenset(("looked for again", "operator's word", "STOP", "disarmed",
 
 @dataclass(slots=True)
 class News:
-    """What has been told so far."""
+    """The alerts of a session so far: a fold over its records."""
 
     frames: int = 0
     tracks: set[int] = field(default_factory=set)
@@ -52,11 +52,11 @@ class News:
     is_cloudy: bool = False
 
     def take(self, t_utc_ns: int, record: Record) -> list[Alert]:
-        """What this record is worth."""
+        """The alerts that a record gives."""
         return [Alert(kind=kind, text=words, t_utc_ns=t_utc_ns) for kind, words in self._of(record)]
 
     def done(self, t_utc_ns: int) -> Alert:
-        """That the session is closed."""
+        """The alert that the session is closed."""
         named = ", ".join(dict.fromkeys(self.names.values()))
         words = f"the session is closed: {self.frames} frames, {len(self.tracks)} tracks"
         words += f"; identified: {named}" if named else ""

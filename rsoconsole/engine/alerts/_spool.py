@@ -1,4 +1,4 @@
-"""What has still to be sent, to whom, on the disk: a message waits out a night without a network.
+"""The queue of unsent messages, on the disk: a message waits out a night without a network.
 
 Bounded in number and in age. Services stand in it as digests: an address is a secret. One process
 at a time owns the file; another keeps its messages in memory until it is free, and puts them there
@@ -29,7 +29,7 @@ SPOOL, LOCK = "spool.json", "spool.lock"
 
 @dataclass(slots=True, kw_only=True)
 class Waiting:
-    """One message and who has not had it yet."""
+    """One message, and the services that have not had it yet."""
 
     number: int = 0
     kind: str
@@ -62,7 +62,7 @@ class Spool:
         self._claim_and_merge()
 
     def add(self, waiting: Waiting, seen: tuple[str, int] = ("", 0)) -> None:
-        """Another message, which gets its number here; the oldest goes where there are too many.
+        """Queue a message and give it its number; the oldest is dropped where there are too many.
 
         ``seen``: the session and its record that it is about.
         """
@@ -74,7 +74,7 @@ class Spool:
             self._write()
 
     def seen_of(self, session: str) -> int | None:
-        """Up to which of its records a session has been told; None: nobody could keep that."""
+        """The last record of a session that alerts were made of; None where it was not kept."""
         if self._owns is None:
             return None
         return self._seen.get(session, 0)
@@ -86,7 +86,7 @@ class Spool:
             return next((each for each in self._waiting if service in each.pending), None)
 
     def sent(self, number: int, service: str) -> None:
-        """It has had it now."""
+        """Note that a service has had a message."""
         with self._lock:
             for each in self._waiting:
                 if each.number == number and service in each.pending:
@@ -95,7 +95,7 @@ class Spool:
             self._write()
 
     def drop_old(self, now_utc_ns: int, known: Collection[str]) -> None:
-        """What is too old to be news, and what waits for services that there are no more."""
+        """Drop messages that are too old, and those for services that are no longer configured."""
         with self._lock:
             before = [list(each.pending) for each in self._waiting]
             for each in self._waiting:
@@ -113,7 +113,7 @@ class Spool:
             return len(self._waiting)
 
     def close(self) -> None:
-        """Let another process have it."""
+        """Release the file for another process."""
         with self._lock:
             self._is_closed = True
             if self._owns is not None:

@@ -30,7 +30,7 @@ HOUR_S = 3600.0
 
 @dataclass(slots=True)
 class Limiter:
-    """Lets alerts through. Faults and limits rest by their words, and have an hour of their own."""
+    """Limits the number of alerts; faults and limits have a quota of their own, by their words."""
 
     events: Collection[AlertKind]
     quiet_s: float
@@ -99,7 +99,7 @@ def own_words_alone(stream: TextIO) -> None:
 
 
 class EngineLink:
-    """What stdin says of it."""
+    """The engine through stdin: a line says that its loop lives, the end that it is gone."""
 
     def __init__(self, alive_s: float = ALIVE_S) -> None:
         self._holds_s, self._alive_s = alive_s, time.monotonic()
@@ -108,7 +108,7 @@ class EngineLink:
 
     @property
     def is_alive(self) -> bool:
-        """Whether its loop has said so of late."""
+        """True while the loop has reported of late."""
         return not self.is_gone.is_set() and time.monotonic() - self._alive_s < self._holds_s
 
     def _listen(self) -> None:

@@ -27,7 +27,7 @@ _MODULE = "rsoconsole.engine.alerts.child"
 
 
 class AlertProcess:
-    """One child beside the engine. Nothing here raises, and nothing takes the loop's time."""
+    """The child process beside the engine; raises nothing and takes none of the loop's time."""
 
     def __init__(
         self,
@@ -87,7 +87,7 @@ class AlertProcess:
 
     @property
     def pid(self) -> int | None:
-        """Of the child; None without one."""
+        """The child's process number; None without one."""
         return None if self._child is None else self._child.pid
 
     def _keep(self) -> None:

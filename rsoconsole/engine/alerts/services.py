@@ -18,7 +18,7 @@ SEND_S = 30.0
 
 @dataclass(frozen=True, slots=True)
 class Service:
-    """One address."""
+    """One service: its name and its address."""
 
     name: str
     """For people: what kind it is, and its place among all."""
@@ -27,14 +27,14 @@ class Service:
 
 @dataclass(frozen=True, slots=True)
 class SendResult:
-    """What came of one message to one service."""
+    """The result of one message to one service."""
 
     ok: bool
     detail: str
 
 
 def services_of(config: AlertsConfig) -> tuple[Service, ...]:
-    """All of them. Raises ConfigError for a file that cannot be read, or others can read."""
+    """All services. Raises ConfigError for a file that is unreadable, or readable by others."""
     urls = [*config.services]
     if config.services_file is not None:
         urls += _of_file(config.services_file)
@@ -43,7 +43,7 @@ def services_of(config: AlertsConfig) -> tuple[Service, ...]:
 
 
 def send(url: str, title: str, body: str, *, is_urgent: bool = False) -> SendResult:
-    """One message by apprise, which has time-outs of its own. Never raises."""
+    """Send one message by apprise, which has time-outs of its own. Never raises."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # what it loads, and when, is its own affair
         return _send(url, title, body, is_urgent)
@@ -72,7 +72,7 @@ def _send(url: str, title: str, body: str, is_urgent: bool) -> SendResult:
 
 
 def send_within(url: str, title: str, body: str, *, limit_s: float = SEND_S) -> SendResult:
-    """The same, given up after a while."""
+    """Send one message, given up after ``limit_s`` seconds."""
     done: list[SendResult] = []
     worker = threading.Thread(
         target=lambda: done.append(send(url, title, body)), daemon=True, name="send"
@@ -83,7 +83,7 @@ def send_within(url: str, title: str, body: str, *, limit_s: float = SEND_S) -> 
 
 
 def send_heartbeat(url: str, *, limit_s: float = SEND_S) -> SendResult:
-    """One heartbeat."""
+    """Call the address of the heartbeat once."""
     from rsoconsole.pipeline import Fetcher, FetchError
 
     try:
@@ -137,7 +137,7 @@ class AlertSender:
             thread.start()
 
     def add(self, message: Waiting, seen: tuple[str, int] = ("", 0)) -> None:
-        """One message to all services; ``seen``: the session and its record that it is about."""
+        """Queue a message for all services; ``seen``: its session and the number of its record."""
         message.pending = [digest_of(each.url) for each in self._services]
         if message.pending:
             self._spool.add(message, seen)

@@ -1,4 +1,4 @@
-"""What each look at the machine, its masters and its shutter found."""
+"""Checks of the machine, its master frames and its shutter."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -18,7 +18,7 @@ from rsoconsole.words import OLD_DAYS, TAKE_DARK, age_days, mode_words, shutter_
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Check:
-    """What one check found."""
+    """The result of one check."""
 
     check: str = ""
     """Its name, given by what runs it."""
@@ -30,17 +30,17 @@ class Check:
 
 
 def well(detail: str, remedy: str = "") -> Check:
-    """All is well; the remedy is for what could be better."""
+    """A passed check; the remedy is for what could be better."""
     return Check(ok=True, detail=detail, remedy=remedy)
 
 
 def bad(detail: str, remedy: str = "") -> Check:
-    """Something is not."""
+    """A failed check."""
     return Check(ok=False, detail=detail, remedy=remedy)
 
 
 def unsure(detail: str, remedy: str = "") -> Check:
-    """It cannot be told, or one may live with it."""
+    """A check without an answer, or with a fault that does not stop a night."""
     return Check(ok=None, detail=detail, remedy=remedy)
 
 

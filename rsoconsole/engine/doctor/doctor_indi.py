@@ -1,6 +1,6 @@
-"""Which library speaks INDI here, and what a server says, asked by plain TCP.
+"""Checks of the INDI client library and of an INDI server, which is asked by plain TCP.
 
-Which devices it has, and where the mount stands.
+The server's devices, the mount's site and what its driver offers.
 """
 
 import contextlib
@@ -38,7 +38,7 @@ _PATIENCE_S = 120
 
 
 def import_faults(names: Sequence[str]) -> dict[str, str]:
-    """Why modules do not load, by their names; those that load are left out."""
+    """The faults of modules that do not load, by their names."""
     done = subprocess.run(
         [sys.executable, "-W", "ignore", "-c", _IMPORT_ALL, *names],
         capture_output=True,
@@ -97,7 +97,7 @@ def devices_there(host: str, port: int, wanted: set[str], quiet_s: float) -> set
 
 
 def mount_abilities(host: str, port: int, mount: str, quiet_s: float) -> MountAbilities | None:
-    """What the mount's driver offers, by what it has defined until it is quiet for ``quiet_s``.
+    """The abilities of the mount's driver, by what it defines until it is quiet for ``quiet_s``.
 
     None where it has told no coordinates: it is not connected to its mount. Raises InstrumentError.
     """

@@ -1,4 +1,4 @@
-"""What a mount's driver does not offer, and what follows from that for a night. Pure."""
+"""Abilities that a mount's driver lacks, and what follows from that for a night. Pure."""
 
 from dataclasses import dataclass
 from typing import Literal

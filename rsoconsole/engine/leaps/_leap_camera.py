@@ -1,4 +1,4 @@
-"""How the leaps have the camera expose, and how the night has its own way back afterwards."""
+"""The camera's exposure, binning and subframe during leaps, and back to the night's own after."""
 
 import logging
 
@@ -92,7 +92,7 @@ class LeapCamera:
         self._set(wanted_s, "the leaps")
 
     def give_back(self) -> None:
-        """The night exposes as it did before the leaps."""
+        """Give the night back its own exposure, binning and whole sensor."""
         own_s, self._before_s = self._before_s, None
         if own_s is not None:
             self._set(own_s, "the end of the leaps")
@@ -112,7 +112,7 @@ class LeapCamera:
             self._session_log.say("warning", words)
 
     def configured(self, before: Config) -> None:
-        """What the operator sets meanwhile holds where the leaps end."""
+        """Take new settings: an exposure that the operator sets meanwhile holds after the leaps."""
         if before.leap.subframe != self._control.config.leap.subframe:
             self._can_read_parts = True
         wanted_s = self._control.config.exposure.exposure_s

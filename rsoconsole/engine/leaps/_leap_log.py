@@ -1,4 +1,4 @@
-"""What goes on record and into the log of leaps and of the pass that they follow."""
+"""Records and log lines of leaps and of the pass that they follow."""
 
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, replace
@@ -112,7 +112,7 @@ class _Begun:
 
 
 class LeapLog:
-    """Gathers leap by leap; what takes time is done once nobody waits for it."""
+    """Gathers the facts of each leap; what takes time is computed once no frame waits for it."""
 
     def __init__(self, control: Control, parts: Parts, times: LeapTimes) -> None:
         self._control, self._times = control, times
@@ -128,12 +128,12 @@ class LeapLog:
         """The last one with a leap or a first streak."""
 
     def begin(self, frame_id: int, name: str) -> None:
-        """A first streak, of what was waited for by this name, or of whatever came: empty."""
+        """Begin a pass with its first streak; ``name``: of the expected satellite, else empty."""
         self._begun, self._frame_id = _Begun(frame_id=frame_id, name=name), frame_id
         self._unrecorded, self._spent = None, []
 
     def took(self, leap: Leap, *, waited_for_frame: bool) -> None:
-        """The next slew can be ordered."""
+        """Note what a leap took, now that the next slew can be ordered."""
         now_ns = self._instrument_controller.now_utc_ns()
         self._spent.append(self._times.parts_of(leap, now_ns, waited_for_frame=waited_for_frame))
 
@@ -147,7 +147,7 @@ class LeapLog:
         before: LeapTrack,
         streak: FrameStreak | None = None,
     ) -> None:
-        """What came of a leap, by its frame; ``before``: what was followed until then."""
+        """Note the result of a leap, by its frame; ``before``: the track until then."""
         self._begun.leaps += 1
         self._frame_id = frame_id
         self._unrecorded = partial(
@@ -206,7 +206,7 @@ class LeapLog:
         self._session_log.say("info", words)
 
     def end(self, track: LeapTrack, why: str) -> None:
-        """What is known of what was leapt after."""
+        """Say and record the orbit and the next pass of the satellite that was followed."""
         orbit = track.best.orbit
         self._session_log.say("info", f"{why}: {last_words(track, self._spent)}")
         later: ExpectedPass | None = None
@@ -219,7 +219,7 @@ class LeapLog:
         self._record_pass(track, why, later)
 
     def cut_off(self, track: LeapTrack, why: str) -> None:
-        """Something else has ended a pass in its middle."""
+        """Record a pass that something else has ended in its middle."""
         self._record_pass(track, why, None)
 
     def _record_pass(self, track: LeapTrack, end: str, later: ExpectedPass | None) -> None:

@@ -1,4 +1,4 @@
-"""Which pass is waited for: of a catalogued object, or of what was leapt after last."""
+"""The pass that is waited for: of a catalogued object, or of the satellite followed last."""
 
 from collections.abc import Callable, Iterator, Sequence
 
@@ -35,7 +35,7 @@ from rsoconsole.words import NS_PER_DAY, NS_PER_S, utc_ns_to_iso
 
 
 def entry_of(config: Config) -> CatalogueEntry:
-    """The newest set. Raises OrbitError where there is none, with the remedy."""
+    """The newest elements of ``leap.pass_norad``. Raises OrbitError, with the remedy."""
     number, files = config.leap.pass_norad, config.catalogue.tle_files
     if not files:
         raise OrbitError(
@@ -53,7 +53,7 @@ SEARCHED_NS = NS_PER_DAY
 
 
 def first_streak_words(track: LeapTrack, awaited: Awaited | None, found: Came | None) -> str:
-    """A first streak: how fast, in which sense; of one that was waited for how late."""
+    """A first streak in words: how fast, in which sense, and how late against the prediction."""
     speed = track.best.streaks[0].speed_arcsec_s
     if awaited is None or found is None:
         sure = 100.0 * track.best.probability
@@ -66,7 +66,7 @@ def first_streak_words(track: LeapTrack, awaited: Awaited | None, found: Came | 
 
 
 def awaited_words(awaited: Awaited) -> str:
-    """Which pass is waited for, and how long."""
+    """The pass that is waited for, in words."""
     stare = awaited.stare
     either_s = (stare.until_utc_ns - stare.from_utc_ns) / 2 / NS_PER_S
     return (
@@ -76,7 +76,7 @@ def awaited_words(awaited: Awaited) -> str:
 
 
 def met_words(track: LeapTrack, seen: FrameStreak, leap: Leap | None) -> str:
-    """One that was met: its number, how far off, how well the orbit fits."""
+    """A successful leap in words: its number, its streak, how well the orbit fits."""
     best, number = track.best, len(track.best.streaks) - 1
     words = f"leap {number} met: {seen.detection.length_px:.0f} px"
     if leap is not None:
@@ -90,12 +90,12 @@ def met_words(track: LeapTrack, seen: FrameStreak, leap: Leap | None) -> str:
 
 
 def pass_words(plan: PassPlan) -> str:
-    """A whole pass before its first leap."""
+    """The plan of a pass in words, before its first leap."""
     return f"up to {len(plan.leaps)} leaps{_flips_words(plan)}; then: {_end_words(plan)}"
 
 
 def rest_words(plan: PassPlan, *, is_dark: bool) -> str:
-    """The rest of a pass by its own orbit: how many leaps, until when, and what ends it.
+    """The rest of a pass in words, by its own orbit: leaps, until when, and what ends it.
 
     ``is_dark``: whether that is the Earth's shadow.
     """
@@ -116,7 +116,7 @@ def _flips_words(plan: PassPlan) -> str:
 
 
 def last_words(track: LeapTrack, parts: Sequence[LeapParts]) -> str:
-    """What came of it, and what a leap took."""
+    """A finished pass in words: its streaks, and the median times of a leap."""
     streaks = track.best.streaks
     span_s = (streaks[-1].t_mid_utc_ns - streaks[0].t_mid_utc_ns) / NS_PER_S
     words = f"{len(streaks)} streaks in {span_s:.0f} s, shutter ± {track.best.scatter_s:.2f} s"
@@ -138,7 +138,7 @@ def last_words(track: LeapTrack, parts: Sequence[LeapParts]) -> str:
 def next_pass_of(
     orbit: LowOrbit, site: Site, now_utc_ns: int, least_altitude_deg: float
 ) -> ExpectedPass | None:
-    """When it comes again within a day; None where it does not."""
+    """The next pass within a day; None where there is none."""
     later = passes_above(
         orbit, site, now_utc_ns + 600 * NS_PER_S, now_utc_ns + SEARCHED_NS, least_altitude_deg
     )
@@ -146,7 +146,7 @@ def next_pass_of(
 
 
 def orbit_words(orbit: LowOrbit, later: ExpectedPass | None) -> Iterator[str]:
-    """Its orbit, and when it comes again with what that is worth."""
+    """An orbit and its next pass in lines, with their uncertainties."""
     found = elements_of(orbit.r_km, orbit.v_km_s)
     yield (
         f"its orbit: {found.a_km - EARTH_RADIUS_KM:.0f} km, e {found.e:.4f},"
@@ -164,7 +164,7 @@ _LOOKS_AGAIN_NS = 3600 * NS
 
 
 class Awaiting:
-    """Finds the next one, by elements or by the last orbit."""
+    """Finds the next pass, by elements or by the last satellite's own orbit."""
 
     def __init__(self, control: Control, parts: Parts) -> None:
         self._control = control
@@ -181,25 +181,25 @@ class Awaiting:
         """Passes before that are over."""
 
     def forget(self) -> None:
-        """Nothing is waited for; the next one is found again."""
+        """Wait for nothing; the next pass is found again."""
         self.awaited, self._looked_until_ns = None, 0
 
     def forget_elements(self) -> None:
-        """Another one is to be waited for."""
+        """Forget the elements: another satellite is to be waited for."""
         self.forget()
         self._entry, self._from_ns = None, 0
 
     def forget_orbit(self) -> None:
-        """It was by a wrong clock."""
+        """Forget the last orbit, which was found by a wrong clock."""
         self._last_orbit, self._from_ns = None, 0
 
     def skip_pass(self) -> None:
-        """What is waited for cannot be met, or has not come: the next one is looked for."""
+        """Give up the expected pass, which cannot be met or has not come; the next one is found."""
         if self.awaited is not None:
             self._from_ns, self.awaited = self.awaited.set_utc_ns, None
 
     def over(self, orbit: LowOrbit | None) -> None:
-        """A pass is over; what is known of its orbit."""
+        """Note the end of a pass, and its orbit where one was found."""
         self.forget()
         self._last_orbit = orbit
 

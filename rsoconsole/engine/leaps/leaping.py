@@ -58,7 +58,7 @@ LookAt = Callable[[Frame, float], Glance | None]
 
 
 class Leaping:
-    """Knows what is leapt after, and where and when it is met next."""
+    """Follows a low satellite: where and when it is met next."""
 
     def __init__(self, control: Control, parts: Parts, look_at: LookAt) -> None:
         self._control = control
@@ -88,11 +88,11 @@ class Leaping:
 
     @property
     def is_on(self) -> bool:
-        """Whether the telescope stares and leaps at all."""
+        """True where ``leap.enabled`` is set."""
         return self._control.config.leap.enabled
 
     def forget(self, why: str = "autonomy has lost the mount") -> None:
-        """Leaps end here, in words for the record; a later one begins from where it then points."""
+        """End the leaps, with a reason for the record; later ones begin where it then points."""
         if self.track is not None:
             self._log.cut_off(self.track, why)
         self.track = self._leap = None
@@ -104,13 +104,13 @@ class Leaping:
         self._camera.give_back()
 
     def forget_times(self) -> None:
-        """Time has lost its meaning, and with it every orbit."""
+        """Forget all that depends on times: the clock was set."""
         self.forget("the clock was set")
         self.times.forget_camera()
         self._awaiting.forget_orbit()
 
     def drop_early(self) -> None:
-        """What was ordered ahead of a frame leads nowhere any more."""
+        """Forget the leap that was ordered ahead of a frame."""
         self._next = self._early = None
 
     def configure(self, before: Config) -> None:
@@ -124,13 +124,13 @@ class Leaping:
             self.forget("leaps were switched off")
 
     def telescope(self) -> Telescope:
-        """What it can do, as learned so far."""
+        """The telescope's motion, times and limits, as learned so far."""
         return self.times.telescope(self._camera.binning)
 
     # --- an exposure of a leap
 
     def opened(self, frame_id: int, opened_utc_ns: int) -> None:
-        """The exposure under way was ordered: where the next one is, is found meanwhile."""
+        """Find the next leap while the exposure that was just ordered is under way."""
         self._exposing, self._next = (frame_id, opened_utc_ns), None
         leap, track = self._leap, self.track
         if leap is None or track is None or not self._is_sure(track):
@@ -148,7 +148,7 @@ class Leaping:
             self._next = found
 
     def closed(self) -> MountReport | None:
-        """The shutter should have closed: the mount goes on where one frame changes nothing.
+        """Send the mount on as the shutter closes, where one more frame changes nothing.
 
         Where it looked until then; None where it stays. Raises what ``Slews.order`` does.
         """
@@ -160,7 +160,7 @@ class Leaping:
         return looked if self._order_early(found, waited_for_frame=False) else None
 
     def read_out(self, frame: Frame) -> None:
-        """A frame has come: what that took is learned, and a look at its middle may be enough.
+        """Learn from a frame what it took; a look at its middle may be enough for the next order.
 
         Raises what ``Slews.order`` does.
         """
@@ -192,7 +192,7 @@ class Leaping:
             return
 
     def take_stage_ms(self) -> dict[str, float]:
-        """What the look at the last frame's middle took, and the order by it; told once."""
+        """Times of the look at the last frame's middle and of the order by it, ms; given once."""
         taken, self._stage_ms = self._stage_ms, {}
         return taken
 
@@ -226,7 +226,7 @@ class Leaping:
     # --- what a frame shows
 
     def saw(self, frame: Frame, reduction: Reduction) -> None:
-        """Follow what is leapt after through one more frame, or begin with what it shows."""
+        """Follow the satellite through one more frame, or begin with a streak that it shows."""
         if not self.is_on:
             return
         leap, self._leap = self._leap, None
@@ -331,7 +331,7 @@ class Leaping:
         return True
 
     def record(self) -> None:
-        """What nobody waits for: the last leap, and how the whole pass would go."""
+        """Record the last leap and plan the whole pass, once no frame waits for it."""
         self._log.record()
         if self.track is None or self._leap is None:
             return
@@ -357,7 +357,7 @@ class Leaping:
     # --- where the next one is
 
     def order_next(self, *, is_held: bool) -> Plan:
-        """The next exposure; the mount is on its way when this returns.
+        """Plan the next exposure; the mount is on its way when this returns.
 
         Raises what ``Slews.order`` does.
         """

@@ -1,4 +1,4 @@
-"""What came in from outside since the last frame: commands that wait, alarms that cut it short."""
+"""Executes what came in since the last frame: commands that wait, alarms that cut it short."""
 
 import logging
 import time
@@ -31,7 +31,7 @@ STOP_POLL_S = 0.02
 
 
 class CommandTurn:
-    """Commands in their order, each with its outcome on record; alarms before any of them."""
+    """Executes commands in their order, each with its outcome on record; alarms before them."""
 
     def __init__(
         self,
@@ -52,7 +52,7 @@ class CommandTurn:
         self._handlers, self._on_executed = handlers, on_executed
 
     def execute_waiting(self) -> None:
-        """Do what waits, in order; each gets its outcome on record, whatever comes between."""
+        """Execute the commands that wait, in order; each gets its outcome on record in any case."""
         requests = self._queue.take_all()
         for number, request in enumerate(requests):
             outcome = DONE
@@ -89,7 +89,7 @@ class CommandTurn:
         request.course.settle(result)
 
     def heed_alarms(self) -> None:
-        """What cut the loop short: pass through its step, then say so.
+        """Act on alarms: say them, then pass through their steps.
 
         Raises Interrupted while a STOP is still talking to the mount on its own thread: nothing
         may be executed before it is over.

@@ -23,7 +23,7 @@ CLEAR_FRAMES = 2
 
 
 class FrameTurn:
-    """What is remembered from one exposure to the next, and the way of each through the loop."""
+    """Takes each exposure through the loop, and keeps what the next one needs."""
 
     def __init__(
         self,

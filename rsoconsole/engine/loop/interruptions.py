@@ -31,7 +31,7 @@ class ClockTrouble:
 
 
 class Interruptions:
-    """Hears of them, tells them, and looks at the mount before the loop goes on."""
+    """Reports faults of time and slews ended by the lease, and checks the mount after them."""
 
     def __init__(
         self,
@@ -56,7 +56,7 @@ class Interruptions:
     # -- time -----------------------------------------------------------------------------------
 
     def receive(self, fault: ClockFault) -> None:
-        """Something went wrong with time; the loop drops what it was at."""
+        """Act on a fault of the clock; the loop drops its work."""
         match fault.kind:
             case "set" | "leap second":
                 self._clock_set(fault)

@@ -1,4 +1,4 @@
-"""How the machine itself is: heat, power, throttling. Read from the kernel's own files.
+"""The machine's heat, power and throttling, read from the kernel's own files.
 
 A Raspberry Pi tells under-voltage by the driver ``rpi_volt`` of its hardware monitor (kernel
 documentation, hwmon/raspberrypi-hwmon), and throttling by its firmware's word GET_THROTTLED, which
@@ -46,7 +46,7 @@ HEAT_REMEDY = "a heat sink or a fan, air around the case, shade by day"
 
 
 def read_machine(root: Path = ROOT) -> Machine:
-    """One reading; raises nothing."""
+    """Read the machine once; raises nothing."""
     alarm, word = _supply_alarm(root), _throttled_word(root)
     return Machine(
         model=board_model(root),
@@ -61,7 +61,7 @@ def read_machine(root: Path = ROOT) -> Machine:
 
 
 def troubles_of(reading: Machine) -> tuple[Trouble, ...]:
-    """What is not well, worst first; empty where nothing is or nothing is told."""
+    """The troubles of a reading, worst first; empty where there are none or nothing is reported."""
     found = []
     if reading.is_under_voltage:
         found.append(
@@ -85,7 +85,7 @@ def troubles_of(reading: Machine) -> tuple[Trouble, ...]:
 
 
 def board_model(root: Path) -> str | None:
-    """What the device tree calls the board; None where there is none, as on a PC."""
+    """The board's name in the device tree; None where there is none, as on a PC."""
     text = text_of(root / "proc/device-tree/model")
     return None if text is None else text.replace("\0", "").strip() or None
 
@@ -129,7 +129,7 @@ def _throttled_word(root: Path) -> int | None:
 
 
 def run_program(words: Sequence[str]) -> str | None:
-    """What a program says; None where it is not there, fails or takes too long."""
+    """The output of a program; None where it is not there, fails or takes too long."""
     program = shutil.which(words[0])
     if program is None:
         return None

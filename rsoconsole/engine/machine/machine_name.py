@@ -1,4 +1,4 @@
-"""Which machine this is, in words for a report; never called what it does not say it is."""
+"""The machine's identity for a report, by what it says of itself alone."""
 
 import os
 import platform

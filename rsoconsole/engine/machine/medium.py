@@ -1,4 +1,4 @@
-"""Which kind of disk a folder lies on: an SD card wears out, a USB disk is made for nights."""
+"""The kind of disk that a folder lies on, and how many nights it has room for."""
 
 import os
 from dataclasses import dataclass
@@ -20,7 +20,7 @@ _LIFE_STEP_PERCENT = 10
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Medium:
-    """What a folder lies on."""
+    """The disk that a folder lies on."""
 
     kind: MediumKind
     device: str = ""
@@ -30,7 +30,7 @@ class Medium:
 
 
 def medium_of(folder: Path, root: Path = ROOT) -> Medium:
-    """What the folder lies on, or would once it is made. Raises nothing."""
+    """The disk that a folder lies on, or would once it is made. Raises nothing."""
     mount = _mount_of(folder, root)
     if mount is None:
         return Medium(kind="unknown")
@@ -115,7 +115,7 @@ DISK_REMEDY = (
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DiskOutlook:
-    """What the coming night takes and how many such nights there is room for."""
+    """The disk that the coming night takes, and for how many such nights there is room."""
 
     bytes_a_night: int
     """At most: exposures from dusk to dawn without a pause, each kept as configured."""
@@ -129,7 +129,7 @@ class DiskOutlook:
 def disk_outlook(
     config: Config, free_bytes: int, now_utc_ns: int, bytes_a_frame: float | None = None
 ) -> DiskOutlook:
-    """How many nights like the coming one the free disk holds.
+    """Compute how many nights like the coming one the free disk holds.
 
     ``bytes_a_frame`` is what a frame has really come to, without preview and records; None
     computes from the sensor and how well such frames compress. For "detected" every frame is
@@ -174,7 +174,7 @@ def session_bytes(config: Config, duration_s: float, bytes_a_frame: float | None
 
 
 def disk_words(free_bytes: float, dark_s: float, need_bytes: float) -> str:
-    """What is free, and what so much of a night takes."""
+    """The free disk and the need of a night, in words."""
     takes = f"{dark_s / 3600:.1f} h of dark take up to {need_bytes / 1e9:.1f} GB"
     return f"{free_bytes / 1e9:.1f} GB free, {takes}"
 

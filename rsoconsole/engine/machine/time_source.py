@@ -1,4 +1,4 @@
-"""Where this machine's time comes from: a GPS receiver, a time server, or nowhere."""
+"""The source of this machine's time: a GPS receiver, a time server, or none."""
 
 import re
 from collections.abc import Callable, Sequence
@@ -17,7 +17,7 @@ Ask = Callable[[Sequence[str]], str | None]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TimeSource:
-    """Who sets this machine's clock."""
+    """The service that sets this machine's clock."""
 
     kind: TimeSourceKind
     """none: a time service runs and reaches nobody, or is off; unknown: none is asked."""
@@ -27,7 +27,7 @@ class TimeSource:
 
 
 def read_time_source(ask: Ask = run_program, root: Path = ROOT) -> TimeSource:
-    """What chrony says, else what systemd says. Asks programs; raises nothing."""
+    """The time source by chrony, else by systemd. Asks programs; raises nothing."""
     clock = text_of(root / "sys/class/rtc/rtc0/name")
     chrony = ask(("chronyc", "-c", "tracking"))
     found = None if chrony is None else _by_chrony(chrony)

@@ -78,7 +78,7 @@ def detection_of(mark: MarkByHand, frame_id: int) -> Detection:
 
 
 def refined_command(mark: MarkByHand, found: Detection) -> MarkByHand:
-    """The same mark where the light is."""
+    """A mark moved onto the light that was found beneath it."""
     return replace(
         mark,
         x_a_px=found.x_a_px,
@@ -92,14 +92,14 @@ def refined_command(mark: MarkByHand, found: Detection) -> MarkByHand:
 
 
 def sigma_arcsec(measurement: Measurement) -> float:
-    """One sigma of a direction where it is known worst."""
+    """One sigma of a direction on its worst axis, arcsec."""
     return largest_sigma(*measurement.cov_sky_arcsec2)
 
 
 def better_measurement(
     mark: Measurement, shown: Shown, taken: Measurement | None
 ) -> Measurement | None:
-    """What a mark would replace and is known much better; None where there is no such thing."""
+    """A much more precise measurement that a mark would replace; None where there is none."""
     sigma = sigma_arcsec(mark)
     near = [m for m in shown.measurements if _away_arcsec(m, mark) <= 3.0 * sigma]
     known = [m for m in (taken, *near) if m is not None and m != mark and not m.is_clipped]
@@ -117,7 +117,7 @@ def _away_arcsec(one: Measurement, other: Measurement) -> float:
 def measured(
     detection: Detection, measurement_id: str, shown: Shown, config: Config
 ) -> Measurement:
-    """A detection that is taken on the operator's word, as a direction."""
+    """Measure a detection that the operator accepts. Raises ValueError without stars or time."""
     if not isinstance(shown.solution, Solution):
         raise ValueError(_not_solved(shown.taken.frame_id))
     made = measure(
@@ -140,7 +140,7 @@ def _not_solved(frame_id: int) -> str:
 def detected_measurement(
     mark: Measurement, shown: Shown, taken: Measurement | None
 ) -> Measurement | None:
-    """What the detector measured of the streak that is marked; None where it did not.
+    """The detector's measurement of a streak that is marked; None where it has none.
 
     ``taken``: what the track has of the frame.
     """
@@ -153,7 +153,7 @@ def detected_measurement(
 def with_mark_figures(
     result: CommandResult, mark: Measurement, automatic: Measurement | None
 ) -> CommandResult:
-    """With how good a mark is, and how far from what the detector measured."""
+    """Add a mark's precision and its distance from the detector's measurement to a result."""
     east, _, north = mark.cov_sky_arcsec2
     return replace(
         result,
@@ -163,7 +163,7 @@ def with_mark_figures(
 
 
 def by_hand_result(decision: Ruling, records: tuple[Record, ...]) -> CommandResult:
-    """What a word on a frame came to that nobody followed."""
+    """The result of a decision on a frame that nobody followed."""
     states = [r for r in records if isinstance(r, TrackState) and r.frame_id == decision.frame_id]
     result = result_of(decision, ())
     kinds = {each.kind for each in states}
@@ -173,7 +173,7 @@ def by_hand_result(decision: Ruling, records: tuple[Record, ...]) -> CommandResu
 
 
 def result_of(decision: Ruling, records: tuple[Record, ...]) -> CommandResult:
-    """What a decision came to."""
+    """The result of a decision."""
     taken, left_alone = decision.taken, 0
     ruled: RuledKind = "rejected" if decision.refused else "taken back"
     if taken is not None:

@@ -1,4 +1,4 @@
-"""What must be well before the engine may move a telescope, asked of the world and then judged.
+"""The checklist before the engine may move a telescope: facts are gathered, then judged.
 
 Each check bears the one word by which an operator overrides it: somebody who knows better may,
 but by name, and it is logged.
@@ -41,7 +41,7 @@ MOUNT_ANSWER_S = 2.0
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ArmingCheck:
-    """One thing that must be well, and how it was found."""
+    """One check of the list, and its result."""
 
     name: str
     """The word by which an operator overrides it; one of ``CHECKS``."""
@@ -54,7 +54,7 @@ class ArmingCheck:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ArmingFacts:
-    """What the world said of itself at one instant; a question without an answer is None."""
+    """Facts for the checklist at one instant; a question without an answer is None."""
 
     now_utc_ns: int
     is_simulated: bool
@@ -171,13 +171,13 @@ def _pointing(
 
 
 def unknown_words(names: Collection[str]) -> str:
-    """That some are names of no check; empty where each is one."""
+    """A message that names unknown checks; empty where all are known."""
     unknown = ", ".join(sorted(set(names) - set(CHECKS)))
     return f"no check is called {unknown}; there are {', '.join(CHECKS)}" if unknown else ""
 
 
 def refusal_text(checks: Sequence[ArmingCheck], overridden: Collection[str]) -> str | None:
-    """Why the engine is not armed, in one line; None when every failed check is overridden."""
+    """The reason why the engine is not armed; None when every failed check is overridden."""
     failed = [check for check in checks if not check.ok and check.name not in overridden]
     if not failed:
         return None

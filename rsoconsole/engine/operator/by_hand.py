@@ -36,7 +36,7 @@ class HandMove:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Parts:
-    """What of the engine a move by hand needs."""
+    """The parts of the engine that moves by hand, frames and leaps work with."""
 
     instrument_controller: InstrumentController
     planner: Planner
@@ -67,7 +67,7 @@ class ByHand:
         }
 
     def preview(self, preview: Preview) -> MovePreview:
-        """What a move would do: target, way, time and limits; nothing moves.
+        """Preview a move: target, way, time and limits; nothing moves.
 
         Raises ValueError where it leads nowhere, InstrumentError when the mount is silent.
         """

@@ -1,4 +1,4 @@
-"""What the operator says of a frame's streaks: chosen, accepted, rejected, marked by hand.
+"""The operator's decisions on a frame's streaks: chosen, accepted, rejected, marked by hand.
 
 Each makes a ``Ruling`` on one of the last frames, by which it and those after it are followed
 again; while nobody follows, two of them make a track that is kept. Nothing here moves the mount.
@@ -57,7 +57,7 @@ from rsoconsole.words import error_figure, text
 def track_decision(
     word: Drop | Keep, shown: Shown, following: Following, by: str, config: Config
 ) -> Ruling:
-    """One track is dropped or kept; what was said of the frame before stands.
+    """The decision to drop or keep one track; earlier decisions on the frame stand.
 
     Raises ValueError where the track is none that is followed.
     """
@@ -90,7 +90,7 @@ def track_decision(
 
 
 def frame_of(word: Drop | Keep, decisions: Sequence[Ruling]) -> int | None:
-    """The frame on which a word is, where it takes back another; None: where it says.
+    """The frame of a decision that is taken back; else the one that the command names.
 
     Raises ValueError where there is nothing to take back.
     """
@@ -106,14 +106,14 @@ def frame_of(word: Drop | Keep, decisions: Sequence[Ruling]) -> int | None:
 
 
 def with_track_decisions(decision: Ruling, before: Ruling | None) -> Ruling:
-    """A word on a frame's streaks; what was said of tracks in that frame stands."""
+    """A decision on a frame's streaks together with the earlier ones on its tracks."""
     if before is None:
         return decision
     return replace(decision, dropped=before.dropped, kept=before.kept, released=before.released)
 
 
 def ruled_kind(word: Drop | Keep) -> RuledKind:
-    """What it came to."""
+    """The kind of result of dropping or keeping a track."""
     if isinstance(word, Drop):
         return "taken up again" if word.off else "dropped"
     return "released" if word.off else "kept"

@@ -119,12 +119,12 @@ class CommandHandler:
         }
 
     def handle(self, request: Request) -> Outcome:
-        """What came of it; a refusal says why."""
+        """Handle a request to its end; a refusal says why."""
         begun = self.begin(request)
         return begun.outcome() if isinstance(begun, Later) else begun
 
     def begin(self, request: Request) -> Outcome | Later:
-        """The same at once, but for what the mount has to answer."""
+        """Handle a request at once; what the mount has to answer comes as a ``Later``."""
         command = request.command
         refused = self._seats.refusal(request.sender, needs_control=command.needs_control)
         if refused is not None:
@@ -257,7 +257,7 @@ class CommandHandler:
         return Outcome(ok=True, data=status_json(self.status()))
 
     def status(self) -> Status:
-        """What the loop says of itself, and what only the wire's end knows beside it."""
+        """The loop's status, with what only the wire's end knows: health, seats, the last STOP."""
         status = self._engine.status()
         report = self._engine.watch.last_report
         health = self._health.read(report, self._engine.interruptions.trouble, self._lacks)

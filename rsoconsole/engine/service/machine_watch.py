@@ -1,4 +1,4 @@
-"""Looks at the machine now and then, beside loop and watch, and says what begins and ends.
+"""Watches the machine beside the loop, and says which troubles begin and end.
 
 Reading may take a moment (programs are asked), so that neither the loop nor the thread that
 answers the operator does it: both read what was seen last.
@@ -44,7 +44,7 @@ class MachineState:
     time_source: TimeSource
 
     def as_status(self) -> Machine:
-        """What ``status`` has of it."""
+        """The machine as ``status`` gives it."""
         return replace(
             self.reading,
             troubles=tuple(trouble.words for trouble in self.troubles),
@@ -65,11 +65,11 @@ class Troubles:
 
     @property
     def held(self) -> tuple[Trouble, ...]:
-        """What is not over yet, in the order in which it began."""
+        """The troubles that are not over yet, in the order in which they began."""
         return tuple(trouble for trouble, _ in self._held.values())
 
     def step(self, seen: tuple[Trouble, ...]) -> list[tuple[Level, str]]:
-        """What there is to say after one more look."""
+        """The lines to say after one more look."""
         said: list[tuple[Level, str]] = []
         for trouble in seen:
             if trouble.name not in self._held:
@@ -133,7 +133,7 @@ SAID_S = 900.0
 
 
 class HealthMeter:
-    """Reads at most every few seconds; from any thread."""
+    """Reads the health of mount, clock, disk and machine, at most every few seconds; any thread."""
 
     def __init__(
         self,
@@ -206,7 +206,7 @@ class HealthMeter:
 
 
 def driver_health(lacks: Sequence[Lack]) -> tuple[Health, ...]:
-    """What the mount cannot; nothing of what it only does not tell."""
+    """The mount's missing abilities; nothing of what it only does not report."""
     missing = [lack.what for lack in lacks if lack.name in ("abort", "tracking", "park")]
     return (Health(name="driver", ok=False, text=", ".join(missing)),) if missing else ()
 

@@ -59,7 +59,7 @@ VERSIONS_OF = ("rsoconsole", "ai-edge-litert", "astrometry", "numpy")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RunSettings:
-    """How one engine is run."""
+    """Settings of one run of the engine."""
 
     title: str
     session: Path | None = None

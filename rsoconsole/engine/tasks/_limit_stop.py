@@ -41,7 +41,7 @@ class _Ended:
 
 
 class LimitStop:
-    """What was ordered against the motion under way, and what came of it."""
+    """Orders that end a motion at a limit, and their measured results."""
 
     def __init__(self, instruments: Instruments, say: Callable[[Event], None]) -> None:
         """``say``: puts a line on the record, from any thread."""
@@ -63,22 +63,22 @@ class LimitStop:
         return self._parks_since_ns is not None
 
     def forget_motion(self) -> None:
-        """The mount rests, or is where it may be: what moves next is another motion."""
+        """Forget the motion: the mount rests or is within its limits; the next is another one."""
         self._how, self._orders = None, 0
 
     def is_due(self, how: How, now_ns: int) -> bool:
-        """Whether this motion is to be told to end now."""
+        """True where a motion is due to get an order to end now."""
         since_s = (now_ns - self._ordered_ns) / NS
         if how != self._how:
             return True
         return self._orders < ENOUGH and not 0.0 <= since_s < AGAIN_S
 
     def is_first(self, how: How) -> bool:
-        """Whether it has not been told yet."""
+        """True where a motion has had no order to end yet."""
         return how != self._how
 
     def words(self, how: How, *, parks: bool) -> str:
-        """What will be ordered."""
+        """The orders that will go out, in words."""
         able = self._abilities()
         if how == "slews":
             lacks = "" if able.can_abort else "it knows no ABORT"
@@ -111,7 +111,7 @@ class LimitStop:
         return result
 
     def note_abort(self, now_ns: int) -> None:
-        """Somebody else here has sent ABORT and tells what comes of it (any thread)."""
+        """Note an ABORT by another part of the engine, which reports its result (any thread)."""
         last = self._last
         if last is not None and last[1].how == "slews":
             self._note(now_ns, "slews", is_known=True)
@@ -140,7 +140,7 @@ class LimitStop:
     def look(
         self, report: MountReport, pose: Pose, seen: ObservedMotion, *, is_heeded: bool
     ) -> None:
-        """One look: learn, tell, park where that is due.
+        """Take one look: learn, report, park where that is due.
 
         ``is_heeded``: the loop has taken notice of all that cut it short.
         """

@@ -1,4 +1,4 @@
-"""How the mount moves at a look: measured where that is known, else by the more careful word.
+"""The mount's motion at one look: measured where that is known, else by the more careful claim.
 
 Its driver's slewing, tracking or parked is a claim. What this program has ordered itself is told
 apart from what others have.
@@ -31,7 +31,7 @@ PARKED_S = 5.0
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ObservedMotion:
-    """One look's answer."""
+    """The mount's motion as one look found it."""
 
     how: How
     rates: Rates | None = None
@@ -39,7 +39,7 @@ class ObservedMotion:
 
 
 def pose_of(report: MountReport) -> Pose:
-    """Where the mount says that it is."""
+    """The pose that the mount reports."""
     return Pose(
         t_utc_ns=report.t_utc_ns,
         ra_icrs_deg=report.ra_icrs_deg,
@@ -49,7 +49,7 @@ def pose_of(report: MountReport) -> Pose:
 
 
 def observed_motion(report: MountReport, before: MountReport | None) -> ObservedMotion:
-    """How it moves; ``before``: its report at the look before this one.
+    """The motion by a report; ``before``: the report at the look before this one.
 
     A measured drift counts as tracking: it is slow enough to be held where it is. What is not
     measured yet is a slew where the directions have changed since the last look or the driver says
@@ -103,7 +103,7 @@ class OwnMotion:
         self._is_over = False
 
     def note(self, report: MountReport, pose: Pose, seen: ObservedMotion) -> None:
-        """One look."""
+        """Note one look."""
         ordered = self._ordered()
         if ordered is not self._of:
             last = self._last
@@ -125,7 +125,7 @@ class OwnMotion:
             self._is_over = since_s > PARKS_WITHIN_S
 
     def kind(self, pose: Pose, seen: ObservedMotion, limits: Limits) -> Own | None:
-        """Which order a slew follows; None where it is somebody else's."""
+        """The order that a slew follows; None where it is not this program's."""
         ordered, start = self._of, self._start
         if ordered is None or start is None or self._is_over:
             return None
@@ -138,7 +138,7 @@ class OwnMotion:
 
 
 class ParkedMotion:
-    """Whether a mount that says that it is parked rests."""
+    """Measures whether a mount that reports to be parked rests."""
 
     def __init__(self) -> None:
         self._looks: deque[MountReport] = deque()
@@ -146,7 +146,7 @@ class ParkedMotion:
         self._since_ns = 0
 
     def see(self, report: MountReport) -> Literal["tracks", "moves"] | None:
-        """What it is measured to do instead; None where it rests, or that is not known yet."""
+        """The measured motion of a parked mount; None where it rests, or that is not known yet."""
         if not report.is_parked:
             self._looks.clear()
             return None

@@ -30,7 +30,7 @@ AGREED = 3
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FrameTime:
-    """What is to be made of one frame's time."""
+    """The judgement of one frame's time."""
 
     is_believed: bool
     off_s: float
@@ -80,7 +80,7 @@ class FrameTimes:
 
 
 class Exposures:
-    """From a plan to a frame on record."""
+    """Takes exposures: from a plan to a frame on record."""
 
     def __init__(
         self,

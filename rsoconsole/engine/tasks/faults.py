@@ -1,11 +1,11 @@
-"""What is broken, in words, and what ends that: an order, or the mount's own answer."""
+"""Present faults in words, and what ends them: an order, or the mount's own answer."""
 
 from rsoconsole.engine.aim.states import Authority, Stopped
 from rsoconsole.engine.tasks.watch import Watch
 
 
 class Faults:
-    """The words of what is broken, and what ends them."""
+    """Present faults, and a STOP that was not obeyed."""
 
     def __init__(self) -> None:
         self._words: list[str] = []
@@ -16,18 +16,18 @@ class Faults:
 
     @property
     def words(self) -> tuple[str, ...]:
-        """Of everything that is broken."""
+        """The words of all present faults."""
         return tuple(self._words)
 
     def add(self, words: str) -> bool:
-        """Something has failed; False where that is known already."""
+        """Add a fault; False where it is known already."""
         if words in self._words:
             return False
         self._words.append(words)
         return True
 
     def clear(self) -> None:
-        """Nothing is broken any more, as far as is known."""
+        """Forget all faults."""
         self._words.clear()
         self._was_blind, self._stop = False, None
 
@@ -47,7 +47,7 @@ class Faults:
         return stopped
 
     def is_over(self, authority: Authority, watch: Watch) -> bool:
-        """Whether the mount, whose silence was the cause of a FAULT, answers again: once."""
+        """True once when the mount answers again whose silence was the cause of a FAULT."""
         if authority.state != "FAULT" or authority.is_stopped or not self._words:
             self._was_blind = False
             return False

@@ -14,7 +14,7 @@ from rsoconsole.words import NS_PER_S
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class AimAhead:
-    """The aim of the next exposure but one, and which tracks are then in its field."""
+    """The aim of the exposure after the next, and the tracks in its field."""
 
     aim: NextAim
     inside: frozenset[int]
@@ -24,7 +24,7 @@ class AimAhead:
 def aim_ahead(
     ahead: tuple[NextAim, tuple[float, float]] | None, following: Following, config: Config
 ) -> AimAhead | None:
-    """What the planner looks ahead to, with the tracks in that field; None: nothing is followed.
+    """The aim that the planner looks ahead to, with its tracks; None while nothing is followed.
 
     ``ahead``: the aim, and where the lead then is, ICRS degrees.
     """
@@ -52,7 +52,7 @@ def tracks_now(
     now_utc_ns: int,
     ahead: AimAhead | None,
 ) -> tuple[TrackNow, ...]:
-    """All tracks by their numbers.
+    """All tracks as their last frames left them, by their numbers.
 
     ``names``: of identified ones, by track id. ``shown_of``: what one of the last frames showed,
     ValueError for others.
@@ -92,7 +92,7 @@ def _snr_of(taken: Measurement, shown_of: Callable[[int], Shown]) -> float | Non
 
 
 class KeptTrack:
-    """Knows until when the kept track is worth anything."""
+    """The time until which the kept track can be followed again."""
 
     def __init__(self) -> None:
         self._following: Following | None = None
@@ -112,12 +112,12 @@ class KeptTrack:
         self.until_utc_ns = kept_until_utc_ns(kept, settings, now_utc_ns, is_lent=is_lent)
 
     def is_over(self, now_utc_ns: int) -> bool:
-        """Whether what was kept is too old by now."""
+        """True where the kept track is too old."""
         return self.until_utc_ns is not None and now_utc_ns >= self.until_utc_ns
 
 
 def kept_name(following: Following | None, names: Mapping[int, str]) -> str | None:
-    """What a track is called; None where nothing is followed. ``names``: by track id."""
+    """A track's name or number; None where nothing is followed. ``names``: by track id."""
     if following is None or following.track_id is None:
         return None
     return names.get(following.track_id, f"track {following.track_id}")

@@ -67,7 +67,7 @@ def change_record(before: Config, after: Config, name: str, by: str) -> Paramete
 
 
 def value_of(config: Config, name: str) -> Any:
-    """What a setting is there."""
+    """The value of a setting."""
     section, _, key = name.partition(".")
     return getattr(getattr(config, section), key)
 
@@ -121,7 +121,7 @@ def two_digits(value_s: float) -> float:
 
 
 class Pace:
-    """Sets both while a track lasts, and sets them back."""
+    """Sets exposure and cadence for the rate of a track, and sets them back at its end."""
 
     def __init__(self) -> None:
         self._before: dict[str, float] = {}
@@ -196,7 +196,7 @@ class _Loan:
 
 
 class TemporarySettings:
-    """What is lent, by the name of the setting."""
+    """Settings that hold for a number of frames, by their names."""
 
     def __init__(self, of_night: Callable[[Config], Config] = lambda config: config) -> None:
         """``of_night``: a configuration as the night has it, without what a track changed in it."""
@@ -210,7 +210,7 @@ class TemporarySettings:
         self._loans[name] = _Loan(before=before, frames=frames)
 
     def keep(self, name: str) -> None:
-        """Somebody has set it for good."""
+        """Note that a setting was changed for good."""
         self._loans.pop(name, None)
 
     def left(self) -> dict[str, int]:
@@ -218,7 +218,7 @@ class TemporarySettings:
         return {name: loan.frames for name, loan in dict(self._loans).items()}
 
     def count(self, config: Config) -> tuple[Config, tuple[ParameterChange, ...]]:
-        """One frame more: the configuration with what is over set back, and the record of it."""
+        """Count one frame: the configuration with expired settings set back, and its records."""
         changes: list[ParameterChange] = []
         for name, loan in list(self._loans.items()):
             if loan.frames > 1:

@@ -1,4 +1,4 @@
-"""Which of several consoles may act: the first that does, until it gives that away or is gone.
+"""Control among several consoles: the first that acts has it until it gives it away or is gone.
 
 Every console sees; STOP is everybody's. Commands from a shell are not asked.
 """
@@ -18,7 +18,7 @@ ASKED_S = 30.0
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SeatView:
-    """Who may act, and who wants to."""
+    """The console in control, and the one that asks for it."""
 
     holder: Sender | None
     """None while nobody has acted, or who did has left."""
@@ -26,7 +26,7 @@ class SeatView:
 
 
 class Seats:
-    """Heard on the wire's threads."""
+    """Tracks which console has control; called on the wire's threads."""
 
     def __init__(self, now_s: Callable[[], float] = time.monotonic) -> None:
         self._now_s = now_s
@@ -37,7 +37,7 @@ class Seats:
         self._seen_s: dict[Sender, float] = {}
 
     def refusal(self, who: Sender, *, needs_control: bool) -> str | None:
-        """Why this one may not do that now; None where it may. Anyone who may and acts takes it."""
+        """The reason why a sender may not act now; None where it may, and then it takes control."""
         if who.kind != "console":
             return None
         with self._lock:
@@ -50,7 +50,7 @@ class Seats:
             return f"{seat_name(self._holder)} has control: ask for it"
 
     def ask(self, who: Sender) -> str:
-        """Somebody wants the seat; says how that stands."""
+        """Ask for control; the answer in words."""
         with self._lock:
             self._receive(who)
             if self._holder in {None, who}:
@@ -80,7 +80,7 @@ class Seats:
             return "you keep control"
 
     def view(self) -> SeatView:
-        """How it stands."""
+        """The present holder and asker."""
         with self._lock:
             self._tidy()
             return SeatView(holder=self._holder, asked_by=self._asked_by)

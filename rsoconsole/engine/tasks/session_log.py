@@ -1,4 +1,4 @@
-"""What the loop puts on record, in order, each with the clock's present."""
+"""The loop's records, in order, each with the clock's present."""
 
 import contextlib
 import logging
@@ -35,13 +35,13 @@ class SessionLog:
         """The exposure that what is said belongs to."""
 
     def append(self, record: Record) -> None:
-        """One record, in order."""
+        """Append one record."""
         self._record.append(record, self.last_utc_ns())
         if self._on_record is not None:
             self._on_record(record)
 
     def say(self, level: Literal["info", "warning", "alarm"], text: str, topic: Topic = "") -> None:
-        """A line of the log in the operator's words."""
+        """Put a line for the operator on record and into the log."""
         self.append(Event(level=level, text=text, frame_id=self.frame_id, topic=topic))
         log.log(_LOG_LEVELS[level], "%s", text)
 
@@ -112,7 +112,7 @@ class WarningsOnRecord(logging.Handler):
 
 
 def read_past(*, is_simulated: bool) -> tuple[Past | None, str | None]:
-    """What no catalogue knew on earlier nights, and what is wrong with the ledger."""
+    """Uncorrelated tracks of earlier nights, and the ledger's fault in words."""
     if is_simulated:
         return None, None
     try:

@@ -32,7 +32,7 @@ class NowhereError(RsoconsoleError):
 
 
 class Slews:
-    """Knows the planner, the limits and the instrument controller, so that the loop need not."""
+    """Orders the loop's slews: planned, held against the limits, and waited for."""
 
     def __init__(
         self,
@@ -49,7 +49,7 @@ class Slews:
         """The slew ordered last, and what the mount was told for it."""
 
     def order_next(self, following: Following, *, is_held: bool) -> Plan:
-        """Where and when the next exposure is; the mount is on its way when this returns.
+        """Plan the next exposure and order its slew; the mount is on its way when this returns.
 
         Raises NowhereError when a search has no place left, StoppedElsewhere when somebody else
         has moved the mount, Interrupted instead of moving.
@@ -150,7 +150,7 @@ class Slews:
     def refuse_direction(
         self, direction: tuple[float, float], now_utc_ns: int
     ) -> SlewRefusal | None:
-        """Why the telescope must not look there now; None when it may."""
+        """The reason why the telescope must not look at a direction now; None when it may."""
         command = self._planner.command(slew_to(0, direction, now_utc_ns, ""))
         return self.refusal(command, now_utc_ns, now_utc_ns)
 
@@ -161,7 +161,7 @@ class Slews:
         t_until_utc_ns: int,
         lifted: frozenset[LimitName] = frozenset(),
     ) -> SlewRefusal | None:
-        """Why the mount must not go there; the same limits for the loop and for the operator."""
+        """The reason why the mount must not go there; the same for loop and operator."""
         start = self._instrument_controller.mount_report()
         refusal = self._watch.limits.refuse_slew(
             replace(pose_of(start), t_utc_ns=self._instrument_controller.now_utc_ns()),

@@ -55,7 +55,7 @@ ALL_BUT_SUN: tuple[LimitName, ...] = ("altitude", "horizon", "hour angle", "pier
 
 
 class Watch:
-    """One look is ``look()``; ``run()`` looks at 1 Hz until told to end."""
+    """Watches mount, sky and loop: ``look()`` once, ``running()`` at 1 Hz."""
 
     def __init__(
         self,
@@ -103,7 +103,7 @@ class Watch:
         self.limits = Limits(config.site.to_site(), config.limits, config.mount)
 
     def take_over(self, is_responsible: bool, lifted: frozenset[str] | None = None) -> None:
-        """Whether the mount is autonomy's affair: then the night's end and the least altitude are.
+        """Set whether autonomy is responsible: then night's end and least altitude end motions.
 
         ``lifted``: checks that are overridden by name from now on; None: those that were.
         """
@@ -140,13 +140,13 @@ class Watch:
             looked_s = time.monotonic()
 
     def loop_is_alive(self) -> None:
-        """The loop is alive: it says so at every step of a wait."""
+        """Note that the loop is alive; called at every step of a wait."""
         self._loop_alive_s = time.monotonic()
         if self._instruments.clock.is_simulated:
             self.look()
 
     def look(self) -> None:
-        """One look at mount, sky and weather; never raises."""
+        """Look once at mount, sky and weather; never raises."""
         try:
             self._look_at_the_loop()
             now_ns = self._instruments.clock.now_utc_ns()
@@ -163,7 +163,7 @@ class Watch:
             self._say_once("watch", "alarm", "the watch over the limits broke: see the log")
 
     def is_loop_alive(self) -> bool:
-        """Whether the loop has said so of late; from any thread."""
+        """True while the loop has reported of late; from any thread."""
         silent_s = time.monotonic() - self._loop_alive_s
         frame_s, again_s = self._config.exposure.frame_timeout_s, self._config.waits.connected_s
         return silent_s < max(LOOP_SILENCE_S, 2.0 * frame_s, frame_s + again_s)
@@ -245,7 +245,7 @@ class Watch:
         )
 
     def night_end(self) -> NightEnd | None:
-        """Why it is no night for telescopes at this moment; None where it is one."""
+        """The reason why it is no night for telescopes now; None where it is one."""
         safety_monitor = self._instruments.safety_monitor
         sky = None if safety_monitor is None else safety_monitor.look()
         now_ns = self._instruments.clock.now_utc_ns()
