@@ -12,7 +12,7 @@ from rsoconsole.base import InstrumentError
 from rsoconsole.engine.aim.states import ClockSet
 from rsoconsole.engine.operator.by_hand import ByHand, Parts
 from rsoconsole.engine.operator.handlers import Control
-from rsoconsole.instruments import MIN_STEP_S, ClockFault, MountReport, SlewEnd
+from rsoconsole.instruments import MIN_STEP_S, ClockFault, MountReport
 from rsoconsole.records import Topic
 from rsoconsole.sky import icrs_to_altaz
 
@@ -161,9 +161,7 @@ class Interruptions:
             self._say("alarm", f"nobody can tell how the mount stands: {error}")
             return
         self._must_look = False
-        ended = self._parts.instrument_controller.instruments.mount.take_slew_end()
-        if ended is not None:
-            self._say("alarm", ended_words(ended), "")
+        self._say_slew_end()
         self._go_on_from(report)
 
     def goes_on_after(self) -> bool:
@@ -171,13 +169,22 @@ class Interruptions:
 
         Then it is said, and autonomy goes on from where the mount stands.
         """
-        ended = self._parts.instrument_controller.instruments.mount.take_slew_end()
-        if ended is None:
+        if not self._say_slew_end():
             return False
         self._must_look = False
-        self._say("alarm", ended_words(ended), "")
         self._go_on_from(self._parts.instrument_controller.wait_for_rest())
         return True
+
+    def _say_slew_end(self) -> bool:
+        """Say that the mount's own process has ended a slew, and why; False where it has not."""
+        ended = self._parts.instrument_controller.instruments.mount.take_slew_end()
+        if ended is not None:
+            words = (
+                "the mount's own process has ended the slew, because the engine had not renewed its"
+                f" lease for {ended.unwatched_s:.0f} s ({ended.lease_s:g} s are allowed)"
+            )
+            self._say("alarm", words, "")
+        return ended is not None
 
     def _go_on_from(self, report: MountReport) -> None:
         """Raises Interrupted where the mount is beyond a limit: it has been stopped then."""
@@ -212,11 +219,3 @@ class Interruptions:
         self, level: Literal["info", "warning", "alarm"], text: str, topic: Topic = "clock"
     ) -> None:
         self._parts.session_log.say(level, text, topic)
-
-
-def ended_words(ended: SlewEnd) -> str:
-    """What the mount's own process did, and why."""
-    return (
-        "the mount's own process has ended the slew, because the engine had not renewed its lease"
-        f" for {ended.unwatched_s:.0f} s ({ended.lease_s:g} s are allowed)"
-    )

@@ -64,13 +64,8 @@ def troubles_of(reading: Machine) -> tuple[Trouble, ...]:
     """The troubles of a reading, worst first; empty where there are none or nothing is reported."""
     found = []
     if reading.is_under_voltage:
-        found.append(
-            Trouble(
-                name="power",
-                words="under-voltage: the power supply gives too little",
-                remedy=POWER_REMEDY,
-            )
-        )
+        words = "under-voltage: the power supply gives too little"
+        found.append(Trouble(name="power", words=words, remedy=POWER_REMEDY))
     degrees = reading.cpu_temperature_c
     at = "" if degrees is None else f" at {degrees:.0f} °C"
     if reading.is_throttled:

@@ -1,6 +1,7 @@
 """The kind of disk that a folder lies on, and how many nights it has room for."""
 
 import os
+import re
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
@@ -94,9 +95,7 @@ def _life_used(whole: Path) -> int | None:
 
 def _unescaped(place: str) -> str:
     """Blanks and the like stand in mountinfo as octal numbers."""
-    for escaped, meant in (("\\040", " "), ("\\011", "\t"), ("\\012", "\n"), ("\\134", "\\")):
-        place = place.replace(escaped, meant)
-    return place
+    return re.sub(r"\\([0-7]{3})", lambda match: chr(int(match[1], 8)), place)
 
 
 NIGHT_WITHOUT_DARK_S = 10 * 3600.0

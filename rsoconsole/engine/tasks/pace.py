@@ -8,6 +8,7 @@ meanwhile stands.
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from operator import attrgetter
 from typing import Any
 
 import numpy as np
@@ -68,8 +69,7 @@ def change_record(before: Config, after: Config, name: str, by: str) -> Paramete
 
 def value_of(config: Config, name: str) -> Any:
     """The value of a setting."""
-    section, _, key = name.partition(".")
-    return getattr(getattr(config, section), key)
+    return attrgetter(name)(config)
 
 
 SHORTEST_PX = 40.0
