@@ -24,10 +24,10 @@ from rsoconsole.control.wire import DEFAULT_TIMEOUT_S, Outcome, Sender, read_out
 STILL_STOPS = "'rsoconsole stop' works without it"
 
 CROWDED_S = 0.01
-"""So long a crowded engine is left alone before it is asked again."""
+"""Pause before a crowded engine is asked again, s."""
 GRACE_S = 0.5
 MADE_AGAIN_S = 2.0
-"""So long an engine is waited for whose socket somebody has removed."""
+"""Wait for an engine whose socket was removed, s."""
 OPERATOR = Sender()
 
 

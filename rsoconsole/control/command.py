@@ -29,9 +29,9 @@ class Command:
     """One thing that an operator can ask of the engine; the policy below holds for the verb."""
 
     verb: ClassVar[str]
-    """By which the wire and the record call it."""
+    """The command's name on the wire and on record."""
     title: ClassVar[str] = ""
-    """In notices, where the verb does not read well."""
+    """The command's name in notices, where the verb does not read well."""
     is_immediate: ClassVar[bool] = False
     """Answered on the thread that brought it, before everything that waits."""
     is_urgent: ClassVar[bool] = False
@@ -47,7 +47,7 @@ class Command:
     awaits_mount: ClassVar[bool] = False
     """Its answer waits, but not for long, until the mount has taken or refused it."""
     answer_s: ClassVar[float] = 5.0
-    """So long a console waits for the engine's word; longer where it has to read pixels first."""
+    """Wait of a console for the engine's answer, s; longer where pixels are read first."""
     is_on_panel: ClassVar[bool] = False
     """The notebook's panel may ask for it by its verb."""
     takes_anything: ClassVar[bool] = False
@@ -55,7 +55,7 @@ class Command:
     shell: ClassVar[str] = ""
     """An example of it as a verb of the program; empty: the shell has none."""
     shell_help: ClassVar[str] = ""
-    """What the shell's ``--help`` says of it."""
+    """The text of the shell's ``--help``."""
 
     def check(self) -> None:
         """Raises ValueError with the reason where its arguments can never be carried out."""
@@ -208,7 +208,7 @@ _READERS: dict[Any, tuple[str, Callable[[Any], bool], Callable[[Any], Any]]] = {
     str: ("text", lambda value: isinstance(value, str), str),
     tuple[str, ...]: ("a list of names", _are_names, tuple),
 }
-"""What JSON may give for a field of each type: in words, whether it is that, and made of it."""
+"""For the type of a field: JSON's value in words, a test of it, and what is made of it."""
 
 
 def _plain(value: Any) -> str:

@@ -66,13 +66,13 @@ class MarkByHand(Decision):
     x_b_px: float = argument("x_b")
     y_b_px: float = argument("y_b")
     sigma_px: float | None = None
-    """How finely it was made; None: as a hand does."""
+    """One sigma of the mark; None: as a hand makes it."""
     sigma_across_px: float | None = None
-    """Where it was refined on the light beneath it: ``sigma_px`` is that along it then."""
+    """One sigma across, where refined on the light beneath it: ``sigma_px`` is then along it."""
     is_clipped: bool | None = None
-    """Whether the frame cuts the streak, likewise."""
+    """True where the frame cuts the streak, as the light beneath it shows."""
     replaces: bool | None = None
-    """Whether it may take the place of a measurement that is better."""
+    """True where it may replace a better measurement."""
 
     def words(self) -> str:
         """The command in words, for the log."""

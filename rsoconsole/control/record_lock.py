@@ -23,7 +23,7 @@ _FLOCK = "hhqqi"
 _MAX_WORDS = 4096
 
 _held: dict[Path, str] = {}
-"""By this very process, with what the files say."""
+"""Locks that this process holds, with the words in their files."""
 _held_lock = threading.Lock()
 
 

@@ -28,17 +28,17 @@ from rsoconsole.words import (
 log = logging.getLogger(__name__)
 
 ENGINE_S = 1.0
-"""How long the engine's answer is waited for."""
+"""Wait for the engine's answer, s."""
 LATE_S = 0.3
-"""How long it is waited for before the mount itself is told."""
+"""Wait for the engine's answer before ABORT goes past it, s."""
 MEASURED_S = 12.0
-"""How long the engine's word on how the mount moves is waited for."""
+"""Wait for the engine's measurement of the mount's motion, s."""
 _ASK_EVERY_S = 0.25
 REMEDY = f"run 'rsoconsole stop' in another terminal; {CUT_POWER} if it moves"
 SUPERSEDED = "another order came before STOP was measured to its end"
 
 FROM_PRESS, IN_ENGINE = "counted from the key", "counted in the engine"
-"""From when the times of a STOP count: where it was given, and where it was carried out."""
+"""Origin of a STOP's times: where it was given, and where it was carried out."""
 
 Found = Mapping[str, Any]
 """What came of a STOP so far, as the engine answers it: is_answered, path, ms, ordered_ms, detail;

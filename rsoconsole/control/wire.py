@@ -19,7 +19,7 @@ from rsoconsole.records import CommandResult
 
 SenderKind: TypeAlias = Literal["console", "script"]
 _CONSOLE = "console "
-"""How a console's name begins on the wire and on record, for people."""
+"""The beginning of a console's name on the wire and on record."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -80,7 +80,7 @@ class Course:
 
     def __init__(self) -> None:
         self.is_begun = False
-        """It is being executed, or has been."""
+        """True from the beginning of its execution on."""
         self._result: CommandResult | None = None
         self._is_settled = threading.Event()
 
@@ -102,9 +102,9 @@ class Request:
     command: Command
     sender: Sender = field(default_factory=Sender)
     stamp: int | None = None
-    """How many STOPs had been given when it was read; None: not known."""
+    """Number of STOPs given before it was read; None: not known."""
     came_s: float = field(default_factory=time.monotonic, compare=False)
-    """When it was read, monotonic."""
+    """Monotonic time at which it was read, s."""
     course: Course = field(default_factory=Course, compare=False, repr=False)
 
     @property
@@ -114,7 +114,7 @@ class Request:
 
 
 ON_RECORD = "on_record"
-"""In a refusal's data: the session has it too, as that command's refusal."""
+"""Key in a refusal's data: the session has that refusal on record too."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -16,9 +16,9 @@ _STEP_S = 10
 _STEPS = 90
 """A quarter of an hour."""
 SHARE_OF_FIELD = 0.25
-"""Three sigma of the place must be within so much of the field's smaller side."""
+"""Greatest three sigma of a predicted place, as a share of the field's smaller side."""
 SAME_PLACE = 0.05
-"""What is seen within so much of it from where a lost one must be is taken to be that."""
+"""Share of the field's smaller side within which a measurement counts as the lost track's."""
 
 
 class Guide:

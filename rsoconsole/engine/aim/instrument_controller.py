@@ -255,13 +255,13 @@ def _looked_at(frame: Frame, report: MountReport) -> Frame:
 
 
 IsRefused = Callable[[SlewCommand, int], SlewRefusal | None]
-"""Why the limits forbid a slew, held there until an instant; None when they do not."""
+"""The limit that forbids a slew held there until an instant, UTC ns; None when none does."""
 
 SLEW_OVERHEAD_S = 3.0
-"""What a slew is assumed to take beside its way and settling: a slow mount is waited for."""
+"""Assumed time of a slew beside its way and settling, s: a slow mount is waited for."""
 
 FLIP_WAY_DEG = 190.0
-"""How far the declination axis turns to change sides near the equator; the other a little less."""
+"""Turn of the declination axis that changes sides near the equator; the other turns less."""
 
 CLOCKS_APART_NS = 10 * NS
 

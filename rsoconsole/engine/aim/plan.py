@@ -49,7 +49,7 @@ class Planner:
         self._pointing = PointingModel()
         self._planned: tuple[SlewCommand | None, int] = (None, 0)
         self.last_report: MountReport | None = None
-        """What the mount said last of its place at rest."""
+        """The mount's last report of its place at rest."""
 
     def configure(self, config: Config) -> None:
         """Take new tunables."""

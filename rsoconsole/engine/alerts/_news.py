@@ -18,7 +18,7 @@ from rsoconsole.records import (
 from rsoconsole.words import IN_FAULT, called, match_words, text
 
 URGENT: frozenset[AlertKind] = frozenset(("fault", "limit"))
-"""What somebody may have to get up for."""
+"""Kinds for which an operator may have to get up."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -48,7 +48,7 @@ class News:
     frames: int = 0
     tracks: set[int] = field(default_factory=set)
     names: dict[int, str] = field(default_factory=dict)
-    """Of tracks that are identified, as they were told."""
+    """Names of identified tracks, as they were sent."""
     is_cloudy: bool = False
 
     def take(self, t_utc_ns: int, record: Record) -> list[Alert]:

@@ -55,7 +55,7 @@ class Spool:
         self._next = 1
         self._seen: dict[str, int] = {}
         self.fault: str | None = None
-        """Why nothing of it is on the disk."""
+        """The reason why messages are in memory alone; None where they are on the disk."""
         self._claim_again_s, self._claimed_s = claim_again_s, time.monotonic()
         self._is_closed = False
         self._owns: int | None = None

@@ -74,7 +74,7 @@ log = logging.getLogger("rsoconsole.engine.alerts")
 
 LOOK_S = 2.0
 ALIVE_S = 90.0
-"""So long ago the loop may have said that it lives, and the heartbeat goes on."""
+"""Silence of the loop for which the heartbeat goes on, s."""
 CLOSING_S = 30.0
 """For an engine that has gone to close its session; after that it has died."""
 FLUSH_S = 60.0

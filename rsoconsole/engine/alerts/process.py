@@ -47,7 +47,7 @@ class AlertProcess:
         self._is_alive: Callable[[], bool] = lambda: True
         self._settings: Mapping[str, Any] | None = None
         self.fault: str | None = None
-        """Why nobody is told of anything, in words for the log."""
+        """The reason why no alerts are sent, in words for the log."""
         if not config.is_wanted:
             return
         try:

@@ -210,7 +210,7 @@ def _stages(rounds: list[Times]) -> Iterator[BenchStage]:
 
 
 SIDEREAL_DEG_S = 15.041 / 3600.0
-"""What a satellite that keeps its slot moves among the stars, and the mount from frame to frame."""
+"""Motion of a satellite in its slot among the stars, and of the mount from frame to frame."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

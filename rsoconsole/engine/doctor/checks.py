@@ -141,7 +141,7 @@ def check_time_source(source: TimeSource) -> Check:
 
 
 BIAS_GONE = 0.5
-"""Of the bias's level: a dark below it has had its bias taken off."""
+"""Share of the bias's level: a dark below it has had its bias subtracted."""
 
 
 def check_calibration(config: Config) -> Check:

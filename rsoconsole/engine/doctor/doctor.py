@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 
 KM_PER_DEG = 111.19
 STALE_DAYS = 14.0
-"""By then a satellite that is kept in its slot may be a tenth of a degree off."""
+"""Age of elements at which a satellite kept in its slot may be a tenth of a degree off."""
 DEFINED_S = 3.0
 """A driver that is connected defines its properties one behind another, and is quiet then."""
 SITE_KM = 1.0

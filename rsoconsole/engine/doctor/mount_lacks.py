@@ -16,7 +16,7 @@ PROPERTIES: dict[LackName, str] = {
     "site": "GEOGRAPHIC_COORD",
     "time": "TIME_UTC",
 }
-"""By which an INDI driver offers them."""
+"""The INDI property of each ability."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -23,7 +23,7 @@ class LeapCamera:
         self.binning = 1
         """Pixels joined on each axis of those that are configured."""
         self.share = 1.0
-        """Of each side of the sensor, what is read out."""
+        """Share of each side of the sensor that is read out."""
         self._share_asked = 1.0
         self._can_read_parts = True
         self._is_said = False

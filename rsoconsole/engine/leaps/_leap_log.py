@@ -123,7 +123,7 @@ class LeapLog:
         self._unrecorded: Callable[[LeapParts], LeapDone] | None = None
         """Makes the record of the last leap, once nobody waits for it."""
         self._spent: list[LeapParts] = []
-        """Of each leap of the pass, what it took."""
+        """The times of each leap of the pass."""
         self._frame_id = 0
         """The last one with a leap or a first streak."""
 

@@ -26,16 +26,16 @@ from rsoconsole.pipeline import (
 from rsoconsole.records import Frame
 
 STEP = 0.8
-"""Of the time that is kept: what a trial has."""
+"""Time of a trial, as a share of the kept time."""
 TURNS = 4
 """Leaps of each sort, before they are compared."""
 AS_SHARP, SHARPER = 1.05, 0.94
-"""Of the widths after a trial over those without: what is no worse, and what is better."""
+"""Ratio of star widths after a trial to those without: no worse, and better."""
 SHORTEST_S, LONGEST = 0.3, 2.5
 """Kept at the least, and at the most in units of what is configured."""
 _SURE_SIGMAS = 1.5
 _MEDIAN = 1.25
-"""Of the error of a mean is that of a median."""
+"""Error of a median over that of a mean."""
 _RESTS = 2
 """Comparisons for which there is no trial once neither less nor more is better."""
 
@@ -172,9 +172,9 @@ class SettleTrials:
 _FRAMES = 12
 _LONGEST_READOUT_S = 20.0
 _SUBFRAME = 0.5
-"""Of each side, where nothing else is set: a quarter of the pixels."""
+"""Share of each side where nothing else is set: a quarter of the pixels."""
 _LATE_S = (-0.05, 3.0)
-"""From an order to the shutter, at the least and at most: beyond, the camera's clock is off."""
+"""Least and greatest delay from order to shutter, s: beyond, the camera's clock is off."""
 _MIN_FRAMES = 3
 _CLOSED_SIGMAS = 4.0
 _MIN_SCATTER_S = 0.01
@@ -185,14 +185,14 @@ class LeapParts:
     """The times of one leap, in seconds."""
 
     total_s: float
-    """From the order of its slew until the next could be ordered."""
+    """Time from the order of its slew until the next could be ordered."""
     slew_s: float
     settle_s: float
     shutter_s: float
     """Until it opens, beyond what of that the mount settles in."""
     open_s: float
     readout_s: float
-    """With what came of the frame; 0 where the next slew was ordered as the shutter closed."""
+    """Read-out and reduction; 0 where the next slew was ordered as the shutter closed."""
 
     @property
     def wait_s(self) -> float:
@@ -219,7 +219,7 @@ class LeapTimes:
         """By the slews seen so far; None: to be found again."""
         self._readouts_s: deque[float] = deque(maxlen=_FRAMES)
         self._whole_s: deque[float] = deque(maxlen=_FRAMES)
-        """From the end of an exposure until the next could be ordered, the whole sensor read."""
+        """Time from an exposure's end until the next could be ordered, the whole sensor read, s."""
         self._closed_utc_ns: int | None = None
         """When the shutter of the last frame closed, by its header."""
         self._rows_s = 0.0

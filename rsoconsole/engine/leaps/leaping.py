@@ -42,15 +42,15 @@ from rsoconsole.sky import Pose
 from rsoconsole.words import text
 
 LEAP_POLL_NS = NS // 10
-"""How often a mount that leaps is asked whether it has arrived."""
+"""Interval at which a mount that leaps is asked whether it has arrived."""
 _AHEAD_S, _STEP_S = 150.0, 3.0
-"""How far a track's path is looked at for the next leap: a flip of the mount fits in."""
+"""Length and step of the path searched for the next leap, s: a flip of the mount fits in."""
 SURE_STREAKS = 3
 """Streaks from which on an orbit is known well enough to go ahead of the next frame."""
 SURE_WITHIN, SURE_PROBABILITY = 0.98, 0.99
-"""Of both ends in the next field, and of the track's sense."""
+"""Least probability of both ends in the next field, and of the track's sense."""
 _GLANCE_NS = NS // 10
-"""What a look at the middle of a frame costs in the simulated observatory."""
+"""Time of a look at the middle of a frame in the simulated observatory."""
 
 
 LookAt = Callable[[Frame, float], Glance | None]
@@ -66,7 +66,7 @@ class Leaping:
         self._site = control.config.site.to_site()
         self._look_at = look_at
         self.track: LeapTrack | None = None
-        """What is leapt after; None while it stares."""
+        """The satellite that is followed; None while it stares."""
         self._leap: Leap | None = None
         """The one under way."""
         self._misses = 0

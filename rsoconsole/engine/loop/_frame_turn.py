@@ -49,11 +49,11 @@ class FrameTurn:
         self._is_first_look = False
         self._must_check_pointing = True
         self.clear_frames = 0
-        """In a row, up to the last one."""
+        """Frames with stars in a row, up to the last one."""
         self.last_track: TrackState | None = None
-        """What was followed last this night."""
+        """The track followed last this night."""
         self.ahead: AimAhead | None = None
-        """Where the exposure after the next one would look."""
+        """The aim of the exposure after the next one."""
         self._pace = Pace()
         self.temporary = TemporarySettings(self._pace.of_night)
         """Settings that hold for some frames only."""

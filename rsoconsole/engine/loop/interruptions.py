@@ -18,7 +18,7 @@ from rsoconsole.sky import icrs_to_altaz
 
 NS = 1_000_000_000
 SETTLED_NS = NS
-"""Where this program stood still the mount's own process, too, has just begun to look again."""
+"""Wait until the mount's process, which stood still too, has looked again."""
 GIVEN_UP = "what was under way is given up"
 
 
@@ -51,7 +51,7 @@ class Interruptions:
         self._end_at_limit = end_at_limit
         self._must_look = False
         self.trouble: ClockTrouble | None = None
-        """What happened to the clock last."""
+        """The last fault of the clock."""
 
     # -- time -----------------------------------------------------------------------------------
 

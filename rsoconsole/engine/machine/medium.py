@@ -99,10 +99,10 @@ def _unescaped(place: str) -> str:
 
 
 NIGHT_WITHOUT_DARK_S = 10 * 3600.0
-"""What is assumed where no dark time begins within a day."""
+"""Assumed night where no dark time begins within a day."""
 LONGEST_NIGHT_S = 24 * 3600.0
 COMPRESSED_SHARE = 0.52
-"""Of a frame whose camera fills all 16 bits; 12 bits in 16 come to half of this."""
+"""Compressed size over raw, for a camera that fills all 16 bits; 12 bits give half of it."""
 BYTES_BESIDE_FRAME = 100_000
 """Preview and records of one exposure."""
 WARN_BELOW_NIGHTS = 3.0

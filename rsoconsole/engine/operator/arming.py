@@ -35,7 +35,7 @@ CLOCK_OFFSET_S = 0.1
 MOUNT_TIME_S = 30.0
 """Many a mount tells its time in whole seconds and late; a wrong zone or day shows all the same."""
 POINTING_DEG = CLIP_ARCSEC / 3600.0
-"""As far as the loop's own pointing offset reaches: beyond it no slew would find its place."""
+"""Reach of the loop's own pointing offset: beyond it no slew would find its place."""
 MOUNT_ANSWER_S = 2.0
 
 

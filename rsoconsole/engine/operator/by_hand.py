@@ -31,7 +31,7 @@ class HandMove:
     direction: Direction
     """Where the telescope is to look."""
     command: Direction
-    """What the mount was told for that."""
+    """The direction commanded to the mount for that."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

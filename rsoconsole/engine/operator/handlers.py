@@ -129,7 +129,7 @@ class Handler:
     check: Callable[[Any, str], Accepted] = accept
     """On the wire's threads, before it is queued. Raises ValueError where it cannot be."""
     expect: Callable[[Any, str], None] = expect_nothing
-    """The same of what commands before it may still change: asked only while none waits."""
+    """A check of what earlier commands may still change: called only while none waits."""
 
 
 Handlers = Mapping[type[Command], Handler]

@@ -60,9 +60,9 @@ log = logging.getLogger(__name__)
 
 LONGEST_NOTE = 2000
 FLUSH_S = 3.0
-"""So long an answer waits for the disk, which takes milliseconds where all is well."""
+"""Wait of an answer for the disk, s; milliseconds where all is well."""
 MOUNT_WORD_S = 2.0
-"""So long, since a command came, its answer waits for the mount."""
+"""Wait of an answer for the mount, since the command came, s."""
 SENT = "sent; the mount has not answered"
 WAITS = "accepted; it is sent as soon as the loop is free"
 
@@ -110,7 +110,7 @@ class CommandHandler:
             AskSeat: self._ask_seat,
             AnswerSeat: self._answer_seat,
         }
-        """Of what is not for the loop."""
+        """Commands answered on the socket's thread."""
         self._handlers: Mapping[type[Command], Handler] = {
             **engine.handlers,
             # The checklist looks at the session's disk, too.

@@ -29,7 +29,7 @@ SLOW_LOOKS = 8
 QUIET_LOOKS = 4
 """Looks without it after which a trouble is over: a weak supply comes and goes."""
 ABOUT = "machine: "
-"""How every line of the log about the machine begins."""
+"""The beginning of every log line about the machine."""
 Level = Literal["info", "warning", "alarm"]
 
 
@@ -124,7 +124,7 @@ class MachineWatch(Poller):
 
 
 HOLDS_S = 5.0
-"""How long a reading is told again before it is taken again."""
+"""Age at which a reading is taken again, s."""
 SILENT_S = 10.0
 """A mount that has not reported for so long does not answer."""
 LOW_HOURS = 4.0

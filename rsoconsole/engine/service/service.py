@@ -51,9 +51,9 @@ from rsoconsole.words import shutter_words
 log = logging.getLogger(__name__)
 
 START_AGAIN_US = 60_000_000
-"""How much longer the service manager is to wait for an engine that says what it waits for."""
+"""Extension of the service manager's wait for an engine that says what it waits for."""
 DEFINED_S = 2.0
-"""So long, from its connection on, what a driver has not defined yet is waited for."""
+"""Wait for a driver's definitions after its connection, s."""
 VERSIONS_OF = ("rsoconsole", "ai-edge-litert", "astrometry", "numpy")
 
 

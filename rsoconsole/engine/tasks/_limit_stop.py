@@ -23,7 +23,7 @@ MEASURED_BY_S = 10.0
 """Later than this after ABORT it is said that the mount does not rest, or that nobody knows."""
 LEARNS_WITHIN_S = 30.0
 PARK_WAITS_S = 10.0
-"""So long a park waits at most until the loop has taken notice of the limit: it sends ABORT."""
+"""Greatest wait of a park until the loop has taken the limit, s: the loop sends ABORT."""
 PARKS_S = 900.0
 
 

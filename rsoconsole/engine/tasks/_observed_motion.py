@@ -26,7 +26,7 @@ TURNS_WITHIN_S = 3.0
 """An axis that moved when the order came has to turn round first."""
 FRESH_S = 5.0
 PARKED_S = 5.0
-"""So long a mount that says that it is parked may come to rest."""
+"""Time in which a mount that reports to be parked may come to rest, s."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

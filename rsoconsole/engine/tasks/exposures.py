@@ -34,7 +34,7 @@ class FrameTime:
 
     is_believed: bool
     off_s: float
-    """From where the frames before lead one to expect it."""
+    """Difference from the time expected by the frames before."""
     is_set: bool = False
     """The camera's clock was set by so much: what was measured before has another time."""
 

@@ -36,7 +36,7 @@ _BY_SECTION = {
     ),
 }
 TUNABLE = {f"{section}.{key}" for section, keys in _BY_SECTION.items() for key in keys}
-"""What may change while the loop runs."""
+"""Settings that may change while the loop runs."""
 
 
 def changed(config: Config, name: str, value: float | str) -> Config:
@@ -75,12 +75,12 @@ def value_of(config: Config, name: str) -> Any:
 SHORTEST_PX = 40.0
 """Length, in pixels, from which a streak's direction is good to a degree or two."""
 LONGEST_SHARE = 1.0 / 3.0
-"""Of the frame's shorter side."""
+"""Greatest length of a streak, as a share of the frame's shorter side."""
 _INSIDE = 1.25
-"""By how much inside these lengths a new exposure aims: the next rate is another one."""
+"""Margin by which a new exposure keeps inside these lengths: the next rate is another one."""
 _WORTH_CHANGING = 0.2
 FARTHEST_FIELDS = 0.5
-"""Of the shorter side of the field, which it may cross from one exposure to the next."""
+"""Share of the field's shorter side that a track may cross between exposures."""
 EXPOSURE, CADENCE = "exposure.exposure_s", "exposure.cadence_s"
 
 

@@ -21,7 +21,7 @@ class Parking:
         self.is_wanted = False
         """The mount is not parked yet and shall be."""
         self.trouble = ""
-        """Why it does not park; empty where it has taken the last order."""
+        """The reason why it does not park; empty where it has taken the last order."""
         self._orders = 0
         self._next_utc_ns = 0
         """No order and no complaint goes out before that."""

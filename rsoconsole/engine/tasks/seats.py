@@ -11,9 +11,9 @@ from dataclasses import dataclass
 from rsoconsole.control import Sender
 
 GONE_S = 10.0
-"""A console that has not been heard of for so long has left its seat."""
+"""Silence by which a console has left, s."""
 ASKED_S = 30.0
-"""Who is asked and says nothing for so long gives the seat up."""
+"""Silence after a request for control by which it is given up, s."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

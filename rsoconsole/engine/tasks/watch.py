@@ -39,7 +39,7 @@ log = logging.getLogger(__name__)
 NS = 1_000_000_000
 EVERY_S = 1.0
 SILENCE_S = 5.0
-"""How long a mount's report is waited for."""
+"""Wait for a mount's report, s."""
 AHEAD_S = 6 * 3600.0
 FORECAST_HOLDS_NS = 300 * NS
 LATEST_S = 10.0
@@ -83,7 +83,7 @@ class Watch:
         self._said: dict[str, str] = {}
         self._forecast_of: tuple[MountReport, frozenset[LimitName]] | None = None
         self.last_report: MountReport | None = None
-        """What the mount said at the last look."""
+        """The mount's report at the last look."""
         self.is_blind = False
         """The mount did not answer at the last look."""
         self._last_pose: Pose | None = None
