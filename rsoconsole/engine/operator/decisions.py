@@ -90,7 +90,7 @@ def track_decision(
 
 
 def frame_of(word: Drop | Keep, decisions: Sequence[Ruling]) -> int | None:
-    """The frame of a decision that is taken back; else the one that the command names.
+    """The frame of a decision that is taken back; else the frame of the command.
 
     Raises ValueError where there is nothing to take back.
     """

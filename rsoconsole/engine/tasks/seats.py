@@ -18,7 +18,7 @@ ASKED_S = 30.0
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SeatView:
-    """The console in control, and the one that asks for it."""
+    """The console in control, and another that asks for it."""
 
     holder: Sender | None
     """None while nobody has acted, or who did has left."""
