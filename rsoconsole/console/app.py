@@ -36,7 +36,7 @@ from rsoconsole.console.screens.night_screen import NightScreen
 from rsoconsole.console.screens.review import ReviewScreen
 from rsoconsole.console.watches.messages import call_in_turn
 from rsoconsole.console.watches.watch import EngineWatch, SessionWatch
-from rsoconsole.control import Found, Wire
+from rsoconsole.control import ControlClient, Found
 from rsoconsole.night import NightView
 
 log = logging.getLogger(__name__)
@@ -108,7 +108,7 @@ class ConsoleApp(App[str]):
 
     def __init__(
         self,
-        wire: Callable[[], Wire],
+        wire: Callable[[], ControlClient],
         *,
         session: Path | None = None,
         read_only: bool = False,

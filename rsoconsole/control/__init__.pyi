@@ -1,6 +1,5 @@
 from .client import STILL_STOPS as STILL_STOPS
 from .client import ControlClient as ControlClient
-from .client import Wire as Wire
 from .client import answer_of as answer_of
 from .client import status_of as status_of
 from .command import COMMANDS as COMMANDS

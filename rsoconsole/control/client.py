@@ -6,7 +6,7 @@ import socket
 import time
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 from rsoconsole.base import ControlError
 from rsoconsole.control.command import Command
@@ -14,7 +14,7 @@ from rsoconsole.control.commands import AskStatus
 from rsoconsole.control.record_lock import (
     address_of,
     default_socket_path,
-    engine_behind,
+    engine_at,
     engine_pid,
     running_engines,
 )
@@ -24,31 +24,11 @@ from rsoconsole.control.wire import DEFAULT_TIMEOUT_S, Outcome, Sender, read_out
 STILL_STOPS = "'rsoconsole stop' works without it"
 
 CROWDED_S = 0.01
-"""So long a crowded engine is left alone before it is asked again."""
+"""Pause before a crowded engine is asked again, s."""
 GRACE_S = 0.5
 MADE_AGAIN_S = 2.0
-"""So long an engine is waited for whose socket somebody has removed."""
+"""Wait for an engine whose socket was removed, s."""
 OPERATOR = Sender()
-
-
-class Wire(Protocol):
-    """The operator's end of the wire, as ``ControlClient`` is."""
-
-    def send(self, command: Command, *, timeout_s: float = DEFAULT_TIMEOUT_S) -> Outcome:
-        """Raises ControlError when no engine runs or it does not answer, or what never can be."""
-
-
-def answer_of(wire: Wire, question: Command) -> Mapping[str, Any]:
-    """What the engine answers. Raises ControlError where it does not, or refuses."""
-    outcome = wire.send(question)
-    if not outcome.ok:
-        raise ControlError(outcome.message)
-    return outcome.data
-
-
-def status_of(wire: Wire) -> Status:
-    """How the engine stands. Raises as ``answer_of`` does."""
-    return read_status(answer_of(wire, AskStatus()))
 
 
 class ControlClient:
@@ -124,14 +104,27 @@ class ControlClient:
                 # A folder that is not even there was emptied by somebody: the engine, if there is
                 # one, makes it again.
                 may_come = may_come or not Path(address).parent.exists()
-                if time.monotonic() > until or not (may_come or engine_behind(self._path)):
+                if time.monotonic() > until or not (may_come or engine_at(self._path)):
                     raise
                 time.sleep(0.1)
 
 
+def answer_of(wire: ControlClient, question: Command) -> Mapping[str, Any]:
+    """The engine's answer to a question. Raises ControlError without one, or for a refusal."""
+    outcome = wire.send(question)
+    if not outcome.ok:
+        raise ControlError(outcome.message)
+    return outcome.data
+
+
+def status_of(wire: ControlClient) -> Status:
+    """The engine's status. Raises as ``answer_of`` does."""
+    return read_status(answer_of(wire, AskStatus()))
+
+
 def _no_engine(path: Path) -> str:
     """That none listens there, and where one does."""
-    behind = engine_behind(path)
+    behind = engine_at(path)
     if behind is not None:
         return (
             f"the engine (process {behind.pid}) runs and its socket is gone; it makes a new one"

@@ -1,4 +1,4 @@
-"""What a command of the operator is: a frozen dataclass that is all there is to know of its verb.
+"""Commands of the operator: each is a frozen dataclass with all there is to know of its verb.
 
 Its fields are the arguments, its class attributes the policy, its methods the check and the words.
 The wire's JSON, the record's arguments and the shell's verb are made of the fields; the engine has
@@ -29,9 +29,9 @@ class Command:
     """One thing that an operator can ask of the engine; the policy below holds for the verb."""
 
     verb: ClassVar[str]
-    """By which the wire and the record call it."""
+    """The command's name on the wire and on record."""
     title: ClassVar[str] = ""
-    """In notices, where the verb does not read well."""
+    """The command's name in notices, where the verb does not read well."""
     is_immediate: ClassVar[bool] = False
     """Answered on the thread that brought it, before everything that waits."""
     is_urgent: ClassVar[bool] = False
@@ -47,7 +47,7 @@ class Command:
     awaits_mount: ClassVar[bool] = False
     """Its answer waits, but not for long, until the mount has taken or refused it."""
     answer_s: ClassVar[float] = 5.0
-    """So long a console waits for the engine's word; longer where it has to read pixels first."""
+    """Wait of a console for the engine's answer, s; longer where pixels are read first."""
     is_on_panel: ClassVar[bool] = False
     """The notebook's panel may ask for it by its verb."""
     takes_anything: ClassVar[bool] = False
@@ -55,13 +55,13 @@ class Command:
     shell: ClassVar[str] = ""
     """An example of it as a verb of the program; empty: the shell has none."""
     shell_help: ClassVar[str] = ""
-    """What the shell's ``--help`` says of it."""
+    """The text of the shell's ``--help``."""
 
     def check(self) -> None:
         """Raises ValueError with the reason where its arguments can never be carried out."""
 
     def words(self) -> str:
-        """What is wanted, for the log."""
+        """The command in words, for the log."""
         return self.verb
 
     def arguments(self) -> dict[str, Any]:
@@ -127,13 +127,13 @@ def command_of(verb: str, arguments: Mapping[str, Any]) -> Command:
 
 
 def takes_anything(verb: str) -> bool:
-    """Whether nothing that is odd about a request may stand in the verb's way."""
+    """True for verbs that are carried out whatever is odd about the request."""
     known = COMMANDS.get(verb)
     return known is not None and known.takes_anything
 
 
 def command_words(verb: str, arguments: Mapping[str, Any]) -> str:
-    """What was wanted, of a record: any session's, so also what no command is today.
+    """A recorded command in words, also one that the program no longer has.
 
     Arguments that say nothing are left out.
     """
@@ -151,12 +151,12 @@ def command_words(verb: str, arguments: Mapping[str, Any]) -> str:
 
 
 def with_overrides(words: str, override: tuple[str, ...]) -> str:
-    """The same, with the checks that are overridden by name."""
+    """Words of a command with the checks that it overrides by name."""
     return f"{words}, overriding {', '.join(override)}" if override else words
 
 
 def finite(value: Any) -> bool:
-    """Whether that is a number that can be worked with."""
+    """True for a finite number."""
     is_number = isinstance(value, int | float) and not isinstance(value, bool)
     return is_number and (isinstance(value, int) or math.isfinite(value))
 
@@ -208,7 +208,7 @@ _READERS: dict[Any, tuple[str, Callable[[Any], bool], Callable[[Any], Any]]] = {
     str: ("text", lambda value: isinstance(value, str), str),
     tuple[str, ...]: ("a list of names", _are_names, tuple),
 }
-"""What JSON may give for a field of each type: in words, whether it is that, and made of it."""
+"""For the type of a field: JSON's value in words, a test of it, and what is made of it."""
 
 
 def _plain(value: Any) -> str:

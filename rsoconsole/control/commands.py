@@ -71,7 +71,7 @@ class Arm(Command):
     """Checks of the list that are overridden by name."""
 
     def words(self) -> str:
-        """What is wanted."""
+        """The command in words, for the log."""
         return with_overrides("arm", self.override)
 
 
@@ -109,7 +109,7 @@ class Hold(Command):
             raise ValueError("a hold is until 'clear', or until you resume")
 
     def words(self) -> str:
-        """What is wanted."""
+        """The command in words, for the log."""
         return "hold until it clears" if self.until == "clear" else "hold"
 
 
@@ -185,7 +185,7 @@ class Goto(Command):
             raise ValueError(f"declination {self.dec_icrs_deg:g} is outside -90 to 90")
 
     def words(self) -> str:
-        """What is wanted."""
+        """The command in words, for the log."""
         place = direction(self.ra_icrs_deg, self.dec_icrs_deg)
         return with_overrides(f"go to {place}", self.override)
 
@@ -210,7 +210,7 @@ class Nudge(Command):
             raise ValueError(f"a nudge goes at most {LARGEST_NUDGE_ARCMIN:g} arcmin: use goto")
 
     def words(self) -> str:
-        """What is wanted."""
+        """The command in words, for the log."""
         arcmin = math.hypot(self.east_arcmin, self.north_arcmin)
         size = f"{arcmin:.3g}′" if arcmin >= 0.995 else f"{arcmin * 60:.3g}″"
         angle_deg = math.degrees(math.atan2(self.east_arcmin, self.north_arcmin))
@@ -274,7 +274,7 @@ class Track(Command):
     is_on: bool = argument("on", default=True)
 
     def words(self) -> str:
-        """What is wanted."""
+        """The command in words, for the log."""
         return "track" if self.is_on else "stand still"
 
 
@@ -317,7 +317,7 @@ class Set(Command):
             raise ValueError(f"frames must be a number from 1 to {MAX_FRAMES}")
 
     def words(self) -> str:
-        """What is wanted."""
+        """The command in words, for the log."""
         frames = self.frames
         lent = "" if frames is None else f" for {frames} frame{'s' if frames != 1 else ''}"
         return f"{self.name} {self.value}{lent}"
@@ -380,5 +380,5 @@ class Note(Command):
             raise ValueError("a note needs words")
 
     def words(self) -> str:
-        """What is wanted."""
+        """The command in words, for the log."""
         return f"note: {self.text}"

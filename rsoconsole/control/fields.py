@@ -80,31 +80,31 @@ class MovePreview:
     """A move that has not been made."""
 
     ra_icrs_deg: float
-    """Where the telescope would look."""
+    """Right ascension where the telescope would look."""
     dec_icrs_deg: float
     ra_date_deg: float
-    """The same, equinox of date."""
+    """Right ascension of the same place, equinox of date."""
     dec_date_deg: float
     alt_deg: float
     az_deg: float
     way_deg: float
-    """How far that is from where it looks."""
+    """Distance from where it looks now."""
     slew_s: float
-    """How long the slew takes, settling included."""
+    """Duration of the slew, settling included."""
     pier_side: str | None = None
     pier_side_after: str | None = None
     margins_deg: tuple[tuple[str, float], ...] = ()
     """Limit and how far inside it the telescope would be."""
     refused: str | None = None
-    """Why it may not go there; None where it may."""
+    """The reason why it may not go there; None where it may."""
 
 
 MAX_LINES = 12
-"""Of pairs and of missing objects in plain lines: JSON has all."""
+"""Pairs and missing objects that plain lines show; JSON has all."""
 
 
 def nearest_first(pairs: Iterable[PairMotion]) -> tuple[PairMotion, ...]:
-    """Those that stand nearest to each other first."""
+    """Pairs in the order of their separation, the nearest first."""
     return tuple(sorted(pairs, key=lambda each: each.separation_arcsec))
 
 

@@ -1,4 +1,4 @@
-"""What an operator says of streaks and tracks: one command a verb."""
+"""The operator's decisions on streaks and tracks: one command a verb."""
 
 from dataclasses import dataclass
 
@@ -14,7 +14,7 @@ class Decision(Command):
     )
 
     def words(self) -> str:
-        """What is wanted."""
+        """The command in words, for the log."""
         return self.verb + self.of_frame(" frame {}")
 
     def of_frame(self, words: str) -> str:
@@ -33,7 +33,7 @@ class Choose(Decision):
     y_px: float = argument("y")
 
     def words(self) -> str:
-        """What is wanted."""
+        """The command in words, for the log."""
         return f"follow the streak at {self.x_px:.0f}, {self.y_px:.0f}"
 
 
@@ -66,16 +66,16 @@ class MarkByHand(Decision):
     x_b_px: float = argument("x_b")
     y_b_px: float = argument("y_b")
     sigma_px: float | None = None
-    """How finely it was made; None: as a hand does."""
+    """One sigma of the mark; None: as a hand makes it."""
     sigma_across_px: float | None = None
-    """Where it was refined on the light beneath it: ``sigma_px`` is that along it then."""
+    """One sigma across, where refined on the light beneath it: ``sigma_px`` is then along it."""
     is_clipped: bool | None = None
-    """Whether the frame cuts the streak, likewise."""
+    """True where the frame cuts the streak, as the light beneath it shows."""
     replaces: bool | None = None
-    """Whether it may take the place of a measurement that is better."""
+    """True where it may replace a better measurement."""
 
     def words(self) -> str:
-        """What is wanted."""
+        """The command in words, for the log."""
         return "mark by hand" + self.of_frame(" in frame {}")
 
 
@@ -90,7 +90,7 @@ class BeginMark(Decision):
     is_on: bool = argument("on", default=True)
 
     def words(self) -> str:
-        """What is wanted."""
+        """The command in words, for the log."""
         deed = "begin a mark" if self.is_on else "leave off the mark"
         return deed + self.of_frame(" in frame {}")
 
@@ -104,7 +104,7 @@ class TakeBack(Decision):
     title = "take back"
 
     def words(self) -> str:
-        """What is wanted."""
+        """The command in words, for the log."""
         return "take back" + self.of_frame(" what was said of frame {}")
 
 
@@ -124,7 +124,7 @@ class Drop(Decision):
     off: bool | None = argument(default=None, help_="Take it back.")
 
     def words(self) -> str:
-        """What is wanted."""
+        """The command in words, for the log."""
         return f"{'take back: ' if self.off else ''}drop track {self.track}"
 
 
@@ -144,5 +144,5 @@ class Keep(Decision):
     off: bool | None = argument(default=None, help_="Keep it no longer.")
 
     def words(self) -> str:
-        """What is wanted."""
+        """The command in words, for the log."""
         return f"keep track {self.track}{' no longer' if self.off else ''}"

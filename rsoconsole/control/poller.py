@@ -1,4 +1,4 @@
-"""What looks at something again and again, on a thread of its own."""
+"""A thread that looks at something again and again."""
 
 import threading
 from abc import ABC, abstractmethod
@@ -20,7 +20,7 @@ class Poller(ABC):
         self._thread.start()
 
     def look_now(self) -> None:
-        """Something has changed: do not wait for the next turn (any thread)."""
+        """Look at once instead of at the next turn (any thread)."""
         self._wake.set()
 
     def close(self) -> None:
@@ -32,7 +32,7 @@ class Poller(ABC):
 
     @property
     def is_running(self) -> bool:
-        """Whether its thread lives."""
+        """True while its thread lives."""
         return self._thread.is_alive()
 
     def _run(self) -> None:

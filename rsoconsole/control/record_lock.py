@@ -1,4 +1,4 @@
-"""Where the socket lies, and locks that live as long as their process: one engine a mount."""
+"""The place of the socket, and locks that live as long as their process: one engine a mount."""
 
 import contextlib
 import fcntl
@@ -23,21 +23,16 @@ _FLOCK = "hhqqi"
 _MAX_WORDS = 4096
 
 _held: dict[Path, str] = {}
-"""By this very process, with what the files say."""
+"""Locks that this process holds, with the words in their files."""
 _held_lock = threading.Lock()
 
 
-def holder(path: Path) -> int | None:
-    """The process that holds the lock of a file; None where none does or the system does not tell.
-
-    Only asks: a lock taken for the asking would turn away a process that starts just now.
-    """
-    found = read_holder(path)
-    return None if found is None else found[0]
-
-
 def read_holder(path: Path) -> tuple[int, str] | None:
-    """The same, with what its holder has written into the file."""
+    """The process that holds a file's lock, and what it has written there; None where none does.
+
+    Only asks: a lock taken for the asking would turn away a process that starts just now. None
+    also where the system does not tell.
+    """
     if sys.platform != "linux":
         return None
     with _held_lock:
@@ -70,7 +65,7 @@ class RecordLock:
         self._descriptor: int | None = None
 
     def refusal(self, holder_words: str) -> str:
-        """What is said to the process that comes second; ``holder_words`` as the first has them."""
+        """The message to a second process; ``holder_words``: what the first has written there."""
         return f"{self._path} is held: {holder_words.strip()}"
 
     def acquire(self) -> None:
@@ -152,7 +147,7 @@ MAX_ADDRESS_BYTES = 100
 
 
 def default_socket_path() -> Path:
-    """Where the engine of this user listens."""
+    """The socket of this user's engine."""
     return runtime_dir() / "engine.sock"
 
 
@@ -206,7 +201,8 @@ def engine_pid(socket_path: Path) -> int | None:
     None also where the system does not tell. Only asks: a lock taken for the asking would turn
     away an engine that starts just now.
     """
-    return holder(address_of(socket_path).with_suffix(".lock"))
+    found = read_holder(address_of(socket_path).with_suffix(".lock"))
+    return None if found is None else found[0]
 
 
 class EngineLock(RecordLock):
@@ -269,13 +265,13 @@ def running_engines() -> list[RunningEngine]:
     return found
 
 
-def engine_behind(socket: Path) -> RunningEngine | None:
+def engine_at(socket: Path) -> RunningEngine | None:
     """The engine that listens there, or did before its socket was removed."""
     return next((each for each in running_engines() if each.socket == socket), None)
 
 
 def socket_option(socket: Path) -> str:
-    """What follows a verb that is to reach the engine there."""
+    """The option of a verb that reaches the engine at a socket; empty for the usual one."""
     is_usual = socket in {Path(), default_socket_path()}
     return "" if is_usual else f" --socket {shlex.quote(str(socket))}"
 

@@ -59,7 +59,7 @@ class ControlServer:
         handler: Handler,
         *,
         lock: EngineLock | None = None,
-        stamp: Callable[[], int] | None = None,
+        stamp: Callable[[], int | None] = lambda: None,
         locks: Sequence[RecordLock] = (),
         on_found: Callable[[str], None] = lambda _words: None,
     ) -> None:
@@ -144,7 +144,7 @@ class ControlServer:
             said = words if "cannot" in words else ""
 
     def _kept(self) -> str:
-        """What was put back, in words; empty where nothing was missing."""
+        """Put back socket and locks; in words what was missing, else empty."""
         again, failed = [], ""
         for lock in self._locks:
             try:
@@ -253,7 +253,7 @@ class ControlServer:
     def _serve_spare(self, connection: "Connection") -> None:
         """One command of a peer for whom there is no place: STOP, or it is sent away."""
         try:
-            line = next(iter(connection.lines()), None)
+            line = next(connection.lines(), None)
             with self._lock:
                 # What has spoken is not crowded out.
                 if connection in self._spare:
@@ -276,7 +276,7 @@ class ControlServer:
             return False
 
     def _take(self, connection: "Connection", line: bytes) -> None:
-        stamp = None if self._stamp is None else self._stamp()
+        stamp = self._stamp()
         try:
             read = read_request(connection, line)
         except ControlError as error:

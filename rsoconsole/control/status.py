@@ -1,4 +1,4 @@
-"""How the engine is: one record that crosses the wire, and the JSON that scripts read of it.
+"""The engine's status: one record that crosses the wire, and the JSON that scripts read of it.
 
 The engine fills it, consoles, panel and shell read it. In JSON a field has its own name, which
 says unit and frame; the names of the first version stand beside them and stay.
@@ -32,7 +32,7 @@ FIRST_NAMES: Mapping[str, str] = types.MappingProxyType(
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Health:
-    """One part of machine or instruments and how it is."""
+    """The health of one part of machine or instruments."""
 
     name: str = ""
     ok: bool = False
@@ -65,7 +65,7 @@ class Machine:
 
     @property
     def is_pi(self) -> bool:
-        """Whether the board says that it is a Raspberry Pi."""
+        """True for a Raspberry Pi, by the board's name."""
         return self.model is not None and self.model.startswith("Raspberry Pi")
 
 
@@ -98,7 +98,7 @@ class LastStop:
 
     @property
     def is_at_rest(self) -> bool:
-        """Whether the mount was measured to stand or to track."""
+        """True where the mount was measured to stand or to track."""
         return self.motion in ("stands", "tracks")
 
     @property
@@ -143,7 +143,7 @@ class TrackNow:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class NextAim:
-    """Where the telescope looks in the exposure after the present or ordered one."""
+    """The aim of the exposure after the present or ordered one."""
 
     ra_icrs_deg: float = 0.0
     dec_icrs_deg: float = 0.0

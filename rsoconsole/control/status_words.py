@@ -1,4 +1,4 @@
-"""How the engine stands, and where the mount itself says that it stands and what it does."""
+"""The status of engine and mount in words."""
 
 from typing import Literal
 
@@ -29,14 +29,14 @@ STANDS, NOT_KNOWN = "stands, measured", "how it moves is not known"
 
 
 def holder_words(holder: str | None, form: Literal["seat", "plain", "past"]) -> str:
-    """Who has the mount."""
+    """The holder of the mount in words."""
     if holder in HOLDERS:
         return HOLDERS[holder][("seat", "plain", "past").index(form)]
     return "" if form == "past" else "who has the mount is not known"
 
 
 def fault_words(status: Status) -> list[str]:
-    """Its faults, or that none is left, and what is overridden."""
+    """The engine's faults, or that none is left, and the overridden checks."""
     words = [f"FAULT {fault}" for fault in dict.fromkeys(status.faults)]
     if status.state == "FAULT" and not words:
         words = ["the cause of the FAULT is over: arm it to go on"]
@@ -44,7 +44,7 @@ def fault_words(status: Status) -> list[str]:
 
 
 def held_words(status: Status) -> str:
-    """That autonomy gives the mount no slews; empty where it does."""
+    """The hold in words; empty where there is none."""
     if not status.is_held:
         return ""
     return "HELD until it clears" if status.resumes_when_clear else "HELD"
@@ -56,13 +56,13 @@ def limit_left_s(status: Status) -> float | None:
 
 
 def limit_words(status: Status) -> str:
-    """Which limit that is, and when; empty where there is none."""
+    """The next limit in words, with its time; empty where there is none."""
     left_s = limit_left_s(status)
     return "" if left_s is None else f"{status.next_limit} in {left_s / 60.0:.0f} min"
 
 
 def shutter_words(status: Status) -> str:
-    """Until when it is open or closed; empty where that is not known."""
+    """The time left of the exposure, or until the next; empty where that is not known."""
     left_s = _left_s(status, status.exposing_until_utc_ns)
     wait_s = _left_s(status, status.next_start_utc_ns)
     if left_s is not None:
@@ -91,7 +91,7 @@ def mount_words(status: Status, name: str = "mount ") -> tuple[str, ...]:
 
 
 def motion_words(status: Status) -> str:
-    """What it does as measured; where that is not known, what its driver says."""
+    """The mount's motion in words, as measured; where that is not known, by its driver's claim."""
     measured, claimed = _measured(status), _claimed(status)
     if status.is_parked:
         return "parked" if measured in ("", STANDS) else f"parked, but it {measured}"
@@ -125,7 +125,7 @@ def _claimed(status: Status) -> str:
 
 
 def is_silent(status: Status) -> bool:
-    """Whether the mount has said nothing for so long that its word is old."""
+    """True where the mount's last report is old."""
     said_s = _left_s(status, status.mount_t_utc_ns)
     return said_s is not None and said_s < -OLD_S
 
@@ -177,7 +177,7 @@ def aim_parts(aim: NextAim) -> list[str]:
 
 
 def state_words(state: str, misses: int, *, is_kept: bool) -> str:
-    """What became of it in the last frame; "+": the operator keeps it."""
+    """A track's state after its last frame; "+": the operator keeps it."""
     return f"{state} {misses or ''}".rstrip() + ("+" if is_kept else "")
 
 

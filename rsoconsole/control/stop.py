@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 from typing import Any, Literal, get_args
 
 from rsoconsole.base import RsoconsoleError
-from rsoconsole.control.client import Wire
+from rsoconsole.control.client import ControlClient
 from rsoconsole.control.commands import AskStatus, Stop
 from rsoconsole.records import StopOutcome
 from rsoconsole.words import (
@@ -28,17 +28,17 @@ from rsoconsole.words import (
 log = logging.getLogger(__name__)
 
 ENGINE_S = 1.0
-"""How long the engine's answer is waited for."""
+"""Wait for the engine's answer, s."""
 LATE_S = 0.3
-"""How long it is waited for before the mount itself is told."""
+"""Wait for the engine's answer before ABORT goes past it, s."""
 MEASURED_S = 12.0
-"""How long the engine's word on how the mount moves is waited for."""
+"""Wait for the engine's measurement of the mount's motion, s."""
 _ASK_EVERY_S = 0.25
 REMEDY = f"run 'rsoconsole stop' in another terminal; {CUT_POWER} if it moves"
 SUPERSEDED = "another order came before STOP was measured to its end"
 
 FROM_PRESS, IN_ENGINE = "counted from the key", "counted in the engine"
-"""From when the times of a STOP count: where it was given, and where it was carried out."""
+"""Origin of a STOP's times: where it was given, and where it was carried out."""
 
 Found = Mapping[str, Any]
 """What came of a STOP so far, as the engine answers it: is_answered, path, ms, ordered_ms, detail;
@@ -53,7 +53,7 @@ Phase = Literal["sent", "late", "answered", "stopped", "failed"]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StopNews:
-    """How a STOP stands."""
+    """The state of a STOP."""
 
     phase: Phase
     """answered: by the driver, and being measured; stopped: measured to be at rest; failed: it
@@ -82,18 +82,14 @@ def counted(said: str, ordered_ms: float | None, since: str) -> str:
     return said if ordered_ms is None else f"{said} ({since})"
 
 
-def unheard(_news: StopNews) -> None:
-    """For who waits for the end only."""
-
-
 class Stopping:
-    """One STOP under way; ``on_news`` is called from its threads."""
+    """One STOP under way; ``on_news`` is called from its threads, and not for who only waits."""
 
     def __init__(
         self,
-        wire: Callable[[], Wire],
+        wire: Callable[[], ControlClient],
         directly: DirectStop | None,
-        on_news: Callable[[StopNews], None] = unheard,
+        on_news: Callable[[StopNews], None] = lambda _news: None,
     ) -> None:
         self._wire = wire
         self._directly = directly
@@ -120,7 +116,7 @@ class Stopping:
         late.start()
 
     def wait(self) -> StopNews:
-        """How it ended: measured by a way, or every way has failed.
+        """Wait for the end: measured by a way, or every way has failed.
 
         A way past the engine that has begun is waited for all the same: it may still set tracking
         as configured after its own ABORT, and repeats that while the mount moves.

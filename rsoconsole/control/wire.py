@@ -1,4 +1,4 @@
-"""What goes over the operator's wire, line by line."""
+"""Requests and outcomes on the operator's wire, line by line."""
 
 import contextlib
 import getpass
@@ -9,7 +9,7 @@ import socket
 import struct
 import threading
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Any, Literal, TypeAlias
 
@@ -19,12 +19,12 @@ from rsoconsole.records import CommandResult
 
 SenderKind: TypeAlias = Literal["console", "script"]
 _CONSOLE = "console "
-"""How a console's name begins on the wire and on record, for people."""
+"""The beginning of a console's name on the wire and on record."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Sender:
-    """Who hands the engine a command."""
+    """The sender of a command."""
 
     name: str = "operator"
     kind: SenderKind = "script"
@@ -61,12 +61,12 @@ def sender_of(by: str, kind: Any = None) -> Sender:
 
 
 def printable(text: str) -> str:
-    """The same without what would be a command to a terminal, by any author."""
+    """Text of any author without what would be a command to a terminal."""
     return "".join(c if c.isprintable() or c == "\n" else " " for c in text)
 
 
 def one_line(text: str) -> str:
-    """The same on one line: a line break in it could pass for a line of the program's own."""
+    """Printable text on one line: a line break could pass for a line of the program's own."""
     return printable(text).replace("\n", " ")
 
 
@@ -76,21 +76,21 @@ _SEND_TIMEOUT_S = 2.0
 
 
 class Course:
-    """How far a request has come; the loop says so, who waits for its answer looks."""
+    """The progress of a request: set by the loop, read where the answer is waited for."""
 
     def __init__(self) -> None:
         self.is_begun = False
-        """It is being executed, or has been."""
+        """True from the beginning of its execution on."""
         self._result: CommandResult | None = None
         self._is_settled = threading.Event()
 
     def settle(self, result: CommandResult) -> None:
-        """That came of it (any thread; never waits)."""
+        """Set the result (any thread; never waits)."""
         self._result = result
         self._is_settled.set()
 
     def wait(self, timeout_s: float) -> CommandResult | None:
-        """What came of it; None where that is not known so soon."""
+        """Wait for the result; None where it is not known in time."""
         self._is_settled.wait(timeout_s)
         return self._result
 
@@ -102,24 +102,24 @@ class Request:
     command: Command
     sender: Sender = field(default_factory=Sender)
     stamp: int | None = None
-    """How many STOPs had been given when it was read; None: not known."""
+    """Number of STOPs given before it was read; None: not known."""
     came_s: float = field(default_factory=time.monotonic, compare=False)
-    """When it was read, monotonic."""
+    """Monotonic time at which it was read, s."""
     course: Course = field(default_factory=Course, compare=False, repr=False)
 
     @property
     def by(self) -> str:
-        """Who asks, as the record has it."""
+        """The sender in words, as the record has it."""
         return self.sender.words
 
 
 ON_RECORD = "on_record"
-"""In a refusal's data: the session has it too, as that command's refusal."""
+"""Key in a refusal's data: the session has that refusal on record too."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Outcome:
-    """What came of a command."""
+    """The outcome of a command."""
 
     ok: bool
     message: str = ""
@@ -171,9 +171,21 @@ class Connection:
             socket.SOL_SOCKET, socket.SO_SNDTIMEO, struct.pack("ll", int(_SEND_TIMEOUT_S), 0)
         )
 
-    def lines(self) -> "_Lines":
-        """Lines as they come in; raises ValueError at one that is too long."""
-        return _Lines(self._peer, self)
+    def lines(self) -> Iterator[bytes]:
+        """Lines as they come in; answers one that is too long, then raises ValueError."""
+        received = b""
+        while True:
+            while b"\n" not in received:
+                if len(received) > MAX_LINE_BYTES:
+                    text = f"a line of more than {MAX_LINE_BYTES} bytes: the connection is closed"
+                    self.answer(None, Outcome(ok=False, message=text))
+                    raise ValueError(text)
+                chunk = self._peer.recv(4096)
+                if not chunk:
+                    return
+                received += chunk
+            line, _, received = received.partition(b"\n")
+            yield line
 
     def answer(self, request_id: int | str | None, outcome: Outcome) -> None:
         """Send an outcome; a peer that is gone or does not read is let go."""
@@ -194,31 +206,6 @@ class Connection:
         with contextlib.suppress(OSError):
             self._peer.shutdown(socket.SHUT_RDWR)
         self._peer.close()
-
-
-class _Lines:
-    """Lines as they come in, none longer than is allowed."""
-
-    def __init__(self, peer: socket.socket, connection: Connection) -> None:
-        self._peer = peer
-        self._connection = connection
-        self._buffer = b""
-
-    def __iter__(self) -> "_Lines":
-        return self
-
-    def __next__(self) -> bytes:
-        while b"\n" not in self._buffer:
-            if len(self._buffer) > MAX_LINE_BYTES:
-                text = f"a line of more than {MAX_LINE_BYTES} bytes: the connection is closed"
-                self._connection.answer(None, Outcome(ok=False, message=text))
-                raise ValueError(text)
-            chunk = self._peer.recv(4096)
-            if not chunk:
-                raise StopIteration
-            self._buffer += chunk
-        line, _, self._buffer = self._buffer.partition(b"\n")
-        return line
 
 
 def read_request(connection: Connection, line: bytes) -> WaitingRequest:
@@ -284,7 +271,7 @@ def read_outcome(reply: bytes) -> Outcome:
 
 
 def is_same_user(peer: socket.socket) -> bool:
-    """Whether this process's user is at the other end."""
+    """True where this process's user is at the other end."""
     if not hasattr(socket, "SO_PEERCRED"):
         return True  # the folder, which only its owner can enter, protects it
     credentials = peer.getsockopt(socket.SOL_SOCKET, socket.SO_PEERCRED, struct.calcsize("3i"))

@@ -1,4 +1,4 @@
-from .alerts.services import call as call
+from .alerts.services import send_heartbeat as send_heartbeat
 from .alerts.services import send_within as send_within
 from .alerts.services import services_of as services_of
 from .doctor.bench import STAGES as STAGES
@@ -12,8 +12,8 @@ from .leaps.awaiting import entry_of as entry_of
 from .loop.loop import Engine as Engine
 from .machine.machine import read_machine as read_machine
 from .machine.machine import troubles_of as troubles_of
-from .machine.machine_name import identity as identity
 from .machine.machine_name import load_share as load_share
+from .machine.machine_name import machine_identity as machine_identity
 from .machine.medium import medium_of as medium_of
 from .operator.arming import CHECKS as CHECKS
 from .service.service import RunSettings as RunSettings

@@ -11,7 +11,7 @@ from rsoconsole.base import SessionError
 from rsoconsole.cli.app import app
 from rsoconsole.cli.demo._bench_frame import draw_fits
 from rsoconsole.config import Config
-from rsoconsole.engine import STAGES, identity, judge, measure, summary_lines
+from rsoconsole.engine import STAGES, judge, machine_identity, measure, summary_lines
 from rsoconsole.engine.doctor import bench
 from rsoconsole.engine.doctor.bench import BenchResult, BenchStage, BenchSummary
 from rsoconsole.instruments import frame_from_bytes
@@ -197,7 +197,7 @@ def test_a_machine_is_called_what_it_says_it_is(
 ) -> None:
     put(tmp_path, "proc/cpuinfo", cpuinfo)
     put(tmp_path, "etc/os-release", 'PRETTY_NAME="Debian GNU/Linux 12 (bookworm)"')
-    here = identity(tmp_path, architecture)
+    here = machine_identity(tmp_path, architecture)
     assert here.model.startswith(model)
     assert here.is_emulated is is_emulated
     assert ("EMULATED" in here.words) is is_emulated
@@ -208,10 +208,10 @@ def test_a_machine_is_called_what_it_says_it_is(
 
 def test_a_pi_is_called_one_by_its_device_tree_alone(tmp_path: Path) -> None:
     put(pi_files(tmp_path), "proc/cpuinfo", "CPU implementer\t: 0x41\n")
-    here = identity(tmp_path, "aarch64")
+    here = machine_identity(tmp_path, "aarch64")
     assert (here.model, here.is_emulated) == ("Raspberry Pi 4 Model B Rev 1.4", False)
     put(tmp_path, "proc/sys/fs/binfmt_misc/qemu-aarch64", "enabled\ninterpreter /usr/bin/qemu")
-    assert identity(tmp_path, "aarch64").is_emulated
+    assert machine_identity(tmp_path, "aarch64").is_emulated
 
 
 @pytest.fixture
@@ -229,7 +229,7 @@ def test_the_table_names_machine_stages_and_verdict(configured: Path) -> None:
     run = CliRunner().invoke(app, ["doctor", "--bench", "--config", str(configured)])
     assert run.exit_code == 0
     lines = run.stdout.splitlines()
-    assert lines[0] == identity().words
+    assert lines[0] == machine_identity().words
     assert any(line.split()[:2] == ["total", "800.0"] for line in lines)
     assert any(line.startswith("exposures of 10 s every 30 s: held") for line in lines)
     assert "note:" not in run.stdout

@@ -40,10 +40,10 @@ from rsoconsole.control import (
 )
 from rsoconsole.engine import services_of
 from rsoconsole.engine.alerts._news import Alert, News
-from rsoconsole.engine.alerts._spool import MOST, OLDEST_NS, Spool
+from rsoconsole.engine.alerts._spool import MOST, OLDEST_NS, Spool, Waiting
 from rsoconsole.engine.alerts.child import Limiter
 from rsoconsole.engine.alerts.process import AlertProcess, _log_file
-from rsoconsole.engine.alerts.services import Sender, Sent, Service, send
+from rsoconsole.engine.alerts.services import AlertSender, SendResult, Service, send
 from rsoconsole.records import (
     CatalogueMatch,
     Cause,
@@ -222,7 +222,7 @@ def test_what_is_not_wanted_is_not_told() -> None:
 
 
 def add(spool: Spool, n: int, to: list[str], t_utc_ns: int = 5) -> None:
-    spool.add(kind="lock", title="t", body=str(n), t_utc_ns=t_utc_ns, to=to)
+    spool.add(Waiting(kind="lock", title="t", body=str(n), t_utc_ns=t_utc_ns, pending=to))
 
 
 def test_the_spool_outlives_its_process_is_bounded_and_holds_no_address(tmp_path: Path) -> None:
@@ -267,8 +267,10 @@ def test_what_two_engines_have_to_say_is_in_one_spool_when_the_first_has_ended(
     tmp_path: Path,
 ) -> None:
     first, second = Spool(tmp_path), Spool(tmp_path, claim_again_s=0.0)
-    first.add(kind="lock", title="t", body="first", t_utc_ns=1, to=["a"], seen=("night 1", 7))
-    second.add(kind="lock", title="t", body="second", t_utc_ns=2, to=["a"], seen=("night 2", 9))
+    one = Waiting(kind="lock", title="t", body="first", t_utc_ns=1, pending=["a"])
+    first.add(one, ("night 1", 7))
+    other = Waiting(kind="lock", title="t", body="second", t_utc_ns=2, pending=["a"])
+    second.add(other, ("night 2", 9))
     held = second.first_for("a")
     assert held is not None
     assert (held.body, bool(second.fault)) == ("second", True)
@@ -298,9 +300,9 @@ def test_a_spool_of_the_first_form_is_read(tmp_path: Path) -> None:
 def test_messages_for_services_of_another_engine_are_not_waited_for(tmp_path: Path) -> None:
     spool = Spool(tmp_path)
     add(spool, 1, ["nobody's"], t_utc_ns=time.time_ns())
-    sender = Sender([], Spool(tmp_path / "own"), send=lambda *_, **__: Sent(True, ""))
+    sender = AlertSender([], Spool(tmp_path / "own"), send=lambda *_, **__: SendResult(True, ""))
     assert sender.finish(0.0) == 0
-    sender = Sender([], spool, send=lambda *_, **__: Sent(True, ""))
+    sender = AlertSender([], spool, send=lambda *_, **__: SendResult(True, ""))
     add(spool, 2, ["nobody's"], t_utc_ns=time.time_ns())
     began = time.monotonic()
     assert sender.finish(PATIENCE_S) == 0
@@ -353,19 +355,19 @@ def test_a_service_that_hangs_or_fails_delays_no_other_and_gets_its_message_late
     got: list[tuple[str, str]] = []
     is_up = False
 
-    def send_(url: str, title: str, body: str, *, is_urgent: bool) -> Sent:
+    def send_(url: str, title: str, body: str, *, is_urgent: bool) -> SendResult:
         if url == "x://hangs":
             time.sleep(PATIENCE_S)
         if url == "x://fails" and not is_up:
-            return Sent(False, "offline")
+            return SendResult(False, "offline")
         got.append((url, body))
-        return Sent(True, "sent")
+        return SendResult(True, "sent")
 
     services = [Service(name, f"x://{name}") for name in ("hangs", "fails", "good")]
-    sender = Sender(services, Spool(tmp_path), send=send_, first_again_s=0.05)
+    sender = AlertSender(services, Spool(tmp_path), send=send_, first_again_s=0.05)
     began = time.monotonic()
     for n in range(3):
-        sender.add(kind="lock", title="t", body=str(n), t_utc_ns=time.time_ns())
+        sender.add(Waiting(kind="lock", title="t", body=str(n), t_utc_ns=time.time_ns()))
     assert time.monotonic() - began < 5.0
     until(lambda: got == [("x://good", "0"), ("x://good", "1"), ("x://good", "2")])
     is_up = True
@@ -627,10 +629,10 @@ def test_alerts_test_tries_each_service_and_says_what_came_of_it(
 def test_alerts_test_logs_nothing_that_a_library_says(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
-    def send_(url: str, title: str, body: str) -> Sent:
+    def send_(url: str, title: str, body: str) -> SendResult:
         logging.getLogger("urllib3.connectionpool").warning("Retrying: %s", url)
         logging.getLogger("rsoconsole.engine.alerts.services").warning("own words")
-        return Sent(True, "sent")
+        return SendResult(True, "sent")
 
     monkeypatch.setattr("rsoconsole.engine.alerts.services.send", send_)
     path = tmp_path / "config.toml"
@@ -644,14 +646,14 @@ def test_alerts_test_logs_nothing_that_a_library_says(
 def test_a_service_that_never_answers_is_given_up(
     server: BadServer, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    from rsoconsole.engine import call, send_within
+    from rsoconsole.engine import send_heartbeat, send_within
 
     monkeypatch.setattr(
-        "rsoconsole.engine.alerts.services.send", lambda *_: time.sleep(5.0) or Sent(True, "")
+        "rsoconsole.engine.alerts.services.send", lambda *_: time.sleep(5.0) or SendResult(True, "")
     )
     assert "no answer" in send_within("json://x", "t", "b", limit_s=0.2).detail
     server.default = drip(3.0)
-    assert not call(f"{server.url}/beat", limit_s=0.3).ok
+    assert not send_heartbeat(f"{server.url}/beat", limit_s=0.3).ok
 
 
 def figures(text: str) -> dict[tuple[str, ...], float]:

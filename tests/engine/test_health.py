@@ -9,7 +9,7 @@ from rsoconsole.config import Config
 from rsoconsole.control import Machine
 from rsoconsole.engine import troubles_of
 from rsoconsole.engine.doctor.doctor_system import ClockReading
-from rsoconsole.engine.loop.interruptions import TimeTrouble
+from rsoconsole.engine.loop.interruptions import ClockTrouble
 from rsoconsole.engine.machine.medium import Medium
 from rsoconsole.engine.machine.time_source import TimeSource
 from rsoconsole.engine.service import machine_watch as health
@@ -142,7 +142,7 @@ def test_what_happened_to_the_clock_is_said_for_a_while(tmp_path: Path):
     now_ns = StandingClock().now_utc_ns()
 
     def said(ago_s: int) -> list[tuple[bool, str]]:
-        trouble = TimeTrouble(t_utc_ns=now_ns - ago_s * NS, text="set by -5.0 s")
+        trouble = ClockTrouble(t_utc_ns=now_ns - ago_s * NS, text="set by -5.0 s")
         return [(h.ok, h.text) for h in meter.read(None, trouble) if "set by" in h.text]
 
     assert said(60) == [(False, "set by -5.0 s")]
@@ -153,5 +153,5 @@ def test_a_clock_that_runs_wrong_is_said_as_long_as_it_does(tmp_path: Path):
     clock = StandingClock()
     clock.is_steady = False
     meter = HealthMeter(Config, clock, tmp_path)
-    trouble = TimeTrouble(t_utc_ns=clock.now_utc_ns() - 3600 * NS, text="runs 2.00 times as fast")
+    trouble = ClockTrouble(t_utc_ns=clock.now_utc_ns() - 3600 * NS, text="runs 2.00 times as fast")
     assert any(h.text == trouble.text and not h.ok for h in meter.read(None, trouble))

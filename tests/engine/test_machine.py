@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 
 import pytest
@@ -233,7 +234,9 @@ def test_a_trouble_is_said_when_it_begins_and_when_it_is_over_and_not_between():
 
 
 def test_the_watch_reads_says_and_keeps_what_it_saw(tmp_path, monkeypatch):
-    monkeypatch.setattr(machine, "ROOT", pi_files(tmp_path, throttled="50005"))
+    files = pi_files(tmp_path, throttled="50005")
+    monkeypatch.setattr(machine_watch, "read_machine", partial(machine.read_machine, files))
+    monkeypatch.setattr(machine_watch, "medium_of", partial(medium_of, root=files))
     monkeypatch.setattr(machine_watch, "read_time_source", lambda: NO_TIME)
     said: list[tuple[str, str]] = []
     watch = MachineWatch(Path("/mnt/usb disk"), lambda level, text: said.append((level, text)))

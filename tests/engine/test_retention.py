@@ -3,7 +3,7 @@
 import pytest
 
 from rsoconsole.config import Config
-from rsoconsole.engine.machine.medium import bytes_until_dawn, disk_outlook, raw_frame_bytes
+from rsoconsole.engine.machine.medium import bytes_until_dawn, disk_outlook, session_bytes
 from rsoconsole.sky import iso_to_utc_ns, night_span
 from rsoconsole.words import NS_PER_S
 
@@ -18,8 +18,10 @@ def config_with(**sections: dict[str, object]) -> Config:
 
 def test_a_frame_of_the_papers_camera_is_33_megabytes_and_ten_hours_39_gigabytes() -> None:
     # 4656 x 3520 px of 16 bits; 1,200 exposures in 10 h at 30 s.
-    assert raw_frame_bytes(Config()) == 32_778_240
-    assert 1200 * raw_frame_bytes(Config()) == pytest.approx(39.3e9, rel=0.01)
+    raw_bytes = 2 * 4656 * 3520
+    assert 1200 * raw_bytes == pytest.approx(39.3e9, rel=0.01)
+    kept = session_bytes(Config(), 10 * 3600.0)
+    assert kept == pytest.approx(1200 * (0.52 * raw_bytes + 1e5), rel=1e-9)
 
 
 def test_a_night_is_as_long_as_it_is_dark() -> None:

@@ -10,7 +10,7 @@ import pytest
 from rsoconsole.config import Config, with_setting
 from rsoconsole.control import MarkByHand
 from rsoconsole.engine.aim.states import ClockSet, LimitMet, NightEnded
-from rsoconsole.engine.operator._hand_marks import automatic_of, with_figures
+from rsoconsole.engine.operator._hand_marks import detected_measurement, with_mark_figures
 from rsoconsole.night import as_recorded
 from rsoconsole.pipeline import HELD, refined_mark, replay
 from rsoconsole.pipeline.cycle.decisions import KEPT, TAKEN_BACK
@@ -486,15 +486,18 @@ def test_what_came_of_a_mark_says_how_good_it_is_and_how_far_from_the_automatic_
     )
     shown = dataclasses.replace(r.engine.cycle.hand.shown(3), measurements=(automatic,))
     result = CommandResult(kind="ruled", ruled="taken by hand", frame_id=3, left_alone=1)
-    found = automatic_of(by_hand, shown, None)
+    found = detected_measurement(by_hand, shown, None)
     assert found == automatic
-    said = text(with_figures(result, by_hand, found))
+    said = text(with_mark_figures(result, by_hand, found))
     assert said == (
         "frame 3: used: ±0.29″ RA ±0.14″ Dec, 0.6″ from the automatic measurement,"
         " which is set aside"
     )
     # What is far away is another streak: it is not what the mark takes the place of.
     away = dataclasses.replace(automatic, dec_icrs_deg=automatic.dec_icrs_deg + 0.1)
-    assert automatic_of(by_hand, dataclasses.replace(shown, measurements=(away,)), None) is None
-    said = text(with_figures(result, by_hand, None))
+    assert (
+        detected_measurement(by_hand, dataclasses.replace(shown, measurements=(away,)), None)
+        is None
+    )
+    said = text(with_mark_figures(result, by_hand, None))
     assert said == "frame 3: used: ±0.29″ RA ±0.14″ Dec; 1 more not taken"

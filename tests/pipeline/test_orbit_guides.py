@@ -177,10 +177,10 @@ def test_a_stranger_seen_while_a_lost_one_is_waited_for_is_waited_for_where_it_w
     here = it.mount.at_deg
     report = it.mount.report()
     now_ns = it.clock.t_utc_ns
-    lost = engine.guide.of_lost(now_ns)
+    lost = engine.guide.lost_direction(now_ns)
     assert lost is not None
     stranger = measured_place(lost[0] + 0.3, lost[1] + 0.2, now_ns)
-    assert not engine.guide.is_lost_one(stranger)
+    assert not engine.guide.may_be_lost_object(stranger)
     plan = planner.plan(Following(state="ACQUIRE", candidates=(stranger,)), now_ns)
     assert plan.slew is not None
     assert plan.slew.reason == "wait for a second frame"

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from rsoconsole.config import Config
-from rsoconsole.engine.aim.guide import Guide, Way
+from rsoconsole.engine.aim.guide import Guide, PredictedPath
 from rsoconsole.orbits import Forces, KnownOrbit, elements_of, orbit_from_record, predict
 from rsoconsole.pipeline import FrameObservations, OnlineOrbit, Orbits, StarHistory, fold
 from rsoconsole.pipeline.cycle.predictor_scores import PredictorScores, Score
@@ -238,7 +238,7 @@ def test_where_the_filter_fails_the_orbit_takes_over_and_knows_where_it_is(eleme
     later = true.places(np.array([40 * CADENCE_S + 1800.0]))[0]
     t = int(later.t_utc_ns[0])
     truth = (float(later.ra_icrs_deg[0]), float(later.dec_icrs_deg[0]))
-    by_orbit = Guide(watched.orbit, watched.config).of_track(t)
+    by_orbit = Guide(watched.orbit, watched.config).track_direction(t)
     assert by_orbit is not None
     from rsoconsole.pipeline import follow_direction
 
@@ -262,7 +262,7 @@ def test_between_the_places_of_a_way_one_may_interpolate(elements):
         covariance=np.diag([1e-4] * 3 + [1e-10] * 3),
         forces=Forces(epoch_utc_ns=T0_UTC_NS),
     )
-    way = Way.of(orbit, DAYTONA, T0_UTC_NS - 200 * 10**9)
+    way = PredictedPath.of(orbit, DAYTONA, T0_UTC_NS - 200 * 10**9)
     t = T0_UTC_NS - 200 * 10**9 + np.random.default_rng(3).integers(0, 890 * 10**9, 50)
     exact = predict(orbit, DAYTONA, t)
     for n, at in enumerate(t):
@@ -285,9 +285,9 @@ def test_with_the_papers_preset_and_where_it_is_forbidden_the_filter_guides():
         assert not watched.orbit.is_guide
         assert not any(each.estimate.is_guide for each in watched.refined)
         guide, soon = Guide(watched.orbit, watched.config), int(watched.last.epoch_utc_ns + 900e9)
-        assert guide.of_track(soon) is None
-        assert guide.of_lost(soon) is None
-        assert guide.of_last(soon) is None
+        assert guide.track_direction(soon) is None
+        assert guide.lost_direction(soon) is None
+        assert guide.last_direction(soon) is None
 
 
 def test_what_was_lost_is_waited_for_by_its_orbit_and_known_again_when_it_comes():
@@ -302,12 +302,15 @@ def test_what_was_lost_is_waited_for_by_its_orbit_and_known_again_when_it_comes(
     # Of what was seen before the loss alone.
     alone = Watched(config())
     alone.see(every_frame(true, 40))
-    at = Guide(alone.orbit, alone.config).of_lost(int(place.t_utc_ns[0]))
+    at = Guide(alone.orbit, alone.config).lost_direction(int(place.t_utc_ns[0]))
     assert at is not None
     truth = (float(place.ra_icrs_deg[0]), float(place.dec_icrs_deg[0]))
     assert separation_deg(*at, *truth) * 3600.0 < 30.0
     wait_s = 60.0 * alone.config.orbit.wait_min + 1.0
-    assert Guide(alone.orbit, alone.config).of_lost(int(place.t_utc_ns[0] + wait_s * 1e9)) is None
+    assert (
+        Guide(alone.orbit, alone.config).lost_direction(int(place.t_utc_ns[0] + wait_s * 1e9))
+        is None
+    )
 
 
 def test_streaks_that_no_track_took_are_its_orbits_once_that_knows_them():
@@ -386,7 +389,7 @@ def test_the_order_behind_the_first_frame_of_another_track_is_the_filters():
     # The engine orders the next exposure before the orbit hears of the frame.
     watched.orbit.receive(dataclasses.replace(track, kind="initial", frame_id=31, nis=None))
     assert not watched.orbit.is_guide
-    assert Guide(watched.orbit, watched.config).of_track(T0_UTC_NS + 910 * 10**9) is None
+    assert Guide(watched.orbit, watched.config).track_direction(T0_UTC_NS + 910 * 10**9) is None
 
 
 def test_a_measurement_that_is_no_direction_is_left_out_and_told_once():

@@ -87,14 +87,14 @@ MUTATIONS = (
     ),
     Mutation(
         "no ABORT at a limit",
-        "limit_stop.py",
+        "_limit_stop.py",
         "result = mount.abort()",
         'result = StopResult(is_answered=True, ms=0.0, path="mount")',
         ("tests/engine/test_limits_in_every_state.py", "tests/engine/test_watch.py"),
     ),
     Mutation(
         "a STOP that is not obeyed is a calm state",
-        "command_handler.py",
+        "_command_handler.py",
         "if not (result.is_at_rest or result.is_superseded):",
         "if result.is_at_rest or result.is_superseded:",
         ("tests/engine/test_in_charge.py", "tests/control/test_stop_confirmed.py"),

@@ -17,9 +17,9 @@ def run_bench(config: Config, *, json_: bool) -> None:
     from rsoconsole.engine import (
         STAGES,
         free_bytes,
-        identity,
         judge,
         load_share,
+        machine_identity,
         measure,
         medium_of,
         read_machine,
@@ -28,7 +28,7 @@ def run_bench(config: Config, *, json_: bool) -> None:
     )
     from rsoconsole.instruments import utc_now_ns
 
-    here, busy, before = identity(), load_share(), read_machine()
+    here, busy, before = machine_identity(), load_share(), read_machine()
     medium = medium_of(config.session.root)
     output.complain(f"drawing a frame of {config.optics.width_px} x {config.optics.height_px} px")
     fits = draw_fits(config)

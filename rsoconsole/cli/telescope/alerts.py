@@ -30,7 +30,7 @@ def send_test(config: ConfigOption = None, json_: JsonOption = False) -> None:
 
     Example: rsoconsole alerts test
     """
-    from rsoconsole.engine import call, send_within, services_of
+    from rsoconsole.engine import send_heartbeat, send_within, services_of
 
     settings = load_config(config)
     if not settings.alerts.is_wanted:
@@ -45,7 +45,7 @@ def send_test(config: ConfigOption = None, json_: JsonOption = False) -> None:
             (each.name, send_within(each.url, title, body)) for each in services_of(settings.alerts)
         ]
     if settings.alerts.heartbeat_url:
-        results.append(("heartbeat", call(settings.alerts.heartbeat_url)))
+        results.append(("heartbeat", send_heartbeat(settings.alerts.heartbeat_url)))
     for name, done in results:
         if json_:
             output.emit_json({"service": name, "ok": done.ok, "detail": done.detail})

@@ -20,7 +20,7 @@ from rsoconsole.control import NOT_KNOWN, Outcome, Status, motion_words
 from rsoconsole.sky import separation_deg
 
 if TYPE_CHECKING:
-    from rsoconsole.control import Wire
+    from rsoconsole.control import ControlClient
 
 WaitOption = Annotated[
     bool, typer.Option("--wait", help="Return when the mount has done it, or is kept from it.")
@@ -91,7 +91,7 @@ def config_of(session: Path | None) -> Config:
 class Follower:
     """Looks at the engine once a second until a goal has come true, or cannot any more."""
 
-    def __init__(self, wire: "Wire") -> None:
+    def __init__(self, wire: "ControlClient") -> None:
         """Before the order is sent: what was before it ends no waiting."""
         self._wire = wire
         self._before = self._last = self._look()

@@ -13,7 +13,7 @@ from textual.keys import KEY_NAME_REPLACEMENTS, Keys
 from rsoconsole.base import ConfigError, ControlError, raised_as, read_foreign, toml_of
 from rsoconsole.console.commands.command import BOTH, Place
 from rsoconsole.console.commands.commands import BY_NAME, COMMANDS, commands_in
-from rsoconsole.control import Command, DirectStop, Outcome, StopNews, Stopping, Wire
+from rsoconsole.control import Command, ControlClient, DirectStop, Outcome, StopNews, Stopping
 
 STOPS = ("stop", "stop_by_letter")
 """Commands whose keys nobody changes."""
@@ -161,7 +161,9 @@ log = logging.getLogger(__name__)
 class Orders:
     """Sends commands to the engine; callbacks run on the threads that sent them."""
 
-    def __init__(self, wire: Callable[[], Wire], stop_directly: DirectStop | None = None) -> None:
+    def __init__(
+        self, wire: Callable[[], ControlClient], stop_directly: DirectStop | None = None
+    ) -> None:
         self._wire = wire
         self._stop_directly = stop_directly
 

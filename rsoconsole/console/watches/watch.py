@@ -16,7 +16,7 @@ from rsoconsole.config import Config, IndiConfig
 from rsoconsole.console.night.engine_view import EngineView, OrbitAhead, engine_view, orbit_ahead
 from rsoconsole.console.picture.marks import marks_of
 from rsoconsole.console.picture.picture import Picture, read_closeup, read_picture
-from rsoconsole.control import AskStatus, Poller, Wire
+from rsoconsole.control import AskStatus, ControlClient, Poller
 from rsoconsole.night import Night, NightView
 from rsoconsole.session import SessionReader
 from rsoconsole.words import NOT_SHOWN
@@ -161,7 +161,7 @@ class SessionWatch(Poller):
 class EngineWatch(Poller):
     """Asks the engine how it is, twice a second."""
 
-    def __init__(self, wire: Wire, on_seen: Callable[[EngineView], None]) -> None:
+    def __init__(self, wire: ControlClient, on_seen: Callable[[EngineView], None]) -> None:
         super().__init__("engine", ASK_S)
         self._wire = wire
         self._on_seen = on_seen

@@ -1,4 +1,4 @@
-"""Where a search stands: whose turn it is, what it has left out, and the way round."""
+"""The progress of a search: the field whose turn it is, the fields left out, and the way round."""
 
 from rsoconsole.config import Config
 from rsoconsole.pipeline import (
@@ -64,12 +64,12 @@ class Search:
 
     @property
     def is_spiral(self) -> bool:
-        """Whether it goes round a place in a spiral."""
+        """True while the search widens round a place in a spiral."""
         return self._base is not None and self._base.widens
 
     @property
     def is_here(self) -> bool:
-        """Whether the next exposure is taken where the telescope stands, outside the round."""
+        """True where the next exposure is taken where the telescope stands, outside the round."""
         return self._here is not None
 
     def look_here(self, direction: Direction, t_utc_ns: int) -> None:
@@ -89,7 +89,7 @@ class Search:
         return [self.number, *((visited + n) * per_field for n in others)]
 
     def direction(self, number: int, t_utc_ns: int, *, is_waiting: bool) -> tuple[Direction, str]:
-        """Where the n-th exposure looks at an instant, and why; ``is_waiting`` in ACQUIRE."""
+        """The direction of the n-th exposure at an instant, and why; ``is_waiting`` in ACQUIRE."""
         reason = "wait for a second frame" if is_waiting else "search"
         if self._here is not None and number == self.number:
             here = (self._here.hour_angle_deg, self._here.declination_deg)
@@ -101,7 +101,7 @@ class Search:
         return self._field_direction(number, t_utc_ns), reason
 
     def is_news(self, number: int) -> bool:
-        """Whether this place's refusal has not been told yet; from now on it has."""
+        """True once for each place that is refused: the refusal is said then."""
         place = self._place(number)
         is_new = place not in self._refused
         self._refused.add(place)
@@ -114,7 +114,7 @@ class Search:
             self._here, self.number = None, number
 
     def count(self, centre: Direction | None, t_utc_ns: int) -> None:
-        """One exposure is done, ``centre`` is where it looked.
+        """Count an exposure that is done; ``centre`` is where it looked, ICRS degrees.
 
         A first look counts only where the telescope stood in the search's own field.
         """

@@ -1,4 +1,4 @@
-"""Where the telescope goes by the orbit: instead of the filter's prediction, and without one."""
+"""Directions by the orbit: in place of the filter's prediction, and where the filter has none."""
 
 import math
 from dataclasses import dataclass
@@ -16,35 +16,35 @@ _STEP_S = 10
 _STEPS = 90
 """A quarter of an hour."""
 SHARE_OF_FIELD = 0.25
-"""Three sigma of the place must be within so much of the field's smaller side."""
+"""Greatest three sigma of a predicted place, as a share of the field's smaller side."""
 SAME_PLACE = 0.05
-"""What is seen within so much of it from where a lost one must be is taken to be that."""
+"""Share of the field's smaller side within which a measurement counts as the lost track's."""
 
 
 class Guide:
-    """Asks the orbit of what is, or was last, followed."""
+    """Predicts by the orbit of the track that is followed, or was followed last."""
 
     def __init__(self, orbit: OnlineOrbit, config: Config) -> None:
         self._orbit = orbit
         self._config = config
         self._site = config.site.to_site()
-        self._way: Way | None = None
+        self._way: PredictedPath | None = None
 
     def configure(self, config: Config) -> None:
         """Take new tunables."""
         self._config = config
 
-    def of_track(
+    def track_direction(
         self, t_mid_utc_ns: int, aim: AimConfig | None = None
     ) -> tuple[float, float] | None:
-        """Where what is followed will be, ICRS; None where the filter knows better.
+        """The track's direction, ICRS degrees; None where the filter predicts it better.
 
-        Beside it by ``aim``, as configured where that is None.
+        Offset by ``aim``; by the configured offset where that is None.
         """
         return self._direction(t_mid_utc_ns, aim) if self._orbit.is_guide else None
 
-    def of_lost(self, t_mid_utc_ns: int) -> tuple[float, float] | None:
-        """Where what the filter has lost is to be waited for; None where it is not."""
+    def lost_direction(self, t_mid_utc_ns: int) -> tuple[float, float] | None:
+        """The direction in which a lost track is waited for, ICRS degrees; None where it is not."""
         seen = self._orbit.seen
         if not may_guide(self._config) or seen is None:
             return None
@@ -52,25 +52,25 @@ class Guide:
         is_time = 0.0 <= since_s <= 60.0 * self._config.orbit.wait_min
         return self._direction(t_mid_utc_ns) if is_time else None
 
-    def is_lost_one(self, seen: Measurement) -> bool:
-        """Whether a measurement may be what was lost: near to where its orbit has it."""
-        at = self.of_lost(seen.t_mid_utc_ns)
+    def may_be_lost_object(self, seen: Measurement) -> bool:
+        """True where a measurement lies near the lost track's direction by its orbit."""
+        at = self.lost_direction(seen.t_mid_utc_ns)
         if at is None:
             return False
         near_deg = SAME_PLACE * min(self._config.optics.field_deg)
         return separation_deg(*at, seen.ra_icrs_deg, seen.dec_icrs_deg) < near_deg
 
-    def of_last(self, t_utc_ns: int) -> tuple[float, float] | None:
-        """Where what was followed last is by its orbit, however long ago that was."""
+    def last_direction(self, t_utc_ns: int) -> tuple[float, float] | None:
+        """The last track's direction by its orbit, ICRS degrees, however old that track is."""
         return self._direction(t_utc_ns) if may_guide(self._config) else None
 
     def prepare(self, now_utc_ns: int) -> None:
-        """Compute the way of the next minutes while nobody waits for it."""
+        """Predict the path of the next minutes while no frame waits for it."""
         orbit = self._orbit.orbit
         if orbit is None or not may_guide(self._config):
             self._way = None
         elif self._way is None or self._way.orbit is not orbit or not self._way.reaches(now_utc_ns):
-            self._way = Way.of(orbit, self._site, now_utc_ns)
+            self._way = PredictedPath.of(orbit, self._site, now_utc_ns)
 
     def _direction(
         self, t_mid_utc_ns: int, aim: AimConfig | None = None
@@ -81,7 +81,7 @@ class Guide:
         t_utc_ns = t_mid_utc_ns + round(aim.lead_s * 1e9)
         way = self._way
         if way is None or way.orbit is not orbit or not way.holds(t_utc_ns):
-            way = Way.of(orbit, self._site, t_utc_ns)
+            way = PredictedPath.of(orbit, self._site, t_utc_ns)
         direction, rate, sigma_deg = way.at(t_utc_ns)
         # Not a number where the orbit has come down.
         if not 3.0 * sigma_deg < SHARE_OF_FIELD * min(self._config.optics.field_deg):
@@ -90,8 +90,8 @@ class Guide:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Way:
-    """An orbit's way over some minutes, between whose places one may interpolate."""
+class PredictedPath:
+    """An orbit's predicted path over some minutes, interpolated between its places."""
 
     orbit: KnownOrbit
     t_utc_ns: IntArray
@@ -104,8 +104,8 @@ class Way:
     """(N,)"""
 
     @classmethod
-    def of(cls, orbit: KnownOrbit, site: Site, t_utc_ns: int) -> "Way":
-        """From an instant on."""
+    def of(cls, orbit: KnownOrbit, site: Site, t_utc_ns: int) -> "PredictedPath":
+        """Predict the path from an instant on, UTC nanoseconds."""
         t = t_utc_ns + np.arange(_STEPS + 1) * _STEP_S * NS_PER_S
         ahead = predict(orbit, site, t)
         places = ahead.places
@@ -119,11 +119,11 @@ class Way:
         )
 
     def holds(self, t_utc_ns: int) -> bool:
-        """Whether an instant is within it."""
+        """True where an instant is within the path."""
         return bool(self.t_utc_ns[0] <= t_utc_ns < self.t_utc_ns[-1])
 
     def reaches(self, t_utc_ns: int) -> bool:
-        """Whether it holds the next minutes too."""
+        """True where the path goes on for some minutes beyond an instant."""
         return bool(self.t_utc_ns[0] <= t_utc_ns < self.t_utc_ns[_STEPS // 2])
 
     def at(self, t_utc_ns: int) -> tuple[tuple[float, float], tuple[float, float], float]:

@@ -9,7 +9,6 @@ from dataclasses import dataclass
 
 from rsoconsole.base import InstrumentError
 from rsoconsole.config import Config
-from rsoconsole.engine.aim._search import Direction
 from rsoconsole.instruments import ClockFault, Instruments, MountReport
 from rsoconsole.records import Frame, SlewCommand, SlewRefusal
 from rsoconsole.sky import separation_deg
@@ -89,14 +88,14 @@ class InstrumentController:
         clock = self.instruments.clock
         while True:
             self.heed()
-            self.heed_clock()
+            self.raise_if_clock_fault()
             now_ns = clock.now_utc_ns()
             if now_ns >= t_utc_ns:
                 return
             clock.wait_until(min(t_utc_ns, now_ns + NS))
             self.on_tick()
 
-    def heed_clock(self) -> None:
+    def raise_if_clock_fault(self) -> None:
         """Raise Interrupted when something has gone wrong with time."""
         faults = self.instruments.clock.take_faults()
         for fault in faults:
@@ -105,7 +104,7 @@ class InstrumentController:
             raise Interrupted
 
     def mount_report(self) -> MountReport:
-        """Where the mount says it is, no older than now under simulation."""
+        """The mount's report of its place, no older than now under simulation."""
         not_before = self.now_utc_ns() if self.instruments.clock.is_simulated else None
         return self.instruments.mount.report(not_before)
 
@@ -125,13 +124,13 @@ class InstrumentController:
         self._is_sent_to_park = True
 
     def forget_order(self) -> None:
-        """Its motion was ended, or is to be: nobody waits for its arrival any more."""
+        """Forget the order whose motion was ended, or is to be: its arrival is not waited for."""
         self.sent, self._is_sent_to_park = None, False
         if self.ordered is not None and self.ordered.to_icrs_deg is None:
             self.ordered = None
 
     def is_on_its_way_to_park(self, report: MountReport) -> bool:
-        """Whether the mount moves to its park position; some drivers do not say where it goes."""
+        """True while the mount moves to its park position; some drivers do not say where to."""
         return report.is_slewing and (report.is_parking or self._is_sent_to_park)
 
     def end_motion(self) -> None:
@@ -237,7 +236,7 @@ class InstrumentController:
             raise
         frame = camera.wait_frame(exposure.frame_timeout_s)
         # Some drivers write a frame's time when they have read it.
-        self.heed_clock()
+        self.raise_if_clock_fault()
         return frame if looked is None else _looked_at(frame, looked)
 
 
@@ -256,13 +255,13 @@ def _looked_at(frame: Frame, report: MountReport) -> Frame:
 
 
 IsRefused = Callable[[SlewCommand, int], SlewRefusal | None]
-"""Why the limits forbid a slew, held there until an instant; None when they do not."""
+"""The limit that forbids a slew held there until an instant, UTC ns; None when none does."""
 
 SLEW_OVERHEAD_S = 3.0
-"""What a slew is assumed to take beside its way and settling: a slow mount is waited for."""
+"""Assumed time of a slew beside its way and settling, s: a slow mount is waited for."""
 
 FLIP_WAY_DEG = 190.0
-"""How far the declination axis turns to change sides near the equator; the other a little less."""
+"""Turn of the declination axis that changes sides near the equator; the other turns less."""
 
 CLOCKS_APART_NS = 10 * NS
 
@@ -279,18 +278,3 @@ class Plan:
     them where nothing is left to search."""
     blocked: SlewRefusal | None = None
     """Why the telescope does not go where the track is; None when nothing keeps it."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Ahead:
-    """Where the exposure after the planned one would look, as things stand now."""
-
-    direction: Direction
-    lead: Direction
-    """Where the lead then is."""
-    t_mid_utc_ns: int
-    reason: str
-    is_slew: bool
-    """Whether the mount would move for it."""
-    way_deg: float
-    """From where it looks before."""

@@ -1,4 +1,4 @@
-"""When it is dark, and what ends a night: dawn, weather, a closed dome.
+"""The dark hours, and what ends a night: dawn, weather, a closed dome.
 
 Nothing here brings a night back: once ended, only the operator arms again.
 """
@@ -15,7 +15,7 @@ from rsoconsole.words import no_night, utc_ns_to_iso
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class NightEnd:
-    """Why the night is over."""
+    """A reason for the end of the night."""
 
     cause: Literal["dawn", "weather", "dome"]
     detail: str
@@ -25,7 +25,7 @@ class NightEnd:
 def night_end(
     config: Config, now_utc_ns: int, sky: SkyReport | None, overridden: Collection[str] = ()
 ) -> NightEnd | None:
-    """Why the telescope must stop and park now; None while the night goes on.
+    """The reason to stop and park the telescope now; None while the night goes on.
 
     ``overridden`` holds names of arming checks ("sun", "weather", "dome") that the operator
     answers for. A weather station's "warning" ends nothing, a silent station does.
@@ -42,7 +42,7 @@ def night_end(
 def lasting_overrides(
     config: Config, now_utc_ns: int, sky: SkyReport | None, overridden: Collection[str]
 ) -> frozenset[str]:
-    """Those overrides whose reason still stands; call it once a cycle.
+    """The overrides whose reason still stands; to be called once a cycle.
 
     An override holds against what was there when it was given. The Sun that was let pass at dusk
     ends the night at dawn, and weather that has cleared may end it when it comes back.
@@ -56,7 +56,7 @@ def lasting_overrides(
 
 
 def sun_fault(config: Config, now_utc_ns: int) -> str:
-    """What is wrong with the Sun's altitude, in words; empty when it is dark."""
+    """The fault of the Sun's altitude, in words; empty when it is dark."""
     altitude_deg = sun_altitude_deg(config.site.to_site(), now_utc_ns)
     limit_deg = config.limits.twilight_deg
     if altitude_deg <= limit_deg:
@@ -65,7 +65,7 @@ def sun_fault(config: Config, now_utc_ns: int) -> str:
 
 
 def weather_fault(config: Config, sky: SkyReport | None) -> str:
-    """What is wrong with the weather, in words; empty when it may be observed."""
+    """The fault of the weather, in words; empty when it allows observing."""
     station = config.indi.weather
     if station is None:
         return ""
@@ -78,7 +78,7 @@ def weather_fault(config: Config, sky: SkyReport | None) -> str:
 
 
 def dome_fault(config: Config, sky: SkyReport | None) -> str:
-    """What is wrong with the dome, in words; empty when it is open."""
+    """The fault of the dome, in words; empty when it is open."""
     dome = config.indi.dome
     if dome is None:
         return ""
@@ -89,7 +89,7 @@ def dome_fault(config: Config, sky: SkyReport | None) -> str:
 
 
 def darkness_words(config: Config, now_utc_ns: int) -> str:
-    """When it will be dark, for an operator who has to wait."""
+    """The time of darkness in words, for an operator who has to wait."""
     limit_deg = config.limits.twilight_deg
     span = night_span(config.site.to_site(), now_utc_ns, limit_deg)
     if span is None:

@@ -1,8 +1,9 @@
-"""What the next exposure is: where, when, and whether the mount must move for it."""
+"""Plans the next exposure: where, when, and whether the mount must move for it."""
 
 from dataclasses import replace
 
 from rsoconsole.config import Config
+from rsoconsole.control import NextAim
 from rsoconsole.engine.aim._search import Direction, Search
 from rsoconsole.engine.aim.guide import Guide
 from rsoconsole.engine.aim.instrument_controller import (
@@ -10,7 +11,6 @@ from rsoconsole.engine.aim.instrument_controller import (
     FLIP_WAY_DEG,
     NS,
     SLEW_OVERHEAD_S,
-    Ahead,
     IsRefused,
     Plan,
 )
@@ -49,7 +49,7 @@ class Planner:
         self._pointing = PointingModel()
         self._planned: tuple[SlewCommand | None, int] = (None, 0)
         self.last_report: MountReport | None = None
-        """What the mount said last of its place at rest."""
+        """The mount's last report of its place at rest."""
 
     def configure(self, config: Config) -> None:
         """Take new tunables."""
@@ -89,7 +89,7 @@ class Planner:
         self._stands_at(report)
 
     def looking_at(self, report: MountReport) -> Direction:
-        """Where the telescope looks while the mount says so: its word put right by the offset."""
+        """The mount's report corrected by the pointing offset, ICRS degrees."""
         here = (report.ra_icrs_deg, report.dec_icrs_deg)
         known = self._pointing.at(*self._axes(here, report.t_utc_ns), report.pier_side)
         back = replace(known, east_arcsec=-known.east_arcsec, north_arcsec=-known.north_arcsec)
@@ -110,14 +110,13 @@ class Planner:
         What it shows is waited for in place; where the telescope stands in the search's first
         field it counts as that field's first frame.
         """
-        t_start_ns = self._earliest_ns(now_utc_ns)
-        t_mid_ns = self._t_mid_ns(t_start_ns)
+        plan = self._in_place(now_utc_ns)
         if self._centre is not None:
-            self._search.look_here(self._centre, t_mid_ns)
-        return Plan(t_start_utc_ns=t_start_ns, t_mid_utc_ns=t_mid_ns, slew=None)
+            self._search.look_here(self._centre, plan.t_mid_utc_ns)
+        return plan
 
     def pose(self, now_utc_ns: int) -> Pose | None:
-        """Where the telescope looks now; None where nobody knows."""
+        """The telescope's present pose; None where it is not known."""
         if self._centre is None:
             return None
         ra_deg, dec_deg = self._centre
@@ -204,10 +203,12 @@ class Planner:
         """Where the orbit of what was lost says; None where it is not waited for there."""
         if not self._is_waiting or self._guide is None:
             return None
-        if self._guide.of_lost(self._t_mid_ns(self._earliest_ns(now_utc_ns))) is None:
+        if self._guide.lost_direction(self._t_mid_ns(self._earliest_ns(now_utc_ns))) is None:
             self._is_waiting = False
             return None
-        if following.candidates and not any(map(self._guide.is_lost_one, following.candidates)):
+        if following.candidates and not any(
+            map(self._guide.may_be_lost_object, following.candidates)
+        ):
             # A stranger is waited for where it was seen.
             if self._centre is not None:
                 self._search.look_here(self._centre, self._last_mid_utc_ns)
@@ -221,7 +222,7 @@ class Planner:
     def _in_place(
         self,
         now_utc_ns: int,
-        refused: tuple[tuple[SlewCommand, SlewRefusal], ...],
+        refused: tuple[tuple[SlewCommand, SlewRefusal], ...] = (),
         blocked: SlewRefusal | None = None,
     ) -> Plan:
         t_start_ns = self._earliest_ns(now_utc_ns)
@@ -266,7 +267,7 @@ class Planner:
         return t_start_ns + round((exposure.start_latency_s + exposure.exposure_s / 2.0) * NS)
 
     def end_utc_ns(self, plan: Plan) -> int:
-        """When the shutter closes."""
+        """The instant at which the shutter closes, UTC nanoseconds."""
         return plan.t_mid_utc_ns + round(self._config.exposure.exposure_s / 2.0 * NS)
 
     def slew_s(self, direction: Direction, t_utc_ns: int) -> float:
@@ -309,7 +310,7 @@ class Planner:
                 return direction, f"{reason}, offset by hand"
             return self._among(following, direction, t_mid_ns, reason)
         if self._is_waiting and not self._search.is_here and self._guide is not None:
-            by_orbit = self._guide.of_lost(t_mid_ns)
+            by_orbit = self._guide.lost_direction(t_mid_ns)
             if by_orbit is not None:
                 return by_orbit, "where its orbit says"
         return self._search.direction(
@@ -318,14 +319,19 @@ class Planner:
 
     def _of_lead(self, track: TrackState, t_mid_ns: int) -> tuple[Direction, str]:
         """Where the lead will be, or beside it by the operator's offset, and who says so."""
-        by_orbit = None if self._guide is None else self._guide.of_track(t_mid_ns)
+        by_orbit = None if self._guide is None else self._guide.track_direction(t_mid_ns)
         if by_orbit is not None:
             return by_orbit, "orbit"
         config = self._config
         return follow_direction(track, t_mid_ns, config.filter, config.aim), "filter"
 
-    def ahead(self, following: Following, planned: Plan | None, now_utc_ns: int) -> Ahead | None:
-        """The exposure after ``planned``; None where nothing is followed. Moves nothing."""
+    def ahead(
+        self, following: Following, planned: Plan | None, now_utc_ns: int
+    ) -> tuple[NextAim, Direction] | None:
+        """The aim of the exposure after ``planned``, and where the lead then is. Moves nothing.
+
+        None where nothing is followed.
+        """
         if following.track is None:
             return None
         config, centre = self._config, self._centre
@@ -336,14 +342,17 @@ class Planner:
                 centre = (planned.slew.ra_icrs_deg, planned.slew.dec_icrs_deg)
         t_mid_ns = self._t_mid_ns(t_start_ns)
         direction, reason = self._direction(following, self._search.number, t_mid_ns)
-        return Ahead(
-            direction=direction,
-            lead=self._of_lead(following.track, t_mid_ns)[0],
-            t_mid_utc_ns=t_mid_ns,
+        is_slew = needs_recentre(config.search, config.optics.field_deg, centre, direction)
+        way_deg = 0.0 if centre is None else separation_deg(*centre, *direction)
+        aim = NextAim(
+            ra_icrs_deg=direction[0] % 360.0,
+            dec_icrs_deg=direction[1],
+            t_utc_ns=t_mid_ns,
+            policy="lead" if config.filter.preset == "paper" else config.aim.policy,
             reason=reason,
-            is_slew=needs_recentre(config.search, config.optics.field_deg, centre, direction),
-            way_deg=0.0 if centre is None else separation_deg(*centre, *direction),
+            moves_arcmin=60.0 * way_deg if is_slew else None,
         )
+        return aim, self._of_lead(following.track, t_mid_ns)[0]
 
     def _among(
         self, following: Following, lead: Direction, t_mid_ns: int, reason: str
@@ -365,7 +374,7 @@ class Planner:
         return direction, f"{reason}, {inside} of {len(tracks)} in the field"
 
     def command(self, slew: SlewCommand) -> Direction:
-        """What to tell the mount so that it looks where the slew wants."""
+        """The direction to command so that the telescope looks at a slew's place, ICRS degrees."""
         to = (slew.ra_icrs_deg, slew.dec_icrs_deg)
         planned, planned_utc_ns = self._planned
         # The mount chooses its side when it is told, not when it arrives.
@@ -420,7 +429,7 @@ class Planner:
         )
 
     def followed(self, before: Following, after: Following, now_utc_ns: int) -> None:
-        """One exposure of a search is done, or a track was lost and is to be looked for here."""
+        """Go on after a frame: count it in the search, or search here for a track that was lost."""
         is_held = (before.state, after.state) == ("ACQUIRE", "ACQUIRE")
         if after.state == "LOST" and self._centre is not None:
             self._search.start_where_lost(self._centre, now_utc_ns)

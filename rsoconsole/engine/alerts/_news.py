@@ -18,12 +18,12 @@ from rsoconsole.records import (
 from rsoconsole.words import IN_FAULT, called, match_words, text
 
 URGENT: frozenset[AlertKind] = frozenset(("fault", "limit"))
-"""What somebody may have to get up for."""
+"""Kinds for which an operator may have to get up."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Alert:
-    """What has come to pass, in a sentence."""
+    """One event worth a message, in a sentence."""
 
     kind: AlertKind
     text: str
@@ -31,7 +31,7 @@ class Alert:
 
     @property
     def is_urgent(self) -> bool:
-        """Whether it has a share of its own of what may be sent."""
+        """True for kinds that have a quota of their own."""
         return self.kind in URGENT
 
 
@@ -43,20 +43,20 @@ _ITS_OWN = frozenset(("looked for again", "operator's word", "STOP", "disarmed",
 
 @dataclass(slots=True)
 class News:
-    """What has been told so far."""
+    """The alerts of a session so far: a fold over its records."""
 
     frames: int = 0
     tracks: set[int] = field(default_factory=set)
     names: dict[int, str] = field(default_factory=dict)
-    """Of tracks that are identified, as they were told."""
+    """Names of identified tracks, as they were sent."""
     is_cloudy: bool = False
 
     def take(self, t_utc_ns: int, record: Record) -> list[Alert]:
-        """What this record is worth."""
+        """The alerts that a record gives."""
         return [Alert(kind=kind, text=words, t_utc_ns=t_utc_ns) for kind, words in self._of(record)]
 
     def done(self, t_utc_ns: int) -> Alert:
-        """That the session is closed."""
+        """The alert that the session is closed."""
         named = ", ".join(dict.fromkeys(self.names.values()))
         words = f"the session is closed: {self.frames} frames, {len(self.tracks)} tracks"
         words += f"; identified: {named}" if named else ""

@@ -1,4 +1,4 @@
-"""What has still to be sent, to whom, on the disk: a message waits out a night without a network.
+"""The queue of unsent messages, on the disk: a message waits out a night without a network.
 
 Bounded in number and in age. Services stand in it as digests: an address is a secret. One process
 at a time owns the file; another keeps its messages in memory until it is free, and puts them there
@@ -11,7 +11,7 @@ import json
 import os
 import threading
 import time
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
@@ -29,9 +29,9 @@ SPOOL, LOCK = "spool.json", "spool.lock"
 
 @dataclass(slots=True, kw_only=True)
 class Waiting:
-    """One message and who has not had it yet."""
+    """One message, and the services that have not had it yet."""
 
-    number: int
+    number: int = 0
     kind: str
     title: str
     body: str
@@ -55,43 +55,26 @@ class Spool:
         self._next = 1
         self._seen: dict[str, int] = {}
         self.fault: str | None = None
-        """Why nothing of it is on the disk."""
+        """The reason why messages are in memory alone; None where they are on the disk."""
         self._claim_again_s, self._claimed_s = claim_again_s, time.monotonic()
         self._is_closed = False
         self._owns: int | None = None
         self._claim_and_merge()
 
-    def add(
-        self,
-        *,
-        kind: str,
-        title: str,
-        body: str,
-        t_utc_ns: int,
-        to: Iterable[str],
-        seen: tuple[str, int] = ("", 0),
-    ) -> None:
-        """Another message; the oldest goes where there are too many.
+    def add(self, waiting: Waiting, seen: tuple[str, int] = ("", 0)) -> None:
+        """Queue a message and give it its number; the oldest is dropped where there are too many.
 
         ``seen``: the session and its record that it is about.
         """
         with self._lock:
             self._claim_if_due()
             self._note_seen({seen[0]: seen[1]})
-            waiting = Waiting(
-                number=self._next,
-                kind=kind,
-                title=title,
-                body=body,
-                t_utc_ns=t_utc_ns,
-                pending=list(to),
-            )
-            self._next += 1
+            waiting.number, self._next = self._next, self._next + 1
             self._waiting = [*self._waiting, waiting][-MOST:]
             self._write()
 
     def seen_of(self, session: str) -> int | None:
-        """Up to which of its records a session has been told; None: nobody could keep that."""
+        """The last record of a session that alerts were made of; None where it was not kept."""
         if self._owns is None:
             return None
         return self._seen.get(session, 0)
@@ -103,7 +86,7 @@ class Spool:
             return next((each for each in self._waiting if service in each.pending), None)
 
     def sent(self, number: int, service: str) -> None:
-        """It has had it now."""
+        """Note that a service has had a message."""
         with self._lock:
             for each in self._waiting:
                 if each.number == number and service in each.pending:
@@ -112,7 +95,7 @@ class Spool:
             self._write()
 
     def drop_old(self, now_utc_ns: int, known: Collection[str]) -> None:
-        """What is too old to be news, and what waits for services that there are no more."""
+        """Drop messages that are too old, and those for services that are no longer configured."""
         with self._lock:
             before = [list(each.pending) for each in self._waiting]
             for each in self._waiting:
@@ -130,7 +113,7 @@ class Spool:
             return len(self._waiting)
 
     def close(self) -> None:
-        """Let another process have it."""
+        """Release the file for another process."""
         with self._lock:
             self._is_closed = True
             if self._owns is not None:

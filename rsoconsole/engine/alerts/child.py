@@ -21,8 +21,8 @@ from rsoconsole.base import SessionError
 from rsoconsole.config import AlertKind
 from rsoconsole.control import one_line
 from rsoconsole.engine.alerts._news import KINDS, Alert, News
-from rsoconsole.engine.alerts._spool import Spool
-from rsoconsole.engine.alerts.services import FIRST_AGAIN_S, Sender, Service, call
+from rsoconsole.engine.alerts._spool import Spool, Waiting
+from rsoconsole.engine.alerts.services import FIRST_AGAIN_S, AlertSender, Service, send_heartbeat
 from rsoconsole.session import SessionReader
 
 HOUR_S = 3600.0
@@ -30,7 +30,7 @@ HOUR_S = 3600.0
 
 @dataclass(slots=True)
 class Limiter:
-    """Lets alerts through. Faults and limits rest by their words, and have an hour of their own."""
+    """Limits the number of alerts; faults and limits have a quota of their own, by their words."""
 
     events: Collection[AlertKind]
     quiet_s: float
@@ -74,7 +74,7 @@ log = logging.getLogger("rsoconsole.engine.alerts")
 
 LOOK_S = 2.0
 ALIVE_S = 90.0
-"""So long ago the loop may have said that it lives, and the heartbeat goes on."""
+"""Silence of the loop for which the heartbeat goes on, s."""
 CLOSING_S = 30.0
 """For an engine that has gone to close its session; after that it has died."""
 FLUSH_S = 60.0
@@ -98,8 +98,8 @@ def own_words_alone(stream: TextIO) -> None:
     )
 
 
-class Engine:
-    """What stdin says of it."""
+class EngineLink:
+    """The engine through stdin: a line says that its loop lives, the end that it is gone."""
 
     def __init__(self, alive_s: float = ALIVE_S) -> None:
         self._holds_s, self._alive_s = alive_s, time.monotonic()
@@ -108,7 +108,7 @@ class Engine:
 
     @property
     def is_alive(self) -> bool:
-        """Whether its loop has said so of late."""
+        """True while the loop has reported of late."""
         return not self.is_gone.is_set() and time.monotonic() - self._alive_s < self._holds_s
 
     def _listen(self) -> None:
@@ -125,7 +125,7 @@ def main() -> None:
     own_words_alone(sys.stderr)
     settings: dict[str, Any] = json.loads(sys.stdin.readline())
     services = [Service(name, url) for name, url in settings["services"]]
-    engine = Engine(float(settings.get("alive_s", ALIVE_S)))
+    engine = EngineLink(float(settings.get("alive_s", ALIVE_S)))
     if settings["heartbeat_url"]:
         threading.Thread(
             target=_beat, args=(engine, settings), daemon=True, name="heartbeat"
@@ -133,7 +133,7 @@ def main() -> None:
     spool = Spool(Path(settings["spool"]))
     if spool.fault:
         log.warning("%s: messages wait in memory alone", spool.fault)
-    sender = Sender(
+    sender = AlertSender(
         services, spool, first_again_s=float(settings.get("first_again_s", FIRST_AGAIN_S))
     )
     try:
@@ -144,7 +144,9 @@ def main() -> None:
             log.warning("%d messages wait in the spool for the next engine", left)
 
 
-def _follow(engine: Engine, sender: Sender, seen: int | None, settings: Mapping[str, Any]) -> None:
+def _follow(
+    engine: EngineLink, sender: AlertSender, seen: int | None, settings: Mapping[str, Any]
+) -> None:
     """``seen``: the record that was told last; None: nobody knows."""
     folder, look_s = Path(settings["session"]), float(settings.get("look_s", LOOK_S))
     limiter = Limiter(
@@ -160,13 +162,13 @@ def _follow(engine: Engine, sender: Sender, seen: int | None, settings: Mapping[
     def send(alert: Alert) -> None:
         passed = limiter.passed(alert, time.monotonic())
         if passed is not None:
-            sender.add(
+            message = Waiting(
                 kind=passed.kind,
                 title=one_line(f"{settings['title']}: {passed.kind}"),
                 body=one_line(passed.text)[:MAX_TEXT],
                 t_utc_ns=time.time_ns(),
-                seen=(settings["session"], seq),
             )
+            sender.add(message, (settings["session"], seq))
 
     while True:
         is_gone = engine.is_gone.wait(look_s)
@@ -191,11 +193,11 @@ def _follow(engine: Engine, sender: Sender, seen: int | None, settings: Mapping[
             time.sleep(look_s)
 
 
-def _beat(engine: Engine, settings: Mapping[str, Any]) -> None:
+def _beat(engine: EngineLink, settings: Mapping[str, Any]) -> None:
     url, every_s, is_failing = settings["heartbeat_url"], float(settings["heartbeat_s"]), False
     while not engine.is_gone.is_set():
         if engine.is_alive:
-            done = call(url, limit_s=min(20.0, every_s))
+            done = send_heartbeat(url, limit_s=min(20.0, every_s))
             if done.ok == is_failing:
                 log.log(logging.INFO if done.ok else logging.WARNING, "heartbeat: %s", done.detail)
             is_failing = not done.ok

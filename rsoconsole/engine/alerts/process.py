@@ -27,7 +27,7 @@ _MODULE = "rsoconsole.engine.alerts.child"
 
 
 class AlertProcess:
-    """One child beside the engine. Nothing here raises, and nothing takes the loop's time."""
+    """The child process beside the engine; raises nothing and takes none of the loop's time."""
 
     def __init__(
         self,
@@ -47,7 +47,7 @@ class AlertProcess:
         self._is_alive: Callable[[], bool] = lambda: True
         self._settings: Mapping[str, Any] | None = None
         self.fault: str | None = None
-        """Why nobody is told of anything, in words for the log."""
+        """The reason why no alerts are sent, in words for the log."""
         if not config.is_wanted:
             return
         try:
@@ -87,7 +87,7 @@ class AlertProcess:
 
     @property
     def pid(self) -> int | None:
-        """Of the child; None without one."""
+        """The child's process number; None without one."""
         return None if self._child is None else self._child.pid
 
     def _keep(self) -> None:

@@ -11,14 +11,14 @@ from pathlib import Path
 from rsoconsole.base import ConfigError, raised_as, read_private
 from rsoconsole.config import AlertsConfig, expect_service, scheme_of
 from rsoconsole.engine.alerts._news import URGENT
-from rsoconsole.engine.alerts._spool import Spool, digest_of
+from rsoconsole.engine.alerts._spool import Spool, Waiting, digest_of
 
 SEND_S = 30.0
 
 
 @dataclass(frozen=True, slots=True)
 class Service:
-    """One address."""
+    """One service: its name and its address."""
 
     name: str
     """For people: what kind it is, and its place among all."""
@@ -26,15 +26,15 @@ class Service:
 
 
 @dataclass(frozen=True, slots=True)
-class Sent:
-    """What came of one message to one service."""
+class SendResult:
+    """The result of one message to one service."""
 
     ok: bool
     detail: str
 
 
 def services_of(config: AlertsConfig) -> tuple[Service, ...]:
-    """All of them. Raises ConfigError for a file that cannot be read, or others can read."""
+    """All services. Raises ConfigError for a file that is unreadable, or readable by others."""
     urls = [*config.services]
     if config.services_file is not None:
         urls += _of_file(config.services_file)
@@ -42,45 +42,48 @@ def services_of(config: AlertsConfig) -> tuple[Service, ...]:
     return tuple(Service(f"{scheme_of(url)} {n}", url) for n, url in enumerate(urls, start=1))
 
 
-def send(url: str, title: str, body: str, *, is_urgent: bool = False) -> Sent:
-    """One message by apprise, which has time-outs of its own. Never raises."""
+def send(url: str, title: str, body: str, *, is_urgent: bool = False) -> SendResult:
+    """Send one message by apprise, which has time-outs of its own. Never raises."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # what it loads, and when, is its own affair
         return _send(url, title, body, is_urgent)
 
 
-def _send(url: str, title: str, body: str, is_urgent: bool) -> Sent:
+def _send(url: str, title: str, body: str, is_urgent: bool) -> SendResult:
     try:
         import apprise
     except ImportError:
-        return Sent(False, "the package apprise is not installed: 'pip install apprise' gets it")
+        words = "the package apprise is not installed: 'pip install apprise' gets it"
+        return SendResult(False, words)
     # What it logs may hold the address.
     logging.getLogger("apprise").disabled = True
     try:
         one = apprise.Apprise()
         if not one.add(url):
-            return Sent(False, "apprise does not understand the address: see its list of services")
+            words = "apprise does not understand the address: see its list of services"
+            return SendResult(False, words)
         kind = apprise.NotifyType.WARNING if is_urgent else apprise.NotifyType.INFO
         if one.notify(body=body, title=title, notify_type=kind):
-            return Sent(True, "sent")
+            return SendResult(True, "sent")
     except Exception as error:  # whatever one of a hundred services does
-        return Sent(False, f"apprise broke ({type(error).__name__})")
-    return Sent(False, "the service did not take it: no network, a wrong address, or a refusal")
+        return SendResult(False, f"apprise broke ({type(error).__name__})")
+    words = "the service did not take it: no network, a wrong address, or a refusal"
+    return SendResult(False, words)
 
 
-def send_within(url: str, title: str, body: str, *, limit_s: float = SEND_S) -> Sent:
-    """The same, given up after a while."""
-    done: list[Sent] = []
+def send_within(url: str, title: str, body: str, *, limit_s: float = SEND_S) -> SendResult:
+    """Send one message, given up after ``limit_s`` seconds."""
+    done: list[SendResult] = []
     worker = threading.Thread(
         target=lambda: done.append(send(url, title, body)), daemon=True, name="send"
     )
     worker.start()
     worker.join(limit_s)
-    return done[0] if done else Sent(False, f"no answer in {limit_s:.0f} s")
+    return done[0] if done else SendResult(False, f"no answer in {limit_s:.0f} s")
 
 
-def call(url: str, *, limit_s: float = SEND_S) -> Sent:
-    """One heartbeat."""
+def send_heartbeat(url: str, *, limit_s: float = SEND_S) -> SendResult:
+    """Call the address of the heartbeat once."""
     from rsoconsole.pipeline import Fetcher, FetchError
 
     try:
@@ -90,8 +93,8 @@ def call(url: str, *, limit_s: float = SEND_S) -> Sent:
             "refused": "it refuses",
             "unreachable": "it cannot be reached: is there a network?",
         }
-        return Sent(False, words.get(error.kind, "it did not answer as it should"))
-    return Sent(True, "called")
+        return SendResult(False, words.get(error.kind, "it did not answer as it should"))
+    return SendResult(True, "called")
 
 
 def _of_file(path: Path) -> Sequence[str]:
@@ -107,10 +110,10 @@ log = logging.getLogger(__name__)
 
 FIRST_AGAIN_S, LONGEST_AGAIN_S = 20.0, 900.0
 _LOOK_S = 0.5
-Send = Callable[..., Sent]
+Send = Callable[..., SendResult]
 
 
-class Sender:
+class AlertSender:
     """Sends until it is closed; ``add`` returns as soon as the message is in the spool."""
 
     def __init__(
@@ -133,13 +136,11 @@ class Sender:
         for thread in self._threads:
             thread.start()
 
-    def add(
-        self, *, kind: str, title: str, body: str, t_utc_ns: int, seen: tuple[str, int] = ("", 0)
-    ) -> None:
-        """One message to all services."""
-        to = [digest_of(each.url) for each in self._services]
-        if to:
-            self._spool.add(kind=kind, title=title, body=body, t_utc_ns=t_utc_ns, to=to, seen=seen)
+    def add(self, message: Waiting, seen: tuple[str, int] = ("", 0)) -> None:
+        """Queue a message for all services; ``seen``: its session and the number of its record."""
+        message.pending = [digest_of(each.url) for each in self._services]
+        if message.pending:
+            self._spool.add(message, seen)
         with self._there:
             self._there.notify_all()
 

@@ -1,4 +1,4 @@
-"""How fast this machine is: a frame through the product's own stages, until the time is up."""
+"""A benchmark of this machine: a frame through the program's own stages, until the time is up."""
 
 import tempfile
 import time
@@ -61,7 +61,7 @@ class BenchStage:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BenchResult:
-    """What was measured."""
+    """The measured times of all stages."""
 
     stages: tuple[BenchStage, ...]
     """In the order of ``STAGES``; what could not be measured is missing."""
@@ -74,7 +74,7 @@ class BenchResult:
     """What did not go as on a night, in words."""
 
     def median_ms(self, stage: str) -> float | None:
-        """Of one stage; None where it was not measured."""
+        """The median of one stage, ms; None where it was not measured."""
         return next((each.median_ms for each in self.stages if each.stage == stage), None)
 
 
@@ -210,7 +210,7 @@ def _stages(rounds: list[Times]) -> Iterator[BenchStage]:
 
 
 SIDEREAL_DEG_S = 15.041 / 3600.0
-"""What a satellite that keeps its slot moves among the stars, and the mount from frame to frame."""
+"""Motion of a satellite in its slot among the stars, and of the mount from frame to frame."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -238,7 +238,7 @@ class BenchSummary:
 
     @property
     def is_enough(self) -> bool:
-        """Whether the machine holds what is configured."""
+        """True where the machine keeps the configured cadence and records it."""
         return self.is_held and self.is_recorded
 
 

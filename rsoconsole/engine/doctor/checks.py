@@ -1,4 +1,4 @@
-"""What each look at the machine, its masters and its shutter found."""
+"""Checks of the machine, its master frames and its shutter."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -7,9 +7,9 @@ from datetime import date
 from rsoconsole.config import Config
 from rsoconsole.control import Machine
 from rsoconsole.engine.doctor import doctor_system
-from rsoconsole.engine.machine.machine import HEAT_REMEDY, POWER_REMEDY, read_machine, troubles_of
+from rsoconsole.engine.machine.machine import HEAT_REMEDY, POWER_REMEDY, troubles_of
 from rsoconsole.engine.machine.medium import Medium, disk_outlook, medium_of
-from rsoconsole.engine.machine.time_source import TimeSource, read_time_source
+from rsoconsole.engine.machine.time_source import TimeSource
 from rsoconsole.instruments import utc_now_ns
 from rsoconsole.pipeline import Master, Traits, is_same_exposure, nearest_dark, read_masters
 from rsoconsole.sky import day_of
@@ -18,10 +18,10 @@ from rsoconsole.words import OLD_DAYS, TAKE_DARK, age_days, mode_words, shutter_
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Check:
-    """What one check found."""
+    """The result of one check."""
 
     check: str = ""
-    """Its name, which who runs it gives."""
+    """Its name, given by what runs it."""
     ok: bool | None
     """None when it cannot be told."""
     detail: str
@@ -30,17 +30,17 @@ class Check:
 
 
 def well(detail: str, remedy: str = "") -> Check:
-    """All is well; the remedy is for what could be better."""
+    """A passed check; the remedy is for what could be better."""
     return Check(ok=True, detail=detail, remedy=remedy)
 
 
 def bad(detail: str, remedy: str = "") -> Check:
-    """Something is not."""
+    """A failed check."""
     return Check(ok=False, detail=detail, remedy=remedy)
 
 
 def unsure(detail: str, remedy: str = "") -> Check:
-    """It cannot be told, or one may live with it."""
+    """A check without an answer, or with a fault that does not stop a night."""
     return Check(ok=None, detail=detail, remedy=remedy)
 
 
@@ -70,37 +70,36 @@ _NOT_REPORTED = {
 }
 
 
-def check_temperature(reading: Machine | None = None) -> Check:
+def check_temperature(reading: Machine) -> Check:
     """The processor is cool enough to run at its full speed."""
-    found = read_machine() if reading is None else reading
-    if found.cpu_temperature_c is None:
+    if reading.cpu_temperature_c is None:
         return well("this machine does not tell it")
-    parts = [f"{found.cpu_temperature_c:.0f} °C"]
-    if found.cpu_frequency_mhz is not None and found.cpu_frequency_max_mhz is not None:
-        parts.append(
-            f"{found.cpu_frequency_mhz:.0f} of {found.cpu_frequency_max_mhz:.0f} MHz at the moment"
-        )
-    troubles = [each for each in troubles_of(found) if each.name == "hot"]
+    parts = [f"{reading.cpu_temperature_c:.0f} °C"]
+    mhz, max_mhz = reading.cpu_frequency_mhz, reading.cpu_frequency_max_mhz
+    if mhz is not None and max_mhz is not None:
+        parts.append(f"{mhz:.0f} of {max_mhz:.0f} MHz at the moment")
+    troubles = [each for each in troubles_of(reading) if each.name == "hot"]
     if troubles:
         return bad(", ".join([troubles[0].words, *parts[1:]]), HEAT_REMEDY)
     return well(", ".join(parts))
 
 
-def check_power(reading: Machine | None = None) -> Check:
+def check_power(reading: Machine) -> Check:
     """The supply is strong enough, and nothing slows the processor down."""
-    found = read_machine() if reading is None else reading
-    if found.is_under_voltage is None and found.is_throttled is None:
-        return well(_NOT_REPORTED[found.is_pi])
-    troubles = [each for each in troubles_of(found) if each.name in {"power", "throttled"}]
+    if reading.is_under_voltage is None and reading.is_throttled is None:
+        return well(_NOT_REPORTED[reading.is_pi])
+    troubles = [each for each in troubles_of(reading) if each.name in {"power", "throttled"}]
     if troubles:
         return bad("; ".join(each.words for each in troubles), troubles[0].remedy)
-    if found.has_been_under_voltage:
+    if reading.has_been_under_voltage:
         words = "well now, but it has been too weak before: under-voltage spoils cards and frames"
         return unsure(words, POWER_REMEDY)
-    if found.has_been_throttled:
+    if reading.has_been_throttled:
         words = "well now, but the processor has been slowed down before"
         return unsure(words, HEAT_REMEDY)
-    words = "no under-voltage" if found.is_throttled is None else "no under-voltage, not throttled"
+    words = (
+        "no under-voltage" if reading.is_throttled is None else "no under-voltage, not throttled"
+    )
     return well(words)
 
 
@@ -128,22 +127,21 @@ def check_medium(config: Config, medium: Medium | None = None) -> Check:
     return well(detail)
 
 
-def check_time_source(source: TimeSource | None = None) -> Check:
+def check_time_source(source: TimeSource) -> Check:
     """Somebody sets this machine's clock; without a real-time clock each power cut unsets it."""
-    found = read_time_source() if source is None else source
-    kept = f"real-time clock {found.rtc}" if found.rtc else "no real-time clock"
-    said = found.detail if found.kind == "unknown" else f"{found.kind}: {found.detail}"
+    kept = f"real-time clock {source.rtc}" if source.rtc else "no real-time clock"
+    said = source.detail if source.kind == "unknown" else f"{source.kind}: {source.detail}"
     detail = f"{said}; {kept}"
-    if found.kind in {"GPS", "NTP"}:
+    if source.kind in {"GPS", "NTP"}:
         return well(detail)
     remedy = "'sudo timedatectl set-ntp true', or chrony with a GPS receiver"
-    if not found.rtc:
+    if not source.rtc:
         remedy += "; until it is reached after each start the time is wrong"
     return unsure(detail, remedy)
 
 
 BIAS_GONE = 0.5
-"""Of the bias's level: a dark below it has had its bias taken off."""
+"""Share of the bias's level: a dark below it has had its bias subtracted."""
 
 
 def check_calibration(config: Config) -> Check:

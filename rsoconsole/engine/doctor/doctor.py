@@ -17,7 +17,9 @@ from rsoconsole.engine.doctor.checks import Check, bad, unsure, well
 from rsoconsole.engine.doctor.doctor_indi import import_faults
 from rsoconsole.engine.doctor.doctor_system import ClockReading
 from rsoconsole.engine.doctor.mount_lacks import PROPERTIES, lacks_of
+from rsoconsole.engine.machine.machine import read_machine
 from rsoconsole.engine.machine.medium import DISK_REMEDY, disk_outlook, disk_words
+from rsoconsole.engine.machine.time_source import read_time_source
 from rsoconsole.instruments import missing_protocol, utc_now_ns
 from rsoconsole.records import Site
 from rsoconsole.sky import separation_deg
@@ -28,7 +30,7 @@ if TYPE_CHECKING:
 
 KM_PER_DEG = 111.19
 STALE_DAYS = 14.0
-"""By then a satellite that is kept in its slot may be a tenth of a degree off."""
+"""Age of elements at which a satellite kept in its slot may be a tenth of a degree off."""
 DEFINED_S = 3.0
 """A driver that is connected defines its properties one behind another, and is quiet then."""
 SITE_KM = 1.0
@@ -55,9 +57,9 @@ def run_checks(config: Config) -> Iterator[Check]:
         ("mount driver", check_mount_driver),
         ("clock", lambda _: check_clock()),
         ("shutter", checks.check_shutter),
-        ("time source", lambda _: checks.check_time_source()),
-        ("temperature", lambda _: checks.check_temperature()),
-        ("power", lambda _: checks.check_power()),
+        ("time source", lambda _: checks.check_time_source(read_time_source())),
+        ("temperature", lambda _: checks.check_temperature(read_machine())),
+        ("power", lambda _: checks.check_power(read_machine())),
         ("disk", check_disk),
         ("recording medium", checks.check_medium),
         ("sessions folder", check_sessions_folder),
@@ -223,9 +225,9 @@ def check_indi_server(config: Config) -> Check:
         return well(f"not used: mount by {others.mount}, camera by {others.camera}")
     try:
         found = doctor_indi.devices_there(indi.host, indi.port, wanted, config.waits.quiet_s)
-    except OSError as error:
+    except InstrumentError as error:
         return bad(
-            f"nothing answers at {address}: {error}",
+            f"nothing answers at {address}: {error.__cause__}",
             f"start indiserver{indi_port_option(indi.port)} with your mount's and camera's"
             " drivers, or set indi.host and indi.port; 'rsoconsole demo' brings its own",
         )

@@ -1,18 +1,16 @@
-"""Which library speaks INDI here, and what a server says, asked by plain TCP.
+"""Checks of the INDI client library and of an INDI server, which is asked by plain TCP.
 
-Which devices it has, and where the mount stands.
+The server's devices, the mount's site and what its driver offers.
 """
 
-import html
+import contextlib
 import json
-import re
-import socket
 import subprocess
 import sys
-import time
 from collections.abc import Sequence
 from contextlib import closing
 
+from rsoconsole.base import InstrumentError
 from rsoconsole.config import Config
 from rsoconsole.engine.doctor.checks import Check, bad, well
 from rsoconsole.engine.doctor.mount_lacks import PROPERTIES
@@ -40,7 +38,7 @@ _PATIENCE_S = 120
 
 
 def import_faults(names: Sequence[str]) -> dict[str, str]:
-    """Why modules do not load, by their names; those that load are left out."""
+    """The faults of modules that do not load, by their names."""
     done = subprocess.run(
         [sys.executable, "-W", "ignore", "-c", _IMPORT_ALL, *names],
         capture_output=True,
@@ -58,7 +56,6 @@ def import_faults(names: Sequence[str]) -> dict[str, str]:
 
 _COORDINATES = "EQUATORIAL_EOD_COORD"
 _ALL_OF_MOUNT = {_COORDINATES, *PROPERTIES.values()}
-_DEVICE = re.compile(rb"""device=(?:"([^"]+)"|'([^']+)')""")
 
 
 def check_client(config: Config) -> Check:
@@ -85,32 +82,22 @@ def check_client(config: Config) -> Check:
 def devices_there(host: str, port: int, wanted: set[str], quiet_s: float) -> set[str]:
     """The devices that the server announces, until those wanted are there.
 
-    Ends also when it has announced nothing new for ``quiet_s``. Raises OSError.
+    Ends also when it has announced nothing new for ``quiet_s``, or hangs up. Raises
+    InstrumentError where nobody listens.
     """
-    received = b""
     found: set[str] = set()
-    news_s = time.monotonic()
-    with socket.create_connection((host, port), timeout=quiet_s) as wire:
-        wire.sendall(b'<getProperties version="1.7"/>\n')
-        while not wanted <= found and (left_s := news_s + quiet_s - time.monotonic()) > 0:
-            wire.settimeout(left_s)
-            try:
-                chunk = wire.recv(65536)
-            except TimeoutError:
+    with closing(IndiWire(host, port, quiet_s)) as wire, contextlib.suppress(InstrumentError):
+        wire.ask_all()
+        while not wanted <= found:
+            vector = wire.wait(lambda vector: vector.device not in found, quiet_s)
+            if vector is None:
                 break
-            if not chunk:
-                break
-            received += chunk
-            names = found | {html.unescape((a or b).decode()) for a, b in _DEVICE.findall(received)}
-            if names != found:
-                found, news_s = names, time.monotonic()
-            # The beginning of the next name may be in this one's end.
-            received = received[received.rfind(b"<") :]
+            found.add(vector.device)
     return found
 
 
 def mount_abilities(host: str, port: int, mount: str, quiet_s: float) -> MountAbilities | None:
-    """What the mount's driver offers, by what it has defined until it is quiet for ``quiet_s``.
+    """The abilities of the mount's driver, by what it defines until it is quiet for ``quiet_s``.
 
     None where it has told no coordinates: it is not connected to its mount. Raises InstrumentError.
     """

@@ -1,4 +1,4 @@
-"""What the operating system says of clock, disk and terminal."""
+"""Clock, disk and terminal as the operating system reports them."""
 
 import ctypes
 import locale
@@ -18,7 +18,7 @@ _TIMESYNC_FLAG = Path("/run/systemd/timesync/synchronized")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ClockReading:
-    """What the kernel knows of its own clock."""
+    """The kernel's account of its own clock."""
 
     is_synchronised: bool | None
     """None when the system does not tell."""
@@ -69,7 +69,7 @@ def free_bytes(folder: Path) -> int:
 
 
 def write_fault(folder: Path) -> str | None:
-    """Why nothing can be written in the folder; None when it can, or could once it is made."""
+    """The reason why a folder cannot be written; None when it can, or could once it is made."""
     nearest = nearest_existing(folder)
     if not nearest.is_dir():
         return f"{nearest} is no folder"

@@ -1,4 +1,4 @@
-"""What a mount's driver does not offer, and what follows from that for a night. Pure."""
+"""Abilities that a mount's driver lacks, and what follows from that for a night. Pure."""
 
 from dataclasses import dataclass
 from typing import Literal
@@ -16,7 +16,7 @@ PROPERTIES: dict[LackName, str] = {
     "site": "GEOGRAPHIC_COORD",
     "time": "TIME_UTC",
 }
-"""By which an INDI driver offers them."""
+"""The INDI property of each ability."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

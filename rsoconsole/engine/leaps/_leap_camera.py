@@ -1,19 +1,16 @@
-"""How the leaps have the camera expose, and how the night has its own way back afterwards."""
+"""The camera's exposure, binning and subframe during leaps, and back to the night's own after."""
 
 import logging
-
-import numpy as np
 
 from rsoconsole.base import InstrumentError
 from rsoconsole.config import Config
 from rsoconsole.engine.operator.by_hand import Parts
 from rsoconsole.engine.operator.handlers import Control
-from rsoconsole.engine.tasks.pace import change_record, changed
+from rsoconsole.engine.tasks.pace import EXPOSURE, change_record, changed, two_digits
 from rsoconsole.pipeline import binning_for
 
 log = logging.getLogger(__name__)
 
-_EXPOSURE = "exposure.exposure_s"
 _WORTH_CHANGING = 0.15
 
 
@@ -26,7 +23,7 @@ class LeapCamera:
         self.binning = 1
         """Pixels joined on each axis of those that are configured."""
         self.share = 1.0
-        """Of each side of the sensor, what is read out."""
+        """Share of each side of the sensor that is read out."""
         self._share_asked = 1.0
         self._can_read_parts = True
         self._is_said = False
@@ -87,7 +84,7 @@ class LeapCamera:
     def expose_for(self, exposure_s: float) -> None:
         """Set the exposure, on record, where another one is wanted."""
         config = self._control.config
-        wanted_s = float(np.format_float_positional(exposure_s, precision=2, fractional=False))
+        wanted_s = two_digits(exposure_s)
         if abs(wanted_s / config.exposure.exposure_s - 1.0) <= _WORTH_CHANGING:
             return
         if self._before_s is None:
@@ -95,7 +92,7 @@ class LeapCamera:
         self._set(wanted_s, "the leaps")
 
     def give_back(self) -> None:
-        """The night exposes as it did before the leaps."""
+        """Give the night back its own exposure, binning and whole sensor."""
         own_s, self._before_s = self._before_s, None
         if own_s is not None:
             self._set(own_s, "the end of the leaps")
@@ -115,7 +112,7 @@ class LeapCamera:
             self._session_log.say("warning", words)
 
     def configured(self, before: Config) -> None:
-        """What the operator sets meanwhile holds where the leaps end."""
+        """Take new settings: an exposure that the operator sets meanwhile holds after the leaps."""
         if before.leap.subframe != self._control.config.leap.subframe:
             self._can_read_parts = True
         wanted_s = self._control.config.exposure.exposure_s
@@ -125,6 +122,6 @@ class LeapCamera:
     def _set(self, exposure_s: float, by: str) -> None:
         config = self._control.config
         self._set_s = exposure_s
-        after = changed(config, _EXPOSURE, exposure_s)
-        self._session_log.append(change_record(config, after, _EXPOSURE, by))
+        after = changed(config, EXPOSURE, exposure_s)
+        self._session_log.append(change_record(config, after, EXPOSURE, by))
         self._control.configure(after)

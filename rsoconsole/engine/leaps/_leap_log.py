@@ -1,6 +1,9 @@
-"""What goes on record and into the log of leaps and of the pass that they follow."""
+"""Records and log lines of leaps and of the pass that they follow."""
 
-from dataclasses import dataclass, replace
+from collections.abc import Callable
+from dataclasses import asdict, dataclass, replace
+from functools import partial
+from typing import Any
 
 import numpy as np
 
@@ -30,34 +33,23 @@ from rsoconsole.records import FloatArray, LeapDone, LeapOrder, LeapResult, LowP
 from rsoconsole.sky import IntArray, Pose, lit_fraction, wrap_180
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class LeapSeen:
-    """A leap, its frame, and what came of it; the record is made once nobody waits for it."""
+def leap_record(
+    parts: LeapParts,
+    leap: Leap,
+    before: LeapTrack,
+    ends: StreakEnds | None,
+    **facts: Any,
+) -> LeapDone:
+    """A leap for the record: its plan, its figures and how far off its streak was.
 
-    frame_id: int
-    begun_frame_id: int
-    number: int
-    leap: Leap
-    order: LeapOrder
-    result: LeapResult
-    before: LeapTrack
-    """What was followed before the frame."""
-    ends: StreakEnds | None
-    """Its streak there, where met."""
-
-
-def leap_record(seen: LeapSeen, parts: LeapParts) -> LeapDone:
-    """As the session has it."""
-    leap, place = seen.leap, seen.leap.place
+    ``before``: what was followed before its frame; ``ends``: its streak there, where met;
+    ``facts``: further fields of the record.
+    """
+    place = leap.place
     along, across = np.sqrt(np.maximum(np.diag(place.along_across_arcsec2), 0.0))
-    off = None if seen.ends is None else _off(seen.before, seen.ends)
+    off = None if ends is None else _off(before, ends)
     return LeapDone(
-        frame_id=seen.frame_id,
-        begun_frame_id=seen.begun_frame_id,
-        number=seen.number,
-        result=seen.result,
         t_order_utc_ns=leap.t_order_utc_ns,
-        ordered=seen.order,
         t_mid_utc_ns=leap.t_mid_utc_ns,
         ra_icrs_deg=place.ra_icrs_deg,
         dec_icrs_deg=place.dec_icrs_deg,
@@ -70,14 +62,10 @@ def leap_record(seen: LeapSeen, parts: LeapParts) -> LeapDone:
         binning=leap.binning,
         off_along_arcsec=None if off is None else off[0],
         off_across_arcsec=None if off is None else off[1],
-        total_s=parts.total_s,
-        slew_s=parts.slew_s,
-        settle_s=parts.settle_s,
-        shutter_s=parts.shutter_s,
-        open_s=parts.exposure_s,
-        readout_s=parts.readout_s,
         wait_s=parts.wait_s,
         subframe=leap.share,
+        **asdict(parts),
+        **facts,
     )
 
 
@@ -92,49 +80,6 @@ def _off(track: LeapTrack, ends: StreakEnds) -> tuple[float, float] | None:
     off = 3600.0 * np.array([east, dec_deg - place.dec_icrs_deg])
     ahead = place.rate_arcsec_s / max(place.speed_arcsec_s, 1e-9)
     return float(off @ ahead), float(off[1] * ahead[0] - off[0] * ahead[1])
-
-
-def pass_record(
-    track: LeapTrack,
-    *,
-    frame_id: int,
-    begun_frame_id: int,
-    name: str,
-    end: str,
-    planned_leaps: int,
-    next_pass: ExpectedPass | None,
-) -> LowPass:
-    """As the session has it."""
-    best = track.best
-    orbit, streaks = best.orbit, best.streaks
-    found = None if orbit is None else elements_of(orbit.r_km, orbit.v_km_s)
-    return LowPass(
-        frame_id=frame_id,
-        begun_frame_id=begun_frame_id,
-        name=name,
-        ended=end,
-        streaks=len(streaks),
-        planned_leaps=planned_leaps,
-        t_first_utc_ns=streaks[0].t_mid_utc_ns,
-        t_last_utc_ns=streaks[-1].t_mid_utc_ns,
-        probability=best.probability,
-        epoch_utc_ns=None if orbit is None else orbit.epoch_utc_ns,
-        r_gcrs_km=None if orbit is None else _three(orbit.r_km),
-        v_gcrs_km_s=None if orbit is None else _three(orbit.v_km_s),
-        covariance=None
-        if orbit is None
-        else tuple(tuple(float(each) for each in row) for row in orbit.covariance),
-        a_km=None if found is None else found.a_km,
-        e=None if found is None else found.e,
-        i_deg=None if found is None else found.i_deg,
-        believes_round=orbit is not None and orbit.believes_round,
-        along_rms_arcsec=None if orbit is None else _rms(orbit, 0),
-        across_rms_arcsec=None if orbit is None else _rms(orbit, 1),
-        t_next_rise_utc_ns=None if next_pass is None else next_pass.rise_utc_ns,
-        sigma_next_s=None if next_pass is None else next_pass.sigma_s,
-        sigma_next_across_deg=None if next_pass is None else next_pass.sigma_across_deg,
-        scatter_s=None if orbit is None else best.scatter_s,
-    )
 
 
 def _three(values: FloatArray) -> tuple[float, float, float]:
@@ -167,7 +112,7 @@ class _Begun:
 
 
 class LeapLog:
-    """Gathers leap by leap; what takes time is done once nobody waits for it."""
+    """Gathers the facts of each leap; what takes time is computed once no frame waits for it."""
 
     def __init__(self, control: Control, parts: Parts, times: LeapTimes) -> None:
         self._control, self._times = control, times
@@ -175,20 +120,20 @@ class LeapLog:
         self._session_log = parts.session_log
         self._site = control.config.site.to_site()
         self._begun = _Begun()
-        self._seen: LeapSeen | None = None
-        """What came of the last leap, not on record yet."""
+        self._unrecorded: Callable[[LeapParts], LeapDone] | None = None
+        """Makes the record of the last leap, once nobody waits for it."""
         self._spent: list[LeapParts] = []
-        """Of each leap of the pass, what it took."""
+        """The times of each leap of the pass."""
         self._frame_id = 0
         """The last one with a leap or a first streak."""
 
     def begin(self, frame_id: int, name: str) -> None:
-        """A first streak, of what was waited for by this name, or of whatever came: empty."""
+        """Begin a pass with its first streak; ``name``: of the expected satellite, else empty."""
         self._begun, self._frame_id = _Begun(frame_id=frame_id, name=name), frame_id
-        self._seen, self._spent = None, []
+        self._unrecorded, self._spent = None, []
 
     def took(self, leap: Leap, *, waited_for_frame: bool) -> None:
-        """The next slew can be ordered."""
+        """Note what a leap took, now that the next slew can be ordered."""
         now_ns = self._instrument_controller.now_utc_ns()
         self._spent.append(self._times.parts_of(leap, now_ns, waited_for_frame=waited_for_frame))
 
@@ -202,25 +147,26 @@ class LeapLog:
         before: LeapTrack,
         streak: FrameStreak | None = None,
     ) -> None:
-        """What came of a leap, by its frame; ``before``: what was followed until then."""
+        """Note the result of a leap, by its frame; ``before``: the track until then."""
         self._begun.leaps += 1
         self._frame_id = frame_id
-        self._seen = LeapSeen(
+        self._unrecorded = partial(
+            leap_record,
+            leap=leap,
+            before=before,
+            ends=None if streak is None else streak.ends,
             frame_id=frame_id,
             begun_frame_id=self._begun.frame_id,
             number=self._begun.leaps,
-            leap=leap,
-            order=order,
+            ordered=order,
             result=result,
-            before=before,
-            ends=None if streak is None else streak.ends,
         )
 
     def record(self) -> None:
-        """The last leap."""
-        seen, self._seen = self._seen, None
-        if seen is not None and self._spent:
-            self._session_log.append(leap_record(seen, self._spent[-1]))
+        """Put the last leap on record, where that has not been done yet."""
+        record_of, self._unrecorded = self._unrecorded, None
+        if record_of is not None and self._spent:
+            self._session_log.append(record_of(self._spent[-1]))
 
     def plan(
         self, track: LeapTrack, first: Leap, start: Pose, telescope: Telescope, sure_from: int
@@ -260,7 +206,7 @@ class LeapLog:
         self._session_log.say("info", words)
 
     def end(self, track: LeapTrack, why: str) -> None:
-        """What is known of what was leapt after."""
+        """Say and record the orbit and the next pass of the satellite that was followed."""
         orbit = track.best.orbit
         self._session_log.say("info", f"{why}: {last_words(track, self._spent)}")
         later: ExpectedPass | None = None
@@ -273,20 +219,41 @@ class LeapLog:
         self._record_pass(track, why, later)
 
     def cut_off(self, track: LeapTrack, why: str) -> None:
-        """Something else has ended a pass in its middle."""
+        """Record a pass that something else has ended in its middle."""
         self._record_pass(track, why, None)
 
     def _record_pass(self, track: LeapTrack, end: str, later: ExpectedPass | None) -> None:
         self.record()
+        best, begun = track.best, self._begun
+        orbit, streaks = best.orbit, best.streaks
+        found = None if orbit is None else elements_of(orbit.r_km, orbit.v_km_s)
         self._session_log.append(
-            pass_record(
-                track,
+            LowPass(
                 frame_id=self._frame_id,
-                begun_frame_id=self._begun.frame_id,
-                name=self._begun.name,
-                end=end,
-                planned_leaps=self._begun.planned,
-                next_pass=later,
+                begun_frame_id=begun.frame_id,
+                name=begun.name,
+                ended=end,
+                streaks=len(streaks),
+                planned_leaps=begun.planned,
+                t_first_utc_ns=streaks[0].t_mid_utc_ns,
+                t_last_utc_ns=streaks[-1].t_mid_utc_ns,
+                probability=best.probability,
+                epoch_utc_ns=None if orbit is None else orbit.epoch_utc_ns,
+                r_gcrs_km=None if orbit is None else _three(orbit.r_km),
+                v_gcrs_km_s=None if orbit is None else _three(orbit.v_km_s),
+                covariance=None
+                if orbit is None
+                else tuple(tuple(float(each) for each in row) for row in orbit.covariance),
+                a_km=None if found is None else found.a_km,
+                e=None if found is None else found.e,
+                i_deg=None if found is None else found.i_deg,
+                believes_round=orbit is not None and orbit.believes_round,
+                along_rms_arcsec=None if orbit is None else _rms(orbit, 0),
+                across_rms_arcsec=None if orbit is None else _rms(orbit, 1),
+                t_next_rise_utc_ns=None if later is None else later.rise_utc_ns,
+                sigma_next_s=None if later is None else later.sigma_s,
+                sigma_next_across_deg=None if later is None else later.sigma_across_deg,
+                scatter_s=None if orbit is None else best.scatter_s,
             )
         )
         self._spent = []

@@ -1,4 +1,4 @@
-"""What mount and camera take for a leap: learned from the night's own slews and frames."""
+"""Times of mount and camera for a leap, learned from the night's own slews and frames."""
 
 import math
 import statistics
@@ -26,16 +26,16 @@ from rsoconsole.pipeline import (
 from rsoconsole.records import Frame
 
 STEP = 0.8
-"""Of the time that is kept: what a trial has."""
+"""Time of a trial, as a share of the kept time."""
 TURNS = 4
 """Leaps of each sort, before they are compared."""
 AS_SHARP, SHARPER = 1.05, 0.94
-"""Of the widths after a trial over those without: what is no worse, and what is better."""
+"""Ratio of star widths after a trial to those without: no worse, and better."""
 SHORTEST_S, LONGEST = 0.3, 2.5
 """Kept at the least, and at the most in units of what is configured."""
 _SURE_SIGMAS = 1.5
 _MEDIAN = 1.25
-"""Of the error of a mean is that of a median."""
+"""Error of a median over that of a mean."""
 _RESTS = 2
 """Comparisons for which there is no trial once neither less nor more is better."""
 
@@ -51,7 +51,7 @@ class _Turn:
 
 @dataclass(slots=True)
 class SettleTrials:
-    """Learns from leap to leap."""
+    """Learns from leap to leap how long the mount must settle: trials against what is kept."""
 
     configured_s: float
     """What it begins with."""
@@ -73,12 +73,12 @@ class SettleTrials:
 
     @property
     def seconds(self) -> float:
-        """For the next leap."""
+        """Time to settle for the next leap, s."""
         return self.kept_s if self._next is None else self._next.seconds
 
     @property
     def kept_s(self) -> float:
-        """As learned until now."""
+        """Time to settle as learned until now, s."""
         return self.configured_s * self._factor
 
     @property
@@ -93,18 +93,18 @@ class SettleTrials:
         return min(self.kept_s / STEP, LONGEST * self.configured_s)
 
     def begun(self) -> None:
-        """A leap has had its time: the next one has its turn."""
+        """Note that a leap has had its time to settle; the next one gets its own."""
         self._used = self._next or _Turn(self.kept_s, False, self._comparison)
         is_trial = not self._used.is_trial and self._rests == 0
         seconds = self._trial_s if is_trial else self.kept_s
         self._next = _Turn(seconds, is_trial, self._comparison)
 
     def lost(self) -> None:
-        """The frame under way is of no leap, or never comes."""
+        """Forget the frame under way: it is of no leap, or never comes."""
         self._used = None
 
-    def forget_widths(self) -> None:
-        """Stars are as wide as before no more: the camera reads out in another mode."""
+    def forget_star_widths(self) -> None:
+        """Begin the comparison again: stars have another width in another mode of the camera."""
         self._begin_comparison()
         self._used = None
 
@@ -172,9 +172,9 @@ class SettleTrials:
 _FRAMES = 12
 _LONGEST_READOUT_S = 20.0
 _SUBFRAME = 0.5
-"""Of each side, where nothing else is set: a quarter of the pixels."""
+"""Share of each side where nothing else is set: a quarter of the pixels."""
 _LATE_S = (-0.05, 3.0)
-"""From an order to the shutter, at the least and at most: beyond, the camera's clock is off."""
+"""Least and greatest delay from order to shutter, s: beyond, the camera's clock is off."""
 _MIN_FRAMES = 3
 _CLOSED_SIGMAS = 4.0
 _MIN_SCATTER_S = 0.01
@@ -182,27 +182,27 @@ _MIN_SCATTER_S = 0.01
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LeapParts:
-    """What one leap took, in seconds."""
+    """The times of one leap, in seconds."""
 
     total_s: float
-    """From the order of its slew until the next could be ordered."""
+    """Time from the order of its slew until the next could be ordered."""
     slew_s: float
     settle_s: float
     shutter_s: float
     """Until it opens, beyond what of that the mount settles in."""
-    exposure_s: float
+    open_s: float
     readout_s: float
-    """With what came of the frame; 0 where the next slew was ordered as the shutter closed."""
+    """Read-out and reduction; 0 where the next slew was ordered as the shutter closed."""
 
     @property
     def wait_s(self) -> float:
-        """For the satellite to come, and all that has no name."""
-        named_s = self.slew_s + self.settle_s + self.shutter_s + self.exposure_s + self.readout_s
+        """Time of waiting for the satellite, and all that has no other name, s."""
+        named_s = self.slew_s + self.settle_s + self.shutter_s + self.open_s + self.readout_s
         return self.total_s - named_s
 
 
 class LeapTimes:
-    """Learns from slew to slew and from frame to frame."""
+    """Learns the times of slews, shutter, read-out and settling from each slew and frame."""
 
     def __init__(
         self,
@@ -219,7 +219,7 @@ class LeapTimes:
         """By the slews seen so far; None: to be found again."""
         self._readouts_s: deque[float] = deque(maxlen=_FRAMES)
         self._whole_s: deque[float] = deque(maxlen=_FRAMES)
-        """From the end of an exposure until the next could be ordered, the whole sensor read."""
+        """Time from an exposure's end until the next could be ordered, the whole sensor read, s."""
         self._closed_utc_ns: int | None = None
         """When the shutter of the last frame closed, by its header."""
         self._rows_s = 0.0
@@ -232,16 +232,16 @@ class LeapTimes:
         """Travel of the slew under way, and when it was ordered."""
 
     def forget_slew(self) -> None:
-        """The one under way is no longer its own."""
+        """Forget the slew under way: it is no leap's any more."""
         self._ordered = None
         self._settle.lost()
 
     def ordered(self, travel_deg: tuple[float, float], t_utc_ns: int) -> None:
-        """A slew of its own is under way."""
+        """Note the order of a leap's slew: its travel on both axes, and when."""
         self._ordered = travel_deg, t_utc_ns
 
     def arrived(self) -> None:
-        """A slew of its own has ended: what it took is learned."""
+        """Learn from the arrival of a leap's slew what it took."""
         if self._ordered is None:
             self._settle.lost()
             return
@@ -256,7 +256,7 @@ class LeapTimes:
             self._motion = None
 
     def read_out(self, frame: Frame, opened_utc_ns: int) -> None:
-        """A frame has come whose exposure was ordered at an instant: its shutter is learned."""
+        """Learn the shutter from a frame whose exposure was ordered at an instant."""
         self._closed_utc_ns = None
         t_mid_ns = shutter_mid_utc_ns(frame, self._config().exposure)
         if t_mid_ns is None or frame.exposure_s is None:
@@ -269,20 +269,20 @@ class LeapTimes:
         self._rows_s = rows_s
 
     def examined(self, now_utc_ns: int) -> None:
-        """By the last frame the next slew can be ordered: what that took since its end."""
+        """Learn what read-out and reduction took: the next slew can be ordered now."""
         took_s = self._since_closed_s(now_utc_ns)
         if took_s is not None:
             self._readouts_s.append(took_s)
 
     def forget_camera(self) -> None:
-        """Its clock was set, or it reads out in another mode."""
+        """Forget the camera's times: its clock was set, or it reads out in another mode."""
         self._readouts_s.clear()
         self._whole_s.clear()
         self._latencies_s.clear()
-        self._settle.forget_widths()
+        self._settle.forget_star_widths()
 
     def forget_readouts(self) -> None:
-        """It reads out more or less of its sensor: the shutter is the same."""
+        """Forget the times of read-out, not the shutter's: another share of the sensor is read."""
         self._readouts_s.clear()
 
     def subframe_for(self, leap: Leap) -> float:
@@ -297,8 +297,8 @@ class LeapTimes:
         is_slow = float(np.median(self._whole_s)) > float(np.median(ways_s))
         return _SUBFRAME if is_slow else 1.0
 
-    def whole_seen(self, now_utc_ns: int) -> None:
-        """A whole frame is done with: the next exposure could be ordered now."""
+    def record_readout(self, now_utc_ns: int) -> None:
+        """Learn what a frame of the whole sensor took until the next exposure can be ordered."""
         took_s = self._since_closed_s(now_utc_ns)
         if took_s is not None:
             self._whole_s.append(took_s)
@@ -310,7 +310,7 @@ class LeapTimes:
         took_s = (now_utc_ns - self._closed_utc_ns) / NS
         return took_s if 0.0 <= took_s < _LONGEST_READOUT_S else None
 
-    def stars_seen(self, width_px: float | None) -> str | None:
+    def add_star_width(self, width_px: float | None) -> str | None:
         """How wide the stars of the last leap's frame are; words where the mount is given another
         time to settle from now on."""
         return self._settle.seen(width_px) if self._config().leap.learns_settle else None
@@ -342,7 +342,7 @@ class LeapTimes:
         return min(middle_s - spread_s, *seen), max(middle_s + spread_s, *seen)
 
     def settle_s(self) -> float:
-        """From a mount's arrival until an exposure may be ordered.
+        """Time from the mount's arrival until an exposure may be ordered, s.
 
         The shutter opens later: an exposure that is ordered while the mount still settles finds it
         settled. By no more than ``exposure.start_latency_s``: a camera's clock that is ahead looks
@@ -363,14 +363,14 @@ class LeapTimes:
         return min(max(latency[0], 0.0), self._config().exposure.start_latency_s)
 
     def terms(self, binning: int) -> LeapTerms:
-        """What a leap needs beside its slew, as learned so far."""
+        """The times that a leap needs beside its slew, as learned so far."""
         terms = replace(terms_of(self._config(), binning), settle_s=self.settle_s())
         if self._readouts_s:
             terms = replace(terms, readout_s=float(np.median(self._readouts_s)))
         return terms
 
     def telescope(self, binning: int) -> Telescope:
-        """What it can do, as learned so far."""
+        """The telescope's motion, times and limits, as learned so far."""
         if self._motion is None:
             self._motion = learned(self._config().mount, list(self._seen))
         return Telescope(
@@ -381,7 +381,7 @@ class LeapTimes:
         )
 
     def configured(self, before: Config) -> None:
-        """Other settings hold."""
+        """Take new settings."""
         mount = self._config().mount
         if before.mount != mount:
             self._motion = None
@@ -390,7 +390,7 @@ class LeapTimes:
             self._settle = SettleTrials(mount.settle_s)
 
     def parts_of(self, leap: Leap, now_utc_ns: int, *, waited_for_frame: bool) -> LeapParts:
-        """From the order of its slew until now, when the next could be ordered."""
+        """The times of a leap, from the order of its slew until now, when the next can go out."""
         terms = self.terms(leap.binning)
         readout_s = self._readouts_s[-1] if self._readouts_s else terms.readout_s
         while_settling_s = min(self._opens_s(), self._given_last_s)
@@ -399,6 +399,6 @@ class LeapTimes:
             slew_s=self._seen[-1].seconds if self._seen else leap.slew_s,
             settle_s=self._given_last_s,
             shutter_s=max(terms.latency_s - while_settling_s, 0.0),
-            exposure_s=leap.exposure_s,
+            open_s=leap.exposure_s,
             readout_s=readout_s if waited_for_frame else 0.0,
         )

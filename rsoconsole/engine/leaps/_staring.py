@@ -1,4 +1,4 @@
-"""Where the telescope stares while nothing is leapt after: for whatever comes, or for a pass."""
+"""Exposures between passes: staring for any low satellite, or where one is expected."""
 
 from rsoconsole.engine.aim.instrument_controller import NS, Plan
 from rsoconsole.engine.leaps._leap_camera import LeapCamera
@@ -43,15 +43,15 @@ class Staring:
         """Hour angle and declination of date."""
 
     def forget(self) -> None:
-        """The next stare is where the telescope then points."""
+        """Forget the place: the next stare is where the telescope then points."""
         self._stare = None
 
     def next_plan(self, pose: Pose, now_ns: int) -> Plan:
-        """One more exposure where it stares; the mount moves where that has drifted away.
+        """Plan the next exposure of a stare; the mount moves where its place has drifted away.
 
         Raises what ``Slews.order`` does.
         """
-        awaited = self._awaiting.next_one(now_ns)
+        awaited = self._awaiting.next_pass(now_ns)
         if awaited is not None:
             return self._waited(awaited, pose, now_ns)
         exposure = self._control.config.exposure
@@ -95,13 +95,13 @@ class Staring:
         refused = self._parts.slews.order(plan, t_until_utc_ns=end_ns)
         if refused is not None:
             self._parts.session_log.say("warning", f"cannot wait where it comes: {text(refused)}")
-            self._awaiting.passed_over()
+            self._awaiting.skip_pass()
             return self.in_place(now_ns)
         self._note_slew(pose, there, now_ns)
         return plan
 
     def in_place(self, now_ns: int) -> Plan:
-        """One more exposure where the telescope looks."""
+        """Plan one more exposure where the telescope looks."""
         return self._parts.planner.to_place(None, now_ns, "", now_ns)
 
     def _note_slew(self, pose: Pose, there: tuple[float, float], now_ns: int) -> None:

@@ -1,4 +1,4 @@
-"""Which pass is waited for: of a catalogued object, or of what was leapt after last."""
+"""The pass that is waited for: of a catalogued object, or of the satellite followed last."""
 
 from collections.abc import Callable, Iterator, Sequence
 
@@ -35,7 +35,7 @@ from rsoconsole.words import NS_PER_DAY, NS_PER_S, utc_ns_to_iso
 
 
 def entry_of(config: Config) -> CatalogueEntry:
-    """The newest set. Raises OrbitError where there is none, with the remedy."""
+    """The newest elements of ``leap.pass_norad``. Raises OrbitError, with the remedy."""
     number, files = config.leap.pass_norad, config.catalogue.tle_files
     if not files:
         raise OrbitError(
@@ -49,10 +49,13 @@ def entry_of(config: Config) -> CatalogueEntry:
 
 
 SEARCHED_NS = NS_PER_DAY
+"""How far ahead passes are looked for."""
 
 
-def begun_words(track: LeapTrack, awaited: AwaitedPass | None, found: PassOffset | None) -> str:
-    """A first streak: how fast, in which sense; of one that was waited for how late."""
+def first_streak_words(
+    track: LeapTrack, awaited: AwaitedPass | None, found: PassOffset | None
+) -> str:
+    """A first streak in words: how fast, in which sense, and how late against the prediction."""
     speed = track.best.streaks[0].speed_arcsec_s
     if awaited is None or found is None:
         sure = 100.0 * track.best.probability
@@ -65,7 +68,7 @@ def begun_words(track: LeapTrack, awaited: AwaitedPass | None, found: PassOffset
 
 
 def awaited_words(awaited: AwaitedPass) -> str:
-    """Which pass is waited for, and how long."""
+    """The pass that is waited for, in words."""
     stare = awaited.stare
     either_s = (stare.until_utc_ns - stare.from_utc_ns) / 2 / NS_PER_S
     return (
@@ -74,8 +77,8 @@ def awaited_words(awaited: AwaitedPass) -> str:
     )
 
 
-def leap_words(track: LeapTrack, seen: FrameStreak, leap: Leap | None) -> str:
-    """One that was met: its number, how far off, how well the orbit fits."""
+def met_words(track: LeapTrack, seen: FrameStreak, leap: Leap | None) -> str:
+    """A successful leap in words: its number, its streak, how well the orbit fits."""
     best, number = track.best, len(track.best.streaks) - 1
     words = f"leap {number} met: {seen.detection.length_px:.0f} px"
     if leap is not None:
@@ -89,12 +92,12 @@ def leap_words(track: LeapTrack, seen: FrameStreak, leap: Leap | None) -> str:
 
 
 def pass_words(plan: PassPlan) -> str:
-    """A whole pass before its first leap."""
+    """The plan of a pass in words, before its first leap."""
     return f"up to {len(plan.leaps)} leaps{_flips_words(plan)}; then: {_end_words(plan)}"
 
 
 def rest_words(plan: PassPlan, *, is_dark: bool) -> str:
-    """The rest of a pass by its own orbit: how many leaps, until when, and what ends it.
+    """The rest of a pass in words, by its own orbit: leaps, until when, and what ends it.
 
     ``is_dark``: whether that is the Earth's shadow.
     """
@@ -115,7 +118,7 @@ def _flips_words(plan: PassPlan) -> str:
 
 
 def last_words(track: LeapTrack, parts: Sequence[LeapParts]) -> str:
-    """What came of it, and what a leap took."""
+    """A finished pass in words: its streaks, and the median times of a leap."""
     streaks = track.best.streaks
     span_s = (streaks[-1].t_mid_utc_ns - streaks[0].t_mid_utc_ns) / NS_PER_S
     words = f"{len(streaks)} streaks in {span_s:.0f} s, shutter ± {track.best.scatter_s:.2f} s"
@@ -129,7 +132,7 @@ def last_words(track: LeapTrack, parts: Sequence[LeapParts]) -> str:
         f"{words}; a leap took {mean(lambda each: each.total_s):.1f} s: slew"
         f" {mean(lambda each: each.slew_s):.1f}, settle {mean(lambda each: each.settle_s):.1f},"
         f" shutter {mean(lambda each: each.shutter_s):.1f}, exposure"
-        f" {mean(lambda each: each.exposure_s):.2f}, read-out"
+        f" {mean(lambda each: each.open_s):.2f}, read-out"
         f" {mean(lambda each: each.readout_s):.1f}, wait {mean(lambda each: each.wait_s):.1f}"
     )
 
@@ -137,7 +140,7 @@ def last_words(track: LeapTrack, parts: Sequence[LeapParts]) -> str:
 def next_pass_of(
     orbit: LowOrbit, site: Site, now_utc_ns: int, least_altitude_deg: float
 ) -> ExpectedPass | None:
-    """When it comes again within a day; None where it does not."""
+    """The next pass within a day; None where there is none."""
     later = passes_above(
         orbit, site, now_utc_ns + 600 * NS_PER_S, now_utc_ns + SEARCHED_NS, least_altitude_deg
     )
@@ -145,7 +148,7 @@ def next_pass_of(
 
 
 def orbit_words(orbit: LowOrbit, later: ExpectedPass | None) -> Iterator[str]:
-    """Its orbit, and when it comes again with what that is worth."""
+    """An orbit and its next pass in lines, with their uncertainties."""
     found = elements_of(orbit.r_km, orbit.v_km_s)
     yield (
         f"its orbit: {found.a_km - EARTH_RADIUS_KM:.0f} km, e {found.e:.4f},"
@@ -159,12 +162,11 @@ def orbit_words(orbit: LowOrbit, later: ExpectedPass | None) -> Iterator[str]:
         )
 
 
-_WAITS_NS = 24 * 3600 * NS
 _LOOKS_AGAIN_NS = 3600 * NS
 
 
 class Awaiting:
-    """Finds the next one, by elements or by the last orbit."""
+    """Finds the next pass, by elements or by the last satellite's own orbit."""
 
     def __init__(self, control: Control, parts: Parts) -> None:
         self._control = control
@@ -181,41 +183,41 @@ class Awaiting:
         """Passes before that are over."""
 
     def forget(self) -> None:
-        """Nothing is waited for; the next one is found again."""
+        """Wait for nothing; the next pass is found again."""
         self.awaited, self._looked_until_ns = None, 0
 
     def forget_elements(self) -> None:
-        """Another one is to be waited for."""
+        """Forget the elements: another satellite is to be waited for."""
         self.forget()
         self._entry, self._from_ns = None, 0
 
     def forget_orbit(self) -> None:
-        """It was by a wrong clock."""
+        """Forget the last orbit, which was found by a wrong clock."""
         self._last_orbit, self._from_ns = None, 0
 
-    def passed_over(self) -> None:
-        """What is waited for cannot be met, or has not come: the next one is looked for."""
+    def skip_pass(self) -> None:
+        """Give up the expected pass, which cannot be met or has not come; the next one is found."""
         if self.awaited is not None:
             self._from_ns, self.awaited = self.awaited.set_utc_ns, None
 
     def over(self, orbit: LowOrbit | None) -> None:
-        """A pass is over; what is known of its orbit."""
+        """Note the end of a pass, and its orbit where one was found."""
         self.forget()
         self._last_orbit = orbit
 
-    def next_one(self, now_ns: int) -> AwaitedPass | None:
+    def next_pass(self, now_ns: int) -> AwaitedPass | None:
         """The pass that is waited for, found where the last is over; None: whatever comes."""
         awaited, leap = self.awaited, self._control.config.leap
         if awaited is not None and now_ns > awaited.stare.until_utc_ns:
             self._parts.session_log.say("info", f"{awaited.name} did not come by")
-            self.passed_over()
+            self.skip_pass()
             awaited = None
         if awaited is not None or not (leap.pass_norad or leap.waits):
             return awaited
         if now_ns < self._looked_until_ns:
             return None
         try:
-            self.awaited = self._next_pass(max(now_ns, self._from_ns))
+            self.awaited = self._find_pass(max(now_ns, self._from_ns))
         except OrbitError as error:
             self._looked_until_ns = now_ns + _LOOKS_AGAIN_NS
             self._parts.session_log.say("warning", f"nothing is waited for: {error}")
@@ -227,7 +229,7 @@ class Awaiting:
             self._parts.session_log.say("info", "no pass within a day to wait for: stares instead")
         return self.awaited
 
-    def _next_pass(self, now_ns: int) -> AwaitedPass | None:
+    def _find_pass(self, now_ns: int) -> AwaitedPass | None:
         config, held = self._control.config, self._parts.watch.limits
         lifted = self._parts.watch.lifted_limits()
         if config.leap.pass_norad:
@@ -248,7 +250,7 @@ class Awaiting:
         if orbit is None:
             return None
         least_deg = config.limits.min_altitude_deg
-        for each in passes_above(orbit, self._site, now_ns, now_ns + _WAITS_NS, least_deg):
+        for each in passes_above(orbit, self._site, now_ns, now_ns + SEARCHED_NS, least_deg):
             found = awaited_pass(
                 "it",
                 orbit.states,

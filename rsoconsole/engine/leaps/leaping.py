@@ -18,7 +18,7 @@ from rsoconsole.engine.leaps._leap_camera import LeapCamera
 from rsoconsole.engine.leaps._leap_log import LeapLog
 from rsoconsole.engine.leaps._leap_times import LeapTimes
 from rsoconsole.engine.leaps._staring import Staring
-from rsoconsole.engine.leaps.awaiting import Awaiting, begun_words, leap_words
+from rsoconsole.engine.leaps.awaiting import Awaiting, first_streak_words, met_words
 from rsoconsole.engine.operator.by_hand import Parts
 from rsoconsole.engine.operator.handlers import Control
 from rsoconsole.instruments import MountReport
@@ -48,15 +48,15 @@ from rsoconsole.sky import Pose
 from rsoconsole.words import text
 
 LEAP_POLL_NS = NS // 10
-"""How often a mount that leaps is asked whether it has arrived."""
+"""Interval at which a mount that leaps is asked whether it has arrived."""
 _AHEAD_S, _STEP_S = 150.0, 3.0
-"""How far a track's path is looked at for the next leap: a flip of the mount fits in."""
+"""Length and step of the path searched for the next leap, s: a flip of the mount fits in."""
 SURE_STREAKS = 3
 """Streaks from which on an orbit is known well enough to go ahead of the next frame."""
 SURE_WITHIN, SURE_PROBABILITY = 0.98, 0.99
-"""Of both ends in the next field, and of the track's sense."""
+"""Least probability of both ends in the next field, and of the track's sense."""
 _GLANCE_NS = NS // 10
-"""What a look at the middle of a frame costs in the simulated observatory."""
+"""Time of a look at the middle of a frame in the simulated observatory."""
 
 
 LookAt = Callable[[Frame, float], Glance | None]
@@ -64,7 +64,7 @@ LookAt = Callable[[Frame, float], Glance | None]
 
 
 class Leaping:
-    """Knows what is leapt after, and where and when it is met next."""
+    """Follows a low satellite: where and when it is met next."""
 
     def __init__(self, control: Control, parts: Parts, look_at: LookAt) -> None:
         self._control = control
@@ -72,7 +72,7 @@ class Leaping:
         self._site = control.config.site.to_site()
         self._look_at = look_at
         self.track: LeapTrack | None = None
-        """What is leapt after; None while it stares."""
+        """The satellite that is followed; None while it stares."""
         self._leap: Leap | None = None
         """The one under way."""
         self._misses = 0
@@ -94,11 +94,11 @@ class Leaping:
 
     @property
     def is_on(self) -> bool:
-        """Whether the telescope stares and leaps at all."""
+        """True where ``leap.enabled`` is set."""
         return self._control.config.leap.enabled
 
     def forget(self, why: str = "autonomy has lost the mount") -> None:
-        """Leaps end here, in words for the record; a later one begins from where it then points."""
+        """End the leaps, with a reason for the record; later ones begin where it then points."""
         if self.track is not None:
             self._log.cut_off(self.track, why)
         self.track = self._leap = None
@@ -110,13 +110,13 @@ class Leaping:
         self._camera.give_back()
 
     def forget_times(self) -> None:
-        """Time has lost its meaning, and with it every orbit."""
+        """Forget all that depends on times: the clock was set."""
         self.forget("the clock was set")
         self.times.forget_camera()
         self._awaiting.forget_orbit()
 
     def drop_early(self) -> None:
-        """What was ordered ahead of a frame leads nowhere any more."""
+        """Forget the leap that was ordered ahead of a frame."""
         self._next = self._early = None
 
     def configure(self, before: Config) -> None:
@@ -130,13 +130,13 @@ class Leaping:
             self.forget("leaps were switched off")
 
     def telescope(self) -> Telescope:
-        """What it can do, as learned so far."""
+        """The telescope's motion, times and limits, as learned so far."""
         return self.times.telescope(self._camera.binning)
 
     # --- an exposure of a leap
 
     def opened(self, frame_id: int, opened_utc_ns: int) -> None:
-        """The exposure under way was ordered: where the next one is, is found meanwhile."""
+        """Find the next leap while the exposure that was just ordered is under way."""
         self._exposing, self._next = (frame_id, opened_utc_ns), None
         leap, track = self._leap, self.track
         if leap is None or track is None or not self._is_sure(track):
@@ -154,7 +154,7 @@ class Leaping:
             self._next = found
 
     def closed(self) -> MountReport | None:
-        """The shutter should have closed: the mount goes on where one frame changes nothing.
+        """Send the mount on as the shutter closes, where one more frame changes nothing.
 
         Where it looked until then; None where it stays. Raises what ``Slews.order`` does.
         """
@@ -166,7 +166,7 @@ class Leaping:
         return looked if self._order_early(found, waited_for_frame=False) else None
 
     def read_out(self, frame: Frame) -> None:
-        """A frame has come: what that took is learned, and a look at its middle may be enough.
+        """Learn from a frame what it took; a look at its middle may be enough for the next order.
 
         Raises what ``Slews.order`` does.
         """
@@ -198,7 +198,7 @@ class Leaping:
             return
 
     def take_stage_ms(self) -> dict[str, float]:
-        """What the look at the last frame's middle took, and the order by it; told once."""
+        """Times of the look at the last frame's middle and of the order by it, ms; given once."""
         taken, self._stage_ms = self._stage_ms, {}
         return taken
 
@@ -232,7 +232,7 @@ class Leaping:
     # --- what a frame shows
 
     def saw(self, frame: Frame, reduction: Reduction) -> None:
-        """Follow what is leapt after through one more frame, or begin with what it shows."""
+        """Follow the satellite through one more frame, or begin with a streak that it shows."""
         if not self.is_on:
             return
         leap, self._leap = self._leap, None
@@ -255,7 +255,7 @@ class Leaping:
             if after is not None:
                 self._note_leap(leap, "met", each)
                 self.track, self._misses = after, 0
-                self._parts.session_log.say("info", leap_words(after, each, leap))
+                self._parts.session_log.say("info", met_words(after, each, leap))
                 return
         self._note_leap(leap, "another streak" if found else "not in the frame")
         if self._begins_again(found, timing_of(frame, exposure), frame.frame_id):
@@ -276,7 +276,7 @@ class Leaping:
             self.times.examined(self._parts.instrument_controller.now_utc_ns())
             if leap is not None:
                 self._log.took(leap, waited_for_frame=True)
-        if words := self.times.stars_seen(reduction.fwhm_px):
+        if words := self.times.add_star_width(reduction.fwhm_px):
             self._parts.session_log.say("info", words)
 
     def _note_leap(
@@ -312,7 +312,7 @@ class Leaping:
             if track is None:
                 continue
             name = "" if awaited is None else awaited.name
-            return track, name, begun_words(track, awaited, known and known[0])
+            return track, name, first_streak_words(track, awaited, known and known[0])
         return None
 
     def _begin(self, first: tuple[LeapTrack, str, str], frame_id: int) -> None:
@@ -337,7 +337,7 @@ class Leaping:
         return True
 
     def record(self) -> None:
-        """What nobody waits for: the last leap, and how the whole pass would go."""
+        """Record the last leap and plan the whole pass, once no frame waits for it."""
         self._log.record()
         if self.track is None or self._leap is None:
             return
@@ -363,12 +363,12 @@ class Leaping:
     # --- where the next one is
 
     def order_next(self, *, is_held: bool) -> Plan:
-        """The next exposure; the mount is on its way when this returns.
+        """Plan the next exposure; the mount is on its way when this returns.
 
         Raises what ``Slews.order`` does.
         """
         if self._camera.share == 1.0:
-            self.times.whole_seen(self._parts.instrument_controller.now_utc_ns())
+            self.times.record_readout(self._parts.instrument_controller.now_utc_ns())
         plan = self._next_plan(is_held=is_held)
         self._read_what_shows_it()
         return plan

@@ -1,4 +1,4 @@
-"""What came in from outside since the last frame: commands that wait, alarms that cut it short."""
+"""Executes what came in since the last frame: commands that wait, alarms that cut it short."""
 
 import logging
 import time
@@ -21,7 +21,7 @@ from rsoconsole.engine.tasks.command_queue import (
     alarm_words,
     dropped_by,
 )
-from rsoconsole.engine.tasks.seats import Faults
+from rsoconsole.engine.tasks.faults import Faults
 from rsoconsole.engine.tasks.session_log import SessionLog
 from rsoconsole.records import DONE, CommandResult, Topic
 
@@ -31,7 +31,7 @@ STOP_POLL_S = 0.02
 
 
 class CommandTurn:
-    """Commands in their order, each with its outcome on record; alarms before any of them."""
+    """Executes commands in their order, each with its outcome on record; alarms before them."""
 
     def __init__(
         self,
@@ -52,14 +52,15 @@ class CommandTurn:
         self._handlers, self._on_executed = handlers, on_executed
 
     def execute_waiting(self) -> None:
-        """Do what waits, in order; each gets its outcome on record, whatever comes between."""
+        """Execute the commands that wait, in order; each gets its outcome on record in any case."""
         requests = self._queue.take_all()
         for number, request in enumerate(requests):
             outcome = DONE
             request.course.is_begun = True
             try:
                 with self._queue.executing():
-                    outcome = self._execute(request)
+                    handler = self._handlers[type(request.command)]
+                    outcome = handler.execute(request.command, request.by)
             except (ValueError, InstrumentError, StoppedElsewhere) as error:
                 outcome = CommandResult.refused(error)
                 log.warning("%s refused: %s", request.command.verb, error)
@@ -87,12 +88,8 @@ class CommandTurn:
         self._session_log.append(action_record(request, result))
         request.course.settle(result)
 
-    def _execute(self, request: Request) -> CommandResult:
-        """One command, by its handler. Raises as the handler does."""
-        return self._handlers[type(request.command)].execute(request.command, request.by)
-
     def heed_alarms(self) -> None:
-        """What cut the loop short: pass through its step, then say so.
+        """Act on alarms: say them, then pass through their steps.
 
         Raises Interrupted while a STOP is still talking to the mount on its own thread: nothing
         may be executed before it is over.

@@ -10,10 +10,10 @@ from rsoconsole.engine.operator.arming import pointing_check
 from rsoconsole.engine.operator.by_hand import ByHand, Parts
 from rsoconsole.engine.operator.handlers import Control
 from rsoconsole.engine.tasks.exposures import Exposures
+from rsoconsole.engine.tasks.faults import Faults
 from rsoconsole.engine.tasks.field_tracks import AimAhead, aim_ahead
-from rsoconsole.engine.tasks.pace import Pace, Temporary
+from rsoconsole.engine.tasks.pace import Pace, TemporarySettings
 from rsoconsole.engine.tasks.preview import PlacesOfInterest
-from rsoconsole.engine.tasks.seats import Faults
 from rsoconsole.pipeline import Cycle, Orbits, Reduction
 from rsoconsole.records import CycleTiming, Frame, SlewRefusal, Solution, TrackState
 from rsoconsole.tracking.filters import estimator
@@ -23,7 +23,7 @@ CLEAR_FRAMES = 2
 
 
 class FrameTurn:
-    """What is remembered from one exposure to the next, and the way of each through the loop."""
+    """Takes each exposure through the loop, and keeps what the next one needs."""
 
     def __init__(
         self,
@@ -49,13 +49,13 @@ class FrameTurn:
         self._is_first_look = False
         self._must_check_pointing = True
         self.clear_frames = 0
-        """In a row, up to the last one."""
+        """Frames with stars in a row, up to the last one."""
         self.last_track: TrackState | None = None
-        """What was followed last this night."""
+        """The track followed last this night."""
         self.ahead: AimAhead | None = None
-        """Where the exposure after the next one would look."""
+        """The aim of the exposure after the next one."""
         self._pace = Pace()
-        self.temporary = Temporary(self._pace.of_night)
+        self.temporary = TemporarySettings(self._pace.of_night)
         """Settings that hold for some frames only."""
         self._places = PlacesOfInterest()
 

@@ -1,7 +1,6 @@
 """The engine at one instant, for scripts, tmux and consoles."""
 
 from collections.abc import Mapping
-from types import MappingProxyType
 
 from rsoconsole.control import NextAim, Status, TrackNow, nearest_first
 from rsoconsole.engine.aim.states import Authority
@@ -17,23 +16,23 @@ def status_of(
     frame_id: int,
     now_utc_ns: int,
     faults: tuple[str, ...],
-    exposing_until_utc_ns: int | None = None,
-    next_start_utc_ns: int | None = None,
-    names: Mapping[int, str] = MappingProxyType({}),
-    kept_until_utc_ns: int | None = None,
-    slew_left_s: float | None = None,
-    simulated_speed: float | None = None,
-    markable_frames: tuple[int, ...] | None = None,
-    tracks: tuple[TrackNow, ...] = (),
-    next_aim: NextAim | None = None,
-    orbits: Orbits | None = None,
+    exposing_until_utc_ns: int | None,
+    next_start_utc_ns: int | None,
+    names: Mapping[int, str],
+    kept_until_utc_ns: int | None,
+    slew_left_s: float | None,
+    simulated_speed: float | None,
+    markable_frames: tuple[int, ...],
+    tracks: tuple[TrackNow, ...],
+    next_aim: NextAim | None,
+    orbits: Orbits,
 ) -> Status:
     """A snapshot; every part of it is read once, so that any thread may ask.
 
     ``names``: of identified tracks, by track id; ``orbits``: knows the field as a whole.
     """
-    last_pairs = () if orbits is None or not authority.following.tracks else orbits.pairs.last
-    expected = None if orbits is None else orbits.expected
+    last_pairs = orbits.pairs.last if authority.following.tracks else ()
+    expected = orbits.expected
     track = authority.following.track
     limit = watch.next_limit
     report = watch.last_report
@@ -63,8 +62,8 @@ def status_of(
         tracks=tracks,
         next_aim=next_aim,
         pairs=nearest_first(last_pairs),
-        unseen=() if expected is None or expected.last is None else expected.last.unseen,
-        uncatalogued=() if expected is None else expected.uncatalogued,
+        unseen=() if expected.last is None else expected.last.unseen,
+        uncatalogued=expected.uncatalogued,
         next_limit=None if limit is None else limit[1].limit,
         next_limit_utc_ns=None if limit is None else limit[0],
         lifted=tuple(sorted(watch.lifted)),

@@ -12,18 +12,18 @@ from rsoconsole.base import InstrumentError
 from rsoconsole.engine.aim.states import ClockSet
 from rsoconsole.engine.operator.by_hand import ByHand, Parts
 from rsoconsole.engine.operator.handlers import Control
-from rsoconsole.instruments import MIN_STEP_S, ClockFault, MountReport, SlewEnd
+from rsoconsole.instruments import MIN_STEP_S, ClockFault, MountReport
 from rsoconsole.records import Topic
 from rsoconsole.sky import icrs_to_altaz
 
 NS = 1_000_000_000
 SETTLED_NS = NS
-"""Where this program stood still the mount's own process, too, has just begun to look again."""
+"""Wait until the mount's process, which stood still too, has looked again."""
 GIVEN_UP = "what was under way is given up"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class TimeTrouble:
+class ClockTrouble:
     """The last fault of the clock, for the health panel."""
 
     t_utc_ns: int
@@ -31,7 +31,7 @@ class TimeTrouble:
 
 
 class Interruptions:
-    """Hears of them, tells them, and looks at the mount before the loop goes on."""
+    """Reports faults of time and slews ended by the lease, and checks the mount after them."""
 
     def __init__(
         self,
@@ -50,13 +50,13 @@ class Interruptions:
         self._forget, self._forget_camera = forget, forget_camera
         self._end_at_limit = end_at_limit
         self._must_look = False
-        self.trouble: TimeTrouble | None = None
-        """What happened to the clock last."""
+        self.trouble: ClockTrouble | None = None
+        """The last fault of the clock."""
 
     # -- time -----------------------------------------------------------------------------------
 
     def receive(self, fault: ClockFault) -> None:
-        """Something went wrong with time; the loop drops what it was at."""
+        """Act on a fault of the clock; the loop drops its work."""
         match fault.kind:
             case "set" | "leap second":
                 self._clock_set(fault)
@@ -161,9 +161,7 @@ class Interruptions:
             self._say("alarm", f"nobody can tell how the mount stands: {error}")
             return
         self._must_look = False
-        ended = self._parts.instrument_controller.instruments.mount.take_slew_end()
-        if ended is not None:
-            self._say("alarm", ended_words(ended), "")
+        self._say_slew_end()
         self._go_on_from(report)
 
     def goes_on_after(self) -> bool:
@@ -171,13 +169,22 @@ class Interruptions:
 
         Then it is said, and autonomy goes on from where the mount stands.
         """
-        ended = self._parts.instrument_controller.instruments.mount.take_slew_end()
-        if ended is None:
+        if not self._say_slew_end():
             return False
         self._must_look = False
-        self._say("alarm", ended_words(ended), "")
         self._go_on_from(self._parts.instrument_controller.wait_for_rest())
         return True
+
+    def _say_slew_end(self) -> bool:
+        """Say that the mount's own process has ended a slew, and why; False where it has not."""
+        ended = self._parts.instrument_controller.instruments.mount.take_slew_end()
+        if ended is not None:
+            words = (
+                "the mount's own process has ended the slew, because the engine had not renewed its"
+                f" lease for {ended.unwatched_s:.0f} s ({ended.lease_s:g} s are allowed)"
+            )
+            self._say("alarm", words, "")
+        return ended is not None
 
     def _go_on_from(self, report: MountReport) -> None:
         """Raises Interrupted where the mount is beyond a limit: it has been stopped then."""
@@ -204,7 +211,7 @@ class Interruptions:
         self._say("info", f"{where}{within}: {goes_on}")
 
     def _note(self, text: str) -> None:
-        self.trouble = TimeTrouble(
+        self.trouble = ClockTrouble(
             t_utc_ns=self._parts.instrument_controller.now_utc_ns(), text=text
         )
 
@@ -212,11 +219,3 @@ class Interruptions:
         self, level: Literal["info", "warning", "alarm"], text: str, topic: Topic = "clock"
     ) -> None:
         self._parts.session_log.say(level, text, topic)
-
-
-def ended_words(ended: SlewEnd) -> str:
-    """What the mount's own process did, and why."""
-    return (
-        "the mount's own process has ended the slew, because the engine had not renewed its lease"
-        f" for {ended.unwatched_s:.0f} s ({ended.lease_s:g} s are allowed)"
-    )

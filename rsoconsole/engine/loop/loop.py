@@ -47,15 +47,16 @@ from rsoconsole.engine.operator.decisions import Decisions, PixelsOf
 from rsoconsole.engine.operator.handlers import Modes, Seeking, Settings, joined
 from rsoconsole.engine.tasks.command_queue import CommandQueue, action_record
 from rsoconsole.engine.tasks.exposures import Exposures
+from rsoconsole.engine.tasks.faults import Faults
 from rsoconsole.engine.tasks.field_tracks import KeptTrack, kept_name, tracks_now
 from rsoconsole.engine.tasks.parking import Parking
-from rsoconsole.engine.tasks.seats import Faults
-from rsoconsole.engine.tasks.session_log import Recorder, SessionLog
+from rsoconsole.engine.tasks.session_log import SessionLog
 from rsoconsole.engine.tasks.slews import NowhereError, Slews
 from rsoconsole.engine.tasks.watch import Watch
 from rsoconsole.instruments import StopResult
 from rsoconsole.pipeline import Cycle, FrameReducer, Orbits, Past, Reduction
 from rsoconsole.records import DONE, Cause, CommandResult, Miss, Missed, StateChange, TrackState
+from rsoconsole.session import SessionWriter as Recorder
 from rsoconsole.tracking import Following
 from rsoconsole.words import CUT_POWER, NO_PARK, measured_text, unmeasured_text
 

@@ -1,4 +1,4 @@
-"""How the machine itself is: heat, power, throttling. Read from the kernel's own files.
+"""The machine's heat, power and throttling, read from the kernel's own files.
 
 A Raspberry Pi tells under-voltage by the driver ``rpi_volt`` of its hardware monitor (kernel
 documentation, hwmon/raspberrypi-hwmon), and throttling by its firmware's word GET_THROTTLED, which
@@ -18,7 +18,7 @@ from pathlib import Path
 from rsoconsole.control import Machine
 
 ROOT = Path("/")
-"""Where ``proc`` and ``sys`` are; tests put their own here."""
+"""Where ``proc`` and ``sys`` are; tests have their own."""
 PI_HOT_C, HOT_C = 80.0, 95.0
 """A Raspberry Pi slows itself down from 80 degrees on; other machines are built for more."""
 TIMEOUT_S = 3.0
@@ -45,15 +45,14 @@ POWER_REMEDY = (
 HEAT_REMEDY = "a heat sink or a fan, air around the case, shade by day"
 
 
-def read_machine(root: Path | None = None) -> Machine:
-    """One reading; raises nothing."""
-    place = ROOT if root is None else root
-    alarm, word = _supply_alarm(place), _throttled_word(place)
+def read_machine(root: Path = ROOT) -> Machine:
+    """Read the machine once; raises nothing."""
+    alarm, word = _supply_alarm(root), _throttled_word(root)
     return Machine(
-        model=board_model(place),
-        cpu_temperature_c=_temperature_c(place),
-        cpu_frequency_mhz=_megahertz(place, "scaling_cur_freq"),
-        cpu_frequency_max_mhz=_megahertz(place, "cpuinfo_max_freq"),
+        model=board_model(root),
+        cpu_temperature_c=_temperature_c(root),
+        cpu_frequency_mhz=_megahertz(root, "scaling_cur_freq"),
+        cpu_frequency_max_mhz=_megahertz(root, "cpuinfo_max_freq"),
         is_under_voltage=_either(alarm, _has(word, UNDER_VOLTAGE)),
         is_throttled=_has(word, CAPPED | THROTTLED | SOFT_LIMIT),
         has_been_under_voltage=_either(alarm, _has(word, UNDER_VOLTAGE << EARLIER)),
@@ -62,16 +61,11 @@ def read_machine(root: Path | None = None) -> Machine:
 
 
 def troubles_of(reading: Machine) -> tuple[Trouble, ...]:
-    """What is not well, worst first; empty where nothing is or nothing is told."""
+    """The troubles of a reading, worst first; empty where there are none or nothing is reported."""
     found = []
     if reading.is_under_voltage:
-        found.append(
-            Trouble(
-                name="power",
-                words="under-voltage: the power supply gives too little",
-                remedy=POWER_REMEDY,
-            )
-        )
+        words = "under-voltage: the power supply gives too little"
+        found.append(Trouble(name="power", words=words, remedy=POWER_REMEDY))
     degrees = reading.cpu_temperature_c
     at = "" if degrees is None else f" at {degrees:.0f} °C"
     if reading.is_throttled:
@@ -85,9 +79,9 @@ def troubles_of(reading: Machine) -> tuple[Trouble, ...]:
     return tuple(found)
 
 
-def board_model(root: Path | None = None) -> str | None:
-    """What the device tree calls the board; None where there is none, as on a PC."""
-    text = text_of((ROOT if root is None else root) / "proc/device-tree/model")
+def board_model(root: Path) -> str | None:
+    """The board's name in the device tree; None where there is none, as on a PC."""
+    text = text_of(root / "proc/device-tree/model")
     return None if text is None else text.replace("\0", "").strip() or None
 
 
@@ -130,7 +124,7 @@ def _throttled_word(root: Path) -> int | None:
 
 
 def run_program(words: Sequence[str]) -> str | None:
-    """What a program says; None where it is not there, fails or takes too long."""
+    """The output of a program; None where it is not there, fails or takes too long."""
     program = shutil.which(words[0])
     if program is None:
         return None
@@ -141,6 +135,16 @@ def run_program(words: Sequence[str]) -> str | None:
     except (OSError, subprocess.SubprocessError):
         return None
     return done.stdout
+
+
+def name_values(text: str | None, mark: str) -> dict[str, str]:
+    """Name and value of lines that have both; of a name that stands twice the first."""
+    found: dict[str, str] = {}
+    for line in (text or "").splitlines():
+        name, _, value = line.partition(mark)
+        if value.strip():
+            found.setdefault(name.strip(), value.strip())
+    return found
 
 
 def _megahertz(root: Path, name: str) -> float | None:
@@ -169,7 +173,7 @@ _kept: list[str] = []
 """The address, once it is kept from the children."""
 
 
-def keep_from_children() -> None:
+def hide_notify_socket() -> None:
     """Take the address out of the environment: a program that the engine runs is not the engine.
 
     Those of systemd itself (``timedatectl``) report their own failures to it otherwise.

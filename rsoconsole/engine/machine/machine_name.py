@@ -1,4 +1,4 @@
-"""Which machine this is, in words for a report; never called what it does not say it is."""
+"""The machine's identity for a report, by what it says of itself alone."""
 
 import os
 import platform
@@ -6,15 +6,14 @@ import sys
 from dataclasses import dataclass
 from pathlib import Path
 
-from rsoconsole.engine.machine import machine
-from rsoconsole.engine.machine.machine import board_model, text_of
+from rsoconsole.engine.machine.machine import ROOT, board_model, name_values, text_of
 from rsoconsole.vision import available_cores
 
 _ARM = {"aarch64", "arm64", "armv7l", "armv8l", "armv6l"}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Identity:
+class MachineIdentity:
     """A machine as a figure measured on it must name it."""
 
     model: str
@@ -38,19 +37,18 @@ class Identity:
         )
 
 
-def identity(root: Path | None = None, architecture: str | None = None) -> Identity:
+def machine_identity(root: Path = ROOT, architecture: str | None = None) -> MachineIdentity:
     """This machine; ``root`` and ``architecture`` are put in its place by tests."""
-    place = machine.ROOT if root is None else root
     kind = platform.machine() if architecture is None else architecture
-    cpu = _cpu_facts(text_of(place / "proc/cpuinfo") or "")
-    board = board_model(place)
-    return Identity(
+    cpu = name_values(text_of(root / "proc/cpuinfo"), ":")
+    board = board_model(root)
+    return MachineIdentity(
         model=board or cpu.get("Model") or cpu.get("model name") or f"unnamed {kind} processor",
         cores=available_cores(),
         architecture=kind,
         python=".".join(str(part) for part in sys.version_info[:3]),
-        system=_system(place),
-        is_emulated=_is_emulated(kind, cpu, place),
+        system=_system(root),
+        is_emulated=_is_emulated(kind, cpu, root),
     )
 
 
@@ -59,22 +57,9 @@ def load_share() -> float:
     return os.getloadavg()[0] / available_cores()
 
 
-def _cpu_facts(text: str) -> dict[str, str]:
-    """The first processor's lines, and the last of those that stand once."""
-    facts: dict[str, str] = {}
-    for line in text.splitlines():
-        name, mark, value = line.partition(":")
-        if mark and value.strip():
-            facts.setdefault(name.strip(), value.strip())
-    return facts
-
-
 def _system(root: Path) -> str:
-    for line in (text_of(root / "etc/os-release") or "").splitlines():
-        name, _, value = line.partition("=")
-        if name == "PRETTY_NAME":
-            return value.strip('"')
-    return f"{platform.system()} {platform.release()}"
+    name = name_values(text_of(root / "etc/os-release"), "=").get("PRETTY_NAME")
+    return name.strip('"') if name else f"{platform.system()} {platform.release()}"
 
 
 def _is_emulated(architecture: str, cpu: dict[str, str], root: Path) -> bool:

@@ -1,13 +1,13 @@
-"""Which kind of disk a folder lies on: an SD card wears out, a USB disk is made for nights."""
+"""The kind of disk that a folder lies on, and how many nights it has room for."""
 
 import os
+import re
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
 from rsoconsole.config import Config
-from rsoconsole.engine.machine import machine
-from rsoconsole.engine.machine.machine import text_of
+from rsoconsole.engine.machine.machine import ROOT, text_of
 from rsoconsole.sky import night_span
 from rsoconsole.words import NS_PER_S
 
@@ -21,7 +21,7 @@ _LIFE_STEP_PERCENT = 10
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Medium:
-    """What a folder lies on."""
+    """The disk that a folder lies on."""
 
     kind: MediumKind
     device: str = ""
@@ -30,10 +30,9 @@ class Medium:
     """As an eMMC counts it itself, in steps of ten; 110: beyond what it is made for."""
 
 
-def medium_of(folder: Path, root: Path | None = None) -> Medium:
-    """What the folder lies on, or would once it is made. Raises nothing."""
-    place = machine.ROOT if root is None else root
-    mount = _mount_of(folder, place)
+def medium_of(folder: Path, root: Path = ROOT) -> Medium:
+    """The disk that a folder lies on, or would once it is made. Raises nothing."""
+    mount = _mount_of(folder, root)
     if mount is None:
         return Medium(kind="unknown")
     number, file_system, source = mount
@@ -43,8 +42,8 @@ def medium_of(folder: Path, root: Path | None = None) -> Medium:
         return Medium(kind="network share")
     # A file system of several disks (btrfs) has no number of its own but names one of them.
     for path in (
-        place / "sys/dev/block" / number,
-        place / "sys/class/block" / Path(source).name,
+        root / "sys/dev/block" / number,
+        root / "sys/class/block" / Path(source).name,
     ):
         if path.exists():
             return _disk(path.resolve())
@@ -96,16 +95,14 @@ def _life_used(whole: Path) -> int | None:
 
 def _unescaped(place: str) -> str:
     """Blanks and the like stand in mountinfo as octal numbers."""
-    for escaped, meant in (("\\040", " "), ("\\011", "\t"), ("\\012", "\n"), ("\\134", "\\")):
-        place = place.replace(escaped, meant)
-    return place
+    return re.sub(r"\\([0-7]{3})", lambda match: chr(int(match[1], 8)), place)
 
 
 NIGHT_WITHOUT_DARK_S = 10 * 3600.0
-"""What is assumed where no dark time begins within a day."""
+"""Assumed night where no dark time begins within a day."""
 LONGEST_NIGHT_S = 24 * 3600.0
 COMPRESSED_SHARE = 0.52
-"""Of a frame whose camera fills all 16 bits; 12 bits in 16 come to half of this."""
+"""Compressed size over raw, for a camera that fills all 16 bits; 12 bits give half of it."""
 BYTES_BESIDE_FRAME = 100_000
 """Preview and records of one exposure."""
 WARN_BELOW_NIGHTS = 3.0
@@ -117,13 +114,12 @@ DISK_REMEDY = (
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DiskOutlook:
-    """What the coming night takes and how many such nights there is room for."""
+    """The disk that the coming night takes, and for how many such nights there is room."""
 
     bytes_a_night: int
     """At most: exposures from dusk to dawn without a pause, each kept as configured."""
     dark_s: float
     """How long that night is."""
-    free_bytes: int
     nights: float
     warning: str | None
     """In words, with the figures and what to do; None while there is room for some nights."""
@@ -132,21 +128,18 @@ class DiskOutlook:
 def disk_outlook(
     config: Config, free_bytes: int, now_utc_ns: int, bytes_a_frame: float | None = None
 ) -> DiskOutlook:
-    """How many nights like the coming one the free disk holds.
+    """Compute how many nights like the coming one the free disk holds.
 
     ``bytes_a_frame`` is what a frame has really come to, without preview and records; None
     computes from the sensor and how well such frames compress. For "detected" every frame is
     counted: how many will show something nobody knows.
     """
-    span = night_span(config.site.to_site(), now_utc_ns, config.limits.twilight_deg)
-    dark_s = NIGHT_WITHOUT_DARK_S if span is None else (span[1] - span[0]) / NS_PER_S
-    dark_s = min(dark_s, LONGEST_NIGHT_S)
+    dark_s = min(_dark_s(config, now_utc_ns, from_utc_ns=0), LONGEST_NIGHT_S)
     need = session_bytes(config, dark_s, bytes_a_frame)
     nights = free_bytes / need
     return DiskOutlook(
         bytes_a_night=round(need),
         dark_s=dark_s,
-        free_bytes=free_bytes,
         nights=nights,
         warning=_warning(disk_words(free_bytes, dark_s, need), nights),
     )
@@ -154,12 +147,16 @@ def disk_outlook(
 
 def bytes_until_dawn(config: Config, now_utc_ns: int) -> tuple[float, float]:
     """(disk that what is left of this night, or the whole coming one, takes; its seconds)."""
-    span = night_span(config.site.to_site(), now_utc_ns, config.limits.twilight_deg)
-    if span is None:
-        dark_s = NIGHT_WITHOUT_DARK_S
-    else:
-        dark_s = (span[1] - max(span[0], now_utc_ns)) / NS_PER_S
+    dark_s = _dark_s(config, now_utc_ns, from_utc_ns=now_utc_ns)
     return session_bytes(config, dark_s), dark_s
+
+
+def _dark_s(config: Config, now_utc_ns: int, *, from_utc_ns: int) -> float:
+    """How long this night or the coming one is dark, of it what is after ``from_utc_ns``."""
+    span = night_span(config.site.to_site(), now_utc_ns, config.limits.twilight_deg)
+    return (
+        NIGHT_WITHOUT_DARK_S if span is None else (span[1] - max(span[0], from_utc_ns)) / NS_PER_S
+    )
 
 
 def session_bytes(config: Config, duration_s: float, bytes_a_frame: float | None = None) -> float:
@@ -170,17 +167,13 @@ def session_bytes(config: Config, duration_s: float, bytes_a_frame: float | None
     elif bytes_a_frame is not None:
         kept_bytes = bytes_a_frame
     else:
-        kept_bytes = COMPRESSED_SHARE * raw_frame_bytes(config)
+        raw_bytes = 2 * config.optics.width_px * config.optics.height_px
+        kept_bytes = COMPRESSED_SHARE * raw_bytes
     return duration_s / cadence_s * (kept_bytes + BYTES_BESIDE_FRAME)
 
 
-def raw_frame_bytes(config: Config) -> int:
-    """One frame as the camera gives it: 16 bits a pixel."""
-    return 2 * config.optics.width_px * config.optics.height_px
-
-
 def disk_words(free_bytes: float, dark_s: float, need_bytes: float) -> str:
-    """What is free, and what so much of a night takes."""
+    """The free disk and the need of a night, in words."""
     takes = f"{dark_s / 3600:.1f} h of dark take up to {need_bytes / 1e9:.1f} GB"
     return f"{free_bytes / 1e9:.1f} GB free, {takes}"
 

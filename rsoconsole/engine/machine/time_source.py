@@ -1,4 +1,4 @@
-"""Where this machine's time comes from: a GPS receiver, a time server, or nowhere."""
+"""The source of this machine's time: a GPS receiver, a time server, or none."""
 
 import re
 from collections.abc import Callable, Sequence
@@ -6,8 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
-from rsoconsole.engine.machine import machine
-from rsoconsole.engine.machine.machine import run_program, text_of
+from rsoconsole.engine.machine.machine import ROOT, name_values, run_program, text_of
 
 TimeSourceKind = Literal["GPS", "NTP", "none", "unknown"]
 _CLOCKS = re.compile(r"GPS|PPS|NMEA|GNSS|SHM|UBX", re.IGNORECASE)
@@ -18,7 +17,7 @@ Ask = Callable[[Sequence[str]], str | None]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TimeSource:
-    """Who sets this machine's clock."""
+    """The service that sets this machine's clock."""
 
     kind: TimeSourceKind
     """none: a time service runs and reaches nobody, or is off; unknown: none is asked."""
@@ -27,14 +26,13 @@ class TimeSource:
     """The real-time clock that goes on without power; None where there is none."""
 
 
-def read_time_source(ask: Ask | None = None, root: Path | None = None) -> TimeSource:
-    """What chrony says, else what systemd says. Asks programs; raises nothing."""
-    put = run_program if ask is None else ask
-    clock = text_of((machine.ROOT if root is None else root) / "sys/class/rtc/rtc0/name")
-    chrony = put(("chronyc", "-c", "tracking"))
+def read_time_source(ask: Ask = run_program, root: Path = ROOT) -> TimeSource:
+    """The time source by chrony, else by systemd. Asks programs; raises nothing."""
+    clock = text_of(root / "sys/class/rtc/rtc0/name")
+    chrony = ask(("chronyc", "-c", "tracking"))
     found = None if chrony is None else _by_chrony(chrony)
     if found is None:
-        found = _by_systemd(put(("timedatectl", "show")), put(("timedatectl", "show-timesync")))
+        found = _by_systemd(ask(("timedatectl", "show")), ask(("timedatectl", "show-timesync")))
     return TimeSource(kind=found[0], detail=found[1], rtc=clock)
 
 
@@ -53,8 +51,8 @@ def _by_chrony(line: str) -> tuple[TimeSourceKind, str] | None:
 
 def _by_systemd(clock: str | None, service: str | None) -> tuple[TimeSourceKind, str]:
     """By what ``timedatectl`` knows of the clock and of its own time service."""
-    pairs = _pairs(clock)
-    server = _pairs(service).get("ServerName", "")
+    pairs = name_values(clock, "=")
+    server = name_values(service, "=").get("ServerName", "")
     is_set = pairs.get("NTPSynchronized") == "yes"
     if is_set:
         return (
@@ -66,8 +64,3 @@ def _by_systemd(clock: str | None, service: str | None) -> tuple[TimeSourceKind,
     if pairs.get("NTP") == "no":
         return "none", "no time service runs"
     return "unknown", "this system does not tell"
-
-
-def _pairs(text: str | None) -> dict[str, str]:
-    rows = (line.partition("=") for line in (text or "").splitlines())
-    return {name: value for name, mark, value in rows if mark}

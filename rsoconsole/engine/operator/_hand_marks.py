@@ -77,8 +77,8 @@ def detection_of(mark: MarkByHand, frame_id: int) -> Detection:
     )
 
 
-def refined_as(mark: MarkByHand, found: Detection) -> MarkByHand:
-    """The same mark where the light is."""
+def refined_command(mark: MarkByHand, found: Detection) -> MarkByHand:
+    """A mark moved onto the light that was found beneath it."""
     return replace(
         mark,
         x_a_px=found.x_a_px,
@@ -92,23 +92,19 @@ def refined_as(mark: MarkByHand, found: Detection) -> MarkByHand:
 
 
 def sigma_arcsec(measurement: Measurement) -> float:
-    """One sigma of a direction where it is known worst."""
+    """One sigma of a direction on its worst axis, arcsec."""
     return largest_sigma(*measurement.cov_sky_arcsec2)
 
 
-def better_known(
+def better_measurement(
     mark: Measurement, shown: FrameObservations, taken: Measurement | None
 ) -> Measurement | None:
-    """What a mark would replace and is known much better; None where there is no such thing."""
+    """A much more precise measurement that a mark would replace; None where there is none."""
     sigma = sigma_arcsec(mark)
-    near = [m for m in shown.measurements if _is_at(m, mark, 3.0 * sigma)]
+    near = [m for m in shown.measurements if _away_arcsec(m, mark) <= 3.0 * sigma]
     known = [m for m in (taken, *near) if m is not None and m != mark and not m.is_clipped]
     best = min(known, key=sigma_arcsec, default=None)
     return best if best is not None and BETTER * sigma_arcsec(best) < sigma else None
-
-
-def _is_at(one: Measurement, other: Measurement, within_arcsec: float) -> bool:
-    return _away_arcsec(one, other) <= within_arcsec
 
 
 def _away_arcsec(one: Measurement, other: Measurement) -> float:
@@ -121,7 +117,7 @@ def _away_arcsec(one: Measurement, other: Measurement) -> float:
 def measured(
     detection: Detection, measurement_id: str, shown: FrameObservations, config: Config
 ) -> Measurement:
-    """A detection that is taken on the operator's word, as a direction."""
+    """Measure a detection that the operator accepts. Raises ValueError without stars or time."""
     if not isinstance(shown.solution, Solution):
         raise ValueError(_not_solved(shown.taken.frame_id))
     made = measure(
@@ -141,23 +137,23 @@ def _not_solved(frame_id: int) -> str:
     return f"frame {frame_id} was not solved: without stars a streak has no place on the sky"
 
 
-def automatic_of(
+def detected_measurement(
     mark: Measurement, shown: FrameObservations, taken: Measurement | None
 ) -> Measurement | None:
-    """What the detector measured of the streak that is marked; None where it did not.
+    """The detector's measurement of a streak that is marked; None where it has none.
 
     ``taken``: what the track has of the frame.
     """
     known = [m for m in (taken, *shown.measurements) if m is not None and m.source != "operator"]
     within = max(SAME_STREAK_ARCSEC, 3.0 * sigma_arcsec(mark))
-    near = [m for m in known if _is_at(m, mark, within)]
+    near = [m for m in known if _away_arcsec(m, mark) <= within]
     return min(near, key=lambda m: _away_arcsec(m, mark), default=None)
 
 
-def with_figures(
+def with_mark_figures(
     result: CommandResult, mark: Measurement, automatic: Measurement | None
 ) -> CommandResult:
-    """With how good a mark is, and how far from what the detector measured."""
+    """Add a mark's precision and its distance from the detector's measurement to a result."""
     east, _, north = mark.cov_sky_arcsec2
     return replace(
         result,
@@ -167,7 +163,7 @@ def with_figures(
 
 
 def by_hand_result(decision: Ruling, records: tuple[Record, ...]) -> CommandResult:
-    """What a word on a frame came to that nobody followed."""
+    """The result of a decision on a frame that nobody followed."""
     states = [r for r in records if isinstance(r, TrackState) and r.frame_id == decision.frame_id]
     result = result_of(decision, ())
     kinds = {each.kind for each in states}
@@ -177,7 +173,7 @@ def by_hand_result(decision: Ruling, records: tuple[Record, ...]) -> CommandResu
 
 
 def result_of(decision: Ruling, records: tuple[Record, ...]) -> CommandResult:
-    """What a decision came to."""
+    """The result of a decision."""
     taken, left_alone = decision.taken, 0
     ruled: RuledKind = "rejected" if decision.refused else "taken back"
     if taken is not None:

@@ -1,4 +1,4 @@
-"""What must be well before the engine may move a telescope, asked of the world and then judged.
+"""The checklist before the engine may move a telescope: facts are gathered, then judged.
 
 Each check bears the one word by which an operator overrides it: somebody who knows better may,
 but by name, and it is logged.
@@ -35,13 +35,13 @@ CLOCK_OFFSET_S = 0.1
 MOUNT_TIME_S = 30.0
 """Many a mount tells its time in whole seconds and late; a wrong zone or day shows all the same."""
 POINTING_DEG = CLIP_ARCSEC / 3600.0
-"""As far as the loop's own pointing offset reaches: beyond it no slew would find its place."""
+"""Reach of the loop's own pointing offset: beyond it no slew would find its place."""
 MOUNT_ANSWER_S = 2.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ArmingCheck:
-    """One thing that must be well, and how it was found."""
+    """One check of the list, and its result."""
 
     name: str
     """The word by which an operator overrides it; one of ``CHECKS``."""
@@ -54,7 +54,7 @@ class ArmingCheck:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ArmingFacts:
-    """What the world said of itself at one instant; a question without an answer is None."""
+    """Facts for the checklist at one instant; a question without an answer is None."""
 
     now_utc_ns: int
     is_simulated: bool
@@ -171,13 +171,13 @@ def _pointing(
 
 
 def unknown_words(names: Collection[str]) -> str:
-    """That some are names of no check; empty where each is one."""
+    """A message that names unknown checks; empty where all are known."""
     unknown = ", ".join(sorted(set(names) - set(CHECKS)))
     return f"no check is called {unknown}; there are {', '.join(CHECKS)}" if unknown else ""
 
 
 def refusal_text(checks: Sequence[ArmingCheck], overridden: Collection[str]) -> str | None:
-    """Why the engine is not armed, in one line; None when every failed check is overridden."""
+    """The reason why the engine is not armed; None when every failed check is overridden."""
     failed = [check for check in checks if not check.ok and check.name not in overridden]
     if not failed:
         return None
@@ -202,7 +202,7 @@ def _clock(facts: ArmingFacts, config: Config) -> Check:
 
 def _site(facts: ArmingFacts) -> Check:
     if facts.site is None:
-        return _mount_is_dumb(facts)
+        return _mount_is_silent(facts)
     if facts.site.is_consistent:
         return well(facts.site.detail)
     remedy = "correct site.latitude_deg and site.longitude_deg, or set the mount's site"
@@ -211,7 +211,7 @@ def _site(facts: ArmingFacts) -> Check:
 
 def _time(facts: ArmingFacts) -> Check:
     if facts.report is None:
-        return _mount_is_dumb(facts)
+        return _mount_is_silent(facts)
     offset_s = facts.mount_utc_offset_s
     if offset_s is None:
         return well("the mount does not tell its time")
@@ -232,7 +232,7 @@ def _sun(facts: ArmingFacts, config: Config) -> Check:
 
 def _unparked(facts: ArmingFacts, config: Config) -> Check:
     if facts.report is None:
-        return _mount_is_dumb(facts)
+        return _mount_is_silent(facts)
     if facts.report.is_parked:
         return bad("the mount is parked", "'rsoconsole unpark'")
     is_parking = facts.report.is_parking
@@ -246,7 +246,7 @@ def _ability(
     name: Literal["abort", "tracking"], detail: str, facts: ArmingFacts, config: Config
 ) -> Check:
     if facts.report is None or facts.abilities is None:
-        return _mount_is_dumb(facts)
+        return _mount_is_silent(facts)
     lack = _lack(name, facts, config)
     if lack is None:
         return well(detail)
@@ -300,7 +300,7 @@ def _of_doctor(name: str, found: Check) -> ArmingCheck:
     )
 
 
-def _mount_is_dumb(facts: ArmingFacts) -> Check:
+def _mount_is_silent(facts: ArmingFacts) -> Check:
     return bad(
         f"{NO_ANSWER}: {facts.mount_fault or 'no reason given'}",
         "look at its driver, its cable, its power",

@@ -31,12 +31,12 @@ class HandMove:
     direction: Direction
     """Where the telescope is to look."""
     command: Direction
-    """What the mount was told for that."""
+    """The direction commanded to the mount for that."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Parts:
-    """What of the engine a move by hand needs."""
+    """The parts of the engine that moves by hand, frames and leaps work with."""
 
     instrument_controller: InstrumentController
     planner: Planner
@@ -67,7 +67,7 @@ class ByHand:
         }
 
     def preview(self, preview: Preview) -> MovePreview:
-        """What a move would do: target, way, time and limits; nothing moves.
+        """Preview a move: target, way, time and limits; nothing moves.
 
         Raises ValueError where it leads nowhere, InstrumentError when the mount is silent.
         """
@@ -101,8 +101,9 @@ class ByHand:
     def _check_move(self, command: Move, _by: str) -> Accepted:
         direction = self._possible(command)
         commanded = self._command(direction)
-        data = {"ra_icrs_deg": direction[0], "dec_icrs_deg": direction[1]}
-        data |= {
+        data = {
+            "ra_icrs_deg": direction[0],
+            "dec_icrs_deg": direction[1],
             "command_ra_icrs_deg": float(commanded[0]),
             "command_dec_icrs_deg": float(commanded[1]),
         }
@@ -192,7 +193,7 @@ class ByHand:
         for name, value in move.settings().items():
             config = changed(config, name, value)
         now_ns = self._parts.instrument_controller.now_utc_ns()
-        by_orbit = self._parts.guide.of_track(now_ns, config.aim)
+        by_orbit = self._parts.guide.track_direction(now_ns, config.aim)
         return by_orbit or follow_direction(track, now_ns, config.filter, config.aim)
 
     def _refusal(self, direction: Direction, override: tuple[str, ...]) -> str | None:

@@ -1,4 +1,4 @@
-"""What the operator says of a frame's streaks: chosen, accepted, rejected, marked by hand.
+"""The operator's decisions on a frame's streaks: chosen, accepted, rejected, marked by hand.
 
 Each makes a ``Ruling`` on one of the last frames, by which it and those after it are followed
 again; while nobody follows, two of them make a track that is kept. Nothing here moves the mount.
@@ -24,16 +24,16 @@ from rsoconsole.control import (
 )
 from rsoconsole.engine.aim.states import Followed, Marked
 from rsoconsole.engine.operator._hand_marks import (
-    automatic_of,
-    better_known,
+    better_measurement,
     by_hand_result,
+    detected_measurement,
     detection_of,
     marked_decision,
     measured,
-    refined_as,
+    refined_command,
     result_of,
     sigma_arcsec,
-    with_figures,
+    with_mark_figures,
 )
 from rsoconsole.engine.operator.handlers import Accepted, Control, Handler, Handlers, RefusedError
 from rsoconsole.engine.tasks.session_log import SessionLog
@@ -54,10 +54,10 @@ from rsoconsole.tracking import Following
 from rsoconsole.words import error_figure, text
 
 
-def on_track(
+def track_decision(
     word: Drop | Keep, shown: FrameObservations, following: Following, by: str, config: Config
 ) -> Ruling:
-    """One track is dropped or kept; what was said of the frame before stands.
+    """The decision to drop or keep one track; earlier decisions on the frame stand.
 
     Raises ValueError where the track is none that is followed.
     """
@@ -90,7 +90,7 @@ def on_track(
 
 
 def frame_of(word: Drop | Keep, decisions: Sequence[Ruling]) -> int | None:
-    """The frame on which a word is, where it takes back another; None: where it says.
+    """The frame of a decision that is taken back; else the frame of the command.
 
     Raises ValueError where there is nothing to take back.
     """
@@ -105,15 +105,15 @@ def frame_of(word: Drop | Keep, decisions: Sequence[Ruling]) -> int | None:
     return found[-1]
 
 
-def with_tracks_of(decision: Ruling, before: Ruling | None) -> Ruling:
-    """A word on a frame's streaks; what was said of tracks in that frame stands."""
+def with_track_decisions(decision: Ruling, before: Ruling | None) -> Ruling:
+    """A decision on a frame's streaks together with the earlier ones on its tracks."""
     if before is None:
         return decision
     return replace(decision, dropped=before.dropped, kept=before.kept, released=before.released)
 
 
-def ruled_of(word: Drop | Keep) -> RuledKind:
-    """What it came to."""
+def ruled_kind(word: Drop | Keep) -> RuledKind:
+    """The kind of result of dropping or keeping a track."""
     if isinstance(word, Drop):
         return "taken up again" if word.off else "dropped"
     return "released" if word.off else "kept"
@@ -216,11 +216,11 @@ class Decisions:
             fwhm_px = shown.detections.star_fwhm_px
             found = refined_mark(pixels, rough, star_fwhm_px=fwhm_px)
             if found is not None:
-                pinned, how = refined_as(pinned, found), "refined on the light beneath it"
+                pinned, how = refined_command(pinned, found), "refined on the light beneath it"
         decision = self._decision(pinned, by)
         assert decision.taken is not None
         sigma = sigma_arcsec(decision.taken)
-        better = better_known(decision.taken, shown, self._frames.taken(decision.frame_id))
+        better = better_measurement(decision.taken, shown, self._frames.taken(decision.frame_id))
         if better is not None and not mark.replaces:
             raise RefusedError(
                 f"yours is good to ±{error_figure(sigma)}″ ({how}); frame {decision.frame_id}"
@@ -245,7 +245,7 @@ class Decisions:
         assert mark is not None
         shown, taken = self._frames.shown(frame_id), self._frames.taken(frame_id)
         result = self._follow_again(command, decision)
-        return with_figures(result, mark, automatic_of(mark, shown, taken))
+        return with_mark_figures(result, mark, detected_measurement(mark, shown, taken))
 
     def _follow_again(self, command: Decision, decision: Ruling) -> CommandResult:
         """By a decision, in whatever state this is."""
@@ -255,7 +255,7 @@ class Decisions:
         after, records = self._cycle.apply_decision(decision)
         result = result_of(decision, records)
         if isinstance(command, Drop | Keep):
-            result = replace(result, ruled=ruled_of(command), left_alone=0)
+            result = replace(result, ruled=ruled_kind(command), left_alone=0)
         others = {each.track.track_id for each in before.tracks[1:]}
         if decision.taken is not None and after.track_id in others:
             result = CommandResult(kind="ruled", ruled="leads", frame_id=decision.frame_id)
@@ -292,35 +292,24 @@ class Decisions:
         if isinstance(command, Drop | Keep):
             of = frame_of(command, self._cycle.folds.decisions())
             command = replace(command, frame_id=of)
-        return decision_of(
-            command,
-            by=by,
-            folds=self._frames,
-            following=self._control.following,
-            config=self._control.config,
-        )
-
-
-def decision_of(
-    command: Decision, *, by: str, folds: Frames, following: Following, config: Config
-) -> Ruling:
-    """The operator's word as a decision. Raises ValueError where it cannot be one."""
-    match command:
-        case Drop() | Keep():
-            return on_track(command, _frame(command, folds), following, by, config)
-        case TakeBack():
-            return _take_back(command, folds, by)
-        case Choose():
-            made = _choose(_frame(command, folds), command, by, config)
-        case Accept():
-            made = _accept(_frame(command, folds), folds, by, config)
-        case Reject():
-            made = _reject(command, folds, following, by)
-        case MarkByHand():
-            made = marked_decision(_frame(command, folds), command, by, config)
-        case _:
-            raise TypeError(f"{command.verb} is no word on a frame")
-    return with_tracks_of(made, folds.shown(made.frame_id).decision)
+        folds, following = self._frames, self._control.following
+        config = self._control.config
+        match command:
+            case Drop() | Keep():
+                return track_decision(command, _frame(command, folds), following, by, config)
+            case TakeBack():
+                return _take_back(command, folds, by)
+            case Choose():
+                made = _choose(_frame(command, folds), command, by, config)
+            case Accept():
+                made = _accept(_frame(command, folds), folds, by, config)
+            case Reject():
+                made = _reject(command, folds, following, by)
+            case MarkByHand():
+                made = marked_decision(_frame(command, folds), command, by, config)
+            case _:
+                raise TypeError(f"{command.verb} is no word on a frame")
+        return with_track_decisions(made, folds.shown(made.frame_id).decision)
 
 
 def _take_back(command: TakeBack, folds: Frames, by: str) -> Ruling:

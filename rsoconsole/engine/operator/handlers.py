@@ -1,4 +1,4 @@
-"""What the engine has for a command: a check on the wire's threads, the doing on the loop's.
+"""Handlers of commands: a check on the wire's threads, the execution on the loop's.
 
 Each part of the engine brings the handlers of its own commands (``modes.py``, ``by_hand.py``,
 ``settings.py``, ``decisions.py``, ``seek.py``); the loop and the command handler only look them up.
@@ -24,7 +24,7 @@ from rsoconsole.engine.aim.states import (
     Trigger,
     step,
 )
-from rsoconsole.engine.tasks.pace import Temporary, change_record, changed
+from rsoconsole.engine.tasks.pace import TemporarySettings, change_record, changed
 from rsoconsole.engine.tasks.session_log import SessionLog
 from rsoconsole.engine.tasks.slews import Slews
 from rsoconsole.pipeline import direction_at
@@ -37,7 +37,7 @@ SOON = "in force from the next cycle"
 
 
 class Control(Protocol):
-    """What a handler may ask of the loop: how things stand, and to change them."""
+    """The part of the loop that handlers see: its state, and the ways to change it."""
 
     @property
     def config(self) -> Config:
@@ -111,17 +111,17 @@ class Accepted:
 
 
 def accept(_command: Command, _by: str) -> Accepted:
-    """Nothing about it has to be looked at."""
+    """Accept a command that needs no check."""
     return Accepted()
 
 
 def expect_nothing(_command: Command, _by: str) -> None:
-    """Nothing in the state of the loop forbids it."""
+    """Expect nothing of the loop's state."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Handler:
-    """How one command is checked and done; ``by`` is who asks."""
+    """The check and the execution of one command; ``by`` is who asks."""
 
     execute: Callable[[Any, str], CommandResult]
     """On the loop's thread; gives what came of it. Raises ValueError with the reason where
@@ -129,7 +129,7 @@ class Handler:
     check: Callable[[Any, str], Accepted] = accept
     """On the wire's threads, before it is queued. Raises ValueError where it cannot be."""
     expect: Callable[[Any, str], None] = expect_nothing
-    """The same of what commands before it may still change: asked only while none waits."""
+    """A check of what earlier commands may still change: called only while none waits."""
 
 
 Handlers = Mapping[type[Command], Handler]
@@ -198,7 +198,7 @@ class Modes:
 
 
 def trigger_of(command: Command, by: str) -> Trigger:
-    """What a command on who has the mount is to the state machine."""
+    """The state machine's trigger for a command on who has the mount."""
     match command:
         case Arm():
             return Armed(by=by)
@@ -212,9 +212,11 @@ def trigger_of(command: Command, by: str) -> Trigger:
 
 
 class Settings:
-    """What may be tuned while the loop runs."""
+    """Handles changes of settings while the loop runs."""
 
-    def __init__(self, control: Control, temporary: Temporary, session_log: SessionLog) -> None:
+    def __init__(
+        self, control: Control, temporary: TemporarySettings, session_log: SessionLog
+    ) -> None:
         self._control = control
         self._temporary = temporary
         self._session_log = session_log
@@ -243,7 +245,7 @@ class Settings:
 
 
 class Seeking:
-    """Knows where what was followed must be, and has the search begin there."""
+    """Begins a search round the place where the last track must be."""
 
     def __init__(
         self,
@@ -275,7 +277,7 @@ class Seeking:
         return done("looking for it in a widening spiral")
 
     def direction(self) -> tuple[float, float]:
-        """Where what was followed must be now, ICRS.
+        """The direction where the last track must be now, ICRS degrees.
 
         Raises ValueError where it cannot be looked for.
         """
@@ -288,7 +290,7 @@ class Seeking:
             raise ValueError("the mount is held: resume first")
         now_ns = self._instrument_controller.now_utc_ns()
         # A line on the sky leads astray within the hour, an orbit does not.
-        direction = self._guide.of_last(now_ns) or direction_at(track, now_ns)
+        direction = self._guide.last_direction(now_ns) or direction_at(track, now_ns)
         refused = self._slews.refuse_direction(direction, now_ns)
         if refused is not None:
             raise ValueError(f"it cannot be looked for where it must be: {text(refused)}")

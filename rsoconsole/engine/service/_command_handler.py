@@ -60,9 +60,9 @@ log = logging.getLogger(__name__)
 
 LONGEST_NOTE = 2000
 FLUSH_S = 3.0
-"""So long an answer waits for the disk, which takes milliseconds where all is well."""
+"""Wait of an answer for the disk, s; milliseconds where all is well."""
 MOUNT_WORD_S = 2.0
-"""So long, since a command came, its answer waits for the mount."""
+"""Wait of an answer for the mount, since the command came, s."""
 SENT = "sent; the mount has not answered"
 WAITS = "accepted; it is sent as soon as the loop is free"
 
@@ -110,7 +110,7 @@ class CommandHandler:
             AskSeat: self._ask_seat,
             AnswerSeat: self._answer_seat,
         }
-        """Of what is not for the loop."""
+        """Commands answered on the socket's thread."""
         self._handlers: Mapping[type[Command], Handler] = {
             **engine.handlers,
             # The checklist looks at the session's disk, too.
@@ -119,12 +119,12 @@ class CommandHandler:
         }
 
     def handle(self, request: Request) -> Outcome:
-        """What came of it; a refusal says why."""
+        """Handle a request to its end; a refusal says why."""
         begun = self.begin(request)
         return begun.outcome() if isinstance(begun, Later) else begun
 
     def begin(self, request: Request) -> Outcome | Later:
-        """The same at once, but for what the mount has to answer."""
+        """Handle a request at once; what the mount has to answer comes as a ``Later``."""
         command = request.command
         refused = self._seats.refusal(request.sender, needs_control=command.needs_control)
         if refused is not None:
@@ -257,7 +257,7 @@ class CommandHandler:
         return Outcome(ok=True, data=status_json(self.status()))
 
     def status(self) -> Status:
-        """What the loop says of itself, and what only the wire's end knows beside it."""
+        """The loop's status, with what only the wire's end knows: health, seats, the last STOP."""
         status = self._engine.status()
         report = self._engine.watch.last_report
         health = self._health.read(report, self._engine.interruptions.trouble, self._lacks)

@@ -1,4 +1,4 @@
-"""Looks at the machine now and then, beside loop and watch, and says what begins and ends.
+"""Watches the machine beside the loop, and says which troubles begin and end.
 
 Reading may take a moment (programs are asked), so that neither the loop nor the thread that
 answers the operator does it: both read what was seen last.
@@ -15,7 +15,7 @@ from rsoconsole.config import Config
 from rsoconsole.control import Health, Machine, Poller
 from rsoconsole.engine.doctor.doctor_system import free_bytes, read_clock
 from rsoconsole.engine.doctor.mount_lacks import Lack
-from rsoconsole.engine.loop.interruptions import TimeTrouble
+from rsoconsole.engine.loop.interruptions import ClockTrouble
 from rsoconsole.engine.machine.machine import Trouble, read_machine, troubles_of
 from rsoconsole.engine.machine.medium import Medium, medium_of, session_bytes
 from rsoconsole.engine.machine.time_source import TimeSource, read_time_source
@@ -29,7 +29,7 @@ SLOW_LOOKS = 8
 QUIET_LOOKS = 4
 """Looks without it after which a trouble is over: a weak supply comes and goes."""
 ABOUT = "machine: "
-"""How every line of the log about the machine begins."""
+"""The beginning of every log line about the machine."""
 Level = Literal["info", "warning", "alarm"]
 
 
@@ -44,7 +44,7 @@ class MachineState:
     time_source: TimeSource
 
     def as_status(self) -> Machine:
-        """What ``status`` has of it."""
+        """The machine as ``status`` gives it."""
         return replace(
             self.reading,
             troubles=tuple(trouble.words for trouble in self.troubles),
@@ -65,11 +65,11 @@ class Troubles:
 
     @property
     def held(self) -> tuple[Trouble, ...]:
-        """What is not over yet, in the order in which it began."""
+        """The troubles that are not over yet, in the order in which they began."""
         return tuple(trouble for trouble, _ in self._held.values())
 
     def step(self, seen: tuple[Trouble, ...]) -> list[tuple[Level, str]]:
-        """What there is to say after one more look."""
+        """The lines to say after one more look."""
         said: list[tuple[Level, str]] = []
         for trouble in seen:
             if trouble.name not in self._held:
@@ -124,7 +124,7 @@ class MachineWatch(Poller):
 
 
 HOLDS_S = 5.0
-"""How long a reading is told again before it is taken again."""
+"""Age at which a reading is taken again, s."""
 SILENT_S = 10.0
 """A mount that has not reported for so long does not answer."""
 LOW_HOURS = 4.0
@@ -133,7 +133,7 @@ SAID_S = 900.0
 
 
 class HealthMeter:
-    """Reads at most every few seconds; from any thread."""
+    """Reads the health of mount, clock, disk and machine, at most every few seconds; any thread."""
 
     def __init__(
         self,
@@ -153,7 +153,7 @@ class HealthMeter:
     def read(
         self,
         report: MountReport | None,
-        trouble: TimeTrouble | None = None,
+        trouble: ClockTrouble | None = None,
         lacks: Sequence[Lack] = (),
     ) -> tuple[Health, ...]:
         """Mount, clock, disk, temperature; what cannot be read is left out.
@@ -161,23 +161,17 @@ class HealthMeter:
         ``trouble``: what happened to the machine's clock last; ``lacks``: what the mount's driver
         does not offer.
         """
-        return (*self._now(report, trouble), *driver_health(lacks))
-
-    def _now(self, report: MountReport | None, trouble: TimeTrouble | None) -> tuple[Health, ...]:
-        if trouble is not None:
-            since_s = (self._clock.now_utc_ns() - trouble.t_utc_ns) / 1e9
-            if 0.0 <= since_s < SAID_S or not self._clock.is_steady:
-                others = (each for each in self._all(report) if each.name != "clock")
-                return (*others, Health(name="clock", ok=False, text=trouble.text))
-        return self._all(report)
-
-    def _all(self, report: MountReport | None) -> tuple[Health, ...]:
         now_s = time.monotonic()
         if now_s - self._read_s >= HOLDS_S:
             self._read_s = now_s
-            found = (self._read_clock(), self._read_disk())
-            self._readings = tuple(each for each in found if each is not None)
-        return (self._mount(report), *self._readings, *machine_health(self._machine()))
+            self._readings = (self._read_clock(), self._read_disk())
+        found = (self._mount(report), *self._readings, *machine_health(self._machine()))
+        if trouble is not None:
+            since_s = (self._clock.now_utc_ns() - trouble.t_utc_ns) / 1e9
+            if 0.0 <= since_s < SAID_S or not self._clock.is_steady:
+                clock = Health(name="clock", ok=False, text=trouble.text)
+                found = (*(each for each in found if each.name != "clock"), clock)
+        return (*found, *driver_health(lacks))
 
     def _mount(self, report: MountReport | None) -> Health:
         if report is None:
@@ -201,7 +195,7 @@ class HealthMeter:
         words = "synchronised" if offset_ms is None else f"NTP ±{offset_ms:.1f} ms"
         return Health(name="clock", ok=True, text=words)
 
-    def _read_disk(self) -> Health | None:
+    def _read_disk(self) -> Health:
         try:
             free = free_bytes(self._folder)
         except OSError as error:
@@ -212,7 +206,7 @@ class HealthMeter:
 
 
 def driver_health(lacks: Sequence[Lack]) -> tuple[Health, ...]:
-    """What the mount cannot; nothing of what it only does not tell."""
+    """The mount's missing abilities; nothing of what it only does not report."""
     missing = [lack.what for lack in lacks if lack.name in ("abort", "tracking", "park")]
     return (Health(name="driver", ok=False, text=", ".join(missing)),) if missing else ()
 

@@ -24,7 +24,7 @@ from rsoconsole.engine.alerts.process import AlertProcess
 from rsoconsole.engine.doctor.doctor_system import read_clock
 from rsoconsole.engine.doctor.mount_lacks import Lack, lacks_of
 from rsoconsole.engine.loop.loop import Engine
-from rsoconsole.engine.machine.machine import keep_from_children, notify
+from rsoconsole.engine.machine.machine import hide_notify_socket, notify
 from rsoconsole.engine.machine.medium import disk_outlook
 from rsoconsole.engine.operator.arming import (
     arming_checks,
@@ -35,7 +35,7 @@ from rsoconsole.engine.operator.arming import (
 from rsoconsole.engine.service._command_handler import CommandHandler
 from rsoconsole.engine.service.machine_watch import MachineWatch
 from rsoconsole.engine.tasks.command_queue import CommandQueue
-from rsoconsole.engine.tasks.session_log import keep_uncorrelated, read_past, warnings_on_record
+from rsoconsole.engine.tasks.session_log import WarningsOnRecord, keep_uncorrelated, read_past
 from rsoconsole.instruments import (
     Instruments,
     MountPort,
@@ -51,15 +51,15 @@ from rsoconsole.words import shutter_words
 log = logging.getLogger(__name__)
 
 START_AGAIN_US = 60_000_000
-"""How much longer the service manager is to wait for an engine that says what it waits for."""
+"""Extension of the service manager's wait for an engine that says what it waits for."""
 DEFINED_S = 2.0
-"""So long, from its connection on, what a driver has not defined yet is waited for."""
+"""Wait for a driver's definitions after its connection, s."""
 VERSIONS_OF = ("rsoconsole", "ai-edge-litert", "astrometry", "numpy")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RunSettings:
-    """How one engine is run."""
+    """Settings of one run of the engine."""
 
     title: str
     session: Path | None = None
@@ -87,7 +87,7 @@ def run_engine(
     InstrumentError, ModelError, SolverError, SessionError or ControlError before it starts.
     """
     return_what_is_freed()
-    keep_from_children()
+    hide_notify_socket()
     queue = CommandQueue()
     with contextlib.ExitStack() as stack:
         starting = stack.enter_context(contextlib.ExitStack())
@@ -134,7 +134,7 @@ def run_engine(
             pixels_of=partial(kept_pixels, folder),
             past=past,
         )
-        stack.enter_context(warnings_on_record(engine.session_log, "rsoconsole.instruments"))
+        stack.enter_context(WarningsOnRecord(engine.session_log, "rsoconsole.instruments"))
         if config.exposure.calibrated:
             engine.session_log.say("info", shutter_words(config.exposure, day_of(now_ns)))
         _say_faults(

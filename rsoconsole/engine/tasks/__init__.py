@@ -1,1 +1,1 @@
-"""What the loop and its watch do to the world, and what they put on record."""
+"""Exposures, slews, parking, limits and the log: what the loop and its watch carry out."""

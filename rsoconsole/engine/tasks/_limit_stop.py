@@ -11,7 +11,7 @@ from typing import Literal
 
 from rsoconsole.base import RsoconsoleError
 from rsoconsole.engine.aim.instrument_controller import NS
-from rsoconsole.engine.tasks._observed_motion import How, SeenMotion
+from rsoconsole.engine.tasks._observed_motion import How, ObservedMotion
 from rsoconsole.instruments import Instruments, MountAbilities, MountReport, StopResult
 from rsoconsole.records import Event
 from rsoconsole.sky import Pose, StoppingDistance, wrap_180
@@ -23,7 +23,7 @@ MEASURED_BY_S = 10.0
 """Later than this after ABORT it is said that the mount does not rest, or that nobody knows."""
 LEARNS_WITHIN_S = 30.0
 PARK_WAITS_S = 10.0
-"""So long a park waits at most until the loop has taken notice of the limit: it sends ABORT."""
+"""Greatest wait of a park until the loop has taken the limit, s: the loop sends ABORT."""
 PARKS_S = 900.0
 
 
@@ -41,7 +41,7 @@ class _Ended:
 
 
 class LimitStop:
-    """What was ordered against the motion under way, and what came of it."""
+    """Orders that end a motion at a limit, and their measured results."""
 
     def __init__(self, instruments: Instruments, say: Callable[[Event], None]) -> None:
         """``say``: puts a line on the record, from any thread."""
@@ -55,30 +55,30 @@ class LimitStop:
         self._ended: _Ended | None = None
         self._park_due_ns: int | None = None
         self._parks_since_ns: int | None = None
-        self._last: tuple[Pose, SeenMotion] | None = None
+        self._last: tuple[Pose, ObservedMotion] | None = None
 
     @property
     def is_parking(self) -> bool:
         """The mount is on its way to its park position because it could not be told to stand."""
         return self._parks_since_ns is not None
 
-    def is_over(self) -> None:
-        """The mount rests, or is where it may be: what moves next is another motion."""
+    def forget_motion(self) -> None:
+        """Forget the motion: the mount rests or is within its limits; the next is another one."""
         self._how, self._orders = None, 0
 
     def is_due(self, how: How, now_ns: int) -> bool:
-        """Whether this motion is to be told to end now."""
+        """True where a motion is due to get an order to end now."""
         since_s = (now_ns - self._ordered_ns) / NS
         if how != self._how:
             return True
         return self._orders < ENOUGH and not 0.0 <= since_s < AGAIN_S
 
     def is_first(self, how: How) -> bool:
-        """Whether it has not been told yet."""
+        """True where a motion has had no order to end yet."""
         return how != self._how
 
     def words(self, how: How, *, parks: bool) -> str:
-        """What will be ordered."""
+        """The orders that will go out, in words."""
         able = self._abilities()
         if how == "slews":
             lacks = "" if able.can_abort else "it knows no ABORT"
@@ -111,7 +111,7 @@ class LimitStop:
         return result
 
     def note_abort(self, now_ns: int) -> None:
-        """Somebody else here has sent ABORT and tells what comes of it (any thread)."""
+        """Note an ABORT by another part of the engine, which reports its result (any thread)."""
         last = self._last
         if last is not None and last[1].how == "slews":
             self._note(now_ns, "slews", is_known=True)
@@ -137,8 +137,10 @@ class LimitStop:
         if self._park_due_ns is not None and ordered_utc_ns > self._park_due_ns:
             self._park_due_ns = None
 
-    def look(self, report: MountReport, pose: Pose, seen: SeenMotion, *, is_heeded: bool) -> None:
-        """One look: learn, tell, park where that is due.
+    def look(
+        self, report: MountReport, pose: Pose, seen: ObservedMotion, *, is_heeded: bool
+    ) -> None:
+        """Take one look: learn, report, park where that is due.
 
         ``is_heeded``: the loop has taken notice of all that cut it short.
         """
@@ -202,7 +204,7 @@ class LimitStop:
             return MountAbilities()
 
 
-def _late_words(seen: SeenMotion) -> Event:
+def _late_words(seen: ObservedMotion) -> Event:
     since = f"{MEASURED_BY_S:.0f} s after ABORT at the limit"
     if seen.how == "stands":
         return _event("warning", f"nobody can tell whether the mount stands, {since}: look at it")

@@ -1,4 +1,4 @@
-"""How the mount moves at a look: measured where that is known, else by the more careful word.
+"""The mount's motion at one look: measured where that is known, else by the more careful claim.
 
 Its driver's slewing, tracking or parked is a claim. What this program has ordered itself is told
 apart from what others have.
@@ -26,12 +26,12 @@ TURNS_WITHIN_S = 3.0
 """An axis that moved when the order came has to turn round first."""
 FRESH_S = 5.0
 PARKED_S = 5.0
-"""So long a mount that says that it is parked may come to rest."""
+"""Time in which a mount that reports to be parked may come to rest, s."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class SeenMotion:
-    """One look's answer."""
+class ObservedMotion:
+    """The mount's motion as one look found it."""
 
     how: How
     rates: Rates | None = None
@@ -39,7 +39,7 @@ class SeenMotion:
 
 
 def pose_of(report: MountReport) -> Pose:
-    """Where the mount says that it is."""
+    """The pose that the mount reports."""
     return Pose(
         t_utc_ns=report.t_utc_ns,
         ra_icrs_deg=report.ra_icrs_deg,
@@ -48,8 +48,8 @@ def pose_of(report: MountReport) -> Pose:
     )
 
 
-def seen_motion(report: MountReport, before: MountReport | None) -> SeenMotion:
-    """How it moves; ``before``: its report at the look before this one.
+def observed_motion(report: MountReport, before: MountReport | None) -> ObservedMotion:
+    """The motion by a report; ``before``: the report at the look before this one.
 
     A measured drift counts as tracking: it is slow enough to be held where it is. What is not
     measured yet is a slew where the directions have changed since the last look or the driver says
@@ -58,17 +58,17 @@ def seen_motion(report: MountReport, before: MountReport | None) -> SeenMotion:
     motion = report.motion
     if motion.kind == "moves":
         if not motion.is_fast:
-            return SeenMotion(how="tracks")
+            return ObservedMotion(how="tracks")
         rates = Rates(
             ra_deg_s=motion.ra_rate_arcsec_s / 3600.0, dec_deg_s=motion.dec_rate_arcsec_s / 3600.0
         )
-        return SeenMotion(how="slews", rates=rates)
+        return ObservedMotion(how="slews", rates=rates)
     if motion.kind != "unknown":
-        return SeenMotion(how=motion.kind)
+        return ObservedMotion(how=motion.kind)
     rates_seen = _rates_between(before, report)
     if rates_seen is not None or report.is_slewing:
-        return SeenMotion(how="slews", rates=rates_seen)
-    return SeenMotion(how="tracks" if report.is_tracking else "stands")
+        return ObservedMotion(how="slews", rates=rates_seen)
+    return ObservedMotion(how="tracks" if report.is_tracking else "stands")
 
 
 def _rates_between(before: MountReport | None, report: MountReport) -> Rates | None:
@@ -102,8 +102,8 @@ class OwnMotion:
         self._last: Pose | None = None
         self._is_over = False
 
-    def note(self, report: MountReport, pose: Pose, seen: SeenMotion) -> None:
-        """One look."""
+    def note(self, report: MountReport, pose: Pose, seen: ObservedMotion) -> None:
+        """Note one look."""
         ordered = self._ordered()
         if ordered is not self._of:
             last = self._last
@@ -124,8 +124,8 @@ class OwnMotion:
         elif to is None:
             self._is_over = since_s > PARKS_WITHIN_S
 
-    def kind(self, pose: Pose, seen: SeenMotion, limits: Limits) -> Own | None:
-        """Which order a slew follows; None where it is somebody else's."""
+    def kind(self, pose: Pose, seen: ObservedMotion, limits: Limits) -> Own | None:
+        """The order that a slew follows; None where it is not this program's."""
         ordered, start = self._of, self._start
         if ordered is None or start is None or self._is_over:
             return None
@@ -138,7 +138,7 @@ class OwnMotion:
 
 
 class ParkedMotion:
-    """Whether a mount that says that it is parked rests."""
+    """Measures whether a mount that reports to be parked rests."""
 
     def __init__(self) -> None:
         self._looks: deque[MountReport] = deque()
@@ -146,7 +146,7 @@ class ParkedMotion:
         self._since_ns = 0
 
     def see(self, report: MountReport) -> Literal["tracks", "moves"] | None:
-        """What it is measured to do instead; None where it rests, or that is not known yet."""
+        """The measured motion of a parked mount; None where it rests, or that is not known yet."""
         if not report.is_parked:
             self._looks.clear()
             return None

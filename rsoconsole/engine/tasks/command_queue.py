@@ -1,4 +1,4 @@
-"""What the operator wants, on its way from the socket's threads to the loop."""
+"""The queue of commands from the socket's threads to the loop, and the alarms that cut it short."""
 
 import contextlib
 import threading
@@ -21,7 +21,7 @@ class OvertakenError(ValueError):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Alarm:
-    """Something that cut the loop short: an operator's STOP, a limit, the end of the night."""
+    """An event that cuts the loop short: an operator's STOP, a limit, the end of the night."""
 
     trigger: Trigger
     result: StopResult | None = None
@@ -42,7 +42,8 @@ class CommandQueue:
         self._waiting: deque[Request] = deque()
         self._alarms: deque[Alarm] = deque()
         self._stops_under_way = 0
-        self._stops = 0
+        self.stops = 0
+        """How many STOPs there have been; limits and the end of the night do not count."""
         self._are_under_way = False
         self._is_executing = False
         self._cut_by: Trigger | None = None
@@ -56,16 +57,11 @@ class CommandQueue:
         come since it was given: with a stamp before it.
         """
         with self._lock:
-            is_late = request.stamp is not None and request.stamp < self._stops
+            is_late = request.stamp is not None and request.stamp < self.stops
             if is_late and not request.command.survives_stop:
                 raise OvertakenError(text(OVERTAKEN))
             on_taken()
             self._waiting.append(request)
-
-    @property
-    def stops(self) -> int:
-        """How many STOPs there have been; limits and the end of the night do not count."""
-        return self._stops
 
     def take_all(self) -> tuple[Request, ...]:
         """All that wait, in order; they count as under way until ``finished`` or put back."""
@@ -76,12 +72,12 @@ class CommandQueue:
         return requests
 
     def finished(self) -> None:
-        """What was taken last is done, refused or dropped."""
+        """Note that the requests taken last are done, refused or dropped."""
         self._are_under_way = False
 
     @property
     def is_settled(self) -> bool:
-        """Whether nothing waits or is under way that may change what can be asked for."""
+        """True while no command waits or is under way, and no alarm."""
         with self._lock:
             return not (self._waiting or self._are_under_way or self.is_stopping)
 
@@ -92,7 +88,7 @@ class CommandQueue:
         """
         with self._lock:
             self._stops_under_way += 1
-            self._stops += isinstance(trigger, Stopped)
+            self.stops += isinstance(trigger, Stopped)
             self._cut_by = trigger
             dropped = self._undo_waiting(trigger)
         # Their records come with the alarm; who waits for them hears it now.
@@ -149,7 +145,7 @@ class CommandQueue:
             self._is_executing = False
 
     def take_alarms(self) -> tuple[Alarm, ...]:
-        """What has cut the loop short since last asked, in order."""
+        """Take the alarms since the last call, in order."""
         with self._lock:
             alarms = tuple(self._alarms)
             self._alarms.clear()
@@ -157,7 +153,7 @@ class CommandQueue:
 
     @property
     def is_stopping(self) -> bool:
-        """Whether a stop is under way, or an alarm has not been taken notice of."""
+        """True while a stop is under way, or an alarm has not been taken."""
         return self._stops_under_way > 0 or bool(self._alarms)
 
     def request_shutdown(self) -> None:
@@ -166,12 +162,12 @@ class CommandQueue:
 
     @property
     def is_shutdown(self) -> bool:
-        """Whether the engine is to end."""
+        """True once the engine is to end."""
         return self._is_shutdown
 
     @property
     def is_wanted(self) -> bool:
-        """Whether the loop is to drop what it does and look here."""
+        """True where the loop is to interrupt its work and look at the queue."""
         if self._is_shutdown or self.is_stopping:
             return True
         if self._is_executing:
@@ -189,14 +185,14 @@ def action_record(request: Request, outcome: CommandResult) -> OperatorAction:
 
 
 def is_undone(request: Request, trigger: Trigger) -> bool:
-    """Whether what cuts the loop short undoes a command that has not been executed."""
+    """True where an alarm undoes a command that has not been executed."""
     if isinstance(trigger, Stopped):
         return not request.command.survives_stop
     return request.command.moves_mount
 
 
 def dropped_by(trigger: Trigger) -> CommandResult:
-    """What came of a command that waited and was not executed."""
+    """The result of a command that waited and was not executed."""
     if isinstance(trigger, Stopped):
         return OVERTAKEN
     is_limit = isinstance(trigger, LimitMet)
@@ -204,7 +200,7 @@ def dropped_by(trigger: Trigger) -> CommandResult:
 
 
 def alarm_words(alarm: Alarm, is_answered_again: bool) -> str:
-    """What cut the loop short, in the operator's words.
+    """An alarm in words for the operator.
 
     ``is_answered_again``: the loop's own ABORT, which follows every alarm, was answered.
     """

@@ -30,11 +30,11 @@ AGREED = 3
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FrameTime:
-    """What is to be made of one frame's time."""
+    """The judgement of one frame's time."""
 
     is_believed: bool
     off_s: float
-    """From where the frames before lead one to expect it."""
+    """Difference from the time expected by the frames before."""
     is_set: bool = False
     """The camera's clock was set by so much: what was measured before has another time."""
 
@@ -80,7 +80,7 @@ class FrameTimes:
 
 
 class Exposures:
-    """From a plan to a frame on record."""
+    """Takes exposures: from a plan to a frame on record."""
 
     def __init__(
         self,

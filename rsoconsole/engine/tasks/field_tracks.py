@@ -1,50 +1,45 @@
 """The tracks of the field at one instant, and the next aim because of them. Pure."""
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 from rsoconsole.config import Config, FilterConfig
 from rsoconsole.control import NextAim, TrackNow
-from rsoconsole.engine.aim.instrument_controller import Ahead
 from rsoconsole.engine.aim.states import Authority
 from rsoconsole.pipeline import FrameObservations, kept_until_utc_ns, tracks_inside
 from rsoconsole.records import Measurement
-from rsoconsole.tracking import ON_TRIAL, Following, LiveTrack
-
-NS_PER_S = 1_000_000_000
+from rsoconsole.tracking import ON_TRIAL, Following
+from rsoconsole.words import NS_PER_S
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class AimAhead:
-    """The aim of the next exposure but one, and which tracks are then in its field."""
+    """The aim of the exposure after the next, and the tracks in its field."""
 
     aim: NextAim
     inside: frozenset[int]
     """By track id."""
 
 
-def aim_ahead(ahead: Ahead | None, following: Following, config: Config) -> AimAhead | None:
-    """What the planner looks ahead to, as it is told; None where nothing is followed."""
+def aim_ahead(
+    ahead: tuple[NextAim, tuple[float, float]] | None, following: Following, config: Config
+) -> AimAhead | None:
+    """The aim that the planner looks ahead to, with its tracks; None while nothing is followed.
+
+    ``ahead``: the aim, and where the lead then is, ICRS degrees.
+    """
     if ahead is None:
         return None
+    aim, lead = ahead
     states = [each.track for each in following.tracks]
     inside = tracks_inside(
         states,
-        ahead.lead,
-        ahead.direction,
-        ahead.t_mid_utc_ns,
+        lead,
+        (aim.ra_icrs_deg, aim.dec_icrs_deg),
+        aim.t_utc_ns,
         field_deg=config.optics.field_deg,
         exposure_s=config.exposure.exposure_s,
         settings=config.filter,
-    )
-    ra_icrs_deg, dec_icrs_deg = ahead.direction
-    aim = NextAim(
-        ra_icrs_deg=ra_icrs_deg % 360.0,
-        dec_icrs_deg=dec_icrs_deg,
-        t_utc_ns=ahead.t_mid_utc_ns,
-        policy="lead" if config.filter.preset == "paper" else config.aim.policy,
-        reason=ahead.reason,
-        moves_arcmin=60.0 * ahead.way_deg if ahead.is_slew else None,
     )
     known = zip(states, inside, strict=True)
     return AimAhead(aim=aim, inside=frozenset(t.track_id for t, is_in in known if is_in))
@@ -57,39 +52,32 @@ def tracks_now(
     now_utc_ns: int,
     ahead: AimAhead | None,
 ) -> tuple[TrackNow, ...]:
-    """All tracks by their numbers.
+    """All tracks as their last frames left them, by their numbers.
 
     ``names``: of identified ones, by track id. ``shown_of``: what one of the last frames showed,
     ValueError for others.
     """
-    return tuple(
-        replace(
-            _now(each, shown_of, now_utc_ns),
-            name=names.get(each.track.track_id),
-            is_in_next_field=None if ahead is None else each.track.track_id in ahead.inside,
+    found = []
+    for each in sorted(following.tracks, key=lambda one: one.track.track_id):
+        track, taken = each.track, each.taken
+        is_on_trial = not track.is_lead and track.innovations < ON_TRIAL
+        residual = None if track.misses else track.innovation_arcsec
+        now = TrackNow(
+            track_id=track.track_id,
+            name=names.get(track.track_id),
+            is_lead=track.is_lead,
+            state="COAST" if track.misses else "trial" if is_on_trial else "TRACK",
+            misses=track.misses,
+            is_kept=each.is_kept,
+            age_s=max(now_utc_ns - each.since_utc_ns, 0) / NS_PER_S if each.since_utc_ns else None,
+            residual_east_arcsec=None if residual is None else residual[0],
+            residual_north_arcsec=None if residual is None else residual[1],
+            nis=None if track.misses else track.nis,
+            snr=None if taken is None else _snr_of(taken, shown_of),
+            is_in_next_field=None if ahead is None else track.track_id in ahead.inside,
         )
-        for each in sorted(following.tracks, key=lambda one: one.track.track_id)
-    )
-
-
-def _now(
-    each: LiveTrack, shown_of: Callable[[int], FrameObservations], now_utc_ns: int
-) -> TrackNow:
-    track, taken = each.track, each.taken
-    is_on_trial = not track.is_lead and track.innovations < ON_TRIAL
-    residual = None if track.misses else track.innovation_arcsec
-    return TrackNow(
-        track_id=track.track_id,
-        is_lead=track.is_lead,
-        state="COAST" if track.misses else "trial" if is_on_trial else "TRACK",
-        misses=track.misses,
-        is_kept=each.is_kept,
-        age_s=max(now_utc_ns - each.since_utc_ns, 0) / NS_PER_S if each.since_utc_ns else None,
-        residual_east_arcsec=None if residual is None else residual[0],
-        residual_north_arcsec=None if residual is None else residual[1],
-        nis=None if track.misses else track.nis,
-        snr=None if taken is None else _snr_of(taken, shown_of),
-    )
+        found.append(now)
+    return tuple(found)
 
 
 def _snr_of(taken: Measurement, shown_of: Callable[[int], FrameObservations]) -> float | None:
@@ -104,7 +92,7 @@ def _snr_of(taken: Measurement, shown_of: Callable[[int], FrameObservations]) ->
 
 
 class KeptTrack:
-    """Knows until when the kept track is worth anything."""
+    """The time until which the kept track can be followed again."""
 
     def __init__(self) -> None:
         self._following: Following | None = None
@@ -124,12 +112,12 @@ class KeptTrack:
         self.until_utc_ns = kept_until_utc_ns(kept, settings, now_utc_ns, is_lent=is_lent)
 
     def is_over(self, now_utc_ns: int) -> bool:
-        """Whether what was kept is too old by now."""
+        """True where the kept track is too old."""
         return self.until_utc_ns is not None and now_utc_ns >= self.until_utc_ns
 
 
 def kept_name(following: Following | None, names: Mapping[int, str]) -> str | None:
-    """What a track is called; None where nothing is followed. ``names``: by track id."""
+    """A track's name or number; None where nothing is followed. ``names``: by track id."""
     if following is None or following.track_id is None:
         return None
     return names.get(following.track_id, f"track {following.track_id}")

@@ -8,12 +8,13 @@ meanwhile stands.
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from operator import attrgetter
 from typing import Any
 
 import numpy as np
 
 from rsoconsole.base import ConfigError
-from rsoconsole.config import Config, OpticsConfig, unknown_setting, walk, with_setting
+from rsoconsole.config import Config, unknown_setting, walk, with_setting
 from rsoconsole.records import ParameterChange, TrackState
 from rsoconsole.tracking import sky_rate_arcsec_s
 
@@ -35,7 +36,7 @@ _BY_SECTION = {
     ),
 }
 TUNABLE = {f"{section}.{key}" for section, keys in _BY_SECTION.items() for key in keys}
-"""What may change while the loop runs."""
+"""Settings that may change while the loop runs."""
 
 
 def changed(config: Config, name: str, value: float | str) -> Config:
@@ -67,33 +68,24 @@ def change_record(before: Config, after: Config, name: str, by: str) -> Paramete
 
 
 def value_of(config: Config, name: str) -> Any:
-    """What a setting is there."""
-    section, _, key = name.partition(".")
-    return getattr(getattr(config, section), key)
+    """The value of a setting."""
+    return attrgetter(name)(config)
 
 
 SHORTEST_PX = 40.0
 """Length, in pixels, from which a streak's direction is good to a degree or two."""
 LONGEST_SHARE = 1.0 / 3.0
-"""Of the frame's shorter side."""
+"""Greatest length of a streak, as a share of the frame's shorter side."""
 _INSIDE = 1.25
-"""By how much inside these lengths a new exposure aims: the next rate is another one."""
+"""Margin by which a new exposure keeps inside these lengths: the next rate is another one."""
 _WORTH_CHANGING = 0.2
 FARTHEST_FIELDS = 0.5
-"""Of the shorter side of the field, which it may cross from one exposure to the next."""
+"""Share of the field's shorter side that a track may cross between exposures."""
 EXPOSURE, CADENCE = "exposure.exposure_s", "exposure.cadence_s"
 
 
-@dataclass(frozen=True, slots=True)
-class Wanted:
-    """What suits a rate."""
-
-    exposure_s: float
-    cadence_s: float
-
-
-def wanted(rate_arcsec_s: float, config: Config) -> Wanted:
-    """Exposure and cadence for a rate on the sky; the configured ones where they will do."""
+def pace_for(rate_arcsec_s: float, config: Config) -> tuple[float, float]:
+    """Exposure and cadence, s, for a rate on the sky; the configured ones where they will do."""
     exposure, optics = config.exposure, config.optics
     pixels_s = max(rate_arcsec_s / optics.scale_arcsec_px, 1e-6)
     longest_px = LONGEST_SHARE * min(optics.width_px, optics.height_px)
@@ -106,8 +98,8 @@ def wanted(rate_arcsec_s: float, config: Config) -> Wanted:
     if exposure_s != exposure.exposure_s:
         shortest_s = min(exposure.shortest_s, exposure.exposure_s)
         longest_s = max(exposure.longest_s, exposure.exposure_s)
-        exposure_s = min(max(_rounded(exposure_s), shortest_s), longest_s)
-    return Wanted(exposure_s, _cadence_s(rate_arcsec_s, exposure_s, config))
+        exposure_s = min(max(two_digits(exposure_s), shortest_s), longest_s)
+    return exposure_s, _cadence_s(rate_arcsec_s, exposure_s, config)
 
 
 def _cadence_s(rate_arcsec_s: float, exposure_s: float, config: Config) -> float:
@@ -117,23 +109,19 @@ def _cadence_s(rate_arcsec_s: float, exposure_s: float, config: Config) -> float
     cadence_s = exposure.cadence_s
     if exposure_s > exposure.exposure_s:
         cadence_s += exposure_s - exposure.exposure_s
-    crossed_s = FARTHEST_FIELDS * _field_arcsec(config.optics) / max(rate_arcsec_s, 1e-6)
+    crossed_s = FARTHEST_FIELDS * 3600.0 * min(config.optics.field_deg) / max(rate_arcsec_s, 1e-6)
     if crossed_s < cadence_s:
         cadence_s = min(cadence_s, max(crossed_s, exposure_s + beside_s))
     return cadence_s if cadence_s == exposure.cadence_s else round(cadence_s, 1)
 
 
-def _field_arcsec(optics: OpticsConfig) -> float:
-    return 3600.0 * min(optics.field_deg)
-
-
-def _rounded(value_s: float) -> float:
-    """To two digits: what an operator would have chosen."""
+def two_digits(value_s: float) -> float:
+    """A figure to two significant digits: what an operator would have chosen."""
     return float(np.format_float_positional(value_s, precision=2, fractional=False))
 
 
 class Pace:
-    """Sets both while a track lasts, and sets them back."""
+    """Sets exposure and cadence for the rate of a track, and sets them back at its end."""
 
     def __init__(self) -> None:
         self._before: dict[str, float] = {}
@@ -161,8 +149,7 @@ class Pace:
         base = self.of_night(config)
         east, north = sky_rate_arcsec_s(track)
         rate = float(np.hypot(east, north))
-        found = wanted(rate, base)
-        values = {EXPOSURE: found.exposure_s, CADENCE: found.cadence_s}
+        values = dict(zip((EXPOSURE, CADENCE), pace_for(rate, base), strict=True))
         apart = {
             name: value
             for name, value in values.items()
@@ -208,8 +195,8 @@ class _Loan:
     frames: int
 
 
-class Temporary:
-    """What is lent, by the name of the setting."""
+class TemporarySettings:
+    """Settings that hold for a number of frames, by their names."""
 
     def __init__(self, of_night: Callable[[Config], Config] = lambda config: config) -> None:
         """``of_night``: a configuration as the night has it, without what a track changed in it."""
@@ -223,7 +210,7 @@ class Temporary:
         self._loans[name] = _Loan(before=before, frames=frames)
 
     def keep(self, name: str) -> None:
-        """Somebody has set it for good."""
+        """Note that a setting was changed for good."""
         self._loans.pop(name, None)
 
     def left(self) -> dict[str, int]:
@@ -231,7 +218,7 @@ class Temporary:
         return {name: loan.frames for name, loan in dict(self._loans).items()}
 
     def count(self, config: Config) -> tuple[Config, tuple[ParameterChange, ...]]:
-        """One frame more: the configuration with what is over set back, and the record of it."""
+        """Count one frame: the configuration with expired settings set back, and its records."""
         changes: list[ParameterChange] = []
         for name, loan in list(self._loans.items()):
             if loan.frames > 1:

@@ -11,7 +11,7 @@ ENOUGH = 20
 
 
 class Parking:
-    """One wish to park, from the order to the mount's own word that it is parked."""
+    """One request to park, from the order to the mount's report that it is parked."""
 
     def __init__(
         self, instrument_controller: InstrumentController, session_log: SessionLog
@@ -21,7 +21,7 @@ class Parking:
         self.is_wanted = False
         """The mount is not parked yet and shall be."""
         self.trouble = ""
-        """Why it does not park; empty where it has taken the last order."""
+        """The reason why it does not park; empty where it has taken the last order."""
         self._orders = 0
         self._next_utc_ns = 0
         """No order and no complaint goes out before that."""
@@ -34,11 +34,11 @@ class Parking:
         self.trouble = ""
 
     def forget(self) -> None:
-        """Something else is wanted."""
+        """Park no more."""
         self.is_wanted = self._is_silent = False
 
     def see_to_it(self) -> None:
-        """One look: order, wait, order again; never raises."""
+        """Take one look: order, wait, order again; never raises."""
         if not self.is_wanted:
             return
         now_ns = self._instrument_controller.now_utc_ns()

@@ -27,27 +27,11 @@ def preview_of(pixels: PixelArray) -> npt.NDArray[np.uint8]:
     return _stretched(cv2.resize(pixels, size, interpolation=cv2.INTER_AREA))
 
 
-def place_of_interest(reduction: Reduction, following: Following) -> tuple[float, float] | None:
-    """Where in a frame (x, y, px) its close-up belongs; None where nothing speaks for any place.
+class PlacesOfInterest:
+    """Where in a frame its close-up belongs; without stars by the plate of the last that had some.
 
     On what is followed, else where it was expected, else on the most confident candidate.
     """
-    found, taken, track = reduction.detections, following.taken, following.track
-    if taken is not None and taken.frame_id == found.frame_id:
-        return taken.x_px, taken.y_px
-    if track is not None and isinstance(reduction.solution, Solution):
-        x_px, y_px = (
-            float(v) for v in sky_to_pixel(reduction.solution.wcs, track.x[0], track.x[2])
-        )
-        if 0.0 <= x_px < found.width_px and 0.0 <= y_px < found.height_px:
-            return x_px, y_px
-    candidates = [*found.detections, *(each.detection for each in found.rejected)]
-    best = max(candidates, key=lambda d: d.confidence, default=None)
-    return None if best is None else (best.x_px, best.y_px)
-
-
-class PlacesOfInterest:
-    """The same, also for a frame without stars: by the plate of the last one that had some."""
 
     def __init__(self) -> None:
         self._last: tuple[Wcs, float, float] | None = None
@@ -57,26 +41,33 @@ class PlacesOfInterest:
         self, frame: Frame, reduction: Reduction, following: Following
     ) -> tuple[float, float] | None:
         """Where in a frame (x, y, px) its close-up belongs; None: nothing speaks for any place."""
-        ra, dec, solution = (
-            *(frame.pointing_ra_icrs_deg, frame.pointing_dec_icrs_deg),
-            reduction.solution,
-        )
-        if isinstance(solution, Solution):
-            self._last = None if ra is None or dec is None else (solution.wcs, ra, dec)
-            return place_of_interest(reduction, following)
-        track = following.track
-        if track is None or self._last is None or ra is None or dec is None:
-            return place_of_interest(reduction, following)
+        wcs = self._plate_of(frame, reduction)
+        found, taken, track = reduction.detections, following.taken, following.track
+        if taken is not None and taken.frame_id == found.frame_id:
+            return taken.x_px, taken.y_px
+        if track is not None and wcs is not None:
+            x_px, y_px = (float(v) for v in sky_to_pixel(wcs, track.x[0], track.x[2]))
+            if 0.0 <= x_px < found.width_px and 0.0 <= y_px < found.height_px:
+                return x_px, y_px
+        candidates = [*found.detections, *(each.detection for each in found.rejected)]
+        best = max(candidates, key=lambda d: d.confidence, default=None)
+        return None if best is None else (best.x_px, best.y_px)
+
+    def _plate_of(self, frame: Frame, reduction: Reduction) -> Wcs | None:
+        """The frame's own, else the last one turned by as much as the mount says it has turned."""
+        ra, dec = frame.pointing_ra_icrs_deg, frame.pointing_dec_icrs_deg
+        if isinstance(reduction.solution, Solution):
+            wcs = reduction.solution.wcs
+            self._last = None if ra is None or dec is None else (wcs, ra, dec)
+            return wcs
+        if self._last is None or ra is None or dec is None:
+            return None
         wcs, ra_then, dec_then = self._last
-        moved = replace(
+        return replace(
             wcs,
             crval_ra_deg=(wcs.crval_ra_deg + ra - ra_then) % 360.0,
             crval_dec_deg=wcs.crval_dec_deg + dec - dec_then,
         )
-        x_px, y_px = (float(v) for v in sky_to_pixel(moved, track.x[0], track.x[2]))
-        found = reduction.detections
-        is_within = 0.0 <= x_px < found.width_px and 0.0 <= y_px < found.height_px
-        return (x_px, y_px) if is_within else place_of_interest(reduction, following)
 
 
 def closeup_of(

@@ -1,4 +1,4 @@
-"""Which of several consoles may act: the first that does, until it gives that away or is gone.
+"""Control among several consoles: the first that acts has it until it gives it away or is gone.
 
 Every console sees; STOP is everybody's. Commands from a shell are not asked.
 """
@@ -9,18 +9,16 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from rsoconsole.control import Sender
-from rsoconsole.engine.aim.states import Authority, Stopped
-from rsoconsole.engine.tasks.watch import Watch
 
 GONE_S = 10.0
-"""A console that has not been heard of for so long has left its seat."""
+"""Silence by which a console has left, s."""
 ASKED_S = 30.0
-"""Who is asked and says nothing for so long gives the seat up."""
+"""Silence after a request for control by which it is given up, s."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SeatView:
-    """Who may act, and who wants to."""
+    """The console in control, and another that asks for it."""
 
     holder: Sender | None
     """None while nobody has acted, or who did has left."""
@@ -28,7 +26,7 @@ class SeatView:
 
 
 class Seats:
-    """Heard on the wire's threads."""
+    """Tracks which console has control; called on the wire's threads."""
 
     def __init__(self, now_s: Callable[[], float] = time.monotonic) -> None:
         self._now_s = now_s
@@ -39,7 +37,7 @@ class Seats:
         self._seen_s: dict[Sender, float] = {}
 
     def refusal(self, who: Sender, *, needs_control: bool) -> str | None:
-        """Why this one may not do that now; None where it may. Anyone who may and acts takes it."""
+        """The reason why a sender may not act now; None where it may, and then it takes control."""
         if who.kind != "console":
             return None
         with self._lock:
@@ -52,7 +50,7 @@ class Seats:
             return f"{seat_name(self._holder)} has control: ask for it"
 
     def ask(self, who: Sender) -> str:
-        """Somebody wants the seat; says how that stands."""
+        """Ask for control; the answer in words."""
         with self._lock:
             self._receive(who)
             if self._holder in {None, who}:
@@ -82,7 +80,7 @@ class Seats:
             return "you keep control"
 
     def view(self) -> SeatView:
-        """How it stands."""
+        """The present holder and asker."""
         with self._lock:
             self._tidy()
             return SeatView(holder=self._holder, asked_by=self._asked_by)
@@ -105,57 +103,3 @@ class Seats:
 def seat_name(who: Sender | None) -> str:
     """A console's name."""
     return "nobody" if who is None else who.name
-
-
-class Faults:
-    """The words of what is broken, and what ends them."""
-
-    def __init__(self) -> None:
-        self._words: list[str] = []
-        self._was_blind = False
-        """The mount has been silent since the fault."""
-        self._stop: tuple[Stopped, int] | None = None
-        """A STOP that the mount did not obey, and when that was known."""
-
-    @property
-    def words(self) -> tuple[str, ...]:
-        """Of everything that is broken."""
-        return tuple(self._words)
-
-    def add(self, words: str) -> bool:
-        """Something has failed; False where that is known already."""
-        if words in self._words:
-            return False
-        self._words.append(words)
-        return True
-
-    def clear(self) -> None:
-        """Nothing is broken any more, as far as is known."""
-        self._words.clear()
-        self._was_blind, self._stop = False, None
-
-    def expect_stop(self, stopped: Stopped, words: str, now_utc_ns: int) -> None:
-        """A STOP was not obeyed: that is broken until the mount is measured to be at rest."""
-        self._words, self._stop = [words], (stopped, now_utc_ns)
-
-    def take_stop(self, watch: Watch) -> Stopped | None:
-        """The STOP that was not obeyed, once the mount is measured to be at rest; else None."""
-        report = watch.last_report
-        if self._stop is None or watch.is_blind or report is None:
-            return None
-        stopped, since_ns = self._stop
-        if report.t_utc_ns <= since_ns or report.is_slewing or not report.motion.is_at_rest:
-            return None
-        self._stop = None
-        return stopped
-
-    def is_over(self, authority: Authority, watch: Watch) -> bool:
-        """Whether the mount, whose silence was the cause of a FAULT, answers again: once."""
-        if authority.state != "FAULT" or authority.is_stopped or not self._words:
-            self._was_blind = False
-            return False
-        if watch.is_blind:
-            self._was_blind = True
-            return False
-        was_blind, self._was_blind = self._was_blind, False
-        return was_blind

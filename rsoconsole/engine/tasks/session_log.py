@@ -1,39 +1,20 @@
-"""What the loop puts on record, in order, each with the clock's present."""
+"""The loop's records, in order, each with the clock's present."""
 
 import contextlib
 import logging
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable
 from pathlib import Path
-from typing import Literal, Protocol
-
-import numpy as np
-import numpy.typing as npt
+from typing import Literal
 
 from rsoconsole.base import RsoconsoleError
 from rsoconsole.engine.tasks.preview import closeup_of, preview_of
 from rsoconsole.pipeline import Past, keep_night
 from rsoconsole.records import Closeup, Event, Frame, Record, Topic
-from rsoconsole.session import damage_words, ledger_path, read_ledger
+from rsoconsole.session import SessionWriter, damage_words, ledger_path, read_ledger
 
 log = logging.getLogger(__name__)
 
 _LOG_LEVELS = {"info": logging.INFO, "warning": logging.WARNING, "alarm": logging.ERROR}
-
-
-class Recorder(Protocol):
-    """Where the loop puts what happened; must return at once and never raise."""
-
-    def append(self, record: Record, t_utc_ns: int) -> int:
-        """One record, in order."""
-
-    def save_frame(self, frame: Frame) -> bool:
-        """The pixels as the camera gave them."""
-
-    def save_preview(self, frame_id: int, picture: npt.NDArray[np.uint8]) -> bool:
-        """A small uint8 picture."""
-
-    def save_closeup(self, frame_id: int, picture: npt.NDArray[np.uint8]) -> bool:
-        """A uint8 picture of a piece at full resolution."""
 
 
 class SessionLog:
@@ -41,7 +22,7 @@ class SessionLog:
 
     def __init__(
         self,
-        record: Recorder,
+        record: SessionWriter,
         now_utc_ns: Callable[[], int],
         on_record: Callable[[Record], None] | None = None,
     ) -> None:
@@ -54,13 +35,13 @@ class SessionLog:
         """The exposure that what is said belongs to."""
 
     def append(self, record: Record) -> None:
-        """One record, in order."""
+        """Append one record."""
         self._record.append(record, self.last_utc_ns())
         if self._on_record is not None:
             self._on_record(record)
 
     def say(self, level: Literal["info", "warning", "alarm"], text: str, topic: Topic = "") -> None:
-        """A line of the log in the operator's words."""
+        """Put a line for the operator on record and into the log."""
         self.append(Event(level=level, text=text, frame_id=self.frame_id, topic=topic))
         log.log(_LOG_LEVELS[level], "%s", text)
 
@@ -102,40 +83,36 @@ class SessionLog:
         return self._seen_utc_ns
 
 
-@contextlib.contextmanager
-def warnings_on_record(session_log: SessionLog, logger: str) -> Iterator[None]:
-    """Put every warning of a logger and of those below it on record, while this lasts.
+class WarningsOnRecord(logging.Handler):
+    """Puts every warning of a logger and of those below it on record, while it is entered.
 
     What happens beside the loop (a process that died and was replaced before anybody missed it)
     has no other way there.
     """
-    handler = _OnRecord(session_log)
-    logging.getLogger(logger).addHandler(handler)
-    try:
-        yield
-    finally:
-        logging.getLogger(logger).removeHandler(handler)
 
-
-class _OnRecord(logging.Handler):
-    """Writes what it is handed into the session log."""
-
-    def __init__(self, session_log: SessionLog) -> None:
+    def __init__(self, session_log: SessionLog, logger: str) -> None:
         super().__init__(logging.WARNING)
-        self._session_log = session_log
+        self._session_log, self._logger = session_log, logging.getLogger(logger)
+
+    def __enter__(self) -> None:
+        self._logger.addHandler(self)
+
+    def __exit__(self, *_exception: object) -> None:
+        self._logger.removeHandler(self)
 
     def emit(self, record: logging.LogRecord) -> None:
-        """One line, from any thread."""
-        level: Literal["warning", "alarm"] = (
-            "alarm" if record.levelno >= logging.ERROR else "warning"
+        """One line, from any thread; into the session alone: the log has it already."""
+        self._session_log.append(
+            Event(
+                level="alarm" if record.levelno >= logging.ERROR else "warning",
+                text=record.getMessage(),
+                frame_id=self._session_log.frame_id,
+            )
         )
-        # Into the session alone: the log has it already.
-        text, frame_id = record.getMessage(), self._session_log.frame_id
-        self._session_log.append(Event(level=level, text=text, frame_id=frame_id))
 
 
 def read_past(*, is_simulated: bool) -> tuple[Past | None, str | None]:
-    """What no catalogue knew on earlier nights, and what is wrong with the ledger."""
+    """Uncorrelated tracks of earlier nights, and the ledger's fault in words."""
     if is_simulated:
         return None, None
     try:

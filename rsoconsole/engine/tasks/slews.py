@@ -11,12 +11,13 @@ from rsoconsole.engine.aim.instrument_controller import (
     StoppedElsewhere,
 )
 from rsoconsole.engine.aim.plan import Planner
+from rsoconsole.engine.tasks._observed_motion import pose_of
 from rsoconsole.engine.tasks.session_log import SessionLog
 from rsoconsole.engine.tasks.watch import Watch
 from rsoconsole.instruments import MountReport
 from rsoconsole.pipeline import slew_to
 from rsoconsole.records import SlewCommand, SlewRefusal
-from rsoconsole.sky import LimitName, Pose, separation_deg
+from rsoconsole.sky import LimitName, separation_deg
 from rsoconsole.tracking import Following
 from rsoconsole.words import text
 
@@ -31,7 +32,7 @@ class NowhereError(RsoconsoleError):
 
 
 class Slews:
-    """Knows the planner, the limits and the instrument controller, so that the loop need not."""
+    """Orders the loop's slews: planned, held against the limits, and waited for."""
 
     def __init__(
         self,
@@ -48,7 +49,7 @@ class Slews:
         """The slew ordered last, and what the mount was told for it."""
 
     def order_next(self, following: Following, *, is_held: bool) -> Plan:
-        """Where and when the next exposure is; the mount is on its way when this returns.
+        """Plan the next exposure and order its slew; the mount is on its way when this returns.
 
         Raises NowhereError when a search has no place left, StoppedElsewhere when somebody else
         has moved the mount, Interrupted instead of moving.
@@ -149,7 +150,7 @@ class Slews:
     def refuse_direction(
         self, direction: tuple[float, float], now_utc_ns: int
     ) -> SlewRefusal | None:
-        """Why the telescope must not look there now; None when it may."""
+        """The reason why the telescope must not look at a direction now; None when it may."""
         command = self._planner.command(slew_to(0, direction, now_utc_ns, ""))
         return self.refusal(command, now_utc_ns, now_utc_ns)
 
@@ -160,15 +161,10 @@ class Slews:
         t_until_utc_ns: int,
         lifted: frozenset[LimitName] = frozenset(),
     ) -> SlewRefusal | None:
-        """Why the mount must not go there; the same limits for the loop and for the operator."""
+        """The reason why the mount must not go there; the same for loop and operator."""
         start = self._instrument_controller.mount_report()
         refusal = self._watch.limits.refuse_slew(
-            Pose(
-                t_utc_ns=self._instrument_controller.now_utc_ns(),
-                ra_icrs_deg=start.ra_icrs_deg,
-                dec_icrs_deg=start.dec_icrs_deg,
-                pier_side=start.pier_side,
-            ),
+            replace(pose_of(start), t_utc_ns=self._instrument_controller.now_utc_ns()),
             *to_icrs_deg,
             t_aim_utc_ns=t_aim_utc_ns,
             t_until_utc_ns=t_until_utc_ns,

@@ -11,6 +11,7 @@ import logging
 import threading
 import time
 from collections.abc import Callable, Iterator
+from typing import Literal
 
 from rsoconsole.base import RsoconsoleError
 from rsoconsole.config import Config
@@ -21,12 +22,12 @@ from rsoconsole.engine.machine.machine import notify
 from rsoconsole.engine.tasks._limit_stop import LimitStop
 from rsoconsole.engine.tasks._observed_motion import (
     How,
+    ObservedMotion,
     Own,
     OwnMotion,
     ParkedMotion,
-    SeenMotion,
+    observed_motion,
     pose_of,
-    seen_motion,
 )
 from rsoconsole.engine.tasks.command_queue import CommandQueue
 from rsoconsole.instruments import Instruments, MountReport
@@ -38,7 +39,7 @@ log = logging.getLogger(__name__)
 NS = 1_000_000_000
 EVERY_S = 1.0
 SILENCE_S = 5.0
-"""How long a mount's report is waited for."""
+"""Wait for a mount's report, s."""
 AHEAD_S = 6 * 3600.0
 FORECAST_HOLDS_NS = 300 * NS
 LATEST_S = 10.0
@@ -54,7 +55,7 @@ ALL_BUT_SUN: tuple[LimitName, ...] = ("altitude", "horizon", "hour angle", "pier
 
 
 class Watch:
-    """One look is ``look()``; ``run()`` looks at 1 Hz until told to end."""
+    """Watches mount, sky and loop: ``look()`` once, ``running()`` at 1 Hz."""
 
     def __init__(
         self,
@@ -72,15 +73,17 @@ class Watch:
         self._config = config
         self._queue = queue
         self._say = say
-        self._limits = Limits(config.site.to_site(), config.limits, config.mount)
-        self._lifted: frozenset[str] = frozenset()
+        self.limits = Limits(config.site.to_site(), config.limits, config.mount)
+        """The limits that every slew and every position is held against."""
+        self.lifted: frozenset[str] = frozenset()
+        """Checks that the operator has overridden by name, as long as their reason stands."""
         self._is_responsible = False
         self._lock = threading.Lock()
         """Over the two above, which the loop sets and the watch's thread thins out."""
         self._said: dict[str, str] = {}
         self._forecast_of: tuple[MountReport, frozenset[LimitName]] | None = None
         self.last_report: MountReport | None = None
-        """What the mount said at the last look."""
+        """The mount's report at the last look."""
         self.is_blind = False
         """The mount did not answer at the last look."""
         self._last_pose: Pose | None = None
@@ -89,43 +92,29 @@ class Watch:
         self._ordered = ordered
         self._own, self._parked = OwnMotion(ordered), ParkedMotion()
         self._stop = LimitStop(instruments, say)
-        self._next: tuple[int, Refusal] | None = None
+        self.next_limit: tuple[int, Refusal] | None = None
+        """When sidereal tracking meets a limit, UTC ns, and which; None when none is near."""
         self._end = threading.Event()
         self._loop_alive_s = time.monotonic()
-
-    @property
-    def limits(self) -> Limits:
-        """The limits that every slew and every position is held against."""
-        return self._limits
-
-    @property
-    def next_limit(self) -> tuple[int, Refusal] | None:
-        """When sidereal tracking meets a limit, and which; None when none is near."""
-        return self._next
 
     def configure(self, config: Config) -> None:
         """Take new tunables."""
         self._config = config
-        self._limits = Limits(config.site.to_site(), config.limits, config.mount)
-
-    @property
-    def lifted(self) -> frozenset[str]:
-        """Checks that the operator has overridden by name, as long as their reason stands."""
-        return self._lifted
+        self.limits = Limits(config.site.to_site(), config.limits, config.mount)
 
     def take_over(self, is_responsible: bool, lifted: frozenset[str] | None = None) -> None:
-        """Whether the mount is autonomy's affair: then the night's end and the least altitude are.
+        """Set whether autonomy is responsible: then night's end and least altitude end motions.
 
         ``lifted``: checks that are overridden by name from now on; None: those that were.
         """
         with self._lock:
             self._is_responsible = is_responsible
             if lifted is not None:
-                self._lifted = lifted
+                self.lifted = lifted
 
     def lifted_limits(self) -> frozenset[LimitName]:
         """Limits that an override of the checklist has lifted."""
-        return frozenset(LIFTS[name] for name in self._lifted if name in LIFTS)
+        return frozenset(LIFTS[name] for name in self.lifted if name in LIFTS)
 
     @contextlib.contextmanager
     def running(self) -> Iterator[None]:
@@ -151,13 +140,13 @@ class Watch:
             looked_s = time.monotonic()
 
     def loop_is_alive(self) -> None:
-        """The loop is alive: it says so at every step of a wait."""
+        """Note that the loop is alive; called at every step of a wait."""
         self._loop_alive_s = time.monotonic()
         if self._instruments.clock.is_simulated:
             self.look()
 
     def look(self) -> None:
-        """One look at mount, sky and weather; never raises."""
+        """Look once at mount, sky and weather; never raises."""
         try:
             self._look_at_the_loop()
             now_ns = self._instruments.clock.now_utc_ns()
@@ -174,7 +163,7 @@ class Watch:
             self._say_once("watch", "alarm", "the watch over the limits broke: see the log")
 
     def is_loop_alive(self) -> bool:
-        """Whether the loop has said so of late; from any thread."""
+        """True while the loop has reported of late; from any thread."""
         silent_s = time.monotonic() - self._loop_alive_s
         frame_s, again_s = self._config.exposure.frame_timeout_s, self._config.waits.connected_s
         return silent_s < max(LOOP_SILENCE_S, 2.0 * frame_s, frame_s + again_s)
@@ -189,18 +178,18 @@ class Watch:
 
     def limit_before(self, t_utc_ns: int) -> Refusal | None:
         """The limit that tracking on meets before an instant; None when none."""
-        if self._next is None or self._next[0] > t_utc_ns:
+        if self.next_limit is None or self.next_limit[0] > t_utc_ns:
             return None
-        return self._next[1]
+        return self.next_limit[1]
 
     def refusal(self, report: MountReport) -> Refusal | None:
         """The limit that forbids how the mount moves; None also where it stands or is parked."""
         last = self.last_report
-        seen = seen_motion(report, last)
+        seen = observed_motion(report, last)
         if seen.how == "stands" or (report.is_parked and seen.how != "slews"):
             return None
         pose = pose_of(report)
-        own = self._own.kind(pose, seen, self._limits)
+        own = self._own.kind(pose, seen, self.limits)
         return self._refusal(report, pose, seen, own)
 
     def end_at_limit(self, words: str) -> None:
@@ -209,7 +198,7 @@ class Watch:
         Nothing counts as ahead until the next look: a loop that nothing keeps from exposing would
         meet it again at once.
         """
-        self._next = self._forecast_of = None
+        self.next_limit = self._forecast_of = None
         parks = not self._is_responsible
         end = functools.partial(
             self._stop.end, "tracks", self._instruments.clock.now_utc_ns(), parks=parks
@@ -227,10 +216,10 @@ class Watch:
         return lifted if self._is_responsible else lifted | {"altitude"}
 
     def _refusal(
-        self, report: MountReport, pose: Pose, seen: SeenMotion, own: Own | None
+        self, report: MountReport, pose: Pose, seen: ObservedMotion, own: Own | None
     ) -> Refusal | None:
         """The limit that forbids how it moves: what was ordered here has been judged before."""
-        limits = self._limits
+        limits = self.limits
         if seen.how != "slews":
             return limits.refuse_pose(pose, is_slewing=False, lifted=self._held_lifted())
         is_parking = own == "park" or report.is_parking or report.is_parked or self._stop.is_parking
@@ -256,23 +245,23 @@ class Watch:
         )
 
     def night_end(self) -> NightEnd | None:
-        """Why it is no night for telescopes at this moment; None where it is one."""
+        """The reason why it is no night for telescopes now; None where it is one."""
         safety_monitor = self._instruments.safety_monitor
         sky = None if safety_monitor is None else safety_monitor.look()
         now_ns = self._instruments.clock.now_utc_ns()
-        return night_end(self._config, now_ns, sky, self._lifted)
+        return night_end(self._config, now_ns, sky, self.lifted)
 
     def _look_at_the_mount(self, now_ns: int) -> None:
         mount = self._instruments.mount
         not_before = now_ns if self._instruments.clock.is_simulated else None
         report = mount.report(not_before, SILENCE_S)
         before, self.last_report = self.last_report, report
-        pose, seen = pose_of(report), seen_motion(report, before)
+        pose, seen = pose_of(report), observed_motion(report, before)
         self._own.note(report, pose, seen)
         if (ordered := self._ordered()) is not None:
             self._stop.forget_park(ordered.t_utc_ns)
         self._stop.look(report, pose, seen, is_heeded=not self._queue.is_stopping)
-        own = self._own.kind(pose, seen, self._limits)
+        own = self._own.kind(pose, seen, self.limits)
         is_stopped = self._look_whether_it_is_parked(report, own, now_ns)
         if seen.how == "stands" or (report.is_parked and seen.how != "slews"):
             self._look_at_a_resting_mount(report, pose)
@@ -287,9 +276,11 @@ class Watch:
             return
         self._said.pop("limit", None)
         if not is_stopped:
-            self._stop.is_over()
+            self._stop.forget_motion()
         self._look_ahead(report, pose, seen)
-        mount.keep(self._config.mount.lease_s, None if self._next is None else self._next[0])
+        mount.keep(
+            self._config.mount.lease_s, None if self.next_limit is None else self.next_limit[0]
+        )
 
     def _look_whether_it_is_parked(self, report: MountReport, own: Own | None, now_ns: int) -> bool:
         """Its driver's word that it is parked is held against what was measured.
@@ -312,13 +303,13 @@ class Watch:
 
     def _look_at_a_resting_mount(self, report: MountReport, pose: Pose) -> None:
         """Nothing moves that could be stopped; but the Sun may come to where it looks."""
-        self._next = self._forecast_of = None
+        self.next_limit = self._forecast_of = None
         self._last_pose = self._rested = pose
         self._said.pop("limit", None)
         if report.is_parked:
             return
-        self._stop.is_over()
-        refusal = self._limits.refuse_pose(pose, is_slewing=False, lifted=ALL_BUT_SUN)
+        self._stop.forget_motion()
+        refusal = self.limits.refuse_pose(pose, is_slewing=False, lifted=ALL_BUT_SUN)
         if refusal is None:
             self._said.pop("Sun", None)
         else:
@@ -342,22 +333,22 @@ class Watch:
         words = f"{whose}{refusal.text}; {self._stop.words(how, parks=parks)}"
         self._queue.stop(LimitMet(words=words), end)
 
-    def _look_ahead(self, report: MountReport, pose: Pose, seen: SeenMotion) -> None:
+    def _look_ahead(self, report: MountReport, pose: Pose, seen: ObservedMotion) -> None:
         if seen.how == "slews":
-            self._next = self._forecast_of = None
+            self.next_limit = self._forecast_of = None
             return
         self._look_how_low(pose)
         lifted = self._held_lifted()
         if self._forecast_of is not None and _holds(*self._forecast_of, report, lifted):
             return
-        self._next = self._limits.next_limit(pose, AHEAD_S, lifted=lifted)
+        self.next_limit = self.limits.next_limit(pose, AHEAD_S, lifted=lifted)
         self._forecast_of = report, lifted
 
     def _look_how_low(self, pose: Pose) -> None:
         """Where nobody is armed the least altitude is a matter of taste."""
         refusal = None
         if not self._is_responsible:
-            refusal = self._limits.refuse_pose(pose, is_slewing=False, lifted=self.lifted_limits())
+            refusal = self.limits.refuse_pose(pose, is_slewing=False, lifted=self.lifted_limits())
         if refusal is None:
             self._said.pop("altitude", None)
         else:
@@ -367,13 +358,13 @@ class Watch:
     def _look_at_the_sky(self, now_ns: int) -> None:
         safety_monitor = self._instruments.safety_monitor
         sky = None if safety_monitor is None else safety_monitor.look()
-        if sky is not None and sky.weather == "warning" and "weather" not in self._lifted:
+        if sky is not None and sky.weather == "warning" and "weather" not in self.lifted:
             self._say_once("weather", "warning", f"the weather station warns: {sky.detail}")
         else:
             self._said.pop("weather", None)
         with self._lock:
-            self._lifted = lasting_overrides(self._config, now_ns, sky, self._lifted)
-            end = night_end(self._config, now_ns, sky, self._lifted)
+            self.lifted = lasting_overrides(self._config, now_ns, sky, self.lifted)
+            end = night_end(self._config, now_ns, sky, self.lifted)
             is_ours = end is not None and self._is_responsible
             if is_ours:
                 self._is_responsible = False
@@ -390,14 +381,15 @@ class Watch:
         elif end.cause != "dawn":
             self._say_once("night", "alarm", f"{end.detail}: the mount is not armed, look to it")
 
-    def _say_once(self, about: str, level: str, text: str, *, is_same: bool = False) -> None:
+    def _say_once(
+        self, about: str, level: Literal["warning", "alarm"], text: str, *, is_same: bool = False
+    ) -> None:
         """Say it unless it was said; ``is_same``: also where only its figures have changed."""
         said = self._said.get(about)
         if said == text or (is_same and said is not None):
             return
         self._said[about] = text
-        assert level in ("warning", "alarm")
-        self._say(Event(level="alarm" if level == "alarm" else "warning", text=text))
+        self._say(Event(level=level, text=text))
 
 
 def _holds(

@@ -16,6 +16,7 @@ from rsoconsole.control import (
     SUPERSEDED,
     Arm,
     Command,
+    ControlClient,
     DirectStop,
     Goto,
     MovePreview,
@@ -23,7 +24,6 @@ from rsoconsole.control import (
     Preview,
     StopNews,
     Stopping,
-    Wire,
     command_of,
     preview_lines,
     read_record,
@@ -53,7 +53,7 @@ class PanelOrders:
 
     def __init__(
         self,
-        wire: Wire,
+        wire: ControlClient,
         link: Link,
         show: Show,
         *,

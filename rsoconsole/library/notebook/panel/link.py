@@ -8,7 +8,7 @@ from collections.abc import Callable
 from typing import Any
 
 from rsoconsole.base import ControlError, SessionError
-from rsoconsole.control import AskStatus, Poller, Status, Wire, printable, read_status
+from rsoconsole.control import AskStatus, ControlClient, Poller, Status, printable, read_status
 from rsoconsole.library.notebook.panel._panel_view import LiveNight, night_view, status_view
 from rsoconsole.words import NOT_SHOWN
 
@@ -23,7 +23,7 @@ class Link(Poller):
 
     def __init__(
         self,
-        wire: Wire,
+        wire: ControlClient,
         *,
         seat: str,
         is_watched: Callable[[], bool],

@@ -14,7 +14,7 @@ import anywidget
 import traitlets
 
 from rsoconsole.base import resource
-from rsoconsole.control import ControlClient, Found, Sender, Wire
+from rsoconsole.control import ControlClient, Found, Sender
 from rsoconsole.instruments import stop_past_engine
 from rsoconsole.library.notebook.panel._panel_orders import PanelOrders
 from rsoconsole.library.notebook.panel.link import Link
@@ -51,7 +51,11 @@ class LivePanel(anywidget.AnyWidget):  # type: ignore[misc]
     effect = traitlets.Dict().tag(sync=True)
 
     def __init__(
-        self, socket: Path | str | None = None, *, read_only: bool = False, wire: Wire | None = None
+        self,
+        socket: Path | str | None = None,
+        *,
+        read_only: bool = False,
+        wire: ControlClient | None = None,
     ) -> None:
         """``socket``: the engine's, None for this user's own; ``wire``: another way to it."""
         sender = Sender.at(f"notebook-{os.getpid()}")
