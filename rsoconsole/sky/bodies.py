@@ -9,12 +9,11 @@ import numpy as np
 from rsoconsole.records import FloatArray, Site
 from rsoconsole.sky.angles import unit_to_direction
 from rsoconsole.sky.frames import icrs_to_altaz
-from rsoconsole.sky.places import AU_KM, site_gcrs, sun_gcrs_km
+from rsoconsole.sky.places import AU_KM, EARTH_RADIUS_KM, LIGHT_KM_S, site_gcrs, sun_gcrs_km
 from rsoconsole.sky.times import TimeLike, jd_tt
 from rsoconsole.words import NS_PER_DAY, NS_PER_S
 
 SUN_RADIUS_KM = 695_700.0
-EARTH_RADIUS_KM = 6378.137
 LIT_SHARE = 0.5
 """Of the Sun's disc, from which a satellite counts as lit."""
 
@@ -95,7 +94,6 @@ def moon_lit_fraction(t_utc_ns: int) -> float:
     return (1.0 + cosine) / 2.0
 
 
-LIGHT_KM_S = 299_792.458
 PLANETS = MappingProxyType(
     {"Mercury": 1, "Venus": 2, "Mars": 4, "Jupiter": 5, "Saturn": 6, "Uranus": 7, "Neptune": 8}
 )

@@ -19,6 +19,9 @@ from rsoconsole.words import NS_PER_S
 
 LIGHT_KM_S = 299_792.458
 AU_KM = 149_597_870.7
+GEO_RADIUS_KM = 42164.17
+EARTH_RADIUS_KM = 6378.137
+EARTH_E2 = 0.00669437999014
 S_PER_DAY = 86_400.0
 _KNOT_NS = 3600 * NS_PER_S
 
@@ -213,11 +216,6 @@ def _angular_rates_deg_s(u: FloatArray, u_rate: FloatArray) -> tuple[FloatArray,
 
 def _rotate(rotation: FloatArray, vector: FloatArray) -> FloatArray:
     return np.asarray(np.einsum("...ij,...j->...i", rotation, vector))
-
-
-GEO_RADIUS_KM = 42164.17
-EARTH_RADIUS_KM = 6378.137
-EARTH_E2 = 0.00669437999014
 
 
 def belt_declination_deg(site: Site, hour_angle_deg: float) -> float:

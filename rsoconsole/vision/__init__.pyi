@@ -1,3 +1,4 @@
+from .arrays import ByteArray as ByteArray
 from .detector.against_catalogue import catalogue_light as catalogue_light
 from .detector.against_earlier import EarlierLight as EarlierLight
 from .detector.against_earlier import Mapping2d as Mapping2d
@@ -43,7 +44,6 @@ from .frame.maps import LOWEST_SIGMA as LOWEST_SIGMA
 from .frame.maps import MAP_KIND as MAP_KIND
 from .frame.maps import NETWORK_HEIGHT_CELLS as NETWORK_HEIGHT_CELLS
 from .frame.maps import NETWORK_WIDTH_CELLS as NETWORK_WIDTH_CELLS
-from .frame.maps import ByteArray as ByteArray
 from .frame.maps import FrameMap as FrameMap
 from .frame.maps import choose_blocks as choose_blocks
 from .frame.maps import make_map as make_map

@@ -8,10 +8,10 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from rsoconsole.records import Detection, FloatArray, Frame, NotAStreak, NotAStreakKind, Rejection
+from rsoconsole.vision.arrays import BoolArray
 from rsoconsole.vision.detector.measured_detection import (
     SAME_STREAK_DEG,
     SHARP_PX,
-    BoolArray,
     Candidate,
     Focus,
     LineLight,

@@ -11,9 +11,9 @@ from dataclasses import dataclass
 from typing import Literal, TypeAlias
 
 import numpy as np
-import numpy.typing as npt
 
 from rsoconsole.records import FloatArray, PixelArray
+from rsoconsole.vision.arrays import BoolArray
 from rsoconsole.vision.lines.line_columns import (
     LineColumns,
     columns_at,
@@ -25,7 +25,6 @@ from rsoconsole.vision.lines.line_columns import (
 from rsoconsole.vision.lines.streak_search import Box
 from rsoconsole.vision.stars.star_moments import FWHM_PER_SIGMA
 
-BoolArray = npt.NDArray[np.bool_]
 Mapping2d: TypeAlias = Callable[[FloatArray, FloatArray], tuple[FloatArray, FloatArray]]
 """Pixels of this frame to pixels of the earlier one, arrays of any one shape."""
 Found: TypeAlias = Literal["same", "new", "unclear"]

@@ -4,10 +4,10 @@ import math
 from dataclasses import dataclass, replace
 
 import numpy as np
-import numpy.typing as npt
 
 from rsoconsole.records import Detection, FloatArray, Frame
 from rsoconsole.sky import turn_deg
+from rsoconsole.vision.arrays import BoolArray
 from rsoconsole.vision.detector.network import NetworkBox
 from rsoconsole.vision.stars.psf_field import PsfField
 from rsoconsole.vision.streaks.streak_fit import StreakFit
@@ -215,8 +215,6 @@ def from_box(frame: Frame, box: NetworkBox) -> Detection:
         method="box",
     )
 
-
-BoolArray = npt.NDArray[np.bool_]
 
 SAME_STREAK_DEG, _SAME_WIDTHS, _MIN_WIDTH_PX = 10.0, 1.5, 2.0
 """Turn, and distance across in widths of it, with a least width in px."""

@@ -18,16 +18,14 @@ import numpy as np
 import numpy.typing as npt
 
 from rsoconsole.base import ModelError, json_of, model_resource, read_foreign
+from rsoconsole.vision.arrays import ByteArray, Float32Array
 from rsoconsole.vision.frame.maps import (
     MAP_KIND,
     NETWORK_HEIGHT_CELLS,
     NETWORK_WIDTH_CELLS,
-    ByteArray,
     FrameMap,
 )
 from rsoconsole.vision.frame.workers import threads_for
-
-Float32Array = npt.NDArray[np.float32]
 
 MODEL_NAME = "streak_ssd.tflite"
 STRIDE_CELLS = 4

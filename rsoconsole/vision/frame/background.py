@@ -11,14 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from rsoconsole.records import PixelArray
-from rsoconsole.vision.frame.bins import (
-    CELL_PX,
-    Float32Array,
-    FrameBins,
-    bin_frame,
-    mean_of_squares,
-    take_rows,
-)
+from rsoconsole.vision.arrays import Float32Array
+from rsoconsole.vision.frame.bins import CELL_PX, FrameBins, bin_frame, mean_of_squares, take_rows
 from rsoconsole.vision.frame.workers import CALLER_ALONE, Workers
 
 _TILE_CELLS = 8

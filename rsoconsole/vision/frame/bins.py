@@ -15,9 +15,8 @@ import numpy as np
 import numpy.typing as npt
 
 from rsoconsole.records import PixelArray
+from rsoconsole.vision.arrays import ByteArray, Float32Array, IndexArray
 from rsoconsole.vision.frame.workers import CALLER_ALONE, Workers
-
-Float32Array = npt.NDArray[np.float32]
 
 CELL_PX = 16
 _MAX_CODE = 65535.0
@@ -25,7 +24,7 @@ LINE_REACH = 2
 """Bins on either side of one that a line through it needs."""
 
 
-def _line_through(down: int, right: int) -> npt.NDArray[np.uint8]:
+def _line_through(down: int, right: int) -> ByteArray:
     """A bin, the two so far down and right, and up and left of it, and those between, as a mask."""
     kernel = np.zeros((2 * LINE_REACH + 1, 2 * LINE_REACH + 1), dtype=np.uint8)
     for part in (-1.0, -0.5, 0.0, 0.5, 1.0):
@@ -39,7 +38,7 @@ _LINES = tuple(
 )
 
 
-def lines_through() -> Iterator[tuple[npt.NDArray[np.uint8], npt.NDArray[np.uint8]]]:
+def lines_through() -> Iterator[tuple[ByteArray, ByteArray]]:
     """Pairs of lines of five bins at right angles to one another: each of the eight ways once."""
     for along, across in ((0, 3), (1, 5), (2, 4), (6, 7)):
         yield _LINES[along], _LINES[across]
@@ -224,7 +223,7 @@ def means_of_whole_blocks(pixels: PixelArray, bins: FrameBins, block: int) -> Fl
     return means
 
 
-def _up_to_cells(count: int, size: int, block: int) -> npt.NDArray[np.intp]:
+def _up_to_cells(count: int, size: int, block: int) -> IndexArray:
     """Which of ``size`` rows or columns each of ``count`` is, with mirrored pixels, then bins."""
     binning, whole = binning_of(block), -(-size // block) * block
     bins, within = np.divmod(np.arange(count), binning)
@@ -243,7 +242,7 @@ def take_rows(pixels: PixelArray, rows: range, out: PixelArray) -> None:
         out[:, inside:] = out[:, mirrored(np.arange(inside, out.shape[1]), width)]
 
 
-def mirrored(index: npt.NDArray[np.intp], size: int) -> npt.NDArray[np.intp]:
+def mirrored(index: IndexArray, size: int) -> IndexArray:
     """Where rows or columns beyond the frame come from; the outermost itself is not repeated."""
     there_and_back = max(2 * (size - 1), 1)
     folded = index % there_and_back

@@ -13,7 +13,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from rsoconsole.records import Frame, PixelArray
+from rsoconsole.records import FloatArray, Frame, PixelArray
+from rsoconsole.vision.arrays import Float32Array, IndexArray
 from rsoconsole.vision.frame.workers import CALLER_ALONE, Workers
 
 CELL = ((0, 0), (0, 1), (1, 0), (1, 1))
@@ -97,10 +98,10 @@ def _sky_of(plane: npt.NDArray[Any]) -> tuple[float, float]:
 
 def _mosaic_gains(
     planes: list[npt.NDArray[Any]],
-    sky: npt.NDArray[np.float64],
-    noise: npt.NDArray[np.float64],
+    sky: FloatArray,
+    noise: FloatArray,
     saturation_adu: float,
-) -> npt.NDArray[np.float64]:
+) -> FloatArray:
     """Response of each place, 1 in the mean: by the stars, or else by the noise of its sky."""
     by_stars = _gains_of_stars(planes, sky, noise, saturation_adu)
     if by_stars is not None:
@@ -112,10 +113,10 @@ def _mosaic_gains(
 
 def _gains_of_stars(
     planes: list[npt.NDArray[Any]],
-    sky: npt.NDArray[np.float64],
-    noise: npt.NDArray[np.float64],
+    sky: FloatArray,
+    noise: FloatArray,
     saturation_adu: float,
-) -> npt.NDArray[np.float64] | None:
+) -> FloatArray | None:
     """Each place's share of the light of bright stars, 1 in the mean; None with too few of them."""
     import cv2
 
@@ -157,7 +158,7 @@ def _middle(plane: npt.NDArray[Any]) -> npt.NDArray[Any]:
     return plane[cut[0] : plane.shape[0] - cut[0], cut[1] : plane.shape[1] - cut[1]]
 
 
-def _levels(plane: npt.NDArray[Any]) -> npt.NDArray[np.float64]:
+def _levels(plane: npt.NDArray[Any]) -> FloatArray:
     """(_GRID, _GRID) medians of a place's pixels, fewer where the frame is small."""
     rows = np.array_split(np.arange(plane.shape[0]), _GRID)
     columns = np.array_split(np.arange(plane.shape[1]), _GRID)
@@ -180,7 +181,7 @@ def _mean_of_middle(values: npt.NDArray[Any]) -> float:
     return float(ordered[quarter : ordered.size - quarter].mean(dtype=np.float64))
 
 
-def _spread(grid: npt.NDArray[np.float64], shape: tuple[int, int]) -> npt.NDArray[np.float32]:
+def _spread(grid: FloatArray, shape: tuple[int, int]) -> Float32Array:
     """The pieces' values over a whole plane, with slopes between their middles."""
     import cv2
 
@@ -188,9 +189,6 @@ def _spread(grid: npt.NDArray[np.float64], shape: tuple[int, int]) -> npt.NDArra
     spread = cv2.resize(grid.astype(np.float32), size, interpolation=cv2.INTER_LINEAR)
     return np.asarray(spread, dtype=np.float32)
 
-
-Float32Array = npt.NDArray[np.float32]
-IndexArray = npt.NDArray[np.intp]
 
 MIN_LIT = 0.1
 """Of the flat's median: what has less light is not divided by it."""

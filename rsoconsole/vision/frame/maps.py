@@ -13,13 +13,12 @@ hence ``x_px = u * block - 0.5`` exactly, whatever the padding, which is on the 
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
 from rsoconsole.records import MapMode, PixelArray
+from rsoconsole.vision.arrays import ByteArray, Float32Array
 from rsoconsole.vision.frame.background import local_background, resample, sky_noise
 from rsoconsole.vision.frame.bins import (
     CELL_PX,
-    Float32Array,
     FrameBins,
     bin_frame,
     binning_of,
@@ -28,8 +27,6 @@ from rsoconsole.vision.frame.bins import (
     median_5x5,
 )
 from rsoconsole.vision.frame.workers import CALLER_ALONE, Workers
-
-ByteArray = npt.NDArray[np.uint8]
 
 NETWORK_WIDTH_CELLS = 608
 NETWORK_HEIGHT_CELLS = 448

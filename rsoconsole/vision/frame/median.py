@@ -6,6 +6,7 @@ import numpy as np
 import numpy.typing as npt
 
 from rsoconsole.records import FloatArray
+from rsoconsole.vision.arrays import BoolArray
 
 
 def median_of(values: npt.ArrayLike) -> float:
@@ -56,7 +57,7 @@ MAX_POINTS = 40
 """Among more, a streak's pieces are the smaller part."""
 
 
-def on_one_line(x_px: FloatArray, y_px: FloatArray, reach_px: float) -> npt.NDArray[np.bool_]:
+def on_one_line(x_px: FloatArray, y_px: FloatArray, reach_px: float) -> BoolArray:
     """Which points, (n,) each, lie within ``reach_px`` of the line through two that holds most.
 
     None of them, where those are fewer than ``MIN_POINTS`` or not the larger part, or where

@@ -9,11 +9,9 @@ the converter are. A streak along one row for more than half of the frame would 
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
 from rsoconsole.records import PixelArray
-
-Float32Array = npt.NDArray[np.float32]
+from rsoconsole.vision.arrays import Float32Array
 
 SEEN_SIGMA = 0.15
 """From so much of a pixel's noise on, one sigma of the offsets, they are taken away."""

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-Float32Array = npt.NDArray[np.float32]
+from rsoconsole.vision.arrays import Float32Array
 
 THRESHOLD, LONG_THRESHOLD = 5.0, 4.6
 """Sigma of the cells' own scatter: of a short and of a long partial sum that is traced."""

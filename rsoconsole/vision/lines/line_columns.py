@@ -4,14 +4,11 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
 from rsoconsole.records import FloatArray, PixelArray
+from rsoconsole.vision.arrays import BoolArray, Float32Array
 from rsoconsole.vision.frame.background import Background
 from rsoconsole.vision.lines.streak_search import Box
-
-Float32Array = npt.NDArray[np.float32]
-BoolArray = npt.NDArray[np.bool_]
 
 LONGEST_PX = 400
 """Of a longer line its middle is looked at."""

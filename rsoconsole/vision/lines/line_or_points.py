@@ -15,8 +15,9 @@ from dataclasses import replace
 import numpy as np
 
 from rsoconsole.records import FloatArray
+from rsoconsole.vision.arrays import BoolArray
 from rsoconsole.vision.frame.median import best_pair, median_of
-from rsoconsole.vision.lines.line_strip import BoolArray, Course, LineProfile, LineStrip, profile_of
+from rsoconsole.vision.lines.line_strip import Course, LineProfile, LineStrip, profile_of
 from rsoconsole.vision.stars.star_moments import FWHM_PER_SIGMA
 
 _MAX_PARTS = 48

@@ -12,9 +12,9 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
 from rsoconsole.records import Detection, FloatArray, PixelArray
+from rsoconsole.vision.arrays import BoolArray, Float32Array, IndexArray
 from rsoconsole.vision.frame.background import Background
 from rsoconsole.vision.frame.median import best_pair, median_of
 from rsoconsole.vision.stars.image import StarImage, disc, star_image
@@ -23,9 +23,6 @@ from rsoconsole.vision.stars.stars import StarList
 
 MAX_FWHM = 20.0
 """Length in widths of a star up to which a few stars may look like a line."""
-Float32Array = npt.NDArray[np.float32]
-BoolArray = npt.NDArray[np.bool_]
-IntArray = npt.NDArray[np.int_]
 
 _STEP_SIGMAS, _BEYOND_SIGMAS, _MIN_STEP_PX, _MAX_STEP_PX = 0.6, 3.0, 0.7, 2.0
 _MAX_PLACES, _MAX_BESIDE, _MIN_SIDE_PX = 160, 30, 5
@@ -137,11 +134,11 @@ class _Course:
         """Places on it, x and y."""
         return self.x + along * self.dx, self.y + along * self.dy
 
-    def along(self, x: FloatArray | IntArray, y: FloatArray | IntArray) -> FloatArray:
+    def along(self, x: FloatArray | IndexArray, y: FloatArray | IndexArray) -> FloatArray:
         """Px from its middle, along it."""
         return np.asarray((x - self.x) * self.dx + (y - self.y) * self.dy)
 
-    def away(self, x: FloatArray | IntArray, y: FloatArray | IntArray) -> FloatArray:
+    def away(self, x: FloatArray | IndexArray, y: FloatArray | IndexArray) -> FloatArray:
         """Px from the nearest place between its ends."""
         across = (y - self.y) * self.dx - (x - self.x) * self.dy
         beyond = np.maximum(np.abs(self.along(x, y)) - 0.5 * self.length, 0.0)
@@ -162,12 +159,12 @@ class _Box:
     """(used,) light over its error."""
 
     @property
-    def x(self) -> IntArray:
+    def x(self) -> IndexArray:
         """(1, columns) of the frame."""
         return np.arange(self.is_used.shape[1])[None] + self.left
 
     @property
-    def y(self) -> IntArray:
+    def y(self) -> IndexArray:
         """(rows, 1)"""
         return np.arange(self.is_used.shape[0])[:, None] + self.top
 

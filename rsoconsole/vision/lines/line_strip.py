@@ -9,17 +9,13 @@ from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
-import numpy.typing as npt
 
 from rsoconsole.records import FloatArray, PixelArray
+from rsoconsole.vision.arrays import BoolArray, Float32Array, IndexArray
 from rsoconsole.vision.frame.background import Background
 from rsoconsole.vision.frame.median import median_of
 from rsoconsole.vision.lines.streak_search import Box
 from rsoconsole.vision.stars.stars import StarList, lit_radius_px
-
-Float32Array = npt.NDArray[np.float32]
-IntArray = npt.NDArray[np.int_]
-BoolArray = npt.NDArray[np.bool_]
 
 OFF_PX = 9.0
 """How far off its line a proposal may be, px, at its middle and at its ends."""
@@ -50,7 +46,7 @@ class LineStrip:
     """Whether it ends with the frame, at its first and at its last column."""
 
     @property
-    def columns(self) -> IntArray:
+    def columns(self) -> IndexArray:
         """0, 1, 2 and so on."""
         return np.arange(self.values.shape[1])
 
@@ -69,14 +65,14 @@ class Course:
     sigma_offset: float
     sigma_slope: float
 
-    def at(self, columns: IntArray | FloatArray | float) -> FloatArray:
+    def at(self, columns: IndexArray | FloatArray | float) -> FloatArray:
         return np.asarray(self.offset + self.slope * (np.asarray(columns) - self.middle))
 
 
 class Way(Protocol):
     """Where light runs in a strip, straight or not."""
 
-    def at(self, columns: IntArray) -> FloatArray:
+    def at(self, columns: IndexArray) -> FloatArray:
         """Rows from the strip's middle one."""
         ...
 
@@ -186,7 +182,7 @@ def level(strip: LineStrip, course: Course, sigma: float) -> None:
     strip.values[:] -= light / np.maximum(count, 1.0)
 
 
-def weights_of(strip: LineStrip, columns: IntArray, course: Way, sigma: float) -> Float32Array:
+def weights_of(strip: LineStrip, columns: IndexArray, course: Way, sigma: float) -> Float32Array:
     """Gaussian across about the line, sum 1 a column."""
     v = np.arange(-strip.reach, strip.reach + 1, dtype=np.float32)[:, None]
     off = v - course.at(columns).astype(np.float32)
@@ -207,7 +203,7 @@ class LineProfile:
     """Of the Gaussian across to which it is matched, px."""
 
     @property
-    def columns(self) -> IntArray:
+    def columns(self) -> IndexArray:
         """Places along, px."""
         return np.arange(self.light.size)
 

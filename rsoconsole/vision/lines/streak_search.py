@@ -3,14 +3,13 @@
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
 from rsoconsole.records import FloatArray, PixelArray
+from rsoconsole.vision.arrays import BoolArray, Float32Array, IndexArray
 from rsoconsole.vision.frame.background import Background
 from rsoconsole.vision.frame.median import median_of
 from rsoconsole.vision.stars.stars import StarList, lit_radius_px
 
-BoolArray = npt.NDArray[np.bool_]
 Box = tuple[float, float, float, float]
 
 _SMALL_BOX_PX = 40.0
@@ -101,7 +100,7 @@ def _range(low: float, high: float, size: int) -> tuple[int, int]:
     return start, int(np.clip(np.ceil(high) + 1, min(start + 16, size), size))
 
 
-def _level_at(sky: Background, ys: npt.NDArray[np.int_], xs: npt.NDArray[np.int_]) -> FloatArray:
+def _level_at(sky: Background, ys: IndexArray, xs: IndexArray) -> FloatArray:
     """Sky level between cell centres, linear, (len(ys), len(xs))."""
     rows = np.clip((ys + 0.5) / sky.cell_px - 0.5, 0, sky.level.shape[0] - 1)
     columns = np.clip((xs + 0.5) / sky.cell_px - 0.5, 0, sky.level.shape[1] - 1)
@@ -192,7 +191,7 @@ def _fan(width: float, height: float, length: float, step: float) -> FloatArray:
     return np.concatenate([up, -up])
 
 
-def _smooth_snr(cutout: Cutout, psf_sigma: float) -> npt.NDArray[np.float32]:
+def _smooth_snr(cutout: Cutout, psf_sigma: float) -> Float32Array:
     """Matched to the stars, in units of its own noise; 0 where a star is masked."""
     import cv2
 
@@ -205,12 +204,12 @@ def _smooth_snr(cutout: Cutout, psf_sigma: float) -> npt.NDArray[np.float32]:
 
 
 def _along(
-    smooth: npt.NDArray[np.float32],
+    smooth: Float32Array,
     centre: tuple[float, float],
     angle: float,
     offset: float,
     half_length: float,
-) -> npt.NDArray[np.float32]:
+) -> Float32Array:
     """Samples of one line, nearest pixels; 0 outside."""
     u = np.arange(-half_length, half_length + 0.1, 1.5)
     x = centre[0] + np.cos(angle) * u - np.sin(angle) * offset
@@ -223,7 +222,7 @@ def _along(
 
 
 def _best_line(
-    smooth: npt.NDArray[np.float32],
+    smooth: Float32Array,
     centre: tuple[float, float],
     angles: FloatArray,
     offsets: FloatArray,

@@ -11,12 +11,10 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
 from rsoconsole.records import FloatArray, PlatePath, Solution, Wcs
 from rsoconsole.sky import describe, pixel_to_sky, separation_deg, sky_to_pixel
-
-IndexArray = npt.NDArray[np.intp]
+from rsoconsole.vision.arrays import IndexArray
 
 MIN_MATCHED = 6
 """Fewer matched stars than this never make a plate."""

@@ -9,18 +9,11 @@ import math
 from dataclasses import dataclass, replace
 
 import numpy as np
-import numpy.typing as npt
 
 from rsoconsole.records import FloatArray, Wcs
 from rsoconsole.sky import describe, pixel_to_sky, sky_to_pixel
-from rsoconsole.vision.stars.plate_fit import (
-    MAX_STARS,
-    MIN_MATCHED,
-    IndexArray,
-    PlateFit,
-    in_field,
-    refit,
-)
+from rsoconsole.vision.arrays import IndexArray
+from rsoconsole.vision.stars.plate_fit import MAX_STARS, MIN_MATCHED, PlateFit, in_field, refit
 
 _VOTE_BIN_PX = 6.0
 
@@ -229,8 +222,6 @@ def _by_chance(pairs: float, agreeing: int, reach_px: float) -> float:
     return pairs * beside ** (agreeing - 1) / math.factorial(agreeing - 1)
 
 
-IntArray = npt.NDArray[np.intp]
-
 _MAX_OFF = 0.5
 """Widths of a star by which all stars may be off in common."""
 _MAX_SCATTER = 0.5
@@ -247,7 +238,9 @@ class StarAgreement:
     """Whether they agree on places, and on one ratio of light all over the field."""
 
 
-def matched(one_px: FloatArray, other_px: FloatArray, reach_px: float) -> tuple[IntArray, IntArray]:
+def matched(
+    one_px: FloatArray, other_px: FloatArray, reach_px: float
+) -> tuple[IndexArray, IndexArray]:
     """Indices into (n, 2) and (m, 2) places of those that are nearest to each other."""
     nothing = np.zeros(0, dtype=np.intp)
     if not len(one_px) or not len(other_px):

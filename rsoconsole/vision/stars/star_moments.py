@@ -3,14 +3,12 @@
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 from numpy.lib.stride_tricks import sliding_window_view
 
 from rsoconsole.records import FloatArray, PixelArray
+from rsoconsole.vision.arrays import Float32Array, IndexArray
 from rsoconsole.vision.frame.background import Background
-from rsoconsole.vision.frame.bins import Float32Array, mirrored
-
-IntArray = npt.NDArray[np.intp]
+from rsoconsole.vision.frame.bins import mirrored
 
 FWHM_PER_SIGMA = 2.3548
 
@@ -38,8 +36,8 @@ class Measured:
 def measure(
     pixels: PixelArray,
     sky: Background,
-    x0_px: IntArray,
-    y0_px: IntArray,
+    x0_px: IndexArray,
+    y0_px: IndexArray,
     *,
     sigma_px: float,
     half_px: int,
@@ -81,7 +79,7 @@ def measure(
 
 
 def _boxes(
-    pixels: PixelArray, sky: Background, x0_px: IntArray, y0_px: IntArray, half_px: int
+    pixels: PixelArray, sky: Background, x0_px: IndexArray, y0_px: IndexArray, half_px: int
 ) -> tuple[FloatArray, FloatArray]:
     """Pixels above the sky, (n, 2 half + 1, 2 half + 1), and the noise of one pixel, (n,)."""
     size, (height, width) = 2 * half_px + 1, pixels.shape
@@ -97,14 +95,14 @@ def _boxes(
     return boxes, _levels(sky, x0_px, y0_px, sky.noise)
 
 
-def _levels(sky: Background, x_px: IntArray, y_px: IntArray, small: Float32Array) -> FloatArray:
+def _levels(sky: Background, x_px: IndexArray, y_px: IndexArray, small: Float32Array) -> FloatArray:
     rows = np.clip(y_px // sky.cell_px, 0, small.shape[0] - 1)
     columns = np.clip(x_px // sky.cell_px, 0, small.shape[1] - 1)
     return small[rows, columns].astype(np.float64)
 
 
 def _moments(
-    boxes: FloatArray, offset: IntArray, dx: FloatArray, dy: FloatArray, sigma_px: float
+    boxes: FloatArray, offset: IndexArray, dx: FloatArray, dy: FloatArray, sigma_px: float
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray, FloatArray]:
     """Windowed sum, means and second moments about (dx, dy); the window is separable."""
     ux, uy = offset - dx[:, None], offset - dy[:, None]

@@ -13,6 +13,7 @@ import numpy.typing as npt
 from numpy.lib.stride_tricks import sliding_window_view
 
 from rsoconsole.records import FloatArray, PixelArray
+from rsoconsole.vision.arrays import BoolArray, IndexArray
 from rsoconsole.vision.frame.background import Background, local_background, resample
 from rsoconsole.vision.frame.bins import FrameBins, bin_frame, binning_of, block_maximum
 from rsoconsole.vision.frame.median import MAX_POINTS, on_one_line
@@ -23,10 +24,8 @@ from rsoconsole.vision.stars.psf_field import (
     WidthSource,
     fit_psf_field,
 )
-from rsoconsole.vision.stars.star_moments import FWHM_PER_SIGMA, IntArray, Measured, measure
+from rsoconsole.vision.stars.star_moments import FWHM_PER_SIGMA, Measured, measure
 from rsoconsole.vision.stars.trailed_stars import MAX_OBLONG, Oblong, Trail, Trailed, trailed_stars
-
-BoolArray = npt.NDArray[np.bool_]
 
 MIN_SNR = 7.0
 MAX_STARS = 400
@@ -178,7 +177,7 @@ def lit_radius_px(stars: StarList, noise_adu: float) -> FloatArray:
 
 def _candidates(
     pixels: PixelArray, sky: Background, bins: FrameBins, count: int, block_px: int
-) -> tuple[IntArray, IntArray]:
+) -> tuple[IndexArray, IndexArray]:
     """Brightest pixels of blocks that stand out of the sky and of their eight neighbours."""
     import cv2
 
@@ -206,8 +205,8 @@ def _candidates(
 
 
 def _is_lone_pixel(
-    pixels: PixelArray, sky: Background, x_px: IntArray, y_px: IntArray
-) -> npt.NDArray[np.bool_]:
+    pixels: PixelArray, sky: Background, x_px: IndexArray, y_px: IndexArray
+) -> BoolArray:
     """Which of the brightest places are one pixel alone, as hot ones are."""
     height, width = pixels.shape
     inside = (x_px >= 2) & (x_px < width - 2) & (y_px >= 2) & (y_px < height - 2)
@@ -228,8 +227,8 @@ def _is_lone_pixel(
 
 
 def _brightest_pixels(
-    pixels: PixelArray, row: IntArray, column: IntArray, binning: int, block_px: int
-) -> tuple[IntArray, IntArray]:
+    pixels: PixelArray, row: IndexArray, column: IndexArray, binning: int, block_px: int
+) -> tuple[IndexArray, IndexArray]:
     """Where in each block the largest bin lies, then its largest pixel: (x_px, y_px)."""
     windows = sliding_window_view(pixels, (block_px, block_px))
     blocks = windows[row * block_px, column * block_px].astype(np.float32)
@@ -245,7 +244,7 @@ def _brightest_pixels(
     )
 
 
-def _spread(x_px: npt.ArrayLike, y_px: npt.ArrayLike, sky: Background, count: int) -> IntArray:
+def _spread(x_px: npt.ArrayLike, y_px: npt.ArrayLike, sky: Background, count: int) -> IndexArray:
     """Indices of up to ``count`` entries, the best of every tile first served, order kept.
 
     Entries come best first. In each round every tile gives its next best.
@@ -263,7 +262,7 @@ def _spread(x_px: npt.ArrayLike, y_px: npt.ArrayLike, sky: Background, count: in
 
 
 def _psf_fwhm(
-    pixels: PixelArray, sky: Background, x_px: IntArray, y_px: IntArray, saturation_adu: float
+    pixels: PixelArray, sky: Background, x_px: IndexArray, y_px: IndexArray, saturation_adu: float
 ) -> tuple[float | None, bool]:
     """Median width of bright unsaturated stars, from a window wide enough for poor seeing.
 
@@ -387,7 +386,7 @@ def _is_point(found: Measured, is_saturated: BoolArray) -> BoolArray:
     return np.asarray(ok)
 
 
-def _apart(found: Measured, kept: IntArray, distance_px: float) -> IntArray:
+def _apart(found: Measured, kept: IndexArray, distance_px: float) -> IndexArray:
     """Drop the fainter of two centroids that are the same star; ``kept`` is brightest first."""
     x_px, y_px = found.x_px[kept], found.y_px[kept]
     order = np.argsort(x_px, kind="stable")

@@ -9,10 +9,10 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
 from rsoconsole.records import FloatArray, PixelArray
 from rsoconsole.sky import turn_deg
+from rsoconsole.vision.arrays import IndexArray
 from rsoconsole.vision.frame.background import Background
 from rsoconsole.vision.frame.bins import mirrored
 
@@ -31,8 +31,6 @@ class Oblong:
     """Half its length, roughly; what is longer than a few widths of a star may be longer still."""
     snr: FloatArray
 
-
-IntArray = npt.NDArray[np.intp]
 
 HALF_PX = 40
 """Half the side of what is looked at about a bright pixel: trails up to 60 px are whole in it."""
@@ -96,7 +94,7 @@ class _Piece:
 
 
 def trailed_stars(
-    pixels: PixelArray, sky: Background, x0_px: IntArray, y0_px: IntArray, saturation_adu: float
+    pixels: PixelArray, sky: Background, x0_px: IndexArray, y0_px: IndexArray, saturation_adu: float
 ) -> Trailed | None:
     """The stars about bright pixels, brightest first; None where they agree on no trail."""
     pieces: list[_Piece] = []

@@ -5,11 +5,11 @@ from dataclasses import replace
 import numpy as np
 
 from rsoconsole.records import FloatArray
+from rsoconsole.vision.arrays import BoolArray
 from rsoconsole.vision.lines.streak_search import Cutout, Ends
 from rsoconsole.vision.stars.star_moments import FWHM_PER_SIGMA
 from rsoconsole.vision.streaks._streak_hidden import with_hidden_ends
 from rsoconsole.vision.streaks._streak_model import (
-    BoolArray,
     Line,
     LineFit,
     Pixels,

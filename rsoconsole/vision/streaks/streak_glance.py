@@ -10,9 +10,9 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
-import numpy.typing as npt
 
 from rsoconsole.records import PixelArray
+from rsoconsole.vision.arrays import IndexArray
 from rsoconsole.vision.frame.background import Background
 from rsoconsole.vision.frame.median import median_of
 from rsoconsole.vision.lines.line_columns import LONGEST_PX, length_of, ridge_of, smoothed_strip
@@ -87,7 +87,7 @@ def line_signal(pixels: PixelArray, sky: Background, ends: Box, psf_sigma: float
 
 
 @lru_cache(maxsize=16)
-def _lines(count: int) -> npt.NDArray[np.intp]:
+def _lines(count: int) -> IndexArray:
     """Index in a strip of every place of every line that is tried: (lines, places)."""
     places = np.arange(count)
     along = np.linspace(-1.0, 1.0, count)

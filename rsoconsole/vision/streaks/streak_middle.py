@@ -18,14 +18,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from rsoconsole.records import Detection, FloatArray, PixelArray
+from rsoconsole.vision.arrays import BoolArray, IndexArray
 from rsoconsole.vision.frame.background import Background
 from rsoconsole.vision.frame.median import median_of
 from rsoconsole.vision.lines.line_or_points import confusion
 from rsoconsole.vision.lines.line_strip import (
     INTERPOLATED_VARIANCE,
-    BoolArray,
     Course,
-    IntArray,
     LineStrip,
     level,
     profile_of,
@@ -183,7 +182,7 @@ class _Wandering:
     away: float = 0.0
     """Beside it by so much."""
 
-    def at(self, columns: IntArray) -> FloatArray:
+    def at(self, columns: IndexArray) -> FloatArray:
         return np.asarray(self.rows[columns] + self.away)
 
 

@@ -14,6 +14,7 @@ import numpy as np
 
 from rsoconsole.records import PixelArray
 from rsoconsole.sky import turn_deg
+from rsoconsole.vision.arrays import BoolArray, IndexArray
 from rsoconsole.vision.frame.background import Background
 from rsoconsole.vision.frame.median import median_of
 from rsoconsole.vision.lines.line_or_points import confusion, drawn_along, line_over_points, texture
@@ -21,9 +22,7 @@ from rsoconsole.vision.lines.line_strip import (
     INTERPOLATED_VARIANCE,
     MIN_KNOWN,
     OFF_PX,
-    BoolArray,
     Course,
-    IntArray,
     LineProfile,
     LineStrip,
     level,
@@ -182,7 +181,7 @@ def _mask_what_stands_out(strip: LineStrip, profile: LineProfile, lit: tuple[flo
 
 
 def _course(
-    strip: LineStrip, columns: IntArray, inside: BoolArray, sigma: float, off_px: float
+    strip: LineStrip, columns: IndexArray, inside: BoolArray, sigma: float, off_px: float
 ) -> Course:
     """The line on which the limited light of a proposal's parts adds up to most."""
     import cv2
@@ -243,7 +242,7 @@ def _lit_stretch(profile: LineProfile, middle: float, half: float) -> tuple[floa
 
 
 def _better(
-    strip: LineStrip, columns: IntArray, inside: BoolArray, course: Course, sigma: float
+    strip: LineStrip, columns: IndexArray, inside: BoolArray, course: Course, sigma: float
 ) -> Course:
     """The line through the middles of the lit parts, and its errors."""
     middle = float(columns[inside].mean())
@@ -383,7 +382,7 @@ def _edge(profile: LineProfile, place: float, sense: int, length: float) -> tupl
     return float(trial[best]) * sense, max(spread, hidden, 0.1)
 
 
-def _width(strip: LineStrip, columns: IntArray, course: Course, sigma: float) -> float:
+def _width(strip: LineStrip, columns: IndexArray, course: Course, sigma: float) -> float:
     """Full width at half maximum of the light across, of the Gaussian that fits it best."""
     v = np.arange(-strip.reach, strip.reach + 1)[:, None]
     off = v - course.at(columns)
