@@ -215,7 +215,7 @@ def _is_on(detection: Detection, trail: TrueTrail, within_px: float) -> bool:
 
 
 def _is_box_on(box: NetworkBox, trail: TrueTrail, working: WorkingFrame) -> bool:
-    x, y = working.px(0.5 * (box.x_a_px + box.x_b_px)), working.px(0.5 * (box.y_a_px + box.y_b_px))
+    x, y = (working.px(place) for place in box.middle_px)
     dx, dy = trail.x_b_px - trail.x_a_px, trail.y_b_px - trail.y_a_px
     return _lies(
         (x, y, box.angle_deg, box.length_px * working.side),

@@ -51,7 +51,8 @@ from .frame.pattern import find_pattern as find_pattern
 from .frame.workers import Workers as Workers
 from .frame.workers import available_cores as available_cores
 from .frame.workers import threads_for as threads_for
-from .lines.streak_search import Box as Box
+from .lines.segments import Box as Box
+from .lines.segments import Ends as Ends
 from .stars.plate_fit import MIN_MATCHED as MIN_MATCHED
 from .stars.plate_fit import PlateFit as PlateFit
 from .stars.plate_fit import field_radius_deg as field_radius_deg

@@ -55,14 +55,8 @@ class Boxed:
         self.boxes: tuple[NetworkBox, ...] = (
             NetworkBox(
                 confidence=0.9,
-                x0_px=x[0] - 4.0,
-                y0_px=y[0] - 4.0,
-                x1_px=x[1] + 4.0,
-                y1_px=y[1] + 4.0,
-                x_a_px=ends[0],
-                y_a_px=ends[1],
-                x_b_px=ends[2],
-                y_b_px=ends[3],
+                corners_px=(x[0] - 4.0, y[0] - 4.0, x[1] + 4.0, y[1] + 4.0),
+                ends_px=(ends[0], ends[1], ends[2], ends[3]),
             ),
         )
 

@@ -12,9 +12,9 @@ import numpy as np
 from rsoconsole.records import Detection, FloatArray, Frame, NotAStreak, Solution
 from rsoconsole.sky import pixel_to_sky, sky_to_pixel, turn_deg
 from rsoconsole.vision import (
-    Box,
     Compared,
     EarlierLight,
+    Ends,
     Mapping2d,
     Profile,
     StarList,
@@ -55,7 +55,7 @@ def places_px(stars: StarList) -> FloatArray:
     return np.stack([stars.x_px, stars.y_px], axis=1)
 
 
-def ends_of(streak: Detection) -> Box:
+def ends_of(streak: Detection) -> Ends:
     """x_a, y_a, x_b, y_b in pixels."""
     return streak.x_a_px, streak.y_a_px, streak.x_b_px, streak.y_b_px
 

@@ -15,7 +15,6 @@ from rsoconsole.vision.detector.measured_detection import (
     Candidate,
     Focus,
     LineLight,
-    ends_of_box,
     from_box,
     from_fit,
     from_trace,
@@ -28,7 +27,8 @@ from rsoconsole.vision.frame.background import Background
 from rsoconsole.vision.lines.line_filter import CellLine
 from rsoconsole.vision.lines.line_or_stars import ShortLights
 from rsoconsole.vision.lines.line_strip import OFF_PX
-from rsoconsole.vision.lines.streak_search import Box, cut_out
+from rsoconsole.vision.lines.segments import Ends, box_about, length_of, midpoint_of
+from rsoconsole.vision.lines.streak_search import cut_out
 from rsoconsole.vision.stars.star_moments import FWHM_PER_SIGMA
 from rsoconsole.vision.stars.stars import StarList
 from rsoconsole.vision.streaks.streak_class import unevenness
@@ -90,12 +90,15 @@ def proposals(boxes: Sequence[NetworkBox], lines: Sequence[CellLine]) -> list[Pr
     """What either sees, each streak once: where both do, the filter's ends, the network's word."""
     is_left = np.ones(len(boxes), dtype=bool)
     said = np.array([box.confidence for box in boxes])
-    ends = np.array([ends_of_box(box) for box in boxes]).reshape(-1, 4)
+    ends = np.array([box.ends_px for box in boxes]).reshape(-1, 4)
     lengths = np.hypot(ends[:, 2] - ends[:, 0], ends[:, 3] - ends[:, 1])
     found = []
     for line in lines:
-        box = _box_about(line)
-        same, is_light = _of_one_streak(ends, ends_of_box(box)) & is_left, line.is_light
+        ends_px = line.x_a, line.y_a, line.x_b, line.y_b
+        box = NetworkBox(
+            confidence=LOWEST_CONFIDENCE, corners_px=box_about(ends_px), ends_px=ends_px
+        )
+        same, is_light = _of_one_streak(ends, box.ends_px) & is_left, line.is_light
         if is_light:
             # A light may be a piece of what the network sees whole.
             same &= lengths < _MUCH_LONGER * box.length_px
@@ -107,9 +110,7 @@ def proposals(boxes: Sequence[NetworkBox], lines: Sequence[CellLine]) -> list[Pr
                 # It knows the ends of what it knows better than a sum along cells.
                 box, is_light = best, False
             else:
-                box = replace(
-                    best, x_a_px=line.x_a, y_a_px=line.y_a, x_b_px=line.x_b, y_b_px=line.y_b
-                )
+                box = replace(best, ends_px=box.ends_px)
             # What the network is sure of may be one of several in a row.
             is_left &= ~same | ((said > _SURE) & (longer > _MUCH_LONGER))
         found.append(Proposal(box=box, is_line=True, is_light=is_light))
@@ -127,7 +128,7 @@ def in_order(found: Sequence[Proposal]) -> list[Proposal]:
     return [found[i] for i in sorted(range(len(found)), key=lambda i: place[i])]
 
 
-def _of_one_streak(boxes: FloatArray, line: Box) -> BoolArray:
+def _of_one_streak(boxes: FloatArray, line: Ends) -> BoolArray:
     """Which boxes (n, 4), from end to end, the line may be of: near it, alike in direction."""
     along = boxes[:, 2:] - boxes[:, :2]
     lengths = np.maximum(np.hypot(along[:, 0], along[:, 1]), 1.0)
@@ -145,20 +146,6 @@ def _of_one_streak(boxes: FloatArray, line: Box) -> BoolArray:
     reach = 0.5 * np.maximum(lengths, length) + _LEEWAY_PX
     return np.asarray(
         (turn < leeway) & (np.minimum(of_line, of_box) < _LEEWAY_PX) & (apart < reach)
-    )
-
-
-def _box_about(line: CellLine) -> NetworkBox:
-    return NetworkBox(
-        confidence=LOWEST_CONFIDENCE,
-        x0_px=min(line.x_a, line.x_b),
-        y0_px=min(line.y_a, line.y_b),
-        x1_px=max(line.x_a, line.x_b),
-        y1_px=max(line.y_a, line.y_b),
-        x_a_px=line.x_a,
-        y_a_px=line.y_a,
-        x_b_px=line.x_b,
-        y_b_px=line.y_b,
     )
 
 
@@ -185,21 +172,17 @@ class Measurements:
         where the line filter does: a cosmic ray or a column of the sensor.
         """
         box = proposal.box
-        width_px = self._focus_at(ends_of_box(box)).fwhm_px
+        width_px = self._focus_at(box.ends_px).fwhm_px
         if proposal.is_line and self.focus.joined > 1:
             # Wind that widened the stars did not widen what moved on: a streak may be any width.
             return None
         if proposal.is_line and width_px < _UNDERSAMPLED_PX:
             return None
         if proposal.is_line:
-            matched, narrow = width_at_a_glance(
-                self.frame.pixels, self.sky, ends_of_box(box), width_px
-            )
+            matched, narrow = width_at_a_glance(self.frame.pixels, self.sky, box.ends_px, width_px)
             is_narrow = narrow > max(_MAX_NARROW * matched, _SURELY_NARROW)
             return NotAStreak(kind="too narrow", limit=width_px) if is_narrow else None
-        signal = line_signal(
-            self.frame.pixels, self.sky, ends_of_box(box), width_px / FWHM_PER_SIGMA
-        )
+        signal = line_signal(self.frame.pixels, self.sky, box.ends_px, width_px / FWHM_PER_SIGMA)
         return None if signal.is_worth_a_fit(box.confidence) else DARK
 
     def has(self, proposal: Proposal) -> bool:
@@ -234,10 +217,10 @@ class Measurements:
             fit = fit_streak(
                 self.frame.pixels,
                 self.sky,
-                _around(box),
+                box_about(box.corners_px, box.ends_px),
                 stars=self.stars,
                 psf_fwhm_px=None if trace is None else self._width_px(trace),
-                ends=ends_of_box(box),
+                ends=box.ends_px,
             )
             if isinstance(fit, StreakFit) and (trace is None or _agree(fit, trace)):
                 light = traced.light if traced else light_of(self._traced(_ends_of(fit)))
@@ -279,11 +262,10 @@ class Measurements:
     def _irregularity(self, found: Detection, trace: Trace) -> LineLight:
         """Of a short one: of its path, and of its light where that follows no one period."""
         light = light_of(trace)
-        ends = found.x_a_px, found.y_a_px, found.x_b_px, found.y_b_px
+        ends = _ends_of(found)
         if found.length_px > AS_CHAINS_FWHM * self._focus_at(ends).fwhm_px:
             return light
-        box = min(ends[::2]), min(ends[1::2]), max(ends[::2]), max(ends[1::2])
-        cutout = cut_out(self.frame.pixels, self.sky, box, MARGIN_PX, self.stars)
+        cutout = cut_out(self.frame.pixels, self.sky, box_about(ends), MARGIN_PX, self.stars)
         width_px = self._width_px(trace)
         lumpiness, bend = unevenness(
             cutout, ends, width_px / FWHM_PER_SIGMA, found.snr / trace.confusion
@@ -292,11 +274,11 @@ class Measurements:
 
     def _traced_well(self, proposal: Proposal) -> tuple[Trace | None, NotAStreak | None]:
         """A trace that passes the gates, or the first that it does not."""
-        trace = self._traced(ends_of_box(proposal.box), is_light=proposal.is_light)
+        trace = self._traced(proposal.box.ends_px, is_light=proposal.is_light)
         reason = NotAStreak(kind="no line") if trace is None else self._fault(trace)
         return (trace, None) if reason is None else (None, reason)
 
-    def _traced(self, ends: Box, *, is_light: bool = False) -> Trace | None:
+    def _traced(self, ends: Ends, *, is_light: bool = False) -> Trace | None:
         """The line, as wide as a star, or as drift has drawn it out where that shows more."""
         focus = self._focus_at(ends)
         width_px, widest_px = focus.fwhm_px, focus.widest_px(_angle_deg(ends))
@@ -313,14 +295,14 @@ class Measurements:
 
     def _width_px(self, trace: Trace) -> float:
         """Width that a streak is expected to have which was traced."""
-        ends = trace.x_a_px, trace.y_a_px, trace.x_b_px, trace.y_b_px
+        ends = _ends_of(trace)
         focus = self._focus_at(ends)
         most = max(focus.widest_px(_angle_deg(ends)), focus.fwhm_px)
         return min(max(trace.width_px, focus.fwhm_px), most)
 
-    def _focus_at(self, ends: Box) -> Focus:
+    def _focus_at(self, ends: Ends) -> Focus:
         """How the frame shows a point about the middle of a line."""
-        return self.focus.at(*_middle_of(ends))
+        return self.focus.at(*midpoint_of(ends))
 
     def _take(self, candidate: Candidate) -> None:
         """Keep a candidate, the better of those of one streak, with the network's best word."""
@@ -344,8 +326,8 @@ class Measurements:
     def _fault(self, trace: Trace) -> NotAStreak | None:
         """The first gate that a trace does not pass; None where it passes all."""
         width_px = self._width_px(trace)
-        ends = trace.x_a_px, trace.y_a_px, trace.x_b_px, trace.y_b_px
-        length_px = math.hypot(ends[2] - ends[0], ends[3] - ends[1])
+        ends = _ends_of(trace)
+        length_px = length_of(ends)
         star_px = self._focus_at(ends).fwhm_px
         ratio = trace.width_px / width_px
         is_sampled = self.focus.joined == 1 and star_px > _UNDERSAMPLED_PX
@@ -373,30 +355,16 @@ class Measurements:
         self.rejected.append(Rejection(detection=found, reason=reason))
 
 
-def _around(box: NetworkBox) -> Box:
-    """The box and both ends."""
-    return (
-        min(box.x0_px, box.x_a_px, box.x_b_px),
-        min(box.y0_px, box.y_a_px, box.y_b_px),
-        max(box.x1_px, box.x_a_px, box.x_b_px),
-        max(box.y1_px, box.y_a_px, box.y_b_px),
-    )
-
-
-def _middle_of(ends: Box) -> tuple[float, float]:
-    return 0.5 * (ends[0] + ends[2]), 0.5 * (ends[1] + ends[3])
-
-
-def _angle_deg(ends: Box) -> float:
+def _angle_deg(ends: Ends) -> float:
     return math.degrees(math.atan2(ends[3] - ends[1], ends[2] - ends[0]))
 
 
 def _agree(fit: StreakFit, trace: Trace) -> bool:
     """Whether a fit is of the whole line that was traced."""
-    length_px = math.hypot(trace.x_b_px - trace.x_a_px, trace.y_b_px - trace.y_a_px)
+    length_px = length_of(_ends_of(trace))
     is_long = abs(fit.length_px - length_px) < _AGREE_LENGTH * length_px + fit.width_px
     return is_long and fit.snr > _AGREE_SNR * trace.snr
 
 
-def _ends_of(fit: StreakFit) -> Box:
-    return fit.x_a_px, fit.y_a_px, fit.x_b_px, fit.y_b_px
+def _ends_of(line: StreakFit | Trace | Detection) -> Ends:
+    return line.x_a_px, line.y_a_px, line.x_b_px, line.y_b_px

@@ -11,14 +11,8 @@ from typing import Literal, TypeAlias
 import numpy as np
 
 from rsoconsole.records import FloatArray, PixelArray
-from rsoconsole.vision.lines.line_columns import (
-    columns_at,
-    length_of,
-    on_line,
-    rows_across,
-    smoothed,
-)
-from rsoconsole.vision.lines.streak_search import Box
+from rsoconsole.vision.lines.line_columns import columns_at, on_line, rows_across, smoothed
+from rsoconsole.vision.lines.segments import Ends, length_of
 
 Said: TypeAlias = Literal["stars", "no stars", "unclear"]
 
@@ -61,7 +55,7 @@ def catalogue_light(
     stars_px: FloatArray,
     stars_adu: FloatArray,
     *,
-    ends: Box,
+    ends: Ends,
     width_px: float,
     complete_adu: float,
 ) -> CatalogueLight | None:
@@ -101,7 +95,7 @@ def catalogue_light(
 
 
 def _on_it(
-    stars_px: FloatArray, stars_adu: FloatArray, ends: Box, fwhm: float
+    stars_px: FloatArray, stars_adu: FloatArray, ends: Ends, fwhm: float
 ) -> tuple[FloatArray, FloatArray]:
     """Ways from end a of the stars on the line, and the light that each promises."""
     length = length_of(ends)

@@ -17,12 +17,11 @@ from rsoconsole.vision.arrays import BoolArray
 from rsoconsole.vision.lines.line_columns import (
     LineColumns,
     columns_at,
-    length_of,
     on_line,
     rows_across,
     smoothed,
 )
-from rsoconsole.vision.lines.streak_search import Box
+from rsoconsole.vision.lines.segments import Ends, length_of
 from rsoconsole.vision.stars.star_moments import FWHM_PER_SIGMA
 
 Mapping2d: TypeAlias = Callable[[FloatArray, FloatArray], tuple[FloatArray, FloatArray]]
@@ -104,7 +103,7 @@ class EarlierLight:
 class Profile:
     """A streak's light in its own frame, to be compared with others."""
 
-    ends: Box
+    ends: Ends
     fwhm_px: float
     u_px: FloatArray
     """(columns,): way along the line from end a, some of it beyond either end."""
@@ -113,7 +112,7 @@ class Profile:
     columns: LineColumns
 
     @classmethod
-    def of(cls, pixels: PixelArray, ends: Box, width_px: float) -> "Profile | None":
+    def of(cls, pixels: PixelArray, ends: Ends, width_px: float) -> "Profile | None":
         """Of the light between ``ends`` (x_a, y_a, x_b, y_b); None where that is too long.
 
         ``width_px``: full width at half maximum across, the widest of the frames to be compared.
@@ -223,7 +222,7 @@ def _compared(
 
 
 def _mapped(
-    to_earlier: Mapping2d, ends: Box, u: FloatArray, v: FloatArray
+    to_earlier: Mapping2d, ends: Ends, u: FloatArray, v: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
     """The line's pixels (v, u) in the earlier frame: knots mapped, straight between them."""
     knots = np.linspace(u[0], u[-1], max(math.ceil((u[-1] - u[0]) / _KNOT_PX), 1) + 1)

@@ -320,8 +320,7 @@ class StreakDetector:
         said, length_px = proposal.box.confidence, proposal.box.length_px
         if proposal.is_line or said < MIN_BELIEVED or self._curve is None:
             return proposal.is_line or said >= MIN_BELIEVED
-        box = proposal.box
-        here = focus.at(0.5 * (box.x_a_px + box.x_b_px), 0.5 * (box.y_a_px + box.y_b_px))
+        here = focus.at(*proposal.box.middle_px)
         return self._curve.highest(said, length_px, here) > threshold
 
     def _judged(self, taken: list[Candidate], focus: Focus) -> list[Detection]:

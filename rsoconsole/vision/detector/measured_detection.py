@@ -99,10 +99,6 @@ BOX_SIGMA_PX = 3.0
 """One sigma of a box's centre against the streak's midpoint, of boxes about streaks of 119 px."""
 
 
-def _corners(box: NetworkBox) -> tuple[float, float, float, float]:
-    return box.x0_px, box.y0_px, box.x1_px, box.y1_px
-
-
 def with_fit(detection: Detection, fit: StreakFit) -> Detection:
     """The same candidate, measured by a fit."""
     return replace(
@@ -188,7 +184,8 @@ def at_box_centre(detection: Detection) -> Detection:
 
 def from_box(frame: Frame, box: NetworkBox) -> Detection:
     """A proposal as it is, not measured: to compare, and for the record of what was refused."""
-    x0, y0, x1, y1 = _corners(box)
+    x0, y0, x1, y1 = box.corners_px
+    x_a, y_a, x_b, y_b = box.ends_px
     rim_px = 1.0
     is_clipped = (
         x0 < rim_px
@@ -201,11 +198,11 @@ def from_box(frame: Frame, box: NetworkBox) -> Detection:
         confidence=box.confidence,
         x_px=0.5 * (x0 + x1),
         y_px=0.5 * (y0 + y1),
-        x_a_px=box.x_a_px,
-        y_a_px=box.y_a_px,
-        x_b_px=box.x_b_px,
-        y_b_px=box.y_b_px,
-        box_px=(x0, y0, x1, y1),
+        x_a_px=x_a,
+        y_a_px=y_a,
+        x_b_px=x_b,
+        y_b_px=y_b,
+        box_px=box.corners_px,
         length_px=box.length_px,
         width_px=0.0,
         snr=0.0,
@@ -229,7 +226,7 @@ def distinct(found: list[tuple[NetworkBox, ...]]) -> tuple[NetworkBox, ...]:
     boxes = sorted((b for each in found for b in each), key=lambda b: -b.confidence)
     if not boxes:
         return ()
-    same = _are_same(np.array([ends_of_box(box) for box in boxes]))
+    same = _are_same(np.array([box.ends_px for box in boxes]))
     is_kept = np.zeros(len(boxes), dtype=bool)
     for i in range(len(boxes)):
         is_kept[i] = not (same[i] & is_kept).any()
@@ -274,7 +271,3 @@ def _lies_on(one: Detection, other: Detection) -> bool:
     across = abs(dy * np.cos(angle) - dx * np.sin(angle))
     reach_px = _SAME_WIDTHS * max(other.width_px, _MIN_WIDTH_PX)
     return bool(across < reach_px and along < 0.5 * other.length_px + 1.0)
-
-
-def ends_of_box(box: NetworkBox) -> tuple[float, float, float, float]:
-    return box.x_a_px, box.y_a_px, box.x_b_px, box.y_b_px

@@ -10,7 +10,7 @@ import hashlib
 import itertools
 import os
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -26,6 +26,7 @@ from rsoconsole.vision.frame.maps import (
     FrameMap,
 )
 from rsoconsole.vision.frame.workers import threads_for
+from rsoconsole.vision.lines.segments import Box, Ends, midpoint_of
 
 MODEL_NAME = "streak_ssd.tflite"
 STRIDE_CELLS = 4
@@ -48,26 +49,26 @@ class NetworkBox:
 
     confidence: float
     """Calibrated, 0 to 1: the share of such candidates that are satellites in training's world."""
-    x0_px: float
-    y0_px: float
-    x1_px: float
-    y1_px: float
-    x_a_px: float
-    """One end, to about half a cell; which came first one frame does not tell."""
-    y_a_px: float
-    x_b_px: float
-    y_b_px: float
+    corners_px: Box
+    ends_px: Ends
+    """To about half a cell; which came first one frame does not tell."""
 
     @property
     def length_px(self) -> float:
         """From end to end."""
-        return float(np.hypot(self.x_b_px - self.x_a_px, self.y_b_px - self.y_a_px))
+        x_a, y_a, x_b, y_b = self.ends_px
+        return float(np.hypot(x_b - x_a, y_b - y_a))
 
     @property
     def angle_deg(self) -> float:
         """Direction in the array, x towards y, modulo 180 deg."""
-        dx, dy = self.x_b_px - self.x_a_px, self.y_b_px - self.y_a_px
-        return float(np.degrees(np.arctan2(dy, dx)) % 180.0)
+        x_a, y_a, x_b, y_b = self.ends_px
+        return float(np.degrees(np.arctan2(y_b - y_a, x_b - x_a)) % 180.0)
+
+    @property
+    def middle_px(self) -> tuple[float, float]:
+        """Column and row of the midpoint between the ends."""
+        return midpoint_of(self.ends_px)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -227,14 +228,13 @@ class Network:
         # The box reaches half a cell beyond the line on every side.
         return NetworkBox(
             confidence=float(1.0 / (1.0 + np.exp(-(self._slope * streak.logit + self._offset)))),
-            x0_px=max(to_px(xs[0] - 0.5), -0.5),
-            y0_px=max(to_px(ys[0] - 0.5), -0.5),
-            x1_px=min(to_px(xs[1] + 0.5), frame_map.width_px - 0.5),
-            y1_px=min(to_px(ys[1] + 0.5), frame_map.height_px - 0.5),
-            x_a_px=to_px(streak.x_a),
-            y_a_px=to_px(streak.y_a),
-            x_b_px=to_px(streak.x_b),
-            y_b_px=to_px(streak.y_b),
+            corners_px=(
+                max(to_px(xs[0] - 0.5), -0.5),
+                max(to_px(ys[0] - 0.5), -0.5),
+                min(to_px(xs[1] + 0.5), frame_map.width_px - 0.5),
+                min(to_px(ys[1] + 0.5), frame_map.height_px - 0.5),
+            ),
+            ends_px=(to_px(streak.x_a), to_px(streak.y_a), to_px(streak.x_b), to_px(streak.y_b)),
         )
 
 
@@ -257,13 +257,7 @@ def _moved_into_frame(
         is_cut |= (top > 0 and y0 < top + 3) or (bottom < height and y1 > bottom - 3)
         if not is_cut:
             moved.append(
-                MapStreak(
-                    logit=s.logit,
-                    x_a=s.x_a + left,
-                    y_a=s.y_a + top,
-                    x_b=s.x_b + left,
-                    y_b=s.y_b + top,
-                )
+                replace(s, x_a=s.x_a + left, y_a=s.y_a + top, x_b=s.x_b + left, y_b=s.y_b + top)
             )
     return moved
 

@@ -14,7 +14,7 @@ from rsoconsole.records import FloatArray, PixelArray
 from rsoconsole.vision.arrays import BoolArray, Float32Array, IndexArray
 from rsoconsole.vision.frame.background import Background
 from rsoconsole.vision.frame.median import median_of
-from rsoconsole.vision.lines.streak_search import Box
+from rsoconsole.vision.lines.segments import Ends
 from rsoconsole.vision.stars.stars import StarList, lit_radius_px
 
 OFF_PX = 9.0
@@ -78,7 +78,7 @@ class Way(Protocol):
 
 
 def strip_about(
-    pixels: PixelArray, sky: Background, ends: Box, stars: StarList, sigma: float
+    pixels: PixelArray, sky: Background, ends: Ends, stars: StarList, sigma: float
 ) -> LineStrip | None:
     import cv2
 

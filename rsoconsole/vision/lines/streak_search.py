@@ -8,9 +8,8 @@ from rsoconsole.records import FloatArray, PixelArray
 from rsoconsole.vision.arrays import BoolArray, Float32Array, IndexArray
 from rsoconsole.vision.frame.background import Background
 from rsoconsole.vision.frame.median import median_of
+from rsoconsole.vision.lines.segments import Box, Ends
 from rsoconsole.vision.stars.stars import StarList, lit_radius_px
-
-Box = tuple[float, float, float, float]
 
 _SMALL_BOX_PX = 40.0
 _BOX_ERROR_PX = 12.0
@@ -41,7 +40,7 @@ class Cutout:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Guess:
+class LineGuess:
     """A line through the cutout: raw pixel coordinates, direction as a unit vector."""
 
     x_px: float
@@ -51,7 +50,7 @@ class Guess:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Ends:
+class LitStretch:
     """A lit stretch along a guess."""
 
     u_a: float
@@ -143,7 +142,9 @@ def _mask_stars(is_good: BoolArray, x0: int, y0: int, stars: StarList, noise: fl
             is_good[ya:yb, xa:xb] &= dx**2 + dy**2 > radius**2
 
 
-def find_line(cutout: Cutout, box: Box, psf_sigma: float, ends: Box | None = None) -> Guess | None:
+def find_line(
+    cutout: Cutout, box: Box, psf_sigma: float, ends: Ends | None = None
+) -> LineGuess | None:
     """Best line through the box among those its shape allows.
 
     ``ends`` (x_a, y_a, x_b, y_b) narrows the search; without it both diagonals are tried.
@@ -172,7 +173,7 @@ def find_line(cutout: Cutout, box: Box, psf_sigma: float, ends: Box | None = Non
         found = _best_line(limited, centre, near * step + best[0], near + best[1], 0.5 * length)
         best = found or best
     dx, dy = float(np.cos(best[0])), float(np.sin(best[0]))
-    return Guess(
+    return LineGuess(
         x_px=centre[0] + cutout.x0 - dy * best[1],
         y_px=centre[1] + cutout.y0 + dx * best[1],
         dx=dx,
@@ -244,7 +245,7 @@ def _best_line(
     return float(angles[i]), float(offsets[j])
 
 
-def find_ends(cutout: Cutout, guess: Guess, psf_sigma: float) -> Ends | None:
+def find_ends(cutout: Cutout, guess: LineGuess, psf_sigma: float) -> LitStretch | None:
     """The lit stretch along a guess: where the light above half of its level adds up to most.
 
     Never weighted by flux: a bright part counts no more than one and a half times the level.
@@ -264,7 +265,7 @@ def find_ends(cutout: Cutout, guess: Guess, psf_sigma: float) -> Ends | None:
     inside = smooth[a : b + 1]
     known = np.flatnonzero(is_known)
     parts = np.array_split(inside, min(_PARTS, inside.size))
-    return Ends(
+    return LitStretch(
         u_a=float(first + a) - 0.5,
         u_b=float(first + b) + 0.5,
         amplitudes=tuple(max(median_of(part), 0.05 * level) for part in parts),
@@ -323,7 +324,7 @@ def _extended(is_lit: BoolArray, a: int, b: int) -> tuple[int, int]:
 
 
 def _profile(
-    cutout: Cutout, guess: Guess, psf_sigma: float
+    cutout: Cutout, guess: LineGuess, psf_sigma: float
 ) -> tuple[FloatArray, BoolArray, float, int]:
     """Light per pixel of length, where it is known, its typical noise, u of the first bin."""
     yy, xx = np.mgrid[0 : cutout.values.shape[0], 0 : cutout.values.shape[1]]

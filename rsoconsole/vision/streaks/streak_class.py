@@ -17,8 +17,8 @@ from typing import Literal, TypeAlias
 import numpy as np
 
 from rsoconsole.records import FloatArray, ObjectClass, StreakKind
-from rsoconsole.vision.lines.line_columns import length_of
-from rsoconsole.vision.lines.streak_search import Box, Cutout
+from rsoconsole.vision.lines.segments import Ends, length_of
+from rsoconsole.vision.lines.streak_search import Cutout
 from rsoconsole.vision.streaks._streak_light import Fading, Modulation
 
 Named: TypeAlias = Literal["satellite", "aircraft", "meteor", "cosmic ray", "star chain"]
@@ -328,7 +328,7 @@ _STANDS_ALONE = 0.7
 """Share of the columns that count for themselves after the smoothing."""
 
 
-def unevenness(cutout: Cutout, ends: Box, psf_sigma: float, snr: float) -> tuple[float, float]:
+def unevenness(cutout: Cutout, ends: Ends, psf_sigma: float, snr: float) -> tuple[float, float]:
     """By how much more than noise explains a line's light and its place vary along it.
 
     Natural logarithms of variances, 0 where noise explains all. ``ends`` (x_a, y_a, x_b, y_b) in
@@ -365,7 +365,7 @@ def unevenness(cutout: Cutout, ends: Box, psf_sigma: float, snr: float) -> tuple
 
 
 def _light_and_place(
-    cutout: Cutout, ends: Box, psf_sigma: float
+    cutout: Cutout, ends: Ends, psf_sigma: float
 ) -> tuple[FloatArray, FloatArray, FloatArray] | None:
     """Place along (-1 to 1), brightness over its mean, and place across, px; (columns,) each."""
     import cv2

@@ -15,9 +15,9 @@ from rsoconsole.records import PixelArray
 from rsoconsole.vision.arrays import IndexArray
 from rsoconsole.vision.frame.background import Background
 from rsoconsole.vision.frame.median import median_of
-from rsoconsole.vision.lines.line_columns import LONGEST_PX, length_of, ridge_of, smoothed_strip
+from rsoconsole.vision.lines.line_columns import LONGEST_PX, ridge_of, smoothed_strip
 from rsoconsole.vision.lines.line_strip import INTERPOLATED_VARIANCE, OFF_PX
-from rsoconsole.vision.lines.streak_search import Box
+from rsoconsole.vision.lines.segments import Ends, length_of
 from rsoconsole.vision.stars.star_moments import FWHM_PER_SIGMA
 
 _LIMITS = (-1.5, 4.0)
@@ -61,7 +61,7 @@ class LineSignal:
         return self.value >= needed > 0.0
 
 
-def line_signal(pixels: PixelArray, sky: Background, ends: Box, psf_sigma: float) -> LineSignal:
+def line_signal(pixels: PixelArray, sky: Background, ends: Ends, psf_sigma: float) -> LineSignal:
     """Light along the best line near ``ends`` (x_a, y_a, x_b, y_b); nothing outside the frame."""
     length = float(np.clip(length_of(ends), _SHORTEST_PX, LONGEST_PX))
     count = max(int(length) // _STEP_PX // _COUNTS, 1) * _COUNTS + 1
@@ -100,7 +100,7 @@ def _lines(count: int) -> IndexArray:
 
 
 def width_at_a_glance(
-    pixels: PixelArray, sky: Background, ends: Box, psf_fwhm_px: float
+    pixels: PixelArray, sky: Background, ends: Ends, psf_fwhm_px: float
 ) -> tuple[float, float]:
     """Signal to noise of a line matched to the stars' width, and to a much narrower one.
 
@@ -147,7 +147,7 @@ _DARK, _GAP_WIDTHS = 0.25, 3.0
 stretch is a gap."""
 
 
-def is_broken(pixels: PixelArray, sky: Background, ends: Box, psf_sigma: float) -> bool:
+def is_broken(pixels: PixelArray, sky: Background, ends: Ends, psf_sigma: float) -> bool:
     """Whether what lies between ``ends`` is no one line: a few stars, or light with a gap in it.
 
     Stars spread the middle half of the places further than a tumbling satellite's light does; a
@@ -170,7 +170,7 @@ def is_broken(pixels: PixelArray, sky: Background, ends: Box, psf_sigma: float) 
     return longest > 0 and longest + window > _GAP_WIDTHS * widths_px
 
 
-def goes_on_beyond(pixels: PixelArray, sky: Background, ends: Box, psf_sigma: float) -> bool:
+def goes_on_beyond(pixels: PixelArray, sky: Background, ends: Ends, psf_sigma: float) -> bool:
     """Whether the light of a line from a to b goes on beyond b, typically half as bright or more.
 
     Typical is the median along the line, so that stars in the way say nothing.

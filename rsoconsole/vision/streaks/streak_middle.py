@@ -30,6 +30,7 @@ from rsoconsole.vision.lines.line_strip import (
     profile_of,
     strip_about,
 )
+from rsoconsole.vision.lines.segments import Ends, length_of
 from rsoconsole.vision.stars.star_moments import FWHM_PER_SIGMA
 from rsoconsole.vision.stars.stars import StarList
 
@@ -103,7 +104,7 @@ def with_middle(
 def middle_of(
     pixels: PixelArray,
     sky: Background,
-    ends: tuple[float, float, float, float],
+    ends: Ends,
     stars: StarList,
     fwhm_px: float,
 ) -> Middle | None:
@@ -117,11 +118,9 @@ def middle_of(
     return None if strip is None else _in_strip(strip, ends, sigma)
 
 
-def _in_strip(
-    strip: LineStrip, ends: tuple[float, float, float, float], sigma: float
-) -> Middle | None:
+def _in_strip(strip: LineStrip, ends: Ends, sigma: float) -> Middle | None:
     first = (ends[0] - strip.x0_px) * strip.dx + (ends[1] - strip.y0_px) * strip.dy
-    last = first + math.hypot(ends[2] - ends[0], ends[3] - ends[1])
+    last = first + length_of(ends)
     room = _BEYOND * sigma
     if first < room or last > strip.values.shape[1] - 1 - room:
         return None

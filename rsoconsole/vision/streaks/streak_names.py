@@ -10,7 +10,7 @@ import numpy as np
 from rsoconsole.records import Detection, Frame, NotAStreak, Rejection
 from rsoconsole.sky import turn_deg
 from rsoconsole.vision.frame.background import Background
-from rsoconsole.vision.lines.streak_search import Box
+from rsoconsole.vision.lines.segments import Ends
 from rsoconsole.vision.stars.stars import StarList
 from rsoconsole.vision.streaks._streak_light import (
     StreakLight,
@@ -219,7 +219,7 @@ def _scatter(stars: StarList) -> float:
     return float(_PER_QUARTILES * (high - low))
 
 
-def _star_share(stars: StarList, ends: Box, light: StreakLight) -> float | None:
+def _star_share(stars: StarList, ends: Ends, light: StreakLight) -> float | None:
     """Share of a streak's light that stars on it have which were found by themselves."""
     total = float(light.light_adu.sum())
     if total <= 0.0 or stars.trail is not None:

@@ -30,7 +30,7 @@ from rsoconsole.vision.lines.line_strip import (
     strip_about,
     weights_of,
 )
-from rsoconsole.vision.lines.streak_search import Box
+from rsoconsole.vision.lines.segments import Ends, length_of
 from rsoconsole.vision.stars.star_moments import FWHM_PER_SIGMA
 from rsoconsole.vision.stars.stars import StarList
 from rsoconsole.vision.stars.trailed_stars import Trail
@@ -81,7 +81,7 @@ class Trace:
 def trace_line(
     pixels: PixelArray,
     sky: Background,
-    ends: Box,
+    ends: Ends,
     stars: StarList,
     psf_fwhm_px: float,
     *,
@@ -108,12 +108,12 @@ def trace_line(
 
 
 def _looked(
-    strip: LineStrip | None, ends: Box, sigma: float, off_px: float, trail: Trail | None
+    strip: LineStrip | None, ends: Ends, sigma: float, off_px: float, trail: Trail | None
 ) -> tuple[Trace | None, bool]:
     """One look at a strip, and whether the light goes on where the strip ends."""
     if strip is None:
         return None, False
-    length = math.hypot(ends[2] - ends[0], ends[3] - ends[1])
+    length = length_of(ends)
     columns = np.arange(strip.values.shape[1])
     # Where the frame cuts the strip its middle is not the line's.
     first = (ends[0] - strip.x0_px) * strip.dx + (ends[1] - strip.y0_px) * strip.dy
