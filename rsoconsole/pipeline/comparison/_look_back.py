@@ -18,7 +18,7 @@ from rsoconsole.vision import (
     Mapping2d,
     Profile,
     StarList,
-    agreement,
+    compare_stars,
     earlier_light,
 )
 
@@ -156,7 +156,7 @@ class LookBack:
             return None
         bright = np.flatnonzero(~here.stars.is_saturated)[_BRIGHTEST]
         x, y = to_field(here, before, here.stars.x_px[bright], here.stars.y_px[bright])
-        agree = agreement(
+        agree = compare_stars(
             np.stack([x, y], axis=1),
             here.stars.flux[bright],
             places_px(before.stars),

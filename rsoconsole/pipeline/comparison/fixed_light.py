@@ -43,7 +43,7 @@ from rsoconsole.vision import (
     catalogue_light,
     decided,
     is_same_streak,
-    matched,
+    match_stars,
     updated,
     with_context,
 )
@@ -102,7 +102,7 @@ class KnownStars:
         places, magnitude = known
         stars, fwhm = here.stars, here.stars.median_fwhm_px
         bright = np.flatnonzero(~stars.is_saturated)[_BRIGHTEST]
-        mine, theirs = matched(places_px(stars)[bright], places, max(fwhm, 2.0))
+        mine, theirs = match_stars(places_px(stars)[bright], places, max(fwhm, 2.0))
         if len(mine) < MIN_MATCHED:
             return None
         # Magnitude of a star that gives 1 ADU.

@@ -283,7 +283,7 @@ def _is_context(other: Candidate) -> bool:
 
 def _is_in_line(one: Detection, other: Detection) -> bool:
     """Whether ``other`` lies on the line of ``one``, as far as that line's direction is known."""
-    if _turn_deg(one, other) > _SAME_LINE_DEG:
+    if turn_deg(one.angle_deg, other.angle_deg) > _SAME_LINE_DEG:
         return False
     angle = math.radians(one.angle_deg)
     dx, dy = other.x_px - one.x_px, other.y_px - one.y_px
@@ -299,7 +299,7 @@ def _is_parallel_unlike(one: Detection, other: Detection, unlike: float) -> bool
 
     Satellites that keep one another company move alike. What the frame cuts may be longer.
     """
-    if _turn_deg(one, other) > _BESIDE_DEG:
+    if turn_deg(one.angle_deg, other.angle_deg) > _BESIDE_DEG:
         return False
     shorter, longer = sorted((one, other), key=lambda each: each.length_px)
     if longer is other and longer.length_px > _MUCH_LONGER * shorter.length_px:
@@ -307,11 +307,6 @@ def _is_parallel_unlike(one: Detection, other: Detection, unlike: float) -> bool
     sigma_px = 2.0 * math.hypot(one.sigma_along_px, other.sigma_along_px)
     apart_px = longer.length_px - unlike * shorter.length_px
     return not shorter.is_clipped and apart_px > (0.0 if longer.is_clipped else 3.0 * sigma_px)
-
-
-def _turn_deg(one: Detection, other: Detection) -> float:
-    """Angle between the two directions, 0 to 90 deg."""
-    return turn_deg(one.angle_deg, other.angle_deg)
 
 
 CALIBRATED_ARCSEC_PX, USABLE_ARCSEC_PX = (1.0, 10.0), (0.3, 250.0)

@@ -15,9 +15,8 @@ import numpy as np
 from rsoconsole.records import FloatArray, PlatePath, Solution, Wcs
 from rsoconsole.sky import describe, pixel_to_sky, separation_deg, sky_to_pixel
 from rsoconsole.vision.arrays import IndexArray
+from rsoconsole.vision.stars.star_pairs import MIN_MATCHED, mutual_nearest
 
-MIN_MATCHED = 6
-"""Fewer matched stars than this never make a plate."""
 MAX_STARS = 400
 _ROUNDS = 8
 _TIGHT_TOLERANCE_PX = 1.5
@@ -129,13 +128,7 @@ def _pair(
     """Mutual nearest neighbours within the tolerance: each star at most once."""
     difference = stars[:, None, :] - predicted[None, :, :]
     distance2 = np.nan_to_num(np.einsum("ijk,ijk->ij", difference, difference), nan=np.inf)
-    nearest_catalogue = distance2.argmin(axis=1)
-    nearest_star = distance2.argmin(axis=0)
-    rows = np.arange(len(stars))
-    is_pair = (nearest_star[nearest_catalogue] == rows) & (
-        distance2[rows, nearest_catalogue] <= tolerance_px**2
-    )
-    return rows[is_pair], nearest_catalogue[is_pair]
+    return mutual_nearest(distance2, tolerance_px**2)
 
 
 def _robust_fit(

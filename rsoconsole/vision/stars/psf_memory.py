@@ -21,28 +21,24 @@ _SAME_VIEW = 0.01
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class _Geometry:
-    """What one camera behind one telescope makes of the sky."""
+class _Known:
+    """Width of a star in one frame, and what camera and telescope made of the sky in it."""
 
+    psf: Psf
+    t_mid_utc_ns: int
     width_px: int
     height_px: int
     scale_arcsec_px: float | None
 
-    def pixels_along(self, other: "_Geometry") -> float | None:
-        """Pixels of the other's frame along one of this one's; None: the views differ."""
-        if self.scale_arcsec_px is None or other.scale_arcsec_px is None:
-            return 1.0 if self == other else None
-        ratio = self.scale_arcsec_px / other.scale_arcsec_px
-        pairs = (self.width_px, other.width_px), (self.height_px, other.height_px)
-        is_same = all(abs(ratio * own / its - 1.0) < _SAME_VIEW for own, its in pairs)
+    def pixels_along(self, frame: Frame) -> float | None:
+        """Pixels of this one along one of another frame's; None: the fields of view differ."""
+        if self.scale_arcsec_px is None or frame.scale_arcsec_px is None:
+            own = self.width_px, self.height_px, self.scale_arcsec_px
+            return 1.0 if own == (frame.width_px, frame.height_px, frame.scale_arcsec_px) else None
+        ratio = frame.scale_arcsec_px / self.scale_arcsec_px
+        pairs = (frame.width_px, self.width_px), (frame.height_px, self.height_px)
+        is_same = all(abs(ratio * its / own - 1.0) < _SAME_VIEW for its, own in pairs)
         return ratio if is_same else None
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _Known:
-    psf: Psf
-    geometry: _Geometry
-    t_mid_utc_ns: int
 
 
 class PsfMemory:
@@ -62,8 +58,10 @@ class PsfMemory:
             return
         self._last = _Known(
             psf=Psf(fwhm_px=stars.median_fwhm_px, field=stars.psf_field),
-            geometry=_geometry(frame),
             t_mid_utc_ns=frame.t_mid_utc_ns,
+            width_px=frame.width_px,
+            height_px=frame.height_px,
+            scale_arcsec_px=frame.scale_arcsec_px,
         )
 
     def recall(self, frame: Frame) -> Psf | None:
@@ -77,13 +75,5 @@ class PsfMemory:
             return None
         if not 0 <= frame.t_mid_utc_ns - last.t_mid_utc_ns <= HOLDS_NS:
             return None
-        ratio = _geometry(frame).pixels_along(last.geometry)
+        ratio = last.pixels_along(frame)
         return None if ratio is None else last.psf.of_joined(ratio)
-
-
-def _geometry(frame: Frame) -> _Geometry:
-    return _Geometry(
-        width_px=frame.width_px,
-        height_px=frame.height_px,
-        scale_arcsec_px=frame.scale_arcsec_px,
-    )
