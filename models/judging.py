@@ -159,7 +159,7 @@ def features_of(row: FrameRow) -> list[tuple[float, ...]]:
 def confidences_of(row: FrameRow, curve: ConfidenceCurve) -> list[float]:
     """What the product says of each of the frame's candidates with this curve."""
     measured = [candidate_of(each) for each in row["candidates"]]
-    return [each.confidence for each in curve.judged(measured, focus_of(row))]
+    return [each.found.confidence for each in curve.judged(measured, focus_of(row))]
 
 
 def focus_of(row: FrameRow) -> Focus:

@@ -37,8 +37,6 @@ from .frame.background import local_background as local_background
 from .frame.background import resample as resample
 from .frame.bins import binning_of as binning_of
 from .frame.dark_and_flat import DarkAndFlat as DarkAndFlat
-from .frame.dark_and_flat import evened as evened
-from .frame.dark_and_flat import has_mosaic as has_mosaic
 from .frame.maps import CODES_PER_SIGMA as CODES_PER_SIGMA
 from .frame.maps import LOWEST_SIGMA as LOWEST_SIGMA
 from .frame.maps import MAP_KIND as MAP_KIND
@@ -47,6 +45,8 @@ from .frame.maps import NETWORK_WIDTH_CELLS as NETWORK_WIDTH_CELLS
 from .frame.maps import FrameMap as FrameMap
 from .frame.maps import choose_blocks as choose_blocks
 from .frame.maps import make_map as make_map
+from .frame.mosaic import has_mosaic as has_mosaic
+from .frame.mosaic import without_mosaic as without_mosaic
 from .frame.pattern import find_pattern as find_pattern
 from .frame.workers import Workers as Workers
 from .frame.workers import available_cores as available_cores
@@ -62,10 +62,10 @@ from .stars.plate_move import refit_from as refit_from
 from .stars.plate_move import shifted_onto as shifted_onto
 from .stars.psf_field import PsfField as PsfField
 from .stars.psf_memory import PsfMemory as PsfMemory
+from .stars.star_list import StarList as StarList
 from .stars.star_pairs import MIN_MATCHED as MIN_MATCHED
 from .stars.star_pairs import compare_stars as compare_stars
 from .stars.star_pairs import match_stars as match_stars
-from .stars.stars import StarList as StarList
 from .stars.stars import find_stars as find_stars
 from .streaks.streak_class import PRIOR as PRIOR
 from .streaks.streak_class import Compared as Compared

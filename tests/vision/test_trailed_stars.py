@@ -12,7 +12,7 @@ from rsoconsole.instruments import read_frame
 from rsoconsole.sky import turn_deg
 from rsoconsole.vision import Candidate, LineLight, find_stars
 from rsoconsole.vision.detector._reject_artifacts import not_along
-from rsoconsole.vision.stars.trailed_stars import Trail
+from rsoconsole.vision.stars.star_list import Trail
 from rsoconsole.words import text
 from tests.makers import straight_detection
 from tests.tiers import plain_first

@@ -29,9 +29,9 @@ from rsoconsole.vision.lines.line_or_stars import ShortLights
 from rsoconsole.vision.lines.line_strip import OFF_PX
 from rsoconsole.vision.lines.segments import Ends, box_about, length_of, midpoint_of
 from rsoconsole.vision.lines.streak_search import cut_out
+from rsoconsole.vision.stars.star_list import StarList
 from rsoconsole.vision.stars.star_moments import FWHM_PER_SIGMA
-from rsoconsole.vision.stars.stars import StarList
-from rsoconsole.vision.streaks.streak_class import unevenness
+from rsoconsole.vision.streaks.streak_evenness import unevenness
 from rsoconsole.vision.streaks.streak_fit import AS_CHAINS_FWHM, MARGIN_PX, StreakFit, fit_streak
 from rsoconsole.vision.streaks.streak_glance import line_signal, width_at_a_glance
 from rsoconsole.vision.streaks.streak_trace import Trace, trace_line
@@ -321,7 +321,7 @@ class Measurements:
             for each in others
             if MIN_RECORDED_CONFIDENCE <= each.found.confidence < said
         ]
-        self.taken.append(replace(kept, found=replace(kept.found, confidence=said)))
+        self.taken.append(kept.believed(said))
 
     def _fault(self, trace: Trace) -> NotAStreak | None:
         """The first gate that a trace does not pass; None where it passes all."""

@@ -8,8 +8,8 @@ from rsoconsole.records import Detection, Frame, NotAStreak, Rejection
 from rsoconsole.sky import turn_deg
 from rsoconsole.vision.detector._candidates import Proposal
 from rsoconsole.vision.detector.measured_detection import Candidate
+from rsoconsole.vision.stars.star_list import Trail
 from rsoconsole.vision.stars.star_moments import FWHM_PER_SIGMA
-from rsoconsole.vision.stars.trailed_stars import Trail
 
 TRAILED_STREAKS = 9
 """Streaks of one length and direction from which on they are stars, where stars are not points."""

@@ -9,7 +9,7 @@ fitted on frames with known truth (``models.confidence``), makes a probability.
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 from rsoconsole.base import ModelError
@@ -149,12 +149,10 @@ class ConfidenceCurve:
         # like them the star search sees as well.
         return 1.0 / (1.0 + math.exp(-min(max(z, -30.0), 30.0)))
 
-    def judged(self, candidates: Sequence[Candidate], focus: Focus) -> list[Detection]:
+    def judged(self, candidates: Sequence[Candidate], focus: Focus) -> list[Candidate]:
         """A frame's measured candidates, each with the confidence that it earns among them."""
-        return [
-            replace(each.found, confidence=self.confidence(each, focus, candidates))
-            for each in candidates
-        ]
+        confidences = [self.confidence(each, focus, candidates) for each in candidates]
+        return [each.believed(at) for each, at in zip(candidates, confidences, strict=True)]
 
 
 def _logit(confidence: float) -> float:

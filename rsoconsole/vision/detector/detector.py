@@ -42,7 +42,8 @@ from rsoconsole.vision.lines.line_or_stars import ShortLights
 from rsoconsole.vision.lines.short_lines import in_turn, short_lines
 from rsoconsole.vision.stars.psf_field import Psf
 from rsoconsole.vision.stars.psf_memory import PsfMemory
-from rsoconsole.vision.stars.stars import MAX_STARS, STAR_BLOCK_PX, StarList, find_stars
+from rsoconsole.vision.stars.star_list import StarList
+from rsoconsole.vision.stars.stars import MAX_STARS, STAR_BLOCK_PX, find_stars
 from rsoconsole.vision.streaks.streak_class import Likelihood
 from rsoconsole.vision.streaks.streak_middle import with_middle
 from rsoconsole.vision.streaks.streak_names import named_with_shares
@@ -145,12 +146,7 @@ class StreakDetector:
             lights = ShortLights(frame.pixels, first.sky, working.original_stars(stars))
             measured = self._measure(working, seen, focus, threshold, lights)
             rejected = measured.rejected
-            judged = [
-                replace(each, found=found)
-                for each, found in zip(
-                    measured.taken, self._judged(measured.taken, focus), strict=True
-                )
-            ]
+            judged = self._judged(measured.taken, focus)
             judged.sort(key=lambda each: -each.found.confidence)
             taken, others = set_aside(
                 judged,
@@ -304,7 +300,8 @@ class StreakDetector:
             else:
                 fits += 1
                 measured.measure(each)
-        risen = [d for d in self._judged(measured.taken, focus) if d.confidence > threshold]
+        judged = (each.found for each in self._judged(measured.taken, focus))
+        risen = [found for found in judged if found.confidence > threshold]
         witnesses = 0
         for each in others:
             is_asked = risen and witnesses < (0 if self._is_quick else MAX_WITNESSES)
@@ -323,11 +320,9 @@ class StreakDetector:
         here = focus.at(*proposal.box.middle_px)
         return self._curve.highest(said, length_px, here) > threshold
 
-    def _judged(self, taken: list[Candidate], focus: Focus) -> list[Detection]:
+    def _judged(self, taken: list[Candidate], focus: Focus) -> list[Candidate]:
         """With the confidence that each earns by its measurement and among the others."""
-        if self._curve is None:
-            return [each.found for each in taken]
-        return self._curve.judged(taken, focus)
+        return list(taken) if self._curve is None else self._curve.judged(taken, focus)
 
 
 def _focus(stars: StarList, joined: int) -> Focus:

@@ -57,6 +57,10 @@ class Candidate:
     """With the network's confidence, then with its calibrated one."""
     light: LineLight
 
+    def believed(self, confidence: float) -> "Candidate":
+        """The same with another confidence."""
+        return replace(self, found=replace(self.found, confidence=confidence))
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Focus:

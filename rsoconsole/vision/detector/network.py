@@ -12,10 +12,9 @@ import os
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from rsoconsole.base import ModelError, json_of, model_resource, read_foreign
 from rsoconsole.vision.arrays import ByteArray, Float32Array
@@ -92,15 +91,6 @@ class MapStreak:
         return float(np.hypot(self.x_b - self.x_a, self.y_b - self.y_a))
 
 
-class _Interpreter(Protocol):
-    def allocate_tensors(self) -> None: ...
-    def get_input_details(self) -> list[dict[str, Any]]: ...
-    def get_output_details(self) -> list[dict[str, Any]]: ...
-    def set_tensor(self, index: int, value: npt.NDArray[np.generic]) -> None: ...
-    def invoke(self) -> None: ...
-    def get_tensor(self, index: int) -> Float32Array: ...
-
-
 def decode(answer: Float32Array, lowest_logit: float) -> list[MapStreak]:
     """Candidates of one answer (6, rows, columns) above a logit, most confident first, no NMS."""
     rows, columns = np.nonzero(answer[0] > lowest_logit)
@@ -151,9 +141,10 @@ class Network:
     """A loaded network. Not for use by two threads at once.
 
     It works on maps of any size: smaller ones are padded to its input, larger ones tiled.
+    ``interpreter``: TensorFlow Lite's, its tensors allocated.
     """
 
-    def __init__(self, interpreter: _Interpreter, card: Mapping[str, Any]) -> None:
+    def __init__(self, interpreter: Any, card: Mapping[str, Any]) -> None:
         self.card = card
         """What the .json beside the network says of it."""
         self._interpreter = interpreter
@@ -299,7 +290,7 @@ def _read_card(path: Path) -> dict[str, Any]:
     return card
 
 
-def _interpreter(content: bytes, threads: int, model: Path) -> _Interpreter:
+def _interpreter(content: bytes, threads: int, model: Path) -> Any:
     try:
         from ai_edge_litert.interpreter import Interpreter
     except ImportError:
@@ -310,14 +301,14 @@ def _interpreter(content: bytes, threads: int, model: Path) -> _Interpreter:
                 "no TensorFlow Lite runtime is installed: pip install ai-edge-litert"
             ) from error
     try:
-        interpreter: _Interpreter = Interpreter(model_content=content, num_threads=threads)
+        interpreter = Interpreter(model_content=content, num_threads=threads)
         interpreter.allocate_tensors()
     except (ValueError, RuntimeError) as error:
         raise ModelError(f"the network {model} cannot be loaded ({error}): {_REINSTALL}") from error
     return interpreter
 
 
-def _check_form(interpreter: _Interpreter, model: Path) -> None:
+def _check_form(interpreter: Any, model: Path) -> None:
     given = [int(n) for n in interpreter.get_input_details()[0]["shape"]]
     answered = [int(n) for n in interpreter.get_output_details()[0]["shape"]]
     wanted = [

@@ -10,8 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from rsoconsole.records import Detection, Frame, Rejection
-from rsoconsole.vision.stars.stars import StarList
-from rsoconsole.vision.stars.trailed_stars import Oblong
+from rsoconsole.vision.stars.star_list import OblongLights, StarList
 
 WIDE_PX = 5.0
 """Width of the stars from which on pixels are joined."""
@@ -94,7 +93,7 @@ class WorkingFrame:
             oblong=None if stars.oblong is None else self._original_lights(stars.oblong),
         )
 
-    def _original_lights(self, lights: Oblong) -> Oblong:
+    def _original_lights(self, lights: OblongLights) -> OblongLights:
         return replace(
             lights,
             x_px=(lights.x_px + 0.5) * self.side - 0.5,

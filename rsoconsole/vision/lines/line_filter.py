@@ -17,7 +17,7 @@ from rsoconsole.vision.arrays import Float32Array, IndexArray
 from rsoconsole.vision.frame.background import Background, resample
 from rsoconsole.vision.frame.bins import CELL_PX, lines_through, median_5x5
 from rsoconsole.vision.lines._line_seeds import Seed, seeds_in, threshold
-from rsoconsole.vision.stars.stars import StarList, lit_radius_px
+from rsoconsole.vision.stars.star_list import StarList, lit_radius_px
 
 MIN_SNR = 5.0
 """Sigma of the cells' own scatter of a whole line that was traced."""

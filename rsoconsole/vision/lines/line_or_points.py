@@ -16,7 +16,7 @@ import numpy as np
 
 from rsoconsole.records import FloatArray
 from rsoconsole.vision.arrays import BoolArray
-from rsoconsole.vision.frame.median import best_pair, median_of
+from rsoconsole.vision.frame.median import median_of
 from rsoconsole.vision.lines.line_strip import Course, LineProfile, LineStrip, profile_of
 from rsoconsole.vision.stars.star_moments import FWHM_PER_SIGMA
 
@@ -131,6 +131,8 @@ _UNLIKE = 0.12
 _STEP_SIGMAS, _BEYOND_SIGMAS = 0.4, 4.0
 _MIN_PERIOD_SIGMAS, _MAX_PERIODS = 10.0, 8.0
 _FEWEST = 5
+_MIN_DETERMINED = 1e-3
+"""Of two places' own products: closer ones cannot be told apart."""
 _LIT_SHARE = 0.1
 """Of the highest correlation with a star anywhere: where there is less none is tried."""
 _ACROSS_FWHM = 1.5
@@ -224,6 +226,23 @@ def _left_by_points(
         rest = value - shapes[:, chosen] @ _lights(shapes, value, chosen)
         best = min(best, float(rest @ rest) + count * _PRICE_OF_A_POINT)
     return best
+
+
+def best_pair(gram: FloatArray, projected: FloatArray) -> list[int]:
+    """The two of n places, or one twice, whose lights, none of them dark, explain most.
+
+    ``gram`` (n, n): products of the images of the places; ``projected`` (n,): with the data.
+    """
+    own = np.maximum(np.diag(gram), _SMALLEST)
+    single = np.maximum(projected, 0.0) ** 2 / own
+    det = np.maximum(own[:, None] * own - gram**2, _MIN_DETERMINED * own[:, None] * own)
+    first = (own[None] * projected[:, None] - gram * projected) / det
+    gained = np.where(
+        (first > 0.0) & (first.T > 0.0),
+        first * projected[:, None] + first.T * projected,
+        single[:, None],
+    )
+    return [int(at) for at in np.unravel_index(int(np.argmax(gained)), gained.shape)]
 
 
 def _one_more(shapes: FloatArray, value: FloatArray, chosen: list[int]) -> int:

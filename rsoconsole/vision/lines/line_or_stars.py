@@ -16,10 +16,11 @@ import numpy as np
 from rsoconsole.records import Detection, FloatArray, PixelArray
 from rsoconsole.vision.arrays import BoolArray, Float32Array, IndexArray
 from rsoconsole.vision.frame.background import Background
-from rsoconsole.vision.frame.median import best_pair, median_of
+from rsoconsole.vision.frame.median import median_of
+from rsoconsole.vision.lines.line_or_points import best_pair
 from rsoconsole.vision.stars.image import StarImage, disc, star_image
+from rsoconsole.vision.stars.star_list import StarList
 from rsoconsole.vision.stars.star_moments import FWHM_PER_SIGMA
-from rsoconsole.vision.stars.stars import StarList
 
 MAX_FWHM = 20.0
 """Length in widths of a star up to which a few stars may look like a line."""

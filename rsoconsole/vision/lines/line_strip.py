@@ -15,7 +15,7 @@ from rsoconsole.vision.arrays import BoolArray, Float32Array, IndexArray
 from rsoconsole.vision.frame.background import Background
 from rsoconsole.vision.frame.median import median_of
 from rsoconsole.vision.lines.segments import Ends
-from rsoconsole.vision.stars.stars import StarList, lit_radius_px
+from rsoconsole.vision.stars.star_list import StarList, lit_radius_px
 
 OFF_PX = 9.0
 """How far off its line a proposal may be, px, at its middle and at its ends."""

@@ -12,7 +12,7 @@ import numpy as np
 
 from rsoconsole.sky import turn_deg
 from rsoconsole.vision.lines.line_filter import CellLine
-from rsoconsole.vision.stars.stars import StarList
+from rsoconsole.vision.stars.star_list import StarList
 
 MAX_SHORT, _MAX_WHERE_SHARP = 12, 6
 """Where stars are sharp a streak is seldom so short, and line filter and network see it too."""

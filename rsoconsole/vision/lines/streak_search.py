@@ -9,7 +9,7 @@ from rsoconsole.vision.arrays import BoolArray, Float32Array, IndexArray
 from rsoconsole.vision.frame.background import Background
 from rsoconsole.vision.frame.median import median_of
 from rsoconsole.vision.lines.segments import Box, Ends
-from rsoconsole.vision.stars.stars import StarList, lit_radius_px
+from rsoconsole.vision.stars.star_list import StarList, lit_radius_px
 
 _SMALL_BOX_PX = 40.0
 _BOX_ERROR_PX = 12.0

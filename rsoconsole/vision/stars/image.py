@@ -12,8 +12,8 @@ import numpy as np
 from rsoconsole.records import FloatArray, PixelArray
 from rsoconsole.vision.arrays import Float32Array, IndexArray
 from rsoconsole.vision.frame.background import Background
+from rsoconsole.vision.stars.star_list import StarList
 from rsoconsole.vision.stars.star_moments import FWHM_PER_SIGMA
-from rsoconsole.vision.stars.stars import StarList
 
 _FEWEST, _MOST = 8, 60
 _MIN_SNR, _ALONE_FWHM, _REACH_FWHM, _MIN_REACH_PX = 20.0, 3.0, 1.5, 5

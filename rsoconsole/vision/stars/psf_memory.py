@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 from rsoconsole.records import Frame
 from rsoconsole.vision.stars.psf_field import Psf
-from rsoconsole.vision.stars.stars import StarList
+from rsoconsole.vision.stars.star_list import StarList
 
 HOLDS_NS = 30 * 60 * 10**9
 """Of the frames' own time, from one exposure's middle to the other's."""

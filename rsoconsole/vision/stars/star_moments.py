@@ -6,7 +6,7 @@ import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
 from rsoconsole.records import FloatArray, PixelArray
-from rsoconsole.vision.arrays import Float32Array, IndexArray
+from rsoconsole.vision.arrays import IndexArray
 from rsoconsole.vision.frame.background import Background
 from rsoconsole.vision.frame.bins import mirrored
 
@@ -72,7 +72,7 @@ def measure(
         axis_ratio=np.sqrt(large / small),
         angle_deg=0.5 * np.degrees(np.arctan2(2.0 * mxy, mxx - myy)) % 180.0,
         peak_share=inner.max(axis=(1, 2)) / inner_sum,
-        peak_adu=inner.max(axis=(1, 2)) + _levels(sky, x0_px, y0_px, sky.level),
+        peak_adu=inner.max(axis=(1, 2)) + sky.all_at(sky.level, x0_px, y0_px),
         snr=matched / (noise * np.sqrt(np.pi) * sigma_px),
         shift_px=np.hypot(dx, dy),
     )
@@ -91,14 +91,8 @@ def _boxes(
     ys = mirrored(top[~inside, None] + np.arange(size), height)[:, :, None]
     xs = mirrored(left[~inside, None] + np.arange(size), width)[:, None, :]
     boxes[~inside] = pixels[ys, xs]
-    boxes -= _levels(sky, x0_px, y0_px, sky.level)[:, None, None]
-    return boxes, _levels(sky, x0_px, y0_px, sky.noise)
-
-
-def _levels(sky: Background, x_px: IndexArray, y_px: IndexArray, small: Float32Array) -> FloatArray:
-    rows = np.clip(y_px // sky.cell_px, 0, small.shape[0] - 1)
-    columns = np.clip(x_px // sky.cell_px, 0, small.shape[1] - 1)
-    return small[rows, columns].astype(np.float64)
+    boxes -= sky.all_at(sky.level, x0_px, y0_px)[:, None, None]
+    return boxes, sky.all_at(sky.noise, x0_px, y0_px).astype(np.float64)
 
 
 def _moments(

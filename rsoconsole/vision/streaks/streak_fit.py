@@ -21,8 +21,8 @@ from rsoconsole.vision.lines.streak_search import (
     find_ends,
     find_line,
 )
+from rsoconsole.vision.stars.star_list import StarList
 from rsoconsole.vision.stars.star_moments import FWHM_PER_SIGMA
-from rsoconsole.vision.stars.stars import StarList
 from rsoconsole.vision.streaks._streak_model import Line, LineFit
 from rsoconsole.vision.streaks._streak_robust import (
     Axes,
@@ -30,7 +30,7 @@ from rsoconsole.vision.streaks._streak_robust import (
     or_star_beyond_an_end,
     uneven_share,
 )
-from rsoconsole.vision.streaks.streak_class import unevenness
+from rsoconsole.vision.streaks.streak_evenness import unevenness
 from rsoconsole.vision.streaks.streak_glance import goes_on_beyond, is_broken
 
 MIN_SNR = 7.0

@@ -31,8 +31,8 @@ from rsoconsole.vision.lines.line_strip import (
     strip_about,
 )
 from rsoconsole.vision.lines.segments import Ends, length_of
+from rsoconsole.vision.stars.star_list import StarList
 from rsoconsole.vision.stars.star_moments import FWHM_PER_SIGMA
-from rsoconsole.vision.stars.stars import StarList
 
 log = logging.getLogger(__name__)
 

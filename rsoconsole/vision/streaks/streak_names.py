@@ -11,7 +11,7 @@ from rsoconsole.records import Detection, Frame, NotAStreak, Rejection
 from rsoconsole.sky import turn_deg
 from rsoconsole.vision.frame.background import Background
 from rsoconsole.vision.lines.segments import Ends
-from rsoconsole.vision.stars.stars import StarList
+from rsoconsole.vision.stars.star_list import StarList
 from rsoconsole.vision.streaks._streak_light import (
     StreakLight,
     fading_of,

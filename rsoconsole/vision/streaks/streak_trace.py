@@ -31,9 +31,8 @@ from rsoconsole.vision.lines.line_strip import (
     weights_of,
 )
 from rsoconsole.vision.lines.segments import Ends, length_of
+from rsoconsole.vision.stars.star_list import StarList, Trail
 from rsoconsole.vision.stars.star_moments import FWHM_PER_SIGMA
-from rsoconsole.vision.stars.stars import StarList
-from rsoconsole.vision.stars.trailed_stars import Trail
 
 _PARTS = 16
 _LIT = 0.4
