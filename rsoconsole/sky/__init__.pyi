@@ -63,8 +63,8 @@ from .places import sun_gcrs_km as sun_gcrs_km
 from .places import teme_to_gcrs_rotation as teme_to_gcrs_rotation
 from .places import zenith_gcrs as zenith_gcrs
 from .stars.proper_motion import J2000_JYEAR as J2000_JYEAR
+from .stars.proper_motion import apply_proper_motion as apply_proper_motion
 from .stars.proper_motion import julian_year as julian_year
-from .stars.proper_motion import moved as moved
 from .stars.star_catalogue import DEC_STEP_DEG as DEC_STEP_DEG
 from .stars.star_catalogue import MAG_STEP as MAG_STEP
 from .stars.star_catalogue import RA_STEP_DEG as RA_STEP_DEG

@@ -153,13 +153,10 @@ def _first(is_dark: Callable[[int], bool], wanted: bool, from_ns: int, to_ns: in
     before_ns = from_ns
     for at_ns in range(from_ns + step_ns, to_ns + step_ns, step_ns):
         if is_dark(at_ns) is wanted:
-            return _crossing(is_dark, wanted, before_ns, at_ns)
+            break
         before_ns = at_ns
-    return None
-
-
-def _crossing(is_dark: Callable[[int], bool], wanted: bool, before_ns: int, at_ns: int) -> int:
-    """Bisect to a tenth of a second: not wanted at ``before_ns``, wanted at ``at_ns``."""
+    else:
+        return None
     while abs(at_ns - before_ns) > CROSSING_NS:
         middle_ns = (before_ns + at_ns) // 2
         if is_dark(middle_ns) is wanted:

@@ -8,7 +8,7 @@ import pytest
 
 from rsoconsole.vision import StarList, find_stars, local_background
 from rsoconsole.vision.lines.line_or_stars import ShortLights
-from rsoconsole.vision.stars.image import star_image
+from rsoconsole.vision.stars.star_image import star_image
 from rsoconsole.vision.stars.star_list import Trail
 from tests.drawn.drawn_lines import exposed, line_of_light
 from tests.makers import straight_detection

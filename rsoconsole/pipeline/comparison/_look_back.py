@@ -12,7 +12,7 @@ import numpy as np
 from rsoconsole.records import Detection, FloatArray, Frame, NotAStreak, Solution
 from rsoconsole.sky import pixel_to_sky, sky_to_pixel, turn_deg
 from rsoconsole.vision import (
-    Compared,
+    Comparison,
     EarlierLight,
     Ends,
     Mapping2d,
@@ -38,7 +38,7 @@ class SolvedField:
 class Word:
     """What a comparison says of a streak."""
 
-    comparison: Compared | None = None
+    comparison: Comparison | None = None
     reason: NotAStreak | None = None
     """Why it is none."""
 
@@ -175,7 +175,7 @@ class LookBack:
         if profile is None:
             return None
         light = self._light(profile, streak, self._to_earlier, self.flux_ratio)
-        found = "unclear" if light is None else light.found
+        found = "unclear" if light is None else light.finding
         if found == "same" and has_moved_on(streak, here, before, self.later_s):
             return None
         if found == "same":

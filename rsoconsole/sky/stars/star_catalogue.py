@@ -19,7 +19,7 @@ import numpy.typing as npt
 from rsoconsole.base import SolverError, resource
 from rsoconsole.records import FloatArray
 from rsoconsole.sky.angles import separation_deg, wrap_180
-from rsoconsole.sky.stars.proper_motion import FASTEST_ARCSEC_YR, J2000_JYEAR, moved
+from rsoconsole.sky.stars.proper_motion import FASTEST_ARCSEC_YR, J2000_JYEAR, apply_proper_motion
 
 RA_STEP_DEG = 360.0 / 2**32
 """Stored right ascensions count these (0.3 mas)."""
@@ -134,7 +134,7 @@ class StarCatalogue:
         pm_ra = self.pm_ra_mas_yr[index].astype(np.float64)
         pm_dec = self.pm_dec_mas_yr[index].astype(np.float64)
         if years:
-            ra, dec = moved(ra, dec, pm_ra, pm_dec, years)
+            ra, dec = apply_proper_motion(ra, dec, pm_ra, pm_dec, years)
         near = separation_deg(ra_icrs_deg, dec_icrs_deg, ra, dec) <= radius_deg
         magnitude = _scaled(self.mmag[index[near]], MAG_STEP)
         return Stars(ra[near], dec[near], magnitude, pm_ra[near], pm_dec[near])

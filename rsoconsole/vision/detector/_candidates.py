@@ -19,7 +19,7 @@ from rsoconsole.vision.detector.measured_detection import (
     from_fit,
     from_trace,
     is_same_streak,
-    light_of,
+    line_light_of,
 )
 from rsoconsole.vision.detector.network import LOWEST_CONFIDENCE, NetworkBox
 from rsoconsole.vision.detector.working_frame import to_original
@@ -165,7 +165,7 @@ class Measurements:
     """With the network's confidence."""
     rejected: list[Rejection] = field(default_factory=list)
 
-    def at_a_glance(self, proposal: Proposal) -> NotAStreak | None:
+    def fault_at_a_glance(self, proposal: Proposal) -> NotAStreak | None:
         """What a glance along a candidate says against its being worth the time of a measurement.
 
         Too little light where the network alone proposes it; light that is narrower than stars
@@ -223,7 +223,7 @@ class Measurements:
                 ends=box.ends_px,
             )
             if isinstance(fit, StreakFit) and (trace is None or _agree(fit, trace)):
-                light = traced.light if traced else light_of(self._traced(_ends_of(fit)))
+                light = traced.light if traced else line_light_of(self._traced(_ends_of(fit)))
                 light = replace(light, bend=fit.bend, lumpiness=fit.lumpiness)
                 self._take(self._candidate(from_fit(self.frame, box, fit), light))
                 return
@@ -247,21 +247,21 @@ class Measurements:
         if self.focus.joined > 1 or found.width_px > SHARP_PX:
             light = replace(light, bend=0.0, lumpiness=0.0)
         found = replace(found, unevenness=light.unevenness)
-        return Candidate(found=found, light=self._held(found, light))
+        return Candidate(found=found, light=self._against_stars(found, light))
 
-    def _held(self, found: Detection, light: LineLight) -> LineLight:
+    def _against_stars(self, found: Detection, light: LineLight) -> LineLight:
         """With what images of the stars say of it, where that is worth its time."""
         least = _MAY_BE_A_LINE if self.focus.joined == 1 else _MAY_BE_WHERE_WIDE
         if self.lights is None or light.left > 0.0 or light.over_points < least:
             return light
-        held = self.lights.held(to_original(found, self.focus.joined))
-        if held is None:
+        compared = self.lights.compared(to_original(found, self.focus.joined))
+        if compared is None:
             return light
-        return replace(light, over_stars=held.over_stars, left=held.left)
+        return replace(light, over_stars=compared.over_stars, left=compared.left)
 
     def _irregularity(self, found: Detection, trace: Trace) -> LineLight:
         """Of a short one: of its path, and of its light where that follows no one period."""
-        light = light_of(trace)
+        light = line_light_of(trace)
         ends = _ends_of(found)
         if found.length_px > AS_CHAINS_FWHM * self._focus_at(ends).fwhm_px:
             return light
@@ -321,7 +321,7 @@ class Measurements:
             for each in others
             if MIN_RECORDED_CONFIDENCE <= each.found.confidence < said
         ]
-        self.taken.append(kept.believed(said))
+        self.taken.append(kept.with_confidence(said))
 
     def _fault(self, trace: Trace) -> NotAStreak | None:
         """The first gate that a trace does not pass; None where it passes all."""

@@ -33,7 +33,7 @@ _ONE_TRAIL = 1.5
 _SAME_LENGTH, _SAME_ANGLE_DEG = 0.10, 3.0
 
 
-def set_aside(
+def reject_artifacts(
     judged: list[Candidate],
     trail: Trail | None,
     frame: Frame,
@@ -48,14 +48,14 @@ def set_aside(
     """
     rejected: list[Rejection] = []
     if trail is not None:
-        judged, rejected = not_along(judged, trail)
-    taken, more = _without_rows([each.found for each in judged], frame, is_striped=is_striped)
+        judged, rejected = reject_star_trails(judged, trail)
+    taken, more = _reject_rows([each.found for each in judged], frame, is_striped=is_striped)
     rejected += more
-    taken, more = _without_trailed_stars(taken, points if trail is None else 0)
+    taken, more = _reject_trailed_stars(taken, points if trail is None else 0)
     return taken, rejected + more
 
 
-def is_of_stars(proposal: Proposal, trail: Trail) -> bool:
+def is_star_trail(proposal: Proposal, trail: Trail) -> bool:
     """Whether a proposal is no more than the trail of one star."""
     box, one_px = proposal.box, trail.length_px + 2.0 * trail.fwhm_px
     leeway_deg = _AS_TRAILS_DEG + math.degrees(trail.fwhm_px / max(box.length_px, 1.0))
@@ -63,7 +63,7 @@ def is_of_stars(proposal: Proposal, trail: Trail) -> bool:
     return is_along and box.length_px < _ONE_TRAIL * one_px
 
 
-def _without_trailed_stars(
+def _reject_trailed_stars(
     taken: list[Detection], points: int
 ) -> tuple[list[Detection], list[Rejection]]:
     """Set aside streaks that share length and direction with enough others to be stars.
@@ -84,7 +84,7 @@ def _without_trailed_stars(
     return kept, trailed
 
 
-def _without_rows(
+def _reject_rows(
     taken: list[Detection], frame: Frame, *, is_striped: bool
 ) -> tuple[list[Detection], list[Rejection]]:
     """Set aside what runs along a row or column for half of the frame, or is all saturated.
@@ -123,7 +123,9 @@ def _is_saturated(frame: Frame, found: Detection) -> bool:
     return float(np.median(frame.pixels[row, column])) > _SATURATED * frame.saturation_adu
 
 
-def not_along(judged: list[Candidate], trail: Trail) -> tuple[list[Candidate], list[Rejection]]:
+def reject_star_trails(
+    judged: list[Candidate], trail: Trail
+) -> tuple[list[Candidate], list[Rejection]]:
     """Set aside what runs as the stars' own trails do and is as long as some of them in a row.
 
     A longer one stays where there is no doubt, or its light is steady: a satellite may go the same

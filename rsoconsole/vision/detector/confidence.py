@@ -18,7 +18,7 @@ from rsoconsole.sky import turn_deg
 from rsoconsole.vision.detector.measured_detection import SHARP_PX, Candidate, Focus, LineLight
 from rsoconsole.vision.lines.line_or_points import MAX_FWHM
 
-LOOKED_AT = (
+FEATURE_NAMES = (
     "constant",
     "network",
     "log_snr",
@@ -45,10 +45,10 @@ LOOKED_AT = (
 )
 """All from ``wide`` on are 0 or more and weigh nothing at 0; but for the last two, which tell how
 the frame shows stars, they speak against a streak."""
-WAYS = ("", "joined ", "trailed ")
+IMAGE_KINDS = ("", "joined ", "trailed ")
 """Where stars are sharp, where they are so wide that pixels were joined, where drift has drawn them
 out: what looks like a streak is something else in each, and each has weights of its own."""
-FEATURES = tuple(way + name for way in WAYS for name in LOOKED_AT)
+FEATURES = tuple(way + name for way in IMAGE_KINDS for name in FEATURE_NAMES)
 """Of a candidate those of one way; the others are 0."""
 MIN_LOGIT = -7.0
 """Of the network: what it does not see at all the line filter may."""
@@ -130,8 +130,8 @@ class ConfidenceCurve:
         ``focus`` is that of its place (``Focus.at``). A proposal's length is taken to be up to
         ``LENGTH_ERROR`` times too short.
         """
-        first = _way_of(focus) * len(LOOKED_AT)
-        table = dict(zip(LOOKED_AT, self.weights[first : first + len(LOOKED_AT)], strict=True))
+        first = _image_kind(focus) * len(FEATURE_NAMES)
+        table = dict(zip(FEATURE_NAMES, self.weights[first:], strict=False))
         longest_px = max(LENGTH_ERROR * proposed_px, 0.1)
         psf_px = min(max(focus.fwhm_px, 0.1), SHARP_PX)
         logit, length_fwhm = _logit(network_confidence), longest_px / psf_px
@@ -143,7 +143,7 @@ class ConfidenceCurve:
         z += max(table["extent"], 0.0) * _MAX_EXTENT
         z += max(table["one_line"], 0.0) * _MAX_ONE_LINE
         z += table["shortness"] * math.log(max(SHORT_FWHM * psf_px / longest_px, 1.0))
-        blurred, drifted = _shown(focus)
+        blurred, drifted = _blur_features(focus)
         z += table["blurred"] * blurred + table["drifted"] * drifted
         # None of the others speaks for a satellite, but for images of the stars: what is short and
         # like them the star search sees as well.
@@ -152,7 +152,7 @@ class ConfidenceCurve:
     def judged(self, candidates: Sequence[Candidate], focus: Focus) -> list[Candidate]:
         """A frame's measured candidates, each with the confidence that it earns among them."""
         confidences = [self.confidence(each, focus, candidates) for each in candidates]
-        return [each.believed(at) for each, at in zip(candidates, confidences, strict=True)]
+        return [each.with_confidence(at) for each, at in zip(candidates, confidences, strict=True)]
 
 
 def _logit(confidence: float) -> float:
@@ -207,7 +207,7 @@ def confidence_features(
     like = _like_image(light)
     as_line, as_points = max(light.over_points, 0.0), max(-light.over_points, 0.0)
     # Where stars are sharp points a cosmic ray is a line as well, but not like the stars' images.
-    no_ray = 0.0 if _way_of(focus) == 0 else as_line
+    no_ray = 0.0 if _image_kind(focus) == 0 else as_line
     wide = math.log(width_px / max(focus.widest_px(found.angle_deg), 0.1))
     narrow = math.log(min(psf_px, SHARP_PX) / width_px)
     leeway = _SAME_WIDTH + _WIDTH_PER_SNR / snr
@@ -216,7 +216,7 @@ def confidence_features(
     unlike = _UNLIKE if is_sharp else _UNLIKE_WHERE_JOINED
     # Drawn-out stars keep everything company.
     near = others if focus.trail_px == 0.0 else ()
-    rest = [other.found for other in near if other is not candidate and _is_context(other)]
+    rest = [other.found for other in near if other is not candidate and _is_clear_line(other)]
     seen = (
         1.0,
         _weighted(
@@ -242,10 +242,10 @@ def confidence_features(
         / (1.0 + as_line / _ROUGH_AS_LINE),
         min(math.log(max(light.confusion, 1.0)), _MAX_CONFUSED),
         _along_trails(found, focus) / (1.0 + like / _ROUGH_AS_LINE),
-        *_shown(focus),
+        *_blur_features(focus),
     )
-    before = _way_of(focus)
-    return (0.0,) * (before * len(seen)) + seen + (0.0,) * ((len(WAYS) - 1 - before) * len(seen))
+    before = (0.0,) * (_image_kind(focus) * len(seen))
+    return before + seen + (0.0,) * (len(FEATURES) - len(before) - len(seen))
 
 
 def _like_image(light: LineLight) -> float:
@@ -253,8 +253,8 @@ def _like_image(light: LineLight) -> float:
     return max(light.over_stars, 0.0) / max(light.left, 1.0) ** 2
 
 
-def _way_of(focus: Focus) -> int:
-    """Place in ``WAYS``."""
+def _image_kind(focus: Focus) -> int:
+    """Place in ``IMAGE_KINDS``."""
     return 2 if focus.trail_px > 0.0 else 1 if focus.joined > 1 else 0
 
 
@@ -266,12 +266,12 @@ def _along_trails(found: Detection, focus: Focus) -> float:
     return max(0.0, 1.0 - turn / _OTHER_WAY_DEG)
 
 
-def _shown(focus: Focus) -> tuple[float, float]:
+def _blur_features(focus: Focus) -> tuple[float, float]:
     """How wide the stars were, and how far drift has drawn them out; logarithms."""
     return math.log(focus.joined), math.log1p(focus.trail_px / max(focus.fwhm_px, 0.1))
 
 
-def _is_context(other: Candidate) -> bool:
+def _is_clear_line(other: Candidate) -> bool:
     """Whether another candidate is a light that tells of this one, no few stars in a row."""
     found, light = other.found, other.light
     is_line = found.length_px > _CONTEXT_LONG * found.width_px

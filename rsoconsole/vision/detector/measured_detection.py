@@ -57,7 +57,7 @@ class Candidate:
     """With the network's confidence, then with its calibrated one."""
     light: LineLight
 
-    def believed(self, confidence: float) -> "Candidate":
+    def with_confidence(self, confidence: float) -> "Candidate":
         """The same with another confidence."""
         return replace(self, found=replace(self.found, confidence=confidence))
 
@@ -128,7 +128,7 @@ def from_fit(frame: Frame, box: NetworkBox, fit: StreakFit) -> Detection:
     return with_fit(replace(from_box(frame, box), method="line"), fit)
 
 
-def light_of(trace: Trace | None) -> LineLight:
+def line_light_of(trace: Trace | None) -> LineLight:
     if trace is None:
         return UNMEASURED
     return LineLight(
@@ -223,7 +223,7 @@ _RUNS_ALIKE_DEG = 6.0
 """What a proposal's direction is worth."""
 
 
-def distinct(found: list[tuple[NetworkBox, ...]]) -> tuple[NetworkBox, ...]:
+def distinct_boxes(found: list[tuple[NetworkBox, ...]]) -> tuple[NetworkBox, ...]:
     """Candidates of maps of several blocks, each streak once, at its most confident."""
     if len(found) == 1:
         return found[0]
@@ -262,7 +262,7 @@ def is_same_streak(one: Detection, other: Detection) -> bool:
     return _lies_on(one, other) or _lies_on(other, one)
 
 
-def runs_alike(one: Detection, others: list[Detection]) -> bool:
+def is_parallel_to_any(one: Detection, others: list[Detection]) -> bool:
     """Whether any of ``others`` may have the direction of a proposal."""
     turns = (turn_deg(one.angle_deg, other.angle_deg) for other in others)
     return any(turn < _RUNS_ALIKE_DEG for turn in turns)

@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from rsoconsole.records import Detection, Frame, Rejection
-from rsoconsole.vision.stars.star_list import OblongLights, StarList
+from rsoconsole.vision.stars.star_list import StarList
 
 WIDE_PX = 5.0
 """Width of the stars from which on pixels are joined."""
@@ -68,7 +68,7 @@ class WorkingFrame:
         """A detection in pixels of the original frame."""
         return to_original(found, self.side)
 
-    def originally_rejected(self, rejected: Rejection) -> Rejection:
+    def original_rejection(self, rejected: Rejection) -> Rejection:
         """The same for what was not taken."""
         return replace(rejected, detection=self.original(rejected.detection))
 
@@ -76,10 +76,17 @@ class WorkingFrame:
         """Stars in pixels of the original frame, ADU as there."""
         if self.side == 1:
             return stars
-        trail, field = stars.trail, stars.psf_field
+        trail, field, lights = stars.trail, stars.psf_field, stars.oblong
         if trail is not None:
             trail = replace(
                 trail, length_px=trail.length_px * self.side, fwhm_px=trail.fwhm_px * self.side
+            )
+        if lights is not None:
+            lights = replace(
+                lights,
+                x_px=(lights.x_px + 0.5) * self.side - 0.5,
+                y_px=(lights.y_px + 0.5) * self.side - 0.5,
+                half_px=lights.half_px * self.side,
             )
         return replace(
             stars,
@@ -90,15 +97,7 @@ class WorkingFrame:
             median_fwhm_px=stars.median_fwhm_px * self.side,
             trail=trail,
             psf_field=None if field is None else field.of_joined(1.0 / self.side),
-            oblong=None if stars.oblong is None else self._original_lights(stars.oblong),
-        )
-
-    def _original_lights(self, lights: OblongLights) -> OblongLights:
-        return replace(
-            lights,
-            x_px=(lights.x_px + 0.5) * self.side - 0.5,
-            y_px=(lights.y_px + 0.5) * self.side - 0.5,
-            half_px=lights.half_px * self.side,
+            oblong=lights,
         )
 
 

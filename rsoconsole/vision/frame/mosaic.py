@@ -65,7 +65,11 @@ def even_out(
     height, width = (side // 2 * 2 for side in pixels.shape)
     planes = [pixels[row:height:2, column:width:2] for row, column in CELL]
     sky, noise = np.array([_sky_of(plane) for plane in planes]).T
-    gains = _mosaic_gains(planes, sky, noise, saturation_adu)
+    gains = _gains_of_stars(planes, sky, noise, saturation_adu)
+    if gains is None:
+        # Photon noise goes with the root of the light; read noise hides what it hides of gains too.
+        variance = noise**2
+        gains = np.clip(variance / variance.mean(), 1.0 / _MAX_GAIN, _MAX_GAIN)
     factors = 1.0 / gains
     # Levels after scaling, piece by piece: a sky that is brighter on one side is so in each colour.
     levels = np.stack([_levels(plane) for plane in planes]) * factors[:, None, None]
@@ -91,21 +95,6 @@ def _sky_of(plane: npt.NDArray[Any]) -> tuple[float, float]:
     apart = np.minimum(apart, 4.0 * max(float(np.median(apart)), 1.0))
     noise = float(apart.mean(dtype=np.float64)) * np.sqrt(np.pi) / 2.0
     return float(np.median(some)), max(noise, 0.3)
-
-
-def _mosaic_gains(
-    planes: list[npt.NDArray[Any]],
-    sky: FloatArray,
-    noise: FloatArray,
-    saturation_adu: float,
-) -> FloatArray:
-    """Response of each place, 1 in the mean: by the stars, or else by the noise of its sky."""
-    by_stars = _gains_of_stars(planes, sky, noise, saturation_adu)
-    if by_stars is not None:
-        return by_stars
-    # Photon noise goes with the root of the light; read noise hides what it hides of the gains too.
-    variance = noise**2
-    return np.asarray(np.clip(variance / variance.mean(), 1.0 / _MAX_GAIN, _MAX_GAIN))
 
 
 def _gains_of_stars(

@@ -126,7 +126,9 @@ def _offsets(pixels: PixelArray, noise: float, across: Float32Array | None = Non
     about = np.median(sample[:, ::_MEDIAN_STEP], axis=1).astype(np.float32)
     sample -= about[:, None]
     above = about + _mean_of_near(sample, _NEAR * noise)
-    return np.asarray(above + _of_neighbours(above), dtype=np.float32)
+    # What the lines about each one have themselves, on the whole.
+    about_each = cv2.blur(above[:, None], (1, _ABOUT), borderType=cv2.BORDER_REFLECT_101)[:, 0]
+    return np.asarray(above + about_each, dtype=np.float32)
 
 
 def _mean_of_near(about: Float32Array, limit: float) -> Float32Array:
@@ -135,11 +137,3 @@ def _mean_of_near(about: Float32Array, limit: float) -> Float32Array:
     about *= is_near
     near = np.maximum(np.count_nonzero(is_near, axis=1), 1)
     return np.asarray(about.sum(axis=1) / near, dtype=np.float32)
-
-
-def _of_neighbours(above: Float32Array) -> Float32Array:
-    """What the lines about each one have themselves, on the whole."""
-    import cv2
-
-    total = cv2.blur(above[:, None], (1, _ABOUT), borderType=cv2.BORDER_REFLECT_101)
-    return np.asarray(total[:, 0], dtype=np.float32)

@@ -69,7 +69,7 @@ class Course:
         return np.asarray(self.offset + self.slope * (np.asarray(columns) - self.middle))
 
 
-class Way(Protocol):
+class StripPath(Protocol):
     """Where light runs in a strip, straight or not."""
 
     def at(self, columns: IndexArray) -> FloatArray:
@@ -165,7 +165,7 @@ def _mask_stars(
             strip.is_good[:, first:last] &= du**2 + dv**2 > radius**2
 
 
-def level(strip: LineStrip, course: Course, sigma: float) -> None:
+def subtract_sky_beside(strip: LineStrip, course: Course, sigma: float) -> None:
     """Take away what the sky beside the line is above that of its cells: glow, a bright star's."""
     import cv2
 
@@ -182,7 +182,9 @@ def level(strip: LineStrip, course: Course, sigma: float) -> None:
     strip.values[:] -= light / np.maximum(count, 1.0)
 
 
-def weights_of(strip: LineStrip, columns: IndexArray, course: Way, sigma: float) -> Float32Array:
+def weights_of(
+    strip: LineStrip, columns: IndexArray, course: StripPath, sigma: float
+) -> Float32Array:
     """Gaussian across about the line, sum 1 a column."""
     v = np.arange(-strip.reach, strip.reach + 1, dtype=np.float32)[:, None]
     off = v - course.at(columns).astype(np.float32)
@@ -218,7 +220,7 @@ class LineProfile:
         return (columns >= first) & (columns <= last) & self.is_known
 
 
-def profile_of(strip: LineStrip, course: Way, sigma: float) -> LineProfile:
+def profile_of(strip: LineStrip, course: StripPath, sigma: float) -> LineProfile:
     """The light of a strip along a line in it."""
     weight = weights_of(strip, strip.columns, course, sigma)
     known = weight * strip.is_good

@@ -81,7 +81,16 @@ def refit(
     expected_by_chance = len(stars) * len(shown) * math.pi * tolerance**2 / (width_px * height_px)
     if len(pairs[0]) < MIN_MATCHED + 2.0 * expected_by_chance:
         return None
-    return _as_fit(stars, catalogue, pairs, wcs, shown=shown)
+    xy, radec = stars[pairs[0]], catalogue[pairs[1]]
+    at = np.stack(pixel_to_sky(wcs, xy[:, 0], xy[:, 1]), axis=1)
+    centre_deg = wcs.crval_ra_deg, wcs.crval_dec_deg
+    residual = _to_plane(radec, *centre_deg) - _to_plane(at, *centre_deg)
+    return PlateFit(
+        wcs=wcs,
+        matched=len(xy),
+        rms_arcsec=3600.0 * float(np.sqrt(np.sum(residual**2) / (2 * len(xy)))),
+        catalogue_indices=shown[pairs[1]],
+    )
 
 
 def solution_from(
@@ -238,28 +247,6 @@ def _unit_plane(ra0_deg: float, dec0_deg: float) -> Wcs:
 
 def _to_plane(radec: FloatArray, ra0_deg: float, dec0_deg: float) -> FloatArray:
     return np.stack(sky_to_pixel(_unit_plane(ra0_deg, dec0_deg), radec[:, 0], radec[:, 1]), axis=1)
-
-
-def _as_fit(
-    stars: FloatArray,
-    catalogue: FloatArray,
-    pairs: tuple[IndexArray, IndexArray],
-    wcs: Wcs,
-    *,
-    shown: IndexArray,
-) -> PlateFit:
-    xy, radec = stars[pairs[0]], catalogue[pairs[1]]
-    at = np.stack(pixel_to_sky(wcs, xy[:, 0], xy[:, 1]), axis=1)
-    residual = _to_plane(radec, wcs.crval_ra_deg, wcs.crval_dec_deg) - _to_plane(
-        at, wcs.crval_ra_deg, wcs.crval_dec_deg
-    )
-    n = len(xy)
-    return PlateFit(
-        wcs=wcs,
-        matched=n,
-        rms_arcsec=3600.0 * float(np.sqrt(np.sum(residual**2) / (2 * n))),
-        catalogue_indices=shown[pairs[1]],
-    )
 
 
 def field_radius_deg(wcs: Wcs, width_px: int, height_px: int) -> float:

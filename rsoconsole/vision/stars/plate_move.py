@@ -136,7 +136,7 @@ _TOLERANCE_PX = 2.0
 """Of a star's centre in poor light, of the plate between two fields."""
 
 
-def shifted_onto(
+def shift_plate(
     previous: Wcs,
     stars_xy_px: FloatArray,
     catalogue_deg: FloatArray,

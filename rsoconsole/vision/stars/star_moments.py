@@ -16,7 +16,7 @@ _ITERATIONS = 8
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Measured:
+class StarMoments:
     """Windowed moments of candidates, one entry each."""
 
     x_px: FloatArray
@@ -41,7 +41,7 @@ def measure(
     *,
     sigma_px: float,
     half_px: int,
-) -> Measured:
+) -> StarMoments:
     """Windowed centroid, width and flux around each start pixel; edges of the frame are mirrored.
 
     Gaussian window of ``sigma_px``; boxes of 2 half_px + 1. A width follows from the windowed
@@ -64,7 +64,7 @@ def measure(
     matched, *_ = _moments(boxes, offset, dx, dy, sigma_px)
     inner = boxes[:, half_px - 1 : half_px + 2, half_px - 1 : half_px + 2]
     inner_sum = np.maximum(inner.sum(axis=(1, 2)), 1e-6)
-    return Measured(
+    return StarMoments(
         x_px=x0_px + dx,
         y_px=y0_px + dy,
         flux=np.asarray(total * (variance + wide_px**2) / wide_px**2),

@@ -23,7 +23,7 @@ from rsoconsole.vision.stars.psf_field import (
     fit_psf_field,
 )
 from rsoconsole.vision.stars.star_list import OblongLights, StarList
-from rsoconsole.vision.stars.star_moments import FWHM_PER_SIGMA, Measured, measure
+from rsoconsole.vision.stars.star_moments import FWHM_PER_SIGMA, StarMoments, measure
 from rsoconsole.vision.stars.trailed_stars import MAX_OBLONG, trailed_stars
 
 MIN_SNR = 7.0
@@ -243,7 +243,7 @@ def _known_fwhm(probed_px: float | None, expected: Psf | None) -> tuple[float, W
 
 
 def _psf_field(
-    found: Measured,
+    found: StarMoments,
     is_good: BoolArray,
     expected: Psf | None,
     shape: tuple[int, ...],
@@ -266,7 +266,7 @@ def _psf_field(
     return expected.field.through(*stars)
 
 
-def _without_streak(found: Measured, is_good: BoolArray) -> BoolArray:
+def _without_streak(found: StarMoments, is_good: BoolArray) -> BoolArray:
     """Those that tell a star's width: where few are seen, pieces of one streak may be most."""
     if not _FEWEST <= np.count_nonzero(is_good) <= MAX_POINTS:
         return is_good
@@ -298,7 +298,7 @@ def on_one_line(x_px: FloatArray, y_px: FloatArray, reach_px: float) -> BoolArra
 
 
 def _oblong(
-    found: Measured,
+    found: StarMoments,
     is_good: BoolArray,
     is_saturated: BoolArray,
     fwhm_px: float | FloatArray,
@@ -332,14 +332,14 @@ def _oblong(
     )
 
 
-def _is_point(found: Measured, is_saturated: BoolArray) -> BoolArray:
+def _is_point(found: StarMoments, is_saturated: BoolArray) -> BoolArray:
     ok = (found.snr >= MIN_SNR) & (found.flux > 0) & np.isfinite(found.x_px + found.y_px)
     ok &= (found.axis_ratio < _MAX_AXIS_RATIO) | is_saturated
     ok &= (found.peak_share < _MAX_PEAK_SHARE) | is_saturated
     return np.asarray(ok)
 
 
-def _apart(found: Measured, kept: IndexArray, distance_px: float) -> IndexArray:
+def _apart(found: StarMoments, kept: IndexArray, distance_px: float) -> IndexArray:
     """Drop the fainter of two centroids that are the same star; ``kept`` is brightest first."""
     x_px, y_px = found.x_px[kept], found.y_px[kept]
     order = np.argsort(x_px, kind="stable")

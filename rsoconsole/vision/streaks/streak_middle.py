@@ -26,9 +26,9 @@ from rsoconsole.vision.lines.line_strip import (
     INTERPOLATED_VARIANCE,
     Course,
     LineStrip,
-    level,
     profile_of,
     strip_about,
+    subtract_sky_beside,
 )
 from rsoconsole.vision.lines.segments import Ends, length_of
 from rsoconsole.vision.stars.star_list import StarList
@@ -125,7 +125,7 @@ def _in_strip(strip: LineStrip, ends: Ends, sigma: float) -> Middle | None:
     if first < room or last > strip.values.shape[1] - 1 - room:
         return None
     course = Course(0.5 * (first + last), 0.0, 0.0, 0.0, 0.0)
-    level(strip, course, sigma)
+    subtract_sky_beside(strip, course, sigma)
     way = _way(strip, first, last, sigma)
     profile = profile_of(strip, way, _ACROSS * sigma)
     used = profile.between(first - room, last + room)

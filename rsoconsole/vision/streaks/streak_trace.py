@@ -25,9 +25,9 @@ from rsoconsole.vision.lines.line_strip import (
     Course,
     LineProfile,
     LineStrip,
-    level,
     profile_of,
     strip_about,
+    subtract_sky_beside,
     weights_of,
 )
 from rsoconsole.vision.lines.segments import Ends, length_of
@@ -121,7 +121,7 @@ def _looked(
         return None, False
     _mask_bright(strip, inside, sigma, off_px)
     course = _course(strip, columns, inside, sigma, off_px)
-    level(strip, course, sigma)
+    subtract_sky_beside(strip, course, sigma)
     lit = 0.0, 0.0
     for _ in range(2):
         profile = profile_of(strip, course, sigma)

@@ -26,7 +26,7 @@ from rsoconsole.vision.stars.star_moments import FWHM_PER_SIGMA
 
 Mapping2d: TypeAlias = Callable[[FloatArray, FloatArray], tuple[FloatArray, FloatArray]]
 """Pixels of this frame to pixels of the earlier one, arrays of any one shape."""
-Found: TypeAlias = Literal["same", "new", "unclear"]
+EarlierFinding: TypeAlias = Literal["same", "new", "unclear"]
 
 _LONGEST_PX = 1500.0
 """No chain of stars is longer."""
@@ -78,10 +78,10 @@ class EarlierLight:
     def is_identical(self) -> bool:
         """Whether the light is so much the same that other stars cannot be mistaken for it."""
         is_deep = self.depth_snr >= _SURE_SNR
-        return self.found == "same" and is_deep and self.explained > _IDENTICAL
+        return self.finding == "same" and is_deep and self.explained > _IDENTICAL
 
     @property
-    def found(self) -> Found:
+    def finding(self) -> EarlierFinding:
         """Whether the light is the same or new; "unclear" wherever something speaks against it."""
         is_dark_now = self.beyond_snr > _FRESH_SNR and self.beyond_share > _MAX_FRESH
         has_fresh = self.fresh_snr > _FRESH_SNR and self.fresh_share > _NO_LIGHT

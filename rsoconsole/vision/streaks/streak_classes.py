@@ -18,7 +18,12 @@ from rsoconsole.vision.streaks._streak_light import (
     light_along,
     modulation_of,
 )
-from rsoconsole.vision.streaks.streak_class import Evidence, Likelihood, decided, probabilities
+from rsoconsole.vision.streaks.class_probabilities import (
+    Evidence,
+    Likelihood,
+    most_likely_class,
+    probabilities,
+)
 
 MIN_CUT, MIN_WHOLE = 2, 3
 """Lines that make a train: where the frame cuts two of them, and where it does not."""
@@ -31,7 +36,7 @@ _LIGHTS_APART = 0.5
 _TRAIN = ("satellite", "undetermined")
 
 
-def with_context(
+def with_company(
     streaks: Sequence[Detection], deg_s_per_px: float | None = None
 ) -> list[Detection]:
     """The same, each with what its company makes of it.
@@ -104,11 +109,11 @@ _PER_QUARTILES = 0.7413
 """Sigma of a normal law over the distance of its quartiles."""
 _MIN_STARS = 8
 _UNKNOWN_SCATTER = 0.25
-SHINES_ON = ("satellite", "aircraft", "undetermined")
+CONTINUOUS_CLASSES = ("satellite", "aircraft", "undetermined")
 """What may shine all through an exposure, so that places along it are times."""
 
 
-def named_with_shares(
+def classify_streaks(
     frame: Frame,
     sky: Background,
     stars: StarList,
@@ -125,7 +130,7 @@ def named_with_shares(
     if frame.scale_arcsec_px is not None and frame.exposure_s:
         per_px = frame.scale_arcsec_px / 3600.0 / frame.exposure_s
     named = [_named(frame, sky, stars, each) for each in detections]
-    found = with_context([streak for streak, _ in named], per_px)
+    found = with_company([streak for streak, _ in named], per_px)
     rejected = list(rejected)
     doubted = [_named(frame, sky, stars, each.detection, each) for each in rejected]
     others = [
@@ -185,9 +190,14 @@ def _looked_at(
         spoken_against=against,
     )
     shares = probabilities(evidence)
-    name, probability = decided(shares)
+    name, probability = most_likely_class(shares)
     period_s = None
-    if pulse is not None and streak.kind == "streak" and frame.exposure_s and name in SHINES_ON:
+    if (
+        pulse is not None
+        and streak.kind == "streak"
+        and frame.exposure_s
+        and name in CONTINUOUS_CLASSES
+    ):
         period_s = frame.exposure_s / pulse.periods
     named_so = replace(
         streak,

@@ -14,7 +14,7 @@ from rsoconsole.records import FloatArray, PixelArray
 from rsoconsole.vision.lines.line_columns import columns_at, on_line, rows_across, smoothed
 from rsoconsole.vision.lines.segments import Ends, length_of
 
-Said: TypeAlias = Literal["stars", "no stars", "unclear"]
+CatalogueFinding: TypeAlias = Literal["stars", "no stars", "unclear"]
 
 _LONGEST_PX = 1500.0
 _ON_LINE, _REACH = 0.75, 1.5
@@ -40,7 +40,7 @@ class CatalogueLight:
     """Share of its light that is away from them and so bright that the catalogue would have it."""
 
     @property
-    def said(self) -> Said:
+    def finding(self) -> CatalogueFinding:
         """Whether catalogue stars make the streak, or stars cannot; "unclear" as a rule."""
         has_rest = self.rest_snr > _REST_SNR and self.rest_share > _NO_REST
         is_theirs = self.star_share > _CHAIN and self.rest_share < _MAX_REST

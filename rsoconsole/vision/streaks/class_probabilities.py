@@ -17,9 +17,9 @@ from typing import Literal, TypeAlias
 from rsoconsole.records import ObjectClass, StreakKind
 from rsoconsole.vision.streaks._streak_light import Fading, Modulation
 
-Named: TypeAlias = Literal["satellite", "aircraft", "meteor", "cosmic ray", "star chain"]
-Likelihood: TypeAlias = dict[Named, float]
-Compared: TypeAlias = Literal["same light", "new light", "catalogue stars", "no catalogue stars"]
+NamedClass: TypeAlias = Literal["satellite", "aircraft", "meteor", "cosmic ray", "star chain"]
+Likelihood: TypeAlias = dict[NamedClass, float]
+Comparison: TypeAlias = Literal["same light", "new light", "catalogue stars", "no catalogue stars"]
 """Of a streak with an earlier frame of its field (the first two), and with the star catalogue."""
 
 PRIOR: Likelihood = {
@@ -30,7 +30,7 @@ PRIOR: Likelihood = {
     "star chain": 0.10,
 }
 """Of what passes for a streak under any sky: what nothing is known of is undetermined."""
-AFTER: dict[Compared, Likelihood] = {
+COMPARISON_LIKELIHOODS: dict[Comparison, Likelihood] = {
     # What moves is seldom where another one of the same light was.
     "same light": {"satellite": 0.002, "aircraft": 0.002, "meteor": 0.002, "cosmic ray": 0.002},
     "new light": {"star chain": 0.01},
@@ -100,7 +100,7 @@ class Evidence:
         return self.length_px * self.scale_arcsec_px / 3600.0 / self.exposure_s
 
 
-def decided(shares: Likelihood) -> tuple[ObjectClass, float]:
+def most_likely_class(shares: Likelihood) -> tuple[ObjectClass, float]:
     """The class and its probability; of "undetermined" what the likeliest one lacks to 1."""
     best = max(shares, key=lambda name: shares[name])
     asked = SATELLITE_FROM if best == "satellite" else OTHERS_FROM
@@ -127,9 +127,9 @@ def probabilities(evidence: Evidence) -> Likelihood:
     return _normalised(shares)
 
 
-def updated(shares: Likelihood, comparison: Compared) -> Likelihood:
+def update_probabilities(shares: Likelihood, comparison: Comparison) -> Likelihood:
     """The probabilities of all classes after a comparison."""
-    return _normalised(_times(shares, AFTER[comparison]))
+    return _normalised(_times(shares, COMPARISON_LIKELIHOODS[comparison]))
 
 
 def _times(shares: Likelihood, likely: Likelihood) -> Likelihood:
