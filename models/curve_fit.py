@@ -65,7 +65,7 @@ class Candidates:
     frame: npt.NDArray[np.int64]
     """Index of the frame among the rows."""
     frames: Mapping[Kind, int]
-    """How many frames of each kind were looked at."""
+    """Number of frames of each kind that were looked at."""
 
     def only(self, chosen: BoolArray, frames: Mapping[Kind, int]) -> "Candidates":
         """Some of them, and the number of frames that they are from."""
@@ -112,7 +112,7 @@ def counts(row: FrameRow, candidate: CandidateRow) -> bool:
 
 
 def population_weights(them: Candidates, frames_per_satellite: float) -> FloatArray:
-    """How often each row comes in one frame of the population, (n,)."""
+    """Number of each row in one frame of the population, (n,)."""
     frames = them.frames
     clear = max(frames.get("empty", 0) + frames.get("satellites", 0), 1)
     weights = np.zeros(len(them.is_true))

@@ -87,7 +87,7 @@ def read_image(path: Path) -> tuple[PixelArray, float | None, float | None]:
 
 
 def look_at(path: Path, network: Network, mode: MapMode) -> dict[str, Any]:
-    """What the network says of one file, most confident first."""
+    """Candidates of the network in one file, most confident first."""
     pixels, exposure_s, scale = read_image(path)
     block = choose_blocks(pixels.shape[1], pixels.shape[0], scale, exposure_s)[-1]
     started = time.perf_counter()

@@ -20,14 +20,14 @@ _MARKS = re.compile(r"[\s:hdms°'\"′″]+", re.IGNORECASE)
 
 
 def wrap_180(angle_deg: Angle) -> Angle:
-    """The same direction in -180 <= angle < 180."""
+    """The angle in -180 <= angle < 180."""
     if isinstance(angle_deg, np.ndarray):
         return np.asarray(np.mod(angle_deg + 180.0, 360.0) - 180.0)
     return wrap_360(float(angle_deg) + 180.0) - 180.0
 
 
 def wrap_360(angle_deg: Angle) -> Angle:
-    """The same direction in 0 <= angle < 360."""
+    """The angle in 0 <= angle < 360."""
     if isinstance(angle_deg, np.ndarray):
         wrapped = np.mod(angle_deg, 360.0)
         return np.where(wrapped >= 360.0, 0.0, wrapped)

@@ -15,7 +15,7 @@ from rsoconsole.words import NS_PER_DAY, NS_PER_S
 
 SUN_RADIUS_KM = 695_700.0
 LIT_SHARE = 0.5
-"""Of the Sun's disc, from which a satellite counts as lit."""
+"""Share of the Sun's disc from which a satellite counts as lit."""
 
 
 def sun_icrs(t_utc_ns: int) -> tuple[float, float]:
@@ -36,7 +36,7 @@ def lit_fraction(position_gcrs_km: FloatArray, t_utc_ns: TimeLike) -> FloatArray
 
 
 def lit_fraction_by(sun_km: FloatArray, position_gcrs_km: FloatArray) -> FloatArray:
-    """The same by where the Sun is, (..., 3) km from the Earth's centre.
+    """Share of the solar disc seen by a satellite; the Sun at (..., 3) km from the Earth's centre.
 
     Overlap of two discs, the Earth a sphere without air. Source: Montenbruck & Gill 2000, 3.4.2.
     """
@@ -97,7 +97,7 @@ def moon_lit_fraction(t_utc_ns: int) -> float:
 PLANETS = MappingProxyType(
     {"Mercury": 1, "Venus": 2, "Mars": 4, "Jupiter": 5, "Saturn": 6, "Uranus": 7, "Neptune": 8}
 )
-"""Name -> number in the theory; the third is the Earth."""
+"""Number in the theory by name; the third is the Earth."""
 
 
 def planet_icrs(name: str, t_utc_ns: int) -> tuple[float, float]:

@@ -73,7 +73,7 @@ from .streaks.class_probabilities import Likelihood as Likelihood
 from .streaks.class_probabilities import most_likely_class as most_likely_class
 from .streaks.class_probabilities import update_probabilities as update_probabilities
 from .streaks.streak_classes import CONTINUOUS_CLASSES as CONTINUOUS_CLASSES
-from .streaks.streak_classes import with_company as with_company
+from .streaks.streak_classes import with_neighbours as with_neighbours
 from .streaks.streak_fit import StreakFit as StreakFit
 from .streaks.streak_fit import fit_streak as fit_streak
 from .streaks.streak_trace import Trace as Trace

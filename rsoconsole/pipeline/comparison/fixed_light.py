@@ -45,7 +45,7 @@ from rsoconsole.vision import (
     match_stars,
     most_likely_class,
     update_probabilities,
-    with_company,
+    with_neighbours,
 )
 
 _COMPLETE_MAG = 10.0
@@ -275,7 +275,7 @@ def with_words(
     per_px = None
     if frame.scale_arcsec_px is not None and frame.exposure_s:
         per_px = frame.scale_arcsec_px / 3600.0 / frame.exposure_s
-    detections = tuple(with_company(kept, per_px))
+    detections = tuple(with_neighbours(kept, per_px))
     return replace(found, detections=detections, rejected=tuple(rejected))
 
 

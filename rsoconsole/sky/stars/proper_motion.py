@@ -1,4 +1,4 @@
-"""Stars move: a catalogue's places carried to another epoch.
+"""Proper motion: a catalogue's places carried to another epoch.
 
 A star goes straight on at the speed it has across the sky. Its radial velocity is left out (0.4
 arcsec for Barnard's star in 26 years, nothing for the others), and so is its yearly parallax.

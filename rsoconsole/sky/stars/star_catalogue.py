@@ -47,7 +47,7 @@ class Stars:
     def at_rest(
         cls, ra_icrs_deg: FloatArray, dec_icrs_deg: FloatArray, magnitude: FloatArray
     ) -> "Stars":
-        """Stars whose motion nobody knows, or that have none."""
+        """Stars without proper motion, or of unknown one."""
         still = np.zeros(len(magnitude))
         return cls(ra_icrs_deg, dec_icrs_deg, magnitude, still, still)
 
@@ -77,12 +77,12 @@ class StarCatalogue:
 
     @property
     def ra_icrs_deg(self) -> FloatArray:
-        """Of every star, at J2000.0."""
+        """Right ascension of every star, ICRS degrees at J2000.0."""
         return _scaled(self.ra_counts, RA_STEP_DEG)
 
     @property
     def dec_icrs_deg(self) -> FloatArray:
-        """Of every star, at J2000.0."""
+        """Declination of every star, ICRS degrees at J2000.0."""
         return _scaled(self.dec_counts, DEC_STEP_DEG)
 
     @property
@@ -156,7 +156,7 @@ def _scaled(counts: npt.NDArray[np.integer[Any]], step: float) -> FloatArray:
 
 
 def holds_stars(path: Path) -> bool:
-    """Whether ``from_index`` can read this file: a Tycho-2 one. Quick: it looks at headers."""
+    """Whether a file holds Tycho-2 stars, as index files of the solver do; reads headers only."""
     from astropy.io import fits
 
     try:

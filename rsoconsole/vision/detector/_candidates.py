@@ -1,4 +1,4 @@
-"""What network, line filter and star search propose, and what measurements make of it."""
+"""Proposals of network, line filter and star search, and their measurement on the pixels."""
 
 import logging
 import math
@@ -39,12 +39,12 @@ from rsoconsole.vision.streaks.streak_trace import Trace, trace_line
 log = logging.getLogger(__name__)
 
 MIN_RECORDED_CONFIDENCE = 0.01
-"""Whom the network believes less is not on record where no line fits either."""
+"""Confidence of the network below which a refused proposal is not recorded."""
 
 
 DARK = NotAStreak(kind="no light")
 LONGEST_FIT_PX = 450.0
-"""What is longer is measured along itself alone (``streak_trace``): a fit would take seconds."""
+"""Longer lines are measured along themselves alone (``streak_trace``): a fit would take seconds."""
 _MIN_TRACE_SNR, _MIN_QUARTILE_SNR, _MIN_QUARTILE_SHARE, _MAX_ROUGH = 8.0, 3.0, 0.15, 0.9
 _NARROWEST, _WIDEST, _SHORTEST = 0.6, 2.2, 2.2
 """Width over the stars' (``SHARP_PX`` at most for the first), and length in widths of a star."""
@@ -58,9 +58,9 @@ _PIECE = 0.8
 _UNDERSAMPLED_PX = 1.6
 """Width of stars from which on down nothing is narrower than they are."""
 _LEEWAY_PX = 10.0
-"""How far a box may be off the line that the filter sees."""
+"""Largest distance of a box from the line of the filter."""
 _BELIEVED = 0.01
-"""What the network believes so much is fitted though its light is not seen all along."""
+"""Network's confidence from which a proposal is fitted though its light is not seen all along."""
 _PERIODIC = 0.12
 """Roughness up to which a slow change or one period explains how the light varies."""
 _FINER_WHERE_JOINED = 0.5
@@ -76,7 +76,7 @@ _AGREE_SNR, _AGREE_LENGTH = 0.75, 0.15
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Proposal:
-    """Where a streak may be."""
+    """A place where a streak may be."""
 
     box: NetworkBox
     """Confidence: the network's, the lowest where it proposed nothing there."""
@@ -87,7 +87,7 @@ class Proposal:
 
 
 def proposals(boxes: Sequence[NetworkBox], lines: Sequence[CellLine]) -> list[Proposal]:
-    """What either sees, each streak once: where both do, the filter's ends, the network's word."""
+    """Proposals of both, each streak once: the filter's ends with the network's confidence."""
     is_left = np.ones(len(boxes), dtype=bool)
     said = np.array([box.confidence for box in boxes])
     ends = np.array([box.ends_px for box in boxes]).reshape(-1, 4)
@@ -160,13 +160,13 @@ class Measurements:
     is_worth_fitting: Callable[[Candidate], bool] = lambda _: True
     """Whether a candidate as it was traced is worth the time of a fit."""
     lights: ShortLights | None = None
-    """What short ones are held against; None: nothing."""
+    """Images of the frame's stars to compare short lines with; None: they are not compared."""
     taken: list[Candidate] = field(default_factory=list)
     """With the network's confidence."""
     rejected: list[Rejection] = field(default_factory=list)
 
     def fault_at_a_glance(self, proposal: Proposal) -> NotAStreak | None:
-        """What a glance along a candidate says against its being worth the time of a measurement.
+        """The reason not to measure a proposal, by a glance along it; None where it is worth it.
 
         Too little light where the network alone proposes it; light that is narrower than stars
         where the line filter does: a cosmic ray or a column of the sensor.

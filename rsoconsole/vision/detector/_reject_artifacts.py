@@ -26,7 +26,7 @@ _AS_TRAILS_DEG = 6.0
 _LONG_ROW, _ALONG_ROW_DEG = 0.5, 0.15
 """Share of the frame, and degrees off its rows or columns."""
 _ROW_PX, _LEFT_OF_ROWS = 2.5, 0.5
-"""So far a line may turn away from its row, and the ridge's signal to noise up to which the errors
+"""Pixels that a line may turn off its row, and the ridge's signal to noise up to which errors
 of several rows' offsets look like one."""
 _BLOOMING_DEG, _SATURATED = 3.0, 0.9
 _ONE_TRAIL = 1.5
@@ -41,7 +41,7 @@ def reject_artifacts(
     points: int = 0,
     is_striped: bool = False,
 ) -> tuple[list[Detection], list[Rejection]]:
-    """What is left of a frame's measured lines, and why the others are none of the sky's.
+    """Streaks of the sky among a frame's measured lines, and the others with their reasons.
 
     ``points``: how many stars the frame shows. ``is_striped``: whether offsets of rows or columns
     were taken from it.
@@ -66,7 +66,7 @@ def is_star_trail(proposal: Proposal, trail: Trail) -> bool:
 def _reject_trailed_stars(
     taken: list[Detection], points: int
 ) -> tuple[list[Detection], list[Rejection]]:
-    """Set aside streaks that share length and direction with enough others to be stars.
+    """Reject streaks that share length and direction with enough others to be stars.
 
     Not where stars are points: a dozen satellites of one slot draw one length in one direction.
     """
@@ -87,7 +87,7 @@ def _reject_trailed_stars(
 def _reject_rows(
     taken: list[Detection], frame: Frame, *, is_striped: bool
 ) -> tuple[list[Detection], list[Rejection]]:
-    """Set aside what runs along a row or column for half of the frame, or is all saturated.
+    """Reject what runs along a row or column for half of the frame, or is all saturated.
 
     Where offsets of rows or columns were taken away, also what is no brighter than their errors.
     """
@@ -126,7 +126,7 @@ def _is_saturated(frame: Frame, found: Detection) -> bool:
 def reject_star_trails(
     judged: list[Candidate], trail: Trail
 ) -> tuple[list[Candidate], list[Rejection]]:
-    """Set aside what runs as the stars' own trails do and is as long as some of them in a row.
+    """Reject what runs as the stars' own trails do and is as long as some of them in a row.
 
     A longer one stays where there is no doubt, or its light is steady: a satellite may go the same
     way, and trails that meet end to end are seldom alike.

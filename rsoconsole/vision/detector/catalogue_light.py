@@ -27,10 +27,10 @@ _MIN_MISSING, _MIN_SNR = 0.5, 10.0
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CatalogueLight:
-    """What of a streak's light is that of catalogue stars."""
+    """Shares of a streak's light by whether catalogue stars explain it."""
 
     stars: int
-    """Of the catalogue on the line."""
+    """Number of catalogue stars on the line."""
     star_share: float
     """Share of its light that they have."""
     rest_share: float

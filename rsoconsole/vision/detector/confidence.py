@@ -1,4 +1,4 @@
-"""How likely a measured candidate is a satellite: the network's word and the line fit's together.
+"""Confidence of a measured candidate: the network's log-odds and the line fit's figures together.
 
 The network sees a small map, in which a chain of stars or a cosmic ray can look like a faint
 streak. The line fit on the raw frame tells them apart: a real streak holds its light along a
@@ -46,12 +46,12 @@ FEATURE_NAMES = (
 """All from ``wide`` on are 0 or more and weigh nothing at 0; but for the last two, which tell how
 the frame shows stars, they speak against a streak."""
 IMAGE_KINDS = ("", "joined ", "trailed ")
-"""Where stars are sharp, where they are so wide that pixels were joined, where drift has drawn them
-out: what looks like a streak is something else in each, and each has weights of its own."""
+"""Stars are sharp, so wide that pixels were joined, or drawn out by drift: what looks like a streak
+is something else in each, and each has weights of its own."""
 FEATURES = tuple(way + name for way in IMAGE_KINDS for name in FEATURE_NAMES)
-"""Of a candidate those of one way; the others are 0."""
+"""Names of the curve's inputs; of a candidate those of one image kind, the others are 0."""
 MIN_LOGIT = -7.0
-"""Of the network: what it does not see at all the line filter may."""
+"""Least log-odds of the network: what it does not see at all the line filter may."""
 MAX_LOG_SNR, MAX_LOG_STEADY, _MIN_STEADY = 0.3, 1.5, 0.5
 _EXTENDED_FWHM, _MAX_EXTENT = 8.0, 2.0
 _SURE_OF_LINE, _MAX_ONE_LINE = 10.0, 2.5
@@ -125,7 +125,7 @@ class ConfidenceCurve:
     def highest(
         self, network_confidence: float, proposed_px: float = math.inf, focus: Focus = _SHARP
     ) -> float:
-        """What a proposal can come to in a frame, measured as well as may be, its profile alone.
+        """Highest confidence that a proposal can reach by its measurement in a frame.
 
         ``focus`` is that of its place (``Focus.at``). A proposal's length is taken to be up to
         ``LENGTH_ERROR`` times too short.
@@ -181,7 +181,7 @@ def _weighted(
 def confidence_features(
     candidate: Candidate, focus: Focus, others: Sequence[Candidate] = ()
 ) -> tuple[float, ...]:
-    """What the curve looks at, in the order of ``FEATURES``.
+    """Inputs of the curve for one candidate, in the order of ``FEATURES``.
 
     The network's log-odds, no less than ``MIN_LOGIT``; the logarithm of the fit's matched signal
     to noise over 20, no more than ``MAX_LOG_SNR``, since a chain of bright stars is bright too;
@@ -317,7 +317,7 @@ _ROUNDING = 1e-3
 def range_cautions(
     scale_arcsec_px: float | None, exposure_s: float | None, width_px: int, height_px: int
 ) -> dict[str, str]:
-    """What to say of a camera, by what it is about: "scale", "exposure", "size"; None is unknown.
+    """Cautions about a camera by their subject: "scale", "exposure", "size"; None is unknown.
 
     Empty for a camera of the kind that the confidence was calibrated with.
     """

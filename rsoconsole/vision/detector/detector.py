@@ -1,7 +1,7 @@
-"""Streaks of a frame: network, line filter, star search propose, measurements on pixels dispose.
+"""Streak detection in a frame: network, line filter and star search propose, pixels decide.
 
-What is above tau and passes the measurement's gates is a detection; everything else that the
-network held possible is kept with the reason why it was not taken.
+A candidate above tau that passes the measurement's gates is a detection; everything else that
+the network held possible is kept with the reason for its rejection.
 """
 
 import time
@@ -52,17 +52,17 @@ MAX_FITS = 28
 MAX_QUICK_FITS = 3
 MAX_WITNESSES = 12
 MIN_BELIEVED = 1e-3
-"""Whom the network believes less is measured only where the line filter sees something too."""
+"""Network's confidence below which only what the line filter sees too is measured."""
 _MAX_JOININGS = 2
 _MAX_WIDE_STARS = 1500
 """Wide stars cover so much of a frame that faint ones too have to be masked."""
 _WORTH_A_NAME = 0.2
 _PROMISING = 0.5
-"""Of tau: what a trace alone gives less confidence no fit lifts above it."""
+"""Share of tau: no fit lifts a candidate above tau that a trace alone gives less confidence."""
 
 
 class Proposer(Protocol):
-    """What proposes candidates: the trained network, or a stand-in."""
+    """Source of proposals: the trained network, or a stand-in."""
 
     def run(self, frame_map: FrameMap) -> tuple[NetworkBox, ...]:
         """Candidates of one map, most confident first."""
@@ -77,11 +77,11 @@ class FrameAnalysis:
     stars: StarList
     background: Background
     candidates: tuple[Candidate, ...] = ()
-    """All lines of light that were measured, in the working frame's pixels, as the network says."""
+    """All measured lines of light, in working-frame pixels, with the network's confidence."""
     focus: Focus
     working: WorkingFrame
     proposals: tuple[Proposal, ...] = ()
-    """Likewise."""
+    """Proposals, in working-frame pixels."""
     class_shares: Mapping[Detection, Likelihood] = field(default_factory=dict)
     """Probabilities of all classes, by streak of ``detections``, taken or not, where it has any."""
 
@@ -116,7 +116,7 @@ class StreakDetector:
         return self.analyse(frame, tau).detections
 
     def analyse(self, frame: Frame, tau: float | None = None) -> FrameAnalysis:
-        """The same, with the frame's stars and background.
+        """All that is measured of ``frame``: streaks, stars and background.
 
         Where there is a second thread, it estimates the maps' noise while the first reads the
         frame, and looks for stars and lines beside map and network; the time of the stages
@@ -338,7 +338,7 @@ def _focus(stars: StarList, joined: int) -> Focus:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class _FirstLook:
-    """What a first look at a frame gives."""
+    """Sky, stars and proposals of a frame, before any is measured."""
 
     sky: Background
     stars: StarList

@@ -48,15 +48,15 @@ _AS_BRIGHT, _EXPLAINED, _IDENTICAL = (0.6, 1.6), 0.6, 0.75
 _LACKING, _LACKING_SNR = 0.6, 3.0
 """A faint streak that bright stars lie on has its own light between them."""
 _CALIBRATED = 0.1
-"""Of a star's light, what the two frames may differ by."""
+"""Share of a star's light by which the two frames may differ."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class EarlierLight:
-    """What an earlier frame holds of a streak's light."""
+    """Comparison of a streak's light with an earlier frame."""
 
     amplitude: float
-    """Of the streak's profile in the earlier frame, over what the same light would give; 0: none
+    """Amplitude of the streak's profile in the earlier frame over that of the same light; 0: none
     of it, 1: all."""
     explained: float
     """Share of the streak's light that the earlier frame's light reaches column by column."""
@@ -113,7 +113,7 @@ class Profile:
 
     @classmethod
     def of(cls, pixels: PixelArray, ends: Ends, width_px: float) -> "Profile | None":
-        """Of the light between ``ends`` (x_a, y_a, x_b, y_b); None where that is too long.
+        """Profile of the light between ``ends`` (x_a, y_a, x_b, y_b); None where that is too long.
 
         ``width_px``: full width at half maximum across, the widest of the frames to be compared.
         """
@@ -135,7 +135,7 @@ def earlier_light(
     snr: float,
     flux_ratio: float,
 ) -> EarlierLight | None:
-    """What another frame's pixels, ``earlier``, hold of a streak's light.
+    """Compare a streak's light with another frame's pixels, ``earlier``.
 
     ``to_earlier``: None for the same pixels; ``snr``: matched, of the streak in its own frame;
     ``flux_ratio``: light of a star in the earlier frame over this one's. None where a frame does

@@ -146,7 +146,7 @@ class Network:
 
     def __init__(self, interpreter: Any, card: Mapping[str, Any]) -> None:
         self.card = card
-        """What the .json beside the network says of it."""
+        """Content of the .json beside the network."""
         self._interpreter = interpreter
         self._input = interpreter.get_input_details()[0]
         self._output = interpreter.get_output_details()[0]
@@ -157,7 +157,7 @@ class Network:
     def load(cls, path: Path | None = None, threads: int = 0) -> "Network":
         """The network at ``path`` (None: the shipped one), checked against the .json beside it.
 
-        ``threads`` 0: by the cores there are (``cores.threads_for``); the answer is the same.
+        ``threads`` 0: by the cores there are (``workers.threads_for``); the answer is the same.
 
         Raises ModelError when a file is missing, damaged, or not a network of this form.
         """

@@ -17,7 +17,7 @@ WIDE_PX = 5.0
 _WANTED_PX = 4.0
 """Narrower, and what is left of a short streak out of focus is a blob."""
 _SMALLEST_PX = 96
-"""What is left is never smaller than this a side."""
+"""Least side of a working frame."""
 
 
 def pixels_to_join(stars: StarList, frame: Frame) -> int:
@@ -69,7 +69,7 @@ class WorkingFrame:
         return to_original(found, self.side)
 
     def original_rejection(self, rejected: Rejection) -> Rejection:
-        """The same for what was not taken."""
+        """A rejection in pixels of the original frame."""
         return replace(rejected, detection=self.original(rejected.detection))
 
     def original_stars(self, stars: StarList) -> StarList:

@@ -51,19 +51,19 @@ _Values = TypeVar("_Values", bound=npt.NDArray[Any])
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class FrameBins:
-    """What one pass over a frame leaves."""
+    """Reductions of a frame that one pass over its pixels makes."""
 
     means: Float32Array
-    """Of cells, ADU: (ceil(height / cell_px), ceil(width / cell_px))."""
+    """Means of cells, ADU: (ceil(height / cell_px), ceil(width / cell_px))."""
     level: Float32Array
     """Sky, ADU, same shape: the median of 5 x 5 means."""
     cell_px: int
     brightest: Mapping[int, Float32Array]
-    """By block, of its brightest bin the mean, ADU: (ceil(height / block), ceil(width / block))."""
+    """Mean of the brightest bin by block, ADU: (ceil(height / block), ceil(width / block))."""
     squares: Float32Array | None
     """Means of the squares that were asked for, ADU: (ceil(height / side), ceil(width / side))."""
     lines: Mapping[int, Float32Array]
-    """By block, of its brightest piece of a line (``lines_of_light``), ADU, same shape."""
+    """Brightest piece of a line (``lines_of_light``) by block, ADU, same shape."""
 
 
 def binning_of(block: int) -> int:

@@ -19,11 +19,11 @@ from rsoconsole.vision.frame.mosaic import CELL
 from rsoconsole.vision.frame.workers import CALLER_ALONE, Workers
 
 MIN_LIT = 0.1
-"""Of the flat's median: what has less light is not divided by it."""
+"""Share of the flat's median: pixels with less light are not divided by it."""
 HOT_SHARE = 0.5
-"""Of a pixel's range: where the dark fills more of it, the pixel is not used."""
+"""Share of a pixel's range: where the dark fills more of it, the pixel is not used."""
 MAX_DEFECTS = 0.01
-"""Of all pixels: with more of them, none is filled from its neighbours."""
+"""Share of all pixels: with more defects, none is filled from its neighbours."""
 _HOTTEST = 0.01
 """Of all pixels: how many of the brightest in the dark are looked at."""
 _COARSE_ADU = 5.0
@@ -87,7 +87,7 @@ class DarkAndFlat:
         return replace(frame, pixels=out)
 
     def defects(self, saturation_adu: float) -> int:
-        """How many pixels of a camera that saturates there are filled from their neighbours."""
+        """Number of pixels filled from their neighbours, where the camera saturates there."""
         return int(self._defects(saturation_adu)[0].size)
 
     def _calibrate(

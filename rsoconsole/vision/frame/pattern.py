@@ -1,4 +1,4 @@
-"""What the electronics add to whole rows and columns: found, and taken away where it is there.
+"""Offsets of rows and columns by the electronics: found, and taken away where they are there.
 
 An offset of a row is told from the sky by its neighbours: by what each pixel has above the mean of
 those in the rows about it. The median along the row, which stars and streaks fill too little of to
@@ -14,7 +14,7 @@ from rsoconsole.records import PixelArray
 from rsoconsole.vision.arrays import Float32Array
 
 SEEN_SIGMA = 0.15
-"""From so much of a pixel's noise on, one sigma of the offsets, they are taken away."""
+"""One sigma of the offsets, over a pixel's noise, from which on they are taken away."""
 _ABOUT = 65
 """Lines whose mean is the sky of the one in their middle."""
 _BANDS, _BAND = 4, 64
@@ -32,7 +32,7 @@ _COARSE_ADU = 5.0
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Pattern:
-    """Offsets in ADU, about nothing on the whole."""
+    """Offsets of rows and columns in ADU, their mean about 0."""
 
     rows: Float32Array | None
     """(height,); None where there are none to be seen."""

@@ -11,7 +11,7 @@ from rsoconsole.vision.frame.background import Background
 from rsoconsole.vision.lines.segments import Ends, length_of
 
 LONGEST_PX = 400
-"""Of a longer line its middle is looked at."""
+"""Length beyond which only the middle of a line is looked at."""
 _RIM_PX = 4
 
 
@@ -91,7 +91,7 @@ def on_line(ends: Ends, u: FloatArray, v: FloatArray) -> tuple[FloatArray, Float
 
 
 def rows_across(fwhm: float) -> FloatArray:
-    """How far off the line, px, what is summed and the sky beside it are looked at."""
+    """Offsets across the line, px, of the pixels that are summed and of the sky beside it."""
     _, near_px = _rows_px(fwhm)
     return np.arange(-near_px - _SIDE_PX, near_px + _SIDE_PX + 1, dtype=np.float64)
 

@@ -1,4 +1,4 @@
-"""Whether the light along a short line is one line's or that of a few stars in a row.
+"""One line or a few stars in a row: the profile of a short line tells which explains it better.
 
 Both are put through the stars' own width and fitted to the profile along the line: points, as many
 as it takes up to ``_MAX_POINTS``, each for the price of a star that happens to stand there,
@@ -108,7 +108,7 @@ def _roughness(place: FloatArray, light: FloatArray, sigmas: FloatArray) -> floa
 def explained_by_a_wave(
     rest: FloatArray, basis: FloatArray, cosines: FloatArray, sines: FloatArray
 ) -> float:
-    """Of the sum of squares of ``rest`` (n,) what the best of k waves (n, k) takes.
+    """Part of the sum of squares of ``rest`` (n,) that the best of k waves (n, k) explains.
 
     ``basis`` (n, m), orthonormal: what ``rest`` is free of, and the waves are freed of.
     """
@@ -142,10 +142,10 @@ _ACROSS_FWHM = 1.5
 def line_over_points(
     profile: LineProfile, ends: tuple[float, float], scatter: float, drawn_px: float = 0.0
 ) -> float:
-    """By how much chi-square prefers one line to the best few points; negative: points it is.
+    """Chi-square by which one line is better than the best few points; negative: points are.
 
     0 where it is too long for the question or too little of it is seen. ``scatter``: noise in units
-    of what the pixels make (``line_texture.confusion``). ``drawn_px``: length of a drawn-out star
+    of what the pixels make (``confusion``). ``drawn_px``: length of a drawn-out star
     along the line.
     """
     sigma, length = profile.sigma, ends[1] - ends[0]
@@ -190,7 +190,7 @@ def _left_by_line(
 
 
 def drawn_along(length_px: float, turn_deg: float, fwhm_px: float) -> float:
-    """How long a star's trail is along a line turned against it, within the line's width."""
+    """Length of a star's trail along a line turned against it, within the line's width, px."""
     turn = math.radians(turn_deg)
     along = length_px * abs(math.cos(turn))
     return min(along, _ACROSS_FWHM * fwhm_px / max(abs(math.sin(turn)), 1e-3))

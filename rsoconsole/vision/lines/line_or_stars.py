@@ -1,4 +1,4 @@
-"""Whether a short light is one line or a few stars in a row, held against images of the stars.
+"""One line or a few stars in a row: a short light compared with images of the frame's stars.
 
 Star images close together along the line are any light that came along it: with lights that change
 slowly or in one period they are a streak, with a few of any light they are stars. Both are fitted
@@ -37,7 +37,7 @@ _AS_WIDE, _NARROWEST_PX = 0.9, 1.5
 _BESIDE_FWHM = 0.8
 """A listed star so far off the line is beside it."""
 _END_STEPS = 2
-"""How far an end may be off, in steps."""
+"""Error of an end, in steps."""
 _MIN_LEFT, _MAX_LEFT = 1.0, 25.0
 """Chi-square that one pixel leaves: at most, for a hot one is of neither."""
 _SIGMA_PER_MAD = 1.4826
@@ -46,7 +46,7 @@ _SMALLEST = 1e-9
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LineOrStars:
-    """What speaks for either."""
+    """Chi-squares of a short light as one line and as a few stars."""
 
     over_stars: float
     """Chi-square that one line explains better than the best few stars, over what it leaves of a

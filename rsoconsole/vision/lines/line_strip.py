@@ -18,13 +18,13 @@ from rsoconsole.vision.lines.segments import Ends
 from rsoconsole.vision.stars.star_list import StarList, lit_radius_px
 
 OFF_PX = 9.0
-"""How far off its line a proposal may be, px, at its middle and at its ends."""
+"""Largest distance of a proposal from its line, px, at its middle and at its ends."""
 INTERPOLATED_VARIANCE = 1.0 / 6.0
 """px^2 that linear interpolation adds across."""
 _BEYOND, _MIN_BEYOND_PX = 0.35, 40.0
 _ON_LINE_PX, _FLASHES, _FLASHED_SHARE, _LISTED_SHARE = 4.0, 3, 0.25, 0.45
 MIN_KNOWN = 0.4
-"""Of a column's weight: of less, what is seen is no measure of the line there."""
+"""Share of a column's weight that must be unmasked to measure the line there."""
 _SKY_PX, _SKY_LIMIT = 41, 3.0
 _SMALLEST = 1e-9
 
@@ -37,7 +37,7 @@ class LineStrip:
     """(2 reach + 1, columns), sigma of a pixel above the sky."""
     is_good: BoolArray
     x0_px: float
-    """Of column 0, row ``reach``."""
+    """Column in the frame of the strip's column 0, row ``reach``."""
     y0_px: float
     dx: float
     dy: float
@@ -166,7 +166,7 @@ def _mask_stars(
 
 
 def subtract_sky_beside(strip: LineStrip, course: Course, sigma: float) -> None:
-    """Take away what the sky beside the line is above that of its cells: glow, a bright star's."""
+    """Subtract the sky beside the line, above that of its cells: glow, a bright star's wings."""
     import cv2
 
     v = np.arange(-strip.reach, strip.reach + 1, dtype=np.float32)[:, None]
@@ -215,7 +215,7 @@ class LineProfile:
         return np.isfinite(self.error)
 
     def between(self, first: float, last: float) -> BoolArray:
-        """What is known from one place to another."""
+        """Which columns from one place to another are known."""
         columns = self.columns
         return (columns >= first) & (columns <= last) & self.is_known
 

@@ -17,7 +17,7 @@ from rsoconsole.vision.stars.star_list import StarList
 MAX_SHORT, _MAX_WHERE_SHARP = 12, 6
 """Where stars are sharp a streak is seldom so short, and line filter and network see it too."""
 _ACROSS_FWHM, _SAME_DEG = 1.0, 15.0
-"""What lies so near to a line that is proposed already is a piece of it."""
+"""Distance across, in widths, and turn up to which a light is a piece of a proposed line."""
 
 
 def short_lines(

@@ -127,13 +127,13 @@ def _is_same_camera(before: Wcs, after: Wcs, width_px: int, height_px: int) -> b
 
 
 MIN_SHIFT_STARS = 2
-"""That agree on one shift."""
+"""Fewest stars that agree on one shift."""
 _ASKED = ((10, 12), (20, 20), (60, 40))
 """Stars, catalogue stars: one after the other until one of them is no chance."""
 _MAX_BY_CHANCE = 1e-4 / len(_ASKED)
-"""How often as many agree by chance, in a frame, at most."""
+"""Highest number of chance agreements of as many stars, a frame."""
 _TOLERANCE_PX = 2.0
-"""Of a star's centre in poor light, of the plate between two fields."""
+"""Error of a star's centre in poor light and of the plate between two fields."""
 
 
 def shift_plate(

@@ -13,9 +13,9 @@ from rsoconsole.vision.stars.psf_field import Psf
 from rsoconsole.vision.stars.star_list import StarList
 
 HOLDS_NS = 30 * 60 * 10**9
-"""Of the frames' own time, from one exposure's middle to the other's."""
+"""Longest time between mid-exposures over which a width holds."""
 MIN_STARS_KEPT = 12
-"""Of fewer the width is measured, but may be that of something else."""
+"""Fewest stars whose width is remembered: of fewer it may be that of something else."""
 _SAME_VIEW = 0.01
 """Relative difference of fields of view up to which a camera's binning explains it."""
 
@@ -42,7 +42,7 @@ class _Known:
 
 
 class PsfMemory:
-    """What one camera's frames, in order, last showed of a star."""
+    """Width of a star in the last frame of one camera that showed enough of them."""
 
     def __init__(self) -> None:
         self._last: _Known | None = None
@@ -65,7 +65,7 @@ class PsfMemory:
         )
 
     def recall(self, frame: Frame) -> Psf | None:
-        """What is expected of a frame, in its pixels.
+        """Expected width of a star in a frame, in its pixels.
 
         None where nothing is known of its field of view, or only of longer ago than ``HOLDS_NS``
         or of a later time.

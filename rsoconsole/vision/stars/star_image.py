@@ -1,4 +1,4 @@
-"""What a point of light looks like in a frame, whatever its shape: disc, ring, comet or trail.
+"""Image of a star in a frame, whatever its shape: disc, ring, comet or trail.
 
 The median of the frame's own stars: bright ones that stand alone, each moved so that its middle
 lies on a pixel's, of unit light.
@@ -30,7 +30,7 @@ class StarImage:
     pixels: Float32Array
     """(2 reach + 1, 2 reach + 1), its middle on the middle pixel's centre."""
     misfit: float = 0.0
-    """What single stars differ from it by beyond their noise, as a share of their light there."""
+    """Difference of single stars from it beyond their noise, as a share of their light there."""
 
     @property
     def reach(self) -> int:

@@ -25,7 +25,7 @@ class OblongLights:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Trail:
-    """What every star is drawn out to."""
+    """Trail to which drift has drawn out every star."""
 
     length_px: float
     """From end to end, the disc's own width not counted."""
@@ -48,16 +48,16 @@ class StarList:
     snr: FloatArray
     is_saturated: BoolArray
     median_fwhm_px: float
-    """Of unsaturated stars; where there are fewer than five as ``width_source`` says. Of trails:
+    """Median width of unsaturated stars, of fewer than five as ``width_source`` says; of trails
     across."""
     trail: Trail | None = None
-    """What drift has drawn every star out to; None where they are points."""
+    """Trail of every star; None where they are points."""
     psf_field: PsfField | None = None
-    """How the width changes over the frame; None where it is the median everywhere."""
+    """Width over the frame; None where it is the median everywhere."""
     width_source: WidthSource = "measured"
     """Guessed: 2.5 px."""
     oblong: OblongLights | None = None
-    """What is longer than it is wide, listed as a star or not; None where none was looked for."""
+    """Lights longer than wide, listed as stars or not; None where none were looked for."""
 
     def fwhm_at(self, x_px: float, y_px: float) -> float:
         """Width of a star at a place of the frame, px."""
@@ -87,7 +87,7 @@ class StarList:
 
 
 def lit_radius_px(stars: StarList, noise_adu: float) -> FloatArray:
-    """How far from its middle, across a trail, each star still lights a pixel by half a sigma."""
+    """Radius within which each star lights a pixel by half a sigma, px, (n,); across a trail."""
     sigma = np.maximum(stars.fwhm_px, stars.expected_fwhm_px()) / FWHM_PER_SIGMA
     area = 2.0 * np.pi * sigma**2
     if stars.trail is not None:

@@ -25,7 +25,7 @@ class StarMoments:
     fwhm_px: FloatArray
     axis_ratio: FloatArray
     angle_deg: FloatArray
-    """Of the longer axis, x towards y, 0 to 180."""
+    """Direction of the longer axis, x towards y, 0 to 180."""
     peak_share: FloatArray
     peak_adu: FloatArray
     snr: FloatArray

@@ -20,7 +20,7 @@ _MAX_SCATTER = 0.5
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StarComparison:
-    """How two lists of the same stars compare."""
+    """Comparison of two lists of the same stars."""
 
     flux_ratio: float
     """Median of the second's light over the first's."""

@@ -1,4 +1,4 @@
-"""What a streak is: satellite, aircraft, meteor, cosmic ray or chain of stars, with a probability.
+"""Class probabilities of a streak: satellite, aircraft, meteor, cosmic ray or chain of stars.
 
 Bayes' rule over what one frame tells, each piece of evidence as if independent of the others: the
 width (aircraft and meteors are too near to be in focus, rays are sharper than any star), the light
@@ -20,7 +20,7 @@ from rsoconsole.vision.streaks._streak_light import Fading, Modulation
 NamedClass: TypeAlias = Literal["satellite", "aircraft", "meteor", "cosmic ray", "star chain"]
 Likelihood: TypeAlias = dict[NamedClass, float]
 Comparison: TypeAlias = Literal["same light", "new light", "catalogue stars", "no catalogue stars"]
-"""Of a streak with an earlier frame of its field (the first two), and with the star catalogue."""
+"""Outcome of comparing a streak with an earlier frame (the first two) or the star catalogue."""
 
 PRIOR: Likelihood = {
     "satellite": 0.45,
@@ -29,7 +29,7 @@ PRIOR: Likelihood = {
     "cosmic ray": 0.05,
     "star chain": 0.10,
 }
-"""Of what passes for a streak under any sky: what nothing is known of is undetermined."""
+"""Class shares among all streaks under any sky; with nothing else known: undetermined."""
 COMPARISON_LIKELIHOODS: dict[Comparison, Likelihood] = {
     # What moves is seldom where another one of the same light was.
     "same light": {"satellite": 0.002, "aircraft": 0.002, "meteor": 0.002, "cosmic ray": 0.002},
@@ -38,7 +38,7 @@ COMPARISON_LIKELIHOODS: dict[Comparison, Likelihood] = {
     # Red stars are brighter to a camera without a filter than the catalogue has them.
     "no catalogue stars": {"star chain": 0.05},
 }
-"""How likely a comparison comes out so for each class, over the likeliest one."""
+"""Likelihood of a comparison's outcome for each class, over that of the likeliest one."""
 SATELLITE_FROM, OTHERS_FROM = 0.5, 2.0 / 3.0
 """A class is named from here on; more is asked for those that start no track."""
 
@@ -68,7 +68,7 @@ _UNEVEN = 0.3, 1.0
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Evidence:
-    """What one frame tells of a streak; None and 0 where it tells nothing."""
+    """Measurements of a streak in one frame that tell its class; None and 0 where unknown."""
 
     kind: StreakKind
     length_px: float
@@ -88,13 +88,13 @@ class Evidence:
     is_pulse_seen: bool = False
     """Whether the light is bright and long enough that a strobe's pulse would show."""
     star_share: float | None = None
-    """Of its light, what the listed stars on it have."""
+    """Share of its light that listed stars on it have."""
     spoken_against: str = ""
     """Kind of the reason for which the detector did not take it."""
 
     @property
     def rate_deg_s(self) -> float | None:
-        """Of what the frame shows from end to end; less than the true one where it is cut."""
+        """Rate from end to end as the frame shows it; less than the true one where it is cut."""
         if self.scale_arcsec_px is None or not self.exposure_s:
             return None
         return self.length_px * self.scale_arcsec_px / 3600.0 / self.exposure_s
@@ -110,7 +110,7 @@ def most_likely_class(shares: Likelihood) -> tuple[ObjectClass, float]:
 
 
 def probabilities(evidence: Evidence) -> Likelihood:
-    """Of each class, given that it is one of them."""
+    """Probability of each class, given that it is one of them."""
     parts = (
         _by_width,
         _by_ends,

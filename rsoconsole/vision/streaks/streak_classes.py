@@ -1,4 +1,4 @@
-"""The frame's streaks named: each one's class and pulse, and those that run together."""
+"""Class, pulse and train of each of a frame's streaks."""
 
 import logging
 import math
@@ -36,10 +36,10 @@ _LIGHTS_APART = 0.5
 _TRAIN = ("satellite", "undetermined")
 
 
-def with_company(
+def with_neighbours(
     streaks: Sequence[Detection], deg_s_per_px: float | None = None
 ) -> list[Detection]:
-    """The same, each with what its company makes of it.
+    """The streaks with class and train corrected by those beside them.
 
     What runs beside an aircraft, parallel and near, is another of its lights. What may be
     satellites and runs in parallel is a train; of whole streaks only where ``deg_s_per_px``
@@ -110,7 +110,7 @@ _PER_QUARTILES = 0.7413
 _MIN_STARS = 8
 _UNKNOWN_SCATTER = 0.25
 CONTINUOUS_CLASSES = ("satellite", "aircraft", "undetermined")
-"""What may shine all through an exposure, so that places along it are times."""
+"""Classes that may shine all through an exposure, so that places along it are times."""
 
 
 def classify_streaks(
@@ -130,7 +130,7 @@ def classify_streaks(
     if frame.scale_arcsec_px is not None and frame.exposure_s:
         per_px = frame.scale_arcsec_px / 3600.0 / frame.exposure_s
     named = [_named(frame, sky, stars, each) for each in detections]
-    found = with_company([streak for streak, _ in named], per_px)
+    found = with_neighbours([streak for streak, _ in named], per_px)
     rejected = list(rejected)
     doubted = [_named(frame, sky, stars, each.detection, each) for each in rejected]
     others = [

@@ -1,4 +1,4 @@
-"""How evenly light and path of a short line run: a cosmic ray bends, and is lumpy in its charge."""
+"""Evenness of a short line's light and path: a cosmic ray bends, and is lumpy in its charge."""
 
 import math
 
@@ -11,14 +11,14 @@ from rsoconsole.vision.lines.streak_search import Cutout
 _SMOOTHED_PX, _INTERPOLATED_PX = 0.6, 0.5
 """Sigma of the smoothing, and what linear interpolation adds to it in quadrature."""
 _REACH_PX, _END_PX = 6, 3
-"""How far across is looked, and how much of either end is left out."""
+"""Pixels across that are looked at, and pixels of either end that are left out."""
 _FEWEST, _MIN_SEEN = 9, 0.4
 """Columns that tell enough, and their share of a line."""
 _BRIGHTNESS_BY_NOISE, _PLACE_BY_NOISE = 0.66, 0.95
 """What noise makes of an even line's brightness, as a share, and of its place, in sigmas of a star;
 times sqrt(length) over its signal to noise. Measured on drawn lines of 2 to 4 px width."""
 _BRIGHTNESS_FLOOR, _BEND_FLOOR_PX, _WAVER_FLOOR_PX = 0.08, 0.10, 0.15
-"""What the air makes of a satellite's light and path."""
+"""Variation of a satellite's light and path by the air."""
 _BEND_LEEWAY = 1.5
 """Of two terms' logarithm."""
 _STANDS_ALONE = 0.7
@@ -26,7 +26,7 @@ _STANDS_ALONE = 0.7
 
 
 def unevenness(cutout: Cutout, ends: Ends, psf_sigma: float, snr: float) -> tuple[float, float]:
-    """By how much more than noise explains a line's light and its place vary along it.
+    """Excess over noise of how a line's light and its place vary along it.
 
     Natural logarithms of variances, 0 where noise explains all. ``ends`` (x_a, y_a, x_b, y_b) in
     raw pixels, ``snr`` of the whole line. What masked stars touch is left out, unless they are most

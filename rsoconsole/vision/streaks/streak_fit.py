@@ -52,11 +52,11 @@ _UNSURE_PX = 0.5
 AS_CHAINS_FWHM = 25.0
 """Length in widths of a star up to which cosmic rays and chains of stars are as long."""
 MAX_UNEVEN = 1.5
-"""What is less uneven is believed less."""
+"""Unevenness above which a short line is patchy."""
 _FAINT_SNR = 40.0
 """Of what is brighter, dark gaps may be a satellite's own: it tumbles."""
 _FLOOR_PX = 0.005
-"""What remains of a pixel's own shape in a perfect frame."""
+"""Error that a pixel's own shape leaves in a perfect frame."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -74,9 +74,9 @@ class StreakFit:
     width_px: float
     """Full width at half maximum across."""
     snr: float
-    """Of the whole streak, matched."""
+    """Matched signal to noise of the whole streak."""
     sigma_along_px: float
-    """Of the midpoint; large where clipped, as nothing is known along the streak then."""
+    """One sigma of the midpoint; large where clipped, as nothing is known along it then."""
     sigma_across_px: float
     is_clipped: bool
     is_crossing: bool = False
@@ -84,7 +84,7 @@ class StreakFit:
     sigma_angle_deg: float | None = None
     bend: float = 0.0
     lumpiness: float = 0.0
-    """Of its path and its light, beyond what noise explains; looked at in short ones alone."""
+    """Excess over noise of its path's and its light's variation; of short ones alone."""
 
     @property
     def unevenness(self) -> float:
@@ -94,7 +94,7 @@ class StreakFit:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class NoStreak:
-    """Why a proposal is not a streak; what was measured of it, if anything."""
+    """A proposal that is no streak: the reason, and what was measured of it, if anything."""
 
     reason: NotAStreak
     fit: StreakFit | None = None

@@ -1,4 +1,4 @@
-"""A glance along a proposal: is there light all along some line near it?
+"""A glance along a proposal: light all along some line near it.
 
 A glance costs a small part of a fit's time and so decides what is worth one. Most of what the
 network faintly believes in are a few stars in a row: bright here and there, dark between. Light is
@@ -24,7 +24,7 @@ _LIMITS = (-1.5, 4.0)
 """Of the smoothed signal to noise of a place on the line."""
 _OFFSET_PX = 10
 _TURN_PX = 7
-"""How far off a proposal's line may be in its middle, and by its direction at its ends."""
+"""Largest error of a proposal's line in its middle, and by its direction at its ends."""
 _RIM_PX = 4
 _REACH_PX = _OFFSET_PX + _TURN_PX + _RIM_PX
 _STEP_PX = 2
@@ -46,12 +46,12 @@ widens stars alone, wind and drift, leaves a satellite's streak narrower; a ray 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LineSignal:
-    """What a glance saw."""
+    """Light along a line at a glance."""
 
     value: float
     """Signal to noise of light along the best line, limited; the noise is that of plain sky."""
     most: float
-    """What a line as long, bright all along, would have given."""
+    """Signal to noise of a line as long, bright all along."""
 
     def is_worth_a_fit(self, network_confidence: float) -> bool:
         """Whether there is light enough; the less the network believes, the more is asked for."""

@@ -67,20 +67,20 @@ _BELIEVED = 4.0
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Middle:
-    """Where a streak has its middle along itself, by ends and light together; px."""
+    """Middle of a streak along itself, by ends and light together; px."""
 
     offset_px: float
     """From the midpoint of the ends that were given, towards the second."""
     sigma_px: float
     length_px: float
-    """Of the even motion."""
+    """Length of the even motion."""
     sigma_length_px: float
 
 
 def with_middle(
     pixels: PixelArray, sky: Background, stars: StarList, streak: Detection
 ) -> Detection:
-    """The same with its middle by light and ends, where both ends are seen and it can be told."""
+    """The streak with its middle by light and ends, where both ends are seen and it shows."""
     if streak.kind != "streak" or streak.method != "line":
         return streak
     ends = streak.x_a_px, streak.y_a_px, streak.x_b_px, streak.y_b_px
@@ -108,7 +108,7 @@ def middle_of(
     stars: StarList,
     fwhm_px: float,
 ) -> Middle | None:
-    """Of the streak between these ends (x_a, y_a, x_b, y_b); ``fwhm_px``: of the stars.
+    """Middle of the streak between these ends (x_a, y_a, x_b, y_b); ``fwhm_px``: of the stars.
 
     None where the frame ends with it, stars hide it or are part of its light. The errors take the
     light for steady: they do not hold for what flashes or tumbles.

@@ -60,13 +60,13 @@ class Trace:
     width_px: float
     """Full width at half maximum across."""
     snr: float
-    """Of all its light, matched across, masked stars left out."""
+    """Signal to noise of all its light, matched across, masked stars left out."""
     sigma_end_px: tuple[float, float]
     sigma_across_px: float
-    """Of the line's place in its middle."""
+    """One sigma of the line's place in its middle."""
     sigma_angle_deg: float
     lower_quartile_snr: float
-    """What the lower quartile of its parts says of the whole: sigma, were all parts like it."""
+    """Signal to noise of the whole, were all its parts like their lower quartile."""
     roughness: float
     """Scatter of the parts over their mean that neither a slow change nor one period explains."""
     confusion: float
