@@ -66,7 +66,7 @@ def held(light: np.ndarray, ends, stars_light: np.ndarray, rng, stars: StarList 
         length_px=math.hypot(x_b - x_a, y_b - y_a),
         angle_deg=math.degrees(math.atan2(y_b - y_a, x_b - x_a)),
     )
-    return lights.held(found)
+    return lights.compared(found)
 
 
 def streak(shape: np.ndarray, ends, electrons: float) -> np.ndarray:
