@@ -1,4 +1,4 @@
-"""How the streak detector's network is made: fields drawn, network trained, exported, judged.
+"""Training of the streak detector's network: fields drawn, network trained, exported, judged.
 
 May import rsoconsole.simulator and rsoconsole.vision; the product imports nothing from here.
 """

@@ -1,4 +1,4 @@
-"""What ordinary nights do to a frame, drawn over wide ranges, for the network's hard fields.
+"""Alterations of a frame by ordinary nights, over wide ranges, for the network's hard fields.
 
 Drawn is what the detector's maps are made of: a frame whose pixels have been joined where stars are
 wide (``vision/detector/working_frame.py``), so that discs and rings stay small; whose offsets of

@@ -41,7 +41,7 @@ Rng = np.random.Generator
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Scene:
-    """What is drawn, before it is."""
+    """Plan of one frame, before it is drawn."""
 
     sensor: SensorModel
     content: FieldContent
@@ -296,7 +296,7 @@ def family_of(number: int) -> str:
 
 
 def _true_trail(scene: Scene, ends: tuple[float, ...], truth: Truth) -> TrueTrail:
-    """What of a trail the frame shows."""
+    """Part of a trail that the frame shows."""
     sensor = scene.sensor
     seen = clip_to_box(
         (ends[0] + 0.5, ends[1] + 0.5, ends[2] + 0.5, ends[3] + 0.5),
@@ -318,7 +318,7 @@ def _true_trail(scene: Scene, ends: tuple[float, ...], truth: Truth) -> TrueTrai
 
 
 def _family(name: str, number: int) -> Family:
-    """What is done to one frame of a family."""
+    """Alteration of one frame of a family."""
     if name != "faint":
         return FAMILIES[name]
     return replace(FAMILIES[_ALTERING[number % len(_ALTERING)]], snr=FAMILIES[name].snr)

@@ -142,7 +142,7 @@ class Plane:
     pixels: Float32Array
     """(height, width), ADU."""
     fwhm_px: float
-    """Of its stars."""
+    """Width of its stars."""
     trails: tuple[Ends, ...]
     """In its pixels."""
 
@@ -164,7 +164,7 @@ def find(folder: Path) -> tuple[dict[str, Path], list[str]]:
 
 
 def cameras(folder: Path, split: Split) -> tuple[str, ...]:
-    """Of this split, those with a file below ``folder``."""
+    """Pictures of this split that have a file below ``folder``."""
     known, _ = find(folder)
     named = (each for each in BACKGROUNDS if each.split == split and each.name in known)
     return tuple(dict.fromkeys(each.camera for each in named))

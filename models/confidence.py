@@ -41,7 +41,7 @@ SPLIT: dict[Kind, float] = {
     "rays": 0.0306,
     "altered": 0.6334,
 }
-"""Of the frames looked at: what each kind costs and teaches, not how often it comes."""
+"""Shares of the frames looked at: what each kind costs and teaches, not how often it comes."""
 ENOUGH = 200
 MAX_OFF = 0.05
 """Candidates in a bin of confidence that has to be reliable, and how far off it may be."""
@@ -49,7 +49,7 @@ SNR_BANDS = ((0.8, 1.5), (1.5, 2.0), (2.0, 3.0), (3.0, 5.0), (5.0, 30.0))
 
 
 def counts_of(frames: int) -> dict[Kind, int]:
-    """How many frames of each kind."""
+    """Number of frames of each kind."""
     return {kind: max(1, round(frames * SPLIT[kind])) for kind in SPLIT}
 
 
@@ -96,7 +96,7 @@ def judged(rows: Sequence[FrameRow], curve: FittedCurve) -> dict[str, Any]:
 
 
 def entry(rows: Sequence[FrameRow], one_in: int | None = None) -> dict[str, Any]:
-    """What the card says of the curve."""
+    """The curve as the card gives it."""
     curve = fit_curve(gathered(rows), one_in)
     return {
         "weights": dict(zip(FEATURES, (round(float(w), 6) for w in curve.weights), strict=True)),

@@ -20,7 +20,7 @@ from scipy.optimize import minimize
 from models.frames import HARD, Kind
 from models.judging import CandidateRow, FrameRow, features_of
 from models.scoring import logit_for_rate
-from rsoconsole.vision import FEATURES, LOOKED_AT, WAYS
+from rsoconsole.vision import FEATURE_NAMES, FEATURES, IMAGE_KINDS
 
 FloatArray = npt.NDArray[np.float64]
 BoolArray = npt.NDArray[np.bool_]
@@ -48,7 +48,7 @@ HARD_COUNTS = 0.3
 _AT_TAU = math.log(TAU / (1.0 - TAU))
 _FOR = ("network", "log_snr", "steady", "extent", "one_line", "like_line")
 _EITHER = ("constant", "blurred", "drifted")
-_CONSTANTS = [FEATURES.index(f"{way}constant") for way in WAYS]
+_CONSTANTS = [FEATURES.index(f"{way}constant") for way in IMAGE_KINDS]
 _MIN_TRUE = 12
 """Satellites in frames that show stars in one way: of fewer its weights cannot be told."""
 _RIDGE, _HELD = 0.1, 1e-7
@@ -65,7 +65,7 @@ class Candidates:
     frame: npt.NDArray[np.int64]
     """Index of the frame among the rows."""
     frames: Mapping[Kind, int]
-    """How many frames of each kind were looked at."""
+    """Number of frames of each kind that were looked at."""
 
     def only(self, chosen: BoolArray, frames: Mapping[Kind, int]) -> "Candidates":
         """Some of them, and the number of frames that they are from."""
@@ -112,7 +112,7 @@ def counts(row: FrameRow, candidate: CandidateRow) -> bool:
 
 
 def population_weights(them: Candidates, frames_per_satellite: float) -> FloatArray:
-    """How often each row comes in one frame of the population, (n,)."""
+    """Number of each row in one frame of the population, (n,)."""
     frames = them.frames
     clear = max(frames.get("empty", 0) + frames.get("satellites", 0), 1)
     weights = np.zeros(len(them.is_true))
@@ -230,7 +230,7 @@ def fit_curve(them: Candidates, frames_per_satellite: int | None = None) -> Fitt
 
 def _scaled(them: Candidates, weights: FloatArray, population: FloatArray) -> FloatArray:
     """Weights that say how likely, each way of showing stars by itself."""
-    scaled, z, count = weights.copy(), them.features @ weights, len(LOOKED_AT)
+    scaled, z, count = weights.copy(), them.features @ weights, len(FEATURE_NAMES)
     for first in _CONSTANTS:
         chosen = them.features[:, first] > 0.0
         own = slice(first, first + count)

@@ -38,7 +38,7 @@ def shard_path(folder: Path, split: str, number: int) -> Path:
 
 
 def real_shards(folder: Path | None) -> dict[str, int]:
-    """How many shards each split of real pictures gets; tells what is used and what is not."""
+    """Number of shards of each split of real pictures; tells what is used and what is not."""
     if folder is None:
         return {}
     _, unknown = backgrounds.find(folder)
@@ -65,7 +65,7 @@ def draw_shard(seed: int, split: str, number: int) -> list[Field]:
 
 
 def draw_real_shard(seed: int, split: Split, number: int, folder: Path) -> list[Field]:
-    """The same on the pictures in ``folder``."""
+    """Fields drawn on the pictures in ``folder``."""
     rng = frame_rng(seed, SPLITS[split], number)
     return draw_real_fields(folder, split, number, FIELDS_PER_SHARD, rng)
 

@@ -87,7 +87,7 @@ def read_image(path: Path) -> tuple[PixelArray, float | None, float | None]:
 
 
 def look_at(path: Path, network: Network, mode: MapMode) -> dict[str, Any]:
-    """What the network says of one file, most confident first."""
+    """Candidates of the network in one file, most confident first."""
     pixels, exposure_s, scale = read_image(path)
     block = choose_blocks(pixels.shape[1], pixels.shape[0], scale, exposure_s)[-1]
     started = time.perf_counter()
@@ -99,10 +99,7 @@ def look_at(path: Path, network: Network, mode: MapMode) -> dict[str, Any]:
         "block": block,
         "map_ms": round((mapped - started) * 1e3, 1),
         "network_ms": round((ended - mapped) * 1e3, 1),
-        "found": [
-            [round(v, 3) for v in (b.confidence, b.x_a_px, b.y_a_px, b.x_b_px, b.y_b_px)]
-            for b in boxes[:6]
-        ],
+        "found": [[round(v, 3) for v in (b.confidence, *b.ends_px)] for b in boxes[:6]],
     }
 
 

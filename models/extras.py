@@ -1,4 +1,4 @@
-"""What shines into a frame beside satellites and single stars: what a detector has to refuse.
+"""Lights in a frame beside satellites and single stars, which a detector has to refuse.
 
 Each function draws one thing for a frame of any size from a ``Canvas`` and a generator, and knows
 nothing of maps.

@@ -1,4 +1,4 @@
-"""What a field and its truth are, and which streaks a detector can fairly be asked for.
+"""Fields and their truth, and which streaks a detector can fairly be asked for.
 
 Truth is in cells of the map (0 = left edge of the first cell), as ``vision.maps`` defines them.
 ``models.field_scene`` draws fields.
@@ -67,7 +67,7 @@ class Field:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Conditions:
-    """What the fields of one batch have in common, or None for a draw per field."""
+    """Properties that the fields of one batch share, or None for a draw per field."""
 
     kind: Kind | None = None
     mode: MapMode | None = None
@@ -101,7 +101,7 @@ def clip_to_box(
 
 
 def cut_ends(segment: tuple[float, float, float, float], width: float, height: float) -> int:
-    """How many ends of a clipped segment lie on the rim: 0, 1 or 2."""
+    """Number of ends of a clipped segment on the rim: 0, 1 or 2."""
     x_a, y_a, x_b, y_b = segment
     rim = 0.01
     return sum(min(x, y, width - x, height - y) < rim for x, y in ((x_a, y_a), (x_b, y_b)))

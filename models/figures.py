@@ -61,7 +61,7 @@ class Alarm:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Outcome:
-    """What a curve makes of all rows."""
+    """Figures of a curve over all rows."""
 
     frames: Counter[Kind]
     trails: tuple[Trail, ...]

@@ -59,7 +59,7 @@ class CandidateRow(TypedDict):
     is_taken: bool
     """False: refused after all, as one of many trailed stars; it still keeps others company."""
     error_px: float | None
-    """Of its midpoint against the trail's; None where either is cut by the frame's edge."""
+    """Error of its midpoint against the trail's; None where either is cut by the frame's edge."""
 
 
 class FrameRow(TypedDict):
@@ -75,7 +75,7 @@ class FrameRow(TypedDict):
     trails: list[TrailRow]
     candidates: list[CandidateRow]
     refused: dict[str, int]
-    """How many candidates went for which reason."""
+    """Number of candidates refused by reason."""
     stage_ms: dict[str, float]
 
 
@@ -135,7 +135,7 @@ class Judge:
 
 
 def _place_of(found: Detection) -> tuple[float, ...]:
-    """What tells one candidate from another, whatever it is called."""
+    """Key that tells one candidate from another, whatever its reason."""
     return found.x_px, found.y_px, found.x_a_px, found.y_a_px
 
 
@@ -151,19 +151,19 @@ def _where_lost(trail: TrueTrail, analysis: FrameAnalysis) -> str:
 
 
 def features_of(row: FrameRow) -> list[tuple[float, ...]]:
-    """What the curve looks at, of each of the frame's candidates."""
+    """Inputs of the curve for each of the frame's candidates."""
     measured, focus = [candidate_of(each) for each in row["candidates"]], focus_of(row)
     return [confidence_features(each, focus, measured) for each in measured]
 
 
 def confidences_of(row: FrameRow, curve: ConfidenceCurve) -> list[float]:
-    """What the product says of each of the frame's candidates with this curve."""
+    """Confidence of each of the frame's candidates by the product's code with this curve."""
     measured = [candidate_of(each) for each in row["candidates"]]
-    return [each.confidence for each in curve.judged(measured, focus_of(row))]
+    return [each.found.confidence for each in curve.judged(measured, focus_of(row))]
 
 
 def focus_of(row: FrameRow) -> Focus:
-    """How the frame showed a point."""
+    """Image of a point in the row's frame."""
     values = dict(row["focus"])
     field = values.pop("psf_field", None)
     if field is not None:
@@ -177,7 +177,7 @@ def _kept(value: Any) -> Any:
 
 
 def candidate_of(row: CandidateRow) -> Candidate:
-    """What was measured of a candidate, with the network's own confidence."""
+    """A row's candidate as measured, with the network's own confidence."""
     values = dict(row["measured"])
     found = Detection(box_px=tuple(values.pop("box_px")), **values)
     return Candidate(found=found, light=LineLight(**row["light"]))
@@ -215,7 +215,7 @@ def _is_on(detection: Detection, trail: TrueTrail, within_px: float) -> bool:
 
 
 def _is_box_on(box: NetworkBox, trail: TrueTrail, working: WorkingFrame) -> bool:
-    x, y = working.px(0.5 * (box.x_a_px + box.x_b_px)), working.px(0.5 * (box.y_a_px + box.y_b_px))
+    x, y = (working.px(place) for place in box.middle_px)
     dx, dy = trail.x_b_px - trail.x_a_px, trail.y_b_px - trail.y_a_px
     return _lies(
         (x, y, box.angle_deg, box.length_px * working.side),

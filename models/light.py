@@ -1,4 +1,4 @@
-"""How bright a moving source is from the opening of the shutter to its closing: (m,) curves."""
+"""Light curves of a moving source from the opening of the shutter to its closing, (m,)."""
 
 import numpy as np
 import numpy.typing as npt

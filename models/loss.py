@@ -1,4 +1,4 @@
-"""What the network is punished for."""
+"""Loss that training minimises."""
 
 import torch
 from torch.nn import functional

@@ -38,7 +38,7 @@ _SAME_PX, _SAME_CONFIDENCE = 0.01, 1e-3
 
 
 def counts_of(frames: int, kinds: Sequence[Kind]) -> dict[Kind, int]:
-    """How many frames of each kind."""
+    """Number of frames of each kind."""
     return {kind: max(1, round(frames * SPLIT[kind])) for kind in KINDS if kind in kinds}
 
 

@@ -1,4 +1,4 @@
-"""What is easily taken for a satellite: aircraft, stars drawn out by wind, heavy cosmic rays.
+"""Lights easily taken for a satellite: aircraft, stars drawn out by wind, heavy cosmic rays.
 
 For the frames that the detector is calibrated and measured on; the training has its own.
 """
@@ -107,7 +107,7 @@ def _is_seen(streak: Streak, width_px: int, height_px: int) -> bool:
 def drawn_out_stars(
     content: FieldContent, noise_e: float, rng: np.random.Generator
 ) -> FieldContent:
-    """The same field while the telescope moved by 3 to 40 px: every star draws the same path.
+    """The field while the telescope moved by 3 to 40 px: every star draws the same path.
 
     Stars whose trail stays below ``_DIM_SIGMA`` of a pixel's noise are left out.
     """

@@ -50,7 +50,7 @@ class _Crop:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class _Sky:
-    """What satellites are added to."""
+    """Picture to which satellites are added."""
 
     image_e: Float32Array
     full_e: float
@@ -161,7 +161,7 @@ def _satellites(
 
 
 def _least_zoom(plane: Plane, block: int) -> float:
-    """What brings the picture's short side to the field's."""
+    """Factor from the picture's short side to the field's."""
     return float(FIELD_CELLS * block / min(plane.pixels.shape))
 
 
@@ -229,7 +229,7 @@ def _noise_and_level(pixels: Float32Array) -> tuple[float, float]:
 
 
 def _ramp(side: int, sky_e: float, rng: np.random.Generator) -> Float32Array:
-    """What a gradient adds to the sky."""
+    """Light that a gradient adds to the sky."""
     along = ((np.arange(side) + 0.5) / side - 0.5).astype(np.float32)
     slope_x, slope_y = (np.float32(sky_e * slope) for slope in alterations.gradient(rng))
     return slope_x * along[None, :] + slope_y * along[:, None]

@@ -1,4 +1,4 @@
-"""How well candidates fit the truth: matching, recall, false candidates, calibration."""
+"""Scores of candidates against the truth: matching, recall, false candidates, calibration."""
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
@@ -17,7 +17,7 @@ Answer = Callable[[ByteArray], Float32Array]
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Score:
-    """What a detector did on a set of fields."""
+    """Result of a detector on a set of fields."""
 
     true_logits: FloatArray
     """Of every streak asked for; -inf where it was missed."""

@@ -24,8 +24,8 @@ from rsoconsole.sky import (
     RA_STEP_DEG,
     StarCatalogue,
     Stars,
+    apply_proper_motion,
     direction_to_unit,
-    moved,
     unit_to_direction,
 )
 
@@ -161,7 +161,7 @@ def _supplemented(folder: Path) -> tuple[Places, Places]:
     supplement = read_places(folder / "suppl_1.dat", _SUPPLEMENT_BYTES)
     ra, dec, pm_ra, pm_dec = supplement
     motions = (np.nan_to_num(pm_ra), np.nan_to_num(pm_dec))
-    brought = moved(ra, dec, *motions, J2000_JYEAR - SUPPLEMENT_JYEAR)
+    brought = apply_proper_motion(ra, dec, *motions, J2000_JYEAR - SUPPLEMENT_JYEAR)
 
     def joined(last: Places) -> Places:
         table = np.concatenate([np.stack(each) for each in (*parts, last)], axis=1)

@@ -19,9 +19,9 @@ _SIGMA_ALONG_SHARE = 0.08
 _FLAT_TOP = 1.6
 """All locations within a sigma of the midpoint are as good: the offsets say where it is."""
 _MIN_CUT_CELLS = 6.0
-"""What the edge leaves of a streak is asked for from this length on."""
+"""Least visible length of a cut streak that is asked for."""
 _REFUSED: dict[Kind, float] = {"aircraft": 3.0, "trailed stars": 3.0, "rays": 2.0, "meteor": 2.0}
-"""How much worse a false candidate is where something else draws lines."""
+"""Factor on the loss of a false candidate where something else draws lines."""
 
 
 def targets_of(

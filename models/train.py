@@ -27,7 +27,7 @@ PEAK_RATE = 3e-3
 WARM_UP_STEPS = 300
 AVERAGE_DECAY = 0.998
 _JUDGED_EVERY = 5
-"""Of the calibration fields, those followed while training."""
+"""Number of calibration fields followed while training."""
 
 
 def rate_at(step: int, steps: int) -> float:
@@ -99,7 +99,7 @@ class Training:
 
     @property
     def _settings(self) -> dict[str, int | bool]:
-        """What has to be the same for the rest of a run as for its beginning."""
+        """Settings that a resumed run must share with its beginning."""
         return {
             "seed": self.seed,
             "steps": self.steps,

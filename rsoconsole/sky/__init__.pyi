@@ -12,7 +12,6 @@ from .angles import turn_deg as turn_deg
 from .angles import unit_to_direction as unit_to_direction
 from .angles import wrap_180 as wrap_180
 from .angles import wrap_360 as wrap_360
-from .bodies import EARTH_RADIUS_KM as EARTH_RADIUS_KM
 from .bodies import LIT_SHARE as LIT_SHARE
 from .bodies import PLANETS as PLANETS
 from .bodies import SUN_RADIUS_KM as SUN_RADIUS_KM
@@ -47,6 +46,7 @@ from .limits.way_ahead import StoppingDistance as StoppingDistance
 from .named_objects import MESSIER as MESSIER
 from .named_objects import NAMED_STARS as NAMED_STARS
 from .places import AU_KM as AU_KM
+from .places import EARTH_RADIUS_KM as EARTH_RADIUS_KM
 from .places import GEO_RADIUS_KM as GEO_RADIUS_KM
 from .places import LIGHT_KM_S as LIGHT_KM_S
 from .places import Places as Places
@@ -63,8 +63,8 @@ from .places import sun_gcrs_km as sun_gcrs_km
 from .places import teme_to_gcrs_rotation as teme_to_gcrs_rotation
 from .places import zenith_gcrs as zenith_gcrs
 from .stars.proper_motion import J2000_JYEAR as J2000_JYEAR
+from .stars.proper_motion import apply_proper_motion as apply_proper_motion
 from .stars.proper_motion import julian_year as julian_year
-from .stars.proper_motion import moved as moved
 from .stars.star_catalogue import DEC_STEP_DEG as DEC_STEP_DEG
 from .stars.star_catalogue import MAG_STEP as MAG_STEP
 from .stars.star_catalogue import RA_STEP_DEG as RA_STEP_DEG

@@ -13,20 +13,21 @@ import numpy as np
 from rsoconsole.records import FloatArray
 
 Angle = TypeVar("Angle", float, FloatArray)
+AngleLike = float | FloatArray
 _DEG = np.pi / 180.0
 _NUMBER = re.compile(r"\d+(?:\.\d*)?|\.\d+", re.ASCII)
 _MARKS = re.compile(r"[\s:hdms°'\"′″]+", re.IGNORECASE)
 
 
 def wrap_180(angle_deg: Angle) -> Angle:
-    """The same direction in -180 <= angle < 180."""
+    """The angle in -180 <= angle < 180."""
     if isinstance(angle_deg, np.ndarray):
         return np.asarray(np.mod(angle_deg + 180.0, 360.0) - 180.0)
     return wrap_360(float(angle_deg) + 180.0) - 180.0
 
 
 def wrap_360(angle_deg: Angle) -> Angle:
-    """The same direction in 0 <= angle < 360."""
+    """The angle in 0 <= angle < 360."""
     if isinstance(angle_deg, np.ndarray):
         wrapped = np.mod(angle_deg, 360.0)
         return np.where(wrapped >= 360.0, 0.0, wrapped)
@@ -50,7 +51,7 @@ def deg_to_hours(angle_deg: Angle) -> Angle:
     return angle_deg / 15.0
 
 
-def direction_to_unit(ra_deg: float | FloatArray, dec_deg: float | FloatArray) -> FloatArray:
+def direction_to_unit(ra_deg: AngleLike, dec_deg: AngleLike) -> FloatArray:
     """Unit vectors (..., 3) of directions."""
     ra, dec = np.broadcast_arrays(np.asarray(ra_deg) * _DEG, np.asarray(dec_deg) * _DEG)
     cos_dec = np.cos(dec)
@@ -74,10 +75,7 @@ def unit_to_direction(vector: FloatArray) -> tuple[FloatArray, FloatArray]:
 
 
 def _separation(
-    ra_a_deg: float | FloatArray,
-    dec_a_deg: float | FloatArray,
-    ra_b_deg: float | FloatArray,
-    dec_b_deg: float | FloatArray,
+    ra_a_deg: AngleLike, dec_a_deg: AngleLike, ra_b_deg: AngleLike, dec_b_deg: AngleLike
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """East and north parts of b seen from a (times sin of the distance) and its cosine."""
     dra = (np.asarray(ra_b_deg, float) - np.asarray(ra_a_deg, float)) * _DEG
@@ -96,17 +94,11 @@ def separation_deg(
 ) -> float: ...
 @overload
 def separation_deg(
-    ra_a_deg: float | FloatArray,
-    dec_a_deg: float | FloatArray,
-    ra_b_deg: float | FloatArray,
-    dec_b_deg: float | FloatArray,
-) -> float | FloatArray: ...
+    ra_a_deg: AngleLike, dec_a_deg: AngleLike, ra_b_deg: AngleLike, dec_b_deg: AngleLike
+) -> AngleLike: ...
 def separation_deg(
-    ra_a_deg: float | FloatArray,
-    dec_a_deg: float | FloatArray,
-    ra_b_deg: float | FloatArray,
-    dec_b_deg: float | FloatArray,
-) -> float | FloatArray:
+    ra_a_deg: AngleLike, dec_a_deg: AngleLike, ra_b_deg: AngleLike, dec_b_deg: AngleLike
+) -> AngleLike:
     """Great-circle distance, exact for tiny and for opposite directions (Vincenty's form)."""
     east, north, cosine = _separation(ra_a_deg, dec_a_deg, ra_b_deg, dec_b_deg)
     distance = np.degrees(np.arctan2(np.hypot(east, north), cosine))
@@ -119,17 +111,11 @@ def position_angle_deg(
 ) -> float: ...
 @overload
 def position_angle_deg(
-    ra_a_deg: float | FloatArray,
-    dec_a_deg: float | FloatArray,
-    ra_b_deg: float | FloatArray,
-    dec_b_deg: float | FloatArray,
-) -> float | FloatArray: ...
+    ra_a_deg: AngleLike, dec_a_deg: AngleLike, ra_b_deg: AngleLike, dec_b_deg: AngleLike
+) -> AngleLike: ...
 def position_angle_deg(
-    ra_a_deg: float | FloatArray,
-    dec_a_deg: float | FloatArray,
-    ra_b_deg: float | FloatArray,
-    dec_b_deg: float | FloatArray,
-) -> float | FloatArray:
+    ra_a_deg: AngleLike, dec_a_deg: AngleLike, ra_b_deg: AngleLike, dec_b_deg: AngleLike
+) -> AngleLike:
     """Direction of b as seen from a, east of north, 0 to 360."""
     east, north, _ = _separation(ra_a_deg, dec_a_deg, ra_b_deg, dec_b_deg)
     angle = np.degrees(np.arctan2(east, north)) % 360.0

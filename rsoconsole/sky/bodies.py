@@ -9,14 +9,13 @@ import numpy as np
 from rsoconsole.records import FloatArray, Site
 from rsoconsole.sky.angles import unit_to_direction
 from rsoconsole.sky.frames import icrs_to_altaz
-from rsoconsole.sky.places import AU_KM, site_gcrs, sun_gcrs_km
+from rsoconsole.sky.places import AU_KM, EARTH_RADIUS_KM, LIGHT_KM_S, site_gcrs, sun_gcrs_km
 from rsoconsole.sky.times import TimeLike, jd_tt
 from rsoconsole.words import NS_PER_DAY, NS_PER_S
 
 SUN_RADIUS_KM = 695_700.0
-EARTH_RADIUS_KM = 6378.137
 LIT_SHARE = 0.5
-"""Of the Sun's disc, from which a satellite counts as lit."""
+"""Share of the Sun's disc from which a satellite counts as lit."""
 
 
 def sun_icrs(t_utc_ns: int) -> tuple[float, float]:
@@ -37,7 +36,7 @@ def lit_fraction(position_gcrs_km: FloatArray, t_utc_ns: TimeLike) -> FloatArray
 
 
 def lit_fraction_by(sun_km: FloatArray, position_gcrs_km: FloatArray) -> FloatArray:
-    """The same by where the Sun is, (..., 3) km from the Earth's centre.
+    """Share of the solar disc seen by a satellite; the Sun at (..., 3) km from the Earth's centre.
 
     Overlap of two discs, the Earth a sphere without air. Source: Montenbruck & Gill 2000, 3.4.2.
     """
@@ -95,11 +94,10 @@ def moon_lit_fraction(t_utc_ns: int) -> float:
     return (1.0 + cosine) / 2.0
 
 
-LIGHT_KM_S = 299_792.458
 PLANETS = MappingProxyType(
     {"Mercury": 1, "Venus": 2, "Mars": 4, "Jupiter": 5, "Saturn": 6, "Uranus": 7, "Neptune": 8}
 )
-"""Name -> number in the theory; the third is the Earth."""
+"""Number in the theory by name; the third is the Earth."""
 
 
 def planet_icrs(name: str, t_utc_ns: int) -> tuple[float, float]:
@@ -155,13 +153,10 @@ def _first(is_dark: Callable[[int], bool], wanted: bool, from_ns: int, to_ns: in
     before_ns = from_ns
     for at_ns in range(from_ns + step_ns, to_ns + step_ns, step_ns):
         if is_dark(at_ns) is wanted:
-            return _crossing(is_dark, wanted, before_ns, at_ns)
+            break
         before_ns = at_ns
-    return None
-
-
-def _crossing(is_dark: Callable[[int], bool], wanted: bool, before_ns: int, at_ns: int) -> int:
-    """Bisect to a tenth of a second: not wanted at ``before_ns``, wanted at ``at_ns``."""
+    else:
+        return None
     while abs(at_ns - before_ns) > CROSSING_NS:
         middle_ns = (before_ns + at_ns) // 2
         if is_dark(middle_ns) is wanted:

@@ -1,7 +1,7 @@
 """The sky of one hour: apparent places, sidereal time and the Sun, for questions asked often.
 
 Within half an hour aberration, precession and nutation move a place by less than 0.02 arcsec, so
-that what is dear to compute is computed once an hour. The Sun's place runs on a straight
+that what takes long is computed once an hour. The Sun's place runs on a straight
 line: good to an arcsecond for hours.
 """
 
@@ -30,7 +30,7 @@ class Epoch:
     t_utc_ns: int
     """The middle of the hour."""
     astrom: Any
-    """What erfa keeps for many places at one instant."""
+    """Parameters of erfa (``apci13``) for many places at one instant."""
     equation_of_origins_deg: float
     gast_deg: float
     sun_ra_deg: float

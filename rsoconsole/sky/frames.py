@@ -1,4 +1,4 @@
-"""Between catalogue directions, the mount's epoch of date, hour angle and altitude.
+"""Conversions between catalogue directions, places of date, hour angle and altitude.
 
 Directions are floats or arrays; array instants need arrays of directions. "JNow" is the apparent
 place: true equator and equinox of date with annual aberration, which is what INDI's
@@ -101,7 +101,7 @@ def altaz_to_icrs(
 
 
 def refraction_deg(altitude_deg: Angle) -> Angle:
-    """How much air at 10 C lifts a true altitude; held below -1 deg. Source: Saemundsson 1986."""
+    """Refraction at a true altitude, air at 10 C; held below -1 deg. Source: Saemundsson 1986."""
     h = np.maximum(np.asarray(altitude_deg, float), -1.0)
     lift_arcmin = 1.02 / np.tan(np.radians(h + 10.3 / (h + 5.11)))
     return _like(altitude_deg, lift_arcmin / 60.0)

@@ -31,19 +31,7 @@ _MESSIER_TABLE = """
 """
 
 
-def _read_messier() -> dict[int, tuple[float, float]]:
-    rows = (row.split() for row in _MESSIER_TABLE.replace("|", "\n").strip().splitlines())
-    return {
-        int(number): (parse_ra_deg(f"{h} {m}"), parse_dec_deg(f"{d} {arcmin}"))
-        for number, h, m, d, arcmin in rows
-    }
-
-
-MESSIER = MappingProxyType(_read_messier())
-"""Number -> (RA, Dec) in ICRS degrees."""
-
-
-_TABLE = """
+_STAR_TABLE = """
 Achernar 01 37 42.8 -57 14 12
 Acrux 12 26 35.9 -63 05 57
 Adhara 06 58 37.5 -28 58 20
@@ -103,13 +91,17 @@ Zubeneschamali 15 17 00.4 -09 22 59
 """
 
 
-def _read_stars() -> dict[str, tuple[float, float]]:
-    stars: dict[str, tuple[float, float]] = {}
-    for line in _TABLE.strip().splitlines():
-        name, *fields = line.split()
-        stars[name] = parse_ra_deg(" ".join(fields[:3])), parse_dec_deg(" ".join(fields[3:]))
-    return stars
+def _places(table: str) -> dict[str, tuple[float, float]]:
+    """(RA, Dec) by name, of rows of a name and both coordinates, each in as many fields."""
+    places: dict[str, tuple[float, float]] = {}
+    for row in table.replace("|", "\n").strip().splitlines():
+        name, *fields = row.split()
+        half = len(fields) // 2
+        places[name] = parse_ra_deg(" ".join(fields[:half])), parse_dec_deg(" ".join(fields[half:]))
+    return places
 
 
-NAMED_STARS = _read_stars()
+MESSIER = MappingProxyType({int(name): place for name, place in _places(_MESSIER_TABLE).items()})
+"""Right ascension and declination, ICRS degrees, by number in Messier's list."""
+NAMED_STARS = _places(_STAR_TABLE)
 """Right ascension and declination, ICRS degrees, by name."""

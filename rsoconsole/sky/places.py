@@ -19,6 +19,9 @@ from rsoconsole.words import NS_PER_S
 
 LIGHT_KM_S = 299_792.458
 AU_KM = 149_597_870.7
+GEO_RADIUS_KM = 42164.17
+EARTH_RADIUS_KM = 6378.137
+EARTH_E2 = 0.00669437999014
 S_PER_DAY = 86_400.0
 _KNOT_NS = 3600 * NS_PER_S
 
@@ -35,7 +38,7 @@ class Places:
     dec_icrs_deg: FloatArray
     range_km: FloatArray
     ra_rate_deg_s: FloatArray
-    """Of the coordinate: multiply by cos dec for the rate on the sky."""
+    """Rate of the coordinate: multiply by cos dec for the rate on the sky."""
     dec_rate_deg_s: FloatArray
     position_gcrs_km: FloatArray
     """(N, 3) when the light left."""
@@ -119,7 +122,7 @@ def _about_pole(angle: FloatArray) -> FloatArray:
 
 
 _FEW, _MAX_REMEMBERED = 256, 4096
-"""Instants: asked for at once, to be remembered; and all that are."""
+"""Most instants of one call that are remembered, and most remembered in all."""
 _remembered: dict[int, FloatArray] = {}
 """Velocity of the Earth, km/s, by its instant."""
 
@@ -192,7 +195,7 @@ def astrometric_places(position_of: PositionOf, site: Site, t_utc_ns: IntArray) 
 def line_of_sight_gcrs(
     ra_icrs_deg: FloatArray, dec_icrs_deg: FloatArray, t_utc_ns: IntArray
 ) -> FloatArray:
-    """Unit vectors (N, 3) site to object that measured places mean: the inverse of the above.
+    """Unit vectors (N, 3) site to object of measured places; undoes ``astrometric_places``.
 
     Direction of u + v_earth/c, whatever the range; the object was there at t - tau.
     """
@@ -213,11 +216,6 @@ def _angular_rates_deg_s(u: FloatArray, u_rate: FloatArray) -> tuple[FloatArray,
 
 def _rotate(rotation: FloatArray, vector: FloatArray) -> FloatArray:
     return np.asarray(np.einsum("...ij,...j->...i", rotation, vector))
-
-
-GEO_RADIUS_KM = 42164.17
-EARTH_RADIUS_KM = 6378.137
-EARTH_E2 = 0.00669437999014
 
 
 def belt_declination_deg(site: Site, hour_angle_deg: float) -> float:

@@ -1,4 +1,4 @@
-"""One time inside the program: whole nanoseconds of UTC since 1970; here are its other faces.
+"""Time scales: the program's whole nanoseconds of UTC since 1970 as ISO text, UT1, TT, sidereal.
 
 Julian dates come as pairs (day, fraction) as erfa wants them. A nanosecond count has no room
 for a leap second: the second 23:59:60 is not representable, as in POSIX time. UT1 and polar
@@ -108,7 +108,7 @@ def jd_ut1(t_utc_ns: TimeLike) -> tuple[FloatArray, FloatArray]:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class EarthOrientation:
-    """Where the Earth's pole and its rotation were, at each of the instants asked for."""
+    """UT1-UTC and the place of the Earth's pole, at each of the instants asked for."""
 
     ut1_minus_utc_s: FloatArray
     pole_x_arcsec: FloatArray

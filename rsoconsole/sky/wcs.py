@@ -166,8 +166,7 @@ def wcs_cards(wcs: Wcs, width_px: int, height_px: int) -> dict[str, str | int | 
         "CRPIX1": wcs.crpix_x_px + 1.0,
         "CRPIX2": wcs.crpix_y_px + 1.0,
     }
-    for name, value in zip(("CD1_1", "CD1_2", "CD2_1", "CD2_2"), wcs.cd, strict=True):
-        cards[name] = value
+    cards.update(zip(("CD1_1", "CD1_2", "CD2_1", "CD2_2"), wcs.cd, strict=True))
     if suffix:
         for letter, terms in (("A", wcs.sip_a), ("B", wcs.sip_b)):
             cards[f"{letter}_ORDER"] = max([2, *(p + q for p, q, _ in terms)])

@@ -58,14 +58,8 @@ def about(streak: Ends, confidence: float = 0.5) -> NetworkBox:
     x_a, y_a, x_b, y_b = streak
     return NetworkBox(
         confidence=confidence,
-        x0_px=min(x_a, x_b) - 4,
-        y0_px=min(y_a, y_b) - 4,
-        x1_px=max(x_a, x_b) + 4,
-        y1_px=max(y_a, y_b) + 4,
-        x_a_px=x_a + 2,
-        y_a_px=y_a - 1,
-        x_b_px=x_b + 2,
-        y_b_px=y_b - 1,
+        corners_px=(min(x_a, x_b) - 4, min(y_a, y_b) - 4, max(x_a, x_b) + 4, max(y_a, y_b) + 4),
+        ends_px=(x_a + 2, y_a - 1, x_b + 2, y_b - 1),
     )
 
 

@@ -40,14 +40,8 @@ def box_on(trail: TrueTrail, confidence: float = 0.5) -> NetworkBox:
     xs, ys = sorted((trail.x_a_px, trail.x_b_px)), sorted((trail.y_a_px, trail.y_b_px))
     return NetworkBox(
         confidence=confidence,
-        x0_px=xs[0] - 4,
-        y0_px=ys[0] - 4,
-        x1_px=xs[1] + 4,
-        y1_px=ys[1] + 4,
-        x_a_px=trail.x_a_px,
-        y_a_px=trail.y_a_px,
-        x_b_px=trail.x_b_px,
-        y_b_px=trail.y_b_px,
+        corners_px=(xs[0] - 4, ys[0] - 4, xs[1] + 4, ys[1] + 4),
+        ends_px=(trail.x_a_px, trail.y_a_px, trail.x_b_px, trail.y_b_px),
     )
 
 

@@ -21,7 +21,7 @@ from rsoconsole.pipeline import Reprocessor, read_pixels, recorded_frame
 from rsoconsole.pipeline.frame.calibration import Calibration
 from rsoconsole.records import Event, Frame
 from rsoconsole.session import SessionReader
-from rsoconsole.vision import evened
+from rsoconsole.vision import without_mosaic
 from tests.drawn.uneven_camera import STREAK, UnevenCamera
 from tests.nights.samples import SAMPLE
 
@@ -278,9 +278,9 @@ def test_a_mosaic_is_evened_out_after_the_calibration(tmp_path):
     path = master(tmp_path / "dark.fits", dark, EXPTIME=10.0)
     even, _ = Calibration(config_of(darks=[path])).prepare(frame)
     first = replace(frame, pixels=Calibration(config_of(darks=[path]))._calibrated(frame)[0].pixels)
-    assert np.array_equal(even.pixels, evened(first).pixels)
+    assert np.array_equal(even.pixels, without_mosaic(first).pixels)
     assert left_over(even) < 0.2
-    assert left_over(evened(frame)) > 5.0
+    assert left_over(without_mosaic(frame)) > 5.0
 
 
 # -- verbs, sessions, replays ------------------------------------------------------------------

@@ -22,9 +22,9 @@ from rsoconsole.vision import (
     FrameMap,
     NetworkBox,
     StarList,
-    decided,
     find_stars,
-    updated,
+    most_likely_class,
+    update_probabilities,
 )
 from rsoconsole.words import text
 from tests.drawn.drawn_skies import (
@@ -55,14 +55,8 @@ class Boxed:
         self.boxes: tuple[NetworkBox, ...] = (
             NetworkBox(
                 confidence=0.9,
-                x0_px=x[0] - 4.0,
-                y0_px=y[0] - 4.0,
-                x1_px=x[1] + 4.0,
-                y1_px=y[1] + 4.0,
-                x_a_px=ends[0],
-                y_a_px=ends[1],
-                x_b_px=ends[2],
-                y_b_px=ends[3],
+                corners_px=(x[0] - 4.0, y[0] - 4.0, x[1] + 4.0, y[1] + 4.0),
+                ends_px=(ends[0], ends[1], ends[2], ends[3]),
             ),
         )
 
@@ -156,11 +150,11 @@ def test_a_pulse_is_told_in_time_once_its_streak_is_no_chain_any_more():
         ends,
         frame,
         object_class="star chain",
-        class_probability=decided(PRIOR)[1],
+        class_probability=most_likely_class(PRIOR)[1],
         modulation_period_px=11.0,
     )
     shares = {"satellite": 0.2, "star chain": 0.8}
-    chain = replace(chain, class_probability=decided(shares)[1])
+    chain = replace(chain, class_probability=most_likely_class(shares)[1])
     found = Detections(frame_id=2, width_px=600, height_px=600, detections=(chain,))
     words = {chain: fixed_light.StreakComparison(comparison="new light")}
     (told,) = fixed_light.with_comparisons(found, words, {chain: shares}, frame).detections
@@ -295,7 +289,7 @@ def test_without_the_catalogues_stars_in_the_frame_nothing_is_said():
     ],
 )
 def test_a_comparison_moves_the_classes(said, more, less):
-    after = updated(PRIOR, said)
+    after = update_probabilities(PRIOR, said)
     assert sum(after.values()) == pytest.approx(1.0)
     assert after[more] > PRIOR[more]
     assert after[less] < PRIOR[less]

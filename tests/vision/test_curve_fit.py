@@ -16,9 +16,9 @@ from models.curve_fit import (
     reliability,
 )
 from rsoconsole.vision import (
+    FEATURE_NAMES,
     FEATURES,
-    LOOKED_AT,
-    WAYS,
+    IMAGE_KINDS,
     Candidate,
     Focus,
     LineLight,
@@ -172,9 +172,9 @@ def test_flashes_on_one_line_and_lights_beside_a_long_trail_are_known_by_their_c
 
 def test_each_way_of_showing_stars_has_weights_of_its_own_where_satellites_tell_them():
     sharp, wide = drawn(17, FRAMES), drawn(18, FRAMES)
-    moved = np.roll(wide.features, len(LOOKED_AT), axis=1)
+    moved = np.roll(wide.features, len(FEATURE_NAMES), axis=1)
     # There the network is wrong as often as right.
-    moved[:, NETWORK + len(LOOKED_AT)] = np.random.default_rng(19).normal(0.0, 2.0, len(moved))
+    moved[:, NETWORK + len(FEATURE_NAMES)] = np.random.default_rng(19).normal(0.0, 2.0, len(moved))
     both = replace(
         sharp,
         features=np.concatenate([sharp.features, moved]),
@@ -186,9 +186,9 @@ def test_each_way_of_showing_stars_has_weights_of_its_own_where_satellites_tell_
     weights = dict(zip(FEATURES, fit_curve(both, 10).weights, strict=True))
     assert weights["network"] > 5.0 * weights["joined network"]
     assert weights["joined log_snr"] > 0.5
-    for name in LOOKED_AT:
+    for name in FEATURE_NAMES:
         assert weights[f"trailed {name}"] == weights[name]
-    assert WAYS == ("", "joined ", "trailed ")
+    assert IMAGE_KINDS == ("", "joined ", "trailed ")
 
 
 def test_a_light_that_only_a_line_of_star_images_explains_is_heard_against_the_network():

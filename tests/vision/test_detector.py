@@ -46,14 +46,8 @@ def candidate(a: Point, b: Point, confidence: float) -> NetworkBox:
     (x0, x1), (y0, y1) = sorted((a[0], b[0])), sorted((a[1], b[1]))
     return NetworkBox(
         confidence=confidence,
-        x0_px=x0 - 4,
-        y0_px=y0 - 4,
-        x1_px=x1 + 4,
-        y1_px=y1 + 4,
-        x_a_px=a[0] + 2,
-        y_a_px=a[1] - 2,
-        x_b_px=b[0] + 2,
-        y_b_px=b[1] + 2,
+        corners_px=(x0 - 4, y0 - 4, x1 + 4, y1 + 4),
+        ends_px=(a[0] + 2, a[1] - 2, b[0] + 2, b[1] + 2),
     )
 
 
@@ -234,7 +228,8 @@ def test_box_mode_takes_the_papers_centre_not_its_word_for_what_is_a_streak() ->
 
 def test_box_mode_knows_a_streak_that_the_edge_cuts() -> None:
     a, b = (-60.0, 50.0), (60.0, 60.0)
-    edge = replace(candidate((4.0, 55.0), b, 0.8), x0_px=0.0)
+    inside = candidate((4.0, 55.0), b, 0.8)
+    edge = replace(inside, corners_px=(0.0, *inside.corners_px[1:]))
     (found,) = analyse(frame_with((a, b)), edge, centroid="box").detections.detections
     assert (found.method, found.is_clipped) == ("box", True)
 

@@ -8,8 +8,8 @@ import pytest
 
 from rsoconsole.vision import StarList, find_stars, local_background
 from rsoconsole.vision.lines.line_or_stars import ShortLights
-from rsoconsole.vision.stars.image import star_image
-from rsoconsole.vision.stars.trailed_stars import Trail
+from rsoconsole.vision.stars.star_image import star_image
+from rsoconsole.vision.stars.star_list import Trail
 from tests.drawn.drawn_lines import exposed, line_of_light
 from tests.makers import straight_detection
 
@@ -66,7 +66,7 @@ def held(light: np.ndarray, ends, stars_light: np.ndarray, rng, stars: StarList 
         length_px=math.hypot(x_b - x_a, y_b - y_a),
         angle_deg=math.degrees(math.atan2(y_b - y_a, x_b - x_a)),
     )
-    return lights.held(found)
+    return lights.compared(found)
 
 
 def streak(shape: np.ndarray, ends, electrons: float) -> np.ndarray:

@@ -7,8 +7,8 @@ import pytest
 
 from rsoconsole.records import Frame
 from rsoconsole.simulator.camera.sensor import MOSAIC_RGGB
-from rsoconsole.vision import evened, has_mosaic
-from rsoconsole.vision.frame.dark_and_flat import CELL, even_out
+from rsoconsole.vision import has_mosaic, without_mosaic
+from rsoconsole.vision.frame.mosaic import CELL, even_out
 
 SHAPE = (600, 801)
 """Not a whole number of cells."""
@@ -67,7 +67,7 @@ def test_without_stars_the_noise_tells_the_filters():
 
 def test_a_frame_without_a_mosaic_is_handed_through():
     frame = Frame(frame_id=1, name="a", pixels=sky((1.0, 1.0, 1.0, 1.0)))
-    assert evened(frame) is frame
+    assert without_mosaic(frame) is frame
     for pattern in ("", "NONE", "MONO", "no", 1, True):
         assert not has_mosaic({"BAYERPAT": pattern})
     for pattern in ("RGGB", "bggr ", "GRBG", "GBRG"):
@@ -90,9 +90,11 @@ def test_saturation_is_that_of_the_colour_that_is_full_first():
         saturation_adu=30000.0,
         header={"BAYERPAT": "RGGB"},
     )
-    even = evened(frame)
+    even = without_mosaic(frame)
     assert even.saturation_adu < 30000.0
-    full = evened(replace(frame, pixels=np.where(frame.pixels > 15000, 30000, frame.pixels)))
+    full = without_mosaic(
+        replace(frame, pixels=np.where(frame.pixels > 15000, 30000, frame.pixels))
+    )
     assert full.pixels[frame.pixels > 15000].min() >= 0.98 * full.saturation_adu
 
 
@@ -114,7 +116,7 @@ def test_the_detector_finds_the_same_behind_a_mosaic_and_without_one():
     detector = StreakDetector(network, settings, ConfidenceCurve.from_card(network.card))
     for number in range(3):
         frame, truth, _ = draw("bayer", number)
-        seen = evened(replace(frame, header={"BAYERPAT": "RGGB"}))
+        seen = without_mosaic(replace(frame, header={"BAYERPAT": "RGGB"}))
         assert not np.array_equal(seen.pixels, frame.pixels)
         (found,) = detector.detect(seen).detections
         middle = (truth.x_a_px + truth.x_b_px) / 2, (truth.y_a_px + truth.y_b_px) / 2

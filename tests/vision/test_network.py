@@ -64,19 +64,18 @@ def test_a_geostationary_streak_is_found_where_it_is(network, angle_deg):
     x, y = 611.3, 402.8
     (box,) = _found(network, _sky(1, streaks=[_geo(x, y, angle_deg)]))
     two_cells = 16.0
-    assert (
-        np.hypot((box.x_a_px + box.x_b_px) / 2 - x, (box.y_a_px + box.y_b_px) / 2 - y) < two_cells
-    )
+    assert np.hypot(box.middle_px[0] - x, box.middle_px[1] - y) < two_cells
     assert box.length_px == pytest.approx(119.0, abs=2 * two_cells)
     assert abs((box.angle_deg - angle_deg + 90) % 180 - 90) < 12
-    assert box.x0_px <= box.x_a_px <= box.x1_px
-    assert box.y0_px <= box.y_a_px <= box.y1_px
+    (x0, y0, x1, y1), (x_a, y_a, _, _) = box.corners_px, box.ends_px
+    assert x0 <= x_a <= x1
+    assert y0 <= y_a <= y1
 
 
 def test_a_cluster_of_parallel_streaks_is_told_apart(network):
     places = [(400.0, 300.0), (520.0, 410.0), (470.0, 560.0)]
     boxes = _found(network, _sky(2, streaks=[_geo(x, y, 3.0) for x, y in places]))
-    middles = [((b.x_a_px + b.x_b_px) / 2, (b.y_a_px + b.y_b_px) / 2) for b in boxes]
+    middles = [b.middle_px for b in boxes]
     assert len(boxes) == len(places)
     for x, y in places:
         assert min(np.hypot(mx - x, my - y) for mx, my in middles) < 16
@@ -84,12 +83,12 @@ def test_a_cluster_of_parallel_streaks_is_told_apart(network):
 
 def test_a_streak_cut_by_the_edge_is_still_seen(network):
     (box,) = _found(network, _sky(3, streaks=[_geo(20.0, 500.0, 5.0, peak_snr=9.0)]))
-    assert box.x0_px < 16
+    assert box.corners_px[0] < 16
 
 
 def test_the_papers_black_and_white_map_serves_too(network):
     (box,) = _found(network, _sky(4, streaks=[_geo(700.0, 300.0, 12.0, peak_snr=9.0)]), "paper")
-    assert abs((box.x_a_px + box.x_b_px) / 2 - 700.0) < 24
+    assert abs(box.middle_px[0] - 700.0) < 24
 
 
 @pytest.mark.parametrize("seed", range(10, 16))
@@ -105,13 +104,13 @@ def test_a_map_larger_than_the_input_is_tiled_and_no_streak_counts_twice(network
     boxes = _found(network, pixels, block=2)
     assert len(boxes) == len(places)
     for x, _ in places:
-        assert min(abs((b.x_a_px + b.x_b_px) / 2 - x) for b in boxes) < 8
+        assert min(abs(b.middle_px[0] - x) for b in boxes) < 8
 
 
 def test_a_frame_smaller_than_the_input_is_padded(network):
     small = _sky(6, streaks=[_geo(200.0, 150.0, 60.0)])[:300, :420]
     (box,) = _found(network, small)
-    assert abs((box.x_a_px + box.x_b_px) / 2 - 200.0) < 16
+    assert abs(box.middle_px[0] - 200.0) < 16
 
 
 def test_the_same_map_gives_the_same_answer(network):

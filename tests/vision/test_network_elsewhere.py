@@ -40,8 +40,7 @@ def test_it_believes_in_an_independent_simulators_satellites_most(sequence):
     boxes = _proposed(_fits(folder / frame["file"]), 1.264, 10.0)[: len(frame["objects"])]
     for true in frame["objects"]:
         middle_errors = [
-            np.hypot((b.x_a_px + b.x_b_px) / 2 - true["x"], (b.y_a_px + b.y_b_px) / 2 - true["y"])
-            for b in boxes
+            np.hypot(b.middle_px[0] - true["x"], b.middle_px[1] - true["y"]) for b in boxes
         ]
         three_cells = 24.0
         assert min(middle_errors) < three_cells
@@ -50,8 +49,8 @@ def test_it_believes_in_an_independent_simulators_satellites_most(sequence):
 def test_it_believes_in_the_long_trail_of_a_real_frame_most():
     box, *rest = _proposed(_fits(DATA / "real" / "astride_long.fits"), 3.04, 60.0)
     four_cells = 32.0
-    assert abs((box.x_a_px + box.x_b_px) / 2 - 181.0) < four_cells
-    assert abs((box.y_a_px + box.y_b_px) / 2 - 323.0) < four_cells
+    assert abs(box.middle_px[0] - 181.0) < four_cells
+    assert abs(box.middle_px[1] - 323.0) < four_cells
     assert box.length_px == pytest.approx(319.0, rel=0.25)
     assert all(box.confidence > 5.0 * other.confidence for other in rest)
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from rsoconsole.vision.frame.median import MAX_POINTS, MIN_POINTS, on_one_line
+from rsoconsole.vision.stars.stars import MAX_POINTS, MIN_POINTS, on_one_line
 
 
 def pieces(count: int, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from rsoconsole.records import FloatArray
-from rsoconsole.vision import refit_from, shifted_onto
+from rsoconsole.vision import refit_from, shift_plate
 from tests.vision.test_plate_fit import (
     HEIGHT,
     SCALE,
@@ -43,7 +43,7 @@ def test_few_stars_among_many_that_are_none_give_the_plate(count: int):
         visible = seen(truth, catalogue, rng, sigma_px=RMS_ARCSEC / SCALE)[:count]
         stars = among(visible, false_stars(30, rng), rng)
         assert refit_from(before, stars, catalogue, **SIZE) is None
-        found = shifted_onto(before, stars, catalogue, rms_arcsec=RMS_ARCSEC, **SIZE)
+        found = shift_plate(before, stars, catalogue, rms_arcsec=RMS_ARCSEC, **SIZE)
         if found is None:  # more than a pixel or two off by their own noise
             continue
         assert found.matched <= count + 1
@@ -61,7 +61,7 @@ def test_what_agrees_by_chance_is_no_plate():
     before = plate()
     catalogue = stars_around(before, 100, rng)
     accepted = [
-        shifted_onto(before, false_stars(count, rng), catalogue, rms_arcsec=RMS_ARCSEC, **SIZE)
+        shift_plate(before, false_stars(count, rng), catalogue, rms_arcsec=RMS_ARCSEC, **SIZE)
         for count in (4, 15, 60, 400)
         for _ in range(250)
     ]
@@ -73,10 +73,10 @@ def test_stars_of_another_field_are_no_plate():
     before, other = plate(), plate(170.0, 3.0)
     catalogue = stars_around(before, 60, rng)
     elsewhere = seen(other, stars_around(other, 60, rng), rng, 0.3)
-    assert shifted_onto(before, elsewhere, catalogue, rms_arcsec=RMS_ARCSEC, **SIZE) is None
+    assert shift_plate(before, elsewhere, catalogue, rms_arcsec=RMS_ARCSEC, **SIZE) is None
     nothing = np.empty((0, 2))
-    assert shifted_onto(before, nothing, catalogue, rms_arcsec=RMS_ARCSEC, **SIZE) is None
-    assert shifted_onto(before, elsewhere, nothing, rms_arcsec=RMS_ARCSEC, **SIZE) is None
+    assert shift_plate(before, nothing, catalogue, rms_arcsec=RMS_ARCSEC, **SIZE) is None
+    assert shift_plate(before, elsewhere, nothing, rms_arcsec=RMS_ARCSEC, **SIZE) is None
 
 
 def test_two_stars_are_enough_among_the_brightest_alone():
@@ -85,12 +85,12 @@ def test_two_stars_are_enough_among_the_brightest_alone():
     catalogue = stars_around(before, 60, rng)
     two = seen(before, catalogue, rng, 0.1)[:2]
     bright = np.concatenate([two, false_stars(8, rng)])
-    found = shifted_onto(before, bright, catalogue, rms_arcsec=RMS_ARCSEC, **SIZE)
+    found = shift_plate(before, bright, catalogue, rms_arcsec=RMS_ARCSEC, **SIZE)
     assert found is not None
     assert found.matched == 2
     assert centre_error_arcsec(found, before) < 0.5
     faint = np.concatenate([false_stars(30, rng), two, false_stars(28, rng)])
-    assert shifted_onto(before, faint, catalogue, rms_arcsec=RMS_ARCSEC, **SIZE) is None
+    assert shift_plate(before, faint, catalogue, rms_arcsec=RMS_ARCSEC, **SIZE) is None
 
 
 def test_one_star_that_pairs_with_three_is_one_witness():
@@ -100,5 +100,5 @@ def test_one_star_that_pairs_with_three_is_one_witness():
     rng = np.random.default_rng(7)
     one = seen(before, group[:1], rng, 0.1)
     pieces = np.concatenate([one, one + 0.4, one - 0.4, false_stars(3, rng)])
-    assert shifted_onto(before, pieces, group[:1], rms_arcsec=RMS_ARCSEC, **SIZE) is None
-    assert shifted_onto(before, one, group, rms_arcsec=RMS_ARCSEC, **SIZE) is None
+    assert shift_plate(before, pieces, group[:1], rms_arcsec=RMS_ARCSEC, **SIZE) is None
+    assert shift_plate(before, one, group, rms_arcsec=RMS_ARCSEC, **SIZE) is None

@@ -10,10 +10,10 @@ from rsoconsole.simulator.sky.star_background import places_now
 from rsoconsole.sky import (
     StarCatalogue,
     Stars,
+    apply_proper_motion,
     describe,
     iso_to_utc_ns,
     julian_year,
-    moved,
     separation_deg,
     wcs_from_cards,
 )
@@ -44,7 +44,7 @@ def test_motion_is_that_of_astropy_to_a_hundredth_of_a_milliarcsecond(years):
     ra = rng.uniform(0, 360, 200)
     dec = np.concatenate([rng.uniform(-88, 88, 198), [89.9, -89.9]])
     pm_ra, pm_dec = rng.normal(0, 1000.0, (2, 200))
-    ours = moved(ra, dec, pm_ra, pm_dec, years)
+    ours = apply_proper_motion(ra, dec, pm_ra, pm_dec, years)
     epoch = Time(2000.0, format="jyear", scale="tt")
     theirs = SkyCoord(
         ra * u.deg,
@@ -72,7 +72,7 @@ def test_the_fastest_star_of_the_sky_moves_along_the_belt():
 def test_a_cone_at_an_epoch_finds_what_moves_into_it_and_leaves_out_what_moves_away():
     stars = StarCatalogue.load()
     years = 26.7
-    every = moved(
+    every = apply_proper_motion(
         stars.ra_icrs_deg,
         stars.dec_icrs_deg,
         stars.pm_ra_mas_yr.astype(float),
@@ -101,7 +101,7 @@ def test_the_whole_sky_holds_the_belt_and_the_rest_in_order():
 def test_the_simulated_sky_and_the_reduction_agree_where_a_star_is():
     """The simulator moves stars by SOFA; the reduction by its own vectors."""
     at_j2000 = StarCatalogue.load().cone(269.45, 4.7, 2.0)
-    now = moved(
+    now = apply_proper_motion(
         at_j2000.ra_icrs_deg,
         at_j2000.dec_icrs_deg,
         at_j2000.pm_ra_mas_yr,

@@ -16,7 +16,7 @@ import pytest
 
 from rsoconsole.records import Detection, Frame
 from rsoconsole.vision import StreakFit, find_stars, fit_streak, local_background
-from rsoconsole.vision.streaks.streak_names import named_with_shares
+from rsoconsole.vision.streaks.streak_classes import classify_streaks
 
 FOLDER = Path(__file__).resolve().parents[3] / "shared" / "data" / "field" / "gmn"
 EXPOSURE_S, SCALE_ARCSEC_PX = 10.24, 249.6
@@ -66,7 +66,7 @@ def told(true: dict, *, is_plate_known: bool) -> Detection:
         method="line",
         unevenness=fit.unevenness,
     )
-    (one,), *_ = named_with_shares(frame, sky, stars, [streak])
+    (one,), *_ = classify_streaks(frame, sky, stars, [streak])
     return one
 
 

@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 from rsoconsole.records import Detection, NotAStreak, Rejection
-from rsoconsole.vision import decided, find_stars, local_background
+from rsoconsole.vision import find_stars, local_background, most_likely_class
 from rsoconsole.vision.streaks._streak_light import Fading
-from rsoconsole.vision.streaks.streak_class import Evidence, probabilities
-from rsoconsole.vision.streaks.streak_names import named_with_shares
+from rsoconsole.vision.streaks.class_probabilities import Evidence, probabilities
+from rsoconsole.vision.streaks.streak_classes import classify_streaks
 from tests.drawn.drawn_classes import Drawn, drawn
 from tests.tiers import plain_first
 
@@ -23,7 +23,7 @@ def seen(one: Drawn) -> Detection:
     """The streak with the name that its own frame gives it."""
     sky = local_background(one.frame.pixels)
     stars = find_stars(one.frame.pixels, sky)
-    (streak,), *_ = named_with_shares(one.frame, sky, stars, [one.streak])
+    (streak,), *_ = classify_streaks(one.frame, sky, stars, [one.streak])
     return streak
 
 
@@ -86,7 +86,7 @@ def test_what_nothing_is_known_of_is_undetermined():
         star_fwhm_px=2.5,
         star_scatter=0.05,
     )
-    name, probability = decided(probabilities(nothing))
+    name, probability = most_likely_class(probabilities(nothing))
     assert name == "undetermined"
     assert probability == pytest.approx(1.0 - max(probabilities(nothing).values()))
 
@@ -109,14 +109,14 @@ def crossing(width: float, snr: float = 500.0, scatter: float = 0.03, **more) ->
 
 def test_what_is_out_of_focus_is_too_near_to_be_a_satellite():
     sharp, blurred = (probabilities(crossing(width)) for width in (1.0, 1.45))
-    assert decided(probabilities(crossing(1.0)))[0] == "satellite"
-    assert decided(probabilities(crossing(1.45)))[0] == "aircraft"
+    assert most_likely_class(probabilities(crossing(1.0)))[0] == "satellite"
+    assert most_likely_class(probabilities(crossing(1.45)))[0] == "aircraft"
     assert sharp["aircraft"] < 0.2
     assert blurred["satellite"] < 0.1
 
 
 def test_a_width_known_badly_decides_nothing():
-    assert decided(probabilities(crossing(1.45, snr=8.0, scatter=0.4)))[0] in {
+    assert most_likely_class(probabilities(crossing(1.45, snr=8.0, scatter=0.4)))[0] in {
         "undetermined",
         "satellite",
     }
@@ -160,7 +160,7 @@ def test_what_was_rejected_is_named_too_and_what_was_not_measured_is_not():
     boxed = replace(one.streak, width_px=0.0, snr=0.0, method="box")
     trailed = NotAStreak(kind="stars' trails", value=30.0, limit=12.0)
     told = [Rejection(detection=each, reason=trailed) for each in (one.streak, boxed)]
-    _, (first, second), _ = named_with_shares(one.frame, sky, stars, [], told)
+    _, (first, second), _ = classify_streaks(one.frame, sky, stars, [], told)
     assert first.detection.object_class == "star chain"
     assert second.detection == boxed
     assert (first.reason, second.reason) == (trailed, trailed)
@@ -175,6 +175,6 @@ def test_a_streak_that_leaves_the_frame_is_looked_at_as_far_as_it_goes():
         is_clipped=True,
     )
     sky = local_background(one.frame.pixels)
-    (found,), *_ = named_with_shares(one.frame, sky, find_stars(one.frame.pixels, sky), [outside])
+    (found,), *_ = classify_streaks(one.frame, sky, find_stars(one.frame.pixels, sky), [outside])
     assert 0.0 <= found.class_probability <= 1.0
     assert found.modulation_period_s is None

@@ -6,7 +6,7 @@ import pytest
 from rsoconsole.records import NotAStreak
 from rsoconsole.vision import StreakFit, find_stars, fit_streak, local_background
 from rsoconsole.vision.lines.streak_search import cut_out
-from rsoconsole.vision.streaks.streak_class import unevenness
+from rsoconsole.vision.streaks.streak_evenness import unevenness
 from rsoconsole.vision.streaks.streak_fit import NoStreak
 from tests.drawn.drawn_light import SIGMA_PX, sky_with, streak
 

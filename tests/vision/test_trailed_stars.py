@@ -11,8 +11,8 @@ import pytest
 from rsoconsole.instruments import read_frame
 from rsoconsole.sky import turn_deg
 from rsoconsole.vision import Candidate, LineLight, find_stars
-from rsoconsole.vision.detector._reject_artifacts import not_along
-from rsoconsole.vision.stars.trailed_stars import Trail
+from rsoconsole.vision.detector._reject_artifacts import reject_star_trails
+from rsoconsole.vision.stars.star_list import Trail
 from rsoconsole.words import text
 from tests.makers import straight_detection
 from tests.tiers import plain_first
@@ -118,7 +118,7 @@ def test_some_trails_in_a_row_are_no_streak(angle_deg, length_px, confidence, ro
     found = straight_detection(angle_deg=angle_deg, length_px=length_px, confidence=confidence)
     light = LineLight(lower_quartile_snr=20.0, roughness=roughness)
     candidate = Candidate(found=found, light=light)
-    kept, chains = not_along([candidate], trail)
+    kept, chains = reject_star_trails([candidate], trail)
     assert (kept == [candidate], len(chains)) == (is_kept, 0 if is_kept else 1)
     if chains:
         assert "along the stars' own trails, of 20 px" in text(chains[0].reason)
@@ -128,5 +128,5 @@ def test_what_images_of_the_stars_know_for_a_line_stays_along_their_trails():
     trail = Trail(length_px=20.0, angle_deg=60.0, fwhm_px=3.0)
     found = straight_detection(angle_deg=62.0, length_px=30.0, confidence=0.5)
     light = LineLight(lower_quartile_snr=20.0, roughness=0.3, over_stars=300.0, left=1.0)
-    kept, chains = not_along([Candidate(found=found, light=light)], trail)
+    kept, chains = reject_star_trails([Candidate(found=found, light=light)], trail)
     assert (len(kept), chains) == (1, [])

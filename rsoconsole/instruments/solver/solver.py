@@ -37,7 +37,7 @@ from rsoconsole.vision import (
     field_radius_deg,
     refit,
     refit_from,
-    shifted_onto,
+    shift_plate,
     solution_from,
 )
 
@@ -198,7 +198,7 @@ class PlateSolver:
         path: PlatePath = "refit"
         if (fit is None or fit.matched < MIN_STARS) and may_be_few:
             path = "shift"
-            fit = shifted_onto(
+            fit = shift_plate(
                 previous.wcs,
                 rows[:, :2],
                 catalogue,

@@ -13,13 +13,13 @@ import numpy as np
 from rsoconsole.records import Detection, FloatArray, Frame, NotAStreak, Solution
 from rsoconsole.sky import pixel_to_sky, sky_to_pixel, turn_deg
 from rsoconsole.vision import (
-    Box,
-    Compared,
+    Comparison,
     EarlierLight,
+    Ends,
     Mapping2d,
     Profile,
     StarList,
-    agreement,
+    compare_stars,
     earlier_light,
 )
 
@@ -39,7 +39,7 @@ class SolvedField:
 class StreakComparison:
     """Result of the comparison of a streak with earlier light or catalogue stars."""
 
-    comparison: Compared | None = None
+    comparison: Comparison | None = None
     reason: NotAStreak | None = None
     """Why it is none."""
 
@@ -56,7 +56,7 @@ def places_px(stars: StarList) -> FloatArray:
     return np.stack([stars.x_px, stars.y_px], axis=1)
 
 
-def ends_of(streak: Detection) -> Box:
+def ends_of(streak: Detection) -> Ends:
     """Ends of a streak: x_a, y_a, x_b, y_b in pixels."""
     return streak.x_a_px, streak.y_a_px, streak.x_b_px, streak.y_b_px
 
@@ -156,7 +156,7 @@ class LookBack:
             return None
         bright = np.flatnonzero(~here.stars.is_saturated)[_BRIGHTEST]
         x, y = to_field(here, before, here.stars.x_px[bright], here.stars.y_px[bright])
-        agree = agreement(
+        agree = compare_stars(
             np.stack([x, y], axis=1),
             here.stars.flux[bright],
             places_px(before.stars),
@@ -175,7 +175,7 @@ class LookBack:
         if profile is None:
             return None
         light = self._light(profile, streak, partial(to_field, here, before), self.flux_ratio)
-        found = "unclear" if light is None else light.found
+        found = "unclear" if light is None else light.finding
         if found == "same" and has_moved_on(streak, here, before, self.later_s):
             return None
         if found == "same":

@@ -34,18 +34,18 @@ from rsoconsole.records import (
 )
 from rsoconsole.sky import J2000_JYEAR, StarCatalogue, julian_year, sky_to_pixel
 from rsoconsole.vision import (
+    CONTINUOUS_CLASSES,
     MIN_MATCHED,
     PRIOR,
-    SHINES_ON,
-    Compared,
+    Comparison,
     FrameAnalysis,
     Likelihood,
     catalogue_light,
-    decided,
     is_same_streak,
-    matched,
-    updated,
-    with_context,
+    match_stars,
+    most_likely_class,
+    update_probabilities,
+    with_neighbours,
 )
 
 _COMPLETE_MAG = 10.0
@@ -102,7 +102,7 @@ class KnownStars:
         places, magnitude = known
         stars, fwhm = here.stars, here.stars.median_fwhm_px
         bright = np.flatnonzero(~stars.is_saturated)[_BRIGHTEST]
-        mine, theirs = matched(places_px(stars)[bright], places, max(fwhm, 2.0))
+        mine, theirs = match_stars(places_px(stars)[bright], places, max(fwhm, 2.0))
         if len(mine) < MIN_MATCHED:
             return None
         # Magnitude of a star that gives 1 ADU.
@@ -124,9 +124,9 @@ class KnownStars:
             width_px=max(streak.width_px, self.here.stars.median_fwhm_px),
             complete_adu=self.complete_adu,
         )
-        if light is None or light.said == "unclear":
+        if light is None or light.finding == "unclear":
             return None
-        if light.said == "no stars":
+        if light.finding == "no stars":
             return StreakComparison(comparison="no catalogue stars")
         reason = NotAStreak(kind="catalogue stars", value=light.stars)
         return StreakComparison(comparison="catalogue stars", reason=reason)
@@ -138,7 +138,7 @@ MAX_LOOKS = 8
 """Streaks of a frame that are looked at, most confident first."""
 FIXED_CONFIDENCE = 0.02
 """Times its confidence is what is fixed still believed."""
-_LED_TO: dict[NotAStreakKind, Compared | None] = {
+_LED_TO: dict[NotAStreakKind, Comparison | None] = {
     "fixed in the sky": "same light",
     "catalogue stars": "catalogue stars",
     "fixed on the sensor": None,
@@ -274,7 +274,7 @@ def with_comparisons(
     per_px = None
     if frame.scale_arcsec_px is not None and frame.exposure_s:
         per_px = frame.scale_arcsec_px / 3600.0 / frame.exposure_s
-    detections = tuple(with_context(kept, per_px))
+    detections = tuple(with_neighbours(kept, per_px))
     return replace(found, detections=detections, rejected=tuple(rejected))
 
 
@@ -284,17 +284,20 @@ def _renamed(
     if word == _NOTHING:
         return streak
     before = shares.get(streak, PRIOR)
-    if word.reason is None and decided(before) != (streak.object_class, streak.class_probability):
+    if word.reason is None and most_likely_class(before) != (
+        streak.object_class,
+        streak.class_probability,
+    ):
         return streak  # its company has named it
-    after = PRIOR if word.comparison is None else updated(before, word.comparison)
-    name, probability = decided(after)
+    after = PRIOR if word.comparison is None else update_probabilities(before, word.comparison)
+    name, probability = most_likely_class(after)
     if word.reason is not None:
         streak = replace(streak, confidence=FIXED_CONFIDENCE * streak.confidence, train=0)
     return replace(
         streak,
         object_class=name,
         class_probability=probability,
-        modulation_period_s=_period_s(streak, frame) if name in SHINES_ON else None,
+        modulation_period_s=_period_s(streak, frame) if name in CONTINUOUS_CLASSES else None,
     )
 
 

@@ -20,7 +20,7 @@ from rsoconsole.config import CalibrationConfig, Config
 from rsoconsole.instruments import camera_mode, exposure_s, read_frame, sensor_temperature_c
 from rsoconsole.pipeline.frame.frame_cautions import Caution
 from rsoconsole.records import Frame, PixelArray
-from rsoconsole.vision import DarkAndFlat, Workers, evened, has_mosaic, threads_for
+from rsoconsole.vision import DarkAndFlat, Workers, has_mosaic, threads_for, without_mosaic
 from rsoconsole.words import TAKE_DARK
 
 SAME_EXPOSURE, SAME_EXPOSURE_S = 0.02, 0.002
@@ -246,9 +246,9 @@ class Calibration:
         A frame that no master fits is used as it is, and a caution says so.
         """
         if not self._settings.files:
-            return evened(frame), ()
+            return without_mosaic(frame), ()
         calibrated, cautions = self._calibrated(frame)
-        return evened(calibrated), cautions
+        return without_mosaic(calibrated), cautions
 
     def _calibrated(self, frame: Frame) -> tuple[Frame, tuple[Caution, ...]]:
         masters, faults = self._masters

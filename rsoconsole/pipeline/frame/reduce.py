@@ -29,7 +29,7 @@ from rsoconsole.vision import (
     PsfMemory,
     StarList,
     StreakDetector,
-    matched,
+    match_stars,
 )
 from rsoconsole.words import text
 
@@ -76,7 +76,7 @@ class ZeroPoint:
         places, magnitude = known
         bright = np.flatnonzero(~stars.is_saturated & (stars.flux > 0.0))[_BRIGHTEST]
         mine_px = np.stack([stars.x_px, stars.y_px], axis=1)[bright]
-        mine, theirs = matched(mine_px, places, max(stars.median_fwhm_px, 2.0))
+        mine, theirs = match_stars(mine_px, places, max(stars.median_fwhm_px, 2.0))
         if len(mine) < MIN_MATCHED:
             return None
         rate_adu_s = stars.flux[bright][mine] / frame.exposure_s

@@ -13,7 +13,7 @@ from rsoconsole.pipeline.frame.plate import FramePart
 from rsoconsole.records import Detection, PixelArray
 from rsoconsole.vision import (
     Background,
-    Box,
+    Ends,
     StarList,
     StreakFit,
     Trace,
@@ -88,7 +88,7 @@ def _offs(sigma: float) -> Iterator[float]:
     yield from (off for off in OFFS_PX[1:] if off <= 1.5 * sigma)
 
 
-def _proposals(mark: Detection, sigma: float) -> Iterator[Box]:
+def _proposals(mark: Detection, sigma: float) -> Iterator[Ends]:
     """The marked line; turned about its middle as far as its ends do not say."""
     is_sure = mark.length_px >= SURE_DIRECTION * sigma
     half = 0.5 * mark.length_px
@@ -113,7 +113,7 @@ def _piece_of(pixels: PixelArray, mark: Detection, sigma: float) -> _Piece | Non
     return _Piece(pixels=piece, sky=sky, stars=find_stars(piece, sky), place=place)
 
 
-def _shifted(ends: Box, piece: _Piece) -> Box:
+def _shifted(ends: Ends, piece: _Piece) -> Ends:
     x0, y0 = piece.place.x0_px, piece.place.y0_px
     return ends[0] - x0, ends[1] - y0, ends[2] - x0, ends[3] - y0
 

@@ -1,1 +1,1 @@
-"""Where a telescope must never look or turn."""
+"""Limits of where a telescope may look and turn."""

@@ -1,4 +1,4 @@
-"""How a slew passes the Sun: the motion of both axes, so finely that nothing slips through.
+"""Passage of a slew by the Sun: the motion of both axes, in steps finer than its cone.
 
 Assumed is that both axes start together at the same rate and the one with less to go ends first.
 A real mount is a little different, so that either axis is also let run ahead of the other: by
@@ -21,7 +21,7 @@ POLE_DEG = 0.5
 PARKED_DEG = 0.02
 """So near to a pole the reported hour angle is noise: the mount is taken to be parked there."""
 POLE_PLACES = 9
-"""Of the polar axis, evenly over its range; the middle one is where mounts are parked: a German
+"""Places of the polar axis, evenly over its range; mounts are parked at the middle one: a German
 mount with its counterweight down, a fork at the meridian."""
 
 
@@ -37,7 +37,7 @@ class Way:
 
     @property
     def travel_deg(self) -> tuple[float, float]:
-        """What either axis has to go, not negative."""
+        """Degrees that the polar and the declination axis have to go, not negative."""
         return (
             abs(self.polar_to_deg - self.polar_from_deg),
             abs(self.declination_to_deg - self.declination_from_deg),
@@ -148,7 +148,7 @@ class SunPassage:
 
     from_sun_deg: float
     kept_deg: float
-    """What was to be kept there."""
+    """Least distance from the Sun that is required there."""
     is_way_out: bool
     """It began inside the cone, and comes nearer than it was."""
 

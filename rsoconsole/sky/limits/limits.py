@@ -1,4 +1,4 @@
-"""Where a telescope must never look or turn: held against every slew and every motion, at 1 Hz.
+"""Limits of where a telescope may look and turn: checked for every slew and motion, at 1 Hz.
 
 Hour angles are of date, altitudes without refraction (a little lower than the eye sees: on the
 safe side). The Sun's cone holds by night too, for a clock may be wrong. Near a pole the hour
@@ -82,7 +82,7 @@ class Limits:
         t_until_utc_ns: int,
         lifted: Collection[LimitName] = (),
     ) -> Refusal | None:
-        """Why this slew must not be begun; None when all of it is safe.
+        """The reason to refuse this slew; None when all of it is safe.
 
         ``start`` is where the mount stands now. Held are: the instants (an aim more than 5 min
         ago or 2 h ahead, an end before now or the aim or more than 4 h ahead, a clock outside
@@ -135,7 +135,7 @@ class Limits:
     def travel_deg(
         self, start: Pose, ra_icrs_deg: float, dec_icrs_deg: float
     ) -> tuple[float, float]:
-        """What the polar and the declination axis have to go for a slew begun now.
+        """Degrees that the polar and the declination axis turn in a slew begun now.
 
         The longest way where the side of the pier or, at a pole, the polar axis is not known.
         """
@@ -153,7 +153,7 @@ class Limits:
         lifted: Collection[LimitName] = (),
         before: Pose | None = None,
     ) -> Refusal | None:
-        """Why the mount must not be there, by what it reports; None when all is well.
+        """The limit that a reported pose violates; None when all is well.
 
         While it is on the way of a slew that ``refuse_slew`` has let pass: the Sun's cone, and
         how far the polar axis has turned (a fork: its hour angle); the way may dip. On its way to
@@ -191,7 +191,7 @@ class Limits:
         before: Pose | None = None,
         rested: Pose | None = None,
     ) -> Refusal | None:
-        """Why a motion whose end nobody knows must not go on; None while it may.
+        """The reason to stop a motion whose end nobody knows; None while it may go on.
 
         Held are the place where it is and those that it will have passed in ``ahead_s`` seconds,
         straight on at its ``rates`` (None: not known, only where it is), against all but twilight.
@@ -256,7 +256,7 @@ class Limits:
         return way.later_s, on_way_ahead(self._site, self._limits, self._mount, way, lifted=lifted)
 
     def margins_deg(self, pose: Pose) -> tuple[tuple[LimitName, float], ...]:
-        """How far each limit of a tracking mount is from a pose, the nearest first.
+        """Margin in degrees of each limit of a tracking mount at a pose, the nearest first.
 
         Negative beyond it. The pier's needs a side of it. Empty where instant or direction are
         no such.

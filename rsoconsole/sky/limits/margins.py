@@ -34,7 +34,7 @@ def level_deg(limits: LimitsConfig) -> float:
 
 
 def lowest_altitude_deg(limits: LimitsConfig, azimuth_deg: FloatArray) -> FloatArray:
-    """What nobody may look below: the mask, or the level horizon where none was drawn."""
+    """Lowest allowed altitude: the mask, or the level horizon where none was drawn."""
     if limits.horizon:
         return horizon_altitude_deg(limits.horizon, azimuth_deg)
     return np.full(azimuth_deg.shape, level_deg(limits))
@@ -62,11 +62,11 @@ class Margin:
     """The value is the polar axis itself, not an hour angle."""
 
     def but_where(self, is_let_be: NDArray[np.bool_]) -> "Margin":
-        """The same, without a violation where it is not held."""
+        """The margin without a violation where the limit does not apply."""
         return replace(self, excess_deg=np.where(is_let_be, -np.inf, self.excess_deg))
 
     def refusal_at(self, index: int, later_s: float = 0.0) -> Refusal:
-        """What to say of one instant."""
+        """The refusal at one instant; ``later_s``: seconds until then."""
         value_deg, bound_deg = float(self.value_deg[index]), float(self.bound_deg[index])
         if self.is_axis:
             return refusals.axis_past_meridian(value_deg, bound_deg)
@@ -149,7 +149,7 @@ def while_slewing(
     *,
     lifted: Collection[LimitName],
 ) -> Iterator[Margin]:
-    """What holds on the way too: the Sun's cone, and how far the polar axis has turned.
+    """Limits on the way of a slew: the Sun's cone, and how far the polar axis has turned.
 
     A flip leads past the pole, where the hour angle may be anything: there it is the axis that
     counts, whose counterweight must not rise above the horizontal by more than the meridian's
@@ -184,7 +184,7 @@ def while_parking(
     *,
     lifted: Collection[LimitName],
 ) -> Iterator[Margin]:
-    """What holds on the way to a park position, which may lie behind a wall or be level."""
+    """Limits on the way to a park position, which may lie behind a wall or be level."""
     yield from while_slewing(site, limits, mount, track, t_ns, lifted=lifted)
     if "horizon" not in lifted:
         ha_deg = hour_angle_deg(site, track, t_ns)
@@ -203,7 +203,7 @@ def from_sun(  # noqa: PLR0917 -- one place, its two coordinates and their insta
     dec_deg: float | FloatArray,
     t_ns: IntArray,
 ) -> Margin:
-    """How deep in the Sun's cone; by night there is none to be deep in."""
+    """Margin of the Sun's cone; by night it is no violation."""
     sun_ra_deg, sun_dec_deg = epoch.sun_date_deg(t_ns)
     distance_deg = from_sun_deg(ra_deg, dec_deg, sun_ra_deg, sun_dec_deg)
     margin = at_least("Sun", distance_deg, limits.sun_cone_deg)
@@ -217,7 +217,7 @@ def _of_track_from_sun(
 
 
 def past_meridian(limits: LimitsConfig, axis_deg: FloatArray) -> Margin:
-    """How far a German mount's polar axis has turned its counterweight up."""
+    """Margin of the angle by which a German mount's polar axis has raised its counterweight."""
     past_deg = np.maximum(axis_deg, -180.0 - axis_deg)
     bound_deg = np.full(axis_deg.shape, limits.past_meridian_deg)
     return Margin(
@@ -230,7 +230,7 @@ def past_meridian(limits: LimitsConfig, axis_deg: FloatArray) -> Margin:
 
 
 def within_hours(limits: LimitsConfig, ha_deg: FloatArray) -> Margin:
-    """How far beyond the hour angle that the mount may reach."""
+    """Margin of the hour angle that the mount may reach."""
     bound_deg = np.copysign(limits.max_hour_angle_deg, ha_deg)
     excess_deg = np.abs(ha_deg) - limits.max_hour_angle_deg
     return Margin(limit="hour angle", value_deg=ha_deg, bound_deg=bound_deg, excess_deg=excess_deg)
@@ -242,7 +242,7 @@ def at_least(
     bound_deg: float | FloatArray,
     azimuth_deg: FloatArray | None = None,
 ) -> Margin:
-    """How far below what an angle must at least be."""
+    """Margin of an angle that has a least value."""
     bound = np.broadcast_to(bound_deg, value_deg.shape)
     return Margin(
         limit=limit,

@@ -1,4 +1,4 @@
-"""A limit that says no: which, the figure and the bound as measured, and why as a reason."""
+"""Refusals by a limit: which one, the figure and the bound as measured, and the reason."""
 
 from dataclasses import dataclass
 from typing import Literal
@@ -15,14 +15,14 @@ LimitName = Literal[
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Refusal:
-    """Why the telescope must not go or stay there."""
+    """One limit that forbids the telescope to go or stay there."""
 
     limit: LimitName
     value_deg: float | None
     """The figure; None where it is no angle (direction, time)."""
     bound_deg: float | None
     reason: SlewRefusal
-    """What goes on record: its figures are those that are told."""
+    """Recorded reason; its figures are those in the message."""
 
     @property
     def text(self) -> str:

@@ -41,14 +41,14 @@ _MAX_DEG = 90.0
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Rates:
-    """How both coordinates change."""
+    """Rates of right ascension and declination."""
 
     ra_deg_s: float
-    """Of the right ascension itself, not times cos declination; 0 where it tracks."""
+    """Rate of the coordinate, not times cos declination; 0 where the mount tracks."""
     dec_deg_s: float
 
     def fastest_deg_s(self, dec_deg: float) -> float:
-        """Of either axis, as far as its coordinate tells."""
+        """Rate of the faster axis, as far as its coordinate tells."""
         near_pole = abs(dec_deg) > 90.0 - POLE_ROOM_DEG
         polar_deg_s = self.ra_deg_s * (np.cos(np.radians(dec_deg)) if near_pole else 1.0)
         return float(max(abs(polar_deg_s), abs(self.dec_deg_s)))
@@ -184,23 +184,23 @@ FASTER = 2.0
 
 
 class StoppingDistance:
-    """The farthest that this mount has been seen to move on, by the rate at which it was told."""
+    """Farthest way that this mount moved on after an order to stop, by the rate at that time."""
 
     def __init__(self) -> None:
         self._seen: list[tuple[float, float]] = []
 
     def learn(self, way_deg: float, rate_deg_s: float) -> None:
-        """It was told to stop at this rate, and rested so far on."""
+        """Record one stop: ordered at this rate, at rest ``way_deg`` further on."""
         if rate_deg_s > SLOW_DEG_S:
             self._seen.append((rate_deg_s, min(max(way_deg, MIN_DEG), MAX_DEG)))
 
     @property
     def is_learned(self) -> bool:
-        """Whether it has been seen to stop."""
+        """Whether any stop of this mount was recorded."""
         return bool(self._seen)
 
     def at(self, rate_deg_s: float) -> float:
-        """How far it may move on at this rate, degrees of the faster axis.
+        """Degrees of the faster axis that the mount may move on at this rate.
 
         At lower rates than those that were seen the way is taken to be shorter in proportion, at
         higher ones as their square.

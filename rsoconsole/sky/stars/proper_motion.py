@@ -1,4 +1,4 @@
-"""Stars move: a catalogue's places carried to another epoch.
+"""Proper motion: a catalogue's places carried to another epoch.
 
 A star goes straight on at the speed it has across the sky. Its radial velocity is left out (0.4
 arcsec for Barnard's star in 26 years, nothing for the others), and so is its yearly parallax.
@@ -23,7 +23,7 @@ def julian_year(t_utc_ns: int) -> float:
     return J2000_JYEAR + (t_utc_ns - _J2000_UTC_NS) / NS_PER_DAY / 365.25
 
 
-def moved(
+def apply_proper_motion(
     ra_icrs_deg: FloatArray,
     dec_icrs_deg: FloatArray,
     pm_ra_mas_yr: FloatArray,

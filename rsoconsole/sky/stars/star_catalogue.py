@@ -8,11 +8,10 @@ A&A 355, L27; licence in ``data/COPYRIGHT.tycho2``.
 """
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -20,7 +19,7 @@ import numpy.typing as npt
 from rsoconsole.base import SolverError, resource
 from rsoconsole.records import FloatArray
 from rsoconsole.sky.angles import separation_deg, wrap_180
-from rsoconsole.sky.stars.proper_motion import FASTEST_ARCSEC_YR, J2000_JYEAR, moved
+from rsoconsole.sky.stars.proper_motion import FASTEST_ARCSEC_YR, J2000_JYEAR, apply_proper_motion
 
 RA_STEP_DEG = 360.0 / 2**32
 """Stored right ascensions count these (0.3 mas)."""
@@ -30,7 +29,6 @@ _SHIPPED = ("sky", "data", "tycho2_belt.npz")
 _SHIPPED_REST = ("sky", "data", "tycho2_rest.npz")
 
 IndexArray = npt.NDArray[np.int64]
-_T = TypeVar("_T", bound=np.generic)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -49,7 +47,7 @@ class Stars:
     def at_rest(
         cls, ra_icrs_deg: FloatArray, dec_icrs_deg: FloatArray, magnitude: FloatArray
     ) -> "Stars":
-        """Stars whose motion nobody knows, or that have none."""
+        """Stars without proper motion, or of unknown one."""
         still = np.zeros(len(magnitude))
         return cls(ra_icrs_deg, dec_icrs_deg, magnitude, still, still)
 
@@ -79,12 +77,12 @@ class StarCatalogue:
 
     @property
     def ra_icrs_deg(self) -> FloatArray:
-        """Of every star, at J2000.0."""
+        """Right ascension of every star, ICRS degrees at J2000.0."""
         return _scaled(self.ra_counts, RA_STEP_DEG)
 
     @property
     def dec_icrs_deg(self) -> FloatArray:
-        """Of every star, at J2000.0."""
+        """Declination of every star, ICRS degrees at J2000.0."""
         return _scaled(self.dec_counts, DEC_STEP_DEG)
 
     @property
@@ -130,9 +128,16 @@ class StarCatalogue:
             math.cos(math.radians(min(abs(dec_icrs_deg) + wide_deg, 89.9))), 1e-6
         )
         index = self._box(ra_icrs_deg, dec_icrs_deg, min(reach, 180.0), wide_deg)
-        stars = self._take(index, years)
-        distance = separation_deg(ra_icrs_deg, dec_icrs_deg, stars.ra_icrs_deg, stars.dec_icrs_deg)
-        return _kept(stars, np.asarray(distance) <= radius_deg)
+        index = index[np.argsort(self.mmag[index], kind="stable")]
+        ra = _scaled(self.ra_counts[index], RA_STEP_DEG)
+        dec = _scaled(self.dec_counts[index], DEC_STEP_DEG)
+        pm_ra = self.pm_ra_mas_yr[index].astype(np.float64)
+        pm_dec = self.pm_dec_mas_yr[index].astype(np.float64)
+        if years:
+            ra, dec = apply_proper_motion(ra, dec, pm_ra, pm_dec, years)
+        near = separation_deg(ra_icrs_deg, dec_icrs_deg, ra, dec) <= radius_deg
+        magnitude = _scaled(self.mmag[index[near]], MAG_STEP)
+        return Stars(ra[near], dec[near], magnitude, pm_ra[near], pm_dec[near])
 
     def _box(
         self, ra_deg: float, dec_deg: float, half_ra_deg: float, half_dec_deg: float
@@ -145,34 +150,13 @@ class StarCatalogue:
         dra = wrap_180(_scaled(self.ra_counts[first:last], RA_STEP_DEG) - ra_deg)
         return np.asarray(first + np.flatnonzero(np.abs(dra) <= half_ra_deg), dtype=np.int64)
 
-    def _take(self, index: IndexArray, years: float) -> Stars:
-        """Brightest first, moved for so long."""
-        index = index[np.argsort(self.mmag[index], kind="stable")]
-        ra = _scaled(self.ra_counts[index], RA_STEP_DEG)
-        dec = _scaled(self.dec_counts[index], DEC_STEP_DEG)
-        pm_ra = self.pm_ra_mas_yr[index].astype(np.float64)
-        pm_dec = self.pm_dec_mas_yr[index].astype(np.float64)
-        if years:
-            ra, dec = moved(ra, dec, pm_ra, pm_dec, years)
-        return Stars(ra, dec, _scaled(self.mmag[index], MAG_STEP), pm_ra, pm_dec)
-
 
 def _scaled(counts: npt.NDArray[np.integer[Any]], step: float) -> FloatArray:
     return np.asarray(np.multiply(counts, step, dtype=np.float64))
 
 
-def _kept(stars: Stars, kept: npt.NDArray[np.bool_]) -> Stars:
-    return Stars(
-        stars.ra_icrs_deg[kept],
-        stars.dec_icrs_deg[kept],
-        stars.magnitude[kept],
-        stars.pm_ra_mas_yr[kept],
-        stars.pm_dec_mas_yr[kept],
-    )
-
-
 def holds_stars(path: Path) -> bool:
-    """Whether ``from_index`` can read this file: a Tycho-2 one. Quick: it looks at headers."""
+    """Whether a file holds Tycho-2 stars, as index files of the solver do; reads headers only."""
     from astropy.io import fits
 
     try:
@@ -192,22 +176,13 @@ def _load_whole_sky() -> StarCatalogue:
     """The rest of the sky with the belt in the middle of it."""
     belt, rest = _load(resource(*_SHIPPED)), _read(resource(*_SHIPPED_REST))
     south = int(np.searchsorted(rest.dec_counts, 0))
-
-    def joined(of: Callable[[StarCatalogue], npt.NDArray[_T]]) -> npt.NDArray[_T]:
-        outer = of(rest)
-        column = np.concatenate([outer[:south], of(belt), outer[south:]])
+    columns: dict[str, Any] = {}
+    for name in ("ra_counts", "dec_counts", "mmag", "pm_ra_mas_yr", "pm_dec_mas_yr"):
+        outer = getattr(rest, name)
+        column = np.concatenate([outer[:south], getattr(belt, name), outer[south:]])
         column.setflags(write=False)
-        return column
-
-    return StarCatalogue(
-        joined(lambda part: part.ra_counts),
-        joined(lambda part: part.dec_counts),
-        joined(lambda part: part.mmag),
-        joined(lambda part: part.pm_ra_mas_yr),
-        joined(lambda part: part.pm_dec_mas_yr),
-        -90.0,
-        90.0,
-    )
+        columns[name] = column
+    return StarCatalogue(**columns, dec_min_deg=-90.0, dec_max_deg=90.0)
 
 
 def _read(path: Path) -> StarCatalogue:

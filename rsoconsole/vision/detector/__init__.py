@@ -1,1 +1,1 @@
-"""What network, line filter and star search propose, decided, with a confidence."""
+"""Streak detection: proposals measured, judged and given a confidence."""

@@ -1,4 +1,4 @@
-"""What network, line filter and star search propose, and what measurements make of it."""
+"""Proposals of network, line filter and star search, and their measurement on the pixels."""
 
 import logging
 import math
@@ -8,19 +8,18 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from rsoconsole.records import Detection, FloatArray, Frame, NotAStreak, NotAStreakKind, Rejection
+from rsoconsole.vision.arrays import BoolArray
 from rsoconsole.vision.detector.measured_detection import (
     SAME_STREAK_DEG,
     SHARP_PX,
-    BoolArray,
     Candidate,
     Focus,
     LineLight,
-    ends_of_box,
     from_box,
     from_fit,
     from_trace,
     is_same_streak,
-    light_of,
+    line_light_of,
 )
 from rsoconsole.vision.detector.network import LOWEST_CONFIDENCE, NetworkBox
 from rsoconsole.vision.detector.working_frame import to_original
@@ -28,10 +27,11 @@ from rsoconsole.vision.frame.background import Background
 from rsoconsole.vision.lines.line_filter import CellLine
 from rsoconsole.vision.lines.line_or_stars import ShortLights
 from rsoconsole.vision.lines.line_strip import OFF_PX
-from rsoconsole.vision.lines.streak_search import Box, cut_out
+from rsoconsole.vision.lines.segments import Ends, box_about, length_of, midpoint_of
+from rsoconsole.vision.lines.streak_search import cut_out
+from rsoconsole.vision.stars.star_list import StarList
 from rsoconsole.vision.stars.star_moments import FWHM_PER_SIGMA
-from rsoconsole.vision.stars.stars import StarList
-from rsoconsole.vision.streaks.streak_class import unevenness
+from rsoconsole.vision.streaks.streak_evenness import unevenness
 from rsoconsole.vision.streaks.streak_fit import AS_CHAINS_FWHM, MARGIN_PX, StreakFit, fit_streak
 from rsoconsole.vision.streaks.streak_glance import line_signal, width_at_a_glance
 from rsoconsole.vision.streaks.streak_trace import Trace, trace_line
@@ -39,12 +39,12 @@ from rsoconsole.vision.streaks.streak_trace import Trace, trace_line
 log = logging.getLogger(__name__)
 
 MIN_RECORDED_CONFIDENCE = 0.01
-"""Whom the network believes less is not on record where no line fits either."""
+"""Confidence of the network below which a refused proposal is not recorded."""
 
 
 DARK = NotAStreak(kind="no light")
 LONGEST_FIT_PX = 450.0
-"""What is longer is measured along itself alone (``streak_trace``): a fit would take seconds."""
+"""Longer lines are measured along themselves alone (``streak_trace``): a fit would take seconds."""
 _MIN_TRACE_SNR, _MIN_QUARTILE_SNR, _MIN_QUARTILE_SHARE, _MAX_ROUGH = 8.0, 3.0, 0.15, 0.9
 _NARROWEST, _WIDEST, _SHORTEST = 0.6, 2.2, 2.2
 """Width over the stars' (``SHARP_PX`` at most for the first), and length in widths of a star."""
@@ -58,9 +58,9 @@ _PIECE = 0.8
 _UNDERSAMPLED_PX = 1.6
 """Width of stars from which on down nothing is narrower than they are."""
 _LEEWAY_PX = 10.0
-"""How far a box may be off the line that the filter sees."""
+"""Largest distance of a box from the line of the filter."""
 _BELIEVED = 0.01
-"""What the network believes so much is fitted though its light is not seen all along."""
+"""Network's confidence from which a proposal is fitted though its light is not seen all along."""
 _PERIODIC = 0.12
 """Roughness up to which a slow change or one period explains how the light varies."""
 _FINER_WHERE_JOINED = 0.5
@@ -76,7 +76,7 @@ _AGREE_SNR, _AGREE_LENGTH = 0.75, 0.15
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Proposal:
-    """Where a streak may be."""
+    """A place where a streak may be."""
 
     box: NetworkBox
     """Confidence: the network's, the lowest where it proposed nothing there."""
@@ -87,15 +87,18 @@ class Proposal:
 
 
 def proposals(boxes: Sequence[NetworkBox], lines: Sequence[CellLine]) -> list[Proposal]:
-    """What either sees, each streak once: where both do, the filter's ends, the network's word."""
+    """Proposals of both, each streak once: the filter's ends with the network's confidence."""
     is_left = np.ones(len(boxes), dtype=bool)
     said = np.array([box.confidence for box in boxes])
-    ends = np.array([ends_of_box(box) for box in boxes]).reshape(-1, 4)
+    ends = np.array([box.ends_px for box in boxes]).reshape(-1, 4)
     lengths = np.hypot(ends[:, 2] - ends[:, 0], ends[:, 3] - ends[:, 1])
     found = []
     for line in lines:
-        box = _box_about(line)
-        same, is_light = _of_one_streak(ends, ends_of_box(box)) & is_left, line.is_light
+        ends_px = line.x_a, line.y_a, line.x_b, line.y_b
+        box = NetworkBox(
+            confidence=LOWEST_CONFIDENCE, corners_px=box_about(ends_px), ends_px=ends_px
+        )
+        same, is_light = _of_one_streak(ends, box.ends_px) & is_left, line.is_light
         if is_light:
             # A light may be a piece of what the network sees whole.
             same &= lengths < _MUCH_LONGER * box.length_px
@@ -107,9 +110,7 @@ def proposals(boxes: Sequence[NetworkBox], lines: Sequence[CellLine]) -> list[Pr
                 # It knows the ends of what it knows better than a sum along cells.
                 box, is_light = best, False
             else:
-                box = replace(
-                    best, x_a_px=line.x_a, y_a_px=line.y_a, x_b_px=line.x_b, y_b_px=line.y_b
-                )
+                box = replace(best, ends_px=box.ends_px)
             # What the network is sure of may be one of several in a row.
             is_left &= ~same | ((said > _SURE) & (longer > _MUCH_LONGER))
         found.append(Proposal(box=box, is_line=True, is_light=is_light))
@@ -127,7 +128,7 @@ def in_order(found: Sequence[Proposal]) -> list[Proposal]:
     return [found[i] for i in sorted(range(len(found)), key=lambda i: place[i])]
 
 
-def _of_one_streak(boxes: FloatArray, line: Box) -> BoolArray:
+def _of_one_streak(boxes: FloatArray, line: Ends) -> BoolArray:
     """Which boxes (n, 4), from end to end, the line may be of: near it, alike in direction."""
     along = boxes[:, 2:] - boxes[:, :2]
     lengths = np.maximum(np.hypot(along[:, 0], along[:, 1]), 1.0)
@@ -148,20 +149,6 @@ def _of_one_streak(boxes: FloatArray, line: Box) -> BoolArray:
     )
 
 
-def _box_about(line: CellLine) -> NetworkBox:
-    return NetworkBox(
-        confidence=LOWEST_CONFIDENCE,
-        x0_px=min(line.x_a, line.x_b),
-        y0_px=min(line.y_a, line.y_b),
-        x1_px=max(line.x_a, line.x_b),
-        y1_px=max(line.y_a, line.y_b),
-        x_a_px=line.x_a,
-        y_a_px=line.y_a,
-        x_b_px=line.x_b,
-        y_b_px=line.y_b,
-    )
-
-
 @dataclass(slots=True)
 class Measurements:
     """The candidates of one frame: those that are lines of light, and why the others are none."""
@@ -173,33 +160,29 @@ class Measurements:
     is_worth_fitting: Callable[[Candidate], bool] = lambda _: True
     """Whether a candidate as it was traced is worth the time of a fit."""
     lights: ShortLights | None = None
-    """What short ones are held against; None: nothing."""
+    """Images of the frame's stars to compare short lines with; None: they are not compared."""
     taken: list[Candidate] = field(default_factory=list)
     """With the network's confidence."""
     rejected: list[Rejection] = field(default_factory=list)
 
-    def at_a_glance(self, proposal: Proposal) -> NotAStreak | None:
-        """What a glance along a candidate says against its being worth the time of a measurement.
+    def fault_at_a_glance(self, proposal: Proposal) -> NotAStreak | None:
+        """The reason not to measure a proposal, by a glance along it; None where it is worth it.
 
         Too little light where the network alone proposes it; light that is narrower than stars
         where the line filter does: a cosmic ray or a column of the sensor.
         """
         box = proposal.box
-        width_px = self._focus_at(ends_of_box(box)).fwhm_px
+        width_px = self._focus_at(box.ends_px).fwhm_px
         if proposal.is_line and self.focus.joined > 1:
             # Wind that widened the stars did not widen what moved on: a streak may be any width.
             return None
         if proposal.is_line and width_px < _UNDERSAMPLED_PX:
             return None
         if proposal.is_line:
-            matched, narrow = width_at_a_glance(
-                self.frame.pixels, self.sky, ends_of_box(box), width_px
-            )
+            matched, narrow = width_at_a_glance(self.frame.pixels, self.sky, box.ends_px, width_px)
             is_narrow = narrow > max(_MAX_NARROW * matched, _SURELY_NARROW)
             return NotAStreak(kind="too narrow", limit=width_px) if is_narrow else None
-        signal = line_signal(
-            self.frame.pixels, self.sky, ends_of_box(box), width_px / FWHM_PER_SIGMA
-        )
+        signal = line_signal(self.frame.pixels, self.sky, box.ends_px, width_px / FWHM_PER_SIGMA)
         return None if signal.is_worth_a_fit(box.confidence) else DARK
 
     def has(self, proposal: Proposal) -> bool:
@@ -234,13 +217,13 @@ class Measurements:
             fit = fit_streak(
                 self.frame.pixels,
                 self.sky,
-                _around(box),
+                box_about(box.corners_px, box.ends_px),
                 stars=self.stars,
                 psf_fwhm_px=None if trace is None else self._width_px(trace),
-                ends=ends_of_box(box),
+                ends=box.ends_px,
             )
             if isinstance(fit, StreakFit) and (trace is None or _agree(fit, trace)):
-                light = traced.light if traced else light_of(self._traced(_ends_of(fit)))
+                light = traced.light if traced else line_light_of(self._traced(_ends_of(fit)))
                 light = replace(light, bend=fit.bend, lumpiness=fit.lumpiness)
                 self._take(self._candidate(from_fit(self.frame, box, fit), light))
                 return
@@ -264,26 +247,25 @@ class Measurements:
         if self.focus.joined > 1 or found.width_px > SHARP_PX:
             light = replace(light, bend=0.0, lumpiness=0.0)
         found = replace(found, unevenness=light.unevenness)
-        return Candidate(found=found, light=self._held(found, light))
+        return Candidate(found=found, light=self._against_stars(found, light))
 
-    def _held(self, found: Detection, light: LineLight) -> LineLight:
+    def _against_stars(self, found: Detection, light: LineLight) -> LineLight:
         """With what images of the stars say of it, where that is worth its time."""
         least = _MAY_BE_A_LINE if self.focus.joined == 1 else _MAY_BE_WHERE_WIDE
         if self.lights is None or light.left > 0.0 or light.over_points < least:
             return light
-        held = self.lights.held(to_original(found, self.focus.joined))
-        if held is None:
+        compared = self.lights.compared(to_original(found, self.focus.joined))
+        if compared is None:
             return light
-        return replace(light, over_stars=held.over_stars, left=held.left)
+        return replace(light, over_stars=compared.over_stars, left=compared.left)
 
     def _irregularity(self, found: Detection, trace: Trace) -> LineLight:
         """Of a short one: of its path, and of its light where that follows no one period."""
-        light = light_of(trace)
-        ends = found.x_a_px, found.y_a_px, found.x_b_px, found.y_b_px
+        light = line_light_of(trace)
+        ends = _ends_of(found)
         if found.length_px > AS_CHAINS_FWHM * self._focus_at(ends).fwhm_px:
             return light
-        box = min(ends[::2]), min(ends[1::2]), max(ends[::2]), max(ends[1::2])
-        cutout = cut_out(self.frame.pixels, self.sky, box, MARGIN_PX, self.stars)
+        cutout = cut_out(self.frame.pixels, self.sky, box_about(ends), MARGIN_PX, self.stars)
         width_px = self._width_px(trace)
         lumpiness, bend = unevenness(
             cutout, ends, width_px / FWHM_PER_SIGMA, found.snr / trace.confusion
@@ -292,11 +274,11 @@ class Measurements:
 
     def _traced_well(self, proposal: Proposal) -> tuple[Trace | None, NotAStreak | None]:
         """A trace that passes the gates, or the first that it does not."""
-        trace = self._traced(ends_of_box(proposal.box), is_light=proposal.is_light)
+        trace = self._traced(proposal.box.ends_px, is_light=proposal.is_light)
         reason = NotAStreak(kind="no line") if trace is None else self._fault(trace)
         return (trace, None) if reason is None else (None, reason)
 
-    def _traced(self, ends: Box, *, is_light: bool = False) -> Trace | None:
+    def _traced(self, ends: Ends, *, is_light: bool = False) -> Trace | None:
         """The line, as wide as a star, or as drift has drawn it out where that shows more."""
         focus = self._focus_at(ends)
         width_px, widest_px = focus.fwhm_px, focus.widest_px(_angle_deg(ends))
@@ -313,14 +295,14 @@ class Measurements:
 
     def _width_px(self, trace: Trace) -> float:
         """Width that a streak is expected to have which was traced."""
-        ends = trace.x_a_px, trace.y_a_px, trace.x_b_px, trace.y_b_px
+        ends = _ends_of(trace)
         focus = self._focus_at(ends)
         most = max(focus.widest_px(_angle_deg(ends)), focus.fwhm_px)
         return min(max(trace.width_px, focus.fwhm_px), most)
 
-    def _focus_at(self, ends: Box) -> Focus:
+    def _focus_at(self, ends: Ends) -> Focus:
         """How the frame shows a point about the middle of a line."""
-        return self.focus.at(*_middle_of(ends))
+        return self.focus.at(*midpoint_of(ends))
 
     def _take(self, candidate: Candidate) -> None:
         """Keep a candidate, the better of those of one streak, with the network's best word."""
@@ -339,13 +321,13 @@ class Measurements:
             for each in others
             if MIN_RECORDED_CONFIDENCE <= each.found.confidence < said
         ]
-        self.taken.append(replace(kept, found=replace(kept.found, confidence=said)))
+        self.taken.append(kept.with_confidence(said))
 
     def _fault(self, trace: Trace) -> NotAStreak | None:
         """The first gate that a trace does not pass; None where it passes all."""
         width_px = self._width_px(trace)
-        ends = trace.x_a_px, trace.y_a_px, trace.x_b_px, trace.y_b_px
-        length_px = math.hypot(ends[2] - ends[0], ends[3] - ends[1])
+        ends = _ends_of(trace)
+        length_px = length_of(ends)
         star_px = self._focus_at(ends).fwhm_px
         ratio = trace.width_px / width_px
         is_sampled = self.focus.joined == 1 and star_px > _UNDERSAMPLED_PX
@@ -373,30 +355,16 @@ class Measurements:
         self.rejected.append(Rejection(detection=found, reason=reason))
 
 
-def _around(box: NetworkBox) -> Box:
-    """The box and both ends."""
-    return (
-        min(box.x0_px, box.x_a_px, box.x_b_px),
-        min(box.y0_px, box.y_a_px, box.y_b_px),
-        max(box.x1_px, box.x_a_px, box.x_b_px),
-        max(box.y1_px, box.y_a_px, box.y_b_px),
-    )
-
-
-def _middle_of(ends: Box) -> tuple[float, float]:
-    return 0.5 * (ends[0] + ends[2]), 0.5 * (ends[1] + ends[3])
-
-
-def _angle_deg(ends: Box) -> float:
+def _angle_deg(ends: Ends) -> float:
     return math.degrees(math.atan2(ends[3] - ends[1], ends[2] - ends[0]))
 
 
 def _agree(fit: StreakFit, trace: Trace) -> bool:
     """Whether a fit is of the whole line that was traced."""
-    length_px = math.hypot(trace.x_b_px - trace.x_a_px, trace.y_b_px - trace.y_a_px)
+    length_px = length_of(_ends_of(trace))
     is_long = abs(fit.length_px - length_px) < _AGREE_LENGTH * length_px + fit.width_px
     return is_long and fit.snr > _AGREE_SNR * trace.snr
 
 
-def _ends_of(fit: StreakFit) -> Box:
-    return fit.x_a_px, fit.y_a_px, fit.x_b_px, fit.y_b_px
+def _ends_of(line: StreakFit | Trace | Detection) -> Ends:
+    return line.x_a_px, line.y_a_px, line.x_b_px, line.y_b_px

@@ -8,8 +8,8 @@ from rsoconsole.records import Detection, Frame, NotAStreak, Rejection
 from rsoconsole.sky import turn_deg
 from rsoconsole.vision.detector._candidates import Proposal
 from rsoconsole.vision.detector.measured_detection import Candidate
+from rsoconsole.vision.stars.star_list import Trail
 from rsoconsole.vision.stars.star_moments import FWHM_PER_SIGMA
-from rsoconsole.vision.stars.trailed_stars import Trail
 
 TRAILED_STREAKS = 9
 """Streaks of one length and direction from which on they are stars, where stars are not points."""
@@ -26,14 +26,14 @@ _AS_TRAILS_DEG = 6.0
 _LONG_ROW, _ALONG_ROW_DEG = 0.5, 0.15
 """Share of the frame, and degrees off its rows or columns."""
 _ROW_PX, _LEFT_OF_ROWS = 2.5, 0.5
-"""So far a line may turn away from its row, and the ridge's signal to noise up to which the errors
+"""Pixels that a line may turn off its row, and the ridge's signal to noise up to which errors
 of several rows' offsets look like one."""
 _BLOOMING_DEG, _SATURATED = 3.0, 0.9
 _ONE_TRAIL = 1.5
 _SAME_LENGTH, _SAME_ANGLE_DEG = 0.10, 3.0
 
 
-def set_aside(
+def reject_artifacts(
     judged: list[Candidate],
     trail: Trail | None,
     frame: Frame,
@@ -41,21 +41,21 @@ def set_aside(
     points: int = 0,
     is_striped: bool = False,
 ) -> tuple[list[Detection], list[Rejection]]:
-    """What is left of a frame's measured lines, and why the others are none of the sky's.
+    """Streaks of the sky among a frame's measured lines, and the others with their reasons.
 
     ``points``: how many stars the frame shows. ``is_striped``: whether offsets of rows or columns
     were taken from it.
     """
     rejected: list[Rejection] = []
     if trail is not None:
-        judged, rejected = not_along(judged, trail)
-    taken, more = _without_rows([each.found for each in judged], frame, is_striped=is_striped)
+        judged, rejected = reject_star_trails(judged, trail)
+    taken, more = _reject_rows([each.found for each in judged], frame, is_striped=is_striped)
     rejected += more
-    taken, more = _without_trailed_stars(taken, points if trail is None else 0)
+    taken, more = _reject_trailed_stars(taken, points if trail is None else 0)
     return taken, rejected + more
 
 
-def is_of_stars(proposal: Proposal, trail: Trail) -> bool:
+def is_star_trail(proposal: Proposal, trail: Trail) -> bool:
     """Whether a proposal is no more than the trail of one star."""
     box, one_px = proposal.box, trail.length_px + 2.0 * trail.fwhm_px
     leeway_deg = _AS_TRAILS_DEG + math.degrees(trail.fwhm_px / max(box.length_px, 1.0))
@@ -63,10 +63,10 @@ def is_of_stars(proposal: Proposal, trail: Trail) -> bool:
     return is_along and box.length_px < _ONE_TRAIL * one_px
 
 
-def _without_trailed_stars(
+def _reject_trailed_stars(
     taken: list[Detection], points: int
 ) -> tuple[list[Detection], list[Rejection]]:
-    """Set aside streaks that share length and direction with enough others to be stars.
+    """Reject streaks that share length and direction with enough others to be stars.
 
     Not where stars are points: a dozen satellites of one slot draw one length in one direction.
     """
@@ -84,10 +84,10 @@ def _without_trailed_stars(
     return kept, trailed
 
 
-def _without_rows(
+def _reject_rows(
     taken: list[Detection], frame: Frame, *, is_striped: bool
 ) -> tuple[list[Detection], list[Rejection]]:
-    """Set aside what runs along a row or column for half of the frame, or is all saturated.
+    """Reject what runs along a row or column for half of the frame, or is all saturated.
 
     Where offsets of rows or columns were taken away, also what is no brighter than their errors.
     """
@@ -123,8 +123,10 @@ def _is_saturated(frame: Frame, found: Detection) -> bool:
     return float(np.median(frame.pixels[row, column])) > _SATURATED * frame.saturation_adu
 
 
-def not_along(judged: list[Candidate], trail: Trail) -> tuple[list[Candidate], list[Rejection]]:
-    """Set aside what runs as the stars' own trails do and is as long as some of them in a row.
+def reject_star_trails(
+    judged: list[Candidate], trail: Trail
+) -> tuple[list[Candidate], list[Rejection]]:
+    """Reject what runs as the stars' own trails do and is as long as some of them in a row.
 
     A longer one stays where there is no doubt, or its light is steady: a satellite may go the same
     way, and trails that meet end to end are seldom alike.

@@ -1,4 +1,4 @@
-"""How likely a measured candidate is a satellite: the network's word and the line fit's together.
+"""Confidence of a measured candidate: the network's log-odds and the line fit's figures together.
 
 The network sees a small map, in which a chain of stars or a cosmic ray can look like a faint
 streak. The line fit on the raw frame tells them apart: a real streak holds its light along a
@@ -9,7 +9,7 @@ fitted on frames with known truth (``models.confidence``), makes a probability.
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 from rsoconsole.base import ModelError
@@ -18,7 +18,7 @@ from rsoconsole.sky import turn_deg
 from rsoconsole.vision.detector.measured_detection import SHARP_PX, Candidate, Focus, LineLight
 from rsoconsole.vision.lines.line_or_points import MAX_FWHM
 
-LOOKED_AT = (
+FEATURE_NAMES = (
     "constant",
     "network",
     "log_snr",
@@ -45,13 +45,13 @@ LOOKED_AT = (
 )
 """All from ``wide`` on are 0 or more and weigh nothing at 0; but for the last two, which tell how
 the frame shows stars, they speak against a streak."""
-WAYS = ("", "joined ", "trailed ")
-"""Where stars are sharp, where they are so wide that pixels were joined, where drift has drawn them
-out: what looks like a streak is something else in each, and each has weights of its own."""
-FEATURES = tuple(way + name for way in WAYS for name in LOOKED_AT)
-"""Of a candidate those of one way; the others are 0."""
+IMAGE_KINDS = ("", "joined ", "trailed ")
+"""Stars are sharp, so wide that pixels were joined, or drawn out by drift: what looks like a streak
+is something else in each, and each has weights of its own."""
+FEATURES = tuple(way + name for way in IMAGE_KINDS for name in FEATURE_NAMES)
+"""Names of the curve's inputs; of a candidate those of one image kind, the others are 0."""
 MIN_LOGIT = -7.0
-"""Of the network: what it does not see at all the line filter may."""
+"""Least log-odds of the network: what it does not see at all the line filter may."""
 MAX_LOG_SNR, MAX_LOG_STEADY, _MIN_STEADY = 0.3, 1.5, 0.5
 _EXTENDED_FWHM, _MAX_EXTENT = 8.0, 2.0
 _SURE_OF_LINE, _MAX_ONE_LINE = 10.0, 2.5
@@ -125,13 +125,13 @@ class ConfidenceCurve:
     def highest(
         self, network_confidence: float, proposed_px: float = math.inf, focus: Focus = _SHARP
     ) -> float:
-        """What a proposal can come to in a frame, measured as well as may be, its profile alone.
+        """Highest confidence that a proposal can reach by its measurement in a frame.
 
         ``focus`` is that of its place (``Focus.at``). A proposal's length is taken to be up to
         ``LENGTH_ERROR`` times too short.
         """
-        first = _way_of(focus) * len(LOOKED_AT)
-        table = dict(zip(LOOKED_AT, self.weights[first : first + len(LOOKED_AT)], strict=True))
+        first = _image_kind(focus) * len(FEATURE_NAMES)
+        table = dict(zip(FEATURE_NAMES, self.weights[first:], strict=False))
         longest_px = max(LENGTH_ERROR * proposed_px, 0.1)
         psf_px = min(max(focus.fwhm_px, 0.1), SHARP_PX)
         logit, length_fwhm = _logit(network_confidence), longest_px / psf_px
@@ -143,18 +143,16 @@ class ConfidenceCurve:
         z += max(table["extent"], 0.0) * _MAX_EXTENT
         z += max(table["one_line"], 0.0) * _MAX_ONE_LINE
         z += table["shortness"] * math.log(max(SHORT_FWHM * psf_px / longest_px, 1.0))
-        blurred, drifted = _shown(focus)
+        blurred, drifted = _blur_features(focus)
         z += table["blurred"] * blurred + table["drifted"] * drifted
         # None of the others speaks for a satellite, but for images of the stars: what is short and
         # like them the star search sees as well.
         return 1.0 / (1.0 + math.exp(-min(max(z, -30.0), 30.0)))
 
-    def judged(self, candidates: Sequence[Candidate], focus: Focus) -> list[Detection]:
+    def judged(self, candidates: Sequence[Candidate], focus: Focus) -> list[Candidate]:
         """A frame's measured candidates, each with the confidence that it earns among them."""
-        return [
-            replace(each.found, confidence=self.confidence(each, focus, candidates))
-            for each in candidates
-        ]
+        confidences = [self.confidence(each, focus, candidates) for each in candidates]
+        return [each.with_confidence(at) for each, at in zip(candidates, confidences, strict=True)]
 
 
 def _logit(confidence: float) -> float:
@@ -183,7 +181,7 @@ def _weighted(
 def confidence_features(
     candidate: Candidate, focus: Focus, others: Sequence[Candidate] = ()
 ) -> tuple[float, ...]:
-    """What the curve looks at, in the order of ``FEATURES``.
+    """Inputs of the curve for one candidate, in the order of ``FEATURES``.
 
     The network's log-odds, no less than ``MIN_LOGIT``; the logarithm of the fit's matched signal
     to noise over 20, no more than ``MAX_LOG_SNR``, since a chain of bright stars is bright too;
@@ -209,7 +207,7 @@ def confidence_features(
     like = _like_image(light)
     as_line, as_points = max(light.over_points, 0.0), max(-light.over_points, 0.0)
     # Where stars are sharp points a cosmic ray is a line as well, but not like the stars' images.
-    no_ray = 0.0 if _way_of(focus) == 0 else as_line
+    no_ray = 0.0 if _image_kind(focus) == 0 else as_line
     wide = math.log(width_px / max(focus.widest_px(found.angle_deg), 0.1))
     narrow = math.log(min(psf_px, SHARP_PX) / width_px)
     leeway = _SAME_WIDTH + _WIDTH_PER_SNR / snr
@@ -218,7 +216,7 @@ def confidence_features(
     unlike = _UNLIKE if is_sharp else _UNLIKE_WHERE_JOINED
     # Drawn-out stars keep everything company.
     near = others if focus.trail_px == 0.0 else ()
-    rest = [other.found for other in near if other is not candidate and _is_context(other)]
+    rest = [other.found for other in near if other is not candidate and _is_clear_line(other)]
     seen = (
         1.0,
         _weighted(
@@ -244,10 +242,10 @@ def confidence_features(
         / (1.0 + as_line / _ROUGH_AS_LINE),
         min(math.log(max(light.confusion, 1.0)), _MAX_CONFUSED),
         _along_trails(found, focus) / (1.0 + like / _ROUGH_AS_LINE),
-        *_shown(focus),
+        *_blur_features(focus),
     )
-    before = _way_of(focus)
-    return (0.0,) * (before * len(seen)) + seen + (0.0,) * ((len(WAYS) - 1 - before) * len(seen))
+    before = (0.0,) * (_image_kind(focus) * len(seen))
+    return before + seen + (0.0,) * (len(FEATURES) - len(before) - len(seen))
 
 
 def _like_image(light: LineLight) -> float:
@@ -255,8 +253,8 @@ def _like_image(light: LineLight) -> float:
     return max(light.over_stars, 0.0) / max(light.left, 1.0) ** 2
 
 
-def _way_of(focus: Focus) -> int:
-    """Place in ``WAYS``."""
+def _image_kind(focus: Focus) -> int:
+    """Place in ``IMAGE_KINDS``."""
     return 2 if focus.trail_px > 0.0 else 1 if focus.joined > 1 else 0
 
 
@@ -268,12 +266,12 @@ def _along_trails(found: Detection, focus: Focus) -> float:
     return max(0.0, 1.0 - turn / _OTHER_WAY_DEG)
 
 
-def _shown(focus: Focus) -> tuple[float, float]:
+def _blur_features(focus: Focus) -> tuple[float, float]:
     """How wide the stars were, and how far drift has drawn them out; logarithms."""
     return math.log(focus.joined), math.log1p(focus.trail_px / max(focus.fwhm_px, 0.1))
 
 
-def _is_context(other: Candidate) -> bool:
+def _is_clear_line(other: Candidate) -> bool:
     """Whether another candidate is a light that tells of this one, no few stars in a row."""
     found, light = other.found, other.light
     is_line = found.length_px > _CONTEXT_LONG * found.width_px
@@ -283,7 +281,7 @@ def _is_context(other: Candidate) -> bool:
 
 def _is_in_line(one: Detection, other: Detection) -> bool:
     """Whether ``other`` lies on the line of ``one``, as far as that line's direction is known."""
-    if _turn_deg(one, other) > _SAME_LINE_DEG:
+    if turn_deg(one.angle_deg, other.angle_deg) > _SAME_LINE_DEG:
         return False
     angle = math.radians(one.angle_deg)
     dx, dy = other.x_px - one.x_px, other.y_px - one.y_px
@@ -299,7 +297,7 @@ def _is_parallel_unlike(one: Detection, other: Detection, unlike: float) -> bool
 
     Satellites that keep one another company move alike. What the frame cuts may be longer.
     """
-    if _turn_deg(one, other) > _BESIDE_DEG:
+    if turn_deg(one.angle_deg, other.angle_deg) > _BESIDE_DEG:
         return False
     shorter, longer = sorted((one, other), key=lambda each: each.length_px)
     if longer is other and longer.length_px > _MUCH_LONGER * shorter.length_px:
@@ -307,11 +305,6 @@ def _is_parallel_unlike(one: Detection, other: Detection, unlike: float) -> bool
     sigma_px = 2.0 * math.hypot(one.sigma_along_px, other.sigma_along_px)
     apart_px = longer.length_px - unlike * shorter.length_px
     return not shorter.is_clipped and apart_px > (0.0 if longer.is_clipped else 3.0 * sigma_px)
-
-
-def _turn_deg(one: Detection, other: Detection) -> float:
-    """Angle between the two directions, 0 to 90 deg."""
-    return turn_deg(one.angle_deg, other.angle_deg)
 
 
 CALIBRATED_ARCSEC_PX, USABLE_ARCSEC_PX = (1.0, 10.0), (0.3, 250.0)
@@ -324,7 +317,7 @@ _ROUNDING = 1e-3
 def range_cautions(
     scale_arcsec_px: float | None, exposure_s: float | None, width_px: int, height_px: int
 ) -> dict[str, str]:
-    """What to say of a camera, by what it is about: "scale", "exposure", "size"; None is unknown.
+    """Cautions about a camera by their subject: "scale", "exposure", "size"; None is unknown.
 
     Empty for a camera of the kind that the confidence was calibrated with.
     """

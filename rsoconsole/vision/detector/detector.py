@@ -1,7 +1,7 @@
-"""Streaks of a frame: network, line filter, star search propose, measurements on pixels dispose.
+"""Streak detection in a frame: network, line filter and star search propose, pixels decide.
 
-What is above tau and passes the measurement's gates is a detection; everything else that the
-network held possible is kept with the reason why it was not taken.
+A candidate above tau that passes the measurement's gates is a detection; everything else that
+the network held possible is kept with the reason for its rejection.
 """
 
 import time
@@ -20,15 +20,15 @@ from rsoconsole.vision.detector._candidates import (
     in_order,
     proposals,
 )
-from rsoconsole.vision.detector._reject_artifacts import is_of_stars, set_aside
+from rsoconsole.vision.detector._reject_artifacts import is_star_trail, reject_artifacts
 from rsoconsole.vision.detector.confidence import ConfidenceCurve
 from rsoconsole.vision.detector.measured_detection import (
     Candidate,
     Focus,
     at_box_centre,
-    distinct,
+    distinct_boxes,
     from_box,
-    runs_alike,
+    is_parallel_to_any,
 )
 from rsoconsole.vision.detector.network import NetworkBox
 from rsoconsole.vision.detector.working_frame import WorkingFrame, pixels_to_join
@@ -42,26 +42,27 @@ from rsoconsole.vision.lines.line_or_stars import ShortLights
 from rsoconsole.vision.lines.short_lines import in_turn, short_lines
 from rsoconsole.vision.stars.psf_field import Psf
 from rsoconsole.vision.stars.psf_memory import PsfMemory
-from rsoconsole.vision.stars.stars import MAX_STARS, STAR_BLOCK_PX, StarList, find_stars
-from rsoconsole.vision.streaks.streak_class import Likelihood
+from rsoconsole.vision.stars.star_list import StarList
+from rsoconsole.vision.stars.stars import MAX_STARS, STAR_BLOCK_PX, find_stars
+from rsoconsole.vision.streaks.class_probabilities import Likelihood
+from rsoconsole.vision.streaks.streak_classes import classify_streaks
 from rsoconsole.vision.streaks.streak_middle import with_middle
-from rsoconsole.vision.streaks.streak_names import named_with_shares
 
 MAX_FITS = 28
 MAX_QUICK_FITS = 3
 MAX_WITNESSES = 12
 MIN_BELIEVED = 1e-3
-"""Whom the network believes less is measured only where the line filter sees something too."""
+"""Network's confidence below which only what the line filter sees too is measured."""
 _MAX_JOININGS = 2
 _MAX_WIDE_STARS = 1500
 """Wide stars cover so much of a frame that faint ones too have to be masked."""
 _WORTH_A_NAME = 0.2
 _PROMISING = 0.5
-"""Of tau: what a trace alone gives less confidence no fit lifts above it."""
+"""Share of tau: no fit lifts a candidate above tau that a trace alone gives less confidence."""
 
 
 class Proposer(Protocol):
-    """What proposes candidates: the trained network, or a stand-in."""
+    """Source of proposals: the trained network, or a stand-in."""
 
     def run(self, frame_map: FrameMap) -> tuple[NetworkBox, ...]:
         """Candidates of one map, most confident first."""
@@ -76,11 +77,11 @@ class FrameAnalysis:
     stars: StarList
     background: Background
     candidates: tuple[Candidate, ...] = ()
-    """All lines of light that were measured, in the working frame's pixels, as the network says."""
+    """All measured lines of light, in working-frame pixels, with the network's confidence."""
     focus: Focus
     working: WorkingFrame
     proposals: tuple[Proposal, ...] = ()
-    """Likewise."""
+    """Proposals, in working-frame pixels."""
     class_shares: Mapping[Detection, Likelihood] = field(default_factory=dict)
     """Probabilities of all classes, by streak of ``detections``, taken or not, where it has any."""
 
@@ -115,7 +116,7 @@ class StreakDetector:
         return self.analyse(frame, tau).detections
 
     def analyse(self, frame: Frame, tau: float | None = None) -> FrameAnalysis:
-        """The same, with the frame's stars and background.
+        """All that is measured of ``frame``: streaks, stars and background.
 
         Where there is a second thread, it estimates the maps' noise while the first reads the
         frame, and looks for stars and lines beside map and network; the time of the stages
@@ -129,14 +130,14 @@ class StreakDetector:
                 frame = replace(frame, pixels=pattern.removed(frame.pixels))
         known = None if self._memory is None else self._memory.recall(frame)
         working = WorkingFrame.of(frame, 1)
-        seen = first = self._seen(frame, watch, known, looks_again=True)
+        seen = first = self._first_look(frame, watch, known, may_join_pixels=True)
         for _ in range(_MAX_JOININGS):
             side = pixels_to_join(seen.stars, working.frame)
             if side == 1:
                 break
             working = WorkingFrame.of(frame, side * working.side)
             joined = None if known is None else known.of_joined(working.side)
-            seen = self._seen(working.frame, watch, joined, _MAX_WIDE_STARS)
+            seen = self._first_look(working.frame, watch, joined, _MAX_WIDE_STARS)
         stars = seen.stars
         if self._memory is not None:
             self._memory.remember(frame, working.original_stars(stars))
@@ -145,14 +146,9 @@ class StreakDetector:
             lights = ShortLights(frame.pixels, first.sky, working.original_stars(stars))
             measured = self._measure(working, seen, focus, threshold, lights)
             rejected = measured.rejected
-            judged = [
-                replace(each, found=found)
-                for each, found in zip(
-                    measured.taken, self._judged(measured.taken, focus), strict=True
-                )
-            ]
+            judged = self._judged(measured.taken, focus)
             judged.sort(key=lambda each: -each.found.confidence)
-            taken, others = set_aside(
+            taken, others = reject_artifacts(
                 judged,
                 stars.trail,
                 working.frame,
@@ -171,7 +167,7 @@ class StreakDetector:
             accepted = [d for d in taken if d.confidence > threshold]
             doubted = [r for r in rejected if r.detection.confidence > _WORTH_A_NAME * threshold]
             others = [r for r in rejected if r.detection.confidence <= _WORTH_A_NAME * threshold]
-            accepted, doubted, shares = named_with_shares(
+            accepted, doubted, shares = classify_streaks(
                 working.frame, seen.sky, stars, accepted, doubted
             )
             rejected = doubted + others
@@ -184,7 +180,7 @@ class StreakDetector:
                 width_px=frame.width_px,
                 height_px=frame.height_px,
                 detections=tuple(working.original(d) for d in accepted),
-                rejected=tuple(working.originally_rejected(each) for each in rejected),
+                rejected=tuple(working.original_rejection(each) for each in rejected),
                 stage_ms=watch.stage_ms,
             ),
             stars=working.original_stars(stars),
@@ -196,18 +192,18 @@ class StreakDetector:
             class_shares={working.original(each): of_all for each, of_all in shares.items()},
         )
 
-    def _seen(
+    def _first_look(
         self,
         frame: Frame,
         watch: "_Stopwatch",
         expected: Psf | None,
         most_stars: int = MAX_STARS,
         *,
-        looks_again: bool = False,
-    ) -> "_Seen":
+        may_join_pixels: bool = False,
+    ) -> "_FirstLook":
         """Sky, stars and all that may be a streak; ``expected`` of the stars where they are few.
 
-        With ``looks_again`` no streak is looked for where stars are so wide that pixels will be
+        With ``may_join_pixels`` no streak is looked for where stars are so wide that pixels will be
         joined first, as far as that is known in time.
         """
         pixels, workers = frame.pixels, self._workers
@@ -217,8 +213,8 @@ class StreakDetector:
         mode = self._settings.map_mode
         lines = blocks if mode == "fast" and not self._is_quick else ()
         # Where pixels were joined stars stand closer together, and streaks are short.
-        finest_px = FINEST_PX if looks_again else FINEST_PX // 2
-        star_block_px = STAR_BLOCK_PX if looks_again else STAR_BLOCK_PX // 2
+        finest_px = FINEST_PX if may_join_pixels else FINEST_PX // 2
+        star_block_px = STAR_BLOCK_PX if may_join_pixels else STAR_BLOCK_PX // 2
         side_px = cell_side_px(frame.height_px, frame.width_px, finest_px)
         with watch.stage("background"):
             noises = {block: workers.begin(partial(map_noise, pixels, block)) for block in lines}
@@ -239,18 +235,18 @@ class StreakDetector:
                     block_px=star_block_px,
                     may_be_trails=not self._is_quick,
                 )
-            if looks_again and pixels_to_join(stars, frame) > 1:
+            if may_join_pixels and pixels_to_join(stars, frame) > 1:
                 return stars, []
             with watch.stage("lines"):
                 assert bins.squares is not None
                 return stars, propose_lines(sky, bins.squares, side_px, stars)
 
         looked = workers.begin(look_for_stars_and_lines)
-        if looks_again and looked.done() and pixels_to_join(looked.result()[0], frame) > 1:
-            return _Seen(sky=sky, stars=looked.result()[0], proposals=())
+        if may_join_pixels and looked.done() and pixels_to_join(looked.result()[0], frame) > 1:
+            return _FirstLook(sky=sky, stars=looked.result()[0], proposals=())
         if self._is_quick:
             stars, found = looked.result()
-            return _Seen(sky=sky, stars=stars, proposals=tuple(proposals([], found)))
+            return _FirstLook(sky=sky, stars=stars, proposals=tuple(proposals([], found)))
         with watch.stage("map"):
             noise = {block: begun.result() for block, begun in noises.items()}
             maps = [
@@ -258,20 +254,20 @@ class StreakDetector:
                 for block in blocks
             ]
         with watch.stage("network"):
-            boxes = distinct([self._network.run(each) for each in maps])
+            boxes = distinct_boxes([self._network.run(each) for each in maps])
         stars, found = looked.result()
-        is_sharp = looks_again and stars.trail is None
+        is_sharp = may_join_pixels and stars.trail is None
         found = in_turn(found, short_lines(stars, found, is_sharp=is_sharp))
         wanted = proposals(boxes, found)
         if stars.trail is not None:
             trail = stars.trail
-            wanted = [each for each in wanted if each.is_light or not is_of_stars(each, trail)]
-        return _Seen(sky=sky, stars=stars, proposals=tuple(wanted))
+            wanted = [each for each in wanted if each.is_light or not is_star_trail(each, trail)]
+        return _FirstLook(sky=sky, stars=stars, proposals=tuple(wanted))
 
     def _measure(
         self,
         working: WorkingFrame,
-        seen: "_Seen",
+        seen: "_FirstLook",
         focus: Focus,
         threshold: float,
         lights: ShortLights,
@@ -299,17 +295,18 @@ class StreakDetector:
                 continue
             if fits == most:
                 measured.refuse(each.box, NotAStreak(kind="not measured", limit=most))
-            elif (doubt := measured.at_a_glance(each)) is not None:
+            elif (doubt := measured.fault_at_a_glance(each)) is not None:
                 measured.refuse(each.box, doubt)
             else:
                 fits += 1
                 measured.measure(each)
-        risen = [d for d in self._judged(measured.taken, focus) if d.confidence > threshold]
+        judged = (each.found for each in self._judged(measured.taken, focus))
+        risen = [found for found in judged if found.confidence > threshold]
         witnesses = 0
         for each in others:
             is_asked = risen and witnesses < (0 if self._is_quick else MAX_WITNESSES)
-            alike = is_asked and runs_alike(from_box(frame, each.box), risen)
-            if alike and measured.at_a_glance(each) is None:
+            alike = is_asked and is_parallel_to_any(from_box(frame, each.box), risen)
+            if alike and measured.fault_at_a_glance(each) is None:
                 witnesses += 1
                 measured.measure(each)
             else:
@@ -320,15 +317,12 @@ class StreakDetector:
         said, length_px = proposal.box.confidence, proposal.box.length_px
         if proposal.is_line or said < MIN_BELIEVED or self._curve is None:
             return proposal.is_line or said >= MIN_BELIEVED
-        box = proposal.box
-        here = focus.at(0.5 * (box.x_a_px + box.x_b_px), 0.5 * (box.y_a_px + box.y_b_px))
+        here = focus.at(*proposal.box.middle_px)
         return self._curve.highest(said, length_px, here) > threshold
 
-    def _judged(self, taken: list[Candidate], focus: Focus) -> list[Detection]:
+    def _judged(self, taken: list[Candidate], focus: Focus) -> list[Candidate]:
         """With the confidence that each earns by its measurement and among the others."""
-        if self._curve is None:
-            return [each.found for each in taken]
-        return self._curve.judged(taken, focus)
+        return list(taken) if self._curve is None else self._curve.judged(taken, focus)
 
 
 def _focus(stars: StarList, joined: int) -> Focus:
@@ -343,8 +337,8 @@ def _focus(stars: StarList, joined: int) -> Focus:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class _Seen:
-    """What a first look at a frame gives."""
+class _FirstLook:
+    """Sky, stars and proposals of a frame, before any is measured."""
 
     sky: Background
     stars: StarList

@@ -4,10 +4,10 @@ import math
 from dataclasses import dataclass, replace
 
 import numpy as np
-import numpy.typing as npt
 
 from rsoconsole.records import Detection, FloatArray, Frame
 from rsoconsole.sky import turn_deg
+from rsoconsole.vision.arrays import BoolArray
 from rsoconsole.vision.detector.network import NetworkBox
 from rsoconsole.vision.stars.psf_field import PsfField
 from rsoconsole.vision.streaks.streak_fit import StreakFit
@@ -19,24 +19,25 @@ SHARP_PX = 3.2
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LineLight:
-    """How the light of a candidate lies along it (``streak_trace``)."""
+    """Evenness of a candidate's light along its line (``streak_trace``)."""
 
     lower_quartile_snr: float
-    """What the lower quartile of its parts says of the whole: sigma, were all parts like it."""
+    """Signal to noise of the whole, were all its parts like their lower quartile."""
     roughness: float
     """Scatter of its parts over their mean that neither a slow change nor one period explains."""
     confusion: float = 1.0
     """Scatter of the sky beside it over its pixels' noise."""
     bend: float = 0.0
     lumpiness: float = 0.0
-    """How much more than noise explains its path and its light vary, of a short one
+    """Excess over noise of how its path and its light vary, of a short one
     (``streak_evenness``)."""
 
     over_points: float = 0.0
     """Chi-square that one line explains better than a few stars in a row, of its profile
     (``line_or_points``)."""
     over_stars: float = 0.0
-    """The same of its pixels, held against images of the frame's stars (``line_or_stars``)."""
+    """Chi-square that one line explains better than images of the frame's stars, of its pixels
+    (``line_or_stars``)."""
     left: float = 0.0
     """Chi-square of a pixel that the line leaves; 0: it was not held against any."""
 
@@ -51,36 +52,40 @@ UNMEASURED = LineLight(lower_quartile_snr=0.0, roughness=1.0)
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Candidate:
-    """One line of light."""
+    """One measured line of light."""
 
     found: Detection
     """With the network's confidence, then with its calibrated one."""
     light: LineLight
 
+    def with_confidence(self, confidence: float) -> "Candidate":
+        """The candidate with another confidence."""
+        return replace(self, found=replace(self.found, confidence=confidence))
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Focus:
-    """How the frame shows a point, in the pixels in which it was searched."""
+    """Image of a point in a frame: width and trail, in working-frame pixels."""
 
     fwhm_px: float
-    """Of the stars: their median, or at the place that ``at`` was asked for."""
+    """Width of the stars: their median, or at the place given to ``at``."""
     joined: int = 1
     """Pixels of the camera along one of these: stars were so wide."""
     trail_px: float = 0.0
-    """What drift has drawn the stars out to."""
+    """Length to which drift has drawn the stars out; 0: they are points."""
     trail_deg: float = 0.0
     """Its direction, x towards y."""
     psf_field: PsfField | None = None
-    """How the stars' width changes over the frame; None where it does not."""
+    """Change of the stars' width over the frame; None where it does not change."""
 
     def at(self, x_px: float, y_px: float) -> "Focus":
-        """The same about one place, with the stars' width there; itself where nothing changes."""
+        """The focus about one place, with the stars' width there."""
         if self.psf_field is None:
             return self
         return replace(self, fwhm_px=self.psf_field.at(x_px, y_px), psf_field=None)
 
     def widest_px(self, angle_deg: float) -> float:
-        """How wide a streak of this direction may be.
+        """Largest width of a streak of this direction, px.
 
         A satellite's path and a drift of the mount add up to one straight line, as wide as a star;
         what blurs the whole image, like shaking in one direction, draws the line out sideways.
@@ -99,12 +104,8 @@ BOX_SIGMA_PX = 3.0
 """One sigma of a box's centre against the streak's midpoint, of boxes about streaks of 119 px."""
 
 
-def _corners(box: NetworkBox) -> tuple[float, float, float, float]:
-    return box.x0_px, box.y0_px, box.x1_px, box.y1_px
-
-
 def with_fit(detection: Detection, fit: StreakFit) -> Detection:
-    """The same candidate, measured by a fit."""
+    """The detection with the measurement of a fit."""
     return replace(
         detection,
         x_px=fit.x_px,
@@ -128,7 +129,7 @@ def from_fit(frame: Frame, box: NetworkBox, fit: StreakFit) -> Detection:
     return with_fit(replace(from_box(frame, box), method="line"), fit)
 
 
-def light_of(trace: Trace | None) -> LineLight:
+def line_light_of(trace: Trace | None) -> LineLight:
     if trace is None:
         return UNMEASURED
     return LineLight(
@@ -140,7 +141,7 @@ def light_of(trace: Trace | None) -> LineLight:
 
 
 def with_trace(detection: Detection, trace: Trace, least_open_px: float = 0.0) -> Detection:
-    """The same candidate, measured by a trace.
+    """The detection with the measurement of a trace.
 
     ``least_open_px``: sigma along one that leaves the frame, where it is not longer than that.
     """
@@ -171,7 +172,7 @@ def from_trace(frame: Frame, box: NetworkBox, trace: Trace) -> Detection:
 
 
 def at_box_centre(detection: Detection) -> Detection:
-    """The paper's measurement of a detection: its box's centre stands for the streak's midpoint.
+    """The detection measured as in the paper: its box's centre stands for the streak's midpoint.
 
     Whether it is a streak, and where it ends, is still what the line fit made of it.
     """
@@ -187,8 +188,9 @@ def at_box_centre(detection: Detection) -> Detection:
 
 
 def from_box(frame: Frame, box: NetworkBox) -> Detection:
-    """A proposal as it is, not measured: to compare, and for the record of what was refused."""
-    x0, y0, x1, y1 = _corners(box)
+    """A proposal as an unmeasured detection, for comparison and for the record of refusals."""
+    x0, y0, x1, y1 = box.corners_px
+    x_a, y_a, x_b, y_b = box.ends_px
     rim_px = 1.0
     is_clipped = (
         x0 < rim_px
@@ -201,11 +203,11 @@ def from_box(frame: Frame, box: NetworkBox) -> Detection:
         confidence=box.confidence,
         x_px=0.5 * (x0 + x1),
         y_px=0.5 * (y0 + y1),
-        x_a_px=box.x_a_px,
-        y_a_px=box.y_a_px,
-        x_b_px=box.x_b_px,
-        y_b_px=box.y_b_px,
-        box_px=(x0, y0, x1, y1),
+        x_a_px=x_a,
+        y_a_px=y_a,
+        x_b_px=x_b,
+        y_b_px=y_b,
+        box_px=box.corners_px,
         length_px=box.length_px,
         width_px=0.0,
         snr=0.0,
@@ -216,22 +218,20 @@ def from_box(frame: Frame, box: NetworkBox) -> Detection:
     )
 
 
-BoolArray = npt.NDArray[np.bool_]
-
 SAME_STREAK_DEG, _SAME_WIDTHS, _MIN_WIDTH_PX = 10.0, 1.5, 2.0
 """Turn, and distance across in widths of it, with a least width in px."""
 _RUNS_ALIKE_DEG = 6.0
-"""What a proposal's direction is worth."""
+"""Error of a proposal's direction."""
 
 
-def distinct(found: list[tuple[NetworkBox, ...]]) -> tuple[NetworkBox, ...]:
+def distinct_boxes(found: list[tuple[NetworkBox, ...]]) -> tuple[NetworkBox, ...]:
     """Candidates of maps of several blocks, each streak once, at its most confident."""
     if len(found) == 1:
         return found[0]
     boxes = sorted((b for each in found for b in each), key=lambda b: -b.confidence)
     if not boxes:
         return ()
-    same = _are_same(np.array([ends_of_box(box) for box in boxes]))
+    same = _are_same(np.array([box.ends_px for box in boxes]))
     is_kept = np.zeros(len(boxes), dtype=bool)
     for i in range(len(boxes)):
         is_kept[i] = not (same[i] & is_kept).any()
@@ -263,7 +263,7 @@ def is_same_streak(one: Detection, other: Detection) -> bool:
     return _lies_on(one, other) or _lies_on(other, one)
 
 
-def runs_alike(one: Detection, others: list[Detection]) -> bool:
+def is_parallel_to_any(one: Detection, others: list[Detection]) -> bool:
     """Whether any of ``others`` may have the direction of a proposal."""
     turns = (turn_deg(one.angle_deg, other.angle_deg) for other in others)
     return any(turn < _RUNS_ALIKE_DEG for turn in turns)
@@ -276,7 +276,3 @@ def _lies_on(one: Detection, other: Detection) -> bool:
     across = abs(dy * np.cos(angle) - dx * np.sin(angle))
     reach_px = _SAME_WIDTHS * max(other.width_px, _MIN_WIDTH_PX)
     return bool(across < reach_px and along < 0.5 * other.length_px + 1.0)
-
-
-def ends_of_box(box: NetworkBox) -> tuple[float, float, float, float]:
-    return box.x_a_px, box.y_a_px, box.x_b_px, box.y_b_px

@@ -10,24 +10,22 @@ import hashlib
 import itertools
 import os
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from rsoconsole.base import ModelError, json_of, model_resource, read_foreign
+from rsoconsole.vision.arrays import ByteArray, Float32Array
 from rsoconsole.vision.frame.maps import (
     MAP_KIND,
     NETWORK_HEIGHT_CELLS,
     NETWORK_WIDTH_CELLS,
-    ByteArray,
     FrameMap,
 )
 from rsoconsole.vision.frame.workers import threads_for
-
-Float32Array = npt.NDArray[np.float32]
+from rsoconsole.vision.lines.segments import Box, Ends, midpoint_of
 
 MODEL_NAME = "streak_ssd.tflite"
 STRIDE_CELLS = 4
@@ -50,26 +48,26 @@ class NetworkBox:
 
     confidence: float
     """Calibrated, 0 to 1: the share of such candidates that are satellites in training's world."""
-    x0_px: float
-    y0_px: float
-    x1_px: float
-    y1_px: float
-    x_a_px: float
-    """One end, to about half a cell; which came first one frame does not tell."""
-    y_a_px: float
-    x_b_px: float
-    y_b_px: float
+    corners_px: Box
+    ends_px: Ends
+    """To about half a cell; which came first one frame does not tell."""
 
     @property
     def length_px(self) -> float:
         """From end to end."""
-        return float(np.hypot(self.x_b_px - self.x_a_px, self.y_b_px - self.y_a_px))
+        x_a, y_a, x_b, y_b = self.ends_px
+        return float(np.hypot(x_b - x_a, y_b - y_a))
 
     @property
     def angle_deg(self) -> float:
         """Direction in the array, x towards y, modulo 180 deg."""
-        dx, dy = self.x_b_px - self.x_a_px, self.y_b_px - self.y_a_px
-        return float(np.degrees(np.arctan2(dy, dx)) % 180.0)
+        x_a, y_a, x_b, y_b = self.ends_px
+        return float(np.degrees(np.arctan2(y_b - y_a, x_b - x_a)) % 180.0)
+
+    @property
+    def middle_px(self) -> tuple[float, float]:
+        """Column and row of the midpoint between the ends."""
+        return midpoint_of(self.ends_px)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -91,15 +89,6 @@ class MapStreak:
     def length(self) -> float:
         """Cells from end to end."""
         return float(np.hypot(self.x_b - self.x_a, self.y_b - self.y_a))
-
-
-class _Interpreter(Protocol):
-    def allocate_tensors(self) -> None: ...
-    def get_input_details(self) -> list[dict[str, Any]]: ...
-    def get_output_details(self) -> list[dict[str, Any]]: ...
-    def set_tensor(self, index: int, value: npt.NDArray[np.generic]) -> None: ...
-    def invoke(self) -> None: ...
-    def get_tensor(self, index: int) -> Float32Array: ...
 
 
 def decode(answer: Float32Array, lowest_logit: float) -> list[MapStreak]:
@@ -152,11 +141,12 @@ class Network:
     """A loaded network. Not for use by two threads at once.
 
     It works on maps of any size: smaller ones are padded to its input, larger ones tiled.
+    ``interpreter``: TensorFlow Lite's, its tensors allocated.
     """
 
-    def __init__(self, interpreter: _Interpreter, card: Mapping[str, Any]) -> None:
+    def __init__(self, interpreter: Any, card: Mapping[str, Any]) -> None:
         self.card = card
-        """What the .json beside the network says of it."""
+        """Content of the .json beside the network."""
         self._interpreter = interpreter
         self._input = interpreter.get_input_details()[0]
         self._output = interpreter.get_output_details()[0]
@@ -167,7 +157,7 @@ class Network:
     def load(cls, path: Path | None = None, threads: int = 0) -> "Network":
         """The network at ``path`` (None: the shipped one), checked against the .json beside it.
 
-        ``threads`` 0: by the cores there are (``cores.threads_for``); the answer is the same.
+        ``threads`` 0: by the cores there are (``workers.threads_for``); the answer is the same.
 
         Raises ModelError when a file is missing, damaged, or not a network of this form.
         """
@@ -229,14 +219,13 @@ class Network:
         # The box reaches half a cell beyond the line on every side.
         return NetworkBox(
             confidence=float(1.0 / (1.0 + np.exp(-(self._slope * streak.logit + self._offset)))),
-            x0_px=max(to_px(xs[0] - 0.5), -0.5),
-            y0_px=max(to_px(ys[0] - 0.5), -0.5),
-            x1_px=min(to_px(xs[1] + 0.5), frame_map.width_px - 0.5),
-            y1_px=min(to_px(ys[1] + 0.5), frame_map.height_px - 0.5),
-            x_a_px=to_px(streak.x_a),
-            y_a_px=to_px(streak.y_a),
-            x_b_px=to_px(streak.x_b),
-            y_b_px=to_px(streak.y_b),
+            corners_px=(
+                max(to_px(xs[0] - 0.5), -0.5),
+                max(to_px(ys[0] - 0.5), -0.5),
+                min(to_px(xs[1] + 0.5), frame_map.width_px - 0.5),
+                min(to_px(ys[1] + 0.5), frame_map.height_px - 0.5),
+            ),
+            ends_px=(to_px(streak.x_a), to_px(streak.y_a), to_px(streak.x_b), to_px(streak.y_b)),
         )
 
 
@@ -259,13 +248,7 @@ def _moved_into_frame(
         is_cut |= (top > 0 and y0 < top + 3) or (bottom < height and y1 > bottom - 3)
         if not is_cut:
             moved.append(
-                MapStreak(
-                    logit=s.logit,
-                    x_a=s.x_a + left,
-                    y_a=s.y_a + top,
-                    x_b=s.x_b + left,
-                    y_b=s.y_b + top,
-                )
+                replace(s, x_a=s.x_a + left, y_a=s.y_a + top, x_b=s.x_b + left, y_b=s.y_b + top)
             )
     return moved
 
@@ -307,7 +290,7 @@ def _read_card(path: Path) -> dict[str, Any]:
     return card
 
 
-def _interpreter(content: bytes, threads: int, model: Path) -> _Interpreter:
+def _interpreter(content: bytes, threads: int, model: Path) -> Any:
     try:
         from ai_edge_litert.interpreter import Interpreter
     except ImportError:
@@ -318,14 +301,14 @@ def _interpreter(content: bytes, threads: int, model: Path) -> _Interpreter:
                 "no TensorFlow Lite runtime is installed: pip install ai-edge-litert"
             ) from error
     try:
-        interpreter: _Interpreter = Interpreter(model_content=content, num_threads=threads)
+        interpreter = Interpreter(model_content=content, num_threads=threads)
         interpreter.allocate_tensors()
     except (ValueError, RuntimeError) as error:
         raise ModelError(f"the network {model} cannot be loaded ({error}): {_REINSTALL}") from error
     return interpreter
 
 
-def _check_form(interpreter: _Interpreter, model: Path) -> None:
+def _check_form(interpreter: Any, model: Path) -> None:
     given = [int(n) for n in interpreter.get_input_details()[0]["shape"]]
     answered = [int(n) for n in interpreter.get_output_details()[0]["shape"]]
     wanted = [

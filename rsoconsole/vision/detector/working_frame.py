@@ -10,15 +10,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from rsoconsole.records import Detection, Frame, Rejection
-from rsoconsole.vision.stars.stars import StarList
-from rsoconsole.vision.stars.trailed_stars import Oblong
+from rsoconsole.vision.stars.star_list import StarList
 
 WIDE_PX = 5.0
 """Width of the stars from which on pixels are joined."""
 _WANTED_PX = 4.0
 """Narrower, and what is left of a short streak out of focus is a blob."""
 _SMALLEST_PX = 96
-"""What is left is never smaller than this a side."""
+"""Least side of a working frame."""
 
 
 def pixels_to_join(stars: StarList, frame: Frame) -> int:
@@ -69,18 +68,25 @@ class WorkingFrame:
         """A detection in pixels of the original frame."""
         return to_original(found, self.side)
 
-    def originally_rejected(self, rejected: Rejection) -> Rejection:
-        """The same for what was not taken."""
+    def original_rejection(self, rejected: Rejection) -> Rejection:
+        """A rejection in pixels of the original frame."""
         return replace(rejected, detection=self.original(rejected.detection))
 
     def original_stars(self, stars: StarList) -> StarList:
         """Stars in pixels of the original frame, ADU as there."""
         if self.side == 1:
             return stars
-        trail, field = stars.trail, stars.psf_field
+        trail, field, lights = stars.trail, stars.psf_field, stars.oblong
         if trail is not None:
             trail = replace(
                 trail, length_px=trail.length_px * self.side, fwhm_px=trail.fwhm_px * self.side
+            )
+        if lights is not None:
+            lights = replace(
+                lights,
+                x_px=(lights.x_px + 0.5) * self.side - 0.5,
+                y_px=(lights.y_px + 0.5) * self.side - 0.5,
+                half_px=lights.half_px * self.side,
             )
         return replace(
             stars,
@@ -91,15 +97,7 @@ class WorkingFrame:
             median_fwhm_px=stars.median_fwhm_px * self.side,
             trail=trail,
             psf_field=None if field is None else field.of_joined(1.0 / self.side),
-            oblong=None if stars.oblong is None else self._original_lights(stars.oblong),
-        )
-
-    def _original_lights(self, lights: Oblong) -> Oblong:
-        return replace(
-            lights,
-            x_px=(lights.x_px + 0.5) * self.side - 0.5,
-            y_px=(lights.y_px + 0.5) * self.side - 0.5,
-            half_px=lights.half_px * self.side,
+            oblong=lights,
         )
 
 

@@ -1,1 +1,1 @@
-"""All of a frame: its sky, its bins, its map, what the sensor adds to it."""
+"""A frame's sky, bins, map and calibration, and the threads that share the work."""

@@ -11,14 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from rsoconsole.records import PixelArray
-from rsoconsole.vision.frame.bins import (
-    CELL_PX,
-    Float32Array,
-    FrameBins,
-    bin_frame,
-    mean_of_squares,
-    take_rows,
-)
+from rsoconsole.vision.arrays import Float32Array, IndexArray
+from rsoconsole.vision.frame.bins import CELL_PX, FrameBins, bin_frame, mean_of_squares, take_rows
 from rsoconsole.vision.frame.workers import CALLER_ALONE, Workers
 
 _TILE_CELLS = 8
@@ -44,6 +38,11 @@ class Background:
         row = min(max(int((y_px + 0.5) // self.cell_px), 0), small.shape[0] - 1)
         column = min(max(int((x_px + 0.5) // self.cell_px), 0), small.shape[1] - 1)
         return float(small[row, column])
+
+    def all_at(self, small: Float32Array, x_px: IndexArray, y_px: IndexArray) -> Float32Array:
+        """Values of one of the small maps in the cells that hold whole pixels, (n,) each."""
+        rows = np.clip(y_px // self.cell_px, 0, small.shape[0] - 1)
+        return small[rows, np.clip(x_px // self.cell_px, 0, small.shape[1] - 1)]
 
 
 def local_background(

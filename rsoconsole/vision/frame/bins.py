@@ -15,9 +15,8 @@ import numpy as np
 import numpy.typing as npt
 
 from rsoconsole.records import PixelArray
+from rsoconsole.vision.arrays import ByteArray, Float32Array, IndexArray
 from rsoconsole.vision.frame.workers import CALLER_ALONE, Workers
-
-Float32Array = npt.NDArray[np.float32]
 
 CELL_PX = 16
 _MAX_CODE = 65535.0
@@ -25,7 +24,7 @@ LINE_REACH = 2
 """Bins on either side of one that a line through it needs."""
 
 
-def _line_through(down: int, right: int) -> npt.NDArray[np.uint8]:
+def _line_through(down: int, right: int) -> ByteArray:
     """A bin, the two so far down and right, and up and left of it, and those between, as a mask."""
     kernel = np.zeros((2 * LINE_REACH + 1, 2 * LINE_REACH + 1), dtype=np.uint8)
     for part in (-1.0, -0.5, 0.0, 0.5, 1.0):
@@ -39,7 +38,7 @@ _LINES = tuple(
 )
 
 
-def lines_through() -> Iterator[tuple[npt.NDArray[np.uint8], npt.NDArray[np.uint8]]]:
+def lines_through() -> Iterator[tuple[ByteArray, ByteArray]]:
     """Pairs of lines of five bins at right angles to one another: each of the eight ways once."""
     for along, across in ((0, 3), (1, 5), (2, 4), (6, 7)):
         yield _LINES[along], _LINES[across]
@@ -52,19 +51,19 @@ _Values = TypeVar("_Values", bound=npt.NDArray[Any])
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class FrameBins:
-    """What one pass over a frame leaves."""
+    """Reductions of a frame that one pass over its pixels makes."""
 
     means: Float32Array
-    """Of cells, ADU: (ceil(height / cell_px), ceil(width / cell_px))."""
+    """Means of cells, ADU: (ceil(height / cell_px), ceil(width / cell_px))."""
     level: Float32Array
     """Sky, ADU, same shape: the median of 5 x 5 means."""
     cell_px: int
     brightest: Mapping[int, Float32Array]
-    """By block, of its brightest bin the mean, ADU: (ceil(height / block), ceil(width / block))."""
+    """Mean of the brightest bin by block, ADU: (ceil(height / block), ceil(width / block))."""
     squares: Float32Array | None
     """Means of the squares that were asked for, ADU: (ceil(height / side), ceil(width / side))."""
     lines: Mapping[int, Float32Array]
-    """By block, of its brightest piece of a line (``lines_of_light``), ADU, same shape."""
+    """Brightest piece of a line (``lines_of_light``) by block, ADU, same shape."""
 
 
 def binning_of(block: int) -> int:
@@ -224,7 +223,7 @@ def means_of_whole_blocks(pixels: PixelArray, bins: FrameBins, block: int) -> Fl
     return means
 
 
-def _up_to_cells(count: int, size: int, block: int) -> npt.NDArray[np.intp]:
+def _up_to_cells(count: int, size: int, block: int) -> IndexArray:
     """Which of ``size`` rows or columns each of ``count`` is, with mirrored pixels, then bins."""
     binning, whole = binning_of(block), -(-size // block) * block
     bins, within = np.divmod(np.arange(count), binning)
@@ -243,7 +242,7 @@ def take_rows(pixels: PixelArray, rows: range, out: PixelArray) -> None:
         out[:, inside:] = out[:, mirrored(np.arange(inside, out.shape[1]), width)]
 
 
-def mirrored(index: npt.NDArray[np.intp], size: int) -> npt.NDArray[np.intp]:
+def mirrored(index: IndexArray, size: int) -> IndexArray:
     """Where rows or columns beyond the frame come from; the outermost itself is not repeated."""
     there_and_back = max(2 * (size - 1), 1)
     folded = index % there_and_back

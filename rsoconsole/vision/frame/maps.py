@@ -1,4 +1,4 @@
-"""``process_image``: a frame as the small map that the network looks at, in two ways.
+"""Frame maps: a frame reduced to the small map that the network takes, in two modes.
 
 ``fast``: the frame binned 2 x 2 (where the block allows), every bin as bright as the darkest of
 five in a row along the best direction, so that stars all but vanish and lines stay; of every block
@@ -13,13 +13,12 @@ hence ``x_px = u * block - 0.5`` exactly, whatever the padding, which is on the 
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
 from rsoconsole.records import MapMode, PixelArray
+from rsoconsole.vision.arrays import ByteArray, Float32Array
 from rsoconsole.vision.frame.background import local_background, resample, sky_noise
 from rsoconsole.vision.frame.bins import (
     CELL_PX,
-    Float32Array,
     FrameBins,
     bin_frame,
     binning_of,
@@ -29,12 +28,10 @@ from rsoconsole.vision.frame.bins import (
 )
 from rsoconsole.vision.frame.workers import CALLER_ALONE, Workers
 
-ByteArray = npt.NDArray[np.uint8]
-
 NETWORK_WIDTH_CELLS = 608
 NETWORK_HEIGHT_CELLS = 448
 MAP_KIND = "lines of 5 bins"
-"""What a network for maps of mode ``fast`` has been trained on; its card says so."""
+"""Kind of map that a network for mode ``fast`` is trained on; its card names it."""
 LOWEST_SIGMA = -2.0
 HIGHEST_SIGMA = 14.0
 LINE_GAIN, LINE_SHIFT = 1.25, 1.25
@@ -54,7 +51,7 @@ _SMALLEST_MAP_CELLS = 48
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class FrameMap:
-    """What the network sees of one frame."""
+    """Map of one frame for the network."""
 
     values: ByteArray
     """(ceil(height_px / block), ceil(width_px / block)); see CODES_PER_SIGMA."""

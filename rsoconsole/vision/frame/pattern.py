@@ -1,4 +1,4 @@
-"""What the electronics add to whole rows and columns: found, and taken away where it is there.
+"""Offsets of rows and columns by the electronics: found, and taken away where they are there.
 
 An offset of a row is told from the sky by its neighbours: by what each pixel has above the mean of
 those in the rows about it. The median along the row, which stars and streaks fill too little of to
@@ -9,14 +9,12 @@ the converter are. A streak along one row for more than half of the frame would 
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
 from rsoconsole.records import PixelArray
-
-Float32Array = npt.NDArray[np.float32]
+from rsoconsole.vision.arrays import Float32Array
 
 SEEN_SIGMA = 0.15
-"""From so much of a pixel's noise on, one sigma of the offsets, they are taken away."""
+"""One sigma of the offsets, over a pixel's noise, from which on they are taken away."""
 _ABOUT = 65
 """Lines whose mean is the sky of the one in their middle."""
 _BANDS, _BAND = 4, 64
@@ -34,7 +32,7 @@ _COARSE_ADU = 5.0
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Pattern:
-    """Offsets in ADU, about nothing on the whole."""
+    """Offsets of rows and columns in ADU, their mean about 0."""
 
     rows: Float32Array | None
     """(height,); None where there are none to be seen."""
@@ -128,7 +126,9 @@ def _offsets(pixels: PixelArray, noise: float, across: Float32Array | None = Non
     about = np.median(sample[:, ::_MEDIAN_STEP], axis=1).astype(np.float32)
     sample -= about[:, None]
     above = about + _mean_of_near(sample, _NEAR * noise)
-    return np.asarray(above + _of_neighbours(above), dtype=np.float32)
+    # What the lines about each one have themselves, on the whole.
+    about_each = cv2.blur(above[:, None], (1, _ABOUT), borderType=cv2.BORDER_REFLECT_101)[:, 0]
+    return np.asarray(above + about_each, dtype=np.float32)
 
 
 def _mean_of_near(about: Float32Array, limit: float) -> Float32Array:
@@ -137,11 +137,3 @@ def _mean_of_near(about: Float32Array, limit: float) -> Float32Array:
     about *= is_near
     near = np.maximum(np.count_nonzero(is_near, axis=1), 1)
     return np.asarray(about.sum(axis=1) / near, dtype=np.float32)
-
-
-def _of_neighbours(above: Float32Array) -> Float32Array:
-    """What the lines about each one have themselves, on the whole."""
-    import cv2
-
-    total = cv2.blur(above[:, None], (1, _ABOUT), borderType=cv2.BORDER_REFLECT_101)
-    return np.asarray(total[:, 0], dtype=np.float32)

@@ -47,7 +47,7 @@ CALLER_ALONE = Workers()
 
 
 MAX_THREADS = 4
-"""What is left of a frame's work beyond these is too small to divide: a Raspberry Pi has four."""
+"""More threads than these gain nothing on one frame; a Raspberry Pi has four cores."""
 CGROUPS = Path("/sys/fs/cgroup")
 
 

@@ -1,4 +1,4 @@
-"""Where lines may run: sums over cells along straight ways that stand out. Pure."""
+"""Seeds of lines: sums over cells along straight ways that stand out. Pure."""
 
 import math
 from collections.abc import Iterator
@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-Float32Array = npt.NDArray[np.float32]
+from rsoconsole.vision.arrays import Float32Array
 
 THRESHOLD, LONG_THRESHOLD = 5.0, 4.6
 """Sigma of the cells' own scatter: of a short and of a long partial sum that is traced."""
@@ -17,7 +17,7 @@ _SHORTEST, _LONGEST = 2, 7
 _LONG_ROWS = 32
 
 _STEPS = 24.0
-"""Of whole numbers in one sigma: they add up twice as fast."""
+"""Whole numbers in one sigma: they add up twice as fast as floats."""
 
 _MAX_STEPS = 32767 >> _LONGEST
 
@@ -40,7 +40,7 @@ class Seed:
 
 
 def threshold(rows: int) -> float:
-    """Of a sum over a number of rows: the longer the sums, the fewer there are."""
+    """Threshold in sigma of a sum over a number of rows: long sums are few."""
     return THRESHOLD if rows < _LONG_ROWS else LONG_THRESHOLD
 
 

@@ -4,26 +4,18 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
 from rsoconsole.records import FloatArray, PixelArray
+from rsoconsole.vision.arrays import BoolArray, Float32Array
 from rsoconsole.vision.frame.background import Background
-from rsoconsole.vision.lines.streak_search import Box
-
-Float32Array = npt.NDArray[np.float32]
-BoolArray = npt.NDArray[np.bool_]
+from rsoconsole.vision.lines.segments import Ends, length_of
 
 LONGEST_PX = 400
-"""Of a longer line its middle is looked at."""
+"""Length beyond which only the middle of a line is looked at."""
 _RIM_PX = 4
 
 
-def length_of(ends: Box) -> float:
-    """From end to end, px."""
-    return math.hypot(ends[2] - ends[0], ends[3] - ends[1])
-
-
-def ridge_of(pixels: PixelArray, sky: Background, ends: Box, psf_sigma: float) -> Float32Array:
+def ridge_of(pixels: PixelArray, sky: Background, ends: Ends, psf_sigma: float) -> Float32Array:
     """Smoothed signal to noise at every pixel along a line, as far as it is in the frame."""
     columns = int(min(length_of(ends), float(LONGEST_PX))) + 1
     smooth, is_inside = smoothed_strip(pixels, sky, ends, psf_sigma, columns=columns, reach=_RIM_PX)
@@ -34,7 +26,7 @@ def ridge_of(pixels: PixelArray, sky: Background, ends: Box, psf_sigma: float) -
 def smoothed_strip(
     pixels: PixelArray,
     sky: Background,
-    ends: Box,
+    ends: Ends,
     psf_sigma: float,
     *,
     columns: int,
@@ -91,7 +83,7 @@ class LineColumns:
     """(columns,): whether the frame holds all that is summed."""
 
 
-def on_line(ends: Box, u: FloatArray, v: FloatArray) -> tuple[FloatArray, FloatArray]:
+def on_line(ends: Ends, u: FloatArray, v: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Pixels of places ``u`` along the line from end a and ``v`` across it."""
     length = length_of(ends)
     dx, dy = (ends[2] - ends[0]) / length, (ends[3] - ends[1]) / length
@@ -99,7 +91,7 @@ def on_line(ends: Box, u: FloatArray, v: FloatArray) -> tuple[FloatArray, FloatA
 
 
 def rows_across(fwhm: float) -> FloatArray:
-    """How far off the line, px, what is summed and the sky beside it are looked at."""
+    """Offsets across the line, px, of the pixels that are summed and of the sky beside it."""
     _, near_px = _rows_px(fwhm)
     return np.arange(-near_px - _SIDE_PX, near_px + _SIDE_PX + 1, dtype=np.float64)
 

@@ -11,13 +11,13 @@ import math
 from dataclasses import dataclass, replace
 
 import numpy as np
-import numpy.typing as npt
 
 from rsoconsole.records import FloatArray
+from rsoconsole.vision.arrays import Float32Array, IndexArray
 from rsoconsole.vision.frame.background import Background, resample
 from rsoconsole.vision.frame.bins import CELL_PX, lines_through, median_5x5
-from rsoconsole.vision.lines._line_seeds import Float32Array, Seed, seeds_in, threshold
-from rsoconsole.vision.stars.stars import StarList, lit_radius_px
+from rsoconsole.vision.lines._line_seeds import Seed, seeds_in, threshold
+from rsoconsole.vision.stars.star_list import StarList, lit_radius_px
 
 MIN_SNR = 5.0
 """Sigma of the cells' own scatter of a whole line that was traced."""
@@ -248,7 +248,7 @@ def _what_is_left(cells: Float32Array, seed: Seed) -> float:
     return float(cells[row[is_in], column[is_in]].sum()) / math.sqrt(count)
 
 
-def _cells_between(first: int, last: int, count: int) -> npt.NDArray[np.intp]:
+def _cells_between(first: int, last: int, count: int) -> IndexArray:
     """(count,) nearest to an even division, as by ``linspace``, which takes four times as long."""
     if count == 1:
         return np.array([first], np.intp)

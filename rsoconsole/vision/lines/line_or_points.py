@@ -1,4 +1,4 @@
-"""Whether the light along a short line is one line's or that of a few stars in a row.
+"""One line or a few stars in a row: the profile of a short line tells which explains it better.
 
 Both are put through the stars' own width and fitted to the profile along the line: points, as many
 as it takes up to ``_MAX_POINTS``, each for the price of a star that happens to stand there,
@@ -15,8 +15,9 @@ from dataclasses import replace
 import numpy as np
 
 from rsoconsole.records import FloatArray
-from rsoconsole.vision.frame.median import best_pair, median_of
-from rsoconsole.vision.lines.line_strip import BoolArray, Course, LineProfile, LineStrip, profile_of
+from rsoconsole.vision.arrays import BoolArray
+from rsoconsole.vision.frame.median import median_of
+from rsoconsole.vision.lines.line_strip import Course, LineProfile, LineStrip, profile_of
 from rsoconsole.vision.stars.star_moments import FWHM_PER_SIGMA
 
 _MAX_PARTS = 48
@@ -107,7 +108,7 @@ def _roughness(place: FloatArray, light: FloatArray, sigmas: FloatArray) -> floa
 def explained_by_a_wave(
     rest: FloatArray, basis: FloatArray, cosines: FloatArray, sines: FloatArray
 ) -> float:
-    """Of the sum of squares of ``rest`` (n,) what the best of k waves (n, k) takes.
+    """Part of the sum of squares of ``rest`` (n,) that the best of k waves (n, k) explains.
 
     ``basis`` (n, m), orthonormal: what ``rest`` is free of, and the waves are freed of.
     """
@@ -130,6 +131,8 @@ _UNLIKE = 0.12
 _STEP_SIGMAS, _BEYOND_SIGMAS = 0.4, 4.0
 _MIN_PERIOD_SIGMAS, _MAX_PERIODS = 10.0, 8.0
 _FEWEST = 5
+_MIN_DETERMINED = 1e-3
+"""Of two places' own products: closer ones cannot be told apart."""
 _LIT_SHARE = 0.1
 """Of the highest correlation with a star anywhere: where there is less none is tried."""
 _ACROSS_FWHM = 1.5
@@ -139,10 +142,10 @@ _ACROSS_FWHM = 1.5
 def line_over_points(
     profile: LineProfile, ends: tuple[float, float], scatter: float, drawn_px: float = 0.0
 ) -> float:
-    """By how much chi-square prefers one line to the best few points; negative: points it is.
+    """Chi-square by which one line is better than the best few points; negative: points are.
 
     0 where it is too long for the question or too little of it is seen. ``scatter``: noise in units
-    of what the pixels make (``line_texture.confusion``). ``drawn_px``: length of a drawn-out star
+    of what the pixels make (``confusion``). ``drawn_px``: length of a drawn-out star
     along the line.
     """
     sigma, length = profile.sigma, ends[1] - ends[0]
@@ -187,7 +190,7 @@ def _left_by_line(
 
 
 def drawn_along(length_px: float, turn_deg: float, fwhm_px: float) -> float:
-    """How long a star's trail is along a line turned against it, within the line's width."""
+    """Length of a star's trail along a line turned against it, within the line's width, px."""
     turn = math.radians(turn_deg)
     along = length_px * abs(math.cos(turn))
     return min(along, _ACROSS_FWHM * fwhm_px / max(abs(math.sin(turn)), 1e-3))
@@ -223,6 +226,23 @@ def _left_by_points(
         rest = value - shapes[:, chosen] @ _lights(shapes, value, chosen)
         best = min(best, float(rest @ rest) + count * _PRICE_OF_A_POINT)
     return best
+
+
+def best_pair(gram: FloatArray, projected: FloatArray) -> list[int]:
+    """The two of n places, or one twice, whose lights, none of them dark, explain most.
+
+    ``gram`` (n, n): products of the images of the places; ``projected`` (n,): with the data.
+    """
+    own = np.maximum(np.diag(gram), _SMALLEST)
+    single = np.maximum(projected, 0.0) ** 2 / own
+    det = np.maximum(own[:, None] * own - gram**2, _MIN_DETERMINED * own[:, None] * own)
+    first = (own[None] * projected[:, None] - gram * projected) / det
+    gained = np.where(
+        (first > 0.0) & (first.T > 0.0),
+        first * projected[:, None] + first.T * projected,
+        single[:, None],
+    )
+    return [int(at) for at in np.unravel_index(int(np.argmax(gained)), gained.shape)]
 
 
 def _one_more(shapes: FloatArray, value: FloatArray, chosen: list[int]) -> int:

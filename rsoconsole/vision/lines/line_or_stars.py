@@ -1,4 +1,4 @@
-"""Whether a short light is one line or a few stars in a row, held against images of the stars.
+"""One line or a few stars in a row: a short light compared with images of the frame's stars.
 
 Star images close together along the line are any light that came along it: with lights that change
 slowly or in one period they are a streak, with a few of any light they are stars. Both are fitted
@@ -12,20 +12,18 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
 from rsoconsole.records import Detection, FloatArray, PixelArray
+from rsoconsole.vision.arrays import BoolArray, Float32Array, IndexArray
 from rsoconsole.vision.frame.background import Background
-from rsoconsole.vision.frame.median import best_pair, median_of
-from rsoconsole.vision.stars.image import StarImage, disc, star_image
+from rsoconsole.vision.frame.median import median_of
+from rsoconsole.vision.lines.line_or_points import best_pair
+from rsoconsole.vision.stars.star_image import StarImage, disc, star_image
+from rsoconsole.vision.stars.star_list import StarList
 from rsoconsole.vision.stars.star_moments import FWHM_PER_SIGMA
-from rsoconsole.vision.stars.stars import StarList
 
 MAX_FWHM = 20.0
 """Length in widths of a star up to which a few stars may look like a line."""
-Float32Array = npt.NDArray[np.float32]
-BoolArray = npt.NDArray[np.bool_]
-IntArray = npt.NDArray[np.int_]
 
 _STEP_SIGMAS, _BEYOND_SIGMAS, _MIN_STEP_PX, _MAX_STEP_PX = 0.6, 3.0, 0.7, 2.0
 _MAX_PLACES, _MAX_BESIDE, _MIN_SIDE_PX = 160, 30, 5
@@ -39,7 +37,7 @@ _AS_WIDE, _NARROWEST_PX = 0.9, 1.5
 _BESIDE_FWHM = 0.8
 """A listed star so far off the line is beside it."""
 _END_STEPS = 2
-"""How far an end may be off, in steps."""
+"""Error of an end, in steps."""
 _MIN_LEFT, _MAX_LEFT = 1.0, 25.0
 """Chi-square that one pixel leaves: at most, for a hot one is of neither."""
 _SIGMA_PER_MAD = 1.4826
@@ -48,7 +46,7 @@ _SMALLEST = 1e-9
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LineOrStars:
-    """What speaks for either."""
+    """Chi-squares of a short light as one line and as a few stars."""
 
     over_stars: float
     """Chi-square that one line explains better than the best few stars, over what it leaves of a
@@ -66,7 +64,7 @@ class ShortLights:
         self._image: StarImage | None = None
         self._is_made = False
 
-    def held(self, found: Detection) -> LineOrStars | None:
+    def compared(self, found: Detection) -> LineOrStars | None:
         """One light, places in the camera's pixels; None where that tells nothing."""
         fwhm_px = self._stars.fwhm_at(found.x_px, found.y_px)
         if found.length_px > MAX_FWHM * fwhm_px or found.length_px < 1.0:
@@ -76,7 +74,7 @@ class ShortLights:
             self._is_made = True
         if self._image is None:
             return None
-        return self._compared(self._image, found, fwhm_px)
+        return self._comparison(self._image, found, fwhm_px)
 
     def _narrower_px(self, found: Detection, fwhm_px: float) -> float | None:
         """Width of a line that moved on while stars were drawn out or shaken; None: as theirs."""
@@ -84,7 +82,7 @@ class ShortLights:
             return fwhm_px
         return max(found.width_px, _NARROWEST_PX) if found.width_px < _AS_WIDE * fwhm_px else None
 
-    def _compared(self, image: StarImage, found: Detection, fwhm_px: float) -> LineOrStars | None:
+    def _comparison(self, image: StarImage, found: Detection, fwhm_px: float) -> LineOrStars | None:
         sigma, course = fwhm_px / FWHM_PER_SIGMA, _Course.of(found)
         step = max(min(_STEP_SIGMAS * sigma, _MAX_STEP_PX), _MIN_STEP_PX)
         count = int((course.length + 2.0 * _BEYOND_SIGMAS * sigma) / step) + 1
@@ -94,20 +92,20 @@ class ShortLights:
         box = _box(self._pixels, self._sky, image, course, 0.5 * count * step)
         if box is None:
             return None
-        it = _Comparison(box, course, image, self._stars, fwhm_px)
+        fit = _Fit(box, course, image, self._stars, fwhm_px)
         x, y = course.at(u)
         of_stars = box.images(image, x, y)
-        star_places = it.columns(of_stars)
-        lights = _best_line(star_places, it.target, u, step, 0.5 * course.length)
-        rest, by_line = it.line_leaves(np.tensordot(lights, of_stars, 1), star_places)
+        star_places = fit.columns(of_stars)
+        lights = _best_line(star_places, fit.target, u, step, 0.5 * course.length)
+        rest, by_line = fit.line_leaves(np.tensordot(lights, of_stars, 1), star_places)
         width_px = self._narrower_px(found, fwhm_px)
         if width_px is not None:
             of_line = box.images(disc(width_px), x, y)
-            lights = _best_line(it.columns(of_line), it.target, u, step, 0.5 * course.length)
-            narrow = it.line_leaves(np.tensordot(lights, of_line, 1), star_places)
+            lights = _best_line(fit.columns(of_line), fit.target, u, step, 0.5 * course.length)
+            narrow = fit.line_leaves(np.tensordot(lights, of_line, 1), star_places)
             rest, by_line = min((rest, by_line), narrow, key=lambda each: each[1])
-        by_stars = _left_by_stars(it, star_places, of_stars, step)
-        left = float(np.minimum(rest**2, _MAX_LEFT).sum()) / it.freedom
+        by_stars = _left_by_stars(fit, star_places, of_stars, step)
+        left = float(np.minimum(rest**2, _MAX_LEFT).sum()) / fit.freedom
         over = (by_stars - by_line) / max(left, _MIN_LEFT)
         return LineOrStars(over_stars=over, left=left)
 
@@ -137,11 +135,11 @@ class _Course:
         """Places on it, x and y."""
         return self.x + along * self.dx, self.y + along * self.dy
 
-    def along(self, x: FloatArray | IntArray, y: FloatArray | IntArray) -> FloatArray:
+    def along(self, x: FloatArray | IndexArray, y: FloatArray | IndexArray) -> FloatArray:
         """Px from its middle, along it."""
         return np.asarray((x - self.x) * self.dx + (y - self.y) * self.dy)
 
-    def away(self, x: FloatArray | IntArray, y: FloatArray | IntArray) -> FloatArray:
+    def away(self, x: FloatArray | IndexArray, y: FloatArray | IndexArray) -> FloatArray:
         """Px from the nearest place between its ends."""
         across = (y - self.y) * self.dx - (x - self.x) * self.dy
         beyond = np.maximum(np.abs(self.along(x, y)) - 0.5 * self.length, 0.0)
@@ -162,12 +160,12 @@ class _Box:
     """(used,) light over its error."""
 
     @property
-    def x(self) -> IntArray:
+    def x(self) -> IndexArray:
         """(1, columns) of the frame."""
         return np.arange(self.is_used.shape[1])[None] + self.left
 
     @property
-    def y(self) -> IntArray:
+    def y(self) -> IndexArray:
         """(rows, 1)"""
         return np.arange(self.is_used.shape[0])[:, None] + self.top
 
@@ -218,7 +216,7 @@ def _scatter_below(light: Float32Array) -> float:
     return _SIGMA_PER_MAD * median_of(off[off >= 0.0])
 
 
-class _Comparison:
+class _Fit:
     """One light, and what sky and listed stars beside it cannot explain."""
 
     def __init__(
@@ -322,9 +320,9 @@ def _fitted(
     return (h * weights[..., 0]).sum(axis=1), (shapes @ weights)[..., 0]
 
 
-def _left_by_stars(it: _Comparison, places: FloatArray, images: Float32Array, step: float) -> float:
+def _left_by_stars(fit: _Fit, places: FloatArray, images: Float32Array, step: float) -> float:
     """Chi-square of the best few stars with their price: the best pair, then one more each."""
-    gram, projected = places.T @ places, places.T @ it.target
+    gram, projected = places.T @ places, places.T @ fit.target
     own = np.maximum(np.diag(gram), _SMALLEST)
     single = np.maximum(projected, 0.0) ** 2 / own
     chosen = [int(np.argmax(single))]
@@ -336,7 +334,7 @@ def _left_by_stars(it: _Comparison, places: FloatArray, images: Float32Array, st
             chosen.append(_next(gram, projected, own, chosen))
             for i in range(count):
                 chosen[i] = _next(gram, projected, own, chosen[:i] + chosen[i + 1 :])
-        rest = it.stars_leave(images[chosen], _lights(gram, projected, chosen), step)
+        rest = fit.stars_leave(images[chosen], _lights(gram, projected, chosen), step)
         left = min(left, rest + count * _PRICE_OF_A_STAR)
     return left
 

@@ -9,26 +9,22 @@ from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
-import numpy.typing as npt
 
 from rsoconsole.records import FloatArray, PixelArray
+from rsoconsole.vision.arrays import BoolArray, Float32Array, IndexArray
 from rsoconsole.vision.frame.background import Background
 from rsoconsole.vision.frame.median import median_of
-from rsoconsole.vision.lines.streak_search import Box
-from rsoconsole.vision.stars.stars import StarList, lit_radius_px
-
-Float32Array = npt.NDArray[np.float32]
-IntArray = npt.NDArray[np.int_]
-BoolArray = npt.NDArray[np.bool_]
+from rsoconsole.vision.lines.segments import Ends
+from rsoconsole.vision.stars.star_list import StarList, lit_radius_px
 
 OFF_PX = 9.0
-"""How far off its line a proposal may be, px, at its middle and at its ends."""
+"""Largest distance of a proposal from its line, px, at its middle and at its ends."""
 INTERPOLATED_VARIANCE = 1.0 / 6.0
 """px^2 that linear interpolation adds across."""
 _BEYOND, _MIN_BEYOND_PX = 0.35, 40.0
 _ON_LINE_PX, _FLASHES, _FLASHED_SHARE, _LISTED_SHARE = 4.0, 3, 0.25, 0.45
 MIN_KNOWN = 0.4
-"""Of a column's weight: of less, what is seen is no measure of the line there."""
+"""Share of a column's weight that must be unmasked to measure the line there."""
 _SKY_PX, _SKY_LIMIT = 41, 3.0
 _SMALLEST = 1e-9
 
@@ -41,7 +37,7 @@ class LineStrip:
     """(2 reach + 1, columns), sigma of a pixel above the sky."""
     is_good: BoolArray
     x0_px: float
-    """Of column 0, row ``reach``."""
+    """Column in the frame of the strip's column 0, row ``reach``."""
     y0_px: float
     dx: float
     dy: float
@@ -50,7 +46,7 @@ class LineStrip:
     """Whether it ends with the frame, at its first and at its last column."""
 
     @property
-    def columns(self) -> IntArray:
+    def columns(self) -> IndexArray:
         """0, 1, 2 and so on."""
         return np.arange(self.values.shape[1])
 
@@ -69,20 +65,20 @@ class Course:
     sigma_offset: float
     sigma_slope: float
 
-    def at(self, columns: IntArray | FloatArray | float) -> FloatArray:
+    def at(self, columns: IndexArray | FloatArray | float) -> FloatArray:
         return np.asarray(self.offset + self.slope * (np.asarray(columns) - self.middle))
 
 
-class Way(Protocol):
+class StripPath(Protocol):
     """Where light runs in a strip, straight or not."""
 
-    def at(self, columns: IntArray) -> FloatArray:
+    def at(self, columns: IndexArray) -> FloatArray:
         """Rows from the strip's middle one."""
         ...
 
 
 def strip_about(
-    pixels: PixelArray, sky: Background, ends: Box, stars: StarList, sigma: float
+    pixels: PixelArray, sky: Background, ends: Ends, stars: StarList, sigma: float
 ) -> LineStrip | None:
     import cv2
 
@@ -169,8 +165,8 @@ def _mask_stars(
             strip.is_good[:, first:last] &= du**2 + dv**2 > radius**2
 
 
-def level(strip: LineStrip, course: Course, sigma: float) -> None:
-    """Take away what the sky beside the line is above that of its cells: glow, a bright star's."""
+def subtract_sky_beside(strip: LineStrip, course: Course, sigma: float) -> None:
+    """Subtract the sky beside the line, above that of its cells: glow, a bright star's wings."""
     import cv2
 
     v = np.arange(-strip.reach, strip.reach + 1, dtype=np.float32)[:, None]
@@ -186,7 +182,9 @@ def level(strip: LineStrip, course: Course, sigma: float) -> None:
     strip.values[:] -= light / np.maximum(count, 1.0)
 
 
-def weights_of(strip: LineStrip, columns: IntArray, course: Way, sigma: float) -> Float32Array:
+def weights_of(
+    strip: LineStrip, columns: IndexArray, course: StripPath, sigma: float
+) -> Float32Array:
     """Gaussian across about the line, sum 1 a column."""
     v = np.arange(-strip.reach, strip.reach + 1, dtype=np.float32)[:, None]
     off = v - course.at(columns).astype(np.float32)
@@ -207,7 +205,7 @@ class LineProfile:
     """Of the Gaussian across to which it is matched, px."""
 
     @property
-    def columns(self) -> IntArray:
+    def columns(self) -> IndexArray:
         """Places along, px."""
         return np.arange(self.light.size)
 
@@ -217,12 +215,12 @@ class LineProfile:
         return np.isfinite(self.error)
 
     def between(self, first: float, last: float) -> BoolArray:
-        """What is known from one place to another."""
+        """Which columns from one place to another are known."""
         columns = self.columns
         return (columns >= first) & (columns <= last) & self.is_known
 
 
-def profile_of(strip: LineStrip, course: Way, sigma: float) -> LineProfile:
+def profile_of(strip: LineStrip, course: StripPath, sigma: float) -> LineProfile:
     """The light of a strip along a line in it."""
     weight = weights_of(strip, strip.columns, course, sigma)
     known = weight * strip.is_good

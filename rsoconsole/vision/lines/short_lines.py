@@ -12,12 +12,12 @@ import numpy as np
 
 from rsoconsole.sky import turn_deg
 from rsoconsole.vision.lines.line_filter import CellLine
-from rsoconsole.vision.stars.stars import StarList
+from rsoconsole.vision.stars.star_list import StarList
 
 MAX_SHORT, _MAX_WHERE_SHARP = 12, 6
 """Where stars are sharp a streak is seldom so short, and line filter and network see it too."""
 _ACROSS_FWHM, _SAME_DEG = 1.0, 15.0
-"""What lies so near to a line that is proposed already is a piece of it."""
+"""Distance across, in widths, and turn up to which a light is a piece of a proposed line."""
 
 
 def short_lines(

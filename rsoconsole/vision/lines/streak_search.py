@@ -3,15 +3,13 @@
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
 from rsoconsole.records import FloatArray, PixelArray
+from rsoconsole.vision.arrays import BoolArray, Float32Array, IndexArray
 from rsoconsole.vision.frame.background import Background
 from rsoconsole.vision.frame.median import median_of
-from rsoconsole.vision.stars.stars import StarList, lit_radius_px
-
-BoolArray = npt.NDArray[np.bool_]
-Box = tuple[float, float, float, float]
+from rsoconsole.vision.lines.segments import Box, Ends
+from rsoconsole.vision.stars.star_list import StarList, lit_radius_px
 
 _SMALL_BOX_PX = 40.0
 _BOX_ERROR_PX = 12.0
@@ -42,7 +40,7 @@ class Cutout:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Guess:
+class LineGuess:
     """A line through the cutout: raw pixel coordinates, direction as a unit vector."""
 
     x_px: float
@@ -52,7 +50,7 @@ class Guess:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Ends:
+class LitStretch:
     """A lit stretch along a guess."""
 
     u_a: float
@@ -101,7 +99,7 @@ def _range(low: float, high: float, size: int) -> tuple[int, int]:
     return start, int(np.clip(np.ceil(high) + 1, min(start + 16, size), size))
 
 
-def _level_at(sky: Background, ys: npt.NDArray[np.int_], xs: npt.NDArray[np.int_]) -> FloatArray:
+def _level_at(sky: Background, ys: IndexArray, xs: IndexArray) -> FloatArray:
     """Sky level between cell centres, linear, (len(ys), len(xs))."""
     rows = np.clip((ys + 0.5) / sky.cell_px - 0.5, 0, sky.level.shape[0] - 1)
     columns = np.clip((xs + 0.5) / sky.cell_px - 0.5, 0, sky.level.shape[1] - 1)
@@ -144,7 +142,9 @@ def _mask_stars(is_good: BoolArray, x0: int, y0: int, stars: StarList, noise: fl
             is_good[ya:yb, xa:xb] &= dx**2 + dy**2 > radius**2
 
 
-def find_line(cutout: Cutout, box: Box, psf_sigma: float, ends: Box | None = None) -> Guess | None:
+def find_line(
+    cutout: Cutout, box: Box, psf_sigma: float, ends: Ends | None = None
+) -> LineGuess | None:
     """Best line through the box among those its shape allows.
 
     ``ends`` (x_a, y_a, x_b, y_b) narrows the search; without it both diagonals are tried.
@@ -173,7 +173,7 @@ def find_line(cutout: Cutout, box: Box, psf_sigma: float, ends: Box | None = Non
         found = _best_line(limited, centre, near * step + best[0], near + best[1], 0.5 * length)
         best = found or best
     dx, dy = float(np.cos(best[0])), float(np.sin(best[0]))
-    return Guess(
+    return LineGuess(
         x_px=centre[0] + cutout.x0 - dy * best[1],
         y_px=centre[1] + cutout.y0 + dx * best[1],
         dx=dx,
@@ -192,7 +192,7 @@ def _fan(width: float, height: float, length: float, step: float) -> FloatArray:
     return np.concatenate([up, -up])
 
 
-def _smooth_snr(cutout: Cutout, psf_sigma: float) -> npt.NDArray[np.float32]:
+def _smooth_snr(cutout: Cutout, psf_sigma: float) -> Float32Array:
     """Matched to the stars, in units of its own noise; 0 where a star is masked."""
     import cv2
 
@@ -205,12 +205,12 @@ def _smooth_snr(cutout: Cutout, psf_sigma: float) -> npt.NDArray[np.float32]:
 
 
 def _along(
-    smooth: npt.NDArray[np.float32],
+    smooth: Float32Array,
     centre: tuple[float, float],
     angle: float,
     offset: float,
     half_length: float,
-) -> npt.NDArray[np.float32]:
+) -> Float32Array:
     """Samples of one line, nearest pixels; 0 outside."""
     u = np.arange(-half_length, half_length + 0.1, 1.5)
     x = centre[0] + np.cos(angle) * u - np.sin(angle) * offset
@@ -223,7 +223,7 @@ def _along(
 
 
 def _best_line(
-    smooth: npt.NDArray[np.float32],
+    smooth: Float32Array,
     centre: tuple[float, float],
     angles: FloatArray,
     offsets: FloatArray,
@@ -245,7 +245,7 @@ def _best_line(
     return float(angles[i]), float(offsets[j])
 
 
-def find_ends(cutout: Cutout, guess: Guess, psf_sigma: float) -> Ends | None:
+def find_ends(cutout: Cutout, guess: LineGuess, psf_sigma: float) -> LitStretch | None:
     """The lit stretch along a guess: where the light above half of its level adds up to most.
 
     Never weighted by flux: a bright part counts no more than one and a half times the level.
@@ -265,7 +265,7 @@ def find_ends(cutout: Cutout, guess: Guess, psf_sigma: float) -> Ends | None:
     inside = smooth[a : b + 1]
     known = np.flatnonzero(is_known)
     parts = np.array_split(inside, min(_PARTS, inside.size))
-    return Ends(
+    return LitStretch(
         u_a=float(first + a) - 0.5,
         u_b=float(first + b) + 0.5,
         amplitudes=tuple(max(median_of(part), 0.05 * level) for part in parts),
@@ -324,7 +324,7 @@ def _extended(is_lit: BoolArray, a: int, b: int) -> tuple[int, int]:
 
 
 def _profile(
-    cutout: Cutout, guess: Guess, psf_sigma: float
+    cutout: Cutout, guess: LineGuess, psf_sigma: float
 ) -> tuple[FloatArray, BoolArray, float, int]:
     """Light per pixel of length, where it is known, its typical noise, u of the first bin."""
     yy, xx = np.mgrid[0 : cutout.values.shape[0], 0 : cutout.values.shape[1]]

@@ -11,15 +11,12 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
 from rsoconsole.records import FloatArray, PlatePath, Solution, Wcs
 from rsoconsole.sky import describe, pixel_to_sky, separation_deg, sky_to_pixel
+from rsoconsole.vision.arrays import IndexArray
+from rsoconsole.vision.stars.star_pairs import MIN_MATCHED, mutual_nearest
 
-IndexArray = npt.NDArray[np.intp]
-
-MIN_MATCHED = 6
-"""Fewer matched stars than this never make a plate."""
 MAX_STARS = 400
 _ROUNDS = 8
 _TIGHT_TOLERANCE_PX = 1.5
@@ -84,7 +81,16 @@ def refit(
     expected_by_chance = len(stars) * len(shown) * math.pi * tolerance**2 / (width_px * height_px)
     if len(pairs[0]) < MIN_MATCHED + 2.0 * expected_by_chance:
         return None
-    return _as_fit(stars, catalogue, pairs, wcs, shown=shown)
+    xy, radec = stars[pairs[0]], catalogue[pairs[1]]
+    at = np.stack(pixel_to_sky(wcs, xy[:, 0], xy[:, 1]), axis=1)
+    centre_deg = wcs.crval_ra_deg, wcs.crval_dec_deg
+    residual = _to_plane(radec, *centre_deg) - _to_plane(at, *centre_deg)
+    return PlateFit(
+        wcs=wcs,
+        matched=len(xy),
+        rms_arcsec=3600.0 * float(np.sqrt(np.sum(residual**2) / (2 * len(xy)))),
+        catalogue_indices=shown[pairs[1]],
+    )
 
 
 def solution_from(
@@ -131,13 +137,7 @@ def _pair(
     """Mutual nearest neighbours within the tolerance: each star at most once."""
     difference = stars[:, None, :] - predicted[None, :, :]
     distance2 = np.nan_to_num(np.einsum("ijk,ijk->ij", difference, difference), nan=np.inf)
-    nearest_catalogue = distance2.argmin(axis=1)
-    nearest_star = distance2.argmin(axis=0)
-    rows = np.arange(len(stars))
-    is_pair = (nearest_star[nearest_catalogue] == rows) & (
-        distance2[rows, nearest_catalogue] <= tolerance_px**2
-    )
-    return rows[is_pair], nearest_catalogue[is_pair]
+    return mutual_nearest(distance2, tolerance_px**2)
 
 
 def _robust_fit(
@@ -247,28 +247,6 @@ def _unit_plane(ra0_deg: float, dec0_deg: float) -> Wcs:
 
 def _to_plane(radec: FloatArray, ra0_deg: float, dec0_deg: float) -> FloatArray:
     return np.stack(sky_to_pixel(_unit_plane(ra0_deg, dec0_deg), radec[:, 0], radec[:, 1]), axis=1)
-
-
-def _as_fit(
-    stars: FloatArray,
-    catalogue: FloatArray,
-    pairs: tuple[IndexArray, IndexArray],
-    wcs: Wcs,
-    *,
-    shown: IndexArray,
-) -> PlateFit:
-    xy, radec = stars[pairs[0]], catalogue[pairs[1]]
-    at = np.stack(pixel_to_sky(wcs, xy[:, 0], xy[:, 1]), axis=1)
-    residual = _to_plane(radec, wcs.crval_ra_deg, wcs.crval_dec_deg) - _to_plane(
-        at, wcs.crval_ra_deg, wcs.crval_dec_deg
-    )
-    n = len(xy)
-    return PlateFit(
-        wcs=wcs,
-        matched=n,
-        rms_arcsec=3600.0 * float(np.sqrt(np.sum(residual**2) / (2 * n))),
-        catalogue_indices=shown[pairs[1]],
-    )
 
 
 def field_radius_deg(wcs: Wcs, width_px: int, height_px: int) -> float:

@@ -6,21 +6,15 @@ vote for one offset, and the plate is fitted again. Stars and catalogue stars br
 """
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
-import numpy.typing as npt
 
 from rsoconsole.records import FloatArray, Wcs
 from rsoconsole.sky import describe, pixel_to_sky, sky_to_pixel
-from rsoconsole.vision.stars.plate_fit import (
-    MAX_STARS,
-    MIN_MATCHED,
-    IndexArray,
-    PlateFit,
-    in_field,
-    refit,
-)
+from rsoconsole.vision.arrays import IndexArray
+from rsoconsole.vision.stars.plate_fit import MAX_STARS, PlateFit, in_field, refit
+from rsoconsole.vision.stars.star_pairs import MIN_MATCHED, mutual_nearest
 
 _VOTE_BIN_PX = 6.0
 
@@ -133,16 +127,16 @@ def _is_same_camera(before: Wcs, after: Wcs, width_px: int, height_px: int) -> b
 
 
 MIN_SHIFT_STARS = 2
-"""That agree on one shift."""
+"""Fewest stars that agree on one shift."""
 _ASKED = ((10, 12), (20, 20), (60, 40))
 """Stars, catalogue stars: one after the other until one of them is no chance."""
 _MAX_BY_CHANCE = 1e-4 / len(_ASKED)
-"""How often as many agree by chance, in a frame, at most."""
+"""Highest number of chance agreements of as many stars, a frame."""
 _TOLERANCE_PX = 2.0
-"""Of a star's centre in poor light, of the plate between two fields."""
+"""Error of a star's centre in poor light and of the plate between two fields."""
 
 
-def shifted_onto(
+def shift_plate(
     previous: Wcs,
     stars_xy_px: FloatArray,
     catalogue_deg: FloatArray,
@@ -217,63 +211,10 @@ def _shift(off_px: FloatArray, reach_px: float, share: float) -> FloatArray | No
 def _agreeing(off_px: FloatArray, shift: FloatArray) -> tuple[IndexArray, IndexArray]:
     """Rows and columns of the pairs that share a shift, each star and each partner once."""
     away = np.hypot(off_px[..., 0] - shift[0], off_px[..., 1] - shift[1])
-    nearest, partner = away.argmin(axis=1), away.argmin(axis=0)
-    rows = np.arange(len(away))
-    is_pair = (partner[nearest] == rows) & (away[rows, nearest] <= _TOLERANCE_PX)
-    return rows[is_pair], nearest[is_pair]
+    return mutual_nearest(away, _TOLERANCE_PX)
 
 
 def _by_chance(pairs: float, agreeing: int, reach_px: float) -> float:
     """How many sets of as many agreeing pairs chance makes in a frame."""
     beside = pairs * (_TOLERANCE_PX / reach_px) ** 2
     return pairs * beside ** (agreeing - 1) / math.factorial(agreeing - 1)
-
-
-IntArray = npt.NDArray[np.intp]
-
-_MAX_OFF = 0.5
-"""Widths of a star by which all stars may be off in common."""
-_MAX_SCATTER = 0.5
-"""Distance of the quartiles of the ratios of light over their median: more is cloud in parts."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class StarAgreement:
-    """How two lists of the same stars compare."""
-
-    flux_ratio: float
-    """Median of the second's light over the first's."""
-    is_good: bool
-    """Whether they agree on places, and on one ratio of light all over the field."""
-
-
-def matched(one_px: FloatArray, other_px: FloatArray, reach_px: float) -> tuple[IntArray, IntArray]:
-    """Indices into (n, 2) and (m, 2) places of those that are nearest to each other."""
-    nothing = np.zeros(0, dtype=np.intp)
-    if not len(one_px) or not len(other_px):
-        return nothing, nothing
-    apart = np.hypot(*(one_px[:, None] - other_px[None]).transpose(2, 0, 1))
-    apart = np.where(np.isfinite(apart), apart, np.inf)
-    nearest = np.argmin(apart, axis=1)
-    index = np.arange(len(one_px))
-    is_mutual = np.argmin(apart, axis=0)[nearest] == index
-    kept = np.flatnonzero(is_mutual & (apart[index, nearest] < reach_px))
-    return kept, nearest[kept]
-
-
-def agreement(
-    one_px: FloatArray,
-    one_adu: FloatArray,
-    other_px: FloatArray,
-    other_adu: FloatArray,
-    fwhm: float,
-) -> StarAgreement | None:
-    """Of places (n, 2) in pixels of one frame and light (n,); None where too few are the same."""
-    i, j = matched(one_px, other_px, max(1.5 * fwhm, 2.0))
-    if len(i) < MIN_MATCHED:
-        return None
-    ratio = other_adu[j] / one_adu[i]
-    low, middle, high = (float(each) for each in np.percentile(ratio, (25.0, 50.0, 75.0)))
-    off_px = float(np.hypot(*np.median(other_px[j] - one_px[i], axis=0)))
-    is_good = middle > 0.0 and off_px < _MAX_OFF * fwhm and high - low < _MAX_SCATTER * middle
-    return StarAgreement(flux_ratio=middle, is_good=is_good)

@@ -1,4 +1,4 @@
-"""How the width of the stars changes over the field: curved focal surface, tilt, soft corners.
+"""Width of the stars over the field: curved focal surface, tilt, soft corners.
 
 The logarithm of the width is a low polynomial in the place: a slope in x and y and a bowl in the
 distance from the middle (a bowl with a slope is a bowl about another place), where the stars ask
@@ -19,7 +19,7 @@ WidthSource: TypeAlias = Literal["measured", "remembered", "guessed"]
 """Where the width of a frame's stars is from: its own stars, earlier frames', or nowhere."""
 
 MIN_STARS = 40
-"""Of fewer, scatter makes a change as large as one that counts."""
+"""Fewest stars for a fit: of fewer, scatter makes as large a change."""
 _MIN_CHANGE = 0.08
 """Largest over smallest width among the stars' places, less 1, from which on it counts."""
 _MIN_F = 12.0
@@ -56,7 +56,7 @@ class PsfField:
         return math.exp(float(self._log_at(np.array(x_px), np.array(y_px))))
 
     def all_at(self, x_px: FloatArray, y_px: FloatArray) -> FloatArray:
-        """The same at many places, (n,) each."""
+        """Full width at half maximum at many places, px, (n,) each."""
         return np.asarray(np.exp(self._log_at(x_px, y_px)))
 
     def _log_at(self, x_px: FloatArray, y_px: FloatArray) -> FloatArray:
@@ -65,7 +65,7 @@ class PsfField:
         return np.asarray(np.clip(value, *self.log_range))
 
     def of_joined(self, side: float) -> "PsfField":
-        """The same in a frame with ``side`` x ``side`` of its pixels joined.
+        """The field in a frame with ``side`` x ``side`` of its pixels joined.
 
         1 / side: the way back.
         """
@@ -77,7 +77,7 @@ class PsfField:
         )
 
     def through(self, x_px: FloatArray, y_px: FloatArray, fwhm_px: FloatArray) -> "PsfField":
-        """The same change about the level of other stars' widths, (n,) each, n at least 1."""
+        """The field scaled to other stars' widths, (n,) each, n at least 1."""
         factor = np.median(fwhm_px / self.all_at(x_px, y_px))
         return self._times(float(factor))
 
@@ -101,7 +101,7 @@ class Psf:
     """None: the same everywhere."""
 
     def of_joined(self, side: float) -> "Psf":
-        """The same in a frame with ``side`` x ``side`` of its pixels joined."""
+        """The width in a frame with ``side`` x ``side`` of its pixels joined."""
         if side == 1:
             return self
         field = None if self.field is None else self.field.of_joined(side)
@@ -111,7 +111,7 @@ class Psf:
 def fit_psf_field(
     x_px: FloatArray, y_px: FloatArray, fwhm_px: FloatArray, shape: tuple[int, int]
 ) -> PsfField | None:
-    """How unsaturated stars' widths, (n,) each, change over a frame of ``shape`` (height, width).
+    """Fit unsaturated stars' widths, (n,) each, over a frame of ``shape`` (height, width).
 
     None where there are fewer than ``MIN_STARS``, where their widths follow no surface, and
     where the change is no more than their scatter explains or too small to matter.

@@ -10,43 +10,39 @@ from dataclasses import dataclass
 
 from rsoconsole.records import Frame
 from rsoconsole.vision.stars.psf_field import Psf
-from rsoconsole.vision.stars.stars import StarList
+from rsoconsole.vision.stars.star_list import StarList
 
 HOLDS_NS = 30 * 60 * 10**9
-"""Of the frames' own time, from one exposure's middle to the other's."""
+"""Longest time between mid-exposures over which a width holds."""
 MIN_STARS_KEPT = 12
-"""Of fewer the width is measured, but may be that of something else."""
+"""Fewest stars whose width is remembered: of fewer it may be that of something else."""
 _SAME_VIEW = 0.01
 """Relative difference of fields of view up to which a camera's binning explains it."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class _Geometry:
-    """What one camera behind one telescope makes of the sky."""
+class _Known:
+    """Width of a star in one frame, and what camera and telescope made of the sky in it."""
 
+    psf: Psf
+    t_mid_utc_ns: int
     width_px: int
     height_px: int
     scale_arcsec_px: float | None
 
-    def pixels_along(self, other: "_Geometry") -> float | None:
-        """Pixels of the other's frame along one of this one's; None: the views differ."""
-        if self.scale_arcsec_px is None or other.scale_arcsec_px is None:
-            return 1.0 if self == other else None
-        ratio = self.scale_arcsec_px / other.scale_arcsec_px
-        pairs = (self.width_px, other.width_px), (self.height_px, other.height_px)
-        is_same = all(abs(ratio * own / its - 1.0) < _SAME_VIEW for own, its in pairs)
+    def pixels_along(self, frame: Frame) -> float | None:
+        """Pixels of this one along one of another frame's; None: the fields of view differ."""
+        if self.scale_arcsec_px is None or frame.scale_arcsec_px is None:
+            own = self.width_px, self.height_px, self.scale_arcsec_px
+            return 1.0 if own == (frame.width_px, frame.height_px, frame.scale_arcsec_px) else None
+        ratio = frame.scale_arcsec_px / self.scale_arcsec_px
+        pairs = (frame.width_px, self.width_px), (frame.height_px, self.height_px)
+        is_same = all(abs(ratio * its / own - 1.0) < _SAME_VIEW for its, own in pairs)
         return ratio if is_same else None
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _Known:
-    psf: Psf
-    geometry: _Geometry
-    t_mid_utc_ns: int
-
-
 class PsfMemory:
-    """What one camera's frames, in order, last showed of a star."""
+    """Width of a star in the last frame of one camera that showed enough of them."""
 
     def __init__(self) -> None:
         self._last: _Known | None = None
@@ -62,12 +58,14 @@ class PsfMemory:
             return
         self._last = _Known(
             psf=Psf(fwhm_px=stars.median_fwhm_px, field=stars.psf_field),
-            geometry=_geometry(frame),
             t_mid_utc_ns=frame.t_mid_utc_ns,
+            width_px=frame.width_px,
+            height_px=frame.height_px,
+            scale_arcsec_px=frame.scale_arcsec_px,
         )
 
     def recall(self, frame: Frame) -> Psf | None:
-        """What is expected of a frame, in its pixels.
+        """Expected width of a star in a frame, in its pixels.
 
         None where nothing is known of its field of view, or only of longer ago than ``HOLDS_NS``
         or of a later time.
@@ -77,13 +75,5 @@ class PsfMemory:
             return None
         if not 0 <= frame.t_mid_utc_ns - last.t_mid_utc_ns <= HOLDS_NS:
             return None
-        ratio = _geometry(frame).pixels_along(last.geometry)
+        ratio = last.pixels_along(frame)
         return None if ratio is None else last.psf.of_joined(ratio)
-
-
-def _geometry(frame: Frame) -> _Geometry:
-    return _Geometry(
-        width_px=frame.width_px,
-        height_px=frame.height_px,
-        scale_arcsec_px=frame.scale_arcsec_px,
-    )

@@ -3,14 +3,12 @@
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 from numpy.lib.stride_tricks import sliding_window_view
 
 from rsoconsole.records import FloatArray, PixelArray
+from rsoconsole.vision.arrays import IndexArray
 from rsoconsole.vision.frame.background import Background
-from rsoconsole.vision.frame.bins import Float32Array, mirrored
-
-IntArray = npt.NDArray[np.intp]
+from rsoconsole.vision.frame.bins import mirrored
 
 FWHM_PER_SIGMA = 2.3548
 
@@ -18,7 +16,7 @@ _ITERATIONS = 8
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Measured:
+class StarMoments:
     """Windowed moments of candidates, one entry each."""
 
     x_px: FloatArray
@@ -27,7 +25,7 @@ class Measured:
     fwhm_px: FloatArray
     axis_ratio: FloatArray
     angle_deg: FloatArray
-    """Of the longer axis, x towards y, 0 to 180."""
+    """Direction of the longer axis, x towards y, 0 to 180."""
     peak_share: FloatArray
     peak_adu: FloatArray
     snr: FloatArray
@@ -38,12 +36,12 @@ class Measured:
 def measure(
     pixels: PixelArray,
     sky: Background,
-    x0_px: IntArray,
-    y0_px: IntArray,
+    x0_px: IndexArray,
+    y0_px: IndexArray,
     *,
     sigma_px: float,
     half_px: int,
-) -> Measured:
+) -> StarMoments:
     """Windowed centroid, width and flux around each start pixel; edges of the frame are mirrored.
 
     Gaussian window of ``sigma_px``; boxes of 2 half_px + 1. A width follows from the windowed
@@ -66,7 +64,7 @@ def measure(
     matched, *_ = _moments(boxes, offset, dx, dy, sigma_px)
     inner = boxes[:, half_px - 1 : half_px + 2, half_px - 1 : half_px + 2]
     inner_sum = np.maximum(inner.sum(axis=(1, 2)), 1e-6)
-    return Measured(
+    return StarMoments(
         x_px=x0_px + dx,
         y_px=y0_px + dy,
         flux=np.asarray(total * (variance + wide_px**2) / wide_px**2),
@@ -74,14 +72,14 @@ def measure(
         axis_ratio=np.sqrt(large / small),
         angle_deg=0.5 * np.degrees(np.arctan2(2.0 * mxy, mxx - myy)) % 180.0,
         peak_share=inner.max(axis=(1, 2)) / inner_sum,
-        peak_adu=inner.max(axis=(1, 2)) + _levels(sky, x0_px, y0_px, sky.level),
+        peak_adu=inner.max(axis=(1, 2)) + sky.all_at(sky.level, x0_px, y0_px),
         snr=matched / (noise * np.sqrt(np.pi) * sigma_px),
         shift_px=np.hypot(dx, dy),
     )
 
 
 def _boxes(
-    pixels: PixelArray, sky: Background, x0_px: IntArray, y0_px: IntArray, half_px: int
+    pixels: PixelArray, sky: Background, x0_px: IndexArray, y0_px: IndexArray, half_px: int
 ) -> tuple[FloatArray, FloatArray]:
     """Pixels above the sky, (n, 2 half + 1, 2 half + 1), and the noise of one pixel, (n,)."""
     size, (height, width) = 2 * half_px + 1, pixels.shape
@@ -93,18 +91,12 @@ def _boxes(
     ys = mirrored(top[~inside, None] + np.arange(size), height)[:, :, None]
     xs = mirrored(left[~inside, None] + np.arange(size), width)[:, None, :]
     boxes[~inside] = pixels[ys, xs]
-    boxes -= _levels(sky, x0_px, y0_px, sky.level)[:, None, None]
-    return boxes, _levels(sky, x0_px, y0_px, sky.noise)
-
-
-def _levels(sky: Background, x_px: IntArray, y_px: IntArray, small: Float32Array) -> FloatArray:
-    rows = np.clip(y_px // sky.cell_px, 0, small.shape[0] - 1)
-    columns = np.clip(x_px // sky.cell_px, 0, small.shape[1] - 1)
-    return small[rows, columns].astype(np.float64)
+    boxes -= sky.all_at(sky.level, x0_px, y0_px)[:, None, None]
+    return boxes, sky.all_at(sky.noise, x0_px, y0_px).astype(np.float64)
 
 
 def _moments(
-    boxes: FloatArray, offset: IntArray, dx: FloatArray, dy: FloatArray, sigma_px: float
+    boxes: FloatArray, offset: IndexArray, dx: FloatArray, dy: FloatArray, sigma_px: float
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray, FloatArray]:
     """Windowed sum, means and second moments about (dx, dy); the window is separable."""
     ux, uy = offset - dx[:, None], offset - dy[:, None]

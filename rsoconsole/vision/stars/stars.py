@@ -6,16 +6,15 @@ neighbours and the sky's noise cannot pull (Bertin's XWIN, SExtractor manual, ch
 """
 
 import itertools
-from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
 from numpy.lib.stride_tricks import sliding_window_view
 
 from rsoconsole.records import FloatArray, PixelArray
+from rsoconsole.vision.arrays import BoolArray, IndexArray
 from rsoconsole.vision.frame.background import Background, local_background, resample
 from rsoconsole.vision.frame.bins import FrameBins, bin_frame, binning_of, block_maximum
-from rsoconsole.vision.frame.median import MAX_POINTS, on_one_line
 from rsoconsole.vision.stars.psf_field import (
     MIN_STARS,
     Psf,
@@ -23,16 +22,17 @@ from rsoconsole.vision.stars.psf_field import (
     WidthSource,
     fit_psf_field,
 )
-from rsoconsole.vision.stars.star_moments import FWHM_PER_SIGMA, IntArray, Measured, measure
-from rsoconsole.vision.stars.trailed_stars import MAX_OBLONG, Oblong, Trail, Trailed, trailed_stars
-
-BoolArray = npt.NDArray[np.bool_]
+from rsoconsole.vision.stars.star_list import OblongLights, StarList
+from rsoconsole.vision.stars.star_moments import FWHM_PER_SIGMA, StarMoments, measure
+from rsoconsole.vision.stars.trailed_stars import MAX_OBLONG, trailed_stars
 
 MIN_SNR = 7.0
 MAX_STARS = 400
 STAR_BLOCK_PX = 8
 """Side of the squares whose brightest places are candidates."""
 
+MIN_POINTS, MAX_POINTS = 5, 40
+"""On one line: of fewer it may be chance, among more a streak's pieces are the smaller part."""
 _LARGE_PX = 1024
 _CANDIDATE_SIGMA = 5.0
 _TILES = (8, 6)
@@ -61,44 +61,6 @@ _SHAPE_SEEN_SNR, _MAX_RATIO, _RIM_FWHM = 40.0, 2.0, 2.0
 _SATURATED_SHARE = 0.95
 _MIN_TRAILS, _MAX_POINTS, _DRAWN_OUT = 12, 0.5, 1.35
 """Bright pieces of light, share of them that are points, axis ratio: beyond it stars are trails."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class StarList:
-    """Point sources of one frame, brightest first; every array has one entry a star."""
-
-    x_px: FloatArray
-    """0 is the centre of the left pixel."""
-    y_px: FloatArray
-    flux: FloatArray
-    """ADU above the sky; too small for a saturated star."""
-    fwhm_px: FloatArray
-    snr: FloatArray
-    is_saturated: BoolArray
-    median_fwhm_px: float
-    """Of unsaturated stars; where there are fewer than five as ``width_source`` says. Of trails:
-    across."""
-    trail: Trail | None = None
-    """What drift has drawn every star out to; None where they are points."""
-    psf_field: PsfField | None = None
-    """How the width changes over the frame; None where it is the median everywhere."""
-    width_source: WidthSource = "measured"
-    """Guessed: 2.5 px."""
-    oblong: Oblong | None = None
-    """What is longer than it is wide, listed as a star or not; None where none was looked for."""
-
-    def fwhm_at(self, x_px: float, y_px: float) -> float:
-        """Width of a star at a place of the frame, px."""
-        return self.median_fwhm_px if self.psf_field is None else self.psf_field.at(x_px, y_px)
-
-    def expected_fwhm_px(self) -> FloatArray | float:
-        """Width that each star should have, (n,); one for all where it does not change."""
-        if self.psf_field is None:
-            return self.median_fwhm_px
-        return self.psf_field.all_at(self.x_px, self.y_px)
-
-    def __len__(self) -> int:
-        return int(self.x_px.size)
 
 
 def find_stars(
@@ -130,7 +92,7 @@ def find_stars(
     if is_drawn_out and may_be_trails:
         trailed = trailed_stars(pixels, sky, x_px, y_px, saturation_adu)
         if trailed is not None:
-            return _of_trails(trailed, sky, max_stars)
+            return trailed.chosen(_spread(trailed.x_px, trailed.y_px, sky, max_stars))
     fwhm_px, source = _known_fwhm(probed_px, expected)
     sigma_px = fwhm_px / FWHM_PER_SIGMA
     half_px = max(5, int(np.ceil(4.0 * sigma_px)))
@@ -164,21 +126,9 @@ def find_stars(
     )
 
 
-def lit_radius_px(stars: StarList, noise_adu: float) -> FloatArray:
-    """How far from its middle, across a trail, each star still lights a pixel by half a sigma."""
-    sigma = np.maximum(stars.fwhm_px, stars.expected_fwhm_px()) / FWHM_PER_SIGMA
-    area = 2.0 * np.pi * sigma**2
-    if stars.trail is not None:
-        area += np.sqrt(2.0 * np.pi) * sigma * stars.trail.length_px
-    peak = stars.flux / area / max(noise_adu, 1e-9)
-    radius = sigma * np.sqrt(2.0 * np.log(np.maximum(2.0 * peak, 2.0)))
-    # A saturated one is brighter than its flux says.
-    return np.asarray(np.minimum(radius * np.where(stars.is_saturated, 2.0, 1.15), 40.0))
-
-
 def _candidates(
     pixels: PixelArray, sky: Background, bins: FrameBins, count: int, block_px: int
-) -> tuple[IntArray, IntArray]:
+) -> tuple[IndexArray, IndexArray]:
     """Brightest pixels of blocks that stand out of the sky and of their eight neighbours."""
     import cv2
 
@@ -206,8 +156,8 @@ def _candidates(
 
 
 def _is_lone_pixel(
-    pixels: PixelArray, sky: Background, x_px: IntArray, y_px: IntArray
-) -> npt.NDArray[np.bool_]:
+    pixels: PixelArray, sky: Background, x_px: IndexArray, y_px: IndexArray
+) -> BoolArray:
     """Which of the brightest places are one pixel alone, as hot ones are."""
     height, width = pixels.shape
     inside = (x_px >= 2) & (x_px < width - 2) & (y_px >= 2) & (y_px < height - 2)
@@ -216,10 +166,7 @@ def _is_lone_pixel(
     windows = pixels[
         y[:, None, None] + around[None, :, None], x[:, None, None] + around[None, None, :]
     ].astype(np.float32)
-    row, column = y // sky.cell_px, x // sky.cell_px
-    rows, columns = sky.level.shape
-    level = sky.level[np.minimum(row, rows - 1), np.minimum(column, columns - 1)]
-    noise = sky.noise[np.minimum(row, rows - 1), np.minimum(column, columns - 1)]
+    level, noise = (sky.all_at(small, x, y) for small in (sky.level, sky.noise))
     excess = (windows - level[:, None, None]).reshape(len(x), 25)
     excess.sort(axis=1)
     next_ones = excess[:, -4:-1].mean(axis=1)
@@ -228,8 +175,8 @@ def _is_lone_pixel(
 
 
 def _brightest_pixels(
-    pixels: PixelArray, row: IntArray, column: IntArray, binning: int, block_px: int
-) -> tuple[IntArray, IntArray]:
+    pixels: PixelArray, row: IndexArray, column: IndexArray, binning: int, block_px: int
+) -> tuple[IndexArray, IndexArray]:
     """Where in each block the largest bin lies, then its largest pixel: (x_px, y_px)."""
     windows = sliding_window_view(pixels, (block_px, block_px))
     blocks = windows[row * block_px, column * block_px].astype(np.float32)
@@ -245,7 +192,7 @@ def _brightest_pixels(
     )
 
 
-def _spread(x_px: npt.ArrayLike, y_px: npt.ArrayLike, sky: Background, count: int) -> IntArray:
+def _spread(x_px: npt.ArrayLike, y_px: npt.ArrayLike, sky: Background, count: int) -> IndexArray:
     """Indices of up to ``count`` entries, the best of every tile first served, order kept.
 
     Entries come best first. In each round every tile gives its next best.
@@ -263,7 +210,7 @@ def _spread(x_px: npt.ArrayLike, y_px: npt.ArrayLike, sky: Background, count: in
 
 
 def _psf_fwhm(
-    pixels: PixelArray, sky: Background, x_px: IntArray, y_px: IntArray, saturation_adu: float
+    pixels: PixelArray, sky: Background, x_px: IndexArray, y_px: IndexArray, saturation_adu: float
 ) -> tuple[float | None, bool]:
     """Median width of bright unsaturated stars, from a window wide enough for poor seeing.
 
@@ -296,7 +243,7 @@ def _known_fwhm(probed_px: float | None, expected: Psf | None) -> tuple[float, W
 
 
 def _psf_field(
-    found: Measured,
+    found: StarMoments,
     is_good: BoolArray,
     expected: Psf | None,
     shape: tuple[int, ...],
@@ -319,7 +266,7 @@ def _psf_field(
     return expected.field.through(*stars)
 
 
-def _without_streak(found: Measured, is_good: BoolArray) -> BoolArray:
+def _without_streak(found: StarMoments, is_good: BoolArray) -> BoolArray:
     """Those that tell a star's width: where few are seen, pieces of one streak may be most."""
     if not _FEWEST <= np.count_nonzero(is_good) <= MAX_POINTS:
         return is_good
@@ -330,13 +277,33 @@ def _without_streak(found: Measured, is_good: BoolArray) -> BoolArray:
     return is_free
 
 
+def on_one_line(x_px: FloatArray, y_px: FloatArray, reach_px: float) -> BoolArray:
+    """Which points, (n,) each, lie within ``reach_px`` of the line through two that holds most.
+
+    None of them, where those are fewer than ``MIN_POINTS`` or not the larger part, or where
+    there are more than ``MAX_POINTS``.
+    """
+    count = x_px.size
+    none = np.zeros(count, dtype=bool)
+    if not MIN_POINTS <= count <= MAX_POINTS:
+        return none
+    first, second = np.triu_indices(count, 1)
+    dx, dy = x_px[second] - x_px[first], y_px[second] - y_px[first]
+    length = np.maximum(np.hypot(dx, dy), 1e-6)
+    off_x, off_y = x_px[:, None] - x_px[first], y_px[:, None] - y_px[first]
+    is_on = np.abs(off_x * dy - off_y * dx) < reach_px * length
+    on = is_on[:, int(np.argmax(is_on.sum(axis=0)))]
+    most = np.count_nonzero(on)
+    return on if most >= MIN_POINTS and 2 * most > count else none
+
+
 def _oblong(
-    found: Measured,
+    found: StarMoments,
     is_good: BoolArray,
     is_saturated: BoolArray,
     fwhm_px: float | FloatArray,
     shape: tuple[int, ...],
-) -> Oblong:
+) -> OblongLights:
     """What is surely longer than the frame's stars are and no sharper.
 
     Guiding or coma may draw all of them out a little. A star that the frame's rim cuts is longer
@@ -356,7 +323,7 @@ def _oblong(
     kept = kept[np.argsort(-longer * seen, kind="stable")]
     apart_px = float(np.median(width_px)) if width_px.size else 0.0
     kept = _apart(found, kept, apart_px)[:MAX_OBLONG]
-    return Oblong(
+    return OblongLights(
         x_px=found.x_px[kept],
         y_px=found.y_px[kept],
         angle_deg=found.angle_deg[kept],
@@ -365,29 +332,14 @@ def _oblong(
     )
 
 
-def _of_trails(found: Trailed, sky: Background, max_stars: int) -> StarList:
-    kept = _spread(found.x_px, found.y_px, sky, max_stars)
-    return StarList(
-        x_px=found.x_px[kept],
-        y_px=found.y_px[kept],
-        flux=found.flux[kept],
-        fwhm_px=np.full(kept.size, found.trail.fwhm_px),
-        snr=found.snr[kept],
-        is_saturated=np.zeros(kept.size, bool),
-        median_fwhm_px=found.trail.fwhm_px,
-        trail=found.trail,
-        oblong=found.others,
-    )
-
-
-def _is_point(found: Measured, is_saturated: BoolArray) -> BoolArray:
+def _is_point(found: StarMoments, is_saturated: BoolArray) -> BoolArray:
     ok = (found.snr >= MIN_SNR) & (found.flux > 0) & np.isfinite(found.x_px + found.y_px)
     ok &= (found.axis_ratio < _MAX_AXIS_RATIO) | is_saturated
     ok &= (found.peak_share < _MAX_PEAK_SHARE) | is_saturated
     return np.asarray(ok)
 
 
-def _apart(found: Measured, kept: IntArray, distance_px: float) -> IntArray:
+def _apart(found: StarMoments, kept: IndexArray, distance_px: float) -> IndexArray:
     """Drop the fainter of two centroids that are the same star; ``kept`` is brightest first."""
     x_px, y_px = found.x_px[kept], found.y_px[kept]
     order = np.argsort(x_px, kind="stable")

@@ -9,30 +9,16 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
-from rsoconsole.records import FloatArray, PixelArray
+from rsoconsole.records import PixelArray
 from rsoconsole.sky import turn_deg
+from rsoconsole.vision.arrays import IndexArray
 from rsoconsole.vision.frame.background import Background
 from rsoconsole.vision.frame.bins import mirrored
+from rsoconsole.vision.stars.star_list import OblongLights, StarList, Trail
 
 MAX_OBLONG = 60
 
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Oblong:
-    """One entry a light, the surest first."""
-
-    x_px: FloatArray
-    y_px: FloatArray
-    angle_deg: FloatArray
-    """x towards y, 0 to 180."""
-    half_px: FloatArray
-    """Half its length, roughly; what is longer than a few widths of a star may be longer still."""
-    snr: FloatArray
-
-
-IntArray = npt.NDArray[np.intp]
 
 HALF_PX = 40
 """Half the side of what is looked at about a bright pixel: trails up to 60 px are whole in it."""
@@ -48,31 +34,6 @@ _RIM_PX = 2
 _LONG, _LONG_SNR, _MAX_RATIO, _SHAPE_SEEN_SNR = 2.0, 10.0, 4.0, 40.0
 """Length in widths of a star, signal to noise, and axis ratio and signal to noise beyond which more
 says no more."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Trail:
-    """What every star is drawn out to."""
-
-    length_px: float
-    """From end to end, the disc's own width not counted."""
-    angle_deg: float
-    """x towards y, 0 to 180."""
-    fwhm_px: float
-    """Across."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Trailed:
-    """Trailed stars; every array has one entry a star."""
-
-    trail: Trail
-    x_px: FloatArray
-    y_px: FloatArray
-    flux: FloatArray
-    snr: FloatArray
-    others: Oblong
-    """Lights that are long, but not as the stars are."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -96,8 +57,8 @@ class _Piece:
 
 
 def trailed_stars(
-    pixels: PixelArray, sky: Background, x0_px: IntArray, y0_px: IntArray, saturation_adu: float
-) -> Trailed | None:
+    pixels: PixelArray, sky: Background, x0_px: IndexArray, y0_px: IndexArray, saturation_adu: float
+) -> StarList | None:
     """The stars about bright pixels, brightest first; None where they agree on no trail."""
     pieces: list[_Piece] = []
     seen: set[tuple[int, int]] = set()
@@ -119,18 +80,26 @@ def trailed_stars(
     columns = [(s.x_px, s.y_px, s.flux, s.snr) for s in stars]
     x, y, flux, snr = (np.array(column) for column in zip(*columns, strict=True))
     others = [each for each in pieces if not _is_of(each, trail)]
-    return Trailed(
-        trail=trail, x_px=x, y_px=y, flux=flux, snr=snr, others=_long_ones(others, trail.fwhm_px)
+    return StarList(
+        x_px=x,
+        y_px=y,
+        flux=flux,
+        fwhm_px=np.full(len(stars), trail.fwhm_px),
+        snr=snr,
+        is_saturated=np.zeros(len(stars), bool),
+        median_fwhm_px=trail.fwhm_px,
+        trail=trail,
+        oblong=_long_ones(others, trail.fwhm_px),
     )
 
 
-def _long_ones(pieces: list[_Piece], fwhm_px: float) -> Oblong:
+def _long_ones(pieces: list[_Piece], fwhm_px: float) -> OblongLights:
     """Those that are longer than a few widths, the surest first."""
     long = [each for each in pieces if each.snr > _LONG_SNR and each.length_px > _LONG * fwhm_px]
     long.sort(key=_sureness, reverse=True)
     columns = [(p.x_px, p.y_px, p.angle_deg, 0.5 * p.length_px, p.snr) for p in long[:MAX_OBLONG]]
     x, y, angle, half, snr = np.array(columns, dtype=np.float64).reshape(-1, 5).T
-    return Oblong(x_px=x, y_px=y, angle_deg=angle, half_px=half, snr=snr)
+    return OblongLights(x_px=x, y_px=y, angle_deg=angle, half_px=half, snr=snr)
 
 
 def _sureness(piece: _Piece) -> float:

@@ -1,1 +1,1 @@
-"""A streak measured on the raw frame, and what kind of thing drew it."""
+"""A streak measured on the raw frame, and the class of object that drew it."""

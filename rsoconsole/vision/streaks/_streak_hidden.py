@@ -10,8 +10,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from rsoconsole.records import FloatArray
+from rsoconsole.vision.arrays import BoolArray
 from rsoconsole.vision.lines.streak_search import Cutout
-from rsoconsole.vision.streaks._streak_model import BoolArray, LineFit
+from rsoconsole.vision.streaks._streak_model import LineFit
 
 _LONGEST_PX = 40
 _TOUCHES_PX = 2.0

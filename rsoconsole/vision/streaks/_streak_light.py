@@ -12,8 +12,7 @@ import numpy as np
 from rsoconsole.records import FloatArray, PixelArray
 from rsoconsole.vision.frame.background import Background
 from rsoconsole.vision.frame.median import median_of
-from rsoconsole.vision.lines.line_columns import length_of
-from rsoconsole.vision.lines.streak_search import Box
+from rsoconsole.vision.lines.segments import Ends, length_of
 from rsoconsole.vision.stars.star_moments import FWHM_PER_SIGMA
 
 MIN_COLUMNS = 16
@@ -87,7 +86,7 @@ class Modulation:
 
 
 def light_along(
-    pixels: PixelArray, sky: Background, ends: Box, width_px: float
+    pixels: PixelArray, sky: Background, ends: Ends, width_px: float
 ) -> StreakLight | None:
     """The light of a streak between ``ends`` (x_a, y_a, x_b, y_b), raw pixels; None if too short.
 
@@ -128,7 +127,7 @@ def light_along(
     )
 
 
-def fading_of(pixels: PixelArray, sky: Background, ends: Box, width_px: float) -> Fading | None:
+def fading_of(pixels: PixelArray, sky: Background, ends: Ends, width_px: float) -> Fading | None:
     """How gradually the light begins and ends; None where noise would hide it.
 
     Looked for along the line a third further than ``ends`` either way, as dying light is not all
@@ -169,7 +168,7 @@ def fading_of(pixels: PixelArray, sky: Background, ends: Box, width_px: float) -
     )
 
 
-def _lengthened(ends: Box, share: float) -> Box:
+def _lengthened(ends: Ends, share: float) -> Ends:
     dx, dy = share * (ends[2] - ends[0]), share * (ends[3] - ends[1])
     return ends[0] - dx, ends[1] - dy, ends[2] + dx, ends[3] + dy
 

@@ -8,11 +8,9 @@ glint and tumbling move neither end. All that is uncertain enters the covariance
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
 from rsoconsole.records import FloatArray
-
-BoolArray = npt.NDArray[np.bool_]
+from rsoconsole.vision.arrays import BoolArray
 
 _ITERATIONS = 20
 _WIDTH_PRIOR = 0.35

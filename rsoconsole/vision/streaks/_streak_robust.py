@@ -5,11 +5,11 @@ from dataclasses import replace
 import numpy as np
 
 from rsoconsole.records import FloatArray
-from rsoconsole.vision.lines.streak_search import Cutout, Ends
+from rsoconsole.vision.arrays import BoolArray
+from rsoconsole.vision.lines.streak_search import Cutout, LitStretch
 from rsoconsole.vision.stars.star_moments import FWHM_PER_SIGMA
 from rsoconsole.vision.streaks._streak_hidden import with_hidden_ends
 from rsoconsole.vision.streaks._streak_model import (
-    BoolArray,
     Line,
     LineFit,
     Pixels,
@@ -36,7 +36,7 @@ def fit_robustly(
     cutout: Cutout,
     axes: Axes,
     start: Line,
-    stretch: Ends,
+    stretch: LitStretch,
     psf_sigma: float,
 ) -> LineFit | None:
     """The fit after what is in the way is masked; more knots only where the light needs them."""
@@ -90,7 +90,7 @@ def or_star_beyond_an_end(
     cutout: Cutout,
     axes: Axes,
     start: Line,
-    stretch: Ends,
+    stretch: LitStretch,
     fit: LineFit,
 ) -> LineFit:
     """The fit, or the shorter one that leaves a star beyond a dark gap to itself, if likelier."""
@@ -131,7 +131,7 @@ def _brightest_point(
     return float(np.max(smooth[strip & where], initial=0.0))
 
 
-def _knots(stretch: Ends, psf_sigma: float) -> int:
+def _knots(stretch: LitStretch, psf_sigma: float) -> int:
     """How freely the light may change along the streak, by what its brightness can tell."""
     length = stretch.u_b - stretch.u_a
     for count, least_snr in _KNOTS:
@@ -151,7 +151,7 @@ def _chi2(data: Pixels, fit: LineFit, excess: float) -> float:
     return float(np.sum((data.value - fit.line.sky - fit.model) ** 2 / variance))
 
 
-def _in_the_way(cutout: Cutout, axes: Axes, stretch: Ends, psf_sigma: float) -> BoolArray:
+def _in_the_way(cutout: Cutout, axes: Axes, stretch: LitStretch, psf_sigma: float) -> BoolArray:
     """Pixels near light far above what the streak can give there; (h, w)."""
     import cv2
 

@@ -12,17 +12,17 @@ import numpy as np
 
 from rsoconsole.records import FloatArray, NotAStreak, PixelArray
 from rsoconsole.vision.frame.background import Background
+from rsoconsole.vision.lines.segments import Box, Ends, box_about
 from rsoconsole.vision.lines.streak_search import (
-    Box,
     Cutout,
-    Ends,
-    Guess,
+    LineGuess,
+    LitStretch,
     cut_out,
     find_ends,
     find_line,
 )
+from rsoconsole.vision.stars.star_list import StarList
 from rsoconsole.vision.stars.star_moments import FWHM_PER_SIGMA
-from rsoconsole.vision.stars.stars import StarList
 from rsoconsole.vision.streaks._streak_model import Line, LineFit
 from rsoconsole.vision.streaks._streak_robust import (
     Axes,
@@ -30,7 +30,7 @@ from rsoconsole.vision.streaks._streak_robust import (
     or_star_beyond_an_end,
     uneven_share,
 )
-from rsoconsole.vision.streaks.streak_class import unevenness
+from rsoconsole.vision.streaks.streak_evenness import unevenness
 from rsoconsole.vision.streaks.streak_glance import goes_on_beyond, is_broken
 
 MIN_SNR = 7.0
@@ -52,11 +52,11 @@ _UNSURE_PX = 0.5
 AS_CHAINS_FWHM = 25.0
 """Length in widths of a star up to which cosmic rays and chains of stars are as long."""
 MAX_UNEVEN = 1.5
-"""What is less uneven is believed less."""
+"""Unevenness above which a short line is patchy."""
 _FAINT_SNR = 40.0
 """Of what is brighter, dark gaps may be a satellite's own: it tumbles."""
 _FLOOR_PX = 0.005
-"""What remains of a pixel's own shape in a perfect frame."""
+"""Error that a pixel's own shape leaves in a perfect frame."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -74,9 +74,9 @@ class StreakFit:
     width_px: float
     """Full width at half maximum across."""
     snr: float
-    """Of the whole streak, matched."""
+    """Matched signal to noise of the whole streak."""
     sigma_along_px: float
-    """Of the midpoint; large where clipped, as nothing is known along the streak then."""
+    """One sigma of the midpoint; large where clipped, as nothing is known along it then."""
     sigma_across_px: float
     is_clipped: bool
     is_crossing: bool = False
@@ -84,7 +84,7 @@ class StreakFit:
     sigma_angle_deg: float | None = None
     bend: float = 0.0
     lumpiness: float = 0.0
-    """Of its path and its light, beyond what noise explains; looked at in short ones alone."""
+    """Excess over noise of its path's and its light's variation; of short ones alone."""
 
     @property
     def unevenness(self) -> float:
@@ -94,7 +94,7 @@ class StreakFit:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class NoStreak:
-    """Why a proposal is not a streak; what was measured of it, if anything."""
+    """A proposal that is no streak: the reason, and what was measured of it, if anything."""
 
     reason: NotAStreak
     fit: StreakFit | None = None
@@ -107,7 +107,7 @@ def fit_streak(
     *,
     stars: StarList | None = None,
     psf_fwhm_px: float | None = None,
-    ends: Box | None = None,
+    ends: Ends | None = None,
 ) -> StreakFit | NoStreak:
     """Measure the streak in ``box`` (x0, y0, x1, y1), or say why there is none.
 
@@ -119,7 +119,7 @@ def fit_streak(
     fwhm = psf_fwhm_px or (stars.fwhm_at(*middle) if stars is not None else 2.5)
     psf_sigma = fwhm / FWHM_PER_SIGMA
 
-    def measured(about: Box, guess: Box | None) -> StreakFit | NoStreak:
+    def measured(about: Box, guess: Ends | None) -> StreakFit | NoStreak:
         return _fit_once(pixels, sky, about, stars=stars, fwhm=fwhm, ends=guess)
 
     fit = measured(box, ends)
@@ -133,7 +133,7 @@ def fit_streak(
     goes_on = _goes_on(pixels, sky, fit, psf_sigma)
     if any(goes_on):
         further = _extended(fit, goes_on)
-        again = measured(_box_of(further, box), further)
+        again = measured(box_about(further, box), further)
         # Light parted from this by a gap is another's.
         if isinstance(again, StreakFit) and not is_broken(pixels, sky, _ends_of(again), psf_sigma):
             if any(_goes_on(pixels, sky, again, psf_sigma)):
@@ -149,7 +149,7 @@ def _seen_again(
     ends, psf_sigma = _ends_of(fit), fwhm / FWHM_PER_SIGMA
     reason = None
     if fit.length_px < AS_CHAINS_FWHM * fwhm:
-        cutout = cut_out(pixels, sky, _box_of(ends, ends), MARGIN_PX, stars)
+        cutout = cut_out(pixels, sky, box_about(ends), MARGIN_PX, stars)
         lumpiness, bend = unevenness(cutout, ends, psf_sigma, fit.snr)
         fit = replace(fit, bend=bend, lumpiness=lumpiness)
     if fit.unevenness > MAX_UNEVEN:
@@ -170,11 +170,11 @@ def _goes_on(
     )
 
 
-def _ends_of(fit: StreakFit) -> Box:
+def _ends_of(fit: StreakFit) -> Ends:
     return fit.x_a_px, fit.y_a_px, fit.x_b_px, fit.y_b_px
 
 
-def _extended(fit: StreakFit, goes_on: tuple[bool, bool]) -> Box:
+def _extended(fit: StreakFit, goes_on: tuple[bool, bool]) -> Ends:
     """Ends of the same line, half its length further out where the light goes on."""
     dx, dy = 0.5 * (fit.x_b_px - fit.x_a_px), 0.5 * (fit.y_b_px - fit.y_a_px)
     more_a, more_b = (float(each) for each in goes_on)
@@ -186,17 +186,6 @@ def _extended(fit: StreakFit, goes_on: tuple[bool, bool]) -> Box:
     )
 
 
-def _box_of(ends: Box, box: Box) -> Box:
-    """The box about the ends and what it was before."""
-    x_a, y_a, x_b, y_b = ends
-    return (
-        min(box[0], x_a, x_b),
-        min(box[1], y_a, y_b),
-        max(box[2], x_a, x_b),
-        max(box[3], y_a, y_b),
-    )
-
-
 def _fit_once(
     pixels: PixelArray,
     sky: Background,
@@ -204,7 +193,7 @@ def _fit_once(
     *,
     stars: StarList | None,
     fwhm: float,
-    ends: Box | None,
+    ends: Ends | None,
 ) -> StreakFit | NoStreak:
     psf_sigma = fwhm / FWHM_PER_SIGMA
     looked = _look(pixels, sky, box, ends=ends, stars=stars, psf_sigma=psf_sigma)
@@ -237,14 +226,14 @@ def _look(
     sky: Background,
     box: Box,
     *,
-    ends: Box | None,
+    ends: Ends | None,
     stars: StarList | None,
     psf_sigma: float,
-) -> tuple[Cutout, Guess, Ends] | NoStreak:
+) -> tuple[Cutout, LineGuess, LitStretch] | NoStreak:
     """Line and rough ends, further out each time the light runs into the cutout's rim."""
     margin = MARGIN_PX + 6.0 * psf_sigma
     cutout = cut_out(pixels, sky, box, margin, stars)
-    looked: tuple[Cutout, Guess, Ends] | None = None
+    looked: tuple[Cutout, LineGuess, LitStretch] | None = None
     for _ in range(_LOOKS):
         guess = find_line(cutout, box, psf_sigma, ends)
         if guess is None:
@@ -264,7 +253,7 @@ def _look(
     return looked or NoStreak(reason=NotAStreak(kind="runs on"))
 
 
-def _guess_ends(guess: Guess, stretch: Ends) -> Box:
+def _guess_ends(guess: LineGuess, stretch: LitStretch) -> Ends:
     return (
         guess.x_px + guess.dx * stretch.u_a,
         guess.y_px + guess.dy * stretch.u_a,
@@ -273,15 +262,14 @@ def _guess_ends(guess: Guess, stretch: Ends) -> Box:
     )
 
 
-def _grown(box: Box, stretch: Ends, guess: Guess) -> Box:
+def _grown(box: Box, stretch: LitStretch, guess: LineGuess) -> Box:
     """The box and the stretch, with a quarter of the stretch's length beyond each end."""
     more = 0.25 * (stretch.u_b - stretch.u_a)
-    x = [guess.x_px + guess.dx * u for u in (stretch.u_a - more, stretch.u_b + more)]
-    y = [guess.y_px + guess.dy * u for u in (stretch.u_a - more, stretch.u_b + more)]
-    return min(box[0], *x), min(box[1], *y), max(box[2], *x), max(box[3], *y)
+    further = replace(stretch, u_a=stretch.u_a - more, u_b=stretch.u_b + more)
+    return box_about(_guess_ends(guess, further), box)
 
 
-def _axes(cutout: Cutout, guess: Guess) -> Axes:
+def _axes(cutout: Cutout, guess: LineGuess) -> Axes:
     """u along and v across for every pixel of the cutout, (h, w) each."""
     height, width = cutout.values.shape
     x = np.arange(width) + (cutout.x0 - guess.x_px)
@@ -289,13 +277,13 @@ def _axes(cutout: Cutout, guess: Guess) -> Axes:
     return x * guess.dx + y * guess.dy, y * guess.dx - x * guess.dy
 
 
-def _leaves_frame(cutout: Cutout, guess: Guess, u: float, reach_px: float) -> bool:
+def _leaves_frame(cutout: Cutout, guess: LineGuess, u: float, reach_px: float) -> bool:
     x, y = guess.x_px + guess.dx * u, guess.y_px + guess.dy * u
     far_x, far_y = cutout.frame_width - 0.5 - reach_px, cutout.frame_height - 0.5 - reach_px
     return not (reach_px - 0.5 < x < far_x and reach_px - 0.5 < y < far_y)
 
 
-def _describe(cutout: Cutout, guess: Guess, fit: LineFit, stretch: Ends) -> StreakFit:
+def _describe(cutout: Cutout, guess: LineGuess, fit: LineFit, stretch: LitStretch) -> StreakFit:
     """The fit in raw pixels; a clipped end stands where the line leaves the frame."""
     line = fit.line
     is_clipped = line.u_a is None or line.u_b is None
@@ -338,12 +326,12 @@ def _beyond_parabola(fit: LineFit) -> float:
     return float(1.0 + _SECOND_ORDER * min(worst, _HOPELESS)) ** 2
 
 
-def _to_raw(guess: Guess, line: Line, u: FloatArray) -> tuple[FloatArray, FloatArray]:
+def _to_raw(guess: LineGuess, line: Line, u: FloatArray) -> tuple[FloatArray, FloatArray]:
     v = line.offset + line.slope * u
     return guess.x_px + u * guess.dx - v * guess.dy, guess.y_px + u * guess.dy + v * guess.dx
 
 
-def _rim(cutout: Cutout, guess: Guess, line: Line, u: float) -> float:
+def _rim(cutout: Cutout, guess: LineGuess, line: Line, u: float) -> float:
     """u, near the given one, at which the line leaves the frame."""
     candidates = []
     dx, dy = guess.dx - line.slope * guess.dy, guess.dy + line.slope * guess.dx
@@ -355,7 +343,7 @@ def _rim(cutout: Cutout, guess: Guess, line: Line, u: float) -> float:
 
 
 def _fault(
-    fit: StreakFit, stretch: Ends, line_fit: LineFit, psf_fwhm: float, uneven: float
+    fit: StreakFit, stretch: LitStretch, line_fit: LineFit, psf_fwhm: float, uneven: float
 ) -> NotAStreak | None:
     """The first gate that the fit does not pass; None where it passes all."""
     ratio = fit.width_px / psf_fwhm

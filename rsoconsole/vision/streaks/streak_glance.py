@@ -1,4 +1,4 @@
-"""A glance along a proposal: is there light all along some line near it?
+"""A glance along a proposal: light all along some line near it.
 
 A glance costs a small part of a fit's time and so decides what is worth one. Most of what the
 network faintly believes in are a few stars in a row: bright here and there, dark between. Light is
@@ -10,21 +10,21 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
-import numpy.typing as npt
 
 from rsoconsole.records import PixelArray
+from rsoconsole.vision.arrays import IndexArray
 from rsoconsole.vision.frame.background import Background
 from rsoconsole.vision.frame.median import median_of
-from rsoconsole.vision.lines.line_columns import LONGEST_PX, length_of, ridge_of, smoothed_strip
+from rsoconsole.vision.lines.line_columns import LONGEST_PX, ridge_of, smoothed_strip
 from rsoconsole.vision.lines.line_strip import INTERPOLATED_VARIANCE, OFF_PX
-from rsoconsole.vision.lines.streak_search import Box
+from rsoconsole.vision.lines.segments import Ends, length_of
 from rsoconsole.vision.stars.star_moments import FWHM_PER_SIGMA
 
 _LIMITS = (-1.5, 4.0)
 """Of the smoothed signal to noise of a place on the line."""
 _OFFSET_PX = 10
 _TURN_PX = 7
-"""How far off a proposal's line may be in its middle, and by its direction at its ends."""
+"""Largest error of a proposal's line in its middle, and by its direction at its ends."""
 _RIM_PX = 4
 _REACH_PX = _OFFSET_PX + _TURN_PX + _RIM_PX
 _STEP_PX = 2
@@ -46,12 +46,12 @@ widens stars alone, wind and drift, leaves a satellite's streak narrower; a ray 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LineSignal:
-    """What a glance saw."""
+    """Light along a line at a glance."""
 
     value: float
     """Signal to noise of light along the best line, limited; the noise is that of plain sky."""
     most: float
-    """What a line as long, bright all along, would have given."""
+    """Signal to noise of a line as long, bright all along."""
 
     def is_worth_a_fit(self, network_confidence: float) -> bool:
         """Whether there is light enough; the less the network believes, the more is asked for."""
@@ -61,7 +61,7 @@ class LineSignal:
         return self.value >= needed > 0.0
 
 
-def line_signal(pixels: PixelArray, sky: Background, ends: Box, psf_sigma: float) -> LineSignal:
+def line_signal(pixels: PixelArray, sky: Background, ends: Ends, psf_sigma: float) -> LineSignal:
     """Light along the best line near ``ends`` (x_a, y_a, x_b, y_b); nothing outside the frame."""
     length = float(np.clip(length_of(ends), _SHORTEST_PX, LONGEST_PX))
     count = max(int(length) // _STEP_PX // _COUNTS, 1) * _COUNTS + 1
@@ -87,7 +87,7 @@ def line_signal(pixels: PixelArray, sky: Background, ends: Box, psf_sigma: float
 
 
 @lru_cache(maxsize=16)
-def _lines(count: int) -> npt.NDArray[np.intp]:
+def _lines(count: int) -> IndexArray:
     """Index in a strip of every place of every line that is tried: (lines, places)."""
     places = np.arange(count)
     along = np.linspace(-1.0, 1.0, count)
@@ -100,7 +100,7 @@ def _lines(count: int) -> npt.NDArray[np.intp]:
 
 
 def width_at_a_glance(
-    pixels: PixelArray, sky: Background, ends: Box, psf_fwhm_px: float
+    pixels: PixelArray, sky: Background, ends: Ends, psf_fwhm_px: float
 ) -> tuple[float, float]:
     """Signal to noise of a line matched to the stars' width, and to a much narrower one.
 
@@ -147,7 +147,7 @@ _DARK, _GAP_WIDTHS = 0.25, 3.0
 stretch is a gap."""
 
 
-def is_broken(pixels: PixelArray, sky: Background, ends: Box, psf_sigma: float) -> bool:
+def is_broken(pixels: PixelArray, sky: Background, ends: Ends, psf_sigma: float) -> bool:
     """Whether what lies between ``ends`` is no one line: a few stars, or light with a gap in it.
 
     Stars spread the middle half of the places further than a tumbling satellite's light does; a
@@ -170,7 +170,7 @@ def is_broken(pixels: PixelArray, sky: Background, ends: Box, psf_sigma: float) 
     return longest > 0 and longest + window > _GAP_WIDTHS * widths_px
 
 
-def goes_on_beyond(pixels: PixelArray, sky: Background, ends: Box, psf_sigma: float) -> bool:
+def goes_on_beyond(pixels: PixelArray, sky: Background, ends: Ends, psf_sigma: float) -> bool:
     """Whether the light of a line from a to b goes on beyond b, typically half as bright or more.
 
     Typical is the median along the line, so that stars in the way say nothing.

@@ -18,21 +18,21 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from rsoconsole.records import Detection, FloatArray, PixelArray
+from rsoconsole.vision.arrays import BoolArray, IndexArray
 from rsoconsole.vision.frame.background import Background
 from rsoconsole.vision.frame.median import median_of
 from rsoconsole.vision.lines.line_or_points import confusion
 from rsoconsole.vision.lines.line_strip import (
     INTERPOLATED_VARIANCE,
-    BoolArray,
     Course,
-    IntArray,
     LineStrip,
-    level,
     profile_of,
     strip_about,
+    subtract_sky_beside,
 )
+from rsoconsole.vision.lines.segments import Ends, length_of
+from rsoconsole.vision.stars.star_list import StarList
 from rsoconsole.vision.stars.star_moments import FWHM_PER_SIGMA
-from rsoconsole.vision.stars.stars import StarList
 
 log = logging.getLogger(__name__)
 
@@ -67,20 +67,20 @@ _BELIEVED = 4.0
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Middle:
-    """Where a streak has its middle along itself, by ends and light together; px."""
+    """Middle of a streak along itself, by ends and light together; px."""
 
     offset_px: float
     """From the midpoint of the ends that were given, towards the second."""
     sigma_px: float
     length_px: float
-    """Of the even motion."""
+    """Length of the even motion."""
     sigma_length_px: float
 
 
 def with_middle(
     pixels: PixelArray, sky: Background, stars: StarList, streak: Detection
 ) -> Detection:
-    """The same with its middle by light and ends, where both ends are seen and it can be told."""
+    """The streak with its middle by light and ends, where both ends are seen and it shows."""
     if streak.kind != "streak" or streak.method != "line":
         return streak
     ends = streak.x_a_px, streak.y_a_px, streak.x_b_px, streak.y_b_px
@@ -104,11 +104,11 @@ def with_middle(
 def middle_of(
     pixels: PixelArray,
     sky: Background,
-    ends: tuple[float, float, float, float],
+    ends: Ends,
     stars: StarList,
     fwhm_px: float,
 ) -> Middle | None:
-    """Of the streak between these ends (x_a, y_a, x_b, y_b); ``fwhm_px``: of the stars.
+    """Middle of the streak between these ends (x_a, y_a, x_b, y_b); ``fwhm_px``: of the stars.
 
     None where the frame ends with it, stars hide it or are part of its light. The errors take the
     light for steady: they do not hold for what flashes or tumbles.
@@ -118,16 +118,14 @@ def middle_of(
     return None if strip is None else _in_strip(strip, ends, sigma)
 
 
-def _in_strip(
-    strip: LineStrip, ends: tuple[float, float, float, float], sigma: float
-) -> Middle | None:
+def _in_strip(strip: LineStrip, ends: Ends, sigma: float) -> Middle | None:
     first = (ends[0] - strip.x0_px) * strip.dx + (ends[1] - strip.y0_px) * strip.dy
-    last = first + math.hypot(ends[2] - ends[0], ends[3] - ends[1])
+    last = first + length_of(ends)
     room = _BEYOND * sigma
     if first < room or last > strip.values.shape[1] - 1 - room:
         return None
     course = Course(0.5 * (first + last), 0.0, 0.0, 0.0, 0.0)
-    level(strip, course, sigma)
+    subtract_sky_beside(strip, course, sigma)
     way = _way(strip, first, last, sigma)
     profile = profile_of(strip, way, _ACROSS * sigma)
     used = profile.between(first - room, last + room)
@@ -183,7 +181,7 @@ class _Wandering:
     away: float = 0.0
     """Beside it by so much."""
 
-    def at(self, columns: IntArray) -> FloatArray:
+    def at(self, columns: IndexArray) -> FloatArray:
         return np.asarray(self.rows[columns] + self.away)
 
 

@@ -14,6 +14,7 @@ import numpy as np
 
 from rsoconsole.records import PixelArray
 from rsoconsole.sky import turn_deg
+from rsoconsole.vision.arrays import BoolArray, IndexArray
 from rsoconsole.vision.frame.background import Background
 from rsoconsole.vision.frame.median import median_of
 from rsoconsole.vision.lines.line_or_points import confusion, drawn_along, line_over_points, texture
@@ -21,20 +22,17 @@ from rsoconsole.vision.lines.line_strip import (
     INTERPOLATED_VARIANCE,
     MIN_KNOWN,
     OFF_PX,
-    BoolArray,
     Course,
-    IntArray,
     LineProfile,
     LineStrip,
-    level,
     profile_of,
     strip_about,
+    subtract_sky_beside,
     weights_of,
 )
-from rsoconsole.vision.lines.streak_search import Box
+from rsoconsole.vision.lines.segments import Ends, length_of
+from rsoconsole.vision.stars.star_list import StarList, Trail
 from rsoconsole.vision.stars.star_moments import FWHM_PER_SIGMA
-from rsoconsole.vision.stars.stars import StarList
-from rsoconsole.vision.stars.trailed_stars import Trail
 
 _PARTS = 16
 _LIT = 0.4
@@ -62,13 +60,13 @@ class Trace:
     width_px: float
     """Full width at half maximum across."""
     snr: float
-    """Of all its light, matched across, masked stars left out."""
+    """Signal to noise of all its light, matched across, masked stars left out."""
     sigma_end_px: tuple[float, float]
     sigma_across_px: float
-    """Of the line's place in its middle."""
+    """One sigma of the line's place in its middle."""
     sigma_angle_deg: float
     lower_quartile_snr: float
-    """What the lower quartile of its parts says of the whole: sigma, were all parts like it."""
+    """Signal to noise of the whole, were all its parts like their lower quartile."""
     roughness: float
     """Scatter of the parts over their mean that neither a slow change nor one period explains."""
     confusion: float
@@ -82,7 +80,7 @@ class Trace:
 def trace_line(
     pixels: PixelArray,
     sky: Background,
-    ends: Box,
+    ends: Ends,
     stars: StarList,
     psf_fwhm_px: float,
     *,
@@ -109,12 +107,12 @@ def trace_line(
 
 
 def _looked(
-    strip: LineStrip | None, ends: Box, sigma: float, off_px: float, trail: Trail | None
+    strip: LineStrip | None, ends: Ends, sigma: float, off_px: float, trail: Trail | None
 ) -> tuple[Trace | None, bool]:
     """One look at a strip, and whether the light goes on where the strip ends."""
     if strip is None:
         return None, False
-    length = math.hypot(ends[2] - ends[0], ends[3] - ends[1])
+    length = length_of(ends)
     columns = np.arange(strip.values.shape[1])
     # Where the frame cuts the strip its middle is not the line's.
     first = (ends[0] - strip.x0_px) * strip.dx + (ends[1] - strip.y0_px) * strip.dy
@@ -123,7 +121,7 @@ def _looked(
         return None, False
     _mask_bright(strip, inside, sigma, off_px)
     course = _course(strip, columns, inside, sigma, off_px)
-    level(strip, course, sigma)
+    subtract_sky_beside(strip, course, sigma)
     lit = 0.0, 0.0
     for _ in range(2):
         profile = profile_of(strip, course, sigma)
@@ -182,7 +180,7 @@ def _mask_what_stands_out(strip: LineStrip, profile: LineProfile, lit: tuple[flo
 
 
 def _course(
-    strip: LineStrip, columns: IntArray, inside: BoolArray, sigma: float, off_px: float
+    strip: LineStrip, columns: IndexArray, inside: BoolArray, sigma: float, off_px: float
 ) -> Course:
     """The line on which the limited light of a proposal's parts adds up to most."""
     import cv2
@@ -243,7 +241,7 @@ def _lit_stretch(profile: LineProfile, middle: float, half: float) -> tuple[floa
 
 
 def _better(
-    strip: LineStrip, columns: IntArray, inside: BoolArray, course: Course, sigma: float
+    strip: LineStrip, columns: IndexArray, inside: BoolArray, course: Course, sigma: float
 ) -> Course:
     """The line through the middles of the lit parts, and its errors."""
     middle = float(columns[inside].mean())
@@ -383,7 +381,7 @@ def _edge(profile: LineProfile, place: float, sense: int, length: float) -> tupl
     return float(trial[best]) * sense, max(spread, hidden, 0.1)
 
 
-def _width(strip: LineStrip, columns: IntArray, course: Course, sigma: float) -> float:
+def _width(strip: LineStrip, columns: IndexArray, course: Course, sigma: float) -> float:
     """Full width at half maximum of the light across, of the Gaussian that fits it best."""
     v = np.arange(-strip.reach, strip.reach + 1)[:, None]
     off = v - course.at(columns)

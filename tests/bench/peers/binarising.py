@@ -81,13 +81,11 @@ def compare(frames: Iterable[BenchFrame]) -> dict[str, Any]:
                 width_px=values.shape[1] * BLOCK,
                 height_px=values.shape[0] * BLOCK,
             )
-            candidates = [
-                Candidate(
-                    line=Line(x_a_px=b.x_a_px, y_a_px=b.y_a_px, x_b_px=b.x_b_px, y_b_px=b.y_b_px),
-                    score=b.confidence,
-                )
-                for b in network.run(frame_map)
-            ]
+            candidates = []
+            for box in network.run(frame_map):
+                x_a, y_a, x_b, y_b = box.ends_px
+                line = Line(x_a_px=x_a, y_a_px=y_a, x_b_px=x_b, y_b_px=y_b)
+                candidates.append(Candidate(line=line, score=box.confidence))
             judged.setdefault(name, []).append(judge(candidates, bench.truth))
     return {
         name: {

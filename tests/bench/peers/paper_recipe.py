@@ -79,7 +79,7 @@ def open_peer(settings: Mapping[str, Any]) -> Callable[[Frame], list[Candidate]]
 
 
 def _at_box_centre(box: NetworkBox) -> Candidate:
-    x, y = (box.x0_px + box.x1_px) / 2, (box.y0_px + box.y1_px) / 2
-    dx, dy = (box.x_b_px - box.x_a_px) / 2, (box.y_b_px - box.y_a_px) / 2
+    (x0, y0, x1, y1), (x_a, y_a, x_b, y_b) = box.corners_px, box.ends_px
+    x, y, dx, dy = (x0 + x1) / 2, (y0 + y1) / 2, (x_b - x_a) / 2, (y_b - y_a) / 2
     line = Line(x_a_px=x - dx, y_a_px=y - dy, x_b_px=x + dx, y_b_px=y + dy)
     return Candidate(line=line, score=box.confidence)

@@ -11,24 +11,22 @@ from dataclasses import dataclass
 from typing import Literal, TypeAlias
 
 import numpy as np
-import numpy.typing as npt
 
 from rsoconsole.records import FloatArray, PixelArray
+from rsoconsole.vision.arrays import BoolArray
 from rsoconsole.vision.lines.line_columns import (
     LineColumns,
     columns_at,
-    length_of,
     on_line,
     rows_across,
     smoothed,
 )
-from rsoconsole.vision.lines.streak_search import Box
+from rsoconsole.vision.lines.segments import Ends, length_of
 from rsoconsole.vision.stars.star_moments import FWHM_PER_SIGMA
 
-BoolArray = npt.NDArray[np.bool_]
 Mapping2d: TypeAlias = Callable[[FloatArray, FloatArray], tuple[FloatArray, FloatArray]]
 """Pixels of this frame to pixels of the earlier one, arrays of any one shape."""
-Found: TypeAlias = Literal["same", "new", "unclear"]
+EarlierFinding: TypeAlias = Literal["same", "new", "unclear"]
 
 _LONGEST_PX = 1500.0
 """No chain of stars is longer."""
@@ -50,15 +48,15 @@ _AS_BRIGHT, _EXPLAINED, _IDENTICAL = (0.6, 1.6), 0.6, 0.75
 _LACKING, _LACKING_SNR = 0.6, 3.0
 """A faint streak that bright stars lie on has its own light between them."""
 _CALIBRATED = 0.1
-"""Of a star's light, what the two frames may differ by."""
+"""Share of a star's light by which the two frames may differ."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class EarlierLight:
-    """What an earlier frame holds of a streak's light."""
+    """Comparison of a streak's light with an earlier frame."""
 
     amplitude: float
-    """Of the streak's profile in the earlier frame, over what the same light would give; 0: none
+    """Amplitude of the streak's profile in the earlier frame over that of the same light; 0: none
     of it, 1: all."""
     explained: float
     """Share of the streak's light that the earlier frame's light reaches column by column."""
@@ -80,10 +78,10 @@ class EarlierLight:
     def is_identical(self) -> bool:
         """Whether the light is so much the same that other stars cannot be mistaken for it."""
         is_deep = self.depth_snr >= _SURE_SNR
-        return self.found == "same" and is_deep and self.explained > _IDENTICAL
+        return self.finding == "same" and is_deep and self.explained > _IDENTICAL
 
     @property
-    def found(self) -> Found:
+    def finding(self) -> EarlierFinding:
         """Whether the light is the same or new; "unclear" wherever something speaks against it."""
         is_dark_now = self.beyond_snr > _FRESH_SNR and self.beyond_share > _MAX_FRESH
         has_fresh = self.fresh_snr > _FRESH_SNR and self.fresh_share > _NO_LIGHT
@@ -105,7 +103,7 @@ class EarlierLight:
 class Profile:
     """A streak's light in its own frame, to be compared with others."""
 
-    ends: Box
+    ends: Ends
     fwhm_px: float
     u_px: FloatArray
     """(columns,): way along the line from end a, some of it beyond either end."""
@@ -114,8 +112,8 @@ class Profile:
     columns: LineColumns
 
     @classmethod
-    def of(cls, pixels: PixelArray, ends: Box, width_px: float) -> "Profile | None":
-        """Of the light between ``ends`` (x_a, y_a, x_b, y_b); None where that is too long.
+    def of(cls, pixels: PixelArray, ends: Ends, width_px: float) -> "Profile | None":
+        """Profile of the light between ``ends`` (x_a, y_a, x_b, y_b); None where that is too long.
 
         ``width_px``: full width at half maximum across, the widest of the frames to be compared.
         """
@@ -137,7 +135,7 @@ def earlier_light(
     snr: float,
     flux_ratio: float,
 ) -> EarlierLight | None:
-    """What another frame's pixels, ``earlier``, hold of a streak's light.
+    """Compare a streak's light with another frame's pixels, ``earlier``.
 
     ``to_earlier``: None for the same pixels; ``snr``: matched, of the streak in its own frame;
     ``flux_ratio``: light of a star in the earlier frame over this one's. None where a frame does
@@ -224,7 +222,7 @@ def _compared(
 
 
 def _mapped(
-    to_earlier: Mapping2d, ends: Box, u: FloatArray, v: FloatArray
+    to_earlier: Mapping2d, ends: Ends, u: FloatArray, v: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
     """The line's pixels (v, u) in the earlier frame: knots mapped, straight between them."""
     knots = np.linspace(u[0], u[-1], max(math.ceil((u[-1] - u[0]) / _KNOT_PX), 1) + 1)

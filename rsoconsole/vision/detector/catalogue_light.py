@@ -11,16 +11,10 @@ from typing import Literal, TypeAlias
 import numpy as np
 
 from rsoconsole.records import FloatArray, PixelArray
-from rsoconsole.vision.lines.line_columns import (
-    columns_at,
-    length_of,
-    on_line,
-    rows_across,
-    smoothed,
-)
-from rsoconsole.vision.lines.streak_search import Box
+from rsoconsole.vision.lines.line_columns import columns_at, on_line, rows_across, smoothed
+from rsoconsole.vision.lines.segments import Ends, length_of
 
-Said: TypeAlias = Literal["stars", "no stars", "unclear"]
+CatalogueFinding: TypeAlias = Literal["stars", "no stars", "unclear"]
 
 _LONGEST_PX = 1500.0
 _ON_LINE, _REACH = 0.75, 1.5
@@ -33,10 +27,10 @@ _MIN_MISSING, _MIN_SNR = 0.5, 10.0
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CatalogueLight:
-    """What of a streak's light is that of catalogue stars."""
+    """Shares of a streak's light by whether catalogue stars explain it."""
 
     stars: int
-    """Of the catalogue on the line."""
+    """Number of catalogue stars on the line."""
     star_share: float
     """Share of its light that they have."""
     rest_share: float
@@ -46,7 +40,7 @@ class CatalogueLight:
     """Share of its light that is away from them and so bright that the catalogue would have it."""
 
     @property
-    def said(self) -> Said:
+    def finding(self) -> CatalogueFinding:
         """Whether catalogue stars make the streak, or stars cannot; "unclear" as a rule."""
         has_rest = self.rest_snr > _REST_SNR and self.rest_share > _NO_REST
         is_theirs = self.star_share > _CHAIN and self.rest_share < _MAX_REST
@@ -61,7 +55,7 @@ def catalogue_light(
     stars_px: FloatArray,
     stars_adu: FloatArray,
     *,
-    ends: Box,
+    ends: Ends,
     width_px: float,
     complete_adu: float,
 ) -> CatalogueLight | None:
@@ -101,7 +95,7 @@ def catalogue_light(
 
 
 def _on_it(
-    stars_px: FloatArray, stars_adu: FloatArray, ends: Box, fwhm: float
+    stars_px: FloatArray, stars_adu: FloatArray, ends: Ends, fwhm: float
 ) -> tuple[FloatArray, FloatArray]:
     """Ways from end a of the stars on the line, and the light that each promises."""
     length = length_of(ends)

@@ -1,4 +1,4 @@
-"""What a point of light looks like in a frame, whatever its shape: disc, ring, comet or trail.
+"""Image of a star in a frame, whatever its shape: disc, ring, comet or trail.
 
 The median of the frame's own stars: bright ones that stand alone, each moved so that its middle
 lies on a pixel's, of unit light.
@@ -8,14 +8,12 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
 from rsoconsole.records import FloatArray, PixelArray
+from rsoconsole.vision.arrays import Float32Array, IndexArray
 from rsoconsole.vision.frame.background import Background
+from rsoconsole.vision.stars.star_list import StarList
 from rsoconsole.vision.stars.star_moments import FWHM_PER_SIGMA
-from rsoconsole.vision.stars.stars import StarList
-
-Float32Array = npt.NDArray[np.float32]
 
 _FEWEST, _MOST = 8, 60
 _MIN_SNR, _ALONE_FWHM, _REACH_FWHM, _MIN_REACH_PX = 20.0, 3.0, 1.5, 5
@@ -32,7 +30,7 @@ class StarImage:
     pixels: Float32Array
     """(2 reach + 1, 2 reach + 1), its middle on the middle pixel's centre."""
     misfit: float = 0.0
-    """What single stars differ from it by beyond their noise, as a share of their light there."""
+    """Difference of single stars from it beyond their noise, as a share of their light there."""
 
     @property
     def reach(self) -> int:
@@ -97,9 +95,7 @@ def _centred(pixels: PixelArray, x_px: float, y_px: float, reach: int) -> Float3
     return np.asarray(image - np.median(rim), dtype=np.float32)
 
 
-def _alone(
-    stars: StarList, apart_px: float, rim_px: int, shape: tuple[int, int]
-) -> npt.NDArray[np.intp]:
+def _alone(stars: StarList, apart_px: float, rim_px: int, shape: tuple[int, int]) -> IndexArray:
     """Indices of bright stars without neighbours, the brightest first."""
     x, y = stars.x_px, stars.y_px
     is_good = (stars.snr > _MIN_SNR) & ~stars.is_saturated

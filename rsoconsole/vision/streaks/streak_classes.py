@@ -1,4 +1,4 @@
-"""The frame's streaks named: each one's class and pulse, and those that run together."""
+"""Class, pulse and train of each of a frame's streaks."""
 
 import logging
 import math
@@ -10,15 +10,20 @@ import numpy as np
 from rsoconsole.records import Detection, Frame, NotAStreak, Rejection
 from rsoconsole.sky import turn_deg
 from rsoconsole.vision.frame.background import Background
-from rsoconsole.vision.lines.streak_search import Box
-from rsoconsole.vision.stars.stars import StarList
+from rsoconsole.vision.lines.segments import Ends
+from rsoconsole.vision.stars.star_list import StarList
 from rsoconsole.vision.streaks._streak_light import (
     StreakLight,
     fading_of,
     light_along,
     modulation_of,
 )
-from rsoconsole.vision.streaks.streak_class import Evidence, Likelihood, decided, probabilities
+from rsoconsole.vision.streaks.class_probabilities import (
+    Evidence,
+    Likelihood,
+    most_likely_class,
+    probabilities,
+)
 
 MIN_CUT, MIN_WHOLE = 2, 3
 """Lines that make a train: where the frame cuts two of them, and where it does not."""
@@ -31,10 +36,10 @@ _LIGHTS_APART = 0.5
 _TRAIN = ("satellite", "undetermined")
 
 
-def with_context(
+def with_neighbours(
     streaks: Sequence[Detection], deg_s_per_px: float | None = None
 ) -> list[Detection]:
-    """The same, each with what its company makes of it.
+    """The streaks with class and train corrected by those beside them.
 
     What runs beside an aircraft, parallel and near, is another of its lights. What may be
     satellites and runs in parallel is a train; of whole streaks only where ``deg_s_per_px``
@@ -104,11 +109,11 @@ _PER_QUARTILES = 0.7413
 """Sigma of a normal law over the distance of its quartiles."""
 _MIN_STARS = 8
 _UNKNOWN_SCATTER = 0.25
-SHINES_ON = ("satellite", "aircraft", "undetermined")
-"""What may shine all through an exposure, so that places along it are times."""
+CONTINUOUS_CLASSES = ("satellite", "aircraft", "undetermined")
+"""Classes that may shine all through an exposure, so that places along it are times."""
 
 
-def named_with_shares(
+def classify_streaks(
     frame: Frame,
     sky: Background,
     stars: StarList,
@@ -125,7 +130,7 @@ def named_with_shares(
     if frame.scale_arcsec_px is not None and frame.exposure_s:
         per_px = frame.scale_arcsec_px / 3600.0 / frame.exposure_s
     named = [_named(frame, sky, stars, each) for each in detections]
-    found = with_context([streak for streak, _ in named], per_px)
+    found = with_neighbours([streak for streak, _ in named], per_px)
     rejected = list(rejected)
     doubted = [_named(frame, sky, stars, each.detection, each) for each in rejected]
     others = [
@@ -185,9 +190,14 @@ def _looked_at(
         spoken_against=against,
     )
     shares = probabilities(evidence)
-    name, probability = decided(shares)
+    name, probability = most_likely_class(shares)
     period_s = None
-    if pulse is not None and streak.kind == "streak" and frame.exposure_s and name in SHINES_ON:
+    if (
+        pulse is not None
+        and streak.kind == "streak"
+        and frame.exposure_s
+        and name in CONTINUOUS_CLASSES
+    ):
         period_s = frame.exposure_s / pulse.periods
     named_so = replace(
         streak,
@@ -219,7 +229,7 @@ def _scatter(stars: StarList) -> float:
     return float(_PER_QUARTILES * (high - low))
 
 
-def _star_share(stars: StarList, ends: Box, light: StreakLight) -> float | None:
+def _star_share(stars: StarList, ends: Ends, light: StreakLight) -> float | None:
     """Share of a streak's light that stars on it have which were found by themselves."""
     total = float(light.light_adu.sum())
     if total <= 0.0 or stars.trail is not None:

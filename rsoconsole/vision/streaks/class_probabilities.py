@@ -1,4 +1,4 @@
-"""What a streak is: satellite, aircraft, meteor, cosmic ray or chain of stars, with a probability.
+"""Class probabilities of a streak: satellite, aircraft, meteor, cosmic ray or chain of stars.
 
 Bayes' rule over what one frame tells, each piece of evidence as if independent of the others: the
 width (aircraft and meteors are too near to be in focus, rays are sharper than any star), the light
@@ -14,17 +14,13 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Literal, TypeAlias
 
-import numpy as np
-
-from rsoconsole.records import FloatArray, ObjectClass, StreakKind
-from rsoconsole.vision.lines.line_columns import length_of
-from rsoconsole.vision.lines.streak_search import Box, Cutout
+from rsoconsole.records import ObjectClass, StreakKind
 from rsoconsole.vision.streaks._streak_light import Fading, Modulation
 
-Named: TypeAlias = Literal["satellite", "aircraft", "meteor", "cosmic ray", "star chain"]
-Likelihood: TypeAlias = dict[Named, float]
-Compared: TypeAlias = Literal["same light", "new light", "catalogue stars", "no catalogue stars"]
-"""Of a streak with an earlier frame of its field (the first two), and with the star catalogue."""
+NamedClass: TypeAlias = Literal["satellite", "aircraft", "meteor", "cosmic ray", "star chain"]
+Likelihood: TypeAlias = dict[NamedClass, float]
+Comparison: TypeAlias = Literal["same light", "new light", "catalogue stars", "no catalogue stars"]
+"""Outcome of comparing a streak with an earlier frame (the first two) or the star catalogue."""
 
 PRIOR: Likelihood = {
     "satellite": 0.45,
@@ -33,8 +29,8 @@ PRIOR: Likelihood = {
     "cosmic ray": 0.05,
     "star chain": 0.10,
 }
-"""Of what passes for a streak under any sky: what nothing is known of is undetermined."""
-AFTER: dict[Compared, Likelihood] = {
+"""Class shares among all streaks under any sky; with nothing else known: undetermined."""
+COMPARISON_LIKELIHOODS: dict[Comparison, Likelihood] = {
     # What moves is seldom where another one of the same light was.
     "same light": {"satellite": 0.002, "aircraft": 0.002, "meteor": 0.002, "cosmic ray": 0.002},
     "new light": {"star chain": 0.01},
@@ -42,7 +38,7 @@ AFTER: dict[Compared, Likelihood] = {
     # Red stars are brighter to a camera without a filter than the catalogue has them.
     "no catalogue stars": {"star chain": 0.05},
 }
-"""How likely a comparison comes out so for each class, over the likeliest one."""
+"""Likelihood of a comparison's outcome for each class, over that of the likeliest one."""
 SATELLITE_FROM, OTHERS_FROM = 0.5, 2.0 / 3.0
 """A class is named from here on; more is asked for those that start no track."""
 
@@ -72,7 +68,7 @@ _UNEVEN = 0.3, 1.0
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Evidence:
-    """What one frame tells of a streak; None and 0 where it tells nothing."""
+    """Measurements of a streak in one frame that tell its class; None and 0 where unknown."""
 
     kind: StreakKind
     length_px: float
@@ -92,19 +88,19 @@ class Evidence:
     is_pulse_seen: bool = False
     """Whether the light is bright and long enough that a strobe's pulse would show."""
     star_share: float | None = None
-    """Of its light, what the listed stars on it have."""
+    """Share of its light that listed stars on it have."""
     spoken_against: str = ""
     """Kind of the reason for which the detector did not take it."""
 
     @property
     def rate_deg_s(self) -> float | None:
-        """Of what the frame shows from end to end; less than the true one where it is cut."""
+        """Rate from end to end as the frame shows it; less than the true one where it is cut."""
         if self.scale_arcsec_px is None or not self.exposure_s:
             return None
         return self.length_px * self.scale_arcsec_px / 3600.0 / self.exposure_s
 
 
-def decided(shares: Likelihood) -> tuple[ObjectClass, float]:
+def most_likely_class(shares: Likelihood) -> tuple[ObjectClass, float]:
     """The class and its probability; of "undetermined" what the likeliest one lacks to 1."""
     best = max(shares, key=lambda name: shares[name])
     asked = SATELLITE_FROM if best == "satellite" else OTHERS_FROM
@@ -114,7 +110,7 @@ def decided(shares: Likelihood) -> tuple[ObjectClass, float]:
 
 
 def probabilities(evidence: Evidence) -> Likelihood:
-    """Of each class, given that it is one of them."""
+    """Probability of each class, given that it is one of them."""
     parts = (
         _by_width,
         _by_ends,
@@ -131,9 +127,9 @@ def probabilities(evidence: Evidence) -> Likelihood:
     return _normalised(shares)
 
 
-def updated(shares: Likelihood, comparison: Compared) -> Likelihood:
+def update_probabilities(shares: Likelihood, comparison: Comparison) -> Likelihood:
     """The probabilities of all classes after a comparison."""
-    return _normalised(_times(shares, AFTER[comparison]))
+    return _normalised(_times(shares, COMPARISON_LIKELIHOODS[comparison]))
 
 
 def _times(shares: Likelihood, likely: Likelihood) -> Likelihood:
@@ -309,101 +305,3 @@ def _evenly(found: float, low: float, high: float, sigma: float) -> float:
     """Density of what lies anywhere between two bounds, measured with an error."""
     root = math.sqrt(2.0) * sigma
     return 0.5 * (math.erf((high - found) / root) - math.erf((low - found) / root)) / (high - low)
-
-
-_SMOOTHED_PX, _INTERPOLATED_PX = 0.6, 0.5
-"""Sigma of the smoothing, and what linear interpolation adds to it in quadrature."""
-_REACH_PX, _END_PX = 6, 3
-"""How far across is looked, and how much of either end is left out."""
-_FEWEST, _MIN_SEEN = 9, 0.4
-"""Columns that tell enough, and their share of a line."""
-_BRIGHTNESS_BY_NOISE, _PLACE_BY_NOISE = 0.66, 0.95
-"""What noise makes of an even line's brightness, as a share, and of its place, in sigmas of a star;
-times sqrt(length) over its signal to noise. Measured on drawn lines of 2 to 4 px width."""
-_BRIGHTNESS_FLOOR, _BEND_FLOOR_PX, _WAVER_FLOOR_PX = 0.08, 0.10, 0.15
-"""What the air makes of a satellite's light and path."""
-_BEND_LEEWAY = 1.5
-"""Of two terms' logarithm."""
-_STANDS_ALONE = 0.7
-"""Share of the columns that count for themselves after the smoothing."""
-
-
-def unevenness(cutout: Cutout, ends: Box, psf_sigma: float, snr: float) -> tuple[float, float]:
-    """By how much more than noise explains a line's light and its place vary along it.
-
-    Natural logarithms of variances, 0 where noise explains all. ``ends`` (x_a, y_a, x_b, y_b) in
-    raw pixels, ``snr`` of the whole line. What masked stars touch is left out, unless they are most
-    of the line: then it is they that are looked at. 0 too where too little of it is in the frame.
-    Of 135 pieces of cosmic rays in the calibration split 116 came above 0.5, of 31 satellites as
-    short none, and of 1,200 even lines drawn at 2, 5 and 30 sigma a pixel one.
-    """
-    measured = _light_and_place(cutout, ends, psf_sigma)
-    if measured is None:
-        return 0.0, 0.0
-    along, light, place_px = measured
-    columns, noise = along.size, math.sqrt(length_of(ends)) / max(snr, 1.0)
-    by_noise_px = _PLACE_BY_NOISE * noise * psf_sigma
-    # Straight, then what a bend and an S make of it, then the rest.
-    terms, _ = np.linalg.qr(np.vander(along, 4, increasing=True))
-    bend = terms[:, 2:].T @ place_px
-    straight = terms[:, :2] @ (terms[:, :2].T @ place_px)
-    alone = _STANDS_ALONE * columns
-    scatter = 2.0 * math.sqrt(4.0 / columns)
-    light_excess = (
-        _log(float(light.var()), (_BRIGHTNESS_BY_NOISE * noise) ** 2 + _BRIGHTNESS_FLOOR**2)
-        - scatter
-    )
-    waver = (
-        _log(float(np.mean((place_px - straight) ** 2)), by_noise_px**2 + _WAVER_FLOOR_PX**2)
-        - scatter
-    )
-    bent = (
-        _log(float(bend @ bend) / columns, 2.0 * by_noise_px**2 / alone + _BEND_FLOOR_PX**2)
-        - _BEND_LEEWAY
-    )
-    return max(0.0, light_excess), max(0.0, waver, bent)
-
-
-def _light_and_place(
-    cutout: Cutout, ends: Box, psf_sigma: float
-) -> tuple[FloatArray, FloatArray, FloatArray] | None:
-    """Place along (-1 to 1), brightness over its mean, and place across, px; (columns,) each."""
-    import cv2
-
-    x_a, y_a, x_b, y_b = ends
-    length = length_of(ends)
-    count = int(length) + 1
-    if count < _FEWEST + 2 * _END_PX:
-        return None
-    dx, dy = (x_b - x_a) / length, (y_b - y_a) / length
-    u = np.arange(count) - 0.5 * (count - 1)
-    v = np.arange(-_REACH_PX, _REACH_PX + 1)[:, None]
-    x = 0.5 * (x_a + x_b) - cutout.x0 + dx * u - dy * v
-    y = 0.5 * (y_a + y_b) - cutout.y0 + dy * u + dx * v
-    height, width = cutout.values.shape
-    is_there = (x >= 0) & (x <= width - 1) & (y >= 0) & (y <= height - 1)
-    columns, rows = x.astype(np.float32), y.astype(np.float32)
-    values = cv2.remap(cutout.values.astype(np.float32), columns, rows, cv2.INTER_LINEAR)
-    strip = cv2.GaussianBlur(values, (0, 0), _SMOOTHED_PX)
-    nearest = (
-        np.clip(np.rint(y), 0, height - 1).astype(int),
-        np.clip(np.rint(x), 0, width - 1).astype(int),
-    )
-    is_good = cutout.is_good[nearest]
-    profile = np.exp(-0.5 * v**2 / (psf_sigma**2 + _SMOOTHED_PX**2 + _INTERPOLATED_PX**2))
-    in_core = np.abs(v[:, 0]) <= 2.0 * psf_sigma
-    is_inner = is_there[in_core].all(axis=0)
-    is_inner[:_END_PX] = is_inner[-_END_PX:] = False
-    is_seen = is_inner & is_good[in_core].all(axis=0)
-    if is_seen.sum() < max(_FEWEST, _MIN_SEEN * is_inner.sum()):
-        is_seen = is_inner
-    light = (profile * strip).sum(axis=0)[is_seen]
-    if light.size < _FEWEST or not light.mean() > 0.0:
-        return None
-    # Weighted by its own profile a line shows half of how far off it is.
-    place_px = 2.0 * (profile * v * strip).sum(axis=0)[is_seen] / light.mean()
-    return np.linspace(-1.0, 1.0, count)[is_seen], light / light.mean(), place_px
-
-
-def _log(variance: float, expected: float) -> float:
-    return math.log(max(variance, 1e-9) / expected)

@@ -1,0 +1,98 @@
+"""Stars of one frame as a list, with how wide a star is in it: what the searches for stars give."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from rsoconsole.records import FloatArray
+from rsoconsole.vision.arrays import BoolArray, IndexArray
+from rsoconsole.vision.stars.psf_field import PsfField, WidthSource
+from rsoconsole.vision.stars.star_moments import FWHM_PER_SIGMA
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class OblongLights:
+    """Lights of one frame that are longer than wide, the surest first; arrays of one length."""
+
+    x_px: FloatArray
+    y_px: FloatArray
+    angle_deg: FloatArray
+    """x towards y, 0 to 180."""
+    half_px: FloatArray
+    """Half its length, roughly; what is longer than a few widths of a star may be longer still."""
+    snr: FloatArray
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Trail:
+    """Trail to which drift has drawn out every star."""
+
+    length_px: float
+    """From end to end, the disc's own width not counted."""
+    angle_deg: float
+    """x towards y, 0 to 180."""
+    fwhm_px: float
+    """Across."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class StarList:
+    """Point sources of one frame, brightest first; every array has one entry a star."""
+
+    x_px: FloatArray
+    """0 is the centre of the left pixel."""
+    y_px: FloatArray
+    flux: FloatArray
+    """ADU above the sky; too small for a saturated star."""
+    fwhm_px: FloatArray
+    snr: FloatArray
+    is_saturated: BoolArray
+    median_fwhm_px: float
+    """Median width of unsaturated stars, of fewer than five as ``width_source`` says; of trails
+    across."""
+    trail: Trail | None = None
+    """Trail of every star; None where they are points."""
+    psf_field: PsfField | None = None
+    """Width over the frame; None where it is the median everywhere."""
+    width_source: WidthSource = "measured"
+    """Guessed: 2.5 px."""
+    oblong: OblongLights | None = None
+    """Lights longer than wide, listed as stars or not; None where none were looked for."""
+
+    def fwhm_at(self, x_px: float, y_px: float) -> float:
+        """Width of a star at a place of the frame, px."""
+        return self.median_fwhm_px if self.psf_field is None else self.psf_field.at(x_px, y_px)
+
+    def expected_fwhm_px(self) -> FloatArray | float:
+        """Width that each star should have, (n,); one for all where it does not change."""
+        if self.psf_field is None:
+            return self.median_fwhm_px
+        return self.psf_field.all_at(self.x_px, self.y_px)
+
+    def chosen(self, index: IndexArray) -> "StarList":
+        """The list with these of its stars, in this order."""
+        return replace(
+            self,
+            x_px=self.x_px[index],
+            y_px=self.y_px[index],
+            flux=self.flux[index],
+            fwhm_px=self.fwhm_px[index],
+            snr=self.snr[index],
+            is_saturated=self.is_saturated[index],
+        )
+
+    def __len__(self) -> int:
+        """Number of stars."""
+        return int(self.x_px.size)
+
+
+def lit_radius_px(stars: StarList, noise_adu: float) -> FloatArray:
+    """Radius within which each star lights a pixel by half a sigma, px, (n,); across a trail."""
+    sigma = np.maximum(stars.fwhm_px, stars.expected_fwhm_px()) / FWHM_PER_SIGMA
+    area = 2.0 * np.pi * sigma**2
+    if stars.trail is not None:
+        area += np.sqrt(2.0 * np.pi) * sigma * stars.trail.length_px
+    peak = stars.flux / area / max(noise_adu, 1e-9)
+    radius = sigma * np.sqrt(2.0 * np.log(np.maximum(2.0 * peak, 2.0)))
+    # A saturated one is brighter than its flux says.
+    return np.asarray(np.minimum(radius * np.where(stars.is_saturated, 2.0, 1.15), 40.0))

@@ -1,0 +1,72 @@
+"""Stars of two lists that are the same: nearest to each other, each in one pair at most.
+
+Pure: distances or places in, indices out; and how the light of such pairs compares.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from rsoconsole.records import FloatArray
+from rsoconsole.vision.arrays import IndexArray
+
+MIN_MATCHED = 6
+"""Fewer matched stars than this never make a plate, nor a comparison."""
+_MAX_OFF = 0.5
+"""Widths of a star by which all stars may be off in common."""
+_MAX_SCATTER = 0.5
+"""Distance of the quartiles of the ratios of light over their median: more is cloud in parts."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StarComparison:
+    """Comparison of two lists of the same stars."""
+
+    flux_ratio: float
+    """Median of the second's light over the first's."""
+    is_good: bool
+    """Whether they agree on places, and on one ratio of light all over the field."""
+
+
+def mutual_nearest(distance: FloatArray, within: float) -> tuple[IndexArray, IndexArray]:
+    """Rows and columns of the pairs that are nearest to each other, and no further than a limit.
+
+    ``distance``: (n, m), or its square, without NaN; ``within`` in its unit.
+    """
+    nearest, rows = distance.argmin(axis=1), np.arange(len(distance))
+    is_pair = (distance.argmin(axis=0)[nearest] == rows) & (distance[rows, nearest] <= within)
+    return rows[is_pair], nearest[is_pair]
+
+
+def match_stars(
+    one_px: FloatArray, other_px: FloatArray, reach_px: float
+) -> tuple[IndexArray, IndexArray]:
+    """Indices into (n, 2) and (m, 2) places of those that are nearest to each other.
+
+    Closer than ``reach_px``; NaN is nowhere.
+    """
+    if not len(one_px) or not len(other_px):
+        return np.zeros(0, dtype=np.intp), np.zeros(0, dtype=np.intp)
+    apart = np.hypot(*(one_px[:, None] - other_px[None]).transpose(2, 0, 1))
+    return mutual_nearest(np.where(apart < reach_px, apart, np.inf), reach_px)
+
+
+def compare_stars(
+    one_px: FloatArray,
+    one_adu: FloatArray,
+    other_px: FloatArray,
+    other_adu: FloatArray,
+    fwhm: float,
+) -> StarComparison | None:
+    """Places and light of two frames' stars compared; None where too few are the same.
+
+    Places (n, 2) and (m, 2) in pixels of one frame, light (n,) and (m,) in ADU, ``fwhm`` in px.
+    """
+    i, j = match_stars(one_px, other_px, max(1.5 * fwhm, 2.0))
+    if len(i) < MIN_MATCHED:
+        return None
+    ratio = other_adu[j] / one_adu[i]
+    low, middle, high = (float(each) for each in np.percentile(ratio, (25.0, 50.0, 75.0)))
+    off_px = float(np.hypot(*np.median(other_px[j] - one_px[i], axis=0)))
+    is_good = middle > 0.0 and off_px < _MAX_OFF * fwhm and high - low < _MAX_SCATTER * middle
+    return StarComparison(flux_ratio=middle, is_good=is_good)
