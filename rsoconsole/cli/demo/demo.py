@@ -32,11 +32,6 @@ DROPPED_TIMEOUT_S = 30.0
 """Where frames never come, each of them costs that much of the wall's time."""
 
 
-def register(app: typer.Typer) -> None:
-    """Hang the verb into the program."""
-    app.command()(demo)
-
-
 def demo(
     *,
     named: Annotated[

@@ -20,11 +20,6 @@ if TYPE_CHECKING:
     from rsoconsole.session import ElementLedger
 
 
-def register(app: typer.Typer) -> None:
-    """Hang the verb into the program."""
-    app.command("calibrate-elements")(calibrate_elements)
-
-
 def calibrate_elements(
     nights: Annotated[
         list[Path] | None,

@@ -18,11 +18,6 @@ if TYPE_CHECKING:
     from rsoconsole.pipeline import FoundTiming
 
 
-def register(app: typer.Typer) -> None:
-    """Hang the verb into the program."""
-    app.command("calibrate-time")(calibrate_time)
-
-
 def calibrate_time(
     nights: SessionsArgument,
     *,

@@ -28,14 +28,7 @@ catalogue_app = typer.Typer(
 )
 
 
-def register(app: typer.Typer) -> None:
-    """Hang the verbs into the program."""
-    catalogue_app.command()(update)
-    catalogue_app.command("list")(list_)
-    catalogue_app.command()(add)
-    app.add_typer(catalogue_app, name="catalogue")
-
-
+@catalogue_app.command()
 def update(
     *,
     source: Annotated[
@@ -78,6 +71,7 @@ def _report(each: "Updated", settings: Config, json_: bool) -> None:
     output.say(f"{mark} {each.source.words:24} {each.words}")
 
 
+@catalogue_app.command("list")
 def list_(config: ConfigOption = None, json_: JsonOption = False) -> None:
     """The sources in their order of precedence, and how old what they gave is.
 
@@ -102,6 +96,7 @@ def list_(config: ConfigOption = None, json_: JsonOption = False) -> None:
         )
 
 
+@catalogue_app.command()
 def add(
     *,
     source: Annotated[

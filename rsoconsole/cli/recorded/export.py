@@ -19,11 +19,6 @@ FOLDER_KINDS = ("fits", "regions")
 """A folder of files, one a frame."""
 
 
-def register(app: typer.Typer) -> None:
-    """Hang the verb into the program."""
-    app.command()(export)
-
-
 def export(
     session: SessionArgument,
     *,

@@ -11,11 +11,6 @@ from rsoconsole.cli.words.options import JsonOption, SessionArgument
 FigureFormat: TypeAlias = Literal["png", "svg", "pdf"]
 
 
-def register(app: typer.Typer) -> None:
-    """Hang the verb into the program."""
-    app.command()(figures)
-
-
 def figures(
     session: SessionArgument,
     *,

@@ -96,13 +96,6 @@ ExtensionOption = Annotated[
 ]
 
 
-def register(app: typer.Typer) -> None:
-    """Hang the verbs into the program."""
-    app.command()(process)
-    app.command()(detect)
-    app.command()(solve)
-
-
 def report_error(files: Piped, path: Path, error: FrameError, json_: bool) -> None:
     """Why a file cannot be used."""
     output.report_fault(json_, files.words(str(error)), frame=files.name(path))

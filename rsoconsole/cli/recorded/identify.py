@@ -26,11 +26,6 @@ if TYPE_CHECKING:
     from rsoconsole.pipeline import Observed
 
 
-def register(app: typer.Typer) -> None:
-    """Hang the verb into the program."""
-    app.command()(identify)
-
-
 def identify(
     paths: Annotated[
         list[Path] | None,

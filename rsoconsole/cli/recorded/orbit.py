@@ -51,11 +51,6 @@ _ANOTHER = 0.1
 """Probability of being of one object below which that is doubted aloud."""
 
 
-def register(app: typer.Typer) -> None:
-    """Hang the verb into the program."""
-    app.command()(orbit)
-
-
 def orbit(
     paths: Annotated[
         list[Path],

@@ -12,11 +12,6 @@ from rsoconsole.config import load_config
 from rsoconsole.instruments import stop_past_engine
 
 
-def register(app: typer.Typer) -> None:
-    """Hang the verb into the program."""
-    app.command()(review)
-
-
 def review(
     session: Annotated[
         Path | None,

@@ -21,11 +21,6 @@ RootOption = Annotated[
 ]
 
 
-def register(app: typer.Typer) -> None:
-    """Hang the verbs into the program."""
-    app.add_typer(sessions_app, name="sessions")
-
-
 @sessions_app.callback()
 def sessions(
     context: typer.Context,

@@ -41,7 +41,7 @@ SHARED_FROM = 8
 """Sessions from which on a refold alone is worth other processes."""
 
 
-class _SetTakesTwo(TyperCommand):
+class SetTakesTwo(TyperCommand):
     """Typer knows no repeated option of two values: ``--set NAME VALUE`` becomes NAME=VALUE."""
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
@@ -55,11 +55,6 @@ class _SetTakesTwo(TyperCommand):
             elif arg == "--set":
                 joined.append(name)
         return super().parse_args(ctx, joined)
-
-
-def register(app: typer.Typer) -> None:
-    """Hang the verb into the program."""
-    app.command("what-if", cls=_SetTakesTwo)(what_if)
 
 
 def what_if(

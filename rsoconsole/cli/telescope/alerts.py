@@ -17,12 +17,7 @@ alerts_app = typer.Typer(
 )
 
 
-def register(app: typer.Typer) -> None:
-    """Hang the verbs into the program."""
-    alerts_app.command("test")(send_test)
-    app.add_typer(alerts_app, name="alerts")
-
-
+@alerts_app.command("test")
 def send_test(config: ConfigOption = None, json_: JsonOption = False) -> None:
     """Send a message by each service of [alerts], and call the heartbeat once.
 

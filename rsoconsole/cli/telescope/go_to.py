@@ -25,12 +25,6 @@ TargetArgument = Annotated[
 ]
 
 
-def register(app: typer.Typer) -> None:
-    """Hang the verb into the program."""
-    # A negative declination is an argument, no option.
-    app.command(context_settings={"ignore_unknown_options": True})(goto)
-
-
 def goto(
     target: TargetArgument,
     override: OverrideOption = None,

@@ -22,13 +22,6 @@ config_app = typer.Typer(
 index_app = typer.Typer(no_args_is_help=True, help="Plate-solver index files: list, install.")
 
 
-def register(app: typer.Typer) -> None:
-    """Hang the verbs into the program."""
-    app.command()(doctor)
-    app.add_typer(config_app, name="config")
-    app.add_typer(index_app, name="index")
-
-
 def doctor(
     config: ConfigOption = None,
     json_: JsonOption = False,

@@ -34,11 +34,6 @@ class _Span:
     words: str
 
 
-def register(app: typer.Typer) -> None:
-    """Hang the verb into the program."""
-    app.command()(passes)
-
-
 def passes(
     *,
     tle: TleOption = None,

@@ -11,11 +11,6 @@ from rsoconsole.instruments import stop_past_engine
 from rsoconsole.words import ENGINE_ENDS
 
 
-def register(app: typer.Typer) -> None:
-    """Hang the verb into the program."""
-    app.command()(console)
-
-
 def console(
     session: Annotated[
         Path | None,

@@ -39,11 +39,6 @@ service_app = typer.Typer(
 )
 
 
-def register(app: typer.Typer) -> None:
-    """Hang the verb into the program."""
-    app.add_typer(service_app, name="service")
-
-
 @service_app.command("show")
 def service_show(config: ConfigOption = None) -> None:
     """Print the unit that 'install' would write; changes nothing.

@@ -8,7 +8,6 @@ from typing import Annotated, Any
 import typer
 
 from rsoconsole.base import ControlError, said_as, waits_reported_to
-from rsoconsole.cli.telescope import go_to, order
 from rsoconsole.cli.words import output
 from rsoconsole.cli.words.options import (
     ConfigOption,
@@ -25,15 +24,6 @@ log = logging.getLogger(__name__)
 
 STILL_MOVES_EXIT, NOT_KNOWN_EXIT = 3, 4
 """Exit statuses of a STOP after which the mount is not measured to be at rest."""
-
-
-def register(app: typer.Typer) -> None:
-    """Hang the verbs into the program."""
-    app.command()(engine)
-    app.command()(status)
-    order.register(app)
-    go_to.register(app)
-    app.command()(stop)
 
 
 def engine(
