@@ -23,7 +23,7 @@ from indipyserver import IPyServer
 from rsoconsole.config import OpticsConfig
 from rsoconsole.records import Site
 from rsoconsole.simulator.camera.indi_fits import camera_traits
-from rsoconsole.simulator.devices.camera_device import CameraDevice, SceneLike
+from rsoconsole.simulator.devices.camera_device import CameraDevice
 from rsoconsole.simulator.devices.clock_device import ClockDevice, VirtualClock
 from rsoconsole.simulator.devices.mount_device import MountDevice
 from rsoconsole.simulator.devices.weather_and_dome import DomeDevice, Schedule, WeatherDevice
@@ -72,7 +72,7 @@ class Stage:
     start_ra_icrs_deg: float
     """Where the mount looks when the night begins."""
     start_dec_icrs_deg: float
-    scene: SceneLike
+    scene: Scene
     world: World = NAMELESS
     """What is imperfect; the scene knows its own part of it."""
 

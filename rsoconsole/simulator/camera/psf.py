@@ -10,11 +10,10 @@ import numpy as np
 import numpy.typing as npt
 from scipy.special import erf
 
-from rsoconsole.records import Wcs
+from rsoconsole.records import FloatArray, Wcs
 from rsoconsole.sky import pixel_to_sky, sky_to_pixel
 
 Float32Array = npt.NDArray[np.float32]
-FloatArray = npt.NDArray[np.float64]
 
 FWHM_PER_SIGMA = 2.3548200450309493
 WINGS = ((0.875, 1.0), (0.105, 2.2), (0.016, 6.0), (0.004, 20.0))

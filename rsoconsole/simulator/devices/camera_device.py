@@ -5,10 +5,8 @@ from collections.abc import Callable, Coroutine
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Protocol, runtime_checkable
+from typing import Any
 
-import numpy as np
-import numpy.typing as npt
 from indipydriver import BLOBMember, BLOBVector, Device
 
 from rsoconsole.records import FloatArray, Site
@@ -26,40 +24,12 @@ from rsoconsole.simulator.mount.indi_vectors import (
     turn_on,
 )
 from rsoconsole.simulator.mount.mount_model import MountModel
+from rsoconsole.simulator.scene.scene import Scene
 from rsoconsole.simulator.world.world import NAMELESS, World
 from rsoconsole.sky import jnow_to_icrs
 
 NS = 1_000_000_000
 _GROUP = "Main Control"
-
-
-class Truth(Protocol):
-    """What was really in a frame."""
-
-    def to_json(self) -> str:
-        """One line for one frame."""
-
-
-class SceneLike(Protocol):
-    """Draws what the telescope sees."""
-
-    def expose(  # noqa: PLR0917 - drawn the way it is spoken: where, how turned, when, how long
-        self,
-        boresight_ra_icrs_deg: float,
-        boresight_dec_icrs_deg: float,
-        rotation_deg: float,
-        is_flipped: bool,
-        t_start_utc_ns: int,
-        exposure_s: float,
-        mount_path_arcsec: FloatArray | None = None,
-    ) -> tuple[npt.NDArray[np.uint16], Truth]:
-        """Pixels (height, width) and the truth of one exposure.
-
-        A restless mount's path, (2, k) arcsec east and north, is given where there is one.
-        """
-
-    def sky_notice(self, dec_icrs_deg: float) -> str | None:
-        """Why a frame at this declination shows no stars, and the remedy; None where it does."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,14 +59,6 @@ class _Exposure:
         return self.t_start_utc_ns + round(since_s * NS)
 
 
-@runtime_checkable
-class BinnableScene(SceneLike, Protocol):
-    """One whose pixels can be joined while the night goes on."""
-
-    def binned(self, factor: int) -> SceneLike:
-        """The same with more pixels joined on each axis."""
-
-
 class CameraDevice:
     """Answers the CCD interface of INDI; a frame is drawn when its exposure is over."""
 
@@ -105,7 +67,7 @@ class CameraDevice:
         *,
         name: str,
         traits: CameraTraits,
-        scene: SceneLike,
+        scene: Scene,
         mount: MountModel,
         site: Site,
         now_utc_ns: Callable[[], int],
@@ -121,8 +83,8 @@ class CameraDevice:
         self._mount, self._site, self._mount_name = mount, site, mount_name
         self._now_utc_ns, self._truth_path, self._spawn = now_utc_ns, truth_path, spawn
         self._exposure: _Exposure | None = None
-        self._read_out = ReadOutVectors(traits, can_bin=isinstance(scene, BinnableScene))
-        self._scenes: dict[int, SceneLike] = {1: scene}
+        self._read_out = ReadOutVectors(traits, can_bin=isinstance(scene, Scene))
+        self._scenes: dict[int, Scene] = {1: scene}
         """By how many pixels they join beside those of the first."""
         self._generation = 0
         self._is_sky_empty = False
@@ -139,17 +101,15 @@ class CameraDevice:
         self._blob = BLOBVector(
             "CCD1", "Image", "Image Info", "ro", "Idle", [BLOBMember("CCD1", "Image", 0, ".fits")]
         )
-        binning = traits.binning
-        width_px, height_px = traits.width_px * binning, traits.height_px * binning
-        pixel_um = traits.pixel_um / binning
+        whole, pixel_um = self._read_out.mode, traits.pixel_um / traits.binning
         others = [
             connection(),
             numbers(
                 "CCD_INFO",
                 "Image Info",
                 {
-                    "CCD_MAX_X": width_px,
-                    "CCD_MAX_Y": height_px,
+                    "CCD_MAX_X": whole.width_px,
+                    "CCD_MAX_Y": whole.height_px,
                     "CCD_PIXEL_SIZE": pixel_um,
                     "CCD_PIXEL_SIZE_X": pixel_um,
                     "CCD_PIXEL_SIZE_Y": pixel_um,
@@ -232,9 +192,9 @@ class CameraDevice:
         else:
             await self._send(vector, "Alert", "the camera cannot read out so")
 
-    def _scene_of(self, mode: ReadOut) -> SceneLike:
+    def _scene_of(self, mode: ReadOut) -> Scene:
         factor = mode.factor(self._traits) or 1
-        if factor not in self._scenes and isinstance(self._scene, BinnableScene):
+        if factor not in self._scenes:
             self._scenes[factor] = self._scene.binned(factor)
         return self._scenes[factor]
 

@@ -136,7 +136,8 @@ def _start(
         dec_deg = aim_dec_deg + beside_deg * math.cos(turn)
         east_deg = beside_deg * math.sin(turn) / math.cos(math.radians(dec_deg))
         ra_deg = float(wrap_360(aim_ra_deg + east_deg))
-        hour_angle_deg, dec_jnow_deg = _of_date(config, ra_deg, dec_deg, t_start_utc_ns)
+        hour_angle_deg = hour_angle_icrs_deg(site, ra_deg, dec_deg, t_start_utc_ns)
+        dec_jnow_deg = icrs_to_jnow(ra_deg, dec_deg, t_start_utc_ns)[1]
         worst = 0.0
         for index, t_mid in enumerate(mids):
             # The first exposure follows the stars, the search then holds the hour angle.
@@ -145,17 +146,11 @@ def _start(
                 centre = icrs_of_hour_angle(site, hour_angle_deg, dec_jnow_deg, int(t_mid))
             worst = max(worst, *(_off_centre(config, centre, each, index) for each in places))
         if best is None or worst < best[0]:
-            best = (worst, ra_deg, dec_deg)
+            best = (worst, hour_angle_deg, dec_jnow_deg)
         if worst <= INNER:
-            best = (worst, ra_deg, dec_deg)
             break
     assert best is not None
-    return _believed(config, *_of_date(config, best[1], best[2], t_start_utc_ns))
-
-
-def _of_date(config: Config, ra_deg: float, dec_deg: float, t_utc_ns: int) -> tuple[float, float]:
-    hour_angle_deg = hour_angle_icrs_deg(config.site.to_site(), ra_deg, dec_deg, t_utc_ns)
-    return hour_angle_deg, icrs_to_jnow(ra_deg, dec_deg, t_utc_ns)[1]
+    return _believed(config, *best[1:])
 
 
 def _believed(config: Config, hour_angle_deg: float, dec_deg: float) -> tuple[float, float]:

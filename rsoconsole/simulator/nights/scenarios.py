@@ -4,7 +4,7 @@ Element sets: public catalogue as of 2023-06-22, transcribed into ``data/belt_20
 Magnitudes are what such satellites commonly show, chosen, not measured.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
 
@@ -168,7 +168,7 @@ def _intelsat_21() -> Scenario:
         title="Intelsat 21 through thin clouds",
         description="20 min of thin clouds: up to 2 mag fainter, tracked on; hidden once",
         t_start_utc_ns=iso_to_utc_ns("2023-06-23T06:00:00Z"),
-        satellites=_intelsat_21_and_neighbours(),
+        satellites=_satellites({38749: 12.1, 39078: 12.2, 35942: 12.6, 42934: 12.3, 40874: 12.4}),
         target_norad_id=38749,
         target_hour_angle_deg=-26.39,
         start_hour_angle_deg=-24.9,
@@ -204,16 +204,11 @@ def _intelsat_21() -> Scenario:
 
 def _cloud_bank() -> Scenario:
     """Intelsat 21 again, and an overcast of ten minutes that lets nothing through."""
-    return Scenario(
+    return replace(
+        _intelsat_21(),
         name="cloud-bank",
         title="Intelsat 21 behind ten minutes of cloud",
         description="a bank of clouds hides stars and satellite for ten minutes after lock",
-        t_start_utc_ns=iso_to_utc_ns("2023-06-23T06:00:00Z"),
-        satellites=_intelsat_21_and_neighbours(),
-        target_norad_id=38749,
-        target_hour_angle_deg=-26.39,
-        start_hour_angle_deg=-24.9,
-        start_declination_deg=-4.80,
         frames=45,
         clouds=CloudDeck(
             schedule=(
@@ -227,10 +222,6 @@ def _cloud_bank() -> Scenario:
             structure=0.2,
         ),
     )
-
-
-def _intelsat_21_and_neighbours() -> tuple[ScenarioSatellite, ...]:
-    return _satellites({38749: 12.1, 39078: 12.2, 35942: 12.6, 42934: 12.3, 40874: 12.4})
 
 
 def _empty() -> Scenario:
