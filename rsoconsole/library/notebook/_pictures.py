@@ -9,11 +9,12 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from rsoconsole.base import SessionError, said_as
+from rsoconsole.library.notebook._recorded import RecordedSession
 from rsoconsole.library.notebook.night.overlay import overlay_svg, words_of
 from rsoconsole.library.notebook.night.svg import text
-from rsoconsole.night import Logged, NightFrame, NightFrames, tracks_of
+from rsoconsole.night import NightFrame, tracks_of
 from rsoconsole.records import Detection, FloatArray, PixelArray
-from rsoconsole.session import SessionReader, pruned_on, read_notes
+from rsoconsole.session import pruned_on, read_notes
 from rsoconsole.words import parts_of
 
 SHOWN_PX = 560
@@ -186,17 +187,8 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
-class SessionPictures:
+class SessionPictures(RecordedSession):
     """What a session shows of single frames."""
-
-    _reader: SessionReader
-    _log: list[Logged]
-    _frames: NightFrames
-
-    @property
-    def path(self) -> Path:
-        """Its folder."""
-        return self._reader.folder
 
     def picture(self, frame_id: int | None = None) -> Picture:
         """A frame's small picture with what was found in it; without a number the newest one.
@@ -222,9 +214,10 @@ class SessionPictures:
         path = self._reader.frame_path(frame_id)
         if path is None:
             why = self._reader.not_kept_because(frame_id)
+            kept = ", ".join(map(str, self._kept()))
             raise SessionError(
                 f"the pixels of frame {frame_id} were not kept{f': {why}' if why else ''};"
-                f" {self._kept_words()}"
+                f" {f'kept: {kept}' if kept else 'none was kept'}"
             )
         return read_frame(path, frame_id).pixels
 
@@ -295,7 +288,3 @@ class SessionPictures:
         pruned = pruned_on(read_notes(self.path))
         rows = self._reader.view("frames")
         return [row["frame_id"] for row in rows if row["file"] and row["file"] not in pruned]
-
-    def _kept_words(self) -> str:
-        kept = self._kept()
-        return f"kept: {', '.join(map(str, kept))}" if kept else "none was kept"

@@ -2,58 +2,26 @@
 
 from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 from rsoconsole.config import Config, with_changes
+from rsoconsole.library.notebook._recorded import RecordedSession
 from rsoconsole.library.notebook.figures.figures import NightPlots
 from rsoconsole.library.notebook.night.night import DrawnNight, night_of
 from rsoconsole.library.notebook.night.svg import text
 from rsoconsole.night import NightFrames, Summary, shown, summary_of
 from rsoconsole.pipeline import ReplayedFrame, replay
-from rsoconsole.records import FrameTaken, ParameterChange, Record
+from rsoconsole.records import FrameTaken, ParameterChange
 from rsoconsole.words import settings_words
 
 _CELL = "padding:1px 14px 1px 0;text-align:left"
 _TABLE = "border-collapse:collapse;margin:4px 0;color:inherit;font-size:inherit"
 
 
-class Recorded(Protocol):
-    """What is asked of the session that is followed otherwise."""
-
-    @property
-    def path(self) -> Path:
-        """Its folder."""
-        ...
-
-    @property
-    def title(self) -> str:
-        """As it was named."""
-        ...
-
-    @property
-    def config(self) -> Config:
-        """As it was recorded."""
-        ...
-
-    @property
-    def records(self) -> tuple[tuple[int, int, Record], ...]:
-        """Its log."""
-        ...
-
-    @property
-    def summary(self) -> Summary:
-        """How it went."""
-        ...
-
-    def nights(self) -> tuple[DrawnNight, ...]:
-        """Itself."""
-        ...
-
-
 class WhatIf(NightPlots):
     """Made by ``Session.what_if``; its figures show both nights side by side."""
 
-    def __init__(self, session: Recorded, changes: Mapping[str, float | str]) -> None:
+    def __init__(self, session: RecordedSession, changes: Mapping[str, float | str]) -> None:
         """Follow the night again. Raises ConfigError for a setting that cannot be."""
         self.session = session
         self.settings = dict(changes)

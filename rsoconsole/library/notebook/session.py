@@ -8,24 +8,17 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from rsoconsole.base import SessionError
-from rsoconsole.config import Config, load_config
+from rsoconsole.config import load_config
 from rsoconsole.library.notebook import card
 from rsoconsole.library.notebook._pictures import SessionPictures
-from rsoconsole.library.notebook.figures.figures import NightPlots
-from rsoconsole.library.notebook.night.night import DrawnNight, night_of, title_of, with_frames
 from rsoconsole.night import (
-    Logged,
-    NightFrames,
-    NightTrack,
     Row,
-    Summary,
     rows_of,
     spells_of,
     summary_of,
-    tracks_of,
 )
 from rsoconsole.records import TABLES, Column
-from rsoconsole.session import SessionReader, folders_in
+from rsoconsole.session import folders_in
 from rsoconsole.session.log import schema
 from rsoconsole.words import settings_words, when
 
@@ -73,7 +66,7 @@ def _table(name: str, words: str) -> Any:
     return property(lambda self: self.table(name), doc=f"{words}, an astropy QTable.")
 
 
-class Session(SessionPictures, NightPlots):
+class Session(SessionPictures):
     """One observing session; made by ``open_session``."""
 
     frames = _table("frames", "Every exposure")
@@ -93,62 +86,6 @@ class Session(SessionPictures, NightPlots):
     actions = _table("actions", "What operators wanted, and what came of it")
     events = _table("events", "The log in words")
     timings = _table("timings", "Wall time of every stage of every cycle")
-
-    def __init__(self, folder: Path) -> None:
-        self._reader = SessionReader(folder)
-        self._about = self._reader.about()
-        self._log: list[Logged] = []
-        self._frames = NightFrames(self._reader.config())
-        self.refresh()
-
-    def refresh(self) -> "Session":
-        """Read what has been recorded since; for a session that goes on. Returns itself."""
-        self._about = self._reader.about()
-        since = self._log[-1][0] if self._log else 0
-        for seq, t_utc_ns, record in self._reader.records(since_seq=since):
-            self._log.append((seq, t_utc_ns, record))
-            self._frames.take(record)
-        return self
-
-    # -- what it is -----------------------------------------------------------------------------
-
-    @property
-    def title(self) -> str:
-        """What it calls itself."""
-        return title_of(self._about, self.path)
-
-    @property
-    def about(self) -> dict[str, Any]:
-        """What it said of itself when it began: versions, the network's hash and so on."""
-        return dict(self._about)
-
-    @property
-    def config(self) -> Config:
-        """The configuration it began with."""
-        return self._reader.config()
-
-    @property
-    def is_closed(self) -> bool:
-        """False while it goes on, and where it was cut off."""
-        return self._about.get("is_closed") is True
-
-    @property
-    def summary(self) -> Summary:
-        """The night in a handful of figures."""
-        return summary_of(self._night().frames)
-
-    @property
-    def tracks(self) -> dict[int, NightTrack]:
-        """Every track by its number, with its orbit and its name.
-
-        >>> night.tracks[2].orbit.a_km, night.tracks[2].name
-        """
-        return tracks_of(self._frames.seen())
-
-    @property
-    def records(self) -> tuple[Logged, ...]:
-        """(seq, t_utc_ns, record) of everything read so far, in the order of the log."""
-        return tuple(self._log)
 
     # -- tables ---------------------------------------------------------------------------------
 
@@ -182,10 +119,6 @@ class Session(SessionPictures, NightPlots):
         return TABLES[name].columns, rows_of(name, self._log, files)
 
     # -- again, and otherwise -------------------------------------------------------------------
-
-    def nights(self) -> tuple[DrawnNight, ...]:
-        """The night that is drawn."""
-        return (with_frames(self._night(), self.path),)
 
     def replay(self) -> "tuple[ReplayedFrame, ...]":
         """Every folded frame once more, from what is on record, with the session's settings.
@@ -315,9 +248,6 @@ class Session(SessionPictures, NightPlots):
             misses=tuple(f.t_mid_utc_ns for f in night.frames if f.missed is not None),
             picture=picture,
         )
-
-    def _night(self) -> DrawnNight:
-        return night_of(self.title, self.config, self._frames.seen())
 
 
 def _is_same(one: Path, other: Path) -> bool:
