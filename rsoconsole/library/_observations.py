@@ -130,7 +130,7 @@ def expect_one_object(table: Any) -> None:
 
 def times_of(table: Any) -> IntArray:
     """(N,) UTC ns. Raises InputError."""
-    column = _first(table, TIMES)
+    column = next((name for name in TIMES if name in table.colnames), None)
     if column is None:
         found = [each for each in table.colnames if hasattr(table[each], "utc")]
         column = found[0] if len(found) == 1 else None
@@ -156,7 +156,7 @@ def column_of(table: Any, names: tuple[str, ...], unit: str) -> FloatArray | Non
             if each not in table.colnames:
                 continue
             values = table[each]
-            if _is_masked(values):
+            if np.any(getattr(values, "mask", False)):
                 raise InputError(f"column {each!r} has missing values: leave those rows out")
             if getattr(values, "unit", None) is None and each != ending:
                 raise InputError(
@@ -169,11 +169,6 @@ def column_of(table: Any, names: tuple[str, ...], unit: str) -> FloatArray | Non
                 quantity = np.asarray(values, np.float64)
             return numbers(quantity, unit, f"column {each!r}")
     return None
-
-
-def _is_masked(values: Any) -> bool:
-    mask = getattr(values, "mask", None)
-    return mask is not None and bool(np.any(mask))
 
 
 def _directions(table: Any) -> tuple[FloatArray, FloatArray]:
@@ -232,10 +227,6 @@ def plain_column(table: Any, name: str, kind: type) -> npt.NDArray[Any] | None:
         return np.asarray(table[name]).astype(kind)
     except (TypeError, ValueError) as error:
         raise InputError(f"column {name!r} holds what is no {kind.__name__}: {error}") from error
-
-
-def _first(table: Any, names: tuple[str, ...]) -> str | None:
-    return next((name for name in names if name in table.colnames), None)
 
 
 def _listed(table: Any) -> str:

@@ -149,10 +149,8 @@ class Orbit:
 
         The node of an orbit in the equator and the perigee of a circle are such.
         """
-        names = {"a_km": "a", "i_deg": "i", "raan_deg": "raan", "argp_deg": "argp"}
-        names |= {"m_deg": "mean_anomaly"}
         return {
-            names.get(key, key): value
+            "mean_anomaly" if key == "m_deg" else key.partition("_")[0]: value
             if value is None or key not in _UNITS
             else _quantity(value, _UNITS[key])
             for key, value in element_sigmas(self._orbit).items()

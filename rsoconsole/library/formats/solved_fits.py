@@ -189,7 +189,6 @@ def _date(t_utc_ns: int) -> str:
 
 def _streaks(frame: FrameOnRecord) -> Any:
     """A row a measurement; what the track took, and where it was expected."""
-    import numpy as np
     from astropy.io import fits
 
     rows = frame.rows

@@ -1,12 +1,12 @@
 """The panel on the engine, as others ask for it: ``LivePanel`` needs ``rsoconsole[notebook]``."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
+
+from rsoconsole.library.notebook._extra import needed
 
 if TYPE_CHECKING:
     from rsoconsole.library.notebook.panel.panel import LivePanel
-
-__all__ = ["LivePanel", "live_panel"]
 
 
 def live_panel(socket: Path | str | None = None, *, read_only: bool = False) -> "LivePanel":
@@ -16,20 +16,7 @@ def live_panel(socket: Path | str | None = None, *, read_only: bool = False) -> 
     else. Without an engine it says so and waits for one. Raises RsoconsoleError where the extra
     ``rsoconsole[notebook]`` is not installed.
     """
-    from rsoconsole.library.notebook._extra import needed
-
     needed("anywidget", "a live panel")
     from rsoconsole.library.notebook.panel.panel import LivePanel
 
     return LivePanel(socket, read_only=read_only)
-
-
-def __getattr__(name: str) -> Any:
-    if name != "LivePanel":
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    from rsoconsole.library.notebook._extra import needed
-
-    needed("anywidget", "a live panel")
-    from rsoconsole.library.notebook.panel.panel import LivePanel
-
-    return LivePanel

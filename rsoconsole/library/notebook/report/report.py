@@ -75,18 +75,10 @@ class UnseenFacts:
     last: UnseenMember
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class FieldFacts:
-    """Of the whole field."""
-
-    pairs: tuple[PairFacts, ...] = ()
-    """Nearest first."""
-    unseen: tuple[UnseenFacts, ...] = ()
-    """Those that were missed most often first."""
-
-
-def field_facts(records: Iterable[Record]) -> FieldFacts:
-    """From the records of a session, in order of time."""
+def field_facts(
+    records: Iterable[Record],
+) -> tuple[tuple[PairFacts, ...], tuple[UnseenFacts, ...]]:
+    """Pairs, the nearest first, and unseen objects, those missed most often first."""
     pairs: dict[tuple[int, int], PairFacts] = {}
     unseen: dict[int, tuple[int, int, UnseenMember]] = {}
     looks = 0
@@ -103,9 +95,9 @@ def field_facts(records: Iterable[Record]) -> FieldFacts:
                     unseen[member.norad_id] = (count + 1, lit + member.is_lit, member)
             case _:
                 pass
-    return FieldFacts(
-        pairs=tuple(sorted(pairs.values(), key=lambda each: each.nearest_arcsec)),
-        unseen=tuple(
+    return (
+        tuple(sorted(pairs.values(), key=lambda each: each.nearest_arcsec)),
+        tuple(
             UnseenFacts(looks=count, of_looks=looks, lit=lit, last=member)
             for _, (count, lit, member) in sorted(
                 unseen.items(), key=lambda item: (-item[1][0], item[0])
@@ -205,7 +197,8 @@ def render_report(session: Path) -> Report:
     """
     night, exported = read_night(session), read_rows(session)
     known = tracks_of(night.frames)
-    field = field_facts(record for _, _, record in SessionReader(session).records())
+    log = [record for _, _, record in SessionReader(session).records()]
+    pairs, unseen = field_facts(log)
     course = read_course(session)
     figures = summary_of(night.frames)
     tracks = track_facts(exported.rows, known)
@@ -227,10 +220,10 @@ def render_report(session: Path) -> Report:
             verdict=_conclusion(night, figures, tracks, said),
             key_figures=_key_figures(figures, course),
             tracks=tracks,
-            pairs=field.pairs[:MAX_PAIRS],
-            pairs_left_out=max(len(field.pairs) - MAX_PAIRS, 0),
-            unseen=field.unseen,
-            passes=pass_facts(record for _, _, record in SessionReader(session).records()),
+            pairs=pairs[:MAX_PAIRS],
+            pairs_left_out=max(len(pairs) - MAX_PAIRS, 0),
+            unseen=unseen,
+            passes=pass_facts(log),
             drawings=inline_figures(night, _with_firsts(night, rows)),
             alts=_alts(night, figures),
             pictures=shown,
