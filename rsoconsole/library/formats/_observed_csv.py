@@ -85,7 +85,7 @@ def read_table(text: str, name: str) -> tuple[ObservedRow, ...]:
         records = list(_of_csv(text, first, name))
     if not records:
         raise ExportError(f"{name} holds no observations: {NEEDED} are needed")
-    columns = _Columns.of([key for key, _ in records[0][1].items()], name)
+    columns = _Columns(list(records[0][1]), name)
     return tuple(columns.row(values, where) for where, values in records if columns.counts(values))
 
 
@@ -95,8 +95,7 @@ def looks_like_table(text: str) -> bool:
         if line.startswith("#") or not line.strip():
             continue
         names = {_plain(each) for each in _first_names(line)}
-        known = {*_RA, *_RADIANS[0], *_HOURS}
-        return bool(names & known) and bool(names & {*_DEC, *_RADIANS[1]})
+        return bool(names & _RA_SCALES.keys()) and bool(names & _DEC_SCALES.keys())
     return False
 
 
@@ -149,18 +148,13 @@ def _plain(name: str) -> str:
 class _Columns:
     """Which column is what."""
 
-    def __init__(self, names: Sequence[str]) -> None:
+    def __init__(self, names: Sequence[str], where: str) -> None:
+        """Raises ExportError where they lack time or direction."""
         self._by_name = {_plain(each): each for each in names}
-
-    @classmethod
-    def of(cls, names: Sequence[str], where: str) -> "_Columns":
-        columns = cls(names)
-        has_ra = any(each in columns._by_name for each in (*_RA, *_RADIANS[0], *_HOURS))
-        has_dec = any(each in columns._by_name for each in (*_DEC, *_RADIANS[1]))
-        if not (has_ra and has_dec and columns.find(_TIME)):
+        has_direction = all(self.find(tuple(each)) for each in (_RA_SCALES, _DEC_SCALES))
+        if not (has_direction and self.find(_TIME)):
             shown = ", ".join(names)[:120]
             raise ExportError(f"{where}: {NEEDED} are needed; it has {shown}")
-        return columns
 
     def find(self, wanted: Sequence[str]) -> str | None:
         """The column's own name."""

@@ -31,47 +31,32 @@ DESCRIPTOR = (
 _DEG2_PER_ARCSEC2 = 1.0 / 3600.0**2
 
 
-def to_udl(
-    night: ExportedNight, tracks: Iterable[int], *, target: Target, source: str, sensor: str
-) -> str:
-    """The records. A streak that the frame cuts is left out.
-
-    ``source`` and ``sensor``: who makes them, and with what, in words of your own.
-    """
-    found = [
-        _record(night, track, row, place, target=target, source=source, sensor=sensor)
-        for track in tracks
-        for row, place in _placed(whole(night.of_track(track)))
-    ]
+def to_udl(night: ExportedNight, tracks: Iterable[int], options: "ExportOptions") -> str:
+    """The records. A streak that the frame cuts is left out."""
+    found: list[dict[str, Any]] = []
+    for track in tracks:
+        rows = whole(night.of_track(track))
+        places = ["FIRST", *["IN"] * (len(rows) - 2), "LAST"] if len(rows) > 1 else ["SINGLE"]
+        found += [
+            _record(night, track, row, place, options)
+            for row, place in zip(rows, places, strict=False)
+        ]
     return json.dumps(found, indent=1, allow_nan=False) + "\n"
 
 
-def _placed(rows: tuple[MeasuredRow, ...]) -> Iterable[tuple[MeasuredRow, str]]:
-    for n, row in enumerate(rows):
-        last = n == len(rows) - 1
-        place = "SINGLE" if len(rows) == 1 else "FIRST" if n == 0 else "LAST" if last else "IN"
-        yield row, place
-
-
 def _record(
-    night: ExportedNight,
-    track: int,
-    row: MeasuredRow,
-    place: str,
-    *,
-    target: Target,
-    source: str,
-    sensor: str,
+    night: ExportedNight, track: int, row: MeasuredRow, place: str, options: "ExportOptions"
 ) -> dict[str, Any]:
+    target = options.target
     site = night.config.site.to_site()
     east2, cross, north2 = row.cov_sky_arcsec2
     cos_dec = max(math.cos(math.radians(row.dec_icrs_deg)), 1e-9)
     record: dict[str, Any] = {
         "classificationMarking": MARKING,
         "dataMode": "SIMULATED" if night.is_simulated else "REAL",
-        "source": source,
+        "source": options.originator,
         "obTime": utc_ns_to_iso(row.t_mid_utc_ns, 6),
-        "origSensorId": sensor,
+        "origSensorId": night.config.site.name,
         "origObjectId": target.tdm_name(track),
         "trackId": f"{night.name}-{track}",
         "obPosition": place,
@@ -344,13 +329,7 @@ def _text_of(
         )
         return site_line(night, options.station) + lines if options.site_line else lines
     if kind == "udl":
-        return to_udl(
-            night,
-            tracks,
-            target=options.target,
-            source=options.originator,
-            sensor=night.config.site.name,
-        )
+        return to_udl(night, tracks, options)
     text = to_tdm(
         night,
         tracks,
