@@ -11,7 +11,7 @@ import numpy as np
 
 from rsoconsole.base import InputError
 from rsoconsole.config import Config, effective_settings, load_config, with_changes
-from rsoconsole.library.notebook.tables import as_table
+from rsoconsole.library.formats.tables import as_table
 from rsoconsole.night import Row, rows_of
 from rsoconsole.records import TABLES, Column, Record, Site
 from rsoconsole.sky import IntArray, iso_to_utc_ns

@@ -9,6 +9,7 @@ import numpy as np
 from rsoconsole.base import InputError, OrbitError
 from rsoconsole.library._given import ConfigLike, Instant, Number, Place, instants_utc_ns, site_of
 from rsoconsole.library._observed import Asked, Observations, groups_of
+from rsoconsole.library.formats.tables import utc_time
 from rsoconsole.orbits import ANALYST_NUMBERS, PriorName, Sightings, omm, period_s, predict
 from rsoconsole.orbits import Orbit as Determined
 from rsoconsole.pipeline import (
@@ -23,7 +24,7 @@ from rsoconsole.pipeline import (
     orbit_report,
 )
 from rsoconsole.records import FloatArray, Site
-from rsoconsole.sky import icrs_to_altaz, jd_utc, lit_fraction
+from rsoconsole.sky import icrs_to_altaz, lit_fraction
 
 if TYPE_CHECKING:
     from astropy.coordinates import SkyCoord
@@ -101,7 +102,7 @@ class Orbit:
     @property
     def epoch(self) -> "Time":
         """UTC."""
-        return _time(np.asarray(self._orbit.epoch_utc_ns))
+        return utc_time(np.asarray(self._orbit.epoch_utc_ns))
 
     @property
     def a(self) -> "Quantity":
@@ -195,7 +196,7 @@ class Orbit:
         r, v = (each.T.reshape(3, *t.shape) for each in self._orbit.states(np.atleast_1d(t)))
         velocity = CartesianDifferential(v * units.km / units.s)
         at = CartesianRepresentation(r * units.km, differentials=velocity)
-        return SkyCoord(at, frame=GCRS(obstime=_time(t)))
+        return SkyCoord(at, frame=GCRS(obstime=utc_time(t)))
 
     def predict(self, times: Instant, site: Place | None = None) -> "QTable":
         """Where it will be seen at these times, and how sure that is.
@@ -221,7 +222,7 @@ class Orbit:
         cos_dec = np.cos(np.radians(places.dec_icrs_deg))
         arcsec_s = units.arcsec / units.s
         table = QTable(meta={"label": self.label, "epoch": self.epoch.isot, "frame": "ICRS"})
-        table["time"] = _time(t)
+        table["time"] = utc_time(t)
         table["direction"] = SkyCoord(
             places.ra_icrs_deg, places.dec_icrs_deg, unit="deg", frame="icrs"
         )
@@ -293,14 +294,6 @@ def _quantity(value: Any, unit: str) -> "Quantity":
     from astropy.units import Quantity
 
     return Quantity(value, unit)
-
-
-def _time(t_utc_ns: Any) -> "Time":
-    from astropy.time import Time
-
-    found = Time(*jd_utc(t_utc_ns), format="jd", scale="utc")
-    found.format, found.precision = "isot", 9
-    return found
 
 
 Method = Literal["least squares", "gooding"]

@@ -6,7 +6,7 @@ import json
 import math
 import time
 import warnings
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Literal, get_args
@@ -17,9 +17,9 @@ from rsoconsole.library.formats.iod import STATION, check_station, site_line, to
 from rsoconsole.library.formats.night import ExportedNight, read_night
 from rsoconsole.library.formats.rows import COLUMNS, MeasuredRow
 from rsoconsole.library.formats.solved_fits import solved_fits, to_regions
+from rsoconsole.library.formats.tables import utc_time
 from rsoconsole.library.formats.target import Target
 from rsoconsole.library.formats.tdm import ORIGINATOR, to_tdm, whole, xml_of
-from rsoconsole.sky import jd_utc
 from rsoconsole.words import utc_ns_to_iso
 
 MARKING = "U"
@@ -113,13 +113,15 @@ def to_ecsv(night: ExportedNight) -> str:
 
     Read back by astropy, ``t_mid_utc`` is a ``Time`` and ``direction`` a ``SkyCoord``.
     """
+    import numpy as np
+    from astropy.coordinates import SkyCoord
     from astropy.table import MaskedColumn, Table
 
     types = {"integer": "int64", "real": "float64", "truth": "bool"}
     table = Table(meta=night.facts())
     for column in COLUMNS:
         if column.name == TIME:
-            table[TIME] = _times([row.t_mid_utc_ns for row in night.rows])
+            table[TIME] = utc_time(np.array([row.t_mid_utc_ns for row in night.rows], np.int64))
             table[TIME].info.description = column.meaning
             continue
         values = [row.value(column.name) for row in night.rows]
@@ -132,7 +134,8 @@ def to_ecsv(night: ExportedNight) -> str:
             unit=column.unit,
             description=column.meaning,
         )
-    table[DIRECTION] = _directions(night.rows)
+    places = np.array([(row.ra_icrs_deg, row.dec_icrs_deg) for row in night.rows]).reshape(-1, 2)
+    table[DIRECTION] = SkyCoord(*places.T, unit="deg", frame="icrs")
     table[DIRECTION].info.description = "ra_icrs_deg and dec_icrs_deg"
     text = io.StringIO()
     with warnings.catch_warnings():
@@ -140,24 +143,6 @@ def to_ecsv(night: ExportedNight) -> str:
         warnings.filterwarnings("ignore", message=".*dubious year")
         table.write(text, format="ascii.ecsv")
     return text.getvalue()
-
-
-def _times(t_utc_ns: Sequence[int]) -> Any:
-    import numpy as np
-    from astropy.time import Time
-
-    found = Time(*jd_utc(np.array(t_utc_ns, np.int64)), format="jd", scale="utc")
-    found.format, found.precision = "isot", 9  # what is written as text is as exact
-    return found
-
-
-def _directions(rows: Sequence[MeasuredRow]) -> Any:
-    import numpy as np
-    from astropy.coordinates import SkyCoord
-
-    ra = np.array([row.ra_icrs_deg for row in rows], float)
-    dec = np.array([row.dec_icrs_deg for row in rows], float)
-    return SkyCoord(ra, dec, unit="deg", frame="icrs")
 
 
 def _csv_field(value: Any) -> str:

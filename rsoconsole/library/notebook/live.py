@@ -3,7 +3,7 @@
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from rsoconsole.library.notebook._extra import needed
+from rsoconsole.library.formats.tables import needed
 
 if TYPE_CHECKING:
     from rsoconsole.library.notebook.panel.panel import LivePanel

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from rsoconsole.base import SessionError
 from rsoconsole.config import load_config
+from rsoconsole.library.formats.tables import as_frame, as_table
 from rsoconsole.library.notebook import card
 from rsoconsole.library.notebook._pictures import SessionPictures
 from rsoconsole.night import (
@@ -101,15 +102,11 @@ class Session(SessionPictures):
         are ``Time`` columns ``*_utc``, directions have a ``SkyCoord`` column ``direction`` beside
         their degrees. Raises SessionError for a name that there is not.
         """
-        from rsoconsole.library.notebook.tables import as_table
-
         columns, rows = self._rows(name)
         return as_table(columns, rows, {"session": self.title, "table": name})
 
     def frame(self, name: str) -> Any:
         """The same as a pandas ``DataFrame``, with timestamps (needs ``rsoconsole[notebook]``)."""
-        from rsoconsole.library.notebook.tables import as_frame
-
         return as_frame(*self._rows(name))
 
     def _rows(self, name: str) -> tuple[tuple[Column, ...], list[Row]]:
