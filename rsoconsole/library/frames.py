@@ -344,12 +344,8 @@ def solve(
                     notes=solved.notes,
                 )
             )
-    is_one = len(found) == 1 and not _is_list(frames)
-    return found[0] if is_one else found
-
-
-def _is_list(frames: Any) -> bool:
-    return isinstance(frames, list | tuple) and not hasattr(frames, "writeto")
+    is_list = isinstance(frames, list | tuple) and not _is_hdu_list(frames)
+    return found if is_list or len(found) != 1 else found[0]
 
 
 def _place(

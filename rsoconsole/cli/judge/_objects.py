@@ -191,7 +191,8 @@ class _Judge:
         for found in frame.names:
             on = self.followed.get(found.track_id)
             if found.track_id in steps and on is not None and on in self.tallies:
-                self.tallies[on].identified = _is_right(found, on)
+                number = named_number(found)
+                self.tallies[on].identified = None if number is None else number == on
 
     def _of(self, number: int, sky: _Field) -> _Tally:
         return self.tallies.setdefault(number, _Tally(str(sky.there[number]["name"])))
@@ -340,10 +341,11 @@ def _taken(frame: NightFrame, step: FrameTrack) -> Measurement | None:
     return next((m for m in frame.measurements if m.measurement_id == named), None)
 
 
-def _is_right(found: Identified, followed: int) -> bool | None:
-    if found.verdict != "identified" or not found.matches:
+def named_number(found: Identified | None) -> int | None:
+    """Of the catalogue, where it is surely that one."""
+    if found is None or found.verdict != "identified" or not found.matches:
         return None
-    return found.matches[0].norad_id == followed
+    return found.matches[0].norad_id
 
 
 _COUNTED = (

@@ -12,6 +12,7 @@ from rsoconsole.base import json_of
 from rsoconsole.cli.judge._objects import (
     is_on_a_streak,
     lead_of,
+    named_number,
     objects_figures,
     offset_arcsec,
     offset_of,
@@ -90,7 +91,7 @@ def tracks_figures(
     satellites: dict[object, _Satellite] = {}
     for frame in frames:
         for track_id, step in steps_of(frame).items():
-            number = _number(known[track_id].identified)
+            number = named_number(known[track_id].identified)
             key: object = ("track", track_id) if number is None else number
             found = satellites.setdefault(key, _Satellite())
             if track_id not in found.tracks:
@@ -104,20 +105,13 @@ def tracks_figures(
     return [_figures(each, known, newest) for each in satellites.values()]
 
 
-def _number(found: Identified | None) -> int | None:
-    """Of the catalogue, where it is surely that one."""
-    if found is None or found.verdict != "identified" or not found.matches:
-        return None
-    return found.matches[0].norad_id
-
-
 def _figures(satellite: _Satellite, known: Mapping[int, NightTrack], newest: int) -> dict[str, Any]:
     last = known[satellite.tracks[-1]]
     orbit, named, lost = last.orbit, last.identified, last.lost
-    is_named = _number(named) is not None
+    is_named = named_number(named) is not None
     return {
         "name": named.matches[0].name if named is not None and is_named else None,
-        "norad_id": _number(named),
+        "norad_id": named_number(named),
         "tracks": list(satellite.tracks),
         "frames": satellite.frames,
         "last_frame": satellite.last_frame,

@@ -46,7 +46,7 @@ def verb_of(command: type[Command]) -> str:
 def verb_function(command: type[Command]) -> Callable[..., None]:
     """A function that typer makes a verb of: its parameters are the command's fields."""
     hints = get_type_hints(command)
-    shown = {_shell_name(each): each for each in fields(command)}
+    shown = {str(each.metadata.get("shell", each.name)): each for each in fields(command)}
     parameters = [
         _parameter(name, each, hints[each.name], _COMPLETED.get((command.verb, each.name)))
         for name, each in shown.items()
@@ -113,10 +113,6 @@ def _check(command: Command) -> None:
         command.check()
         if isinstance(command, Set):
             check_tunable(command.name)
-
-
-def _shell_name(each: "Field[Any]") -> str:
-    return str(each.metadata.get("shell", each.name))
 
 
 def _parameter(

@@ -1,7 +1,6 @@
 """The verb passes: what comes over the site tonight."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -25,13 +24,6 @@ HEADER = (
     f"{'rises, UTC':11}  {'az':>3}  {'top':8} {'alt':>3}  {'sets':8}  {'az':>3}"
     f"  {'°/s':>5}  {'±s':>5}  name"
 )
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _Span:
-    first_utc_ns: int
-    last_utc_ns: int
-    words: str
 
 
 def passes(
@@ -75,11 +67,12 @@ def passes(
         for each in shown:
             output.emit_json(pass_report(each))
         return
+    words = f"from {clock(span[0], 'dated minute', '')} to {clock(span[1], 'dated minute')}"
     if not shown:
-        output.say(f"no pass {span.words}: {_left_out_words(found, top)}")
+        output.say(f"no pass {words}: {_left_out_words(found, top)}")
         return
     dark = any(each.lit_from_utc_ns is None for each in shown)
-    head = f"{len(shown)} passes {span.words}" + "; * in shadow" * dark
+    head = f"{len(shown)} passes {words}" + "; * in shadow" * dark
     output.say(head, HEADER, *map(_line, shown))
 
 
@@ -92,8 +85,8 @@ def _entries(files: Sequence[Path], norad: Sequence[int]) -> "Sequence[Catalogue
     return [each for each in entries if each.norad_id in norad] if norad else entries
 
 
-def _span(config: Config, at: str, hours: float | None) -> _Span:
-    """Raises OrbitError where the night has no dark time."""
+def _span(config: Config, at: str, hours: float | None) -> tuple[int, int]:
+    """First and last instant, UTC ns. Raises OrbitError where the night has no dark time."""
     import time
 
     from rsoconsole.sky import iso_to_utc_ns, night_span
@@ -112,12 +105,11 @@ def _span(config: Config, at: str, hours: float | None) -> _Span:
         last_ns = max(dark[1], first_ns)
     else:
         raise OrbitError(f"{no_night(twilight_deg)}: say how long with --hours")
-    words = f"from {clock(first_ns, 'dated minute', '')} to {clock(last_ns, 'dated minute')}"
-    return _Span(first_utc_ns=first_ns, last_utc_ns=last_ns, words=words)
+    return first_ns, last_ns
 
 
 def _looked_for(
-    entries: "Sequence[CatalogueEntry]", config: Config, span: _Span, *, is_low_only: bool
+    entries: "Sequence[CatalogueEntry]", config: Config, span: tuple[int, int], *, is_low_only: bool
 ) -> "list[NightPass]":
     from rsoconsole.pipeline import errors_of, night_passes
 
@@ -127,7 +119,7 @@ def _looked_for(
         for done, some in night_passes(
             entries,
             config.site.to_site(),
-            (span.first_utc_ns, span.last_utc_ns),
+            span,
             config.limits,
             is_low_only=is_low_only,
             errors=errors_of(config.catalogue),

@@ -85,10 +85,13 @@ def parse_iod(line: str) -> IodObservation:
     first, second = None, None
     if code is not None:
         first, second = angles_of(code, found["first"], found["sign"], found["second"])
+    cospar = None
+    if found["norad"] is not None:
+        cospar = f"{full_year(found['year'])}-{found['launch']}{found['piece'].strip()}"
     position = None if code is None else _mx(found["position_mx"]) * _ARCSEC_BY_CODE[code]
     return IodObservation(
         norad_id=None if found["norad"] is None else int(found["norad"]),
-        cospar=None if found["norad"] is None else _cospar(found),
+        cospar=cospar,
         station=found["station"],
         t_utc_ns=t_utc_ns,
         t_step_ns=t_step_ns,
@@ -99,10 +102,6 @@ def parse_iod(line: str) -> IodObservation:
         second_deg=second,
         position_sigma_arcsec=position,
     )
-
-
-def _cospar(found: dict[str, str]) -> str:
-    return f"{full_year(found['year'])}-{found['launch']}{found['piece'].strip()}"
 
 
 def full_year(two_digits: str) -> int:

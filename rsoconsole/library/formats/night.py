@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from rsoconsole import __version__
-from rsoconsole.config import Config, ExposureConfig
+from rsoconsole.config import Config
 from rsoconsole.library.formats.rows import MeasuredRow, row_of
 from rsoconsole.night import NightFrame, frames_of
 from rsoconsole.pipeline import shutter_time, usual_sigma_s
@@ -90,6 +90,7 @@ class ExportedNight:
     def facts(self) -> dict[str, Any]:
         """What a table says of where it comes from; plain values."""
         site, optics = self.config.site, self.config.optics
+        shutter = [each.model_dump(mode="json") for each in self.config.exposure.calibrated]
         facts: dict[str, Any] = {
             "session": self.name,
             "title": self.title,
@@ -99,7 +100,7 @@ class ExportedNight:
             "optics": optics.model_dump(mode="json"),
             "exposure_s": self.config.exposure.exposure_s,
             "timing_sigma_s": usual_sigma_s(self.config.exposure),
-            **_shutter_facts(self.config.exposure),
+            **({"shutter": shutter} if shutter else {}),
             "clock_offset_s": self.about.get("clock_offset_s"),
             "clock_faults": list(self.clock_notes),
             "filter_preset": self.config.filter.preset,
@@ -139,13 +140,6 @@ def read_night(session: Path, *, everything: bool = False) -> ExportedNight:
         clock_notes=clock_notes(reader),
         names={found.track_id: found for frame in frames for found in frame.names},
     )
-
-
-def _shutter_facts(exposure: ExposureConfig) -> dict[str, Any]:
-    """The shutter as it was calibrated; nothing where it was not."""
-    if not exposure.calibrated:
-        return {}
-    return {"shutter": [each.model_dump(mode="json") for each in exposure.calibrated]}
 
 
 def _rows(frames: Iterable[NightFrame], everything: bool) -> Iterator[MeasuredRow]:

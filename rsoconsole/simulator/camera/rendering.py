@@ -311,7 +311,7 @@ def _read_out(
     pixels = np.empty((height, width), dtype=np.uint16)
     normal = np.empty((min(_ROWS_AT_ONCE, height), width), dtype=np.float32)
     read_variance = np.float32(sensor.read_noise_e**2)
-    ceiling = np.float32(min(sensor.adc_max, _full_well_adu12(sensor)))
+    ceiling = np.float32(sensor.ceiling_adu12)
     for top in range(0, height, _ROWS_AT_ONCE):
         mean = mean_e[top : top + _ROWS_AT_ONCE]
         noise = normal[: len(mean)]
@@ -329,7 +329,3 @@ def _read_out(
         np.clip(value, 0.0, ceiling, out=value)
         pixels[top : top + len(mean)] = value.astype(np.uint16) << sensor.stored_shift_bits
     return pixels
-
-
-def _full_well_adu12(sensor: SensorModel) -> float:
-    return sensor.offset_adu12 + sensor.full_well_e / sensor.e_per_adu12

@@ -163,7 +163,9 @@ class CameraDevice:
         hours = (t_mid_utc_ns - self._t_night_utc_ns) / NS / 3600.0
         rotation_deg = (turned_deg + self._world.optics.rotation_deg_h * hours) % 360.0
         pointing = (float(ra_icrs_deg), float(dec_icrs_deg), rotation_deg)
-        path = self._mount_path(exposure)
+        path = None  # a restless mount's, (2, k) arcsec east and north of the middle
+        if not self._mount.unrest.is_none:
+            path = self._mount.unrest_path_arcsec(exposure.at(0.0), exposure.at(1.0))
         self._spawn(self._deliver(exposure, pointing, path, cards, self._generation))
 
     def overdue_utc_ns(self) -> int | None:
@@ -172,12 +174,6 @@ class CameraDevice:
         if exposure is None or self._now_utc_ns() < exposure.t_end_utc_ns:
             return None
         return exposure.t_due_utc_ns
-
-    def _mount_path(self, exposure: _Exposure) -> FloatArray | None:
-        """(2, k) arcsec east and north of the middle of the exposure; None where it stands."""
-        if self._mount.unrest.is_none:
-            return None
-        return self._mount.unrest_path_arcsec(exposure.at(0.0), exposure.at(1.0))
 
     async def _handle_read_out(self, event: Any) -> None:
         asked = asked_numbers(self.device, event)

@@ -1,6 +1,6 @@
 """The simulated weather station and dome as INDI devices; they follow the night's schedule."""
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from typing import Any
 
 from indipydriver import Device
@@ -18,7 +18,7 @@ from rsoconsole.simulator.mount.indi_vectors import (
 )
 
 NS = 1_000_000_000
-Schedule = tuple[tuple[float, str], ...]
+Schedule = Sequence[tuple[float, str]]
 """(seconds since the night's start, word), in order."""
 _GROUP = "Main Control"
 _LIGHT = {"ok": "Ok", "warning": "Busy", "alert": "Alert"}

@@ -69,15 +69,12 @@ MISS_COLOUR = "#f3d9b8"
 
 def time_axis(axis: Any, night: DrawnNight) -> None:
     """Seconds since the first exposure, and when that was."""
-    first = utc_ns_to_iso(night.frames[0].t_mid_utc_ns, decimals=0)
-    axis.set_xlabel(f"Time since the middle of the first exposure, {_to_the_second(first)} (s)")
+    first = utc_ns_to_iso(night.frames[0].t_mid_utc_ns, decimals=0).removesuffix("Z")
+    at = first.replace("T", " ")
+    axis.set_xlabel(f"Time since the middle of the first exposure, {at} UTC (s)")
     last_s = night.seconds(night.frames[-1])
     margin_s = max(0.02 * last_s, 1.0)
     axis.set_xlim(-margin_s, last_s + margin_s)
-
-
-def _to_the_second(iso: str) -> str:
-    return iso.removesuffix("Z").replace("T", " ") + " UTC"
 
 
 def head(axis: Any, night: DrawnNight, what: str) -> None:
