@@ -44,7 +44,6 @@ from rsoconsole.cli.words.usage import (
     UsageError,
     fold_helps,
     help_of,
-    is_help,
     usage_line,
 )
 from rsoconsole.config import APP, environment_warnings
@@ -113,10 +112,10 @@ def main() -> None:
     try:
         sys.exit(app(standalone_mode=False, prog_name=APP))
     except UsageError as error:
-        if is_help(error):
-            print(help_of(error), end="", file=sys.stderr)  # the program's own words
-        else:
+        if (words := help_of(error)) is None:
             output.complain(usage_line(error))
+        else:
+            print(words, end="", file=sys.stderr)  # the program's own
         sys.exit(USAGE_EXIT)
     except typer.Abort:
         output.complain(f"{APP}: interrupted")

@@ -378,28 +378,24 @@ def _measurement(table: Any, rows: Directions, n: int, frame_id: int, place: int
 
 def _ends(table: Any, n: int) -> tuple[tuple[float, float], tuple[float, float]] | None:
     """Of the row's streak, where it tells them: as ``rso.measure`` has them, or as exported."""
+    names = ("ends_icrs_deg",) if "ends_icrs_deg" in table.colnames else _ENDS
+    if not set(names) <= set(table.colnames):
+        return None
+    cells = [table[name][n] for name in names]
+    if any(np.any(getattr(each, "mask", False)) for each in cells):
+        return None
     try:
-        values = _ends_in(table, n)
+        values = (
+            [_float(table, name, n, "deg") for name in names]
+            if names == _ENDS
+            else np.asarray(cells[0], float).ravel().tolist()
+        )
     except (TypeError, ValueError) as error:
         raise InputError(f"row {n}: the ends of its streak are no directions: {error}") from error
     if len(values) != 4 or not np.all(np.isfinite(values)):
         return None
     a, b, c, d = map(float, values)
     return (a, b), (c, d)
-
-
-def _ends_in(table: Any, n: int) -> Sequence[float]:
-    """RA and Dec of both, degrees; empty where the row has none."""
-    values: Sequence[float] = ()
-    if "ends_icrs_deg" in table.colnames:
-        each = table["ends_icrs_deg"][n]
-        is_missing = bool(np.any(getattr(each, "mask", False)))
-        values = () if is_missing else np.asarray(each, float).ravel().tolist()
-    elif set(_ENDS) <= set(table.colnames):
-        cells = [table[name][n] for name in _ENDS]
-        is_missing = any(np.any(getattr(each, "mask", False)) for each in cells)
-        values = () if is_missing else [_float(table, name, n, "deg") for name in _ENDS]
-    return values
 
 
 def _float(table: Any, name: str, n: int, unit: str) -> float:

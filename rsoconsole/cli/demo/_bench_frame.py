@@ -23,11 +23,8 @@ def draw_fits(config: Config) -> bytes:
     # Its own brightness changes begin later in this night.
     t_start_utc_ns = scene.scenario.t_start_utc_ns + 60 * _NS
     t_mid = np.array([t_start_utc_ns + round(exposure_s * _NS / 2)])
-    target = next(
-        each
-        for each in scene.scenario.satellites
-        if each.element_set.norad_id == scene.scenario.target_norad_id
-    )
+    target = scene.scenario.target
+    assert target is not None
     place = Satellite(target.element_set, target.standard_magnitude).astrometric_place(
         scene.site, t_mid
     )

@@ -139,12 +139,8 @@ def targets_of(night: Night) -> dict[int, str]:
         return dict(zip(night.plan["targets"], night.plan["names"], strict=True))
     from rsoconsole.simulator import scenario_named
 
-    scenario = scenario_named(night.scenario)
-    return {
-        each.element_set.norad_id: each.element_set.name
-        for each in scenario.satellites
-        if each.element_set.norad_id == scenario.target_norad_id
-    }
+    target = scenario_named(night.scenario).target
+    return {} if target is None else {target.element_set.norad_id: target.element_set.name}
 
 
 def control_socket(scratch: Path) -> Path | None:

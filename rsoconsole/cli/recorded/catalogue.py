@@ -13,7 +13,7 @@ from rsoconsole.cli.words.batch_options import progress
 from rsoconsole.cli.words.options import ConfigOption, JsonOption, SocketOption
 from rsoconsole.cli.words.usage import set_in_file
 from rsoconsole.config import Config, home_path, load_config, shown
-from rsoconsole.words import counted
+from rsoconsole.words import counted, utc_ns_to_iso
 
 if TYPE_CHECKING:
     from rsoconsole.pipeline import Kept, Source, Update, Updated
@@ -222,7 +222,6 @@ def _wait_while_slewing(socket: Path | None) -> None:
 
 def _row(source: "Source", kept: "Kept", settings: Config) -> dict[str, Any]:
     from rsoconsole.pipeline import default_folder
-    from rsoconsole.words import utc_ns_to_iso
 
     now_utc_ns, folder = time.time_ns(), default_folder()
     next_utc = None

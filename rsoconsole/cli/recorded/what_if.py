@@ -23,7 +23,7 @@ from rsoconsole.cli.words.options import (
     TauOption,
     number_or_text,
 )
-from rsoconsole.words import settings_words
+from rsoconsole.words import settings_words, utc_ns_to_iso
 
 if TYPE_CHECKING:
     from rsoconsole.pipeline import BatchQuestion, Branch, WorkerPool
@@ -222,8 +222,6 @@ def _list_branches(session: Path, json_: bool) -> None:
 
 
 def _branch_line(branch: "Branch") -> str:
-    from rsoconsole.words import utc_ns_to_iso
-
     made = branch.t_made_utc_ns
     changes = settings_words(branch.changes)
     when = "" if made is None else f"{utc_ns_to_iso(made, 0)}  "

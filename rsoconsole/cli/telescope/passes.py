@@ -1,5 +1,6 @@
 """The verb passes: what comes over the site tonight."""
 
+import time
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -13,7 +14,7 @@ from rsoconsole.cli.words.options import ConfigOption, JsonOption, TleOption, ca
 from rsoconsole.cli.words.standard_input import piped
 from rsoconsole.cli.words.usage import usage_faults
 from rsoconsole.config import Config, load_config
-from rsoconsole.words import clock, no_night
+from rsoconsole.words import NS_PER_S, clock, no_night, utc_ns_to_iso
 
 if TYPE_CHECKING:
     from rsoconsole.orbits import CatalogueEntry
@@ -87,10 +88,7 @@ def _entries(files: Sequence[Path], norad: Sequence[int]) -> "Sequence[Catalogue
 
 def _span(config: Config, at: str, hours: float | None) -> tuple[int, int]:
     """First and last instant, UTC ns. Raises OrbitError where the night has no dark time."""
-    import time
-
     from rsoconsole.sky import iso_to_utc_ns, night_span
-    from rsoconsole.words import NS_PER_S
 
     with usage_faults("--at"):
         now_ns = iso_to_utc_ns(at) if at else time.time_ns()
@@ -139,8 +137,6 @@ def _left_out_words(found: "Sequence[NightPass]", top: float) -> str:
 
 
 def _line(one: "NightPass") -> str:
-    from rsoconsole.words import utc_ns_to_iso
-
     rise, top, sets = (utc_ns_to_iso(each.t_utc_ns)[:19] for each in (one.rise, one.top, one.set))
     # With --all some lie in the shadow of the Earth.
     name = f"{one.norad_id} {one.name}" if one.lit_from_utc_ns else f"*{one.norad_id} {one.name}"
@@ -153,8 +149,6 @@ def _line(one: "NightPass") -> str:
 
 def pass_report(one: "NightPass") -> dict[str, Any]:
     """One pass as a JSON object."""
-    from rsoconsole.words import utc_ns_to_iso
-
     corners = {
         f"{name}_{key}": value
         for name, each in (("rise", one.rise), ("top", one.top), ("set", one.set))

@@ -82,14 +82,12 @@ def set_in_file(
     return path
 
 
-def is_help(error: Any) -> bool:
-    """Whether nothing is wrong but that nothing was asked: help is what is wanted."""
-    return type(error).__name__ == "NoArgsIsHelpError"
+def help_of(error: Any) -> str | None:
+    """The help where nothing is wrong but that nothing was asked; None where something is.
 
-
-def help_of(error: Any) -> str:
-    """The help that is wanted; empty where typer has printed it by itself, in boxes."""
-    return error.ctx.get_help() or ""
+    Empty where typer has printed it by itself, in boxes.
+    """
+    return error.ctx.get_help() or "" if type(error).__name__ == "NoArgsIsHelpError" else None
 
 
 def _near_option(words: str, error: Any) -> str:

@@ -61,6 +61,12 @@ class Scenario:
     cosmic_rays_s: float = 0.15
     """Expected tracks a second over the paper's sensor."""
 
+    @property
+    def target(self) -> ScenarioSatellite | None:
+        """The satellite that the telescope is meant to find."""
+        wanted = self.target_norad_id
+        return next((s for s in self.satellites if s.element_set.norad_id == wanted), None)
+
     def start_hour_angle_for(self, field_width_deg: float) -> float:
         """Start for another field: as many fields from the target as with the paper's."""
         if self.target_hour_angle_deg is None:

@@ -7,6 +7,7 @@ asked for in any order, and asking twice gives the same pixels.
 import copy
 import math
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import numpy.typing as npt
@@ -24,7 +25,7 @@ from rsoconsole.simulator.camera.truth import (
     scatter_sigma_s,
     true_shutter,
 )
-from rsoconsole.simulator.nights.scenarios import Scenario
+from rsoconsole.simulator.nights.scenarios import Scenario, ScenarioSatellite
 from rsoconsole.simulator.scene.world_scene import (
     blurred,
     clouds_in,
@@ -36,7 +37,7 @@ from rsoconsole.simulator.scene.world_scene import (
     sensor_in,
     with_pattern,
 )
-from rsoconsole.simulator.sky.brightness import BrightnessHistory, flash_nodes, world_extra_mag
+from rsoconsole.simulator.sky.brightness import flash_nodes, world_extra_mag
 from rsoconsole.simulator.sky.other_objects import Nearby, traffic
 from rsoconsole.simulator.sky.passes import (
     MARGIN_PX,
@@ -217,24 +218,17 @@ class Scene:
     ) -> list[tuple[Satellite, ExtraMagnitude]]:
         """Each satellite that may be seen, with the history of its own brightness."""
 
-        def of(history: BrightnessHistory, norad_id: int) -> ExtraMagnitude:
-            def extra_mag(t_utc_ns: IntArray) -> FloatArray:
-                t_s = (t_utc_ns - self.scenario.t_start_utc_ns) / NS
-                more = world_extra_mag(self.world.satellite, self.seed, norad_id, t_s)
-                return history.extra_mag(t_s, self.seed) + more
-
-            return extra_mag
+        def extra_mag(of: ScenarioSatellite, t_utc_ns: IntArray) -> FloatArray:
+            t_s = (t_utc_ns - self.scenario.t_start_utc_ns) / NS
+            more = world_extra_mag(self.world.satellite, self.seed, of.element_set.norad_id, t_s)
+            return of.brightness.extra_mag(t_s, self.seed) + more
 
         # A corner of the sensor with its margin is further out than the field's radius with it.
         reach_deg = self.field_radius_deg() + MARGIN_PX * self.sensor.scale_arcsec_px / 3600.0
         t_mid_utc_ns = t_start_utc_ns + round(exposure_s * NS / 2)
         centre = (wcs.crval_ra_deg, wcs.crval_dec_deg)
         near = self._nearby.indices(self.site, t_mid_utc_ns, exposure_s, centre, reach_deg)
-        histories = (
-            of(each.brightness, each.element_set.norad_id)
-            for each in (self.scenario.satellites[i] for i in near)
-        )
-        return list(zip((self.satellites[i] for i in near), histories, strict=True))
+        return [(self.satellites[i], partial(extra_mag, self.scenario.satellites[i])) for i in near]
 
     def field_content(
         self, wcs: Wcs, t_start_utc_ns: int, exposure_s: float, t_seed_utc_ns: int | None = None

@@ -153,6 +153,10 @@ def _facts(over: LowPass, leaps: Sequence[LeapDone]) -> PassFacts:
     met = [each for each in leaps if each.result == "met"]
     others = [each.result for each in leaps if each.result != "met"]
     counted = (f"{others.count(kind)} {kind}" for kind in dict.fromkeys(others))
+    along, across = (
+        _median([abs(off) for each in met if (off := getattr(each, name)) is not None])
+        for name in ("off_along_arcsec", "off_across_arcsec")
+    )
     return PassFacts(
         over=over,
         leaps=len(leaps),
@@ -163,12 +167,8 @@ def _facts(over: LowPass, leaps: Sequence[LeapDone]) -> PassFacts:
         parts_s=tuple(_median([getattr(each, part) for each in leaps]) or 0.0 for part in PARTS)
         if leaps
         else (),
-        along_arcsec=_median(
-            [abs(off) for each in met if (off := each.off_along_arcsec) is not None]
-        ),
-        across_arcsec=_median(
-            [abs(off) for each in met if (off := each.off_across_arcsec) is not None]
-        ),
+        along_arcsec=along,
+        across_arcsec=across,
     )
 
 
