@@ -19,7 +19,6 @@ from rsoconsole.cli.recorded import (
     calibrate_time,
     catalogue,
     export,
-    figures,
     frames,
     identify,
     ledger,
@@ -29,12 +28,10 @@ from rsoconsole.cli.recorded import (
     what_if,
 )
 from rsoconsole.cli.telescope import (
-    alerts,
     go_to,
     house,
     order,
     passes,
-    seat,
     service,
     telescope,
 )
@@ -66,7 +63,7 @@ def _add(*verbs: Callable[..., None]) -> None:
         app.command()(verb)
 
 
-_add(demo.demo, seat.console, review.review, telescope.engine, telescope.status)
+_add(demo.demo, telescope.console, review.review, telescope.engine, telescope.status)
 order.register(app)
 # A negative declination is an argument, no option.
 app.command(context_settings={"ignore_unknown_options": True})(go_to.goto)
@@ -75,13 +72,13 @@ _add(orbit.orbit, identify.identify, passes.passes)
 app.command("what-if", cls=what_if.SetTakesTwo)(what_if.what_if)
 app.command("calibrate-time")(calibrate_time.calibrate_time)
 app.command("calibrate-elements")(calibrate_elements.calibrate_elements)
-_add(house.doctor, figures.figures, export.export)
+_add(house.doctor, export.figures, export.export)
 for name, group in (
     ("ledger", ledger.ledger_app),
     ("config", house.config_app),
     ("index", house.index_app),
     ("catalogue", catalogue.catalogue_app),
-    ("alerts", alerts.alerts_app),
+    ("alerts", house.alerts_app),
     ("sessions", sessions.sessions_app),
     ("service", service.service_app),
 ):

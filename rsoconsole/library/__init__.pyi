@@ -15,10 +15,10 @@ from .known_orbit import Orbit as Orbit
 from .known_orbit import orbit as orbit
 from .measuring import measure as measure
 from .notebook.figures.figures import write_figures as write_figures
-from .notebook.live import live_panel as live_panel
 from .notebook.panel.panel import LivePanel as LivePanel
 from .notebook.report.report import render_report as render_report
 from .notebook.session import Session as Session
+from .notebook.session import live_panel as live_panel
 from .notebook.session import open_session as open_session
 from .plate import PlateWCS as PlateWCS
 from .tracking import Track as Track

@@ -176,7 +176,7 @@ def _rows_of(
             frame,
             track=track if is_taken and is_last else None,
             is_taken=is_taken,
-            reason=_reason(frame, measurement, refusal, is_taken=is_taken and is_last),
+            not_taken_because=_reason(frame, measurement, refusal, is_taken=is_taken and is_last),
             nis=None if refusal is None or is_taken else refusal.nis,
             predicted=None if of_track is None else predicted.get(of_track),
             corrected=corrected,

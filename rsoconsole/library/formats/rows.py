@@ -132,35 +132,32 @@ def row_of(
     measurement: Measurement,
     frame: NightFrame,
     *,
-    track: int | None,
-    is_taken: bool,
-    reason: str | None,
     nis: float | None,
     predicted: TrackState | None,
     corrected: TrackState | None,
-    is_superseded: bool,
+    **found: Any,
 ) -> MeasuredRow:
-    """A row from what is on record; ``corrected`` is given for what the track took alone."""
+    """A row from what is on record; ``corrected`` is given for what the track took alone.
+
+    ``found``: the row's own members that say what became of it.
+    """
     east2, cross, north2 = measurement.cov_sky_arcsec2
     sigma_east, sigma_north = math.sqrt(max(east2, 0.0)), math.sqrt(max(north2, 0.0))
     both = sigma_east * sigma_north
     end_a, end_b = measurement.ends_icrs_deg or ((None, None), (None, None))
     return MeasuredRow(
         **{name: getattr(measurement, name) for name in _SAME},
-        track=track,
+        **found,
         exposure_s=None if frame.taken is None else frame.taken.exposure_s,
         sigma_ra_arcsec=sigma_east,
         sigma_dec_arcsec=sigma_north,
         correlation=min(max(cross / both, -1.0), 1.0) if both > 0.0 else 0.0,
-        is_taken=is_taken,
-        not_taken_because=reason,
         ra_a_icrs_deg=end_a[0],
         dec_a_icrs_deg=end_a[1],
         ra_b_icrs_deg=end_b[0],
         dec_b_icrs_deg=end_b[1],
         **_predicted(predicted),
         **_corrected(corrected, nis),
-        is_superseded=is_superseded,
         beside=(
             *((column.name, member(measurement, column)) for column in _BESIDE),
             *facts_of(frame.detections).items(),

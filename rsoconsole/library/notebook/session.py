@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from rsoconsole.base import SessionError
 from rsoconsole.config import load_config
-from rsoconsole.library.formats.tables import as_frame, as_table
+from rsoconsole.library.formats.tables import as_frame, as_table, needed
 from rsoconsole.library.notebook import card
 from rsoconsole.library.notebook._pictures import SessionPictures
 from rsoconsole.night import (
@@ -45,6 +45,19 @@ def open_session(path: Path | str | None = None) -> "Session":
         return Session(_newest(load_config().session.root))
     folder = Path(path).expanduser()
     return Session(folder.parent if folder.name == schema.DATABASE else folder)
+
+
+def live_panel(socket: Path | str | None = None, *, read_only: bool = False) -> "LivePanel":
+    """A panel on the running engine, for a notebook: its state, its picture, its orders, STOP.
+
+    ``socket``: the engine's, None for this user's own. ``read_only``: looks and stops, nothing
+    else. Without an engine it says so and waits for one. Raises RsoconsoleError where the extra
+    ``rsoconsole[notebook]`` is not installed.
+    """
+    needed("anywidget", "a live panel")
+    from rsoconsole.library.notebook.panel.panel import LivePanel
+
+    return LivePanel(socket, read_only=read_only)
 
 
 def _newest(root: Path) -> Path:
@@ -201,7 +214,6 @@ class Session(SessionPictures):
         """
         from rsoconsole.base import ControlError
         from rsoconsole.control import ControlClient, Sender, status_of
-        from rsoconsole.library.notebook.live import live_panel
 
         path = None if socket is None else Path(socket)
         written = status_of(ControlClient(path, sender=Sender(name="notebook"))).session

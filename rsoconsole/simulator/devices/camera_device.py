@@ -11,7 +11,7 @@ from indipydriver import BLOBMember, BLOBVector, Device
 
 from rsoconsole.records import FloatArray, Site
 from rsoconsole.simulator.camera.indi_fits import CameraTraits, Card, Fate, fits_bytes, frame_fate
-from rsoconsole.simulator.devices._camera_header import header_cards
+from rsoconsole.simulator.camera.truth import header_start_utc_ns
 from rsoconsole.simulator.devices._read_out import ReadOut, ReadOutVectors
 from rsoconsole.simulator.mount.indi_vectors import (
     asked_for,
@@ -27,6 +27,7 @@ from rsoconsole.simulator.mount.mount_model import MountModel
 from rsoconsole.simulator.scene.scene import Scene
 from rsoconsole.simulator.world.world import NAMELESS, World
 from rsoconsole.sky import jnow_to_icrs
+from rsoconsole.words import format_dec, format_ra, utc_ns_to_iso
 
 NS = 1_000_000_000
 _GROUP = "Main Control"
@@ -273,15 +274,36 @@ class CameraDevice:
         return bytes(fits_bytes(exposure.mode.cut(pixels), cards))
 
     def _cards(self, exposure: _Exposure) -> dict[str, Card]:
+        """As INDI's CCD driver writes them; RA and DEC are J2000 from the mount's own belief."""
+        traits, site = self._traits, self._site
         belief = self._mount.instant(exposure.t_start_utc_ns)
-        names = (self._name, self._mount_name)
-        cards = header_cards(
-            names, self._traits, self._site, self._world, belief, exposure.exposure_s
-        )
+        ra, dec = jnow_to_icrs(belief.ra_date_deg, belief.dec_date_deg, belief.t_utc_ns)
+        pixel_um = traits.pixel_um / traits.binning
+        cards: dict[str, Card] = {
+            "INSTRUME": self._name,
+            "TELESCOP": self._mount_name,
+            "ROWORDER": "TOP-DOWN",
+            "EXPTIME": exposure.exposure_s,
+            "DATE-OBS": _date_obs(self._world, belief.t_utc_ns),
+            "PIXSIZE1": pixel_um,
+            "PIXSIZE2": pixel_um,
+            "FRAME": "Light",
+            "IMAGETYP": "Light Frame",
+            "FOCALLEN": traits.focal_length_mm,
+            "APTDIA": traits.focal_length_mm / 2.2,
+            "SITELAT": site.latitude_deg,
+            "SITELONG": site.longitude_deg,
+            "OBJCTRA": format_ra(float(ra)).replace(":", " "),
+            "OBJCTDEC": format_dec(float(dec)).replace(":", " "),
+            "RA": float(ra),
+            "DEC": float(dec),
+            "PIERSIDE": belief.pier_side.upper(),
+            "EQUINOX": 2000,
+        }
         # Joined pixels of a colour sensor have seen all colours.
         if self._world.sensor.bayer and exposure.mode.binning == 1:
             cards["BAYERPAT"] = "RGGB"
-        return cards | exposure.mode.cards(self._traits)
+        return cards | exposure.mode.cards(traits)
 
     async def _send(self, vector: Any, state: str, message: str = "") -> None:
         if message:
@@ -290,3 +312,10 @@ class CameraDevice:
 
     async def _say(self, message: str) -> None:
         await self.device.send_device_message(message, stamp(self._now_utc_ns()))
+
+
+def _date_obs(world: World, t_start_utc_ns: int) -> str:
+    """DATE-OBS of an exposure that the driver began then: to the microsecond, or cut down."""
+    is_whole = world.shutter.round_s >= 1.0 and world.shutter.round_s.is_integer()
+    written_utc_ns = header_start_utc_ns(world, t_start_utc_ns)
+    return utc_ns_to_iso(written_utc_ns, 0 if is_whole else 6).rstrip("Z")
