@@ -154,11 +154,12 @@ def _match_lines(matches: Sequence[dict[str, Any]]) -> Iterator[str]:
     for each in matches:
         name = f"{each['norad_id']} {each['name']}"[:_NAME_WIDTH]
         rate = each["rate_difference_percent"]
+        score = f"{each['score']:.1f}" if each["score"] < 1000.0 else ">1000"
         yield (
             f"  {name:28} {angle(each['separation_arcsec']):>7} {each['along_track_s']:+8.1f}s"
             f" {signed_angle(each['cross_track_arcsec']):>7}"
             f" {_rate(rate):>7}"
-            f" {each['tle_age_days']:+5.1f}d {_score(each['score']):>6}"
+            f" {each['tle_age_days']:+5.1f}d {score:>6}"
         )
 
 
@@ -166,10 +167,6 @@ def _rate(percent: float | None) -> str:
     if percent is None:
         return "-"
     return f"{percent:+.2f}%" if abs(percent) < 10.0 else f"{percent:+.0f}%"
-
-
-def _score(value: float) -> str:
-    return f"{value:.1f}" if value < 1000.0 else ">1000"
 
 
 def _clock(iso: str, *, with_date: bool = False, seconds: bool = False) -> str:

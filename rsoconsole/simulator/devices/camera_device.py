@@ -27,9 +27,8 @@ from rsoconsole.simulator.mount.mount_model import MountModel
 from rsoconsole.simulator.scene.scene import Scene
 from rsoconsole.simulator.world.world import NAMELESS, World
 from rsoconsole.sky import jnow_to_icrs
-from rsoconsole.words import format_dec, format_ra, utc_ns_to_iso
+from rsoconsole.words import NS_PER_S, format_dec, format_ra, utc_ns_to_iso
 
-NS = 1_000_000_000
 _GROUP = "Main Control"
 
 
@@ -46,18 +45,18 @@ class _Exposure:
     @property
     def t_end_utc_ns(self) -> int:
         """Where the driver believes to be done."""
-        return self.t_start_utc_ns + round(self.exposure_s * NS)
+        return self.t_start_utc_ns + round(self.exposure_s * NS_PER_S)
 
     @property
     def t_due_utc_ns(self) -> int:
         """When its frame really is there."""
         later_s = max(0.0, self.opens_later_s) + (self.late_s if self.fate == "late" else 0.0)
-        return self.t_end_utc_ns + round(later_s * NS)
+        return self.t_end_utc_ns + round(later_s * NS_PER_S)
 
     def at(self, share: float) -> int:
         """The instant after this share of the true exposure."""
         since_s = self.opens_later_s + share * self.exposure_s
-        return self.t_start_utc_ns + round(since_s * NS)
+        return self.t_start_utc_ns + round(since_s * NS_PER_S)
 
 
 class CameraDevice:
@@ -161,7 +160,7 @@ class CameraDevice:
         cards = self._cards(exposure)
         is_east = self._mount.instant(t_mid_utc_ns).pier_side == "east"
         turned_deg = self._traits.rotation_deg + (180.0 if is_east else 0.0)
-        hours = (t_mid_utc_ns - self._t_night_utc_ns) / NS / 3600.0
+        hours = (t_mid_utc_ns - self._t_night_utc_ns) / NS_PER_S / 3600.0
         rotation_deg = (turned_deg + self._world.optics.rotation_deg_h * hours) % 360.0
         pointing = (float(ra_icrs_deg), float(dec_icrs_deg), rotation_deg)
         path = None  # a restless mount's, (2, k) arcsec east and north of the middle
@@ -203,7 +202,7 @@ class CameraDevice:
         if not 1e-6 <= exposure_s <= 3600.0:
             await self._send(self._exposing, "Alert", "an exposure lasts 1e-6 to 3600 s")
             return
-        latency_ns = round(self._traits.start_latency_s * NS)
+        latency_ns = round(self._traits.start_latency_s * NS_PER_S)
         self._generation += 1
         t_start_utc_ns = self._now_utc_ns() + latency_ns
         self._exposure = _Exposure(
