@@ -16,8 +16,6 @@ from rsoconsole.night import Row, rows_of
 from rsoconsole.records import TABLES, Column, Record, Site
 from rsoconsole.sky import IntArray, iso_to_utc_ns
 
-_SITE_SETTINGS = ("site.latitude_deg", "site.longitude_deg")
-
 
 @runtime_checkable
 class QuantityLike(Protocol):
@@ -214,7 +212,7 @@ def configured_site(config: ConfigLike) -> Site | None:
         return config.site.to_site() if is_set else None
     path = None if config is None else Path(config).expanduser()
     origins = {each.name: each.origin for each in effective_settings(path)}
-    if any(origins[name] == "default" for name in _SITE_SETTINGS):
+    if "default" in (origins["site.latitude_deg"], origins["site.longitude_deg"]):
         return None
     return load_config(path).site.to_site()
 

@@ -10,7 +10,6 @@ import numpy.typing as npt
 from rsoconsole.base import InputError
 from rsoconsole.library._given import (
     Number,
-    QuantityLike,
     SkyCoordLike,
     instants_utc_ns,
     number,
@@ -49,9 +48,6 @@ class Directions:
     """(N, 3): east-east, east-north, north-north."""
     site: Site | None
     """As the table's ``meta`` has it."""
-
-    def __len__(self) -> int:
-        return len(self.t_utc_ns)
 
 
 def expect_table(value: Any, what: str) -> Any:
@@ -158,16 +154,13 @@ def column_of(table: Any, names: tuple[str, ...], unit: str) -> FloatArray | Non
             values = table[each]
             if np.any(getattr(values, "mask", False)):
                 raise InputError(f"column {each!r} has missing values: leave those rows out")
-            if getattr(values, "unit", None) is None and each != ending:
+            has_unit = getattr(values, "unit", None) is not None
+            if not has_unit and each != ending:
                 raise InputError(
                     f"column {each!r} has no unit: table[{each!r}].unit = {unit!r} gives it one"
                 )
-            quantity = (
-                values if isinstance(values, QuantityLike) else getattr(values, "quantity", None)
-            )
-            if getattr(values, "unit", None) is None:
-                quantity = np.asarray(values, np.float64)
-            return numbers(quantity, unit, f"column {each!r}")
+            plain = values if has_unit else np.asarray(values, np.float64)
+            return numbers(getattr(plain, "quantity", plain), unit, f"column {each!r}")
     return None
 
 

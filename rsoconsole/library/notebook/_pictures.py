@@ -195,8 +195,8 @@ class SessionPictures(RecordedSession):
 
         Raises SessionError where the session has none of it.
         """
-        numbers = (frame_id,) if frame_id is not None else self._newest_frames()
-        for number in numbers:
+        reduced = (each.frame_id for each in self._frames.seen() if each.detections is not None)
+        for number in (*reduced,)[::-1] if frame_id is None else (frame_id,):
             path = self._reader.preview_path(number)
             if path is not None:
                 return self._picture(number, path)
@@ -278,10 +278,6 @@ class SessionPictures(RecordedSession):
         return next(
             (each for each in self._frames.seen() if each.frame_id == frame_id), NightFrame()
         )
-
-    def _newest_frames(self) -> list[int]:
-        reduced = [each.frame_id for each in self._frames.seen() if each.detections is not None]
-        return reduced[::-1]
 
     def _kept(self) -> list[int]:
         """Frames whose pixels are there: written, and not pruned since."""

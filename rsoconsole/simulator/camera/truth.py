@@ -120,11 +120,6 @@ def clock_offset_s(world: World, t_utc_ns: int, t_night_utc_ns: int) -> float:
     return world.clock.offset_s + world.clock.drift_ppm * 1e-6 * since_s
 
 
-def scatter_sigma_s(world: World, own_s: float) -> float:
-    """One sigma of the opening from frame to frame; ``own_s`` where the world does not say."""
-    return own_s if world.shutter.scatter_s is None else world.shutter.scatter_s
-
-
 def true_shutter(
     world: World, scatter_s: float, t_start_utc_ns: int, t_night_utc_ns: int
 ) -> TrueShutter | None:

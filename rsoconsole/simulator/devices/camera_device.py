@@ -102,26 +102,32 @@ class CameraDevice:
             "CCD1", "Image", "Image Info", "ro", "Idle", [BLOBMember("CCD1", "Image", 0, ".fits")]
         )
         whole, pixel_um = self._read_out.mode, traits.pixel_um / traits.binning
-        others = [
-            connection(),
-            numbers(
-                "CCD_INFO",
-                "Image Info",
-                {
-                    "CCD_MAX_X": whole.width_px,
-                    "CCD_MAX_Y": whole.height_px,
-                    "CCD_PIXEL_SIZE": pixel_um,
-                    "CCD_PIXEL_SIZE_X": pixel_um,
-                    "CCD_PIXEL_SIZE_Y": pixel_um,
-                    "CCD_BITSPERPIXEL": 16,
-                },
-                perm="ro",
-            ),
-            self._read_out.frame,
-            self._read_out.binning,
-            driver_info(name, 2),
-        ]
-        self.device = Device(name, [self._exposing, self._abort, self._upload, self._blob, *others])
+        self.device = Device(
+            name,
+            [
+                self._exposing,
+                self._abort,
+                self._upload,
+                self._blob,
+                connection(),
+                numbers(
+                    "CCD_INFO",
+                    "Image Info",
+                    {
+                        "CCD_MAX_X": whole.width_px,
+                        "CCD_MAX_Y": whole.height_px,
+                        "CCD_PIXEL_SIZE": pixel_um,
+                        "CCD_PIXEL_SIZE_X": pixel_um,
+                        "CCD_PIXEL_SIZE_Y": pixel_um,
+                        "CCD_BITSPERPIXEL": 16,
+                    },
+                    perm="ro",
+                ),
+                self._read_out.frame,
+                self._read_out.binning,
+                driver_info(name, 2),
+            ],
+        )
 
     async def handle(self, event: Any) -> None:
         """Carry out what a client asks of one property, at the present instant."""

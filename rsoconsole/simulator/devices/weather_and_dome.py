@@ -37,8 +37,8 @@ class WeatherDevice:
             "WEATHER_STATUS", _GROUP, {"WEATHER_WIND_SPEED": "Ok", "WEATHER_RAIN_HOUR": "Ok"}
         )
         self._options = texts("SIM_WEATHER", "Options", {"STATE": "ok"}, perm="rw")
-        own = [self._status, self._options]
-        self.device = Device(name, [connection(), *own, driver_info(name, 128)])
+        others = (self._options, driver_info(name, 128))
+        self.device = Device(name, [connection(), self._status, *others])
 
     async def handle(self, event: Any) -> None:
         """What a client asks for comes true, until the schedule has the next word."""
@@ -71,8 +71,7 @@ class DomeDevice:
             "DOME_SHUTTER", _GROUP, ("SHUTTER_OPEN", "SHUTTER_CLOSE"), "SHUTTER_OPEN"
         )
         self._park = switches("DOME_PARK", _GROUP, ("PARK", "UNPARK"), "UNPARK")
-        own = [self._shutter, self._park]
-        self.device = Device(name, [connection(), *own, driver_info(name, 32)])
+        self.device = Device(name, [connection(), self._shutter, self._park, driver_info(name, 32)])
 
     async def handle(self, event: Any) -> None:
         """What a client asks for comes true, until the schedule has the next word."""

@@ -93,15 +93,16 @@ def look(satellites: Sequence[Satellite], site: Site, t_utc_ns: IntArray) -> Loo
         separation_deg(first.ra_icrs_deg, first.dec_icrs_deg, each.ra_icrs_deg, each.dec_icrs_deg)
         for each in seen
     ]
-    cos_dec = [np.cos(np.radians(each.dec_icrs_deg)) for each in seen]
-    north = [each.dec_rate_deg_s * 3600.0 for each in seen]
-    east = [each.ra_rate_deg_s * 3600.0 for each in seen]
+    dec_deg = np.array([each.dec_icrs_deg for each in seen])
+    cos_dec = np.cos(np.radians(dec_deg))
+    north = np.array([each.dec_rate_deg_s for each in seen]) * 3600.0
+    east = np.array([each.ra_rate_deg_s for each in seen]) * 3600.0
     return Look(
         t_utc_ns=t_utc_ns,
         sun_altitude_deg=_sun_altitude_deg(site, t_utc_ns),
         altitude_deg=np.array(altitudes),
         hour_angle_deg=np.array(hour_angles),
-        dec_deg=np.array([each.dec_icrs_deg for each in seen]),
+        dec_deg=dec_deg,
         lit=np.array([lit_fraction(each.position_gcrs_km, t_utc_ns) for each in seen]),
         snr=np.array(
             [
@@ -110,8 +111,8 @@ def look(satellites: Sequence[Satellite], site: Site, t_utc_ns: IntArray) -> Loo
             ]
         ),
         apart_deg=np.max(np.array(apart), axis=0),
-        rate_arcsec_s=_fastest(east, north, cos_dec),
-        ground_rate_arcsec_s=_fastest([e - SIDEREAL_ARCSEC_S for e in east], north, cos_dec),
+        rate_arcsec_s=np.max(np.hypot(east * cos_dec, north), axis=0),
+        ground_rate_arcsec_s=np.max(np.hypot((east - SIDEREAL_ARCSEC_S) * cos_dec, north), axis=0),
     )
 
 
@@ -140,13 +141,6 @@ def _dark(site: Site, t_utc_ns: IntArray, twilight_deg: float) -> IntArray:
     knots = np.arange(t_utc_ns[0], t_utc_ns[-1] + 2 * _SUN_STEP_NS, _SUN_STEP_NS, dtype=np.int64)
     altitude_deg = np.interp(t_utc_ns, knots, _sun_altitude_deg(site, knots))
     return t_utc_ns[altitude_deg <= twilight_deg]
-
-
-def _fastest(
-    east: Sequence[FloatArray], north: Sequence[FloatArray], cos_dec: Sequence[FloatArray]
-) -> FloatArray:
-    rates = [np.hypot(e * c, n) for e, n, c in zip(east, north, cos_dec, strict=True)]
-    return np.asarray(np.max(np.array(rates), axis=0))
 
 
 def first_window(

@@ -22,7 +22,6 @@ from rsoconsole.simulator.camera.truth import (
     clock_offset_s,
     header_start_utc_ns,
     reported_start_utc_ns,
-    scatter_sigma_s,
     true_shutter,
 )
 from rsoconsole.simulator.nights.scenarios import Scenario, ScenarioSatellite
@@ -169,7 +168,8 @@ class Scene:
         content = blurred(content, self.world, self.sensor, motion)
         air = frame_rng(self.seed, t_start_utc_ns, _SHUTTER)
         wander_px = air_sigma_arcsec(exposure_s) / self.sensor.scale_arcsec_px
-        scatter_s = float(air.normal(0.0, scatter_sigma_s(self.world, SHUTTER_SIGMA_S)))
+        own_s = self.world.shutter.scatter_s
+        scatter_s = float(air.normal(0.0, SHUTTER_SIGMA_S if own_s is None else own_s))
         true = true_shutter(self.world, scatter_s, t_start_utc_ns, t_night_utc_ns)
         reported_utc_ns = reported_start_utc_ns(self.world, t_start_utc_ns)
         motion_nodes = 1 if motion is None else len(motion.dx_px)

@@ -161,11 +161,6 @@ def pixel_noise_e(sensor: SensorModel, content: FieldContent) -> float:
     return math.sqrt(sky_e + dark_e + sensor.read_noise_e**2 + sensor.e_per_adu12**2 / 12.0)
 
 
-def ring_variance_px2(ring_px: float) -> float:
-    """Of a ring of this radius with the dark middle that ``psf.annulus`` gives it, on one axis."""
-    return ring_px**2 * (1.0 + _RING_OBSTRUCTION**2) / 4.0
-
-
 def plate_of(
     world: World,
     sensor: SensorModel,
@@ -221,5 +216,6 @@ def blurred(
         content,
         defocus_px=ring_px,
         stands=None if motion is None else motion.stands(sigma_px, reach_px),
-        blur_variance_px2=moving_px2 + ring_variance_px2(ring_px),
+        # The ring with the dark middle that ``psf.annulus`` gives it, on one axis.
+        blur_variance_px2=moving_px2 + ring_px**2 * (1.0 + _RING_OBSTRUCTION**2) / 4.0,
     )
