@@ -193,7 +193,7 @@ def site_of(place: Place, name: str = "site") -> Site:
     )
 
 
-def needed_site(given: Place | None, own: Site | None, config: ConfigLike) -> Site:
+def required_site(given: Place | None, own: Site | None, config: ConfigLike) -> Site:
     """As given, else the observations' own, else as configured. Raises InputError without any."""
     site = own if given is None else site_of(given)
     site = configured_site(config) if site is None else site
@@ -220,7 +220,7 @@ def configured_site(config: ConfigLike) -> Site | None:
 if TYPE_CHECKING:
     from astropy.table import QTable
 
-_OF_THE_LOG = ("seq", "t_utc_ns", "is_superseded")
+_LOG_COLUMNS = ("seq", "t_utc_ns", "is_superseded")
 FRAME = Column(name="frame", type="text", meaning="The frame by its name.")
 
 
@@ -239,7 +239,7 @@ def table_of(
     columns, whose values ``more`` has for each row.
     """
     rows = rows_of(name, [(seq, 0, record) for seq, record in enumerate(records, start=1)])
-    columns = [each for each in TABLES[name].columns if each.name not in _OF_THE_LOG]
+    columns = [each for each in TABLES[name].columns if each.name not in _LOG_COLUMNS]
     if names is not None:
         columns.insert(0, FRAME)
         rows = [{**row, "frame": names.get(row["frame_id"])} for row in rows]

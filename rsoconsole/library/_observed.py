@@ -9,7 +9,7 @@ from typing import Any, TypeAlias
 import numpy as np
 
 from rsoconsole.base import InputError, raised_as
-from rsoconsole.library._given import ConfigLike, Number, Place, needed_site, number, site_of
+from rsoconsole.library._given import ConfigLike, Number, Place, number, required_site, site_of
 from rsoconsole.library._observations import (
     TableLike,
     directions_of,
@@ -60,7 +60,7 @@ def _groups(what: Any, ask: Asked) -> list[Group]:
         groups = list(read_observations(path, _read_as(ask)))
         return groups if ask.track is None else [_only(groups, ask.track)]
     if isinstance(what, Track):
-        return [(_of_taken(f"track {what.number}", what.number, what.site, what.taken),)]
+        return [(_observed_track(f"track {what.number}", what.number, what.site, what.taken),)]
     if isinstance(what, NightTrack):
         if ask.site is None:
             raise InputError(
@@ -68,12 +68,12 @@ def _groups(what: Any, ask: Asked) -> list[Group]:
                 f" rso.orbit(night, track={what.number}), or site="
             )
         name = f"track {what.number}"
-        return [(_of_taken(name, what.number, site_of(ask.site), what.measurements),)]
+        return [(_observed_track(name, what.number, site_of(ask.site), what.measurements),)]
     if isinstance(what, Mapping):
         raise InputError(
             f"{len(what)} tracks: an orbit is of one object; take one of them, as in tracks[1]"
         )
-    return [(_of_table(what, ask),)]
+    return [(_observed_table(what, ask),)]
 
 
 def _read_as(ask: Asked) -> ReadAs:
@@ -100,13 +100,13 @@ def _only(groups: list[Group], track: int) -> Group:
     return (chosen[0],)
 
 
-def _of_taken(name: str, number_: int, site: Site, taken: Sequence[Measurement]) -> Observed:
+def _observed_track(name: str, number_: int, site: Site, taken: Sequence[Measurement]) -> Observed:
     with raised_as(InputError):
         seen = sightings_of(site, taken)
     return Observed(name=name, site=site, limits=None, seen=seen, number=number_, track_id=number_)
 
 
-def _of_table(value: Any, ask: Asked) -> Observed:
+def _observed_table(value: Any, ask: Asked) -> Observed:
     table = expect_table(value, "file, session, track or table of observations")
     # Nobody knows when a crossing was where, or where along itself one that the frame cuts was.
     for name, is_wanted in (("is_crossing", False), ("is_clipped", False), ("is_taken", True)):
@@ -114,7 +114,7 @@ def _of_table(value: Any, ask: Asked) -> Observed:
             table = table[np.asarray(table[name], bool) == is_wanted]
     rows = directions_of(table, 1.0 if ask.sigma is None else ask.sigma)
     expect_one_object(table)
-    site = needed_site(ask.site, rows.site, ask.config)
+    site = required_site(ask.site, rows.site, ask.config)
     with raised_as(InputError):
         seen = sightings(
             site, rows.t_utc_ns, rows.ra_icrs_deg, rows.dec_icrs_deg, rows.cov_sky_arcsec2

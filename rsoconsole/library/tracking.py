@@ -13,7 +13,7 @@ from rsoconsole.library._given import (
     Number,
     Place,
     config_of,
-    needed_site,
+    required_site,
     table_of,
 )
 from rsoconsole.library._observations import (
@@ -195,7 +195,7 @@ def track(
     if not len(table) and own_meta(table):
         return Tracks({}, ())  # frames that show nothing
     rows = directions_of(table, sigma)
-    where = needed_site(site, rows.site, config)
+    where = required_site(site, rows.site, config)
     settings = _at_site(config_of(config, {"filter.preset": preset}), where)
     exposure_s = frame_facts(exposure=exposure).exposure_s
     frames = list(_frames(table, rows, settings, exposure_s))
@@ -265,7 +265,7 @@ def _frames(
             length_s = exposure_s or USUAL_EXPOSURE_S
             if exposure_s is None and lengths is not None:
                 length_s = float(lengths[members[0]])
-            seen = _made_up(int(rows.t_utc_ns[members[0]]), length_s, config)  # noqa: PLW2901
+            seen = _synthetic_frame(int(rows.t_utc_ns[members[0]]), length_s, config)  # noqa: PLW2901
         yield replace(
             seen,
             taken=replace(seen.taken, frame_id=frame_id),
@@ -331,7 +331,7 @@ def _meta_frames(table: Any) -> list[Shown]:
     return found
 
 
-def _made_up(t_mid_ns: int, exposure_s: float, config: Config) -> Shown:
+def _synthetic_frame(t_mid_ns: int, exposure_s: float, config: Config) -> Shown:
     """The frame of observations that say nothing of one: as large as the configured camera's."""
     width_px, height_px = config.optics.width_px, config.optics.height_px
     start_ns = t_mid_ns - round(exposure_s * 5e8)

@@ -126,8 +126,7 @@ def _first_line(process: "subprocess.Popen[bytes]", settings: dict[str, Any]) ->
             process.kill()
             return {"error": f"it did not listen within {START_S:.0f} s: try again"}
     line = process.stdout.readline()
-    answer: dict[str, Any] = json.loads(line) if line.strip() else {}
-    return answer
+    return dict(json.loads(line)) if line.strip() else {}
 
 
 def _tail(log: IO[bytes]) -> str:

@@ -41,7 +41,7 @@ from rsoconsole.simulator.nights.night_plan import plan_of_table, scenario_of, s
 from rsoconsole.simulator.nights.scenarios import scenario_named
 from rsoconsole.simulator.scene.scene import Scene
 from rsoconsole.simulator.scene.world_scene import binned
-from rsoconsole.simulator.world.world import NAMELESS, World, world_from
+from rsoconsole.simulator.world.world import DEFAULT_WORLD, World, world_from
 from rsoconsole.sky import icrs_of_hour_angle, icrs_to_jnow
 
 
@@ -56,7 +56,7 @@ class Stage:
     """Where the mount looks when the night begins."""
     start_dec_icrs_deg: float
     scene: Scene
-    world: World = NAMELESS
+    world: World = DEFAULT_WORLD
     """What is imperfect; the scene knows its own part of it."""
 
 

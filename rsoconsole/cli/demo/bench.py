@@ -73,7 +73,7 @@ def run_bench(config: Config, *, json_: bool) -> None:
             )
         output.say(f"rounds counted: {max(stage.repeats for stage in result.stages)}")
         output.say(*summary_lines(summary), *(f"note: {note}" for note in notes))
-    output.exit_where(not summary.is_enough, "this machine does not hold what is configured")
+    output.exit_if(not summary.is_enough, "this machine does not hold what is configured")
 
 
 def _heat(before_c: float | None, after_c: float | None) -> str:

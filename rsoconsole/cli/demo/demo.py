@@ -189,10 +189,10 @@ def demo(
 
 def _world_of(named: str | None, seed: int) -> "World":
     """The world that the option names. Raises ConfigError with the remedy."""
-    from rsoconsole.simulator import NAMELESS, load_world, random_world
+    from rsoconsole.simulator import DEFAULT_WORLD, load_world, random_world
 
     if named is None:
-        return NAMELESS
+        return DEFAULT_WORLD
     return random_world(seed) if named == "random" else load_world(Path(named))
 
 

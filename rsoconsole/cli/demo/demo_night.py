@@ -31,9 +31,9 @@ if TYPE_CHECKING:
 
 log = logging.getLogger(__name__)
 
-BESIDE = "engine.sock"
+SCRATCH_SOCKET = "engine.sock"
 LOOK_S = 20.0
-FORGOTTEN_S = 900.0
+ABANDONED_S = 900.0
 """A demo whose console is gone ends after so long in which autonomy does not have the mount."""
 
 
@@ -117,7 +117,7 @@ def run_night(
                 if socket is not None:
                     raise
                 # Another engine has taken the usual place since it was looked at.
-                folder = engine_at(Path(scratch) / BESIDE)
+                folder = engine_at(Path(scratch) / SCRATCH_SOCKET)
         records = (record for _, _, record in SessionReader(folder).records())
         figures = summarise(records, read_truth(truth_path), targets_of(night))
     about = {"scenario": night.scenario, "seed": night.seed, "session": str(folder)}
@@ -152,7 +152,7 @@ def control_socket(scratch: Path) -> Path | None:
         with EngineLock(default_socket_path()):
             return None
     except (ControlError, OSError):
-        return scratch / BESIDE
+        return scratch / SCRATCH_SOCKET
 
 
 class NightProcess:
@@ -206,11 +206,10 @@ class NightProcess:
     def _line(self) -> dict[str, Any]:
         assert self._process.stdout is not None
         line = self._process.stdout.readline()
-        answer: dict[str, Any] = json.loads(line) if line.strip() else {}
-        return answer
+        return dict(json.loads(line)) if line.strip() else {}
 
 
-def end_when_forgotten(socket: Path, starter: int) -> None:
+def end_when_abandoned(socket: Path, starter: int) -> None:
     """End the engine at ``socket`` when its starter is gone and nothing has gone on for long.
 
     Nothing goes on while autonomy does not have the mount: after dawn, a STOP, a fault. A console
@@ -226,7 +225,7 @@ def end_when_forgotten(socket: Path, starter: int) -> None:
             is_busy = read_status(client.send(AskStatus()).data).holder == "autonomy"
             if is_busy or os.getppid() == starter:
                 idle_since_s = time.monotonic()
-            elif time.monotonic() - idle_since_s > FORGOTTEN_S:
+            elif time.monotonic() - idle_since_s > ABANDONED_S:
                 client.send(Shutdown())
                 return
         except ControlError as error:
@@ -254,7 +253,7 @@ def main() -> int:
         waits.close()
         report({"session": str(folder), "socket": str(path)})
         forgotten = threading.Thread(
-            target=end_when_forgotten, args=(path, order["starter"]), daemon=True
+            target=end_when_abandoned, args=(path, order["starter"]), daemon=True
         )
         forgotten.start()
 

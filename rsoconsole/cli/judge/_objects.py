@@ -191,7 +191,7 @@ class _Judge:
         for found in frame.names:
             on = self.followed.get(found.track_id)
             if found.track_id in steps and on is not None and on in self.tallies:
-                number = named_number(found)
+                number = identified_norad_id(found)
                 self.tallies[on].identified = None if number is None else number == on
 
     def _of(self, number: int, sky: _Field) -> _Tally:
@@ -341,7 +341,7 @@ def _taken(frame: NightFrame, step: FrameTrack) -> Measurement | None:
     return next((m for m in frame.measurements if m.measurement_id == named), None)
 
 
-def named_number(found: Identified | None) -> int | None:
+def identified_norad_id(found: Identified | None) -> int | None:
     """Of the catalogue, where it is surely that one."""
     if found is None or found.verdict != "identified" or not found.matches:
         return None

@@ -10,9 +10,9 @@ from typing import Any
 
 from rsoconsole.base import json_of
 from rsoconsole.cli.judge._objects import (
+    identified_norad_id,
     is_on_a_streak,
     lead_of,
-    named_number,
     objects_figures,
     offset_arcsec,
     offset_of,
@@ -91,7 +91,7 @@ def tracks_figures(
     satellites: dict[object, _Satellite] = {}
     for frame in frames:
         for track_id, step in steps_of(frame).items():
-            number = named_number(known[track_id].identified)
+            number = identified_norad_id(known[track_id].identified)
             key: object = ("track", track_id) if number is None else number
             found = satellites.setdefault(key, _Satellite())
             if track_id not in found.tracks:
@@ -108,10 +108,10 @@ def tracks_figures(
 def _figures(satellite: _Satellite, known: Mapping[int, NightTrack], newest: int) -> dict[str, Any]:
     last = known[satellite.tracks[-1]]
     orbit, named, lost = last.orbit, last.identified, last.lost
-    is_named = named_number(named) is not None
+    is_named = identified_norad_id(named) is not None
     return {
         "name": named.matches[0].name if named is not None and is_named else None,
-        "norad_id": named_number(named),
+        "norad_id": identified_norad_id(named),
         "tracks": list(satellite.tracks),
         "frames": satellite.frames,
         "last_frame": satellite.last_frame,
@@ -158,7 +158,7 @@ def summarise(
     log = list(records)
     frames = [each for each in frames_of(log) if each.taken is not None]
     views = _with_exposures(frames, truth)
-    led, misses = _led(frames)
+    led, misses = _lead_track(frames)
     locked = (each.frame_id for each in frames if any(c.after == "TRACK" for c in each.changes))
     return {
         "frames": len(frames),
@@ -180,7 +180,7 @@ def summarise(
 
 
 @dataclass(slots=True)
-class _Led:
+class _LeadTrack:
     """What was known last of the lead of then."""
 
     track_id: int | None = None
@@ -188,9 +188,9 @@ class _Led:
     identified: Identified | None = None
 
 
-def _led(frames: Iterable[NightFrame]) -> tuple[_Led, int]:
+def _lead_track(frames: Iterable[NightFrame]) -> tuple[_LeadTrack, int]:
     """Beside it: how many misses the leads had."""
-    led, misses = _Led(), 0
+    led, misses = _LeadTrack(), 0
     for frame in frames:
         lead = lead_of(steps_of(frame))
         led.track_id = led.track_id if lead is None else lead

@@ -10,7 +10,7 @@ from rsoconsole.cli.words import output
 from rsoconsole.cli.words.batch_options import Bar
 from rsoconsole.cli.words.ledger_words import say_moved_aside
 from rsoconsole.cli.words.options import catalogue_of
-from rsoconsole.cli.words.standard_input import Piped
+from rsoconsole.cli.words.standard_input import InputFiles
 from rsoconsole.config import effective_settings, load_config
 from rsoconsole.orbits import Identification
 from rsoconsole.pipeline import (
@@ -28,7 +28,7 @@ from rsoconsole.words import utc_ns_to_iso
 
 
 def identify_field(
-    files: Piped,
+    files: InputFiles,
     frame_count: int,
     plate: PlateMode,
     config_path: Path | None,
@@ -83,7 +83,7 @@ def identify_field(
         output.answer(json_, report, lambda found: movers_lines(found, FEWEST))
     if not json_:
         output.say(*source_lines(errors, regimes))
-    output.exit_where(failures)
+    output.exit_if(failures)
 
 
 def _expect_site(config_path: Path | None) -> None:

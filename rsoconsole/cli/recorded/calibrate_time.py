@@ -10,7 +10,7 @@ from rsoconsole.base import ConfigError
 from rsoconsole.cli.words import output
 from rsoconsole.cli.words.batch_options import progress
 from rsoconsole.cli.words.options import ConfigOption, JsonOption, SessionsArgument, WriteOption
-from rsoconsole.cli.words.usage import set_in_file
+from rsoconsole.cli.words.usage import write_to_config
 from rsoconsole.config import load_config
 
 if TYPE_CHECKING:
@@ -161,4 +161,4 @@ def _write(found: "FoundTiming", config_path: Path | None, *, force: bool) -> Pa
             f" (of {old.measured_on}), this result {errors_words(new)}: add nights, or --force"
         )
     whole = [each.model_dump(mode="json") for each in put_together(exposure, timings)]
-    return set_in_file(config_path, {"exposure.calibrated": whole})
+    return write_to_config(config_path, {"exposure.calibrated": whole})

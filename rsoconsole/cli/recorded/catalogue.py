@@ -11,7 +11,7 @@ from rsoconsole.base import ControlError, OrbitError, raised_as
 from rsoconsole.cli.words import output
 from rsoconsole.cli.words.batch_options import progress
 from rsoconsole.cli.words.options import ConfigOption, JsonOption, SocketOption
-from rsoconsole.cli.words.usage import set_in_file
+from rsoconsole.cli.words.usage import write_to_config
 from rsoconsole.config import Config, home_path, load_config, shown
 from rsoconsole.words import counted, utc_ns_to_iso
 
@@ -59,7 +59,7 @@ def update(
             bar()
             with bar.aside():
                 _report(each, settings, json_)
-    output.exit_where(faults, f"{counted(faults, 'source')} could not be fetched; each says why")
+    output.exit_if(faults, f"{counted(faults, 'source')} could not be fetched; each says why")
 
 
 def _report(each: "Updated", settings: Config, json_: bool) -> None:
@@ -136,7 +136,7 @@ def add(
     files = [str(path) for path in settings.catalogue.tle_files]
     if str(run.store.folder) not in files:
         files.append(str(run.store.folder))
-    set_in_file(
+    write_to_config(
         config,
         {"catalogue.sources": [each.text for each in order], "catalogue.tle_files": files},
         is_secret=any(each.words != each.text for each in order),  # an address with a password

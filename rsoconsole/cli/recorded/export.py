@@ -114,7 +114,7 @@ def _export(session: Path, kind: Any, out: str | None, options: Any, json_: bool
     if out == STDOUT:
         with progress(f"export {kind}"):
             text, made = render(session, kind, options)
-        output.hand_over(text)
+        output.emit_text(text)
     else:
         with progress(f"export {kind}"):
             made = write(session, kind, None if out is None else Path(out), options)
@@ -173,7 +173,7 @@ def _report(session: Path, out: str | None, json_: bool, *, is_forced: bool) -> 
     with progress("report"):
         report = render_report(session)
     if out == STDOUT:
-        output.hand_over(report.html)
+        output.emit_text(report.html)
         return
     new_folder = _folder_to_make("html", out)
     path = None if out is None else Path(out)

@@ -10,7 +10,7 @@ from rsoconsole.cli.words import completion, output
 from rsoconsole.cli.words.batch_options import progress
 from rsoconsole.cli.words.options import ConfigOption, JsonOption, site_of
 from rsoconsole.cli.words.standard_input import piped
-from rsoconsole.cli.words.usage import usage_faults
+from rsoconsole.cli.words.usage import as_usage_error
 from rsoconsole.config import load_config
 
 if TYPE_CHECKING:
@@ -131,7 +131,7 @@ def orbit(
 
     form = None if out is None else form_of(out)  # before the work: a wrong ending ends it
     ask = read_as(sigma, site, stations, object_, is_radians=radians)
-    with usage_faults("--cospar", ExportError):
+    with as_usage_error("--cospar", ExportError):
         target = Target(cospar=cospar)
     with piped(paths) as files, progress("orbit"):
         read = [
@@ -175,7 +175,7 @@ def read_as(
     """What the options say of files. Raises BadParameter for a site that is none."""
     from rsoconsole.library import ReadAs
 
-    with usage_faults("", ConfigError):
+    with as_usage_error("", ConfigError):
         place = None if site is None else site_of(site)
     return ReadAs(
         sigma_arcsec=sigma_arcsec,

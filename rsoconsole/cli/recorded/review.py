@@ -7,7 +7,7 @@ import typer
 
 from rsoconsole.cli.words import completion
 from rsoconsole.cli.words.options import GraphicsOption, SocketOption
-from rsoconsole.cli.words.usage import usage_faults
+from rsoconsole.cli.words.usage import as_usage_error
 from rsoconsole.config import load_config
 from rsoconsole.instruments import stop_past_engine
 
@@ -53,7 +53,7 @@ def review(
     from rsoconsole.console import run_review, understood
 
     if at:
-        with usage_faults("--at"):
+        with as_usage_error("--at"):
             understood(at)
     if sample:
         if session is not None:

@@ -249,7 +249,7 @@ def _each(places: list[Path], is_well: Callable[[Path], bool], what_else: str, j
         except SessionError as error:
             failed += 1
             output.report_fault(json_, str(error), session=place)
-    output.exit_where(failed, f"{failed} {what_else}")
+    output.exit_if(failed, f"{failed} {what_else}")
 
 
 def _root(root: Path | None, config: Path | None) -> Path:

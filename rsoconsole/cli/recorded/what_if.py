@@ -13,8 +13,8 @@ from rsoconsole.cli.words.batch_options import (
     SchedulerOption,
     SerialOption,
     WorkersOption,
-    everywhere,
     progress,
+    resolved_paths,
 )
 from rsoconsole.cli.words.options import (
     JsonOption,
@@ -170,7 +170,7 @@ def _answer(questions: "list[BatchQuestion]", pool: "WorkerPool", json_: bool) -
         with progress("frames looked through") as on_frame:
             answers = [answer(questions[0], on_frame)]
     else:
-        paths = everywhere([each.session for each in questions])
+        paths = resolved_paths([each.session for each in questions])
         whole = [replace(q, session=path) for q, path in zip(questions, paths, strict=True)]
         with progress("sessions", len(questions)) as on_done:
             found_of = share_out(
@@ -184,7 +184,7 @@ def _answer(questions: "list[BatchQuestion]", pool: "WorkerPool", json_: bool) -
             output.report_fault(json_, found.error, session=shown)
         else:
             output.answer(json_, found, partial(answer_lines, shown), session=shown)
-    output.exit_where(failures)
+    output.exit_if(failures)
 
 
 def _propose(sessions: list[Path], save: str | None, json_: bool, *, force: bool) -> None:

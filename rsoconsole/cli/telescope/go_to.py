@@ -9,7 +9,7 @@ from rsoconsole.cli.telescope.order import send
 from rsoconsole.cli.telescope.waiting import Goal, WaitOption, arrival, config_of
 from rsoconsole.cli.words import output
 from rsoconsole.cli.words.options import JsonOption, OverrideOption, SocketOption
-from rsoconsole.cli.words.usage import usage_faults
+from rsoconsole.cli.words.usage import as_usage_error
 from rsoconsole.control import Goto, Outcome, Preview
 
 if TYPE_CHECKING:
@@ -95,5 +95,5 @@ def _understood(text: str, status: "Status") -> "Understood":
     if status.now_utc_ns is None:
         raise ControlError("the engine does not say what time it has: it is of another version")
     names = Names.load(config.catalogue.tle_files)
-    with usage_faults():
+    with as_usage_error():
         return understand(text, config.site.to_site(), status.now_utc_ns, names)

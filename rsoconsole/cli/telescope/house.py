@@ -55,7 +55,7 @@ def doctor(
     for check in run_checks(load_config(config)):
         failed += check.ok is False
         output.answer(json_, check, _check_lines)
-    output.exit_where(failed, f"{counted(failed, 'check')} failed; each says what to do")
+    output.exit_if(failed, f"{counted(failed, 'check')} failed; each says what to do")
 
 
 def _check_lines(check: "Check") -> Iterator[str]:
@@ -111,7 +111,7 @@ def config_check(config: ConfigOption = None, json_: JsonOption = False) -> None
     faults = config_faults(config)
     for fault in faults:
         output.answer(json_, fault, lambda f: f"{f.name or 'file'}: {f.problem}: {f.remedy}")
-    output.exit_where(len(faults), f"{counted(len(faults), 'fault')} in the configuration")
+    output.exit_if(len(faults), f"{counted(len(faults), 'fault')} in the configuration")
     if not json_:
         output.say(*sound_lines(config))
 
@@ -199,7 +199,7 @@ def send_test(config: ConfigOption = None, json_: JsonOption = False) -> None:
         )
     title = f"rsoconsole {settings.site.name}: test"
     body = "a test: word reaches you"
-    with _own_words_alone():
+    with _only_own_messages():
         results = [
             (each.name, send_within(each.url, title, body)) for each in services_of(settings.alerts)
         ]
@@ -211,11 +211,11 @@ def send_test(config: ConfigOption = None, json_: JsonOption = False) -> None:
         else:
             output.say(f"{'ok  ' if done.ok else 'FAIL'} {name:16} {done.detail}")
     failed = sum(not done.ok for _, done in results)
-    output.exit_where(failed, f"{counted(failed, 'service')} did not take it; each says why")
+    output.exit_if(failed, f"{counted(failed, 'service')} did not take it; each says why")
 
 
 @contextlib.contextmanager
-def _own_words_alone() -> Iterator[None]:
+def _only_own_messages() -> Iterator[None]:
     """Nothing that apprise and its libraries say is logged: it may hold an address."""
     handlers, own = list(logging.getLogger().handlers), logging.Filter(APP)
     for handler in handlers:

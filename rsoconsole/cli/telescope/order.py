@@ -15,7 +15,7 @@ from rsoconsole.base import ControlError
 from rsoconsole.cli.telescope.waiting import GOALS, Follower, Goal, WaitOption
 from rsoconsole.cli.words import completion, output
 from rsoconsole.cli.words.options import JsonOption, SocketOption, number_or_text
-from rsoconsole.cli.words.usage import usage_faults
+from rsoconsole.cli.words.usage import as_usage_error
 from rsoconsole.control import COMMANDS, Command, Outcome, Set
 
 if TYPE_CHECKING:
@@ -109,7 +109,7 @@ def _check(command: Command) -> None:
     """Raises BadParameter for what no engine could carry out: nothing need be sent for that."""
     from rsoconsole.engine import check_tunable
 
-    with usage_faults():
+    with as_usage_error():
         command.check()
         if isinstance(command, Set):
             check_tunable(command.name)

@@ -12,7 +12,7 @@ from rsoconsole.cli.words import output
 from rsoconsole.cli.words.batch_options import progress
 from rsoconsole.cli.words.options import ConfigOption, JsonOption, TleOption, catalogue_of
 from rsoconsole.cli.words.standard_input import piped
-from rsoconsole.cli.words.usage import usage_faults
+from rsoconsole.cli.words.usage import as_usage_error
 from rsoconsole.config import Config, load_config
 from rsoconsole.words import NS_PER_S, clock, no_night, utc_ns_to_iso
 
@@ -90,7 +90,7 @@ def _span(config: Config, at: str, hours: float | None) -> tuple[int, int]:
     """First and last instant, UTC ns. Raises OrbitError where the night has no dark time."""
     from rsoconsole.sky import iso_to_utc_ns, night_span
 
-    with usage_faults("--at"):
+    with as_usage_error("--at"):
         now_ns = iso_to_utc_ns(at) if at else time.time_ns()
     twilight_deg = config.limits.twilight_deg
     dark = night_span(config.site.to_site(), now_ns, twilight_deg)

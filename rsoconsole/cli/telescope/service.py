@@ -46,7 +46,7 @@ def service_show(config: ConfigOption = None) -> None:
     Example: rsoconsole service show
     """
     is_possible = has_namespace()
-    output.hand_over(unit_text(exec_start(config), os.environ, is_in_namespace=is_possible is True))
+    output.emit_text(unit_text(exec_start(config), os.environ, is_in_namespace=is_possible is True))
 
 
 @service_app.command("install")

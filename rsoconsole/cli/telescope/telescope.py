@@ -215,7 +215,7 @@ def _write_metrics(socket: Path | None, out: Path | None) -> None:
     except ControlError:
         text = metrics(None)
     if out is None:
-        output.hand_over(text)
+        output.emit_text(text)
         return
     with said_as(ControlError, f"{out} cannot be written: "):
         write_durably(out, text.encode(), mode=0o644)

@@ -111,6 +111,6 @@ def byte_progress() -> Iterator[Callable[[str, int, int], None]]:
         yield report
 
 
-def everywhere(paths: list[Path]) -> list[Path]:
+def resolved_paths(paths: list[Path]) -> list[Path]:
     """The paths as a worker on another machine, or in another folder, understands them."""
     return [path.resolve() for path in paths]

@@ -211,7 +211,7 @@ def write_elements(elements: FittedElements, path: Path, form: Form, *, force: b
     else:
         text = omm(elements.mean, created_utc_ns=time.time_ns(), form=form)
     if str(path) == "-":
-        output.hand_over(text if text.endswith("\n") else f"{text}\n")
+        output.emit_text(text if text.endswith("\n") else f"{text}\n")
         return ""
     write_file(path, text.encode("utf-8"), is_forced=force)
     return f"wrote {path}"

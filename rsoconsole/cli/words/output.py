@@ -79,7 +79,7 @@ def complain(*lines: str) -> None:
         typer.echo(one_line(line), err=True)
 
 
-def exit_where(failed: int, words: str = "") -> None:
+def exit_if(failed: int, words: str = "") -> None:
     """End with 1 where something has failed, and say so."""
     if failed and words:
         complain(f"rsoconsole: {words}")
@@ -94,7 +94,7 @@ def report_fault(json_: bool, words: str, **of: Any) -> None:
     complain(f"rsoconsole: {words}")
 
 
-def hand_over(text: str) -> None:
+def emit_text(text: str) -> None:
     """A document on stdout, to the last character where that is a file or a pipe."""
     typer.echo(printable(text) if sys.stdout.isatty() else text, nl=False)
 

@@ -58,7 +58,7 @@ def usage_line(error: Any) -> str:
 
 
 @contextlib.contextmanager
-def usage_faults(hint: str = "", caught: type[Exception] = ValueError) -> Iterator[None]:
+def as_usage_error(hint: str = "", caught: type[Exception] = ValueError) -> Iterator[None]:
     """Raise what cannot be meant as wrong usage of the option ``hint``."""
     try:
         yield
@@ -66,7 +66,7 @@ def usage_faults(hint: str = "", caught: type[Exception] = ValueError) -> Iterat
         raise typer.BadParameter(str(error), param_hint=hint or None) from error
 
 
-def set_in_file(
+def write_to_config(
     config: Path | None, settings: Mapping[str, Any], *, is_secret: bool = False
 ) -> Path:
     """Write settings into the configuration file; its place. Raises ConfigError.

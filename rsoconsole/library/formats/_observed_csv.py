@@ -86,7 +86,7 @@ def read_table(text: str, name: str) -> tuple[ObservedRow, ...]:
     if not records:
         raise ExportError(f"{name} holds no observations: {NEEDED} are needed")
     columns = _Columns(list(records[0][1]), name)
-    return tuple(columns.row(values, where) for where, values in records if columns.counts(values))
+    return tuple(columns.row(values, where) for where, values in records if columns.is_used(values))
 
 
 def looks_like_table(text: str) -> bool:
@@ -160,7 +160,7 @@ class _Columns:
         """The column's own name."""
         return next((self._by_name[each] for each in wanted if each in self._by_name), None)
 
-    def counts(self, values: Mapping[str, str]) -> bool:
+    def is_used(self, values: Mapping[str, str]) -> bool:
         """Whether it is a measurement that this program's own tables say was taken."""
         taken = self._by_name.get("is_taken")
         cut = self._by_name.get("is_clipped")

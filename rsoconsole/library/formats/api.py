@@ -19,7 +19,7 @@ from rsoconsole.library.formats.rows import COLUMNS, MeasuredRow
 from rsoconsole.library.formats.solved_fits import solved_fits, to_regions
 from rsoconsole.library.formats.tables import utc_time
 from rsoconsole.library.formats.target import Target
-from rsoconsole.library.formats.tdm import ORIGINATOR, to_tdm, whole, xml_of
+from rsoconsole.library.formats.tdm import ORIGINATOR, to_tdm, unclipped, xml_of
 from rsoconsole.words import utc_ns_to_iso
 
 MARKING = "U"
@@ -35,7 +35,7 @@ def to_udl(night: ExportedNight, tracks: Iterable[int], options: "ExportOptions"
     """The records. A streak that the frame cuts is left out."""
     found: list[dict[str, Any]] = []
     for track in tracks:
-        rows = whole(night.of_track(track))
+        rows = unclipped(night.of_track(track))
         places = ["FIRST", *["IN"] * (len(rows) - 2), "LAST"] if len(rows) > 1 else ["SINGLE"]
         found += [
             _record(night, track, row, place, options)
@@ -283,7 +283,7 @@ def _messages(night: ExportedNight, kind: str, options: ExportOptions) -> tuple[
             f"the session has {len(tracks)} tracks: --track says which of them has that number"
         )
     taken = [row for track in tracks for row in night.of_track(track)]
-    sent = whole(tuple(taken))
+    sent = unclipped(tuple(taken))
     if not sent:
         raise ExportError(
             "no track took anything in this session: there is nothing to report; "
@@ -330,7 +330,7 @@ def _export_frames(
 ) -> Export:
     night = read_night(session)
     frames = on_record.frames_on_record(session, night.rows)
-    numbers = on_record.chosen(frames, options.frames)
+    numbers = on_record.selected_frames(frames, options.frames)
     left_out: dict[str, int] = {}
     if options.frames is None:
         usable = [n for n in numbers if kind == "regions" or frames[n].file is not None]

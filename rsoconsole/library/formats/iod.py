@@ -15,7 +15,7 @@ from rsoconsole.base import ExportError
 from rsoconsole.library.formats.night import ExportedNight
 from rsoconsole.library.formats.rows import MeasuredRow
 from rsoconsole.library.formats.target import Target
-from rsoconsole.library.formats.tdm import whole
+from rsoconsole.library.formats.tdm import unclipped
 from rsoconsole.sky import largest_sigma, tai_minus_utc_s, wrap_180, wrap_360
 from rsoconsole.words import NS_PER_DAY, utc_ns_to_iso
 
@@ -51,7 +51,7 @@ def to_iod(
     check_station(station, sky)
     offset_s = night.about.get("clock_offset_s")
     clock_s = float(offset_s) if isinstance(offset_s, int | float) else 0.0
-    rows = [row for track in tracks for row in whole(night.of_track(track))]
+    rows = [row for track in tracks for row in unclipped(night.of_track(track))]
     rows.sort(key=lambda row: row.t_mid_utc_ns)
     return "".join(
         _line(

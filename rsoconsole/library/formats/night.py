@@ -68,6 +68,11 @@ class ExportedNight:
         """Whether no telescope was there."""
         return self.about.get("is_simulated") is True
 
+    @property
+    def is_closed(self) -> bool:
+        """False while it goes on, and where it was cut off."""
+        return self.about.get("is_closed") is True
+
     def time_sigma_s(self, row: MeasuredRow) -> float:
         """One sigma of a row's time by the shutter alone."""
         taken = self.taken.get(row.frame_id)
@@ -90,7 +95,7 @@ class ExportedNight:
             "session": self.name,
             "title": self.title,
             "is_simulated": self.is_simulated,
-            "is_closed": self.about.get("is_closed") is True,
+            "is_closed": self.is_closed,
             "site": site.model_dump(mode="json"),
             "optics": optics.model_dump(mode="json"),
             "exposure_s": self.config.exposure.exposure_s,

@@ -56,7 +56,7 @@ def frames_on_record(session: Path, rows: Iterable[MeasuredRow]) -> dict[int, Fr
     return frames
 
 
-def chosen(frames: dict[int, FrameOnRecord], numbers: tuple[int, ...] | None) -> list[int]:
+def selected_frames(frames: dict[int, FrameOnRecord], numbers: tuple[int, ...] | None) -> list[int]:
     """The frames asked for, all with None. Raises ExportError for one that there is not."""
     if numbers is None:
         return sorted(frames)

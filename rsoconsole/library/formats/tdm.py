@@ -61,13 +61,13 @@ def to_tdm(
         f"ORIGINATOR = {_name(originator)}",
     ]
     for track in tracks:
-        rows = whole(night.of_track(track))
+        rows = unclipped(night.of_track(track))
         if rows:
             lines.extend(_segment(night, track, rows, target))
     return "".join(_ascii(line)[:LONGEST_LINE].rstrip() + "\n" for line in lines)
 
 
-def whole(rows: tuple[MeasuredRow, ...]) -> tuple[MeasuredRow, ...]:
+def unclipped(rows: tuple[MeasuredRow, ...]) -> tuple[MeasuredRow, ...]:
     """Those whose place is known in every direction."""
     return tuple(row for row in rows if not row.is_clipped)
 

@@ -25,7 +25,7 @@ from rsoconsole.simulator.mount.indi_vectors import (
 )
 from rsoconsole.simulator.mount.mount_model import MountModel
 from rsoconsole.simulator.scene.scene import Scene
-from rsoconsole.simulator.world.world import NAMELESS, World
+from rsoconsole.simulator.world.world import DEFAULT_WORLD, World
 from rsoconsole.sky import jnow_to_icrs
 from rsoconsole.words import NS_PER_S, format_dec, format_ra, utc_ns_to_iso
 
@@ -74,7 +74,7 @@ class CameraDevice:
         truth_path: Path | None,
         mount_name: str,
         spawn: Callable[[Coroutine[Any, Any, None]], Any],
-        world: World = NAMELESS,
+        world: World = DEFAULT_WORLD,
         seed: int = 0,
     ) -> None:
         self._world, self._seed = world, seed

@@ -13,9 +13,9 @@ from rsoconsole.records import FloatArray
 from rsoconsole.simulator.mount.mount_model import MountTraits, systematic_error_deg
 from rsoconsole.simulator.nights._when_up import (
     Window,
+    expect_visible,
     first_window,
-    look,
-    refuse_time,
+    views_of,
     visible_from,
 )
 from rsoconsole.simulator.nights.night_plan import NightPlan, cadence_for, exposure_for, regime
@@ -71,7 +71,7 @@ def choose_night(
             optics=optics,
         )
     else:
-        refuse_time(targets, site, at_utc_ns, limits=limits, optics=optics)
+        expect_visible(targets, site, at_utc_ns, limits=limits, optics=optics)
         longest_s = frames * config.exposure.cadence_s
         visible_s = visible_from(
             targets, site, at_utc_ns, limits=limits, optics=optics, up_to_s=longest_s
@@ -79,7 +79,7 @@ def choose_night(
         window = Window(t_start_utc_ns=at_utc_ns, visible_s=visible_s)
     span_s = min(window.visible_s, frames * config.exposure.cadence_s)
     ahead_ns = np.rint(np.linspace(0.0, span_s, 60) * NS_PER_S).astype(np.int64)
-    seen = look(targets, site, np.int64(window.t_start_utc_ns) + ahead_ns)
+    seen = views_of(targets, site, np.int64(window.t_start_utc_ns) + ahead_ns)
     ground = float(seen.ground_rate_arcsec_s[0])
     in_time = ahead_ns <= round(frames * cadence_for(ground, short_side_deg) * NS_PER_S)
     exposure_s = exposure_for(float(np.max(seen.rate_arcsec_s[in_time])), optics.scale_arcsec_px)

@@ -48,7 +48,7 @@ from rsoconsole.simulator.sky.passes import (
     satellite_truth,
 )
 from rsoconsole.simulator.sky.star_background import faint_stars, places_now
-from rsoconsole.simulator.world.world import NAMELESS, World
+from rsoconsole.simulator.world.world import DEFAULT_WORLD, World
 from rsoconsole.sky import (
     IntArray,
     StarCatalogue,
@@ -80,7 +80,7 @@ class Scene:
         optics: OpticsConfig | None = None,
         sensor: SensorModel | None = None,
         catalogue: StarCatalogue | None = None,
-        world: World = NAMELESS,
+        world: World = DEFAULT_WORLD,
     ) -> None:
         """``optics`` sets size and scale of ``sensor``; the shipped stars unless others are given.
 

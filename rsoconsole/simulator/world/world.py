@@ -291,7 +291,7 @@ class World(_Part):
         return self.model_dump(exclude_defaults=True)
 
 
-NAMELESS = World()
+DEFAULT_WORLD = World()
 """The night as it always was."""
 
 

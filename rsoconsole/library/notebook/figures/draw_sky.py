@@ -77,7 +77,7 @@ def time_axis(axis: Any, night: DrawnNight) -> None:
     axis.set_xlim(-margin_s, last_s + margin_s)
 
 
-def head(axis: Any, night: DrawnNight, what: str) -> None:
+def write_title(axis: Any, night: DrawnNight, what: str) -> None:
     """A title: what is drawn, of which session, with which preset."""
     axis.set_title(f"{what}. {night.title}, preset {night.config.filter.preset}", loc="left")
 
@@ -136,12 +136,12 @@ def finish(figure: Any, night: DrawnNight, what: str, keys: Sequence[tuple[Any, 
     panels = figure.axes
     figure.align_ylabels(panels)
     time_axis(panels[-1], night)
-    head(panels[0], night, what)
+    write_title(panels[0], night, what)
     if keys:
         legend_above(figure, keys)
 
 
-def with_track(night: DrawnNight) -> list[NightFrame]:
+def tracked_frames(night: DrawnNight) -> list[NightFrame]:
     """Frames at which a track was known."""
     return [frame for frame in night.frames if frame.track is not None]
 
@@ -153,7 +153,7 @@ Where = Callable[[NightFrame, float, float], float | None]
 
 def draw_track(figure: Any, night: DrawnNight) -> None:
     """Right ascension and declination in degrees, as in the paper."""
-    frames = with_track(night)
+    frames = tracked_frames(night)
     ra_0_deg = _first(frames).x[0]
 
     def ra_deg(_frame: NightFrame, ra: float, _dec: float) -> float:
@@ -174,7 +174,7 @@ def draw_track(figure: Any, night: DrawnNight) -> None:
 
 def draw_about_line(figure: Any, night: DrawnNight) -> None:
     """The same about the straight line through the updated states, in seconds of arc."""
-    frames = [frame for frame in with_track(night) if frame.updated is not None]
+    frames = [frame for frame in tracked_frames(night) if frame.updated is not None]
     ra_0_deg = _first(frames).x[0]
     t_s = np.array([night.seconds(frame) for frame in frames])
     states = [frame.updated for frame in frames if frame.updated is not None]
@@ -235,7 +235,7 @@ def _panel(
 ) -> list[tuple[Any, str]]:
     """One panel: bounds of the best state of each frame about it (or about 0), and the marks."""
     column = shade_misses(axis, night)
-    frames = with_track(night)
+    frames = tracked_frames(night)
     bounds, bounds_key = _bounds(axis, night, where, sigma, is_about_zero)
     keys: list[tuple[Any, str]] = []
     shown: list[float] = []

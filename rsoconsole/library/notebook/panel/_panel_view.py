@@ -43,25 +43,25 @@ class LiveNight:
         """(frame, PNG) of the newest preview that is there."""
         about = self._reader.about()
         self._title = title_of(about, folder)
-        self.folded = Night(folder, about, self.begun_with, newest=None)
+        self.fold = Night(folder, about, self.begun_with, newest=None)
 
     def read(self) -> bool:
         """Read what is new; True where there was anything."""
-        before = self.folded.seq
+        before = self.fold.seq
         for seq, t_utc_ns, record in self._reader.records(since_seq=before):
             self.records.append(record)
-            self.folded.take(t_utc_ns, record, seq)
-        return self._read_picture() or self.folded.seq != before
+            self.fold.take(t_utc_ns, record, seq)
+        return self._read_picture() or self.fold.seq != before
 
     def night(self) -> DrawnNight:
         """Its frames so far."""
-        return night_of(self._title, self.begun_with, self.folded.frames.seen())
+        return night_of(self._title, self.begun_with, self.fold.frames.seen())
 
     @property
     def config(self) -> Config:
         """In force now."""
         config = self.begun_with
-        for name, value in self.folded.frames.settings.items():
+        for name, value in self.fold.frames.settings.items():
             try:
                 config = with_setting(config, name, value)
             except ConfigError:
@@ -69,7 +69,7 @@ class LiveNight:
         return config
 
     def _read_picture(self) -> bool:
-        for frame_id in self.folded.newest_frames()[:_FRAMES]:
+        for frame_id in self.fold.newest_frames()[:_FRAMES]:
             if self.picture is not None and self.picture[0] >= frame_id:
                 return False
             path = self._reader.preview_path(frame_id)
@@ -129,7 +129,7 @@ def night_view(live: LiveNight) -> dict[str, Any]:
     """The record: plots of the newest frames, marks over the picture, the log."""
     night = live.night()
     frame_id = None if live.picture is None else live.picture[0]
-    frame = None if frame_id is None else live.folded.frame(frame_id)
+    frame = None if frame_id is None else live.fold.frame(frame_id)
     return {
         "title": night.title,
         "plots": plots(night),
@@ -139,7 +139,7 @@ def night_view(live: LiveNight) -> dict[str, Any]:
         "nis": _nis_words(night),
         "log": [
             [clock(each.t_utc_ns), each.level, printable(each.text)]
-            for each in live.folded.log[-LOG_LINES:]
+            for each in live.fold.log[-LOG_LINES:]
         ],
         "tunables": [
             [name, label, unit, _setting(live.config, name), list(CHOICES.get(name, ()))]
@@ -246,7 +246,7 @@ def _facts(status: Status) -> list[list[str]]:
 
 
 def _slew_words(live: LiveNight) -> str:
-    slew = live.folded.slew
+    slew = live.fold.slew
     if slew is None:
         return "none ordered yet"
     place = direction(slew.ra_icrs_deg, slew.dec_icrs_deg)
