@@ -1,4 +1,4 @@
-"""What a caller may give: numbers with units, times, places. Units are dealt with here alone."""
+"""Arguments of callers: numbers with units, times, places. Units are converted here alone."""
 
 import math
 from collections.abc import Mapping, Sequence

@@ -65,7 +65,7 @@ def expect_table(value: Any, what: str) -> Any:
 
 
 def directions_of(table: Any, sigma: Number | None) -> Directions:
-    """Its rows. ``sigma``: of those that state none, arcsec; None: every row must state it.
+    """Directions of its rows. ``sigma``: where a row states none, arcsec; None: each must.
 
     Raises InputError naming the column that is missing, has no unit or holds what is none.
     """
@@ -100,7 +100,7 @@ def site_in(table: Any) -> Site | None:
 
 
 def own_meta(table: Any) -> dict[str, Any]:
-    """What ``rso.measure`` wrote into its table beside the rows; empty for others."""
+    """Metadata that ``rso.measure`` wrote into its table; empty for other tables."""
     own = (getattr(table, "meta", None) or {}).get(META)
     return own if isinstance(own, dict) else {}
 

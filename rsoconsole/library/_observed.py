@@ -1,4 +1,4 @@
-"""Of whatever was observed, the directions of one object from one site: what orbits are made of."""
+"""Observations in any form as directions of one object from one site, for orbits and names."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -32,7 +32,7 @@ Group: TypeAlias = tuple[Observed, ...]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Asked:
-    """What the caller says of observations that do not say it themselves."""
+    """Values of the caller for observations that do not state them."""
 
     sigma: Number | None = None
     site: Place | None = None

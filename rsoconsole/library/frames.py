@@ -58,7 +58,7 @@ Frames: TypeAlias = FrameLike | Iterable[FrameLike]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FrameFacts:
-    """What the caller says of frames; it wins over their headers."""
+    """Facts on frames by the caller; they override the headers."""
 
     extension: str | None = None
     t_start_utc_ns: npt.NDArray[np.int64] | None = None
@@ -76,7 +76,7 @@ def frame_facts(
     scale: Number | None = None,
     pointing: SkyCoordLike | None = None,
 ) -> FrameFacts:
-    """The same with units dealt with. Raises InputError."""
+    """The facts with units converted. Raises InputError."""
     exposure_s = None if exposure is None else number(exposure, "s", "exposure")
     if exposure_s is not None and exposure_s <= 0.0:
         raise InputError(f"exposure: {exposure_s:g} s must be above 0")
@@ -267,7 +267,7 @@ def detect(
 
 
 class Hints(TypedDict, total=False):
-    """What may be given beside frames."""
+    """Keywords of ``solve``."""
 
     center: SkyCoordLike | None
     ra: Number | None

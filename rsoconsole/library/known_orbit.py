@@ -53,7 +53,7 @@ class Orbit:
 
     @property
     def label(self) -> Label:
-        """What the directions determine; ``reason`` says why."""
+        """How well the directions determine the orbit; ``reason`` says why."""
         return self._orbit.label
 
     @property
@@ -73,7 +73,7 @@ class Orbit:
 
     @property
     def outliers(self) -> int:
-        """Those of them that were left out of the fit."""
+        """Directions that were left out of the fit."""
         return self._orbit.outliers
 
     @property
@@ -83,7 +83,7 @@ class Orbit:
 
     @property
     def rms(self) -> "Quantity":
-        """Of the used directions' residuals, per axis."""
+        """Root mean square residual of the used directions, per axis."""
         return _quantity(self._orbit.rms_arcsec, "arcsec")
 
     @property
@@ -136,7 +136,7 @@ class Orbit:
 
     @property
     def period(self) -> "Quantity":
-        """Of one revolution."""
+        """Period of revolution."""
         return _quantity(period_s(self._elements["a_km"]), "s")
 
     @property
@@ -266,7 +266,7 @@ class Orbit:
         return omm(fitted.mean, created_utc_ns=time.time_ns(), form=form)
 
     def report(self) -> dict[str, Any]:
-        """What ``rsoconsole orbit --json`` says, but for what lies ahead and elements."""
+        """The report of ``rsoconsole orbit --json``, without predictions and elements."""
         return orbit_report(self._found, None)
 
     @property

@@ -68,7 +68,7 @@ class Track:
 
     @property
     def measurements(self) -> "QTable":
-        """Those that it took, in order of time; as ``rso.measure`` has them."""
+        """Measurements of the track in order of time, as ``rso.measure`` has them."""
         rows = self._found.measurements
         more = [
             dict(zip((c.name for c in SIGMAS[:3]), sigmas_of(m.cov_sky_arcsec2), strict=True))
@@ -99,12 +99,12 @@ class Track:
 
     @property
     def ended(self) -> str:
-        """What ended it, in words; empty: it was followed to the last frame."""
+        """Reason of its end, in words; empty: it was followed to the last frame."""
         return self._found.ended
 
     @property
     def residual_rms(self) -> "Quantity | None":
-        """Of measured minus predicted, on the sky; None without an update."""
+        """Root mean square of measured minus predicted, on the sky; None without an update."""
         from astropy import units
 
         rms = self._found.quality.residual_rms_arcsec

@@ -26,7 +26,7 @@ _LOOK_S = 0.5
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ObservatorySettings:
-    """What the observatory is to be; crosses to its process as JSON."""
+    """Settings of the observatory; they cross to its process as JSON."""
 
     scenario: str
     seed: int

@@ -57,7 +57,7 @@ class Stage:
     start_dec_icrs_deg: float
     scene: Scene
     world: World = DEFAULT_WORLD
-    """What is imperfect; the scene knows its own part of it."""
+    """Imperfections; the scene knows its own part of them."""
 
 
 def open_stage(settings: ObservatorySettings) -> Stage:

@@ -10,7 +10,7 @@ from rsoconsole.words import NS_PER_S, counted, utc_ns_to_iso
 _BESIDE_DEG = 0.05
 """By which the header's direction is off, as a mount's word is."""
 BUSY_SHARE = 0.5
-"""Of the cores at work for others when it began: the figures are worse than the machine."""
+"""Share of the cores busy with other programs from which the figures are too pessimistic."""
 
 
 def run_bench(config: Config, *, json_: bool) -> None:

@@ -197,7 +197,7 @@ def _world_of(named: str | None, seed: int) -> "World":
 
 
 def config_in(world: "World", config: Config) -> Config:
-    """What the operator of this world's telescope would have configured, and no more."""
+    """The configuration that an operator of this world's telescope would have, and no more."""
     from rsoconsole.simulator import binned
 
     exposure: dict[str, float] = {}

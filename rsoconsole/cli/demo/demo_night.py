@@ -39,7 +39,7 @@ ABANDONED_S = 900.0
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Night:
-    """What is simulated, and how."""
+    """A simulated night: scenario or plan, seed, speed, length, imperfections."""
 
     scenario: str
     seed: int

@@ -327,7 +327,7 @@ def taken_of(frame: NightFrame) -> Measurement | None:
 
 
 def steps_of(frame: NightFrame) -> dict[int, FrameTrack]:
-    """What a frame made of each track, by track id."""
+    """Steps of a frame: each track before and after it, by track id."""
     return {each.track_id: each for each in frame.tracks}
 
 
@@ -342,7 +342,7 @@ def _taken(frame: NightFrame, step: FrameTrack) -> Measurement | None:
 
 
 def identified_norad_id(found: Identified | None) -> int | None:
-    """Of the catalogue, where it is surely that one."""
+    """Catalogue number of the identified object; None unless it is identified."""
     if found is None or found.verdict != "identified" or not found.matches:
         return None
     return found.matches[0].norad_id

@@ -124,7 +124,7 @@ class SessionLedger:
         self._names = self._recognised()
 
     def report_of(self, number: int) -> dict[str, Any] | None:
-        """What an earlier night calls a track; None where no night knows it."""
+        """The ledger entry that a track matches, for JSON; None where no earlier night has it."""
         name = self._names.get(number)
         if name is None:
             return None

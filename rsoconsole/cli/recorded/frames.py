@@ -143,7 +143,7 @@ def _name(found: dict[str, Any]) -> str:
 
 
 def warn(name: str, notes: list[str], noted: set[str]) -> None:
-    """What is unusual about a frame, each sentence once in a run."""
+    """Print the notes on a frame on stderr, each sentence once in a run."""
     for note in notes:
         if note not in noted:
             noted.add(note)

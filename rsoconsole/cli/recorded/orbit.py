@@ -172,7 +172,7 @@ def read_as(
     *,
     is_radians: bool | None,
 ) -> "ReadAs":
-    """What the options say of files. Raises BadParameter for a site that is none."""
+    """Reading options made of the command line. Raises BadParameter for an invalid site."""
     from rsoconsole.library import ReadAs
 
     with as_usage_error("", ConfigError):

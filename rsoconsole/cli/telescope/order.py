@@ -39,7 +39,7 @@ def register(app: typer.Typer) -> None:
 
 
 def verb_of(command: type[Command]) -> str:
-    """What the shell calls it: the second word of its example."""
+    """Verb of a command in the shell: the second word of its example."""
     return command.shell.split()[1]
 
 

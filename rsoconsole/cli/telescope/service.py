@@ -20,7 +20,7 @@ from rsoconsole.config import APP, INIT_WRITES, default_config_path, load_config
 UNIT = f"{APP}.service"
 MARK = "# Written by 'rsoconsole service install'"
 CARRIED = ("XDG_CONFIG_HOME", "XDG_DATA_HOME", "XDG_STATE_HOME", "XDG_CACHE_HOME")
-"""What moves the default places; the service must look for them where its owner does."""
+"""Environment variables that move the default folders; the unit passes them on."""
 LINGER = Path("/var/lib/systemd/linger")
 TRIAL_S = 20.0
 FIRST_OF_SYSTEMD = 200

@@ -56,7 +56,7 @@ def emit_json(found: Any, **more: Any) -> None:
 def answer(
     json_: bool, found: Answer, lines: Callable[[Answer], str | Iterable[str]], **more: Any
 ) -> None:
-    """What a verb found: as JSON alone, or in lines for a person, which are made only then.
+    """Print an answer: JSON alone, or lines for people, which are made only then.
 
     ``more``: what the JSON has besides.
     """
@@ -88,7 +88,7 @@ def exit_if(failed: int, words: str = "") -> None:
 
 
 def report_fault(json_: bool, words: str, **of: Any) -> None:
-    """What one of many could not be worked on for: on stderr, and in the JSON with what it is."""
+    """Report why one of several inputs failed: on stderr, and in the JSON with its name."""
     if json_:
         emit_json({**of, "error": words})
     complain(f"rsoconsole: {words}")

@@ -33,9 +33,9 @@ class ObservedRow:
     time_sigma_s: float | None = None
     """Beside the direction's own error; None where that is in it."""
     target: str | None = None
-    """What the file calls the object; None where it names none."""
+    """Name of the object in the file; None where it names none."""
     station: str | None = None
-    """What the file calls the station."""
+    """Name of the station in the file."""
     site: Site | None = None
     """Where it stands, where the file says so."""
     is_degrees: bool = False
@@ -90,7 +90,7 @@ def read_table(text: str, name: str) -> tuple[ObservedRow, ...]:
 
 
 def looks_like_table(text: str) -> bool:
-    """Whether its first line names columns, or is an object."""
+    """Whether the first line of a text names columns, or is a JSON object."""
     for line in text.splitlines():
         if line.startswith("#") or not line.strip():
             continue
@@ -161,7 +161,7 @@ class _Columns:
         return next((self._by_name[each] for each in wanted if each in self._by_name), None)
 
     def is_used(self, values: Mapping[str, str]) -> bool:
-        """Whether it is a measurement that this program's own tables say was taken."""
+        """Whether a row counts: in tables of this program, those taken and not clipped."""
         taken = self._by_name.get("is_taken")
         cut = self._by_name.get("is_clipped")
         is_taken = taken is None or values.get(taken, "").lower() != "false"

@@ -159,7 +159,7 @@ Format = Literal[TextFormat, FrameFormat]
 TEXT_FORMATS: tuple[str, ...] = get_args(TextFormat)
 FRAME_FORMATS: tuple[str, ...] = get_args(FrameFormat)
 MESSAGES = ("tdm", "tdm-xml", "iod", "udl")
-"""What the tracks took, for others."""
+"""Formats that carry the measurements of tracks."""
 _ENDINGS: Mapping[str, str] = {"tdm-xml": "tdm.xml", "udl": "udl.json"}
 FOLDER = Path("branches") / "exports"
 """Where in a session its exports lie, unless another place is named."""
@@ -168,14 +168,14 @@ _SUFFIXES: Mapping[FrameFormat, str] = {"fits": ".fits.fz", "regions": ".reg"}
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ExportOptions:
-    """What may be asked for beside session and format."""
+    """Options of an export."""
 
     everything: bool = False
     """Tables also hold what the operator refused and what their decision replaced."""
     track: int | None = None
     """TDM, IOD and UDL of this track alone."""
     target: Target = field(default_factory=Target)
-    """What the track's object is called."""
+    """Catalogue numbers of the track's object."""
     station: str = STATION
     """IOD: the observing site's number."""
     sky: str = " "
@@ -196,7 +196,7 @@ class ExportOptions:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Export:
-    """What was written."""
+    """Result of an export."""
 
     path: Path | None = None
     """The file; the folder where each frame has its own; None where only a text was made."""

@@ -53,10 +53,10 @@ SITE_USAGE = "--site LATITUDE,LONGITUDE,METRES (east positive), or --stations FI
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ReadAs:
-    """What a file does not say itself."""
+    """Reading options: values for what a file does not state."""
 
     sigma_arcsec: float = 1.0
-    """Of observations that state none."""
+    """One sigma of observations that state none."""
     site: Site | None = None
     stations: Path | None = None
     """File of stations' places."""

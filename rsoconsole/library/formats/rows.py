@@ -12,7 +12,7 @@ from rsoconsole.tracking import sky_covariance_arcsec2, sky_rate_arcsec_s
 from rsoconsole.words import utc_ns_to_iso
 
 AS_RECORDED = ""
-"""Of a column that means what it means on record."""
+"""Meaning of a column that is the same on record."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -41,7 +41,7 @@ class MeasuredRow:
     """Only the position across it holds."""
     is_taken: Annotated[bool, "a track took it"]
     not_taken_because: Annotated[str | None, "why none did"]
-    """Of a superseded one that was taken: why it no longer counts, where somebody refused it."""
+    """Of a superseded measurement: why it no longer counts, where it was refused."""
     ra_a_icrs_deg: Annotated[float | None, "one end of the streak"]
     """Which end came first in time is not known."""
     dec_a_icrs_deg: Annotated[float | None, "one end of the streak"]
@@ -66,7 +66,7 @@ class MeasuredRow:
     """Column and value of what measurement and frame have on record beside all that."""
 
     def value(self, name: str) -> Any:
-        """What it has in a column; None for nothing."""
+        """Value in a column; None where it is empty."""
         found = dict(self.beside)
         return found[name] if name in found else getattr(self, name, None)
 

@@ -32,9 +32,9 @@ class FrameOnRecord:
     solution: Solution | None = None
     predicted: TrackState | None = None
     rows: list[MeasuredRow] = field(default_factory=list)
-    """Its measurements that count."""
+    """Measurements of the frame that count."""
     file: Path | None = None
-    """Its pixels, where they are kept."""
+    """File of its pixels, where they are kept."""
 
 
 def frames_on_record(session: Path, rows: Iterable[MeasuredRow]) -> dict[int, FrameOnRecord]:

@@ -68,7 +68,7 @@ def to_tdm(
 
 
 def unclipped(rows: tuple[MeasuredRow, ...]) -> tuple[MeasuredRow, ...]:
-    """Those whose place is known in every direction."""
+    """Measurements that no edge of a frame cuts: known in both directions."""
     return tuple(row for row in rows if not row.is_clipped)
 
 

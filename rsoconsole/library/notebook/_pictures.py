@@ -24,7 +24,7 @@ _FLATTEST = 0.5
 _MAX_IN_WORDS = 3
 """Tracks of which a picture has room for more than numbers."""
 _LOW, _HIGH = -2.0, 10.0
-"""Of the noise, about the median: what a cut-out shows as black and as white."""
+"""Black and white of a cut-out, in units of the noise about the median."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -122,7 +122,7 @@ def _widened(low: float, high: float, least: float, most: int) -> tuple[int, int
 
 
 class TrackStreak(NamedTuple):
-    """What one track took of a frame."""
+    """The streak that one track took of a frame."""
 
     number: int
     is_lead: bool
@@ -188,7 +188,7 @@ if TYPE_CHECKING:
 
 
 class SessionPictures(RecordedSession):
-    """What a session shows of single frames."""
+    """Pictures and pixels of single frames of a session."""
 
     def picture(self, frame_id: int | None = None) -> Picture:
         """A frame's small picture with what was found in it; without a number the newest one.

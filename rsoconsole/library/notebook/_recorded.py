@@ -31,17 +31,17 @@ class RecordedSession(NightPlots):
 
     @property
     def path(self) -> Path:
-        """Its folder."""
+        """Folder of the session."""
         return self._reader.folder
 
     @property
     def title(self) -> str:
-        """What it calls itself."""
+        """Title of the session."""
         return title_of(self._about, self.path)
 
     @property
     def about(self) -> dict[str, Any]:
-        """What it said of itself when it began: versions, the network's hash and so on."""
+        """Metadata from its beginning: versions, the network's hash and so on."""
         return dict(self._about)
 
     @property

@@ -105,7 +105,7 @@ class Session(SessionPictures):
 
     @property
     def table_names(self) -> tuple[str, ...]:
-        """What ``table`` and ``frame`` know."""
+        """Names that ``table`` and ``frame`` take."""
         return tuple(TABLES)
 
     def table(self, name: str) -> Any:
@@ -119,7 +119,7 @@ class Session(SessionPictures):
         return as_table(columns, rows, {"session": self.title, "table": name})
 
     def frame(self, name: str) -> Any:
-        """The same as a pandas ``DataFrame``, with timestamps (needs ``rsoconsole[notebook]``)."""
+        """A table as a pandas ``DataFrame``, with timestamps (needs ``rsoconsole[notebook]``)."""
         return as_frame(*self._rows(name))
 
     def _rows(self, name: str) -> tuple[tuple[Column, ...], list[Row]]:
@@ -151,7 +151,7 @@ class Session(SessionPictures):
         preset: str | None = None,
         **others: float | str,
     ) -> "WhatIf":
-        """The same night followed with other settings, old and new side by side.
+        """The night followed with other settings, old and new side by side.
 
         ``tau``: the confidence a detection must exceed. ``q``: white-noise acceleration,
         arcsec²/s³. ``sigma``: the paper's, arcsec, which acts with preset "paper". ``r``:

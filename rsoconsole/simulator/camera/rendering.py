@@ -42,11 +42,11 @@ class Streak:
     """(n >= 2,) places at equal steps of time from opening to closing; straight in between."""
     y_px: FloatArray
     electrons: float
-    """What the whole streak would give at full brightness under a clear sky."""
+    """Electrons of the whole streak at full brightness under a clear sky."""
     brightness: FloatArray | None = None
     """(m,) relative brightness at equal steps of time, both ends included; None: steady."""
     fwhm_px: float | None = None
-    """Its own disc, for what is wide or out of focus; None: the field's."""
+    """Width of its own disc, for wide sources or out of focus; None: the field's."""
 
 
 def straight_streak(

@@ -1,4 +1,4 @@
-"""What the simulated camera reads out of its sensor: joined pixels, a part, as INDI has it."""
+"""Read-out of the simulated sensor: binning and a part of the frame, as INDI has it."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -65,7 +65,7 @@ class ReadOut:
         return pixels[top:bottom, left:right]
 
     def cards(self, traits: CameraTraits) -> dict[str, Card]:
-        """What the header tells of the mode."""
+        """Header cards of the mode."""
         pixel_um = traits.pixel_um / traits.binning * self.binning
         found: dict[str, Card] = {
             "XPIXSZ": pixel_um,

@@ -41,7 +41,7 @@ class WeatherDevice:
         self.device = Device(name, [connection(), self._status, *others])
 
     async def handle(self, event: Any) -> None:
-        """What a client asks for comes true, until the schedule has the next word."""
+        """Apply what a client asks for, until the next change of the schedule."""
         word = event.get("STATE", "").strip() if event.vectorname == "SIM_WEATHER" else ""
         if word in _LIGHT:
             self._options["STATE"] = word
@@ -74,7 +74,7 @@ class DomeDevice:
         self.device = Device(name, [connection(), self._shutter, self._park, driver_info(name, 32)])
 
     async def handle(self, event: Any) -> None:
-        """What a client asks for comes true, until the schedule has the next word."""
+        """Apply what a client asks for, until the next change of the schedule."""
         asked = asked_for(event) if event.vectorname in ("DOME_SHUTTER", "DOME_PARK") else None
         if asked is not None:
             turn_on(event.vector, asked)

@@ -231,7 +231,7 @@ class MountModel:
             self._rest(t_utc_ns, is_tracking=is_on)
 
     def instant(self, t_utc_ns: int) -> MountInstant:
-        """What the mount believes at an instant not before the kept past."""
+        """State that the mount reports at an instant, not before the kept past."""
         motion = self._motion_at(t_utc_ns)
         elapsed_s = (t_utc_ns - motion.t0_utc_ns) / NS
         primary_deg, secondary_deg = self._axes_at(motion, elapsed_s)

@@ -201,7 +201,7 @@ def _overview(
 
 
 def conditions(seen: Views, limits: LimitsConfig, optics: OpticsConfig) -> dict[str, BoolArray]:
-    """What must hold for a time to be picked, (N,) each, by the words for its failing."""
+    """Conditions for a time to be chosen, (N,) each, by the words for its failing."""
     low_deg = limits.min_altitude_deg + ALTITUDE_MARGIN_DEG
     with np.errstate(invalid="ignore"):
         is_up = (seen.altitude_deg >= low_deg) & (

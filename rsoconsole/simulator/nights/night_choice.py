@@ -37,7 +37,7 @@ BESIDE_FIELDS = 0.2
 INNER = 0.92
 """Share of the half field within which every target should be at the first two exposures."""
 COMES_S = 20.0
-"""So long a low satellite is waited for."""
+"""Time from the start until a low satellite passes, s."""
 _TRIES = 60
 _PURPOSE = 0x7461726765
 

@@ -37,7 +37,7 @@ class NightPlan:
     targets: tuple[int, ...]
     """Catalogue numbers, the first one is pointed at."""
     names: tuple[str, ...]
-    """Theirs."""
+    """Names of the targets."""
     start_hour_angle_deg: float
     """Where the mount believes to look when the night begins, of date."""
     start_declination_deg: float
@@ -54,7 +54,7 @@ class NightPlan:
     """Whether the first target is a low satellite, which the telescope follows by leaps."""
 
     def to_table(self) -> dict[str, Any]:
-        """What crosses to another process as JSON; ``plan_of_table`` reads it back."""
+        """The plan as a JSON table for another process; ``plan_of_table`` reads it back."""
         return asdict(self)
 
 

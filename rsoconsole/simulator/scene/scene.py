@@ -102,7 +102,7 @@ class Scene:
         self._nearby = Nearby(self.satellites)
 
     def binned(self, factor: int) -> "Scene":
-        """The same sky on the same sensor with more of its pixels joined on each axis."""
+        """The scene with more pixels of its sensor joined on each axis."""
         joined = self.world.sensor.model_copy(
             update={"binning": factor * self.world.sensor.binning}
         )

@@ -39,7 +39,7 @@ _RING_OBSTRUCTION = 0.45
 
 
 def binned(optics: OpticsConfig, world: World) -> OpticsConfig:
-    """What the telescope's configuration says of a camera whose pixels are joined."""
+    """Configured optics of a camera whose pixels are joined."""
     factor = world.sensor.binning
     if factor == 1:
         return optics
@@ -104,7 +104,7 @@ def seeing_arcsec(world: SeeingWorld, own_arcsec: float, since_night_s: float) -
 
 
 def moonlit(content: FieldContent, moon: MoonWorld) -> FieldContent:
-    """The same field under the Moon's light."""
+    """The field under the Moon's light."""
     if moon.brightening_mag == moon.gradient == 0.0:
         return content
     angle = math.radians(moon.gradient_angle_deg)

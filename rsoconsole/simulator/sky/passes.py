@@ -17,7 +17,7 @@ from rsoconsole.simulator.camera.truth import SatelliteTruth, TrueShutter
 from rsoconsole.sky import IntArray, Places, lit_fraction, sky_to_pixel
 
 ExtraMagnitude = Callable[[IntArray], FloatArray]
-"""What a satellite loses by its own turning at instants (n,), in magnitudes (n,)."""
+"""Magnitudes (n,) that a satellite loses by its own turning at instants (n,)."""
 
 NS = 1_000_000_000
 MARGIN_PX = 250.0
@@ -43,7 +43,7 @@ class SatellitePass:
     ra_icrs_deg: FloatArray
     dec_icrs_deg: FloatArray
     rates_deg_s: tuple[float, float]
-    """Of right ascension and declination at mid-exposure."""
+    """Rates of right ascension and declination at mid-exposure."""
     lit_fraction: float
 
 
@@ -62,7 +62,7 @@ class Sight:
     wander_px: tuple[float, float] = (0.0, 0.0)
     """By which the air moves the whole streak."""
     true: TrueShutter | None = None
-    """What really happened, where that is more than ``shutter_error_s``, which then is unused."""
+    """True shutter, where it is off by more than ``shutter_error_s``, which then is unused."""
     motion: ImageMotion | None = None
     nodes: int = NODES
     """Places in time along the exposure, odd: finer where brightness or image are unsteady."""
@@ -76,7 +76,7 @@ class Sight:
 def satellite_passes(
     satellites: Iterable[tuple[Satellite, ExtraMagnitude]], sight: Sight
 ) -> tuple[SatellitePass, ...]:
-    """Those whose streak comes near the sensor, sampled along the exposure.
+    """Passes whose streak comes near the sensor, sampled along the exposure.
 
     Directions are those of the instants that the operator would name: what a perfect measurement
     with a perfect clock and shutter would give.
@@ -179,14 +179,14 @@ def _nodes_for(x_px: FloatArray, y_px: FloatArray) -> int:
 
 
 def dimmed(streak: Streak, transmission: float) -> Streak:
-    """The same streak through air that lets this share of the light through."""
+    """The streak through air that transmits this share of the light."""
     return replace(streak, electrons=streak.electrons * transmission)
 
 
 def satellite_truth(
     each: SatellitePass, sensor: SensorModel, content: FieldContent, air_transmission: float
 ) -> SatelliteTruth:
-    """What there is to know of one streak in this field."""
+    """Truth of one streak in this field."""
     x, y = each.streak.x_px, each.streak.y_px
     middle = len(x) // 2
     clouds = float(np.mean(cloud_at(sensor, content.cloud_transmission, x, y)))

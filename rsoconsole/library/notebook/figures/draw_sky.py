@@ -132,7 +132,7 @@ def legend_above(figure: Any, handles: Sequence[tuple[Any, str]]) -> None:
 
 
 def finish(figure: Any, night: DrawnNight, what: str, keys: Sequence[tuple[Any, str]] = ()) -> None:
-    """What stands about the panels: a title, the axis of time, the keys."""
+    """Finish a figure: title, axis of time, keys."""
     panels = figure.axes
     figure.align_ylabels(panels)
     time_axis(panels[-1], night)
@@ -148,7 +148,7 @@ def tracked_frames(night: DrawnNight) -> list[NightFrame]:
 
 _FAR_WIDER = 5.0
 Where = Callable[[NightFrame, float, float], float | None]
-"""What a panel shows of a direction (RA, Dec in degrees) in a frame; None: nothing."""
+"""Value in a panel of a direction (RA, Dec in degrees) in a frame; None: nothing is drawn."""
 
 
 def draw_track(figure: Any, night: DrawnNight) -> None:
@@ -173,7 +173,7 @@ def draw_track(figure: Any, night: DrawnNight) -> None:
 
 
 def draw_about_line(figure: Any, night: DrawnNight) -> None:
-    """The same about the straight line through the updated states, in seconds of arc."""
+    """Right ascension and declination minus the straight line through the states, arcsec."""
     frames = [frame for frame in tracked_frames(night) if frame.updated is not None]
     ra_0_deg = _first(frames).x[0]
     t_s = np.array([night.seconds(frame) for frame in frames])

@@ -47,7 +47,7 @@ class TruePlace:
 
 
 def night_of(title: str, config: Config, frames: Iterable[NightFrame]) -> DrawnNight:
-    """Of the frames that have a time."""
+    """A night of the frames that have a time."""
     in_order = sorted((each for each in frames if each.has_time), key=lambda f: f.t_mid_utc_ns)
     return DrawnNight(title=title, frames=tuple(in_order), config=config)
 
@@ -64,7 +64,7 @@ def read_night(session: Path) -> DrawnNight:
 
 
 def title_of(about: Mapping[str, Any], folder: Path) -> str:
-    """What a session calls itself, else its folder's name; nothing that steers a terminal."""
+    """Title of a session, else its folder's name; nothing that steers a terminal."""
     return one_line(str(about.get("title") or folder.resolve().name))
 
 

@@ -1,4 +1,4 @@
-"""What the live panel shows, in words and small drawings; the page only puts it in place."""
+"""Contents of the live panel, in words and small drawings; the page only places them."""
 
 import math
 from collections.abc import Sequence
@@ -54,7 +54,7 @@ class LiveNight:
         return self._read_picture() or self.fold.seq != before
 
     def night(self) -> DrawnNight:
-        """Its frames so far."""
+        """Frames of the session so far."""
         return night_of(self._title, self.begun_with, self.fold.frames.seen())
 
     @property

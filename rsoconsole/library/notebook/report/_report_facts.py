@@ -1,4 +1,4 @@
-"""What the report says: figures of the night, its tracks, its course, what the operator did."""
+"""Facts of the report: tracks, course of the night, actions of the operator."""
 
 import math
 import statistics
@@ -18,7 +18,7 @@ GEO_WITHIN_ARCSEC_S = 0.3
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Course:
-    """What happened, in the order of the record, as the log has it."""
+    """Course of a night: lines of the log in the order of the record."""
 
     entries: tuple[LogLine, ...]
     actions: tuple[LogLine, ...]
@@ -47,7 +47,7 @@ class TrackFacts:
 
     @property
     def is_geostationary(self) -> bool:
-        """Whether it moves as what stands still over the turning Earth."""
+        """Whether its rate at the end is that of a point fixed over the turning Earth."""
         if self.rate_arcsec_s is None:
             return False
         east, north = self.rate_arcsec_s
@@ -92,7 +92,7 @@ def _track(known: NightTrack, rows: list[MeasuredRow]) -> TrackFacts:
 
 
 def read_course(session: Path) -> Course:
-    """What happened, with every order and every changed setting. Raises SessionError."""
+    """Read the course of a night, with every order and setting. Raises SessionError."""
     reader = SessionReader(session)
     night = Night(session, reader.about(), reader.config())
     done: list[LogLine] = []

@@ -20,7 +20,7 @@ from rsoconsole.words import clock
 MAX_PICTURES = 40
 """Evenly chosen; those of missed frames come on top."""
 MAX_BYTES = 5_000_000
-"""Of all pictures together, as the page carries them."""
+"""Size of all pictures together, as the page carries them."""
 WIDE_PX = 300
 QUALITY = 72
 
@@ -55,7 +55,7 @@ def chosen_frames(frames: list[int], missed: Iterable[int]) -> list[int]:
 
 
 def pictures(session: Path, frames: Iterable[int]) -> tuple[Picture, ...]:
-    """Those of the frames that have a readable preview, until the budget is spent."""
+    """Pictures of the frames that have a readable preview, until the budget is spent."""
     reader = SessionReader(session)
     found: list[Picture] = []
     spent_bytes = 0

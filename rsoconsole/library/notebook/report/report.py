@@ -71,7 +71,7 @@ class UnseenFacts:
     of_looks: int
     """How often the catalogue was asked on record."""
     lit: int
-    """Of ``looks`` those in which the Sun shone on it."""
+    """Number of ``looks`` in which the Sun shone on it."""
     last: UnseenMember
 
 
@@ -113,7 +113,7 @@ def _nearer(before: PairFacts | None, now: PairMotion) -> PairFacts:
 
 
 PARTS = ("slew_s", "settle_s", "shutter_s", "open_s", "readout_s", "wait_s")
-"""Of a leap's time, in order."""
+"""Parts of a leap's time, in order."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -127,7 +127,7 @@ class PassFacts:
     at_close: int
     """Ordered as the shutter of the one before closed."""
     unmet: str
-    """What came of the others, counted: ``2 another streak, 1 not solved``."""
+    """Results of the other leaps, counted: ``2 another streak, 1 not solved``."""
     total_s: float | None
     """Median from order to order; None where none was over."""
     parts_s: tuple[float, ...]
