@@ -158,7 +158,7 @@ def direction_deg(value: SkyCoordLike, name: str) -> tuple[float, float]:
 
 
 def site_of(place: Place, name: str = "site") -> Site:
-    """Where that is. Raises InputError for what is no place on the Earth."""
+    """Site of a place. Raises InputError for what is no place on the Earth."""
     if isinstance(place, Site):
         return place
     if isinstance(place, EarthLocationLike):
@@ -194,7 +194,7 @@ def site_of(place: Place, name: str = "site") -> Site:
 
 
 def required_site(given: Place | None, own: Site | None, config: ConfigLike) -> Site:
-    """As given, else the observations' own, else as configured. Raises InputError without any."""
+    """Site as given, else the observations' own, else the configured. Raises InputError without."""
     site = own if given is None else site_of(given)
     site = configured_site(config) if site is None else site
     if site is None:

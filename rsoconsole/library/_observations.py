@@ -19,7 +19,7 @@ from rsoconsole.records import FloatArray, Site
 from rsoconsole.sky import IntArray
 
 META = "rsoconsole"
-"""Where in a table's ``meta`` lies what its rows do not say: the site, the frames."""
+"""Key in a table's ``meta`` of what its rows do not state: site and frames."""
 TIMES = ("t_mid_utc", "time", "t_utc", "obstime", "t", "date_obs", "epoch")
 RAS = ("ra_icrs", "ra")
 DECS = ("dec_icrs", "dec")
@@ -47,7 +47,7 @@ class Directions:
     cov_sky_arcsec2: FloatArray
     """(N, 3): east-east, east-north, north-north."""
     site: Site | None
-    """As the table's ``meta`` has it."""
+    """Site in the table's ``meta``."""
 
 
 def expect_table(value: Any, what: str) -> Any:
@@ -88,7 +88,7 @@ def directions_of(table: Any, sigma: Number | None) -> Directions:
 
 
 def site_in(table: Any) -> Site | None:
-    """Where it was seen from, where its ``meta`` says so."""
+    """Site in a table's ``meta``; None where it has none."""
     # The second: an exported table.
     said = own_meta(table).get("site") or (getattr(table, "meta", None) or {}).get("site")
     if not isinstance(said, dict):

@@ -57,7 +57,7 @@ class Identification:
 
     @property
     def probability(self) -> float | None:
-        """That it is this one; None unless it is identified."""
+        """Probability of this object; None unless it is identified."""
         return self._found.matches[0].probability if self.verdict == "identified" else None
 
     @property

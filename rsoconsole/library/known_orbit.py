@@ -88,7 +88,7 @@ class Orbit:
 
     @property
     def arc(self) -> "Quantity":
-        """From the first to the last direction."""
+        """Length of the arc, from the first direction to the last."""
         seen = self._found.seen
         return _quantity(float(seen.t_s[-1] - seen.t_s[0]), "s")
 
@@ -174,13 +174,13 @@ class Orbit:
 
     @property
     def site(self) -> Site:
-        """Where its longest arc was seen from."""
+        """Site of its longest arc."""
         return self._found.observed.site
 
     # -- where it will be ------------------------------------------------------------------------
 
     def gcrs(self, times: Instant) -> "SkyCoord":
-        """Where it is at these times, geocentric in GCRS, with distance and velocity.
+        """Positions at these times, geocentric in GCRS, with distance and velocity.
 
         ``times``: a ``Time``, () or (N,). NaN where it has come down.
         """
@@ -199,7 +199,7 @@ class Orbit:
         return SkyCoord(at, frame=GCRS(obstime=utc_time(t)))
 
     def predict(self, times: Instant, site: Place | None = None) -> "QTable":
-        """Where it will be seen at these times, and how sure that is.
+        """Predicted directions at these times, with their errors.
 
         ``times``: a ``Time``, () or (N,). ``site``: None for that of the observations.
 

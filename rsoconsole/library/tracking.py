@@ -63,7 +63,7 @@ class Track:
 
     @property
     def number(self) -> int:
-        """From 1, in the order in which tracks began."""
+        """Track number from 1, in the order in which tracks began."""
         return self._found.number
 
     @property

@@ -53,7 +53,7 @@ class Stage:
     optics: OpticsConfig
     t_start_utc_ns: int
     start_ra_icrs_deg: float
-    """Where the mount looks when the night begins."""
+    """Right ascension of the mount when the night begins."""
     start_dec_icrs_deg: float
     scene: Scene
     world: World = DEFAULT_WORLD

@@ -31,7 +31,7 @@ FRAME_TIMEOUT_S = 120.0
 SOLVER_DEADLINE_S = 60.0
 """Wall-clock limits so wide that a slow machine gives the same night as a fast one."""
 DROPPED_TIMEOUT_S = 30.0
-"""Where frames never come, each of them costs that much of the wall's time."""
+"""Time-out of a frame, s of the wall's clock, in worlds where frames are dropped."""
 
 
 def demo(

@@ -46,7 +46,7 @@ class Night:
     speed: float
     """Virtual seconds a wall second; 0: at once."""
     frames: int | None
-    """None: until the engine is told to end."""
+    """Exposures to take; None: until the engine ends."""
     session: Path | None
     world: Mapping[str, Any] = field(default_factory=dict)
     """The imperfections that are named, by section."""
@@ -144,7 +144,7 @@ def targets_of(night: Night) -> dict[int, str]:
 
 
 def control_socket(scratch: Path) -> Path | None:
-    """Where the demo listens: None, the default place, if no engine has it; else in ``scratch``."""
+    """Socket of the demo: None, the default one, if no engine has it; else one in ``scratch``."""
     from rsoconsole.control import EngineLock, default_socket_path
 
     try:

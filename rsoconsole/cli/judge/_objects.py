@@ -21,7 +21,7 @@ from rsoconsole.tracking import lag_one, sky_covariance_arcsec2
 VISIBLE_SNR = 20.0
 """Integrated SNR from which a satellite in the field counts as visible."""
 BESIDE_FWHM = 4.0
-"""How far beside a true streak something may lie and be of it, in widths of the frame's stars."""
+"""Largest distance from a true streak to count as of it, in FWHM of the frame's stars."""
 BETWEEN = 2.0
 """A streak is of both where its distances from the two middles differ by less than this factor."""
 APART_FWHM = 2.0

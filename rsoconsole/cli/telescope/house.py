@@ -117,7 +117,7 @@ def config_check(config: ConfigOption = None, json_: JsonOption = False) -> None
 
 
 def sound_lines(config: Path | None) -> list[str]:
-    """Which file was read and found sound; without one, what holds in its place."""
+    """Lines on the file that is sound; without a file, the defaults that hold."""
     path = config or default_config_path()
     if path.exists():
         return [f"{path}: the configuration is sound"]

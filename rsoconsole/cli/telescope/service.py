@@ -152,7 +152,7 @@ def service_status(json_: JsonOption = False) -> None:
 
 
 def unit_path() -> Path:
-    """Where systemd looks for this user's units."""
+    """Path of the unit among this user's systemd units."""
     return Path(platformdirs.user_config_path()) / "systemd" / "user" / UNIT
 
 

@@ -27,7 +27,7 @@ WaitOption = Annotated[
 ]
 LOOK_S = 1.0
 GRACE_S = 60.0
-"""Beyond mount.slew_timeout_s."""
+"""Longest wait beyond mount.slew_timeout_s."""
 BY_WORD_S = 10.0
 """Wait for a measured motion, s; after it the word of the driver counts."""
 AT_REST_S = 12.0
@@ -41,9 +41,9 @@ class Goal:
     """Goal of an order: the state of the mount in which it is done."""
 
     done: str
-    """In words."""
+    """Word for the reached goal."""
     is_there: Callable[[Status], bool]
-    """By its place, or its driver's word: how it moves is looked at beside it."""
+    """Whether a status has the place or state of the goal; its motion is checked beside it."""
     ends: tuple[str, ...] = ("stands", "tracks")
     """Motions in which it is done."""
     at_rest_s: float = AT_REST_S
@@ -99,7 +99,7 @@ class Follower:
         self._case_since_s = 0.0
 
     def follow(self, goal: Goal) -> str:
-        """How it was done, in words. Raises ControlError where it is not."""
+        """Wait for the goal; how it was reached, in words. Raises ControlError where it is not."""
         sent = self._last = self._look()
         bound_s = config_of(sent.session).mount.slew_timeout_s + GRACE_S
         began_s = time.monotonic()

@@ -54,7 +54,7 @@ class Bar:
 
 
 def bars_of(*columns: "ProgressColumn") -> "Progress":
-    """On a terminal's stderr, gone in the end; nothing elsewhere."""
+    """Progress bars on a terminal's stderr, gone in the end; nothing elsewhere."""
     from rich.console import Console
     from rich.progress import Progress
 

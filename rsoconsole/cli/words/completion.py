@@ -59,7 +59,7 @@ def sessions(incomplete: str) -> list[str]:
 
 
 def session_names(incomplete: str) -> list[str]:
-    """As ``sessions``, and those under ``session.root`` by name alone."""
+    """Folders of sessions as ``sessions``, and those under ``session.root`` by name alone."""
     try:
         names = [each.name for each in _sessions_in(load_config().session.root)]
     except (RsoconsoleError, OSError):
@@ -83,7 +83,7 @@ def scenarios(_: Any) -> Iterable[tuple[str, str]]:
 
 @quietly
 def setting_names(_: Any) -> Iterable[tuple[str, str]]:
-    """All of them, each with what it is."""
+    """Names of all settings, each with its description."""
     return [(name, description) for name, _, description in walk(Config())]
 
 

@@ -1,4 +1,4 @@
-"""How far elements are taken to be off, and by what, in words; 80 columns at most."""
+"""Errors of element sets and their source, in words; 80 columns at most."""
 
 import itertools
 import math

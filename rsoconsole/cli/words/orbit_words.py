@@ -186,7 +186,7 @@ _BY_ENDING: dict[str, Form] = {
 
 
 def form_of(path: Path) -> Form:
-    """By the file's ending. Raises BadParameter for one that says nothing."""
+    """Form of elements by the file's ending. Raises BadParameter for an unknown one."""
     if str(path) == "-":
         return "tle"
     form = _BY_ENDING.get(path.suffix.lower())

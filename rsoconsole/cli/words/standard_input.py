@@ -33,7 +33,7 @@ FilesFromOption = Annotated[
 
 
 class InputFiles:
-    """Where what came through the pipe lies while the program works, and what it is called."""
+    """Input files, with standard input kept in a temporary file, and their names for people."""
 
     def __init__(self, paths: Sequence[Path], place: Path | None) -> None:
         self.paths = [place if place and str(each) == DASH else each for each in paths]

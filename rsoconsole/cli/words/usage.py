@@ -18,7 +18,7 @@ USAGE_EXIT = 2
 # Some versions of typer carry a click of their own: its classes are found through typer's.
 UsageError: type[Exception] = typer.BadParameter.__mro__[1]
 OWN_LINE = re.compile(r"Example: |--|[a-z]+(?:, [a-z]+)*: ")
-"""How a line of help begins that stands for itself."""
+"""Beginnings of lines of help that stay lines of their own."""
 
 
 def fold_helps(app: typer.Typer) -> None:

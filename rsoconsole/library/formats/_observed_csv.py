@@ -27,7 +27,7 @@ class ObservedRow:
     ra_icrs_deg: float
     dec_icrs_deg: float
     sigma_ra_arcsec: float | None = None
-    """On the sky. None: the file states none."""
+    """One sigma on the sky. None: the file states none."""
     sigma_dec_arcsec: float | None = None
     correlation: float = 0.0
     time_sigma_s: float | None = None
@@ -37,7 +37,7 @@ class ObservedRow:
     station: str | None = None
     """Name of the station in the file."""
     site: Site | None = None
-    """Where it stands, where the file says so."""
+    """Site of the station, where the file states it."""
     is_degrees: bool = False
     """Whether the form that it was written in leaves no doubt about the unit."""
 
@@ -239,7 +239,7 @@ def _number(text: str, where: str) -> float:
 
 
 def ecsv_site(text: str) -> Site | None:
-    """Where the telescope of an ECSV of this program stood, by its head."""
+    """Site of the telescope in the head of an ECSV of this program."""
     found = {
         key: re.search(rf"^#.*\b{key}: (-?[0-9.]+)", text, re.MULTILINE)
         for key in ("latitude_deg", "longitude_deg", "elevation_m")

@@ -75,7 +75,7 @@ class TdmAngles:
     """Right ascension where the segment's ANGLE_TYPE is RADEC."""
     angle_2_deg: float
     sigma_1_arcsec: float | None = None
-    """On the sky: times the cosine of the second angle."""
+    """One sigma on the sky: times the cosine of the second angle."""
     sigma_2_arcsec: float | None = None
     correlation: float | None = None
 

@@ -162,7 +162,7 @@ MESSAGES = ("tdm", "tdm-xml", "iod", "udl")
 """Formats that carry the measurements of tracks."""
 _ENDINGS: Mapping[str, str] = {"tdm-xml": "tdm.xml", "udl": "udl.json"}
 FOLDER = Path("branches") / "exports"
-"""Where in a session its exports lie, unless another place is named."""
+"""Default folder of exports inside a session."""
 _SUFFIXES: Mapping[FrameFormat, str] = {"fits": ".fits.fz", "regions": ".reg"}
 
 
@@ -205,7 +205,7 @@ class Export:
     measurements: int
     tracks: int
     left_out: Mapping[str, int] = field(default_factory=dict)
-    """How many of what is not in it, in words."""
+    """Number of measurements that are not in it, by reason."""
     is_simulated: bool
 
 

@@ -21,7 +21,7 @@ from rsoconsole.words import NS_PER_DAY, utc_ns_to_iso
 
 NS_PER_MS = 1_000_000
 STATION = "9999"
-"""For a site that has no number of its own."""
+"""Station number of a site that has none of its own."""
 _STATION = re.compile(r"[0-9A-HJ-NP-Z]{4}", re.ASCII)
 SKIES = "EGFPBT "
 """Excellent, good, fair, poor, bad, terrible, not said."""
@@ -67,7 +67,7 @@ def to_iod(
 
 
 def site_line(night: ExportedNight, station: str) -> str:
-    """Which station it was and where it stands, ahead of its lines; readers pass over it."""
+    """A comment line with the station and its place, ahead of its observations."""
     site = night.config.site
     place = site.to_site()
     name = "".join(c if c.isascii() and c.isprintable() else "?" for c in site.name)

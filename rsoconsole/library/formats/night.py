@@ -46,7 +46,7 @@ class ExportedNight:
     about: Mapping[str, Any]
     """Metadata of the session, without its configuration."""
     rows: tuple[MeasuredRow, ...]
-    """In order of time."""
+    """Measurements in order of time."""
     clock_notes: tuple[str, ...] = ()
     """Events of the clock behind all these times, a line each."""
     names: Mapping[int, Identified] = field(default_factory=dict)

@@ -61,7 +61,7 @@ class ReadAs:
     stations: Path | None = None
     """File of stations' places."""
     target: str | None = None
-    """Which object of several, as the file calls it."""
+    """Name in the file of one object of several."""
     is_radians: bool | None = None
     """Whether angles are radians where no name and no form says; None: nobody said."""
 

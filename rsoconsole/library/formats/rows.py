@@ -38,7 +38,7 @@ class MeasuredRow:
     confidence: Annotated[float, AS_RECORDED]
     source: Annotated[str, AS_RECORDED]
     is_clipped: Annotated[bool, AS_RECORDED]
-    """Only the position across it holds."""
+    """A streak cut by the edge of the frame: only the position across it is measured."""
     is_taken: Annotated[bool, "a track took it"]
     not_taken_because: Annotated[str | None, "why none did"]
     """Of a superseded measurement: why it no longer counts, where it was refused."""
@@ -61,7 +61,7 @@ class MeasuredRow:
     rate_ra_arcsec_s: Annotated[float | None, "motion of the track, times cos Dec"] = None
     rate_dec_arcsec_s: Annotated[float | None, "motion of the track"] = None
     is_superseded: Annotated[bool, "counts no more, by the operator's word"]
-    """Only there when all was asked for."""
+    """Replaced by a decision of the operator; only in exports of everything."""
     beside: tuple[tuple[str, Any], ...] = ()
     """Column and value of what measurement and frame have on record beside all that."""
 

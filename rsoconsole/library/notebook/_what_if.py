@@ -40,16 +40,16 @@ class WhatIf(NightPlots):
 
     @property
     def recorded(self) -> Summary:
-        """How it went."""
+        """Figures of the night as recorded."""
         return self.session.summary
 
     @property
     def changed(self) -> Summary:
-        """How it would have gone."""
+        """Figures of the night with the changed settings."""
         return summary_of(self._night.frames)
 
     def nights(self) -> tuple[DrawnNight, ...]:
-        """As recorded, and as tried."""
+        """The night as recorded, and with the changed settings."""
         return self._recorded, self._night
 
     def save(self, name: str, *, force: bool = False) -> Path:

@@ -1,4 +1,4 @@
-"""From what is in the field to what the camera stores: pixels of any frame size.
+"""From the sources in a field to the pixels that the camera stores, of any frame size.
 
 ``render(sensor, content, rng)`` is a pure function of its arguments: the same generator state
 gives the same pixels. It knows nothing of the sky; ``scene`` fills its content from catalogue and
@@ -92,15 +92,15 @@ class FieldContent:
     cloud_transmission: Float32Array | None = None
     """(rows, columns) coarse map spread evenly over the frame, 0 to 1; None: clear."""
     cloud_glow: float = 0.35
-    """How much brighter than the clear sky an opaque cloud is, as a share."""
+    """Brightness of an opaque cloud beyond the clear sky, as a share of that."""
     cosmic_rays: float = 0.0
     """Expected number of tracks in the frame."""
     cosmic_ray_sigma_px: tuple[float, float] = (0.28, 0.28)
     """Narrowest and widest track; a thick sensor's reach the seeing."""
     cosmic_ray_stretch: float = 1.0
-    """How much longer the tracks are than those of a thin sensor."""
+    """Length of tracks relative to those of a thin sensor."""
     blur_variance_px2: float = 0.0
-    """How much wider than the seeing alone everything is; told, not drawn."""
+    """Variance of blur beyond the seeing; for the truth alone, not drawn."""
     row_offsets_e: Float32Array | None = None
     """(height,) what the electronics add to each row as it is read."""
     column_offsets_e: Float32Array | None = None

@@ -66,7 +66,7 @@ class FrameTruth:
     """The instant for which the satellites' places are told: mid-exposure as an operator has it
     who knows the camera's latency."""
     t_open_utc_ns: int
-    """When the shutter really opened its first row, true UTC."""
+    """True opening of the first row, true UTC."""
     exposure_s: float
     boresight_ra_icrs_deg: float
     boresight_dec_icrs_deg: float

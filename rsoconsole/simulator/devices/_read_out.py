@@ -26,7 +26,7 @@ class ReadOut:
 
     @classmethod
     def whole(cls, traits: CameraTraits) -> "ReadOut":
-        """All of the sensor, as its driver begins."""
+        """Read-out of the whole sensor, as its driver begins."""
         binning = traits.binning
         return cls(
             binning=binning,
@@ -44,7 +44,7 @@ class ReadOut:
         return replace(self, binning=int(horizontal))
 
     def part(self, wanted: Mapping[str, float], traits: CameraTraits) -> "ReadOut | None":
-        """Only a part, by the members of CCD_FRAME; None where that is none of the sensor."""
+        """Read-out of a part, by the members of CCD_FRAME; None where it is not on the sensor."""
         whole = ReadOut.whole(traits)
         x, y, width, height = (int(wanted[each]) for each in ("X", "Y", "WIDTH", "HEIGHT"))
         least = self.binning * 16

@@ -44,12 +44,12 @@ class _Exposure:
 
     @property
     def t_end_utc_ns(self) -> int:
-        """Where the driver believes to be done."""
+        """End of the exposure by the driver."""
         return self.t_start_utc_ns + round(self.exposure_s * NS_PER_S)
 
     @property
     def t_due_utc_ns(self) -> int:
-        """When its frame really is there."""
+        """Instant at which its frame is delivered."""
         later_s = max(0.0, self.opens_later_s) + (self.late_s if self.fate == "late" else 0.0)
         return self.t_end_utc_ns + round(later_s * NS_PER_S)
 
@@ -175,7 +175,7 @@ class CameraDevice:
         self._spawn(self._deliver(exposure, pointing, path, cards, self._generation))
 
     def overdue_utc_ns(self) -> int | None:
-        """When the frame comes that should be there by now; None where none is overdue."""
+        """Instant at which an overdue frame comes; None where none is overdue."""
         exposure = self._exposure
         if exposure is None or self._now_utc_ns() < exposure.t_end_utc_ns:
             return None

@@ -1,4 +1,4 @@
-"""When satellites can be seen from a site: up, lit, in darkness, and in one field."""
+"""Times at which satellites can be seen from a site: up, lit, in darkness, in one field."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -32,14 +32,14 @@ BoolArray = npt.NDArray[np.bool_]
 SEARCHED_DAYS = 30
 """A navigation satellite that is up by day alone is up by night four weeks later."""
 CONTENT_DAYS = 5
-"""How many more are looked through for a longer time than the first that was found."""
+"""Days searched for a longer window after the first that was found."""
 LOOKS_PER_REVOLUTION = 288
 SHORTEST_STEP_S, LONGEST_STEP_S = 10.0, 300.0
 ALTITUDE_MARGIN_DEG = 1.0
 TOGETHER_FIELDS = 0.6
 """Share of the field's short side within which several targets must stand."""
 HIGHEST_DECLINATION_DEG = 80.0
-"""Beyond it right ascensions run wild; no time is picked there."""
+"""Highest declination of a chosen time: beyond it right ascension changes too fast."""
 MIN_SNR = 30.0
 """Integrated SNR that a target should have; no time is picked at which it would be fainter."""
 SIDEREAL_ARCSEC_S = 15.0411

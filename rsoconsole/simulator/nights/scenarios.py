@@ -44,11 +44,11 @@ class Scenario:
     t_start_utc_ns: int
     satellites: tuple[ScenarioSatellite, ...]
     target_norad_id: int | None
-    """Which satellite the telescope is meant to find; None: none is there."""
+    """Catalogue number of the satellite to find; None: none is there."""
     target_hour_angle_deg: float | None
-    """Where it stands, of date, west positive; a geostationary satellite keeps it."""
+    """Its hour angle of date, west positive; a geostationary satellite keeps it."""
     start_hour_angle_deg: float
-    """Where the telescope stands at the start, of date, with the paper's field of view."""
+    """Hour angle of date of the telescope at the start, with the paper's field of view."""
     start_declination_deg: float
     frames: int = NIGHT_FRAMES
     """Exposures, at the default cadence, in which all of the night's story has happened."""
@@ -57,7 +57,7 @@ class Scenario:
     seeing_arcsec: float = 2.8
     """Full width at half maximum of the stars, optics included."""
     sky_electrons_s: float = 13.2
-    """In a pixel of 1.264 arcsec at the zenith."""
+    """Sky in a pixel of 1.264 arcsec at the zenith."""
     cosmic_rays_s: float = 0.15
     """Expected tracks a second over the paper's sensor."""
 

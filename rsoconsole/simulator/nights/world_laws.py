@@ -15,7 +15,7 @@ _STREAM = 40
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Law:
-    """How one setting is drawn."""
+    """Distribution of one setting."""
 
     name: str
     """Dotted, e.g. ``stars.drift_px``."""

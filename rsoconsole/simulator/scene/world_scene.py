@@ -168,7 +168,7 @@ def plate_of(
     rotation_deg: float,
     is_flipped: bool,
 ) -> Wcs:
-    """Where the pixels look while the image stands where it should."""
+    """Plate of an image that stands where it should."""
     wcs = tan_wcs(
         *boresight_icrs_deg,
         scale_arcsec_px=sensor.scale_arcsec_px,

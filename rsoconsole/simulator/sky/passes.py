@@ -21,12 +21,12 @@ ExtraMagnitude = Callable[[IntArray], FloatArray]
 
 NS = 1_000_000_000
 MARGIN_PX = 250.0
-"""How far outside the sensor a source may lie and still be drawn or told of."""
+"""Distance outside the sensor up to which a source is drawn and reported."""
 NODES = 11
 """Places in time along an exposure: enough for all but the unsteady and the fastest."""
 _MAX_NODES = 641
 STRAIGHT_PX = 0.05
-"""How far a way may leave the chord between two of its places."""
+"""Largest distance of a path from the chord between two of its places."""
 _SAME_INSTANT_S = 1e-8
 _FAR_AWAY_S = 10.0
 """A row whose turn comes that late lies far outside any frame."""
@@ -49,7 +49,7 @@ class SatellitePass:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Sight:
-    """How one exposure sees what moves."""
+    """Geometry and timing of one exposure."""
 
     site: Site
     sensor: SensorModel
@@ -60,7 +60,7 @@ class Sight:
     shutter_error_s: float = 0.0
     """The shutter opens this much later, a few hundredths of a second; see ``true``."""
     wander_px: tuple[float, float] = (0.0, 0.0)
-    """By which the air moves the whole streak."""
+    """Displacement of the whole streak by the air."""
     true: TrueShutter | None = None
     """True shutter, where it is off by more than ``shutter_error_s``, which then is unused."""
     motion: ImageMotion | None = None

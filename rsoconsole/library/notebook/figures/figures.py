@@ -51,7 +51,7 @@ DRAWINGS = {
         Drawing(name="nis", draw=draw_nis, height_in=3.0),
     )
 }
-"""In the order in which they are written."""
+"""Figures by name, in the order in which they are written."""
 QUALITY = Drawing(name="quality", draw=draw_quality, height_in=6.0, needs_track=False)
 
 

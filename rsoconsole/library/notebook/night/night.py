@@ -28,7 +28,7 @@ class DrawnNight:
     """Measurements with which tracks began, by their ids, where they are drawn as taken."""
 
     def seconds(self, frame: NightFrame) -> float:
-        """From the middle of the first exposure to that of this one."""
+        """Seconds from the middle of the first exposure to that of this one."""
         return (frame.t_mid_utc_ns - self.frames[0].t_mid_utc_ns) / 1e9
 
     def taken_of(self, frame: NightFrame) -> Measurement | None:
@@ -39,7 +39,7 @@ class DrawnNight:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TruePlace:
-    """Where a simulated satellite really was at mid-exposure, astrometric ICRS."""
+    """True place of a simulated satellite at mid-exposure, astrometric ICRS."""
 
     name: str
     ra_icrs_deg: float

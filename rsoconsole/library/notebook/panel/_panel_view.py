@@ -59,7 +59,7 @@ class LiveNight:
 
     @property
     def config(self) -> Config:
-        """In force now."""
+        """Configuration in force now."""
         config = self.begun_with
         for name, value in self.fold.frames.settings.items():
             try:

@@ -38,11 +38,11 @@ class TrackFacts:
     sigma_arcsec: tuple[float, float]
     """Median one sigma of its measurements, right ascension on the sky and declination."""
     rate_arcsec_s: tuple[float, float] | None
-    """On the sky at its end."""
+    """Rate on the sky at its end."""
 
     @property
     def minutes(self) -> float:
-        """From its first measurement to its last."""
+        """Minutes from its first measurement to its last."""
         return (self.last.t_mid_utc_ns - self.first.t_mid_utc_ns) / 6e10
 
     @property

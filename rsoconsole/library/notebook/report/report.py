@@ -49,7 +49,7 @@ from rsoconsole.words import (
 )
 
 MAX_PAIRS = 40
-"""In the page's table, those that came nearest first; the rest stand in the session."""
+"""Most pairs in the page's table, the nearest first; the session has all."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -67,9 +67,9 @@ class UnseenFacts:
     """A catalogued object that stood in frames and was not followed there."""
 
     looks: int
-    """How often the catalogue was asked while it should have been there, and no track was of it."""
+    """Number of comparisons with the catalogue that expected it, while no track was of it."""
     of_looks: int
-    """How often the catalogue was asked on record."""
+    """Number of comparisons with the catalogue on record."""
     lit: int
     """Number of ``looks`` in which the Sun shone on it."""
     last: UnseenMember
