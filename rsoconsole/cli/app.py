@@ -29,10 +29,10 @@ from rsoconsole.cli.recorded import (
 )
 from rsoconsole.cli.telescope import (
     go_to,
-    house,
     order,
     passes,
     service,
+    setup,
     telescope,
 )
 from rsoconsole.cli.words import output
@@ -72,13 +72,13 @@ _add(orbit.orbit, identify.identify, passes.passes)
 app.command("what-if", cls=what_if.SetTakesTwo)(what_if.what_if)
 app.command("calibrate-time")(calibrate_time.calibrate_time)
 app.command("calibrate-elements")(calibrate_elements.calibrate_elements)
-_add(house.doctor, export.figures, export.export)
+_add(setup.doctor, export.figures, export.export)
 for name, group in (
     ("ledger", ledger.ledger_app),
-    ("config", house.config_app),
-    ("index", house.index_app),
+    ("config", setup.config_app),
+    ("index", setup.index_app),
     ("catalogue", catalogue.catalogue_app),
-    ("alerts", house.alerts_app),
+    ("alerts", setup.alerts_app),
     ("sessions", sessions.sessions_app),
     ("service", service.service_app),
 ):

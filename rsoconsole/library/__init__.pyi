@@ -9,11 +9,11 @@ from .formats.solved_fits import parse_numbers as parse_numbers
 from .formats.target import Target as Target
 from .frames import detect as detect
 from .frames import solve as solve
-from .identifying import Identification as Identification
-from .identifying import identify as identify
+from .identification import Identification as Identification
+from .identification import identify as identify
 from .known_orbit import Orbit as Orbit
 from .known_orbit import orbit as orbit
-from .measuring import measure as measure
+from .measurement import measure as measure
 from .notebook.figures.figures import write_figures as write_figures
 from .notebook.panel.panel import LivePanel as LivePanel
 from .notebook.report.report import render_report as render_report

@@ -28,7 +28,7 @@ from rsoconsole.library._observations import (
     sigmas_of,
 )
 from rsoconsole.library.frames import frame_facts
-from rsoconsole.library.measuring import SIGMAS
+from rsoconsole.library.measurement import SIGMAS
 from rsoconsole.night import NightTrack, frames_of, tracks_of
 from rsoconsole.pipeline import Orbits, Shown, StarHistory, fold, shutter_mid_utc_ns
 from rsoconsole.records import (

@@ -11,7 +11,7 @@ from rsoconsole.config import Config
 from rsoconsole.orbits import CatalogueEntry, Satellite
 from rsoconsole.records import FloatArray
 from rsoconsole.simulator.mount.mount_model import MountTraits, systematic_error_deg
-from rsoconsole.simulator.nights._when_up import (
+from rsoconsole.simulator.nights._visibility import (
     Window,
     expect_visible,
     first_window,

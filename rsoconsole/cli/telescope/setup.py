@@ -1,4 +1,4 @@
-"""Verbs that keep the house: doctor, config, index, alerts."""
+"""Verbs for the set-up of a machine: doctor, config, index, alerts."""
 
 import contextlib
 import logging
