@@ -5,6 +5,7 @@ import logging.handlers
 import os
 import signal
 import sys
+from collections.abc import Callable
 from typing import NoReturn
 
 import platformdirs
@@ -18,7 +19,6 @@ from rsoconsole.cli.recorded import (
     calibrate_time,
     catalogue,
     export,
-    figures,
     frames,
     identify,
     ledger,
@@ -27,14 +27,20 @@ from rsoconsole.cli.recorded import (
     sessions,
     what_if,
 )
-from rsoconsole.cli.telescope import alerts, house, passes, seat, service, telescope
+from rsoconsole.cli.telescope import (
+    go_to,
+    order,
+    passes,
+    service,
+    setup,
+    telescope,
+)
 from rsoconsole.cli.words import output
 from rsoconsole.cli.words.usage import (
     USAGE_EXIT,
     UsageError,
     fold_helps,
     help_of,
-    is_help,
     usage_line,
 )
 from rsoconsole.config import APP, environment_warnings
@@ -50,28 +56,33 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     help="Find and follow satellites that nobody told you about. Start with: rsoconsole demo",
 )
-for group in (
-    demo,
-    seat,
-    review,
-    telescope,
-    frames,
-    orbit,
-    identify,
-    ledger,
-    passes,
-    what_if,
-    calibrate_time,
-    calibrate_elements,
-    house,
-    catalogue,
-    alerts,
-    sessions,
-    service,
-    figures,
-    export,
+
+
+def _add(*verbs: Callable[..., None]) -> None:
+    for verb in verbs:
+        app.command()(verb)
+
+
+_add(demo.demo, telescope.console, review.review, telescope.engine, telescope.status)
+order.register(app)
+# A negative declination is an argument, no option.
+app.command(context_settings={"ignore_unknown_options": True})(go_to.goto)
+_add(telescope.stop, frames.process, frames.detect, frames.solve)
+_add(orbit.orbit, identify.identify, passes.passes)
+app.command("what-if", cls=what_if.SetTakesTwo)(what_if.what_if)
+app.command("calibrate-time")(calibrate_time.calibrate_time)
+app.command("calibrate-elements")(calibrate_elements.calibrate_elements)
+_add(setup.doctor, export.figures, export.export)
+for name, group in (
+    ("ledger", ledger.ledger_app),
+    ("config", setup.config_app),
+    ("index", setup.index_app),
+    ("catalogue", catalogue.catalogue_app),
+    ("alerts", setup.alerts_app),
+    ("sessions", sessions.sessions_app),
+    ("service", service.service_app),
 ):
-    group.register(app)
+    app.add_typer(group, name=name)
 fold_helps(app)
 
 
@@ -98,10 +109,10 @@ def main() -> None:
     try:
         sys.exit(app(standalone_mode=False, prog_name=APP))
     except UsageError as error:
-        if is_help(error):
-            print(help_of(error), end="", file=sys.stderr)  # the program's own words
-        else:
+        if (words := help_of(error)) is None:
             output.complain(usage_line(error))
+        else:
+            print(words, end="", file=sys.stderr)  # the program's own
         sys.exit(USAGE_EXIT)
     except typer.Abort:
         output.complain(f"{APP}: interrupted")

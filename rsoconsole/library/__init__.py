@@ -1,4 +1,4 @@
-"""What ``import rsoconsole`` offers: from frames and observations to orbits and names.
+"""Functions of ``import rsoconsole``: from frames and observations to orbits and names.
 
 Each function does what the verb of its name does, by the same code, and speaks astropy: tables
 with units, times and directions. ``README.md`` here is its page.

@@ -1,4 +1,4 @@
-"""What a caller may give: numbers with units, times, places. Units are dealt with here alone."""
+"""Arguments of callers: numbers with units, times, places. Units are converted here alone."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -11,12 +11,10 @@ import numpy as np
 
 from rsoconsole.base import InputError
 from rsoconsole.config import Config, effective_settings, load_config, with_changes
-from rsoconsole.library.notebook.tables import as_table
+from rsoconsole.library.formats.tables import as_table
 from rsoconsole.night import Row, rows_of
 from rsoconsole.records import TABLES, Column, Record, Site
 from rsoconsole.sky import IntArray, iso_to_utc_ns
-
-_SITE_SETTINGS = ("site.latitude_deg", "site.longitude_deg")
 
 
 @runtime_checkable
@@ -160,7 +158,7 @@ def direction_deg(value: SkyCoordLike, name: str) -> tuple[float, float]:
 
 
 def site_of(place: Place, name: str = "site") -> Site:
-    """Where that is. Raises InputError for what is no place on the Earth."""
+    """Site of a place. Raises InputError for what is no place on the Earth."""
     if isinstance(place, Site):
         return place
     if isinstance(place, EarthLocationLike):
@@ -195,8 +193,8 @@ def site_of(place: Place, name: str = "site") -> Site:
     )
 
 
-def needed_site(given: Place | None, own: Site | None, config: ConfigLike) -> Site:
-    """As given, else the observations' own, else as configured. Raises InputError without any."""
+def required_site(given: Place | None, own: Site | None, config: ConfigLike) -> Site:
+    """Site as given, else the observations' own, else the configured. Raises InputError without."""
     site = own if given is None else site_of(given)
     site = configured_site(config) if site is None else site
     if site is None:
@@ -214,7 +212,7 @@ def configured_site(config: ConfigLike) -> Site | None:
         return config.site.to_site() if is_set else None
     path = None if config is None else Path(config).expanduser()
     origins = {each.name: each.origin for each in effective_settings(path)}
-    if any(origins[name] == "default" for name in _SITE_SETTINGS):
+    if "default" in (origins["site.latitude_deg"], origins["site.longitude_deg"]):
         return None
     return load_config(path).site.to_site()
 
@@ -222,7 +220,7 @@ def configured_site(config: ConfigLike) -> Site | None:
 if TYPE_CHECKING:
     from astropy.table import QTable
 
-_OF_THE_LOG = ("seq", "t_utc_ns", "is_superseded")
+_LOG_COLUMNS = ("seq", "t_utc_ns", "is_superseded")
 FRAME = Column(name="frame", type="text", meaning="The frame by its name.")
 
 
@@ -241,7 +239,7 @@ def table_of(
     columns, whose values ``more`` has for each row.
     """
     rows = rows_of(name, [(seq, 0, record) for seq, record in enumerate(records, start=1)])
-    columns = [each for each in TABLES[name].columns if each.name not in _OF_THE_LOG]
+    columns = [each for each in TABLES[name].columns if each.name not in _LOG_COLUMNS]
     if names is not None:
         columns.insert(0, FRAME)
         rows = [{**row, "frame": names.get(row["frame_id"])} for row in rows]

@@ -10,7 +10,6 @@ import numpy.typing as npt
 from rsoconsole.base import InputError
 from rsoconsole.library._given import (
     Number,
-    QuantityLike,
     SkyCoordLike,
     instants_utc_ns,
     number,
@@ -20,7 +19,7 @@ from rsoconsole.records import FloatArray, Site
 from rsoconsole.sky import IntArray
 
 META = "rsoconsole"
-"""Where in a table's ``meta`` lies what its rows do not say: the site, the frames."""
+"""Key in a table's ``meta`` of what its rows do not state: site and frames."""
 TIMES = ("t_mid_utc", "time", "t_utc", "obstime", "t", "date_obs", "epoch")
 RAS = ("ra_icrs", "ra")
 DECS = ("dec_icrs", "dec")
@@ -48,10 +47,7 @@ class Directions:
     cov_sky_arcsec2: FloatArray
     """(N, 3): east-east, east-north, north-north."""
     site: Site | None
-    """As the table's ``meta`` has it."""
-
-    def __len__(self) -> int:
-        return len(self.t_utc_ns)
+    """Site in the table's ``meta``."""
 
 
 def expect_table(value: Any, what: str) -> Any:
@@ -69,7 +65,7 @@ def expect_table(value: Any, what: str) -> Any:
 
 
 def directions_of(table: Any, sigma: Number | None) -> Directions:
-    """Its rows. ``sigma``: of those that state none, arcsec; None: every row must state it.
+    """Directions of its rows. ``sigma``: where a row states none, arcsec; None: each must.
 
     Raises InputError naming the column that is missing, has no unit or holds what is none.
     """
@@ -92,7 +88,7 @@ def directions_of(table: Any, sigma: Number | None) -> Directions:
 
 
 def site_in(table: Any) -> Site | None:
-    """Where it was seen from, where its ``meta`` says so."""
+    """Site in a table's ``meta``; None where it has none."""
     # The second: an exported table.
     said = own_meta(table).get("site") or (getattr(table, "meta", None) or {}).get("site")
     if not isinstance(said, dict):
@@ -104,7 +100,7 @@ def site_in(table: Any) -> Site | None:
 
 
 def own_meta(table: Any) -> dict[str, Any]:
-    """What ``rso.measure`` wrote into its table beside the rows; empty for others."""
+    """Metadata that ``rso.measure`` wrote into its table; empty for other tables."""
     own = (getattr(table, "meta", None) or {}).get(META)
     return own if isinstance(own, dict) else {}
 
@@ -130,7 +126,7 @@ def expect_one_object(table: Any) -> None:
 
 def times_of(table: Any) -> IntArray:
     """(N,) UTC ns. Raises InputError."""
-    column = _first(table, TIMES)
+    column = next((name for name in TIMES if name in table.colnames), None)
     if column is None:
         found = [each for each in table.colnames if hasattr(table[each], "utc")]
         column = found[0] if len(found) == 1 else None
@@ -156,24 +152,16 @@ def column_of(table: Any, names: tuple[str, ...], unit: str) -> FloatArray | Non
             if each not in table.colnames:
                 continue
             values = table[each]
-            if _is_masked(values):
+            if np.any(getattr(values, "mask", False)):
                 raise InputError(f"column {each!r} has missing values: leave those rows out")
-            if getattr(values, "unit", None) is None and each != ending:
+            has_unit = getattr(values, "unit", None) is not None
+            if not has_unit and each != ending:
                 raise InputError(
                     f"column {each!r} has no unit: table[{each!r}].unit = {unit!r} gives it one"
                 )
-            quantity = (
-                values if isinstance(values, QuantityLike) else getattr(values, "quantity", None)
-            )
-            if getattr(values, "unit", None) is None:
-                quantity = np.asarray(values, np.float64)
-            return numbers(quantity, unit, f"column {each!r}")
+            plain = values if has_unit else np.asarray(values, np.float64)
+            return numbers(getattr(plain, "quantity", plain), unit, f"column {each!r}")
     return None
-
-
-def _is_masked(values: Any) -> bool:
-    mask = getattr(values, "mask", None)
-    return mask is not None and bool(np.any(mask))
 
 
 def _directions(table: Any) -> tuple[FloatArray, FloatArray]:
@@ -232,10 +220,6 @@ def plain_column(table: Any, name: str, kind: type) -> npt.NDArray[Any] | None:
         return np.asarray(table[name]).astype(kind)
     except (TypeError, ValueError) as error:
         raise InputError(f"column {name!r} holds what is no {kind.__name__}: {error}") from error
-
-
-def _first(table: Any, names: tuple[str, ...]) -> str | None:
-    return next((name for name in names if name in table.colnames), None)
 
 
 def _listed(table: Any) -> str:

@@ -1,4 +1,4 @@
-"""Of whatever was observed, the directions of one object from one site: what orbits are made of."""
+"""Observations in any form as directions of one object from one site, for orbits and names."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -9,7 +9,7 @@ from typing import Any, TypeAlias
 import numpy as np
 
 from rsoconsole.base import InputError, raised_as
-from rsoconsole.library._given import ConfigLike, Number, Place, needed_site, number, site_of
+from rsoconsole.library._given import ConfigLike, Number, Place, number, required_site, site_of
 from rsoconsole.library._observations import (
     TableLike,
     directions_of,
@@ -32,7 +32,7 @@ Group: TypeAlias = tuple[ObservedTrack, ...]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Asked:
-    """What the caller says of observations that do not say it themselves."""
+    """Values of the caller for observations that do not state them."""
 
     sigma: Number | None = None
     site: Place | None = None
@@ -60,7 +60,7 @@ def _groups(what: Any, ask: Asked) -> list[Group]:
         groups = list(read_observations(path, _read_as(ask)))
         return groups if ask.track is None else [_only(groups, ask.track)]
     if isinstance(what, Track):
-        return [(_of_taken(f"track {what.number}", what.number, what.site, what.taken),)]
+        return [(_observed_track(f"track {what.number}", what.number, what.site, what.taken),)]
     if isinstance(what, NightTrack):
         if ask.site is None:
             raise InputError(
@@ -68,12 +68,12 @@ def _groups(what: Any, ask: Asked) -> list[Group]:
                 f" rso.orbit(night, track={what.number}), or site="
             )
         name = f"track {what.number}"
-        return [(_of_taken(name, what.number, site_of(ask.site), what.measurements),)]
+        return [(_observed_track(name, what.number, site_of(ask.site), what.measurements),)]
     if isinstance(what, Mapping):
         raise InputError(
             f"{len(what)} tracks: an orbit is of one object; take one of them, as in tracks[1]"
         )
-    return [(_of_table(what, ask),)]
+    return [(_observed_table(what, ask),)]
 
 
 def _read_as(ask: Asked) -> ReadAs:
@@ -100,7 +100,9 @@ def _only(groups: list[Group], track: int) -> Group:
     return (chosen[0],)
 
 
-def _of_taken(name: str, number_: int, site: Site, taken: Sequence[Measurement]) -> ObservedTrack:
+def _observed_track(
+    name: str, number_: int, site: Site, taken: Sequence[Measurement]
+) -> ObservedTrack:
     with raised_as(InputError):
         seen = sightings_from_measurements(site, taken)
     return ObservedTrack(
@@ -108,7 +110,7 @@ def _of_taken(name: str, number_: int, site: Site, taken: Sequence[Measurement])
     )
 
 
-def _of_table(value: Any, ask: Asked) -> ObservedTrack:
+def _observed_table(value: Any, ask: Asked) -> ObservedTrack:
     table = expect_table(value, "file, session, track or table of observations")
     # Nobody knows when a crossing was where, or where along itself one that the frame cuts was.
     for name, is_wanted in (("is_crossing", False), ("is_clipped", False), ("is_taken", True)):
@@ -116,7 +118,7 @@ def _of_table(value: Any, ask: Asked) -> ObservedTrack:
             table = table[np.asarray(table[name], bool) == is_wanted]
     rows = directions_of(table, 1.0 if ask.sigma is None else ask.sigma)
     expect_one_object(table)
-    site = needed_site(ask.site, rows.site, ask.config)
+    site = required_site(ask.site, rows.site, ask.config)
     with raised_as(InputError):
         seen = sightings(
             site, rows.t_utc_ns, rows.ra_icrs_deg, rows.dec_icrs_deg, rows.cov_sky_arcsec2

@@ -58,7 +58,7 @@ Frames: TypeAlias = FrameLike | Iterable[FrameLike]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FrameFacts:
-    """What the caller says of frames; it wins over their headers."""
+    """Facts on frames by the caller; they override the headers."""
 
     extension: str | None = None
     t_start_utc_ns: npt.NDArray[np.int64] | None = None
@@ -76,7 +76,7 @@ def frame_facts(
     scale: Number | None = None,
     pointing: SkyCoordLike | None = None,
 ) -> FrameFacts:
-    """The same with units dealt with. Raises InputError."""
+    """The facts with units converted. Raises InputError."""
     exposure_s = None if exposure is None else number(exposure, "s", "exposure")
     if exposure_s is not None and exposure_s <= 0.0:
         raise InputError(f"exposure: {exposure_s:g} s must be above 0")
@@ -99,7 +99,7 @@ def scale_of(value: Number, name: str) -> float:
     return found
 
 
-def opened(frames: Frames, said: FrameFacts, *, max_masked: float = 0.0) -> Iterator[Frame]:
+def read_given(frames: Frames, facts: FrameFacts, *, max_masked: float = 0.0) -> Iterator[Frame]:
     """Every frame, numbered from 1, read when it is asked for.
 
     Raises FrameError naming the frame that cannot be used, InputError for what is none.
@@ -107,17 +107,17 @@ def opened(frames: Frames, said: FrameFacts, *, max_masked: float = 0.0) -> Iter
     given = tuple(_each(frames))
     if not given:
         raise InputError("no frames: the list is empty")
-    t = said.t_start_utc_ns
+    t = facts.t_start_utc_ns
     if t is not None and t.ndim and len(t) != len(given):
         raise InputError(f"t_start: {len(t)} times for {len(given)} frames")
     if t is not None and not t.ndim and len(given) > 1:
         raise InputError(f"t_start: one time for {len(given)} frames: give one for each")
     count = 0
     for number_, each in enumerate(given, start=1):
-        for frame in _opened(each, number_, len(given), said, max_masked):
+        for frame in _read_one(each, number_, len(given), facts, max_masked):
             count += 1
             start = frame.t_start_utc_ns if t is None else int(np.atleast_1d(t)[number_ - 1])
-            yield _with_facts(replace(frame, frame_id=count, t_start_utc_ns=start), said)
+            yield _with_facts(replace(frame, frame_id=count, t_start_utc_ns=start), facts)
 
 
 def _each(frames: Any) -> Iterable[Any]:
@@ -137,20 +137,20 @@ def _is_hdu_list(value: Any) -> bool:
     return isinstance(value, list) and hasattr(value, "writeto")
 
 
-def _opened(
-    each: Any, number_: int, count: int, said: FrameFacts, max_masked: float
+def _read_one(
+    each: Any, number_: int, count: int, facts: FrameFacts, max_masked: float
 ) -> Iterator[Frame]:
     if isinstance(each, str | PathLike):
         path = Path(fspath(each)).expanduser()
         yield from read_frames(
-            path, number_, extension=said.extension, max_nonfinite_fraction=max_masked
+            path, number_, extension=facts.extension, max_nonfinite_fraction=max_masked
         )
         return
     name = "the array" if count == 1 else f"array {number_}"
     if _is_hdu_list(each) or (hasattr(each, "writeto") and hasattr(each, "fileinfo")):
-        yield _of_hdu(each, number_, count, said.extension, max_masked)
+        yield _of_hdu(each, number_, count, facts.extension, max_masked)
         return
-    if said.extension is not None:
+    if facts.extension is not None:
         raise InputError("extension: only FITS files and HDU lists have several images")
     if isinstance(each, np.ma.MaskedArray):
         yield _masked((each.data, each.mask), number_, name, header={}, max_masked=max_masked)
@@ -202,13 +202,13 @@ def _masked(
     return frame_from_array(pixels, number_, name, header=header, max_nonfinite_fraction=max_masked)
 
 
-def _with_facts(frame: Frame, said: FrameFacts) -> Frame:
-    ra_dec = said.pointing_deg or (frame.pointing_ra_icrs_deg, frame.pointing_dec_icrs_deg)
+def _with_facts(frame: Frame, facts: FrameFacts) -> Frame:
+    ra_dec = facts.pointing_deg or (frame.pointing_ra_icrs_deg, frame.pointing_dec_icrs_deg)
     return replace(
         frame,
-        exposure_s=frame.exposure_s if said.exposure_s is None else said.exposure_s,
+        exposure_s=frame.exposure_s if facts.exposure_s is None else facts.exposure_s,
         scale_arcsec_px=(
-            frame.scale_arcsec_px if said.scale_arcsec_px is None else said.scale_arcsec_px
+            frame.scale_arcsec_px if facts.scale_arcsec_px is None else facts.scale_arcsec_px
         ),
         pointing_ra_icrs_deg=ra_dec[0],
         pointing_dec_icrs_deg=ra_dec[1],
@@ -252,12 +252,12 @@ def detect(
     >>> streaks["x_px", "y_px", "length_px", "confidence"]
     """
     settings = config_of(config, {"detector.tau": tau, "detector.map_mode": map_mode})
-    said = frame_facts(extension=extension, exposure=exposure, scale=scale)
+    facts = frame_facts(extension=extension, exposure=exposure, scale=scale)
     detector = FrameDetector(settings)
     found: list[Detections] = []
     names: dict[int, str] = {}
     notes: dict[str, None] = {}
-    for frame in opened(frames, said):
+    for frame in read_given(frames, facts):
         detections, words = detector.detect(frame)
         found.append(detections)
         names[frame.frame_id] = frame.name
@@ -267,7 +267,7 @@ def detect(
 
 
 class Hints(TypedDict, total=False):
-    """What may be given beside frames."""
+    """Keywords of ``solve``."""
 
     center: SkyCoordLike | None
     ra: Number | None
@@ -323,7 +323,7 @@ def solve(
     scales = _scales(scale, settings.solver.scale_tolerance)
     found: list[PlateWCS] = []
     with FrameSolver.open(settings) as solver:
-        for frame in opened(frames, frame_facts(extension=extension), max_masked=MAX_MASKED):
+        for frame in read_given(frames, frame_facts(extension=extension), max_masked=MAX_MASKED):
             solved = solver.solve(
                 frame,
                 ra_icrs_deg=None if place is None else place[0],
@@ -344,12 +344,8 @@ def solve(
                     notes=solved.notes,
                 )
             )
-    is_one = len(found) == 1 and not _is_list(frames)
-    return found[0] if is_one else found
-
-
-def _is_list(frames: Any) -> bool:
-    return isinstance(frames, list | tuple) and not hasattr(frames, "writeto")
+    is_list = isinstance(frames, list | tuple) and not _is_hdu_list(frames)
+    return found if is_list or len(found) != 1 else found[0]
 
 
 def _place(

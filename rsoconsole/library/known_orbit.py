@@ -9,6 +9,7 @@ import numpy as np
 from rsoconsole.base import InputError, OrbitError
 from rsoconsole.library._given import ConfigLike, Instant, Number, Place, instants_utc_ns, site_of
 from rsoconsole.library._observed import Asked, Observations, groups_of
+from rsoconsole.library.formats.tables import utc_time
 from rsoconsole.orbits import ANALYST_NUMBERS, PriorName, Sightings, omm, period_s, predict
 from rsoconsole.orbits import Orbit as Determined
 from rsoconsole.pipeline import (
@@ -23,7 +24,7 @@ from rsoconsole.pipeline import (
     orbit_report,
 )
 from rsoconsole.records import FloatArray, Site
-from rsoconsole.sky import icrs_to_altaz, jd_utc, lit_fraction
+from rsoconsole.sky import icrs_to_altaz, lit_fraction
 
 if TYPE_CHECKING:
     from astropy.coordinates import SkyCoord
@@ -52,7 +53,7 @@ class Orbit:
 
     @property
     def label(self) -> Label:
-        """What the directions determine; ``reason`` says why."""
+        """How well the directions determine the orbit; ``reason`` says why."""
         return self._orbit.label
 
     @property
@@ -72,7 +73,7 @@ class Orbit:
 
     @property
     def outliers(self) -> int:
-        """Those of them that were left out of the fit."""
+        """Directions that were left out of the fit."""
         return self._orbit.outliers
 
     @property
@@ -82,12 +83,12 @@ class Orbit:
 
     @property
     def rms(self) -> "Quantity":
-        """Of the used directions' residuals, per axis."""
+        """Root mean square residual of the used directions, per axis."""
         return _quantity(self._orbit.rms_arcsec, "arcsec")
 
     @property
     def arc(self) -> "Quantity":
-        """From the first to the last direction."""
+        """Length of the arc, from the first direction to the last."""
         seen = self._found.seen
         return _quantity(float(seen.t_s[-1] - seen.t_s[0]), "s")
 
@@ -101,7 +102,7 @@ class Orbit:
     @property
     def epoch(self) -> "Time":
         """UTC."""
-        return _time(np.asarray(self._orbit.epoch_utc_ns))
+        return utc_time(np.asarray(self._orbit.epoch_utc_ns))
 
     @property
     def a(self) -> "Quantity":
@@ -135,7 +136,7 @@ class Orbit:
 
     @property
     def period(self) -> "Quantity":
-        """Of one revolution."""
+        """Period of revolution."""
         return _quantity(period_s(self._elements["a_km"]), "s")
 
     @property
@@ -149,10 +150,8 @@ class Orbit:
 
         The node of an orbit in the equator and the perigee of a circle are such.
         """
-        names = {"a_km": "a", "i_deg": "i", "raan_deg": "raan", "argp_deg": "argp"}
-        names |= {"m_deg": "mean_anomaly"}
         return {
-            names.get(key, key): value
+            "mean_anomaly" if key == "m_deg" else key.partition("_")[0]: value
             if value is None or key not in _UNITS
             else _quantity(value, _UNITS[key])
             for key, value in element_sigmas(self._orbit).items()
@@ -175,13 +174,13 @@ class Orbit:
 
     @property
     def site(self) -> Site:
-        """Where its longest arc was seen from."""
+        """Site of its longest arc."""
         return self._found.observed.site
 
     # -- where it will be ------------------------------------------------------------------------
 
     def gcrs(self, times: Instant) -> "SkyCoord":
-        """Where it is at these times, geocentric in GCRS, with distance and velocity.
+        """Positions at these times, geocentric in GCRS, with distance and velocity.
 
         ``times``: a ``Time``, () or (N,). NaN where it has come down.
         """
@@ -197,10 +196,10 @@ class Orbit:
         r, v = (each.T.reshape(3, *t.shape) for each in self._orbit.states(np.atleast_1d(t)))
         velocity = CartesianDifferential(v * units.km / units.s)
         at = CartesianRepresentation(r * units.km, differentials=velocity)
-        return SkyCoord(at, frame=GCRS(obstime=_time(t)))
+        return SkyCoord(at, frame=GCRS(obstime=utc_time(t)))
 
     def predict(self, times: Instant, site: Place | None = None) -> "QTable":
-        """Where it will be seen at these times, and how sure that is.
+        """Predicted directions at these times, with their errors.
 
         ``times``: a ``Time``, () or (N,). ``site``: None for that of the observations.
 
@@ -223,7 +222,7 @@ class Orbit:
         cos_dec = np.cos(np.radians(places.dec_icrs_deg))
         arcsec_s = units.arcsec / units.s
         table = QTable(meta={"label": self.label, "epoch": self.epoch.isot, "frame": "ICRS"})
-        table["time"] = _time(t)
+        table["time"] = utc_time(t)
         table["direction"] = SkyCoord(
             places.ra_icrs_deg, places.dec_icrs_deg, unit="deg", frame="icrs"
         )
@@ -267,7 +266,7 @@ class Orbit:
         return omm(fitted.mean, created_utc_ns=time.time_ns(), form=form)
 
     def report(self) -> dict[str, Any]:
-        """What ``rsoconsole orbit --json`` says, but for what lies ahead and elements."""
+        """The report of ``rsoconsole orbit --json``, without predictions and elements."""
         return orbit_report(self._found, None)
 
     @property
@@ -295,14 +294,6 @@ def _quantity(value: Any, unit: str) -> "Quantity":
     from astropy.units import Quantity
 
     return Quantity(value, unit)
-
-
-def _time(t_utc_ns: Any) -> "Time":
-    from astropy.time import Time
-
-    found = Time(*jd_utc(t_utc_ns), format="jd", scale="utc")
-    found.format, found.precision = "isot", 9
-    return found
 
 
 Method = Literal["least squares", "gooding"]

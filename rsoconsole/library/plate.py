@@ -21,9 +21,9 @@ class PlateWCS(WCS):  # type: ignore[misc]  # astropy ships no types
     matched: int
     """Catalogue stars that it rests on."""
     wrong_hints: tuple[str, ...]
-    """What the stars say against the hints, a sentence each."""
+    """Hints that the stars contradict, a sentence each."""
     notes: tuple[str, ...]
-    """What else is to be known of the frame."""
+    """Further notes on the frame."""
     is_flipped: bool
     """The array is a mirror image of the sky as a FITS viewer shows it."""
     _solution: Solution

@@ -1,7 +1,7 @@
 """``rso.track``: which measurements are of one object, by the live tracker's own fold."""
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, replace
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
@@ -13,8 +13,7 @@ from rsoconsole.library._given import (
     Number,
     Place,
     config_of,
-    needed_site,
-    number,
+    required_site,
     table_of,
 )
 from rsoconsole.library._observations import (
@@ -28,7 +27,8 @@ from rsoconsole.library._observations import (
     plain_column,
     sigmas_of,
 )
-from rsoconsole.library.measuring import SIGMAS
+from rsoconsole.library.frames import frame_facts
+from rsoconsole.library.measurement import SIGMAS
 from rsoconsole.night import NightTrack, frames_of, tracks_of
 from rsoconsole.pipeline import FrameObservations, Orbits, StarHistory, fold, shutter_mid_utc_ns
 from rsoconsole.records import (
@@ -63,12 +63,12 @@ class Track:
 
     @property
     def number(self) -> int:
-        """From 1, in the order in which tracks began."""
+        """Track number from 1, in the order in which tracks began."""
         return self._found.number
 
     @property
     def measurements(self) -> "QTable":
-        """Those that it took, in order of time; as ``rso.measure`` has them."""
+        """Measurements of the track in order of time, as ``rso.measure`` has them."""
         rows = self._found.measurements
         more = [
             dict(zip((c.name for c in SIGMAS[:3]), sigmas_of(m.cov_sky_arcsec2), strict=True))
@@ -99,12 +99,12 @@ class Track:
 
     @property
     def ended(self) -> str:
-        """What ended it, in words; empty: it was followed to the last frame."""
+        """Reason of its end, in words; empty: it was followed to the last frame."""
         return self._found.ended
 
     @property
     def residual_rms(self) -> "Quantity | None":
-        """Of measured minus predicted, on the sky; None without an update."""
+        """Root mean square of measured minus predicted, on the sky; None without an update."""
         from astropy import units
 
         rms = self._found.quality.residual_rms_arcsec
@@ -195,11 +195,9 @@ def track(
     if not len(table) and own_meta(table):
         return Tracks({}, ())  # frames that show nothing
     rows = directions_of(table, sigma)
-    where = needed_site(site, rows.site, config)
+    where = required_site(site, rows.site, config)
     settings = _at_site(config_of(config, {"filter.preset": preset}), where)
-    exposure_s = None if exposure is None else number(exposure, "s", "exposure")
-    if exposure_s is not None and exposure_s <= 0.0:
-        raise InputError(f"exposure: {exposure_s:g} s must be above 0")
+    exposure_s = frame_facts(exposure=exposure).exposure_s
     frames = list(_frames(table, rows, settings, exposure_s))
     records = tuple(followed(frames, settings))
     found = tracks_of(frames_of(records))
@@ -254,15 +252,6 @@ def _at_site(config: Config, site: Site) -> Config:
     return config.model_copy(update={"site": SiteConfig(name=name, **asdict(site))})
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _Seen:
-    """A frame that ``rso.measure`` told of."""
-
-    taken: FrameTaken
-    detections: Detections
-    solution: Solution | NotSolved | None
-
-
 def _frames(
     table: Any, rows: Directions, config: Config, exposure_s: float | None
 ) -> Iterator[FrameObservations]:
@@ -278,8 +267,9 @@ def _frames(
             length_s = exposure_s or USUAL_EXPOSURE_S
             if exposure_s is None and lengths is not None:
                 length_s = float(lengths[members[0]])
-            seen = _made_up(int(rows.t_utc_ns[members[0]]), length_s, config)  # noqa: PLW2901
-        yield FrameObservations(
+            seen = _synthetic_frame(int(rows.t_utc_ns[members[0]]), length_s, config)  # noqa: PLW2901
+        yield replace(
+            seen,
             taken=replace(seen.taken, frame_id=frame_id),
             detections=replace(seen.detections, frame_id=frame_id),
             solution=None if seen.solution is None else replace(seen.solution, frame_id=frame_id),
@@ -290,10 +280,10 @@ def _frames(
 
 
 def _of_frames(
-    rows: Directions, listed: Sequence[_Seen], config: Config
-) -> list[tuple[_Seen | None, list[int]]]:
+    rows: Directions, listed: Sequence[FrameObservations], config: Config
+) -> list[tuple[FrameObservations | None, list[int]]]:
     """Frames in order of time, with the numbers of their rows."""
-    mids = [(_mid_ns(each, config), each) for each in listed]
+    mids = [(_mid_ns(each.taken, config), each) for each in listed]
     mids.sort(key=lambda pair: pair[0])
     of_frame: list[list[int]] = [[] for _ in mids]
     alone: dict[int, list[int]] = {}
@@ -304,7 +294,7 @@ def _of_frames(
             of_frame[nearest].append(n)
         else:
             alone.setdefault(int(t), []).append(n)
-    found: list[tuple[int, _Seen | None, list[int]]] = [
+    found: list[tuple[int, FrameObservations | None, list[int]]] = [
         (t, seen, members) for (t, seen), members in zip(mids, of_frame, strict=True)
     ]
     found += [(t, None, members) for t, members in alone.items()]
@@ -312,20 +302,20 @@ def _of_frames(
     return [(seen, members) for _, seen, members in found]
 
 
-def _is_within(t_utc_ns: int, mid_ns: int, seen: _Seen) -> bool:
+def _is_within(t_utc_ns: int, mid_ns: int, seen: FrameObservations) -> bool:
     """Whether an instant may be a row's of that frame, whose shutter may roll."""
     half_ns = max((seen.taken.exposure_s or 0.0) * 5e8, 1e8)
     return abs(t_utc_ns - mid_ns) <= half_ns
 
 
-def _mid_ns(seen: _Seen, config: Config) -> int:
-    mid = shutter_mid_utc_ns(seen.taken, config.exposure)
+def _mid_ns(taken: FrameTaken, config: Config) -> int:
+    mid = shutter_mid_utc_ns(taken, config.exposure)
     if mid is None:
-        raise InputError(f"frame {seen.taken.name} in the table's meta has no time")
+        raise InputError(f"frame {taken.name} in the table's meta has no time")
     return mid
 
 
-def _meta_frames(table: Any) -> list[_Seen]:
+def _meta_frames(table: Any) -> list[FrameObservations]:
     """The frames in the ``meta`` of a table that ``rso.measure`` made; none for any other."""
     said = own_meta(table).get("frames", ())
     found = []
@@ -339,34 +329,35 @@ def _meta_frames(table: Any) -> list[_Seen]:
         solution = next((r for r in records if isinstance(r, Solution | NotSolved)), None)
         if taken is None or detections is None:
             raise InputError(f"meta[{META!r}]['frames'] is damaged: a frame's record is missing")
-        found.append(_Seen(taken=taken, detections=detections, solution=solution))
+        found.append(
+            FrameObservations(
+                taken=taken, detections=detections, solution=solution, measurements=()
+            )
+        )
     return found
 
 
-def _made_up(t_mid_ns: int, exposure_s: float, config: Config) -> _Seen:
+def _synthetic_frame(t_mid_ns: int, exposure_s: float, config: Config) -> FrameObservations:
     """The frame of observations that say nothing of one: as large as the configured camera's."""
-    optics = config.optics
+    width_px, height_px = config.optics.width_px, config.optics.height_px
+    start_ns = t_mid_ns - round(exposure_s * 5e8)
     taken = FrameTaken(
         frame_id=0,
         name="observation",
-        t_start_utc_ns=t_mid_ns - round(exposure_s * 5e8),
+        t_start_utc_ns=start_ns,
         exposure_s=exposure_s,
-        width_px=optics.width_px,
-        height_px=optics.height_px,
+        width_px=width_px,
+        height_px=height_px,
         pointing_ra_icrs_deg=None,
         pointing_dec_icrs_deg=None,
     )
     # The row's time is the shutter's already, whatever latency is configured.
-    late_ns = _mid_ns(_Seen(taken=taken, detections=_nothing(optics), solution=None), config)
-    start_ns = 2 * t_mid_ns - late_ns - round(exposure_s * 5e8)
-    return _Seen(
-        taken=replace(taken, t_start_utc_ns=start_ns), detections=_nothing(optics), solution=None
-    )
-
-
-def _nothing(optics: Any) -> Detections:
-    return Detections(
-        frame_id=0, width_px=optics.width_px, height_px=optics.height_px, detections=()
+    late_ns = _mid_ns(taken, config) - t_mid_ns
+    return FrameObservations(
+        taken=replace(taken, t_start_utc_ns=start_ns - late_ns),
+        detections=Detections(frame_id=0, width_px=width_px, height_px=height_px, detections=()),
+        solution=None,
+        measurements=(),
     )
 
 
@@ -393,28 +384,24 @@ def _measurement(table: Any, rows: Directions, n: int, frame_id: int, place: int
 
 def _ends(table: Any, n: int) -> tuple[tuple[float, float], tuple[float, float]] | None:
     """Of the row's streak, where it tells them: as ``rso.measure`` has them, or as exported."""
+    names = ("ends_icrs_deg",) if "ends_icrs_deg" in table.colnames else _ENDS
+    if not set(names) <= set(table.colnames):
+        return None
+    cells = [table[name][n] for name in names]
+    if any(np.any(getattr(each, "mask", False)) for each in cells):
+        return None
     try:
-        values = _ends_in(table, n)
+        values = (
+            [_float(table, name, n, "deg") for name in names]
+            if names == _ENDS
+            else np.asarray(cells[0], float).ravel().tolist()
+        )
     except (TypeError, ValueError) as error:
         raise InputError(f"row {n}: the ends of its streak are no directions: {error}") from error
     if len(values) != 4 or not np.all(np.isfinite(values)):
         return None
     a, b, c, d = map(float, values)
     return (a, b), (c, d)
-
-
-def _ends_in(table: Any, n: int) -> Sequence[float]:
-    """RA and Dec of both, degrees; empty where the row has none."""
-    values: Sequence[float] = ()
-    if "ends_icrs_deg" in table.colnames:
-        each = table["ends_icrs_deg"][n]
-        is_missing = bool(np.any(getattr(each, "mask", False)))
-        values = () if is_missing else np.asarray(each, float).ravel().tolist()
-    elif set(_ENDS) <= set(table.colnames):
-        cells = [table[name][n] for name in _ENDS]
-        is_missing = any(np.any(getattr(each, "mask", False)) for each in cells)
-        values = () if is_missing else [_float(table, name, n, "deg") for name in _ENDS]
-    return values
 
 
 def _float(table: Any, name: str, n: int, unit: str) -> float:

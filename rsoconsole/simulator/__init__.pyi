@@ -36,7 +36,7 @@ from .scene.scene import NS as NS
 from .scene.scene import Scene as Scene
 from .scene.world_scene import binned as binned
 from .sky.clouds import CloudDeck as CloudDeck
-from .world.world import NAMELESS as NAMELESS
+from .world.world import DEFAULT_WORLD as DEFAULT_WORLD
 from .world.world import World as World
 from .world.world import load_world as load_world
 from .world.world import settings_of_worlds as settings_of_worlds

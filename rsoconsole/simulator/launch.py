@@ -8,6 +8,7 @@ import sys
 import tempfile
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import IO, Any, Self
 
@@ -21,6 +22,31 @@ DOME_NAME = "Dome Simulator"
 START_S = 180.0
 """Ends as soon as it listens; so much only on a machine that is held up."""
 _LOOK_S = 0.5
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ObservatorySettings:
+    """Settings of the observatory; they cross to its process as JSON."""
+
+    scenario: str
+    seed: int
+    speed: float
+    """Virtual seconds a wall second; 0: at once."""
+    truth_path: str | None = None
+    """A file that gets one JSON line a frame."""
+    width_px: int | None = None
+    """A smaller sensor than the scenario's, for quick looks."""
+    height_px: int | None = None
+    stage: str | None = None
+    """``module:function`` that opens another stage than the scenarios'."""
+    plan: dict[str, Any] | None = None
+    """A ``NightPlan`` as a table, instead of the scenario."""
+    weather: Sequence[tuple[float, str]] = ()
+    """(seconds since the start, "ok" | "warning" | "alert") in order; ok before the first."""
+    dome: Sequence[tuple[float, str]] = ()
+    """(seconds since the start, "open" | "closed" | "moving") in order; open before the first."""
+    world: Mapping[str, Any] = field(default_factory=dict)
+    """Imperfections, as ``World.named`` gives them."""
 
 
 class Observatory:
@@ -55,43 +81,21 @@ class Observatory:
 
 
 def start_observatory(
-    scenario_name: str,
-    seed: int,
-    speed: float,
-    truth_path: Path | None = None,
-    *,
-    width_px: int | None = None,
-    height_px: int | None = None,
-    stage: str | None = None,
-    plan: Mapping[str, Any] | None = None,
-    weather: Sequence[tuple[float, str]] = (),
-    dome: Sequence[tuple[float, str]] = (),
-    world: Mapping[str, Any] | None = None,
+    scenario_name: str, seed: int, speed: float, truth_path: Path | None = None, **others: Any
 ) -> Observatory:
     """Start the observatory in a process of its own and wait until it listens on 127.0.0.1.
 
-    ``speed``: virtual seconds a wall second, 0 or infinity for at once. ``truth_path``: a file
-    that gets one JSON line a frame. ``width_px``, ``height_px``: a smaller sensor. ``stage``:
-    ``module:function`` giving another stage than the scenarios'. ``plan``: a ``NightPlan`` as a
-    table, instead of the scenario. ``weather``, ``dome``: what they become, as (seconds since the
-    night's start, "ok" | "warning" | "alert") and (seconds, "open" | "closed" | "moving"); fine
-    and open unless told. ``world``: the imperfections that are named, as ``World.named`` gives
-    them. Raises InstrumentError when the observatory does not come up, with the last of what it
-    said.
+    ``speed``: virtual seconds a wall second, 0 or infinity for at once. ``others``: as
+    ``ObservatorySettings`` has them. Raises InstrumentError when the observatory does not come up,
+    with the last of what it said.
     """
-    settings = {
-        "scenario": scenario_name,
-        "seed": seed,
-        "speed": 0.0 if math.isinf(speed) else speed,
-        "truth_path": None if truth_path is None else str(Path(truth_path).absolute()),
-        "width_px": width_px,
-        "height_px": height_px,
-        "stage": stage,
-        "plan": None if plan is None else dict(plan),
-        "weather": list(weather),
-        "dome": list(dome),
-        "world": dict(world or {}),
-    }
+    settings = ObservatorySettings(
+        scenario=scenario_name,
+        seed=seed,
+        speed=0.0 if math.isinf(speed) else speed,
+        truth_path=None if truth_path is None else str(Path(truth_path).absolute()),
+        **others,
+    )
     with tempfile.TemporaryFile() as log:
         process = subprocess.Popen(
             [sys.executable, "-m", "rsoconsole.simulator.server"],
@@ -101,7 +105,7 @@ def start_observatory(
             # Ctrl+C in the terminal is the engine's affair: it stops the mount first.
             start_new_session=True,
         )
-        answer = _first_line(process, settings)
+        answer = _first_line(process, asdict(settings))
         if "port" in answer:
             return Observatory(process, int(answer["port"]))
         Observatory(process, 0).stop()
@@ -122,8 +126,7 @@ def _first_line(process: "subprocess.Popen[bytes]", settings: dict[str, Any]) ->
             process.kill()
             return {"error": f"it did not listen within {START_S:.0f} s: try again"}
     line = process.stdout.readline()
-    answer: dict[str, Any] = json.loads(line) if line.strip() else {}
-    return answer
+    return dict(json.loads(line)) if line.strip() else {}
 
 
 def _tail(log: IO[bytes]) -> str:

@@ -13,7 +13,7 @@ import socket
 import sys
 import threading
 from collections.abc import Coroutine
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -23,43 +23,26 @@ from indipyserver import IPyServer
 from rsoconsole.config import OpticsConfig
 from rsoconsole.records import Site
 from rsoconsole.simulator.camera.indi_fits import camera_traits
-from rsoconsole.simulator.devices.camera_device import CameraDevice, SceneLike
+from rsoconsole.simulator.devices.camera_device import CameraDevice
 from rsoconsole.simulator.devices.clock_device import ClockDevice, VirtualClock
 from rsoconsole.simulator.devices.mount_device import MountDevice
-from rsoconsole.simulator.devices.weather_and_dome import DomeDevice, Schedule, WeatherDevice
-from rsoconsole.simulator.launch import CAMERA_NAME, DOME_NAME, HOST, MOUNT_NAME, WEATHER_NAME
+from rsoconsole.simulator.devices.weather_and_dome import DomeDevice, WeatherDevice
+from rsoconsole.simulator.launch import (
+    CAMERA_NAME,
+    DOME_NAME,
+    HOST,
+    MOUNT_NAME,
+    WEATHER_NAME,
+    ObservatorySettings,
+)
 from rsoconsole.simulator.mount.indi_vectors import stamp
 from rsoconsole.simulator.mount.mount_model import MountModel, MountTraits, MountUnrest
 from rsoconsole.simulator.nights.night_plan import plan_of_table, scenario_of, stars_of
 from rsoconsole.simulator.nights.scenarios import scenario_named
 from rsoconsole.simulator.scene.scene import Scene
 from rsoconsole.simulator.scene.world_scene import binned
-from rsoconsole.simulator.world.world import NAMELESS, World, world_from
+from rsoconsole.simulator.world.world import DEFAULT_WORLD, World, world_from
 from rsoconsole.sky import icrs_of_hour_angle, icrs_to_jnow
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ObservatorySettings:
-    """What the observatory is to be; crosses to its process as JSON."""
-
-    scenario: str
-    seed: int
-    speed: float
-    """Virtual seconds a wall second; 0: at once."""
-    truth_path: str | None = None
-    width_px: int | None = None
-    """A smaller sensor than the scenario's, for quick looks."""
-    height_px: int | None = None
-    stage: str | None = None
-    """``module:function`` that opens another stage than the scenarios'."""
-    plan: dict[str, Any] | None = None
-    """A ``NightPlan`` as a table, instead of the scenario."""
-    weather: Schedule = ()
-    """(seconds since the start, "ok" | "warning" | "alert") in order; ok before the first."""
-    dome: Schedule = ()
-    """(seconds since the start, "open" | "closed" | "moving") in order; open before the first."""
-    world: dict[str, Any] = field(default_factory=dict)
-    """Imperfections, as ``World.named`` gives them."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -70,11 +53,11 @@ class Stage:
     optics: OpticsConfig
     t_start_utc_ns: int
     start_ra_icrs_deg: float
-    """Where the mount looks when the night begins."""
+    """Right ascension of the mount when the night begins."""
     start_dec_icrs_deg: float
-    scene: SceneLike
-    world: World = NAMELESS
-    """What is imperfect; the scene knows its own part of it."""
+    scene: Scene
+    world: World = DEFAULT_WORLD
+    """Imperfections; the scene knows its own part of them."""
 
 
 def open_stage(settings: ObservatorySettings) -> Stage:
@@ -137,6 +120,7 @@ class ObservatoryDriver(IPyDriver):  # type: ignore[misc]
         ra_date_deg, dec_date_deg = icrs_to_jnow(
             stage.start_ra_icrs_deg, stage.start_dec_icrs_deg, self._clock.now_utc_ns
         )
+        own, arrival = stage.world.mount, stage.world.mount.arrival_arcsec
         model = MountModel(
             latitude_deg=site.latitude_deg,
             longitude_deg=site.longitude_deg,
@@ -144,8 +128,15 @@ class ObservatoryDriver(IPyDriver):  # type: ignore[misc]
             t_utc_ns=self._clock.now_utc_ns,
             ra_date_deg=float(ra_date_deg),
             dec_date_deg=float(dec_date_deg),
-            traits=_mount_traits(stage.world),
-            unrest=_mount_unrest(stage.world, settings.seed, self._clock.now_utc_ns),
+            traits=MountTraits() if arrival is None else MountTraits(random_arcsec=arrival),
+            unrest=MountUnrest(
+                settings.seed,
+                self._clock.now_utc_ns,
+                own.settle_s,
+                own.settle_arcsec,
+                own.jump_arcsec,
+                own.jump_every_s,
+            ),
         )
         self._mount = MountDevice(
             MOUNT_NAME, model, site, optics.focal_length_mm, self._present_utc_ns
@@ -198,18 +189,6 @@ class ObservatoryDriver(IPyDriver):  # type: ignore[misc]
         task = asyncio.get_running_loop().create_task(work)
         self._tasks.add(task)
         task.add_done_callback(self._tasks.discard)
-
-
-def _mount_traits(world: World) -> MountTraits:
-    own = world.mount.arrival_arcsec
-    return MountTraits() if own is None else MountTraits(random_arcsec=own)
-
-
-def _mount_unrest(world: World, seed: int, t_night_utc_ns: int) -> MountUnrest:
-    own = world.mount
-    return MountUnrest(
-        seed, t_night_utc_ns, own.settle_s, own.settle_arcsec, own.jump_arcsec, own.jump_every_s
-    )
 
 
 class ObservatoryServer(IPyServer):  # type: ignore[misc]

@@ -9,7 +9,7 @@ from typer.testing import CliRunner
 
 from rsoconsole.base import SessionError
 from rsoconsole.cli.app import app
-from rsoconsole.cli.demo._bench_frame import draw_fits
+from rsoconsole.cli.demo.bench import draw_fits
 from rsoconsole.config import Config
 from rsoconsole.engine import STAGES, judge, machine_identity, measure, summary_lines
 from rsoconsole.engine.doctor import bench
@@ -219,7 +219,7 @@ def configured(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """A configuration file, and a bench that answers at once."""
     path = tmp_path / "config.toml"
     path.write_text(f"[session]\nroot = '{tmp_path}'\n", encoding="utf-8")
-    monkeypatch.setattr("rsoconsole.cli.demo._bench_frame.draw_fits", lambda _: b"")
+    monkeypatch.setattr("rsoconsole.cli.demo.bench.draw_fits", lambda _: b"")
     monkeypatch.setattr(bench, "measure", lambda *_, **__: told())
     monkeypatch.setattr("rsoconsole.engine.machine.machine_name.load_share", lambda: 0.0)
     return path

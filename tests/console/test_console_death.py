@@ -197,12 +197,12 @@ def test_a_demo_that_was_left_alone_ends_when_nothing_goes_on(
     beside, monkeypatch, holder, starter_lives, ends
 ):
     monkeypatch.setattr(demo_night, "LOOK_S", 0.02)
-    monkeypatch.setattr(demo_night, "FORGOTTEN_S", 0.1)
+    monkeypatch.setattr(demo_night, "ABANDONED_S", 0.1)
     starter = os.getppid() if starter_lives else -1
     idler = Idler(beside, holder)
     with idler.server:
         watch = threading.Thread(
-            target=demo_night.end_when_forgotten, args=(beside, starter), daemon=True
+            target=demo_night.end_when_abandoned, args=(beside, starter), daemon=True
         )
         watch.start()
         if ends:

@@ -27,10 +27,10 @@ reveal_type(tracks[1].nis_mean)  # is float | None
 reveal_type(found)  # is rsoconsole.library.known_orbit.Orbit
 reveal_type(found.e)  # is float
 reveal_type(found.tle(norad_id=36097))  # is str
-reveal_type(name)  # is rsoconsole.library.identifying.Identification
+reveal_type(name)  # is rsoconsole.library.identification.Identification
 reveal_type(name.norad_id)  # is int | None
-reveal_type(rso.identify(tracks))  # is dict[int, rsoconsole.library.identifying.Identification]
-reveal_type(rso.identify(night))  # is dict[int, rsoconsole.library.identifying.Identification]
+reveal_type(rso.identify(tracks))  # is dict[int, rsoconsole.library.identification.Identification]
+reveal_type(rso.identify(night))  # is dict[int, rsoconsole.library.identification.Identification]
 reveal_type(night)  # is rsoconsole.library.notebook.session.Session
 reveal_type(night.tracks[2].orbit)  # is rsoconsole.records.steps.OrbitEstimate | None
 reveal_type(rso.__version__)  # is str

@@ -9,8 +9,8 @@ from models.world_settings import README, with_table
 from rsoconsole.base import ConfigError
 from rsoconsole.config import limits_of
 from rsoconsole.simulator import (
+    DEFAULT_WORLD,
     LAWS,
-    NAMELESS,
     World,
     load_world,
     random_world,
@@ -40,8 +40,8 @@ def test_a_world_is_read_from_toml_and_written_so_that_it_reads_back_the_same(tm
 def test_an_empty_file_names_nothing(tmp_path):
     path = tmp_path / "empty.toml"
     path.write_text("", encoding="utf-8")
-    assert load_world(path) == NAMELESS
-    assert world_to_toml(NAMELESS) == ""
+    assert load_world(path) == DEFAULT_WORLD
+    assert world_to_toml(DEFAULT_WORLD) == ""
 
 
 @pytest.mark.parametrize(
@@ -104,7 +104,7 @@ def test_a_seed_has_one_random_world_and_another_seed_another():
     ],
 )
 def test_random_worlds_fill_the_stated_ranges(name, low, high, share):
-    default = value_of(NAMELESS, name)
+    default = value_of(DEFAULT_WORLD, name)
     drawn = [value_of(random_world(seed), name) for seed in TWO_HUNDRED_SEEDS]
     named = np.array([value for value in drawn if value != default], dtype=float)
     assert len(named) / len(drawn) == pytest.approx(share, abs=0.07)

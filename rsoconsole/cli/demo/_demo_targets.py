@@ -72,7 +72,7 @@ def planned_config(config: Config, plan: NightPlan) -> Config:
 
 
 def plan_words(plan: NightPlan) -> str:
-    """What is going to be seen, for a person."""
+    """The plan in a sentence for people: objects, place, start, length, exposures."""
     return (
         f"{plan.title} from {plan.site.latitude_deg:+.2f} {plan.site.longitude_deg:+.2f},"
         f" {clock(plan.t_start_utc_ns, 'dated')}, to be seen for {left(plan.visible_s)};"

@@ -16,9 +16,11 @@ from rsoconsole.cli.words.options import JsonOption, SessionOption, site_of
 from rsoconsole.config import Config, load_config
 from rsoconsole.instruments import stop_past_engine
 from rsoconsole.records import Site
-from rsoconsole.words import number, size_words
+from rsoconsole.words import direction, number, size_words
 
 if TYPE_CHECKING:
+    from rsoconsole.engine import Engine
+    from rsoconsole.pipeline import Reduction
     from rsoconsole.simulator import World
 
 Preset: TypeAlias = Literal["adaptive", "tuned", "paper"]
@@ -29,12 +31,7 @@ FRAME_TIMEOUT_S = 120.0
 SOLVER_DEADLINE_S = 60.0
 """Wall-clock limits so wide that a slow machine gives the same night as a fast one."""
 DROPPED_TIMEOUT_S = 30.0
-"""Where frames never come, each of them costs that much of the wall's time."""
-
-
-def register(app: typer.Typer) -> None:
-    """Hang the verb into the program."""
-    app.command()(demo)
+"""Time-out of a frame, s of the wall's clock, in worlds where frames are dropped."""
 
 
 def demo(
@@ -192,15 +189,15 @@ def demo(
 
 def _world_of(named: str | None, seed: int) -> "World":
     """The world that the option names. Raises ConfigError with the remedy."""
-    from rsoconsole.simulator import NAMELESS, load_world, random_world
+    from rsoconsole.simulator import DEFAULT_WORLD, load_world, random_world
 
     if named is None:
-        return NAMELESS
+        return DEFAULT_WORLD
     return random_world(seed) if named == "random" else load_world(Path(named))
 
 
 def config_in(world: "World", config: Config) -> Config:
-    """What the operator of this world's telescope would have configured, and no more."""
+    """The configuration that an operator of this world's telescope would have, and no more."""
     from rsoconsole.simulator import binned
 
     exposure: dict[str, float] = {}
@@ -253,19 +250,41 @@ def _beside_lines(socket: Path) -> tuple[str, ...]:
 
 def _print_night(config: Config, night: Night) -> dict[str, Any]:
     """The night here, a line for each frame."""
-    from rsoconsole.cli.words.cycle_text import HEADING, cycle_line
 
     def has_started(_folder: Path, socket: Path) -> None:
         if _socket_words(socket):
             output.say(*_beside_lines(socket))
-        output.say(HEADING)
+        output.say(_CYCLE_HEADING)
 
     return run_night(
         config,
         night,
-        on_cycle=lambda engine, seen: output.say(cycle_line(engine, seen)),
+        on_cycle=lambda engine, seen: output.say(_cycle_line(engine, seen)),
         on_start=has_started,
     )
+
+
+_CYCLE_HEADING = 'frame state    RA          Dec         confidence  residual ± 3 sigma (")'
+
+
+def _cycle_line(engine: "Engine", reduction: "Reduction") -> str:
+    """What the frame showed and what the loop makes of it; ``_CYCLE_HEADING`` names the columns."""
+    following = engine.following
+    start = f"{engine.frame_id:5d} {following.state:8}"
+    track, taken = following.track, following.taken
+    if following.state == "TRACK" and track is not None and taken is not None:
+        place = direction(taken.ra_icrs_deg, taken.dec_icrs_deg, "bare")
+        line = f"{start} {place} {taken.confidence:9.2f}"
+        if track.innovation_arcsec is None or track.sigma_innovation_arcsec is None:
+            return f"{line}   two frames agree: locked"
+        east, north = track.innovation_arcsec
+        bounds = [3.0 * sigma for sigma in track.sigma_innovation_arcsec]
+        return f"{line}   {east:+5.1f} ± {bounds[0]:.1f}  {north:+5.1f} ± {bounds[1]:.1f}"
+    if reduction.measurements:
+        best = reduction.measurements[0]
+        place = direction(best.ra_icrs_deg, best.dec_icrs_deg, "bare")
+        return f"{start} {place} {best.confidence:9.2f}   measured, not followed yet"
+    return f"{start} {reduction.absence}, {reduction.star_count} stars"
 
 
 def _say_summary(found: dict[str, Any]) -> None:

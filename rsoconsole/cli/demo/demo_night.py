@@ -31,22 +31,22 @@ if TYPE_CHECKING:
 
 log = logging.getLogger(__name__)
 
-BESIDE = "engine.sock"
+SCRATCH_SOCKET = "engine.sock"
 LOOK_S = 20.0
-FORGOTTEN_S = 900.0
+ABANDONED_S = 900.0
 """A demo whose console is gone ends after so long in which autonomy does not have the mount."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Night:
-    """What is simulated, and how."""
+    """A simulated night: scenario or plan, seed, speed, length, imperfections."""
 
     scenario: str
     seed: int
     speed: float
     """Virtual seconds a wall second; 0: at once."""
     frames: int | None
-    """None: until the engine is told to end."""
+    """Exposures to take; None: until the engine ends."""
     session: Path | None
     world: Mapping[str, Any] = field(default_factory=dict)
     """The imperfections that are named, by section."""
@@ -117,7 +117,7 @@ def run_night(
                 if socket is not None:
                     raise
                 # Another engine has taken the usual place since it was looked at.
-                folder = engine_at(Path(scratch) / BESIDE)
+                folder = engine_at(Path(scratch) / SCRATCH_SOCKET)
         records = (record for _, _, record in SessionReader(folder).records())
         figures = summarise(records, read_truth(truth_path), targets_of(night))
     about = {"scenario": night.scenario, "seed": night.seed, "session": str(folder)}
@@ -139,16 +139,12 @@ def targets_of(night: Night) -> dict[int, str]:
         return dict(zip(night.plan["targets"], night.plan["names"], strict=True))
     from rsoconsole.simulator import scenario_named
 
-    scenario = scenario_named(night.scenario)
-    return {
-        each.element_set.norad_id: each.element_set.name
-        for each in scenario.satellites
-        if each.element_set.norad_id == scenario.target_norad_id
-    }
+    target = scenario_named(night.scenario).target
+    return {} if target is None else {target.element_set.norad_id: target.element_set.name}
 
 
 def control_socket(scratch: Path) -> Path | None:
-    """Where the demo listens: None, the default place, if no engine has it; else in ``scratch``."""
+    """Socket of the demo: None, the default one, if no engine has it; else one in ``scratch``."""
     from rsoconsole.control import EngineLock, default_socket_path
 
     try:
@@ -156,7 +152,7 @@ def control_socket(scratch: Path) -> Path | None:
         with EngineLock(default_socket_path()):
             return None
     except (ControlError, OSError):
-        return scratch / BESIDE
+        return scratch / SCRATCH_SOCKET
 
 
 class NightProcess:
@@ -210,11 +206,10 @@ class NightProcess:
     def _line(self) -> dict[str, Any]:
         assert self._process.stdout is not None
         line = self._process.stdout.readline()
-        answer: dict[str, Any] = json.loads(line) if line.strip() else {}
-        return answer
+        return dict(json.loads(line)) if line.strip() else {}
 
 
-def end_when_forgotten(socket: Path, starter: int) -> None:
+def end_when_abandoned(socket: Path, starter: int) -> None:
     """End the engine at ``socket`` when its starter is gone and nothing has gone on for long.
 
     Nothing goes on while autonomy does not have the mount: after dawn, a STOP, a fault. A console
@@ -230,7 +225,7 @@ def end_when_forgotten(socket: Path, starter: int) -> None:
             is_busy = read_status(client.send(AskStatus()).data).holder == "autonomy"
             if is_busy or os.getppid() == starter:
                 idle_since_s = time.monotonic()
-            elif time.monotonic() - idle_since_s > FORGOTTEN_S:
+            elif time.monotonic() - idle_since_s > ABANDONED_S:
                 client.send(Shutdown())
                 return
         except ControlError as error:
@@ -258,7 +253,7 @@ def main() -> int:
         waits.close()
         report({"session": str(folder), "socket": str(path)})
         forgotten = threading.Thread(
-            target=end_when_forgotten, args=(path, order["starter"]), daemon=True
+            target=end_when_abandoned, args=(path, order["starter"]), daemon=True
         )
         forgotten.start()
 

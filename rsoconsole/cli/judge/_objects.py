@@ -14,14 +14,14 @@ from typing import Any
 import numpy as np
 
 from rsoconsole.night import FrameTrack, NightFrame, rms
-from rsoconsole.records import Identified, Measurement, TrackState
+from rsoconsole.records import Detection, Identified, Measurement, TrackState
 from rsoconsole.sky import wrap_180
 from rsoconsole.tracking import lag_one, sky_covariance_arcsec2
 
 VISIBLE_SNR = 20.0
 """Integrated SNR from which a satellite in the field counts as visible."""
 BESIDE_FWHM = 4.0
-"""How far beside a true streak something may lie and be of it, in widths of the frame's stars."""
+"""Largest distance from a true streak to count as of it, in FWHM of the frame's stars."""
 BETWEEN = 2.0
 """A streak is of both where its distances from the two middles differ by less than this factor."""
 APART_FWHM = 2.0
@@ -80,6 +80,79 @@ def objects_figures(
     return [_figures(number, each) for number, each in judge.tallies.items()]
 
 
+@dataclass(frozen=True, slots=True)
+class _Field:
+    """The satellites that truly stood in a frame, and how wide its stars are."""
+
+    there: Mapping[int, Mapping[str, Any]]
+    """By catalogue number; those whose truth has what judging by streaks needs."""
+    fwhm_px: float
+
+    @classmethod
+    def of(cls, truth: Mapping[str, Any]) -> "_Field":
+        needed = {"norad_id", "x_start_px", "snr_integrated"}
+        there = {s["norad_id"]: s for s in truth.get("satellites", ()) if needed <= s.keys()}
+        return cls(there, float(truth.get("fwhm_px", 0.0)))
+
+    def near(self, at: Detection | Measurement) -> list[tuple[float, int]]:
+        """Distance from the middle, px, and number of the objects on whose streak that lies."""
+        return [
+            (math.hypot(at.x_px - each["x_px"], at.y_px - each["y_px"]), number)
+            for number, each in self.there.items()
+            if _is_beside((at.x_px, at.y_px), each, BESIDE_FWHM * self.fwhm_px)
+        ]
+
+    def object_at(self, at: Detection | Measurement) -> int | None:
+        """The object on whose streak that lies, by the nearest middle."""
+        near = self.near(at)
+        return min(near)[1] if near else None
+
+    def begun_on(self, at: Measurement) -> int | None:
+        """The object that a track begins with: of those about as near as the nearest the brightest.
+
+        One that counts as visible goes before any that does not.
+        """
+        every = self.near(at)
+        near = [e for e in every if self.there[e[1]]["snr_integrated"] >= VISIBLE_SNR] or every
+        if not near:
+            return None
+        most_px = BETWEEN * min(near)[0]
+        snr = {n: self.there[n]["snr_integrated"] for _, n in near}
+        return max((snr[n], -away, n) for away, n in near if away <= most_px)[2]
+
+    def is_of_both(
+        self, step: FrameTrack, taken: Measurement, on: int | None, number: int | None
+    ) -> bool:
+        """Whether what a track took is of its own object ``on`` as well as of ``number``.
+
+        One streak of two lies between both; or the track says that it shares it with another; or
+        the two draw lines that no camera shows apart.
+        """
+        own, nearer = self.there.get(on or 0), self.there.get(number or 0)
+        at = (taken.x_px, taken.y_px)
+        if own is None or nearer is None:
+            return False
+        if not _is_beside(at, own, BESIDE_FWHM * self.fwhm_px):
+            return False
+        if step.updated is not None and step.updated.shared_with is not None:
+            return True
+        if _is_beside((own["x_px"], own["y_px"]), nearer, APART_FWHM * self.fwhm_px):
+            return True
+        to_own, to_other = (math.dist(at, (each["x_px"], each["y_px"])) for each in (own, nearer))
+        return to_own <= BETWEEN * to_other
+
+
+def _is_beside(at: tuple[float, float], satellite: Mapping[str, Any], width_px: float) -> bool:
+    """Whether a pixel lies within that distance of a true streak, from end to end."""
+    x_px, y_px = satellite["x_start_px"], satellite["y_start_px"]
+    along = (satellite["x_end_px"] - x_px, satellite["y_end_px"] - y_px)
+    offset = (at[0] - x_px, at[1] - y_px)
+    length2 = along[0] ** 2 + along[1] ** 2
+    share = (offset[0] * along[0] + offset[1] * along[1]) / length2 if length2 > 0.0 else 0.0
+    share = min(max(share, 0.0), 1.0)
+    return math.hypot(offset[0] - share * along[0], offset[1] - share * along[1]) <= width_px
+
+
 @dataclass(slots=True)
 class _Judge:
     """Which object each frame's streaks are of, and what the tracks made of them."""
@@ -92,69 +165,55 @@ class _Judge:
 
     def take(self, frame: NightFrame, truth: Mapping[str, Any]) -> None:
         """One frame with its exposure's truth."""
-        there = {
-            each["norad_id"]: each for each in truth.get("satellites", ()) if _is_complete(each)
-        }
-        width_px = BESIDE_FWHM * float(truth.get("fwhm_px", 0.0))
-        seen = self._count(frame, there, width_px)
+        sky = _Field.of(truth)
+        seen = self._count(frame, sky)
         late_ns, taken_by = truth.get("always_late_ns", 0), dict[int, int | None]()
         steps = steps_of(frame)
         before = {self.followed[n] for n in steps if n in self.followed}
         for track_id, step in steps.items():
             on = self.followed.get(track_id)
-            if on is not None and on in there:
-                _judge_prediction(self._of(on, there), step, there[on], late_ns)
+            if on is not None and on in sky.there:
+                _judge_prediction(self._of(on, sky), step, sky.there[on], late_ns)
             taken = _taken(frame, step)
             if taken is not None:
-                number = _object_at(taken.x_px, taken.y_px, there, width_px)
-                if step.updated is not None and step.updated.kind == "initial":
-                    number = _begun_on(taken.x_px, taken.y_px, there, width_px)
-                apart_px = APART_FWHM * float(truth.get("fwhm_px", 0.0))
-                if _is_of_both(step, taken, there, (on, number), (width_px, apart_px)):
+                is_new = step.updated is not None and step.updated.kind == "initial"
+                number = sky.begun_on(taken) if is_new else sky.object_at(taken)
+                if sky.is_of_both(step, taken, on, number):
                     number = on
                 taken_by[track_id] = number
-                self._judge_taken(track_id, step, number, there)
+                self._judge_taken(track_id, number, sky, is_new=is_new)
         for number in before & seen:
             self.tallies[number].detected_after_lock += 1
             self.tallies[number].tracked_after_lock += any(
                 taken == number == self.followed.get(n) for n, taken in taken_by.items()
             )
-        self._judge_lead(frame, there, taken_by)
+        self._judge_lead(lead_of(steps), sky, taken_by)
         for found in frame.names:
             on = self.followed.get(found.track_id)
             if found.track_id in steps and on is not None and on in self.tallies:
-                self.tallies[on].identified = _is_right(found, on)
+                number = identified_norad_id(found)
+                self.tallies[on].identified = None if number is None else number == on
 
-    def _of(self, number: int, there: Mapping[int, Mapping[str, Any]]) -> _Tally:
-        return self.tallies.setdefault(number, _Tally(str(there[number]["name"])))
+    def _of(self, number: int, sky: _Field) -> _Tally:
+        return self.tallies.setdefault(number, _Tally(str(sky.there[number]["name"])))
 
-    def _count(
-        self, frame: NightFrame, there: Mapping[int, Mapping[str, Any]], width_px: float
-    ) -> set[int]:
+    def _count(self, frame: NightFrame, sky: _Field) -> set[int]:
         """Visible, detected, measured; returns the objects that were detected."""
-        for number, each in there.items():
+        for number, each in sky.there.items():
             if each["is_in_frame"] and each["snr_integrated"] >= VISIBLE_SNR:
-                self._of(number, there).visible_frames += 1
-        found = (_object_at(d.x_px, d.y_px, there, width_px) for d in frame.found)
-        seen = {number for number in found if number is not None}
+                self._of(number, sky).visible_frames += 1
+        seen = {n for each in frame.found if (n := sky.object_at(each)) is not None}
         for number in seen:
-            self._of(number, there).detections += 1
+            self._of(number, sky).detections += 1
         for measurement in frame.measurements:
-            at = _object_at(measurement.x_px, measurement.y_px, there, width_px)
-            error = None if at is None else _error_arcsec(measurement, there[at])
+            at = sky.object_at(measurement)
+            error = None if at is None else _error_arcsec(measurement, sky.there[at])
             if at is not None and error is not None:
-                self._of(at, there).measured_arcsec.append(error)
+                self._of(at, sky).measured_arcsec.append(error)
         return seen
 
-    def _judge_taken(
-        self,
-        track_id: int,
-        step: FrameTrack,
-        number: int | None,
-        there: Mapping[int, Mapping[str, Any]],
-    ) -> None:
+    def _judge_taken(self, track_id: int, number: int | None, sky: _Field, *, is_new: bool) -> None:
         """Whether a track took what it is on."""
-        is_new = step.updated is not None and step.updated.kind == "initial"
         if number is not None and (is_new or track_id not in self.followed):
             self.followed[track_id] = number
         elif is_new:
@@ -163,86 +222,30 @@ class _Judge:
         if on is None:
             return
         if number == on:
-            self._of(on, there).track_frames += 1
+            self._of(on, sky).track_frames += 1
         else:
             self.tallies[on].false_measurements += 1
             self.tallies[on].swapped_frames += number is not None
 
     def _judge_lead(
-        self,
-        frame: NightFrame,
-        there: Mapping[int, Mapping[str, Any]],
-        taken_by: Mapping[int, int | None],
+        self, lead: int | None, sky: _Field, taken_by: Mapping[int, int | None]
     ) -> None:
-        """Whether what leads is what was locked first."""
-        lead = lead_of(steps_of(frame))
+        """Whether what leads is what was locked first; for how many frames in a row it is not."""
         if lead is None:
             return
         self.first = self.followed.get(lead) if self.first is None else self.first
-        if self.first is not None and self.first in there and there[self.first]["is_in_frame"]:
+        if self.first is not None and self.first in sky.there:
+            if not sky.there[self.first]["is_in_frame"]:
+                return
+            tally = self._of(self.first, sky)
             is_wrong = lead in taken_by and taken_by[lead] != self.first
-            _judge_theft(self._of(self.first, there), is_wrong)
-
-
-def _is_complete(satellite: Mapping[str, Any]) -> bool:
-    """Whether its truth has what judging by streaks needs."""
-    return "norad_id" in satellite and "x_start_px" in satellite and "snr_integrated" in satellite
+            tally.wrong_in_a_row = tally.wrong_in_a_row + 1 if is_wrong else 0
+            tally.longest_wrong = max(tally.longest_wrong, tally.wrong_in_a_row)
 
 
 def is_on_a_streak(measurement: Measurement, truth: Mapping[str, Any]) -> bool:
     """Whether a measurement lies on the true streak of anything."""
-    there = {each["norad_id"]: each for each in truth.get("satellites", ()) if _is_complete(each)}
-    width_px = BESIDE_FWHM * float(truth.get("fwhm_px", 0.0))
-    return _object_at(measurement.x_px, measurement.y_px, there, width_px) is not None
-
-
-def _object_at(
-    x_px: float, y_px: float, there: Mapping[int, Mapping[str, Any]], width_px: float
-) -> int | None:
-    """The object on whose streak a pixel lies."""
-    near = _near(x_px, y_px, there, width_px)
-    return min(near)[1] if near else None
-
-
-def _begun_on(
-    x_px: float, y_px: float, there: Mapping[int, Mapping[str, Any]], width_px: float
-) -> int | None:
-    """The object that a track begins with: of those about as near as the nearest the brightest.
-
-    What is too faint to be visible is not among them beside one that is not. A frame in which
-    chance moves the middle of a bright streak towards a satellite that it does not show would put
-    the track on that for the rest of the night.
-    """
-    every = _near(x_px, y_px, there, width_px)
-    near = [each for each in every if there[each[1]]["snr_integrated"] >= VISIBLE_SNR] or every
-    if not near:
-        return None
-    most_px = BETWEEN * min(near)[0]
-    return max((there[n]["snr_integrated"], -away, n) for away, n in near if away <= most_px)[2]
-
-
-def _near(
-    x_px: float, y_px: float, there: Mapping[int, Mapping[str, Any]], width_px: float
-) -> list[tuple[float, int]]:
-    """Distance from the middle, px, and number of the objects on whose streak a pixel lies."""
-    near: list[tuple[float, int]] = []
-    for number, each in there.items():
-        ends = [(each[f"x_{end}_px"], each[f"y_{end}_px"]) for end in ("start", "end")]
-        if _beside_px((x_px, y_px), *ends) <= width_px:
-            near.append((math.hypot(x_px - each["x_px"], y_px - each["y_px"]), number))
-    return near
-
-
-def _beside_px(
-    at: tuple[float, float], start: tuple[float, float], end: tuple[float, float]
-) -> float:
-    """Distance of a point from a line between two others."""
-    along = (end[0] - start[0], end[1] - start[1])
-    offset = (at[0] - start[0], at[1] - start[1])
-    length2 = along[0] ** 2 + along[1] ** 2
-    share = (offset[0] * along[0] + offset[1] * along[1]) / length2 if length2 > 0.0 else 0.0
-    share = min(max(share, 0.0), 1.0)
-    return math.hypot(offset[0] - share * along[0], offset[1] - share * along[1])
+    return bool(_Field.of(truth).near(measurement))
 
 
 def offset_arcsec(
@@ -316,12 +319,6 @@ def _judge_bounds(
         tally.inside_3sigma.append(float(off @ np.linalg.solve(spread, off)) <= 9.0)
 
 
-def _judge_theft(tally: _Tally, is_wrong: bool) -> None:
-    """How many frames in a row the track was on something else."""
-    tally.wrong_in_a_row = tally.wrong_in_a_row + 1 if is_wrong else 0
-    tally.longest_wrong = max(tally.longest_wrong, tally.wrong_in_a_row)
-
-
 def taken_of(frame: NightFrame) -> Measurement | None:
     """The measurement that the lead took; None where it took none."""
     steps = steps_of(frame)
@@ -330,7 +327,7 @@ def taken_of(frame: NightFrame) -> Measurement | None:
 
 
 def steps_of(frame: NightFrame) -> dict[int, FrameTrack]:
-    """What a frame made of each track, by track id."""
+    """Steps of a frame: each track before and after it, by track id."""
     return {each.track_id: each for each in frame.tracks}
 
 
@@ -339,46 +336,16 @@ def lead_of(steps: Mapping[int, FrameTrack]) -> int | None:
     return next((n for n in reversed(list(steps)) if steps[n].is_lead), None)
 
 
-def _is_of_both(
-    step: FrameTrack,
-    taken: Measurement,
-    there: Mapping[int, Mapping[str, Any]],
-    pair: tuple[int | None, int | None],
-    widths_px: tuple[float, float],
-) -> bool:
-    """Whether what a track took is its own object's as well as the one's whose middle is nearer.
-
-    One streak of two lies between both; or the track says that it shares it with another; or the
-    two draw lines that no camera shows apart. ``widths_px``: how far beside a line is on it, and
-    how far from each other two lines are two.
-    """
-    own, nearer = (there.get(number or 0) for number in pair)
-    beside_px, apart_px = widths_px
-    if (
-        own is None
-        or nearer is None
-        or _object_at(taken.x_px, taken.y_px, {0: own}, beside_px) is None
-    ):
-        return False
-    if step.updated is not None and step.updated.shared_with is not None:
-        return True
-    if _object_at(own["x_px"], own["y_px"], {0: nearer}, apart_px) is not None:
-        return True
-    to_own, to_other = (
-        math.hypot(taken.x_px - each["x_px"], taken.y_px - each["y_px"]) for each in (own, nearer)
-    )
-    return to_own <= BETWEEN * to_other
-
-
 def _taken(frame: NightFrame, step: FrameTrack) -> Measurement | None:
     named = None if step.updated is None else step.updated.measurement_id
     return next((m for m in frame.measurements if m.measurement_id == named), None)
 
 
-def _is_right(found: Identified, followed: int) -> bool | None:
-    if found.verdict != "identified" or not found.matches:
+def identified_norad_id(found: Identified | None) -> int | None:
+    """Catalogue number of the identified object; None unless it is identified."""
+    if found is None or found.verdict != "identified" or not found.matches:
         return None
-    return found.matches[0].norad_id == followed
+    return found.matches[0].norad_id
 
 
 _COUNTED = (

@@ -10,6 +10,7 @@ from typing import Any
 
 from rsoconsole.base import json_of
 from rsoconsole.cli.judge._objects import (
+    identified_norad_id,
     is_on_a_streak,
     lead_of,
     objects_figures,
@@ -90,7 +91,7 @@ def tracks_figures(
     satellites: dict[object, _Satellite] = {}
     for frame in frames:
         for track_id, step in steps_of(frame).items():
-            number = _number(known[track_id].identified)
+            number = identified_norad_id(known[track_id].identified)
             key: object = ("track", track_id) if number is None else number
             found = satellites.setdefault(key, _Satellite())
             if track_id not in found.tracks:
@@ -104,20 +105,13 @@ def tracks_figures(
     return [_figures(each, known, newest) for each in satellites.values()]
 
 
-def _number(found: Identified | None) -> int | None:
-    """Of the catalogue, where it is surely that one."""
-    if found is None or found.verdict != "identified" or not found.matches:
-        return None
-    return found.matches[0].norad_id
-
-
 def _figures(satellite: _Satellite, known: Mapping[int, NightTrack], newest: int) -> dict[str, Any]:
     last = known[satellite.tracks[-1]]
     orbit, named, lost = last.orbit, last.identified, last.lost
-    is_named = _number(named) is not None
+    is_named = identified_norad_id(named) is not None
     return {
         "name": named.matches[0].name if named is not None and is_named else None,
-        "norad_id": _number(named),
+        "norad_id": identified_norad_id(named),
         "tracks": list(satellite.tracks),
         "frames": satellite.frames,
         "last_frame": satellite.last_frame,
@@ -163,7 +157,8 @@ def summarise(
     """
     log = list(records)
     frames = [each for each in frames_of(log) if each.taken is not None]
-    led, misses = _led(frames)
+    views = _with_exposures(frames, truth)
+    led, misses = _lead_track(frames)
     locked = (each.frame_id for each in frames if any(c.after == "TRACK" for c in each.changes))
     return {
         "frames": len(frames),
@@ -171,11 +166,11 @@ def summarise(
         "misses": misses,
         "states": dict(Counter(frame.state or "SEARCH" for frame in frames)),
         "locked_after_frames": next(locked, None),
-        **_against_truth(frames, truth),
+        **_against_truth(views),
         "orbit": None if led.orbit is None else orbit_figures(led.orbit),
         "identified": None if led.identified is None else _name_figures(led.identified),
         "tracks": tracks_figures(frames, tracks_of(frames)),
-        "objects": objects_figures(_with_exposures(frames, truth), targets or {}),
+        "objects": objects_figures(views, targets or {}),
         "leaps": leap_figures(
             [each for each in log if isinstance(each, LeapDone)],
             [each for each in log if isinstance(each, LowPass)],
@@ -185,7 +180,7 @@ def summarise(
 
 
 @dataclass(slots=True)
-class _Led:
+class _LeadTrack:
     """What was known last of the lead of then."""
 
     track_id: int | None = None
@@ -193,9 +188,9 @@ class _Led:
     identified: Identified | None = None
 
 
-def _led(frames: Iterable[NightFrame]) -> tuple[_Led, int]:
+def _lead_track(frames: Iterable[NightFrame]) -> tuple[_LeadTrack, int]:
     """Beside it: how many misses the leads had."""
-    led, misses = _Led(), 0
+    led, misses = _LeadTrack(), 0
     for frame in frames:
         lead = lead_of(steps_of(frame))
         led.track_id = led.track_id if lead is None else lead
@@ -226,9 +221,11 @@ def read_truth(path: Path) -> list[dict[str, Any]]:
     return [json_of(line) for line in path.read_text(encoding="utf-8").splitlines() if line]
 
 
-def _with_exposures(
-    frames: Sequence[NightFrame], truth: Sequence[Mapping[str, Any]]
-) -> list[tuple[NightFrame, Mapping[str, Any]]]:
+_Views = Sequence[tuple[NightFrame, Mapping[str, Any]]]
+"""Frames, each with the truth of its exposure."""
+
+
+def _with_exposures(frames: Sequence[NightFrame], truth: Sequence[Mapping[str, Any]]) -> _Views:
     """Every frame with the truth of its exposure; with an empty one where none is near in time.
 
     Each tells, too, how late all exposures were by the clock that named them: no frame shows that.
@@ -255,19 +252,15 @@ def _exposure(truth: Sequence[Mapping[str, Any]], frame: NightFrame) -> Mapping[
     return {"satellites": ()}
 
 
-def _against_truth(
-    frames: Sequence[NightFrame], truth: Sequence[Mapping[str, Any]]
-) -> dict[str, Any]:
+def _against_truth(views: _Views) -> dict[str, Any]:
     """Figures against what really was there; those of the track against one named satellite."""
-    exposures = _with_exposures(frames, truth)
-    views = [(frame, list(exposure["satellites"])) for frame, exposure in exposures]
     target, share = _followed(views)
     predicted, outside, nis = _track_figures(views, target)
-    confidences = [found for frame, _ in views if (found := _confidence(frame)) is not None]
+    confidences = [m.confidence for frame, _ in views if (m := taken_of(frame)) is not None]
     return {
         "target": target,
         "target_share": share,
-        **_measured_figures(exposures, target),
+        **_measured_figures(views, target),
         "prediction_rms_arcsec": rms(predicted),
         "nis_mean": statistics.fmean(nis) if nis else None,
         "inside_3sigma": None if not outside else 1.0 - sum(outside) / len(outside),
@@ -276,9 +269,7 @@ def _against_truth(
     }
 
 
-def _measured_figures(
-    views: Sequence[tuple[NightFrame, Mapping[str, Any]]], target: str | None
-) -> dict[str, Any]:
+def _measured_figures(views: _Views, target: str | None) -> dict[str, Any]:
     """Every measurement against the satellite nearest to it; the target's neighbours apart.
 
     False is what is far from all of them and on nobody's streak: a cut or a fast one's middle may
@@ -310,39 +301,30 @@ def _measured_figures(
     }
 
 
-def _confidence(frame: NightFrame) -> float | None:
-    """Of the measurement the track took."""
-    taken = taken_of(frame)
-    return None if taken is None else taken.confidence
-
-
-def _hidden(
-    views: Sequence[tuple[NightFrame, list[Mapping[str, Any]]]], target: str | None
-) -> dict[str, int]:
+def _hidden(views: _Views, target: str | None) -> dict[str, int]:
     """Followed frames in which clouds or its own fading hid the target, and the other misses.
 
     Without them a night of clouds would look like a poor detector.
     """
     hidden = others = 0
-    for frame, satellites in views:
+    for frame, exposure in views:
         if frame.predicted is None:
             continue
-        true = next((s for s in satellites if s["name"] == target), None)
+        true = next((s for s in exposure["satellites"] if s["name"] == target), None)
         is_hidden = true is not None and float(true.get("snr_matched", math.inf)) < HIDDEN_SNR
         hidden += is_hidden
         others += frame.updated is None and not is_hidden
     return {"frames_hidden": hidden, "misses_visible": others}
 
 
-def _followed(
-    views: Sequence[tuple[NightFrame, list[Mapping[str, Any]]]],
-) -> tuple[str | None, Any]:
+def _followed(views: _Views) -> tuple[str | None, Any]:
     """The satellite most updates lie on, and the share of updates that do."""
     names: Counter[str] = Counter()
-    for frame, satellites in views:
+    for frame, exposure in views:
         if frame.updated is None:
             continue
         at = frame.updated.x[0], frame.updated.x[2], frame.updated.t_utc_ns
+        satellites = exposure["satellites"]
         near = [(math.hypot(*offset_arcsec(s, *at)), str(s["name"])) for s in satellites]
         off, name = min(near, default=(math.inf, ""))
         names[name if off <= SAME_OBJECT_ARCSEC else "nothing real"] += 1
@@ -353,7 +335,7 @@ def _followed(
 
 
 def _track_figures(
-    views: Sequence[tuple[NightFrame, list[Mapping[str, Any]]]], target: str | None
+    views: _Views, target: str | None
 ) -> tuple[list[float], list[bool], list[float]]:
     """Every one-step prediction of the target in the frame, also those that nothing met.
 
@@ -363,8 +345,9 @@ def _track_figures(
     errors: list[float] = []
     outside: list[bool] = []
     nis: list[float] = []
-    for frame, satellites in views:
-        true = next((s for s in satellites if s["name"] == target and s["is_in_frame"]), None)
+    for frame, exposure in views:
+        named = (s for s in exposure["satellites"] if s["name"] == target)
+        true = next((s for s in named if s["is_in_frame"]), None)
         predicted, updated = frame.predicted, frame.updated
         if true is None or predicted is None:
             continue

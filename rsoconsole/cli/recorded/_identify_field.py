@@ -10,7 +10,7 @@ from rsoconsole.cli.words import output
 from rsoconsole.cli.words.batch_options import Bar
 from rsoconsole.cli.words.ledger_words import say_moved_aside
 from rsoconsole.cli.words.options import catalogue_of
-from rsoconsole.cli.words.standard_input import Piped
+from rsoconsole.cli.words.standard_input import InputFiles
 from rsoconsole.config import effective_settings, load_config
 from rsoconsole.orbits import Identification
 from rsoconsole.pipeline import (
@@ -28,7 +28,7 @@ from rsoconsole.words import utc_ns_to_iso
 
 
 def identify_field(
-    files: Piped,
+    files: InputFiles,
     frame_count: int,
     plate: PlateMode,
     config_path: Path | None,
@@ -83,7 +83,7 @@ def identify_field(
         output.answer(json_, report, lambda found: movers_lines(found, FEWEST))
     if not json_:
         output.say(*source_lines(errors, regimes))
-    output.exit_where(failures)
+    output.exit_if(failures)
 
 
 def _expect_site(config_path: Path | None) -> None:
@@ -124,7 +124,7 @@ class SessionLedger:
         self._names = self._recognised()
 
     def report_of(self, number: int) -> dict[str, Any] | None:
-        """What an earlier night calls a track; None where no night knows it."""
+        """The ledger entry that a track matches, for JSON; None where no earlier night has it."""
         name = self._names.get(number)
         if name is None:
             return None

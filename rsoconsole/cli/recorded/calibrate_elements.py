@@ -10,19 +10,14 @@ from rsoconsole.base import OrbitError, SessionError
 from rsoconsole.cli.words import completion, output
 from rsoconsole.cli.words.batch_options import progress
 from rsoconsole.cli.words.options import ConfigOption, JsonOption, TleOption, WriteOption
-from rsoconsole.cli.words.standard_input import Piped, piped
-from rsoconsole.cli.words.usage import set_in_file
+from rsoconsole.cli.words.standard_input import InputFiles, piped
+from rsoconsole.cli.words.usage import write_to_config
 from rsoconsole.config import Config, load_config
 
 if TYPE_CHECKING:
     from rsoconsole.orbits import CatalogueEntry, FittedFactors
     from rsoconsole.pipeline import NightRows
     from rsoconsole.session import ElementLedger
-
-
-def register(app: typer.Typer) -> None:
-    """Hang the verb into the program."""
-    app.command("calibrate-elements")(calibrate_elements)
 
 
 def calibrate_elements(
@@ -96,11 +91,11 @@ def calibrate_elements(
             output.say("", f"written to {report['written']}: what is named from now on uses it")
         elif not simulated:
             output.say("", "--write puts the factors into the configuration")
-    output.exit_where(failures)
+    output.exit_if(failures)
 
 
 def _read(
-    files: Piped, nights: int, settings: Config, *, simulated: bool
+    files: InputFiles, nights: int, settings: Config, *, simulated: bool
 ) -> "tuple[list[tuple[Path, NightRows]], int]":
     """What each night gives, and how many give nothing: one that cannot be used ends no other."""
     from rsoconsole.cli.words.options import element_files
@@ -180,4 +175,4 @@ def _write(fitted: "Sequence[FittedFactors]", config_path: Path | None) -> Path:
     if not fitted:
         raise OrbitError("not written: the ledger holds no track; name nights")
     factors = settings_of(fitted, load_config(config_path, environ={}).catalogue)
-    return set_in_file(config_path, {"catalogue.error_factors": factors})
+    return write_to_config(config_path, {"catalogue.error_factors": factors})

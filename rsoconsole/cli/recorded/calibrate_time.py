@@ -10,17 +10,12 @@ from rsoconsole.base import ConfigError
 from rsoconsole.cli.words import output
 from rsoconsole.cli.words.batch_options import progress
 from rsoconsole.cli.words.options import ConfigOption, JsonOption, SessionsArgument, WriteOption
-from rsoconsole.cli.words.usage import set_in_file
+from rsoconsole.cli.words.usage import write_to_config
 from rsoconsole.config import load_config
 
 if TYPE_CHECKING:
     from rsoconsole.orbits import CatalogueEntry, NavigationFile
     from rsoconsole.pipeline import FoundTiming
-
-
-def register(app: typer.Typer) -> None:
-    """Hang the verb into the program."""
-    app.command("calibrate-time")(calibrate_time)
 
 
 def calibrate_time(
@@ -166,4 +161,4 @@ def _write(found: "FoundTiming", config_path: Path | None, *, force: bool) -> Pa
             f" (of {old.measured_on}), this result {errors_words(new)}: add nights, or --force"
         )
     whole = [each.model_dump(mode="json") for each in merged_timings(exposure, timings)]
-    return set_in_file(config_path, {"exposure.calibrated": whole})
+    return write_to_config(config_path, {"exposure.calibrated": whole})

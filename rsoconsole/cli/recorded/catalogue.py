@@ -11,9 +11,9 @@ from rsoconsole.base import ControlError, OrbitError, raised_as
 from rsoconsole.cli.words import output
 from rsoconsole.cli.words.batch_options import progress
 from rsoconsole.cli.words.options import ConfigOption, JsonOption, SocketOption
-from rsoconsole.cli.words.usage import set_in_file
+from rsoconsole.cli.words.usage import write_to_config
 from rsoconsole.config import Config, home_path, load_config, shown
-from rsoconsole.words import counted
+from rsoconsole.words import counted, utc_ns_to_iso
 
 if TYPE_CHECKING:
     from rsoconsole.pipeline import Source, SourceStatus, SourceUpdate, SourceUpdater
@@ -28,14 +28,7 @@ catalogue_app = typer.Typer(
 )
 
 
-def register(app: typer.Typer) -> None:
-    """Hang the verbs into the program."""
-    catalogue_app.command()(update)
-    catalogue_app.command("list")(list_)
-    catalogue_app.command()(add)
-    app.add_typer(catalogue_app, name="catalogue")
-
-
+@catalogue_app.command()
 def update(
     *,
     source: Annotated[
@@ -66,7 +59,7 @@ def update(
             bar()
             with bar.aside():
                 _report(each, settings, json_)
-    output.exit_where(faults, f"{counted(faults, 'source')} could not be fetched; each says why")
+    output.exit_if(faults, f"{counted(faults, 'source')} could not be fetched; each says why")
 
 
 def _report(each: "SourceUpdate", settings: Config, json_: bool) -> None:
@@ -78,6 +71,7 @@ def _report(each: "SourceUpdate", settings: Config, json_: bool) -> None:
     output.say(f"{mark} {each.source.words:24} {each.words}")
 
 
+@catalogue_app.command("list")
 def list_(config: ConfigOption = None, json_: JsonOption = False) -> None:
     """The sources in their order of precedence, and how old what they gave is.
 
@@ -105,6 +99,7 @@ def list_(config: ConfigOption = None, json_: JsonOption = False) -> None:
         )
 
 
+@catalogue_app.command()
 def add(
     *,
     source: Annotated[
@@ -144,7 +139,7 @@ def add(
     files = [str(path) for path in settings.catalogue.tle_files]
     if str(run.store.folder) not in files:
         files.append(str(run.store.folder))
-    set_in_file(
+    write_to_config(
         config,
         {"catalogue.sources": [each.text for each in order], "catalogue.tle_files": files},
         is_secret=any(each.words != each.text for each in order),  # an address with a password
@@ -230,7 +225,6 @@ def _wait_while_slewing(socket: Path | None) -> None:
 
 def _row(source: "Source", kept: "SourceStatus", settings: Config) -> dict[str, Any]:
     from rsoconsole.pipeline import default_folder
-    from rsoconsole.words import utc_ns_to_iso
 
     now_utc_ns, folder = time.time_ns(), default_folder()
     next_utc = None

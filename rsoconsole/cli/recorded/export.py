@@ -1,4 +1,4 @@
-"""The verb export: the night in the formats that others read."""
+"""The verbs export and figures: the night in the formats that others read, and drawn for print."""
 
 from pathlib import Path
 from typing import Annotated, Any, Literal, TypeAlias
@@ -17,11 +17,6 @@ MESSAGES = ("tdm", "tdm-xml", "iod", "udl")
 STDOUT = "-"
 FOLDER_KINDS = ("fits", "regions")
 """A folder of files, one a frame."""
-
-
-def register(app: typer.Typer) -> None:
-    """Hang the verb into the program."""
-    app.command()(export)
 
 
 def export(
@@ -119,7 +114,7 @@ def _export(session: Path, kind: Any, out: str | None, options: Any, json_: bool
     if out == STDOUT:
         with progress(f"export {kind}"):
             text, made = render(session, kind, options)
-        output.hand_over(text)
+        output.emit_text(text)
     else:
         with progress(f"export {kind}"):
             made = write(session, kind, None if out is None else Path(out), options)
@@ -178,10 +173,39 @@ def _report(session: Path, out: str | None, json_: bool, *, is_forced: bool) -> 
     with progress("report"):
         report = render_report(session)
     if out == STDOUT:
-        output.hand_over(report.html)
+        output.emit_text(report.html)
         return
     new_folder = _folder_to_make("html", out)
     path = None if out is None else Path(out)
     made = save_text(session, report.html, report.made, path, is_forced=is_forced)
     _say_created(new_folder)
     output.answer(json_, made, lambda _: str(made.path))
+
+
+FigureFormat: TypeAlias = Literal["png", "svg", "pdf"]
+
+
+def figures(
+    session: SessionArgument,
+    *,
+    out: Annotated[
+        Path | None, typer.Option(help="Where to write; default: SESSION/branches/figures.")
+    ] = None,
+    format_: Annotated[FigureFormat, typer.Option("--format", help="Kind of file.")] = "png",
+    truth: Annotated[
+        Path | None,
+        typer.Option(help="A simulation's truth: adds the errors against what really was."),
+    ] = None,
+    json_: JsonOption = False,
+) -> None:
+    """Draw confidence, track, residuals and NIS of a session, as the paper does.
+
+    Measured red squares, updated blue triangles, predicted green circles, 3-sigma bounds dashed;
+    frames in which the object was missed are shaded. Existing figures are replaced.
+    Example: rsoconsole figures ~/.local/share/rsoconsole/sessions/NIGHT --format pdf
+    """
+    from rsoconsole.library import write_figures
+
+    folder = session / "branches" / "figures" if out is None else out
+    for path in write_figures(session, folder, truth=truth, file_format=format_):
+        output.emit_json({"figure": str(path)}) if json_ else output.say(str(path))

@@ -15,11 +15,11 @@ from rsoconsole.cli.words.batch_options import (
     SchedulerOption,
     SerialOption,
     WorkersOption,
-    everywhere,
     progress,
+    resolved_paths,
 )
 from rsoconsole.cli.words.options import ConfigOption, JsonOption, PresetOption, TauOption
-from rsoconsole.cli.words.standard_input import FilesFromOption, Piped, piped, with_named
+from rsoconsole.cli.words.standard_input import FilesFromOption, InputFiles, given_files, piped
 from rsoconsole.config import Config, load_config
 from rsoconsole.words import counted, direction, name_words, pulse_words
 
@@ -39,7 +39,7 @@ def process_nights(
             is_whole = is_whole and outcome.error is None and not outcome.unreadable
             with bar.aside():
                 _say(outcome, json_)
-    output.exit_where(not is_whole)
+    output.exit_if(not is_whole)
 
 
 def _say(outcome: "NightOutcome", json_: bool) -> None:
@@ -96,20 +96,13 @@ ExtensionOption = Annotated[
 ]
 
 
-def register(app: typer.Typer) -> None:
-    """Hang the verbs into the program."""
-    app.command()(process)
-    app.command()(detect)
-    app.command()(solve)
-
-
-def report_error(files: Piped, path: Path, error: FrameError, json_: bool) -> None:
+def report_error(files: InputFiles, path: Path, error: FrameError, json_: bool) -> None:
     """Why a file cannot be used."""
     output.report_fault(json_, files.words(str(error)), frame=files.name(path))
 
 
 def read_each(
-    files: Piped, paths: Sequence[Path], json_: bool, work: Callable[[Path, int, Bar], None]
+    files: InputFiles, paths: Sequence[Path], json_: bool, work: Callable[[Path, int, Bar], None]
 ) -> int:
     """Run ``work`` over frames in order; how many are broken: they are reported, others go on."""
     failures = 0
@@ -126,7 +119,7 @@ def read_each(
 
 
 def _each(
-    files: Piped,
+    files: InputFiles,
     json_: bool,
     work: Callable[[Path, int], Iterator[dict[str, Any]]],
     lines: Callable[[dict[str, Any]], list[str]],
@@ -140,7 +133,7 @@ def _each(
                 output.answer(json_, found, lines)
                 warn(_name(found), found["notes"], noted)
 
-    output.exit_where(read_each(files, files.paths, json_, show))
+    output.exit_if(read_each(files, files.paths, json_, show))
 
 
 def _name(found: dict[str, Any]) -> str:
@@ -150,7 +143,7 @@ def _name(found: dict[str, Any]) -> str:
 
 
 def warn(name: str, notes: list[str], noted: set[str]) -> None:
-    """What is unusual about a frame, each sentence once in a run."""
+    """Print the notes on a frame on stderr, each sentence once in a run."""
     for note in notes:
         if note not in noted:
             noted.add(note)
@@ -205,7 +198,7 @@ def process(
 
     overrides = {"detector.tau": tau, "filter.preset": preset}
     settings = load_config(config, {k: v for k, v in overrides.items() if v is not None})
-    given = with_named(frames, files_from)
+    given = given_files(frames, files_from)
     is_nights = bool(given) and all(path.is_dir() for path in given)
     if extension is not None and (is_nights or extension.strip().lower() == "all"):
         raise typer.BadParameter(
@@ -218,7 +211,7 @@ def process(
                 "a folder of frames becomes a session: --session names where",
                 param_hint="--session",
             )
-        nights = nights_in(everywhere(given), session.resolve(), settings, is_again=again)
+        nights = nights_in(resolved_paths(given), session.resolve(), settings, is_again=again)
         pool_of = partial(
             choose_pool,
             workers=workers,
@@ -233,7 +226,7 @@ def process(
 
 
 def _process_frames(
-    files: Piped, session: Path | None, settings: Config, extension: str | None, json_: bool
+    files: InputFiles, session: Path | None, settings: Config, extension: str | None, json_: bool
 ) -> None:
     from rsoconsole.pipeline import Processed, open_reducer, process_files, process_report
     from rsoconsole.session import BatchRecording
@@ -260,7 +253,7 @@ def _process_frames(
                     warn(_name(found), found["notes"], noted)
         finally:
             recording.close()
-    output.exit_where(failures)
+    output.exit_if(failures)
 
 
 def detect(
@@ -295,7 +288,7 @@ def detect(
 
     overrides = {"detector.tau": tau, "detector.map_mode": map_mode}
     whole = load_config(config, {k: v for k, v in overrides.items() if v is not None})
-    given, detector = with_named(frames, files_from), FrameDetector(whole)
+    given, detector = given_files(frames, files_from), FrameDetector(whole)
 
     def work(path: Path, number: int) -> Iterator[dict[str, Any]]:
         for frame in read_frames(path, number, extension=extension):
@@ -340,7 +333,7 @@ def solve(
     if (ra is None) != (dec is None):
         raise typer.BadParameter("give both --ra and --dec, or neither")
     settings = load_config(config)
-    given = with_named(frames, files_from)
+    given = given_files(frames, files_from)
     with piped(given) as files, FrameSolver.open(settings) as solver:
 
         def work(path: Path, number: int) -> Iterator[dict[str, Any]]:

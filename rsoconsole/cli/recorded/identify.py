@@ -18,17 +18,12 @@ from rsoconsole.cli.recorded.orbit import (
 from rsoconsole.cli.words import completion, output
 from rsoconsole.cli.words.batch_options import progress
 from rsoconsole.cli.words.options import ConfigOption, JsonOption, TleOption, element_files
-from rsoconsole.cli.words.standard_input import FilesFromOption, piped, with_named
+from rsoconsole.cli.words.standard_input import FilesFromOption, given_files, piped
 from rsoconsole.config import Config, load_config
 
 if TYPE_CHECKING:
     from rsoconsole.library import ReadAs
     from rsoconsole.pipeline import ObservedTrack
-
-
-def register(app: typer.Typer) -> None:
-    """Hang the verb into the program."""
-    app.command()(identify)
 
 
 def identify(
@@ -112,7 +107,7 @@ def identify(
 
     Example: rsoconsole identify --field night/*.fits --tle catalogue.tle
     """
-    given = with_named(paths, files_from)
+    given = given_files(paths, files_from)
     if field:
         from rsoconsole.cli.recorded._identify_field import identify_field
 

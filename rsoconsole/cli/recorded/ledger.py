@@ -16,11 +16,6 @@ SimulatedOption = Annotated[
 ]
 
 
-def register(app: typer.Typer) -> None:
-    """Hang the verb into the program."""
-    app.add_typer(ledger_app, name="ledger")
-
-
 @ledger_app.callback()
 def ledger(
     context: typer.Context, *, simulated: SimulatedOption = False, json_: JsonOption = False

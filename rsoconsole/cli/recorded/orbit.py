@@ -10,7 +10,7 @@ from rsoconsole.cli.words import completion, output
 from rsoconsole.cli.words.batch_options import progress
 from rsoconsole.cli.words.options import ConfigOption, JsonOption, site_of
 from rsoconsole.cli.words.standard_input import piped
-from rsoconsole.cli.words.usage import usage_faults
+from rsoconsole.cli.words.usage import as_usage_error
 from rsoconsole.config import load_config
 
 if TYPE_CHECKING:
@@ -49,11 +49,6 @@ RadiansOption = Annotated[
 AHEAD_S = (600, 3600, 86_400)
 _ANOTHER = 0.1
 """Probability of being of one object below which that is doubted aloud."""
-
-
-def register(app: typer.Typer) -> None:
-    """Hang the verb into the program."""
-    app.command()(orbit)
 
 
 def orbit(
@@ -136,7 +131,7 @@ def orbit(
 
     form = None if out is None else form_of(out)  # before the work: a wrong ending ends it
     ask = read_as(sigma, site, stations, object_, is_radians=radians)
-    with usage_faults("--cospar", ExportError):
+    with as_usage_error("--cospar", ExportError):
         target = Target(cospar=cospar)
     with piped(paths) as files, progress("orbit"):
         read = [
@@ -177,10 +172,10 @@ def read_as(
     *,
     is_radians: bool | None,
 ) -> "ReadAs":
-    """What the options say of files. Raises BadParameter for a site that is none."""
+    """Reading options made of the command line. Raises BadParameter for an invalid site."""
     from rsoconsole.library import ReadAs
 
-    with usage_faults("", ConfigError):
+    with as_usage_error("", ConfigError):
         place = None if site is None else site_of(site)
     return ReadAs(
         sigma_arcsec=sigma_arcsec,

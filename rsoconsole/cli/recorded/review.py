@@ -7,14 +7,9 @@ import typer
 
 from rsoconsole.cli.words import completion
 from rsoconsole.cli.words.options import GraphicsOption, SocketOption
-from rsoconsole.cli.words.usage import usage_faults
+from rsoconsole.cli.words.usage import as_usage_error
 from rsoconsole.config import load_config
 from rsoconsole.instruments import stop_past_engine
-
-
-def register(app: typer.Typer) -> None:
-    """Hang the verb into the program."""
-    app.command()(review)
 
 
 def review(
@@ -58,7 +53,7 @@ def review(
     from rsoconsole.console import parse_place, run_review
 
     if at:
-        with usage_faults("--at"):
+        with as_usage_error("--at"):
             parse_place(at)
     if sample:
         if session is not None:

@@ -21,11 +21,6 @@ RootOption = Annotated[
 ]
 
 
-def register(app: typer.Typer) -> None:
-    """Hang the verbs into the program."""
-    app.add_typer(sessions_app, name="sessions")
-
-
 @sessions_app.callback()
 def sessions(
     context: typer.Context,
@@ -63,8 +58,11 @@ def list_(
     found = list_sessions(folder)
     own = {each.folder.resolve() for each in found}
     rescues = (each for each in find_rescues() if each.resolve() not in own)
+    # One that does not say of which session it is a rescue is listed everywhere.
     found += tuple(
-        each for each in map(summarise, rescues) if root is None or _lies_under(each.rescues, root)
+        each
+        for each in map(summarise, rescues)
+        if root is None or each.rescues is None or each.rescues.resolve().parent == root.resolve()
     )
     if found and not json_:
         output.say(sessions_words.HEADER)
@@ -251,12 +249,7 @@ def _each(places: list[Path], is_well: Callable[[Path], bool], what_else: str, j
         except SessionError as error:
             failed += 1
             output.report_fault(json_, str(error), session=place)
-    output.exit_where(failed, f"{failed} {what_else}")
-
-
-def _lies_under(session: Path | None, root: Path) -> bool:
-    """Whether a rescue is of a session there; one that does not say is shown everywhere."""
-    return session is None or session.resolve().parent == root.resolve()
+    output.exit_if(failed, f"{failed} {what_else}")
 
 
 def _root(root: Path | None, config: Path | None) -> Path:

@@ -13,8 +13,8 @@ from rsoconsole.cli.words.batch_options import (
     SchedulerOption,
     SerialOption,
     WorkersOption,
-    everywhere,
     progress,
+    resolved_paths,
 )
 from rsoconsole.cli.words.options import (
     JsonOption,
@@ -23,7 +23,7 @@ from rsoconsole.cli.words.options import (
     TauOption,
     number_or_text,
 )
-from rsoconsole.words import settings_words
+from rsoconsole.words import settings_words, utc_ns_to_iso
 
 if TYPE_CHECKING:
     from rsoconsole.pipeline import BatchQuestion, Branch, WorkerPool
@@ -41,7 +41,7 @@ SHARED_FROM = 8
 """Sessions from which on a refold alone is worth other processes."""
 
 
-class _SetTakesTwo(TyperCommand):
+class SetTakesTwo(TyperCommand):
     """Typer knows no repeated option of two values: ``--set NAME VALUE`` becomes NAME=VALUE."""
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
@@ -55,11 +55,6 @@ class _SetTakesTwo(TyperCommand):
             elif arg == "--set":
                 joined.append(name)
         return super().parse_args(ctx, joined)
-
-
-def register(app: typer.Typer) -> None:
-    """Hang the verb into the program."""
-    app.command("what-if", cls=_SetTakesTwo)(what_if)
 
 
 def what_if(
@@ -175,7 +170,7 @@ def _answer(questions: "list[BatchQuestion]", pool: "WorkerPool", json_: bool) -
         with progress("frames looked through") as on_frame:
             answers = [answer(questions[0], on_frame)]
     else:
-        paths = everywhere([each.session for each in questions])
+        paths = resolved_paths([each.session for each in questions])
         whole = [replace(q, session=path) for q, path in zip(questions, paths, strict=True)]
         with progress("sessions", len(questions)) as on_done:
             found_of = run_tasks(
@@ -189,7 +184,7 @@ def _answer(questions: "list[BatchQuestion]", pool: "WorkerPool", json_: bool) -
             output.report_fault(json_, found.error, session=shown)
         else:
             output.answer(json_, found, partial(answer_lines, shown), session=shown)
-    output.exit_where(failures)
+    output.exit_if(failures)
 
 
 def _propose(sessions: list[Path], save: str | None, json_: bool, *, force: bool) -> None:
@@ -227,8 +222,6 @@ def _list_branches(session: Path, json_: bool) -> None:
 
 
 def _branch_line(branch: "Branch") -> str:
-    from rsoconsole.words import utc_ns_to_iso
-
     made = branch.t_made_utc_ns
     changes = settings_words(branch.changes)
     when = "" if made is None else f"{utc_ns_to_iso(made, 0)}  "

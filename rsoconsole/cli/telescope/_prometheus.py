@@ -12,7 +12,7 @@ Sample = tuple[dict[str, str], float]
 
 
 def metrics(status: Status | None) -> str:
-    """All of it; None: no engine answers."""
+    """Metrics of a status as text; None: no engine answers."""
     lines: list[str] = []
     for name, words, samples in _families(status):
         if not samples:

@@ -5,10 +5,11 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from rsoconsole.base import ControlError
-from rsoconsole.cli.telescope.waiting import Follower, WaitOption, arrival, config_of
+from rsoconsole.cli.telescope.order import send
+from rsoconsole.cli.telescope.waiting import Goal, WaitOption, arrival, config_of
 from rsoconsole.cli.words import output
 from rsoconsole.cli.words.options import JsonOption, OverrideOption, SocketOption
-from rsoconsole.cli.words.usage import usage_faults
+from rsoconsole.cli.words.usage import as_usage_error
 from rsoconsole.control import Goto, Outcome, Preview
 
 if TYPE_CHECKING:
@@ -23,12 +24,6 @@ TargetArgument = Annotated[
         "RA and Dec as 05:32:11 -04:52:10, 20.9h -4.8 or 83.05 -4.87.",
     ),
 ]
-
-
-def register(app: typer.Typer) -> None:
-    """Hang the verb into the program."""
-    # A negative declination is an argument, no option.
-    app.command(context_settings={"ignore_unknown_options": True})(goto)
 
 
 def goto(
@@ -70,42 +65,26 @@ def goto(
     if not json_:
         careful = [f"careful  {found.caution}"] if found.caution else []
         output.say(f"understood: {found.words}", *careful, *preview_lines(preview))
-    follower = Follower(client) if wait else None
-    outcome = client.send(move)
-    if follower is not None and outcome.ok:
-        if not json_:
-            output.say(outcome.message)
-        outcome = _waited(follower, outcome, move, status)
-    if json_:
-        output.emit_json(
-            {
-                "verb": "goto",
-                "ok": outcome.ok,
-                "message": outcome.message,
-                "understood": found.words,
-                "caution": found.caution or None,
-                "ra": found.ra_icrs_deg,
-                "dec": found.dec_icrs_deg,
-                "alt": preview and preview.alt_deg,
-                "az": preview and preview.az_deg,
-                "way_deg": preview and preview.way_deg,
-                "slew_s": preview and preview.slew_s,
-                "margins_deg": dict(preview.margins_deg) if preview else None,
-            }
-        )
-    if not outcome.ok:
-        raise ControlError(outcome.message or "the engine refused 'goto' without a reason")
-    if not json_:
-        output.say(outcome.message)
+    facts = {
+        "understood": found.words,
+        "caution": found.caution or None,
+        "ra": found.ra_icrs_deg,
+        "dec": found.dec_icrs_deg,
+        "alt": preview and preview.alt_deg,
+        "az": preview and preview.az_deg,
+        "way_deg": preview and preview.way_deg,
+        "slew_s": preview and preview.slew_s,
+        "margins_deg": dict(preview.margins_deg) if preview else None,
+    }
 
+    def goal_of(taken: Outcome) -> Goal:
+        # Some look beside where they are told to look: the mount is told what makes up for it.
+        ra_icrs_deg = float(taken.data.get("command_ra_icrs_deg", move.ra_icrs_deg))
+        dec_icrs_deg = float(taken.data.get("command_dec_icrs_deg", move.dec_icrs_deg))
+        near_arcmin = config_of(status.session).mount.arrival_arcmin
+        return arrival(ra_icrs_deg, dec_icrs_deg, near_arcmin)
 
-def _waited(follower: Follower, taken: Outcome, move: Goto, status: "Status") -> Outcome:
-    """What has come of it in the end."""
-    # Some look beside where they are told to look: the mount is told what makes up for it.
-    ra_icrs_deg = float(taken.data.get("command_ra_icrs_deg", move.ra_icrs_deg))
-    dec_icrs_deg = float(taken.data.get("command_dec_icrs_deg", move.dec_icrs_deg))
-    near_arcmin = config_of(status.session).mount.arrival_arcmin
-    return follower.outcome(arrival(ra_icrs_deg, dec_icrs_deg, near_arcmin))
+    send(move, "goto", client, json_=json_, goal_of=goal_of if wait else None, more=facts)
 
 
 def _understood(text: str, status: "Status") -> "ParsedDirection":
@@ -116,5 +95,5 @@ def _understood(text: str, status: "Status") -> "ParsedDirection":
     if status.now_utc_ns is None:
         raise ControlError("the engine does not say what time it has: it is of another version")
     names = TargetNames.load(config.catalogue.tle_files)
-    with usage_faults():
+    with as_usage_error():
         return parse_direction(text, config.site.to_site(), status.now_utc_ns, names)

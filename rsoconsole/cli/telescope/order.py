@@ -7,16 +7,19 @@ import inspect
 from collections.abc import Callable, Mapping
 from dataclasses import MISSING, Field, fields
 from pathlib import Path
-from typing import Annotated, Any, get_args, get_type_hints
+from typing import TYPE_CHECKING, Annotated, Any, get_args, get_type_hints
 
 import typer
 
 from rsoconsole.base import ControlError
-from rsoconsole.cli.telescope.waiting import GOALS, Follower, WaitOption
+from rsoconsole.cli.telescope.waiting import GOALS, Follower, Goal, WaitOption
 from rsoconsole.cli.words import completion, output
 from rsoconsole.cli.words.options import JsonOption, SocketOption, number_or_text
-from rsoconsole.cli.words.usage import usage_faults
-from rsoconsole.control import COMMANDS, Command, Set
+from rsoconsole.cli.words.usage import as_usage_error
+from rsoconsole.control import COMMANDS, Command, Outcome, Set
+
+if TYPE_CHECKING:
+    from rsoconsole.control import ControlClient
 
 _COMPLETED: Mapping[tuple[str, str], completion.Completer] = {
     ("set", "name"): completion.tunable_names,
@@ -36,14 +39,14 @@ def register(app: typer.Typer) -> None:
 
 
 def verb_of(command: type[Command]) -> str:
-    """What the shell calls it: the second word of its example."""
+    """Verb of a command in the shell: the second word of its example."""
     return command.shell.split()[1]
 
 
 def verb_function(command: type[Command]) -> Callable[..., None]:
     """A function that typer makes a verb of: its parameters are the command's fields."""
     hints = get_type_hints(command)
-    shown = {_shell_name(each): each for each in fields(command)}
+    shown = {str(each.metadata.get("shell", each.name)): each for each in fields(command)}
     parameters = [
         _parameter(name, each, hints[each.name], _COMPLETED.get((command.verb, each.name)))
         for name, each in shown.items()
@@ -54,6 +57,8 @@ def verb_function(command: type[Command]) -> Callable[..., None]:
         parameters.append(_keyword(name, hint, default))
 
     def verb(*, socket: Path | None, json_: bool, wait: bool = False, **given: Any) -> None:
+        from rsoconsole.control import ControlClient, Sender
+
         values = {
             shown[name].name: _value(hints[shown[name].name], value)
             for name, value in given.items()
@@ -61,7 +66,9 @@ def verb_function(command: type[Command]) -> Callable[..., None]:
         }
         wanted = command(**values)
         _check(wanted)
-        send(wanted, verb_of(command), socket, json_=json_, waits=wait)
+        client = ControlClient(socket, sender=Sender(name="command"))
+        goal_of = (lambda _: GOALS[command.verb]) if wait else None
+        send(wanted, verb_of(command), client, json_=json_, goal_of=goal_of)
 
     verb.__doc__ = f"{command.shell_help}\n\nExample: {command.shell}"
     verb.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]
@@ -70,23 +77,28 @@ def verb_function(command: type[Command]) -> Callable[..., None]:
 
 
 def send(
-    command: Command, verb: str, socket: Path | None, *, json_: bool, waits: bool = False
+    command: Command,
+    verb: str,
+    client: "ControlClient",
+    *,
+    json_: bool,
+    goal_of: Callable[[Outcome], Goal] | None = None,
+    more: Mapping[str, Any] | None = None,
 ) -> None:
-    """Hand a command to the engine and say what came of it; ``waits``: until it is done.
+    """Hand a command to the engine and say what came of it; ``more``: beside that in the JSON.
 
-    Raises ControlError when it is refused, or does not come to that.
+    ``goal_of``: what is waited for, by the engine's answer; None: for nothing. Raises ControlError
+    where the engine refuses it, or it was not done.
     """
-    from rsoconsole.control import ControlClient, Sender
-
-    client = ControlClient(socket, sender=Sender(name="command"))
-    follower = Follower(client) if waits else None
+    follower = None if goal_of is None else Follower(client)
     outcome = client.send(command)
-    if follower is not None and outcome.ok:
+    if follower is not None and goal_of is not None and outcome.ok:
         if not json_:
             output.say(outcome.message)
-        outcome = follower.outcome(GOALS[command.verb])
+        outcome = follower.outcome(goal_of(outcome))
     if json_:
-        output.emit_json({"verb": verb, "ok": outcome.ok, "message": outcome.message})
+        report = {"verb": verb, "ok": outcome.ok, "message": outcome.message}
+        output.emit_json(report, **(more or {}))
     if not outcome.ok:
         raise ControlError(outcome.message or f"the engine refused '{verb}' without a reason")
     if not json_:
@@ -97,14 +109,10 @@ def _check(command: Command) -> None:
     """Raises BadParameter for what no engine could carry out: nothing need be sent for that."""
     from rsoconsole.engine import check_tunable
 
-    with usage_faults():
+    with as_usage_error():
         command.check()
         if isinstance(command, Set):
             check_tunable(command.name)
-
-
-def _shell_name(each: "Field[Any]") -> str:
-    return str(each.metadata.get("shell", each.name))
 
 
 def _parameter(

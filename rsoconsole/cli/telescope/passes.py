@@ -1,7 +1,7 @@
 """The verb passes: what comes over the site tonight."""
 
+import time
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -12,9 +12,9 @@ from rsoconsole.cli.words import output
 from rsoconsole.cli.words.batch_options import progress
 from rsoconsole.cli.words.options import ConfigOption, JsonOption, TleOption, catalogue_of
 from rsoconsole.cli.words.standard_input import piped
-from rsoconsole.cli.words.usage import usage_faults
+from rsoconsole.cli.words.usage import as_usage_error
 from rsoconsole.config import Config, load_config
-from rsoconsole.words import clock, no_night
+from rsoconsole.words import NS_PER_S, clock, no_night, utc_ns_to_iso
 
 if TYPE_CHECKING:
     from rsoconsole.orbits import CatalogueEntry
@@ -25,18 +25,6 @@ HEADER = (
     f"{'rises, UTC':11}  {'az':>3}  {'top':8} {'alt':>3}  {'sets':8}  {'az':>3}"
     f"  {'°/s':>5}  {'±s':>5}  name"
 )
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _Span:
-    first_utc_ns: int
-    last_utc_ns: int
-    words: str
-
-
-def register(app: typer.Typer) -> None:
-    """Hang the verb into the program."""
-    app.command()(passes)
 
 
 def passes(
@@ -80,11 +68,12 @@ def passes(
         for each in shown:
             output.emit_json(pass_report(each))
         return
+    words = f"from {clock(span[0], 'dated minute', '')} to {clock(span[1], 'dated minute')}"
     if not shown:
-        output.say(f"no pass {span.words}: {_left_out_words(found, top)}")
+        output.say(f"no pass {words}: {_left_out_words(found, top)}")
         return
     dark = any(each.lit_from_utc_ns is None for each in shown)
-    head = f"{len(shown)} passes {span.words}" + "; * in shadow" * dark
+    head = f"{len(shown)} passes {words}" + "; * in shadow" * dark
     output.say(head, HEADER, *map(_line, shown))
 
 
@@ -97,14 +86,11 @@ def _entries(files: Sequence[Path], norad: Sequence[int]) -> "Sequence[Catalogue
     return [each for each in entries if each.norad_id in norad] if norad else entries
 
 
-def _span(config: Config, at: str, hours: float | None) -> _Span:
-    """Raises OrbitError where the night has no dark time."""
-    import time
-
+def _span(config: Config, at: str, hours: float | None) -> tuple[int, int]:
+    """First and last instant, UTC ns. Raises OrbitError where the night has no dark time."""
     from rsoconsole.sky import iso_to_utc_ns, night_span
-    from rsoconsole.words import NS_PER_S
 
-    with usage_faults("--at"):
+    with as_usage_error("--at"):
         now_ns = iso_to_utc_ns(at) if at else time.time_ns()
     twilight_deg = config.limits.twilight_deg
     dark = night_span(config.site.to_site(), now_ns, twilight_deg)
@@ -117,12 +103,11 @@ def _span(config: Config, at: str, hours: float | None) -> _Span:
         last_ns = max(dark[1], first_ns)
     else:
         raise OrbitError(f"{no_night(twilight_deg)}: say how long with --hours")
-    words = f"from {clock(first_ns, 'dated minute', '')} to {clock(last_ns, 'dated minute')}"
-    return _Span(first_utc_ns=first_ns, last_utc_ns=last_ns, words=words)
+    return first_ns, last_ns
 
 
 def _looked_for(
-    entries: "Sequence[CatalogueEntry]", config: Config, span: _Span, *, is_low_only: bool
+    entries: "Sequence[CatalogueEntry]", config: Config, span: tuple[int, int], *, is_low_only: bool
 ) -> "list[NightPass]":
     from rsoconsole.pipeline import errors_of, night_passes
 
@@ -132,7 +117,7 @@ def _looked_for(
         for done, some in night_passes(
             entries,
             config.site.to_site(),
-            (span.first_utc_ns, span.last_utc_ns),
+            span,
             config.limits,
             is_low_only=is_low_only,
             errors=errors_of(config.catalogue),
@@ -152,8 +137,6 @@ def _left_out_words(found: "Sequence[NightPass]", top: float) -> str:
 
 
 def _line(one: "NightPass") -> str:
-    from rsoconsole.words import utc_ns_to_iso
-
     rise, top, sets = (utc_ns_to_iso(each.t_utc_ns)[:19] for each in (one.rise, one.top, one.set))
     # With --all some lie in the shadow of the Earth.
     name = f"{one.norad_id} {one.name}" if one.lit_from_utc_ns else f"*{one.norad_id} {one.name}"
@@ -166,8 +149,6 @@ def _line(one: "NightPass") -> str:
 
 def pass_report(one: "NightPass") -> dict[str, Any]:
     """One pass as a JSON object."""
-    from rsoconsole.words import utc_ns_to_iso
-
     corners = {
         f"{name}_{key}": value
         for name, each in (("rise", one.rise), ("top", one.top), ("set", one.set))

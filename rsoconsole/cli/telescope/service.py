@@ -20,7 +20,7 @@ from rsoconsole.config import APP, INIT_WRITES, default_config_path, load_config
 UNIT = f"{APP}.service"
 MARK = "# Written by 'rsoconsole service install'"
 CARRIED = ("XDG_CONFIG_HOME", "XDG_DATA_HOME", "XDG_STATE_HOME", "XDG_CACHE_HOME")
-"""What moves the default places; the service must look for them where its owner does."""
+"""Environment variables that move the default folders; the unit passes them on."""
 LINGER = Path("/var/lib/systemd/linger")
 TRIAL_S = 20.0
 FIRST_OF_SYSTEMD = 200
@@ -39,11 +39,6 @@ service_app = typer.Typer(
 )
 
 
-def register(app: typer.Typer) -> None:
-    """Hang the verb into the program."""
-    app.add_typer(service_app, name="service")
-
-
 @service_app.command("show")
 def service_show(config: ConfigOption = None) -> None:
     """Print the unit that 'install' would write; changes nothing.
@@ -51,7 +46,7 @@ def service_show(config: ConfigOption = None) -> None:
     Example: rsoconsole service show
     """
     is_possible = has_namespace()
-    output.hand_over(unit_text(exec_start(config), os.environ, is_in_namespace=is_possible is True))
+    output.emit_text(unit_text(exec_start(config), os.environ, is_in_namespace=is_possible is True))
 
 
 @service_app.command("install")
@@ -157,7 +152,7 @@ def service_status(json_: JsonOption = False) -> None:
 
 
 def unit_path() -> Path:
-    """Where systemd looks for this user's units."""
+    """Path of the unit among this user's systemd units."""
     return Path(platformdirs.user_config_path()) / "systemd" / "user" / UNIT
 
 

@@ -8,10 +8,10 @@ from typing import Annotated, Any
 import typer
 
 from rsoconsole.base import ControlError, said_as, waits_reported_to
-from rsoconsole.cli.telescope import go_to, order
-from rsoconsole.cli.words import output
+from rsoconsole.cli.words import completion, output
 from rsoconsole.cli.words.options import (
     ConfigOption,
+    GraphicsOption,
     JsonOption,
     OverrideOption,
     SessionOption,
@@ -19,7 +19,8 @@ from rsoconsole.cli.words.options import (
 )
 from rsoconsole.config import load_config
 from rsoconsole.control import AskStatus, Status
-from rsoconsole.words import direction
+from rsoconsole.instruments import stop_past_engine
+from rsoconsole.words import ENGINE_ENDS, direction
 
 log = logging.getLogger(__name__)
 
@@ -27,13 +28,44 @@ STILL_MOVES_EXIT, NOT_KNOWN_EXIT = 3, 4
 """Exit statuses of a STOP after which the mount is not measured to be at rest."""
 
 
-def register(app: typer.Typer) -> None:
-    """Hang the verbs into the program."""
-    app.command()(engine)
-    app.command()(status)
-    order.register(app)
-    go_to.register(app)
-    app.command()(stop)
+def console(
+    session: Annotated[
+        Path | None,
+        typer.Option(
+            help="Show this session's folder, read-only, without an engine.",
+            autocompletion=completion.sessions,
+        ),
+    ] = None,
+    read_only: Annotated[
+        bool, typer.Option("--read-only", help="Only look; STOP works all the same.")
+    ] = False,
+    graphics: GraphicsOption = None,
+    socket: SocketOption = None,
+) -> None:
+    """The operator's console: attaches to the running engine and shows its whole night.
+
+    Leaving it, or losing it, changes nothing for the telescope.
+
+    x or ctrl+x is STOP, q leaves, F1 shows every other key, ctrl+p finds each
+    action by its name; a keymap.toml beside the configuration gives actions
+    other keys. Works from 40 x 12 on, at its best from 80 x 24; NO_COLOR=1 is
+    heeded, ctrl+t changes the colours (night: red only). Pictures are drawn by
+    the terminal's own graphics, or by the finest characters that it draws;
+    --graphics chooses.
+
+    Example: rsoconsole console
+    """
+    from rsoconsole.console import run_console
+
+    ending = run_console(
+        socket=socket,
+        session=session,
+        read_only=read_only,
+        stop_directly=stop_past_engine,
+        graphics=graphics,
+    )
+    if ending == "stop engine":
+        output.complain(ENGINE_ENDS)
 
 
 def engine(
@@ -183,7 +215,7 @@ def _write_metrics(socket: Path | None, out: Path | None) -> None:
     except ControlError:
         text = metrics(None)
     if out is None:
-        output.hand_over(text)
+        output.emit_text(text)
         return
     with said_as(ControlError, f"{out} cannot be written: "):
         write_durably(out, text.encode(), mode=0o644)

@@ -1,4 +1,4 @@
-"""What --wait does: after the engine's answer its status is followed until the order is done.
+"""Waiting for an order (--wait): the engine's status is followed until the order is done.
 
 Judged by where the mount is and how it is measured to move; its driver's word counts only where
 nothing could be measured. The seconds are the engine's: a simulated night's go faster.
@@ -27,9 +27,9 @@ WaitOption = Annotated[
 ]
 LOOK_S = 1.0
 GRACE_S = 60.0
-"""Beyond mount.slew_timeout_s."""
+"""Longest wait beyond mount.slew_timeout_s."""
 BY_WORD_S = 10.0
-"""So long a motion is waited for that nobody has measured yet."""
+"""Wait for a measured motion, s; after it the word of the driver counts."""
 AT_REST_S = 12.0
 """Some pause for seconds between two axes, and are sent again where they stopped short."""
 REPEATED_S = 45.0
@@ -38,12 +38,12 @@ REPEATED_S = 45.0
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Goal:
-    """What an order is to lead to."""
+    """Goal of an order: the state of the mount in which it is done."""
 
     done: str
-    """In words."""
+    """Word for the reached goal."""
     is_there: Callable[[Status], bool]
-    """By its place, or its driver's word: how it moves is looked at beside it."""
+    """Whether a status has the place or state of the goal; its motion is checked beside it."""
     ends: tuple[str, ...] = ("stands", "tracks")
     """Motions in which it is done."""
     at_rest_s: float = AT_REST_S
@@ -61,7 +61,7 @@ GOALS = {
     ),
     "unpark": Goal(done="released", is_there=lambda status: status.is_parked is False),
 }
-"""Of verbs that are nothing but a command."""
+"""Goals by verb, for the verbs that send one command."""
 
 
 def arrival(ra_icrs_deg: float, dec_icrs_deg: float, near_arcmin: float) -> Goal:
@@ -99,7 +99,7 @@ class Follower:
         self._case_since_s = 0.0
 
     def follow(self, goal: Goal) -> str:
-        """How it was done, in words. Raises ControlError where it is not."""
+        """Wait for the goal; how it was reached, in words. Raises ControlError where it is not."""
         sent = self._last = self._look()
         bound_s = config_of(sent.session).mount.slew_timeout_s + GRACE_S
         began_s = time.monotonic()
@@ -119,7 +119,7 @@ class Follower:
                     raise ControlError(f"not {goal.done} in {bound_s:.0f} s: {_how(status)}")
 
     def outcome(self, goal: Goal) -> Outcome:
-        """The same as an outcome: also that it is not done."""
+        """Follow a goal; success and failure both come as an outcome."""
         try:
             return Outcome(ok=True, message=self.follow(goal))
         except ControlError as error:

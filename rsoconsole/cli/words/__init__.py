@@ -1,1 +1,1 @@
-"""What the verbs print: JSON for scripts, lines of at most 80 columns for people."""
+"""Output of the verbs: JSON for scripts, lines of at most 80 columns for people."""

@@ -54,7 +54,7 @@ class Bar:
 
 
 def bars_of(*columns: "ProgressColumn") -> "Progress":
-    """On a terminal's stderr, gone in the end; nothing elsewhere."""
+    """Progress bars on a terminal's stderr, gone in the end; nothing elsewhere."""
     from rich.console import Console
     from rich.progress import Progress
 
@@ -111,6 +111,6 @@ def byte_progress() -> Iterator[Callable[[str, int, int], None]]:
         yield report
 
 
-def everywhere(paths: list[Path]) -> list[Path]:
+def resolved_paths(paths: list[Path]) -> list[Path]:
     """The paths as a worker on another machine, or in another folder, understands them."""
     return [path.resolve() for path in paths]

@@ -1,4 +1,4 @@
-"""What calibrate-time says: its result as JSON, and as lines for people."""
+"""Output of calibrate-time: its result as JSON, and as lines for people."""
 
 import math
 from collections.abc import Iterator, Sequence
@@ -18,7 +18,7 @@ _SOURCES = {
 
 
 def timing_report(found: FoundTiming, written: Path | None) -> dict[str, Any]:
-    """What is printed as JSON: the result's records, each mode with its timing."""
+    """The result as JSON: nights, satellites, each camera mode with its timing."""
     calibration = found.calibration
     modes = [_mode_report(mode, timing) for mode, timing in found.modes]
     measured = [each for each in modes if "measurements" in each]
@@ -103,7 +103,7 @@ def _mode_lines(timing: ShutterTiming | None) -> Iterator[str]:
 
 
 def cautions(found: FoundTiming) -> Iterator[str]:
-    """What the result does not bear, and what to do."""
+    """Cautions about the result, each with its remedy."""
     if found.kind == "tle":
         yield (
             "elements are good to a kilometre, which is 0.3 s: a sanity check of the clock, not a"

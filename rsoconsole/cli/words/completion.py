@@ -1,4 +1,4 @@
-"""What a word of the command line may become: asked by bash, zsh and fish as TAB is pressed.
+"""Completion of words on the command line, asked by bash, zsh and fish as TAB is pressed.
 
 Paths that are no sessions are left to the shell, which knows how to go on into folders.
 """
@@ -59,7 +59,7 @@ def sessions(incomplete: str) -> list[str]:
 
 
 def session_names(incomplete: str) -> list[str]:
-    """As ``sessions``, and those under ``session.root`` by name alone."""
+    """Folders of sessions as ``sessions``, and those under ``session.root`` by name alone."""
     try:
         names = [each.name for each in _sessions_in(load_config().session.root)]
     except (RsoconsoleError, OSError):
@@ -68,14 +68,14 @@ def session_names(incomplete: str) -> list[str]:
 
 
 presets = quietly(lambda _: choices_of("filter.preset"))
-"""Of the filter."""
+"""Completer of filter presets."""
 map_modes = quietly(lambda _: choices_of("detector.map_mode"))
-"""Of the detector."""
+"""Completer of detector maps."""
 
 
 @quietly
 def scenarios(_: Any) -> Iterable[tuple[str, str]]:
-    """Of the demo, each with what it is."""
+    """Scenarios of the demo, each with its title."""
     from rsoconsole.simulator import all_scenarios
 
     return [(each.name, each.title) for each in all_scenarios().values()]
@@ -83,13 +83,13 @@ def scenarios(_: Any) -> Iterable[tuple[str, str]]:
 
 @quietly
 def setting_names(_: Any) -> Iterable[tuple[str, str]]:
-    """All of them, each with what it is."""
+    """Names of all settings, each with its description."""
     return [(name, description) for name, _, description in walk(Config())]
 
 
 @quietly
 def tunable_names(_: Any) -> Iterable[tuple[str, str]]:
-    """Those that an engine can be given while it runs."""
+    """Settings that can be changed while the engine runs, each with its description."""
     from rsoconsole.engine import TUNABLE
 
     return [(name, words) for name, _, words in walk(Config()) if name in TUNABLE]
@@ -97,13 +97,13 @@ def tunable_names(_: Any) -> Iterable[tuple[str, str]]:
 
 @quietly
 def setting_values(ctx: Any) -> Iterable[str]:
-    """Of the setting whose name stands before."""
+    """Values of the setting whose name precedes."""
     return choices_of(str(ctx.params.get("name") or ""))
 
 
 @quietly
 def checks(_: Any) -> Iterable[str]:
-    """Of the list before arming."""
+    """Names of the checks before arming."""
     from rsoconsole.engine import CHECKS
 
     return CHECKS
@@ -111,7 +111,7 @@ def checks(_: Any) -> Iterable[str]:
 
 @quietly
 def branches(ctx: Any) -> Iterable[str]:
-    """Of the sessions that stand before."""
+    """Branches of the sessions that precede."""
     found: list[str] = []
     for each in ctx.params.get("sessions") or ():
         found += [path.name for path in sorted((Path(each) / "branches").iterdir())]
@@ -119,7 +119,7 @@ def branches(ctx: Any) -> Iterable[str]:
 
 
 def choices_of(name: str) -> tuple[str, ...]:
-    """What a setting may be; empty where that is not one of a few words."""
+    """Allowed words of a setting; empty where it takes other values."""
     section, _, key = name.partition(".")
     home = Config.model_fields.get(section)
     if home is None or not isinstance(home.annotation, type):

@@ -1,4 +1,4 @@
-"""How far elements are taken to be off, and by what, in words; 80 columns at most."""
+"""Errors of element sets and their source, in words; 80 columns at most."""
 
 import itertools
 import math
@@ -69,7 +69,7 @@ def _age_report(low: float, high: float, rows: Sequence[ElementRow]) -> dict[str
 
 
 def element_ledger_lines(report: dict[str, Any]) -> Iterator[str]:
-    """What the ledger of element errors holds."""
+    """Lines on the ledger of element errors: nights, then each kind of orbit."""
     for night in report["nights"]:
         yield (f"{night['night']}: {len(night['rows'])} of {night['tracks']} tracks surely named")
     for each in report["regimes"]:

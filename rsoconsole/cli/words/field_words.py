@@ -1,4 +1,4 @@
-"""What was in the frames, for people; 80 columns at most but for names."""
+"""Contents of frames in words, for people; 80 columns at most but for names."""
 
 from collections.abc import Iterator, Sequence
 from typing import Any
@@ -124,7 +124,7 @@ def named_tracks_lines(tracks: Sequence[dict[str, Any]]) -> Iterator[str]:
 
 
 def past_tracks_lines(report: dict[str, Any]) -> Iterator[str]:
-    """What the ledger says of the tracks, and what was kept in it."""
+    """Lines on the tracks in the ledger, and on those kept in it now."""
     for each in report["tracks"]:
         if each["ledger"] is not None and len(report["tracks"]) == 1:
             yield f"  in the ledger: {_past_words(each['ledger'])}"

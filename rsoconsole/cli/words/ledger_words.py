@@ -50,7 +50,7 @@ def object_lines(known: LedgerObject) -> Iterator[str]:
 
 
 def say_moved_aside(aside: Path | None) -> None:
-    """Where a damaged ledger is, if one had to be set aside."""
+    """Report where a damaged ledger was moved to, if there was one."""
     if aside is not None:
         output.complain(
             f"rsoconsole: the ledger was damaged: it is in {aside} as it was, and goes on with the"

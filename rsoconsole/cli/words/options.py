@@ -105,7 +105,7 @@ _OPTION = "--tle FILE"
 
 
 def catalogue_of(files: Sequence[Path]) -> "Sequence[CatalogueEntry]":
-    """What is in these files. Raises OrbitError with the remedy where none is named."""
+    """Element sets of these files. Raises OrbitError with the remedy where none is named."""
     from rsoconsole.pipeline import NO_ELEMENTS, read_catalogue
 
     if not files:

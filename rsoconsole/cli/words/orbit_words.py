@@ -154,11 +154,12 @@ def _match_lines(matches: Sequence[dict[str, Any]]) -> Iterator[str]:
     for each in matches:
         name = f"{each['norad_id']} {each['name']}"[:_NAME_WIDTH]
         rate = each["rate_difference_percent"]
+        score = f"{each['score']:.1f}" if each["score"] < 1000.0 else ">1000"
         yield (
             f"  {name:28} {angle(each['separation_arcsec']):>7} {each['along_track_s']:+8.1f}s"
             f" {signed_angle(each['cross_track_arcsec']):>7}"
             f" {_rate(rate):>7}"
-            f" {each['tle_age_days']:+5.1f}d {_score(each['score']):>6}"
+            f" {each['tle_age_days']:+5.1f}d {score:>6}"
         )
 
 
@@ -166,10 +167,6 @@ def _rate(percent: float | None) -> str:
     if percent is None:
         return "-"
     return f"{percent:+.2f}%" if abs(percent) < 10.0 else f"{percent:+.0f}%"
-
-
-def _score(value: float) -> str:
-    return f"{value:.1f}" if value < 1000.0 else ">1000"
 
 
 def _clock(iso: str, *, with_date: bool = False, seconds: bool = False) -> str:
@@ -189,7 +186,7 @@ _BY_ENDING: dict[str, Form] = {
 
 
 def form_of(path: Path) -> Form:
-    """By the file's ending. Raises BadParameter for one that says nothing."""
+    """Form of elements by the file's ending. Raises BadParameter for an unknown one."""
     if str(path) == "-":
         return "tle"
     form = _BY_ENDING.get(path.suffix.lower())
@@ -214,7 +211,7 @@ def write_elements(elements: FittedElements, path: Path, form: Form, *, force: b
     else:
         text = omm(elements.mean, created_utc_ns=time.time_ns(), form=form)
     if str(path) == "-":
-        output.hand_over(text if text.endswith("\n") else f"{text}\n")
+        output.emit_text(text if text.endswith("\n") else f"{text}\n")
         return ""
     write_file(path, text.encode("utf-8"), is_forced=force)
     return f"wrote {path}"

@@ -56,7 +56,7 @@ def emit_json(found: Any, **more: Any) -> None:
 def answer(
     json_: bool, found: Answer, lines: Callable[[Answer], str | Iterable[str]], **more: Any
 ) -> None:
-    """What a verb found: as JSON alone, or in lines for a person, which are made only then.
+    """Print an answer: JSON alone, or lines for people, which are made only then.
 
     ``more``: what the JSON has besides.
     """
@@ -79,7 +79,7 @@ def complain(*lines: str) -> None:
         typer.echo(one_line(line), err=True)
 
 
-def exit_where(failed: int, words: str = "") -> None:
+def exit_if(failed: int, words: str = "") -> None:
     """End with 1 where something has failed, and say so."""
     if failed and words:
         complain(f"rsoconsole: {words}")
@@ -88,13 +88,13 @@ def exit_where(failed: int, words: str = "") -> None:
 
 
 def report_fault(json_: bool, words: str, **of: Any) -> None:
-    """What one of many could not be worked on for: on stderr, and in the JSON with what it is."""
+    """Report why one of several inputs failed: on stderr, and in the JSON with its name."""
     if json_:
         emit_json({**of, "error": words})
     complain(f"rsoconsole: {words}")
 
 
-def hand_over(text: str) -> None:
+def emit_text(text: str) -> None:
     """A document on stdout, to the last character where that is a file or a pipe."""
     typer.echo(printable(text) if sys.stdout.isatty() else text, nl=False)
 

@@ -54,7 +54,7 @@ def summary_words(each: "SessionSummary") -> str:
 
 
 def verification_lines(found: "Verification") -> Iterator[str]:
-    """What was found in a session; of many alike only the first are told."""
+    """Findings of a verification; of many alike only the first are listed."""
     digest = {"confirmed": "digest confirmed", "differs": "DIGEST DIFFERS", "none": "no digest"}
     state = "sound" if found.is_sound else "DAMAGED"
     yield (
@@ -78,7 +78,7 @@ def _finding_words(each: "Finding") -> str:
 
 
 def repair_lines(done: "Repair") -> Iterator[str]:
-    """What was done to a session."""
+    """Lines on the repair of a session."""
     saved = done.recovered
     if saved is not None:
         lost = f", {saved.missing} missing" if saved.missing else ", none missing up to the last"
@@ -112,20 +112,20 @@ def _rescue_lines(done: "Repair") -> Iterator[str]:
 
 
 def archive_words(made: "Archive") -> str:
-    """What was packed, and where it lies."""
+    """One line on an archive: its path, files and size."""
     gone = "; the original is removed" if made.is_removed else ""
     size = file_size(made.bytes)
     return f"{made.path}: {made.files} files, {size}, read back and verified{gone}"
 
 
 def step_words(step: "PruningStep") -> str:
-    """What becomes of a session."""
+    """One line on a step of pruning."""
     deed = f"{file_size(step.bytes):>9}" if step.goes else "    stays"
     return f"{deed}  {step.session.name:36} {step.why}"
 
 
 def say_plan(steps: "tuple[PruningStep, ...]", folder: Path, what: str, is_done: bool) -> None:
-    """What the whole plan comes to."""
+    """Print the total of a pruning plan."""
     going = [step for step in steps if step.goes]
     total = file_size(sum(step.bytes for step in going))
     number = counted(len(going), "session")

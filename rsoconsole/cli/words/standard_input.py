@@ -19,7 +19,7 @@ from rsoconsole.base import FrameError, RsoconsoleError
 
 DASH = "-"
 MAX_NAME_BYTES = 64 << 20
-SPOKEN = "standard input"
+STDIN = "standard input"
 
 FilesFromOption = Annotated[
     str | None,
@@ -32,8 +32,8 @@ FilesFromOption = Annotated[
 ]
 
 
-class Piped:
-    """Where what came through the pipe lies while the program works, and what it is called."""
+class InputFiles:
+    """Input files, with standard input kept in a temporary file, and their names for people."""
 
     def __init__(self, paths: Sequence[Path], place: Path | None) -> None:
         self.paths = [place if place and str(each) == DASH else each for each in paths]
@@ -46,11 +46,11 @@ class Piped:
 
     def words(self, text: str) -> str:
         """A sentence without the place, which says nothing to anybody."""
-        return text if self._place is None else text.replace(str(self._place), SPOKEN)
+        return text if self._place is None else text.replace(str(self._place), STDIN)
 
 
 @contextlib.contextmanager
-def piped(paths: Sequence[Path]) -> Iterator[Piped]:
+def piped(paths: Sequence[Path]) -> Iterator[InputFiles]:
     """The files, with the content of standard input where one is ``-``.
 
     Errors of the program that come through here name it so. Raises BadParameter for two of them
@@ -58,7 +58,7 @@ def piped(paths: Sequence[Path]) -> Iterator[Piped]:
     """
     dashes = sum(str(each) == DASH for each in paths)
     if not dashes:
-        yield Piped(paths, None)
+        yield InputFiles(paths, None)
         return
     if dashes > 1:
         raise typer.BadParameter("standard input can be read once: give - once")
@@ -71,10 +71,10 @@ def piped(paths: Sequence[Path]) -> Iterator[Piped]:
                 shutil.copyfileobj(sys.stdin.buffer, stream)
         except OSError as error:
             raise FrameError(
-                f"{SPOKEN} cannot be kept in {folder} ({error.strerror}): set TMPDIR to a folder"
+                f"{STDIN} cannot be kept in {folder} ({error.strerror}): set TMPDIR to a folder"
                 " with room"
             ) from error
-        files = Piped(paths, place)
+        files = InputFiles(paths, place)
         try:
             yield files
         except RsoconsoleError as error:
@@ -84,7 +84,7 @@ def piped(paths: Sequence[Path]) -> Iterator[Piped]:
         shutil.rmtree(folder, ignore_errors=True)
 
 
-def with_named(paths: Sequence[Path] | None, files_from: str | None) -> list[Path]:
+def given_files(paths: Sequence[Path] | None, files_from: str | None) -> list[Path]:
     """The files of the command line, then those that a file names.
 
     Raises BadParameter where there are none, and for a list that cannot be read.

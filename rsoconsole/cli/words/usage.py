@@ -18,7 +18,7 @@ USAGE_EXIT = 2
 # Some versions of typer carry a click of their own: its classes are found through typer's.
 UsageError: type[Exception] = typer.BadParameter.__mro__[1]
 OWN_LINE = re.compile(r"Example: |--|[a-z]+(?:, [a-z]+)*: ")
-"""How a line of help begins that stands for itself."""
+"""Beginnings of lines of help that stay lines of their own."""
 
 
 def fold_helps(app: typer.Typer) -> None:
@@ -58,7 +58,7 @@ def usage_line(error: Any) -> str:
 
 
 @contextlib.contextmanager
-def usage_faults(hint: str = "", caught: type[Exception] = ValueError) -> Iterator[None]:
+def as_usage_error(hint: str = "", caught: type[Exception] = ValueError) -> Iterator[None]:
     """Raise what cannot be meant as wrong usage of the option ``hint``."""
     try:
         yield
@@ -66,7 +66,7 @@ def usage_faults(hint: str = "", caught: type[Exception] = ValueError) -> Iterat
         raise typer.BadParameter(str(error), param_hint=hint or None) from error
 
 
-def set_in_file(
+def write_to_config(
     config: Path | None, settings: Mapping[str, Any], *, is_secret: bool = False
 ) -> Path:
     """Write settings into the configuration file; its place. Raises ConfigError.
@@ -82,14 +82,12 @@ def set_in_file(
     return path
 
 
-def is_help(error: Any) -> bool:
-    """Whether nothing is wrong but that nothing was asked: help is what is wanted."""
-    return type(error).__name__ == "NoArgsIsHelpError"
+def help_of(error: Any) -> str | None:
+    """The help where nothing is wrong but that nothing was asked; None where something is.
 
-
-def help_of(error: Any) -> str:
-    """The help that is wanted; empty where typer has printed it by itself, in boxes."""
-    return error.ctx.get_help() or ""
+    Empty where typer has printed it by itself, in boxes.
+    """
+    return error.ctx.get_help() or "" if type(error).__name__ == "NoArgsIsHelpError" else None
 
 
 def _near_option(words: str, error: Any) -> str:

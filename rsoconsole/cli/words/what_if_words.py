@@ -8,7 +8,7 @@ from rsoconsole.words import counted, number
 
 if TYPE_CHECKING:
     from rsoconsole.night import TrackFigures, merit
-    from rsoconsole.pipeline import Answer
+    from rsoconsole.pipeline import Answer, Proposal, Soundness, WhatIf
 
 LABEL, COLUMN = 22, 20
 
@@ -112,10 +112,6 @@ def _rows() -> list[tuple["merit.Figure", _Worth | None]]:
 
 def _plain(value: object) -> str:
     return f"{value:g}" if isinstance(value, float) else str(value)
-
-
-if TYPE_CHECKING:
-    from rsoconsole.pipeline import Proposal, Soundness, WhatIf
 
 
 def proposal_lines(proposal: "Proposal", effects: "Sequence[WhatIf]") -> Iterator[str]:

@@ -61,12 +61,12 @@ class IodObservation:
     station: str
     t_utc_ns: int
     t_step_ns: int
-    """What the time's last digit is worth."""
+    """Step of the time's last digit."""
     time_sigma_s: float | None
     angle_format: int | None
     """4 to 6: azimuth and elevation, else right ascension and declination."""
     epoch_year: int | None
-    """Of the equinox; None: that of date, or no angles."""
+    """Year of the equinox; None: equinox of date, or no angles."""
     first_deg: float | None
     """Right ascension, or azimuth."""
     second_deg: float | None
@@ -85,10 +85,13 @@ def parse_iod(line: str) -> IodObservation:
     first, second = None, None
     if code is not None:
         first, second = angles_of(code, found["first"], found["sign"], found["second"])
+    cospar = None
+    if found["norad"] is not None:
+        cospar = f"{full_year(found['year'])}-{found['launch']}{found['piece'].strip()}"
     position = None if code is None else _mx(found["position_mx"]) * _ARCSEC_BY_CODE[code]
     return IodObservation(
         norad_id=None if found["norad"] is None else int(found["norad"]),
-        cospar=None if found["norad"] is None else _cospar(found),
+        cospar=cospar,
         station=found["station"],
         t_utc_ns=t_utc_ns,
         t_step_ns=t_step_ns,
@@ -101,12 +104,8 @@ def parse_iod(line: str) -> IodObservation:
     )
 
 
-def _cospar(found: dict[str, str]) -> str:
-    return f"{full_year(found['year'])}-{found['launch']}{found['piece'].strip()}"
-
-
 def full_year(two_digits: str) -> int:
-    """Of a satellite's launch or an observation: none is from before the first satellite."""
+    """Year of a launch or an observation of two digits: 57 to 99 are of the last century."""
     year = int(two_digits)
     return year + (1900 if year >= _FIRST_SATELLITE else 2000)
 
@@ -218,7 +217,7 @@ def parse_uk(line: str) -> IodObservation:
 
 
 def is_uk(line: str) -> bool:
-    """Whether it has the columns of a UK line."""
+    """Whether a line has the columns of a UK line."""
     return _UK_LINE.match(line.rstrip("\r\n")) is not None
 
 

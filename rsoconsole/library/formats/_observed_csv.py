@@ -27,17 +27,17 @@ class ObservedRow:
     ra_icrs_deg: float
     dec_icrs_deg: float
     sigma_ra_arcsec: float | None = None
-    """On the sky. None: the file states none."""
+    """One sigma on the sky. None: the file states none."""
     sigma_dec_arcsec: float | None = None
     correlation: float = 0.0
     time_sigma_s: float | None = None
     """Beside the direction's own error; None where that is in it."""
     target: str | None = None
-    """What the file calls the object; None where it names none."""
+    """Name of the object in the file; None where it names none."""
     station: str | None = None
-    """What the file calls the station."""
+    """Name of the station in the file."""
     site: Site | None = None
-    """Where it stands, where the file says so."""
+    """Site of the station, where the file states it."""
     is_degrees: bool = False
     """Whether the form that it was written in leaves no doubt about the unit."""
 
@@ -85,18 +85,17 @@ def read_table(text: str, name: str) -> tuple[ObservedRow, ...]:
         records = list(_of_csv(text, first, name))
     if not records:
         raise ExportError(f"{name} holds no observations: {NEEDED} are needed")
-    columns = _Columns.of([key for key, _ in records[0][1].items()], name)
-    return tuple(columns.row(values, where) for where, values in records if columns.counts(values))
+    columns = _Columns(list(records[0][1]), name)
+    return tuple(columns.row(values, where) for where, values in records if columns.is_used(values))
 
 
 def looks_like_table(text: str) -> bool:
-    """Whether its first line names columns, or is an object."""
+    """Whether the first line of a text names columns, or is a JSON object."""
     for line in text.splitlines():
         if line.startswith("#") or not line.strip():
             continue
         names = {_plain(each) for each in _first_names(line)}
-        known = {*_RA, *_RADIANS[0], *_HOURS}
-        return bool(names & known) and bool(names & {*_DEC, *_RADIANS[1]})
+        return bool(names & _RA_SCALES.keys()) and bool(names & _DEC_SCALES.keys())
     return False
 
 
@@ -149,25 +148,20 @@ def _plain(name: str) -> str:
 class _Columns:
     """Which column is what."""
 
-    def __init__(self, names: Sequence[str]) -> None:
+    def __init__(self, names: Sequence[str], where: str) -> None:
+        """Raises ExportError where they lack time or direction."""
         self._by_name = {_plain(each): each for each in names}
-
-    @classmethod
-    def of(cls, names: Sequence[str], where: str) -> "_Columns":
-        columns = cls(names)
-        has_ra = any(each in columns._by_name for each in (*_RA, *_RADIANS[0], *_HOURS))
-        has_dec = any(each in columns._by_name for each in (*_DEC, *_RADIANS[1]))
-        if not (has_ra and has_dec and columns.find(_TIME)):
+        has_direction = all(self.find(tuple(each)) for each in (_RA_SCALES, _DEC_SCALES))
+        if not (has_direction and self.find(_TIME)):
             shown = ", ".join(names)[:120]
             raise ExportError(f"{where}: {NEEDED} are needed; it has {shown}")
-        return columns
 
     def find(self, wanted: Sequence[str]) -> str | None:
         """The column's own name."""
         return next((self._by_name[each] for each in wanted if each in self._by_name), None)
 
-    def counts(self, values: Mapping[str, str]) -> bool:
-        """Whether it is a measurement that this program's own tables say was taken."""
+    def is_used(self, values: Mapping[str, str]) -> bool:
+        """Whether a row counts: in tables of this program, those taken and not clipped."""
         taken = self._by_name.get("is_taken")
         cut = self._by_name.get("is_clipped")
         is_taken = taken is None or values.get(taken, "").lower() != "false"
@@ -245,7 +239,7 @@ def _number(text: str, where: str) -> float:
 
 
 def ecsv_site(text: str) -> Site | None:
-    """Where the telescope of an ECSV of this program stood, by its head."""
+    """Site of the telescope in the head of an ECSV of this program."""
     found = {
         key: re.search(rf"^#.*\b{key}: (-?[0-9.]+)", text, re.MULTILINE)
         for key in ("latitude_deg", "longitude_deg", "elevation_m")

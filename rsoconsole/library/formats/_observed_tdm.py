@@ -14,7 +14,7 @@ _ABERRATIONS = ("CORRECTION_ABERRATION_YEARLY", "CORRECTION_ABERRATION_DIURNAL")
 
 
 def rows_of_tdm(message: Tdm, name: str) -> tuple[ObservedRow, ...]:
-    """Its directions. Raises ExportError where it has none, or none that can be used."""
+    """Directions of a message. Raises ExportError where it has none that can be used."""
     found: list[ObservedRow] = []
     for number, segment in enumerate(message.segments, start=1):
         found.extend(_of_segment(segment, f"{name}, segment {number}"))

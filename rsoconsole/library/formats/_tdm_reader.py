@@ -27,7 +27,7 @@ _ERRORS = ("sigma_1_arcsec", "sigma_2_arcsec", "correlation")
 """As our comments tell them, in order."""
 
 
-def _each(*stems: str) -> set[str]:
+def _with_numbers(*stems: str) -> set[str]:
     return {f"{stem}_{number}" for stem in stems for number in _NUMBERED}
 
 
@@ -37,7 +37,7 @@ _NUMBERS = {
     *("DOPPLER_COUNT_SCALE", "CORRECTION_ANGLE_1", "CORRECTION_ANGLE_2", "CORRECTION_DOPPLER"),
     *("CORRECTION_MAG", "CORRECTION_RANGE", "CORRECTION_RCS", "CORRECTION_RECEIVE"),
     *("CORRECTION_TRANSMIT", "CORRECTION_ABERRATION_YEARLY", "CORRECTION_ABERRATION_DIURNAL"),
-    *_each("TRANSMIT_DELAY", "RECEIVE_DELAY"),
+    *_with_numbers("TRANSMIT_DELAY", "RECEIVE_DELAY"),
 }
 _CHOICES: Mapping[str, tuple[str, ...]] = {
     "TIME_SYSTEM": TIME_SYSTEMS,
@@ -53,7 +53,7 @@ _CHOICES: Mapping[str, tuple[str, ...]] = {
 _TEXTS = {
     *("TRACK_ID", "DATA_TYPES", "TRANSMIT_BAND", "RECEIVE_BAND", "RANGE_UNITS", "INTERPOLATION"),
     *("REFERENCE_FRAME",),
-    *_each("PARTICIPANT", "EPHEMERIS_NAME"),
+    *_with_numbers("PARTICIPANT", "EPHEMERIS_NAME"),
 }
 _METADATA = {*_NUMBERS, *_CHOICES, *_TEXTS, "START_TIME", "STOP_TIME", "PATH", "PATH_1", "PATH_2"}
 _DATA = {
@@ -61,8 +61,8 @@ _DATA = {
     *("DOPPLER_INSTANTANEOUS", "DOPPLER_INTEGRATED", "DOR", "MAG", "PC_N0", "PRESSURE", "PR_N0"),
     *("RANGE", "RCS", "RECEIVE_FREQ", "RHUMIDITY", "STEC", "TEMPERATURE", "TROPO_DRY"),
     *("TROPO_WET", "VLBI_DELAY"),
-    *_each("RECEIVE_FREQ", "TRANSMIT_FREQ", "TRANSMIT_FREQ_RATE"),
-    *_each("RECEIVE_PHASE_CT", "TRANSMIT_PHASE_CT"),
+    *_with_numbers("RECEIVE_FREQ", "TRANSMIT_FREQ", "TRANSMIT_FREQ_RATE"),
+    *_with_numbers("RECEIVE_PHASE_CT", "TRANSMIT_PHASE_CT"),
 }
 
 
@@ -75,7 +75,7 @@ class TdmAngles:
     """Right ascension where the segment's ANGLE_TYPE is RADEC."""
     angle_2_deg: float
     sigma_1_arcsec: float | None = None
-    """On the sky: times the cosine of the second angle."""
+    """One sigma on the sky: times the cosine of the second angle."""
     sigma_2_arcsec: float | None = None
     correlation: float | None = None
 
@@ -110,18 +110,18 @@ def parse_tdm(text: str, name: str = "the message") -> Tdm:
     """
     text = text.removeprefix("\ufeff")
     is_xml = text.lstrip().startswith("<")
-    walk = _Walk(name=name, unit="element" if is_xml else "line")
+    parser = _Parser(name=name, unit="element" if is_xml else "line")
     lines = lines_of_xml(text.lstrip(), name) if is_xml else text.split("\n")
     for number, line in enumerate(lines, start=1):
         stripped = line.strip()
         if stripped:
-            walk.number = number
-            walk.read_line(stripped)
-    return walk.finished()
+            parser.number = number
+            parser.read_line(stripped)
+    return parser.finished()
 
 
 @dataclass(slots=True)
-class _Open:
+class _OpenSegment:
     metadata: dict[str, str] = field(default_factory=dict)
     comments: list[str] = field(default_factory=list)
     halves: dict[int, dict[str, float]] = field(default_factory=dict)
@@ -147,7 +147,7 @@ class _Open:
 
 
 @dataclass(slots=True, kw_only=True)
-class _Walk:
+class _Parser:
     """Where the reading stands."""
 
     name: str
@@ -159,7 +159,7 @@ class _Walk:
     header: dict[str, str] = field(default_factory=dict)
     comments: list[str] = field(default_factory=list)
     segments: list[TdmSegment] = field(default_factory=list)
-    open: _Open = field(default_factory=_Open)
+    open: _OpenSegment = field(default_factory=_OpenSegment)
 
     def wrong(self, what: str) -> ExportError:
         return ExportError(f"{self.name}, {self.unit} {self.number}: {what}")
@@ -168,11 +168,11 @@ class _Walk:
         if line == "COMMENT" or line.startswith("COMMENT "):
             self._comment(line.removeprefix("COMMENT").strip())
             return
-        if line in _TURNS:
-            before, after = _TURNS[line]
+        if line in _SECTION_MARKS:
+            before, after = _SECTION_MARKS[line]
             if self.section not in before:
                 raise self.wrong(f"{line} cannot stand {_PLACES[self.section]}")
-            self._turn(line, after)
+            self._enter_section(line, after)
             return
         keyword, equals, value = (part.strip() for part in line.partition("="))
         if not equals or not keyword or not value:
@@ -204,12 +204,12 @@ class _Walk:
             segments=tuple(self.segments),
         )
 
-    def _turn(self, line: str, after: str) -> None:
+    def _enter_section(self, line: str, after: str) -> None:
         if line == "META_START":
             missing = {"CREATION_DATE", "ORIGINATOR"} - self.header.keys()
             if missing:
                 raise self.wrong(f"the header has no {', '.join(sorted(missing))}")
-            self.open = _Open()
+            self.open = _OpenSegment()
         elif line == "META_STOP":
             missing = {"TIME_SYSTEM", "PARTICIPANT_1"} - self.open.metadata.keys()
             if missing:
@@ -306,7 +306,7 @@ _PLACES = {
     "data": "among data",
     "between": "between two segments",
 }
-_TURNS: Mapping[str, tuple[tuple[str, ...], str]] = {
+_SECTION_MARKS: Mapping[str, tuple[tuple[str, ...], str]] = {
     "META_START": (("header", "between"), "metadata"),
     "META_STOP": (("metadata",), "meta read"),
     "DATA_START": (("meta read",), "data"),

@@ -6,7 +6,7 @@ import json
 import math
 import time
 import warnings
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Literal, get_args
@@ -17,9 +17,9 @@ from rsoconsole.library.formats.iod import STATION, check_station, site_line, to
 from rsoconsole.library.formats.night import ExportedNight, read_night
 from rsoconsole.library.formats.rows import COLUMNS, MeasuredRow
 from rsoconsole.library.formats.solved_fits import solved_fits, to_regions
+from rsoconsole.library.formats.tables import utc_time
 from rsoconsole.library.formats.target import Target
-from rsoconsole.library.formats.tdm import ORIGINATOR, to_tdm, whole, xml_of
-from rsoconsole.sky import jd_utc
+from rsoconsole.library.formats.tdm import ORIGINATOR, to_tdm, unclipped, xml_of
 from rsoconsole.words import utc_ns_to_iso
 
 MARKING = "U"
@@ -31,47 +31,32 @@ DESCRIPTOR = (
 _DEG2_PER_ARCSEC2 = 1.0 / 3600.0**2
 
 
-def to_udl(
-    night: ExportedNight, tracks: Iterable[int], *, target: Target, source: str, sensor: str
-) -> str:
-    """The records. A streak that the frame cuts is left out.
-
-    ``source`` and ``sensor``: who makes them, and with what, in words of your own.
-    """
-    found = [
-        _record(night, track, row, place, target=target, source=source, sensor=sensor)
-        for track in tracks
-        for row, place in _placed(whole(night.of_track(track)))
-    ]
+def to_udl(night: ExportedNight, tracks: Iterable[int], options: "ExportOptions") -> str:
+    """The records. A streak that the frame cuts is left out."""
+    found: list[dict[str, Any]] = []
+    for track in tracks:
+        rows = unclipped(night.of_track(track))
+        places = ["FIRST", *["IN"] * (len(rows) - 2), "LAST"] if len(rows) > 1 else ["SINGLE"]
+        found += [
+            _record(night, track, row, place, options)
+            for row, place in zip(rows, places, strict=False)
+        ]
     return json.dumps(found, indent=1, allow_nan=False) + "\n"
 
 
-def _placed(rows: tuple[MeasuredRow, ...]) -> Iterable[tuple[MeasuredRow, str]]:
-    for n, row in enumerate(rows):
-        last = n == len(rows) - 1
-        place = "SINGLE" if len(rows) == 1 else "FIRST" if n == 0 else "LAST" if last else "IN"
-        yield row, place
-
-
 def _record(
-    night: ExportedNight,
-    track: int,
-    row: MeasuredRow,
-    place: str,
-    *,
-    target: Target,
-    source: str,
-    sensor: str,
+    night: ExportedNight, track: int, row: MeasuredRow, place: str, options: "ExportOptions"
 ) -> dict[str, Any]:
+    target = options.target
     site = night.config.site.to_site()
     east2, cross, north2 = row.cov_sky_arcsec2
     cos_dec = max(math.cos(math.radians(row.dec_icrs_deg)), 1e-9)
     record: dict[str, Any] = {
         "classificationMarking": MARKING,
         "dataMode": "SIMULATED" if night.is_simulated else "REAL",
-        "source": source,
+        "source": options.originator,
         "obTime": utc_ns_to_iso(row.t_mid_utc_ns, 6),
-        "origSensorId": sensor,
+        "origSensorId": night.config.site.name,
         "origObjectId": target.tdm_name(track),
         "trackId": f"{night.name}-{track}",
         "obPosition": place,
@@ -128,13 +113,15 @@ def to_ecsv(night: ExportedNight) -> str:
 
     Read back by astropy, ``t_mid_utc`` is a ``Time`` and ``direction`` a ``SkyCoord``.
     """
+    import numpy as np
+    from astropy.coordinates import SkyCoord
     from astropy.table import MaskedColumn, Table
 
     types = {"integer": "int64", "real": "float64", "truth": "bool"}
     table = Table(meta=night.facts())
     for column in COLUMNS:
         if column.name == TIME:
-            table[TIME] = _times([row.t_mid_utc_ns for row in night.rows])
+            table[TIME] = utc_time(np.array([row.t_mid_utc_ns for row in night.rows], np.int64))
             table[TIME].info.description = column.meaning
             continue
         values = [row.value(column.name) for row in night.rows]
@@ -147,7 +134,8 @@ def to_ecsv(night: ExportedNight) -> str:
             unit=column.unit,
             description=column.meaning,
         )
-    table[DIRECTION] = _directions(night.rows)
+    places = np.array([(row.ra_icrs_deg, row.dec_icrs_deg) for row in night.rows]).reshape(-1, 2)
+    table[DIRECTION] = SkyCoord(*places.T, unit="deg", frame="icrs")
     table[DIRECTION].info.description = "ra_icrs_deg and dec_icrs_deg"
     text = io.StringIO()
     with warnings.catch_warnings():
@@ -155,24 +143,6 @@ def to_ecsv(night: ExportedNight) -> str:
         warnings.filterwarnings("ignore", message=".*dubious year")
         table.write(text, format="ascii.ecsv")
     return text.getvalue()
-
-
-def _times(t_utc_ns: Sequence[int]) -> Any:
-    import numpy as np
-    from astropy.time import Time
-
-    found = Time(*jd_utc(np.array(t_utc_ns, np.int64)), format="jd", scale="utc")
-    found.format, found.precision = "isot", 9  # what is written as text is as exact
-    return found
-
-
-def _directions(rows: Sequence[MeasuredRow]) -> Any:
-    import numpy as np
-    from astropy.coordinates import SkyCoord
-
-    ra = np.array([row.ra_icrs_deg for row in rows], float)
-    dec = np.array([row.dec_icrs_deg for row in rows], float)
-    return SkyCoord(ra, dec, unit="deg", frame="icrs")
 
 
 def _csv_field(value: Any) -> str:
@@ -189,23 +159,23 @@ Format = Literal[TextFormat, FrameFormat]
 TEXT_FORMATS: tuple[str, ...] = get_args(TextFormat)
 FRAME_FORMATS: tuple[str, ...] = get_args(FrameFormat)
 MESSAGES = ("tdm", "tdm-xml", "iod", "udl")
-"""What the tracks took, for others."""
+"""Formats that carry the measurements of tracks."""
 _ENDINGS: Mapping[str, str] = {"tdm-xml": "tdm.xml", "udl": "udl.json"}
 FOLDER = Path("branches") / "exports"
-"""Where in a session its exports lie, unless another place is named."""
+"""Default folder of exports inside a session."""
 _SUFFIXES: Mapping[FrameFormat, str] = {"fits": ".fits.fz", "regions": ".reg"}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ExportOptions:
-    """What may be asked for beside session and format."""
+    """Options of an export."""
 
     everything: bool = False
     """Tables also hold what the operator refused and what their decision replaced."""
     track: int | None = None
     """TDM, IOD and UDL of this track alone."""
     target: Target = field(default_factory=Target)
-    """What the track's object is called."""
+    """Catalogue numbers of the track's object."""
     station: str = STATION
     """IOD: the observing site's number."""
     sky: str = " "
@@ -226,7 +196,7 @@ class ExportOptions:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Export:
-    """What was written."""
+    """Result of an export."""
 
     path: Path | None = None
     """The file; the folder where each frame has its own; None where only a text was made."""
@@ -235,7 +205,7 @@ class Export:
     measurements: int
     tracks: int
     left_out: Mapping[str, int] = field(default_factory=dict)
-    """How many of what is not in it, in words."""
+    """Number of measurements that are not in it, by reason."""
     is_simulated: bool
 
 
@@ -313,7 +283,7 @@ def _messages(night: ExportedNight, kind: str, options: ExportOptions) -> tuple[
             f"the session has {len(tracks)} tracks: --track says which of them has that number"
         )
     taken = [row for track in tracks for row in night.of_track(track)]
-    sent = whole(tuple(taken))
+    sent = unclipped(tuple(taken))
     if not sent:
         raise ExportError(
             "no track took anything in this session: there is nothing to report; "
@@ -344,13 +314,7 @@ def _text_of(
         )
         return site_line(night, options.station) + lines if options.site_line else lines
     if kind == "udl":
-        return to_udl(
-            night,
-            tracks,
-            target=options.target,
-            source=options.originator,
-            sensor=night.config.site.name,
-        )
+        return to_udl(night, tracks, options)
     text = to_tdm(
         night,
         tracks,
@@ -366,7 +330,7 @@ def _export_frames(
 ) -> Export:
     night = read_night(session)
     frames = on_record.frames_on_record(session, night.rows)
-    numbers = on_record.chosen(frames, options.frames)
+    numbers = on_record.selected_frames(frames, options.frames)
     left_out: dict[str, int] = {}
     if options.frames is None:
         usable = [n for n in numbers if kind == "regions" or frames[n].file is not None]

@@ -15,13 +15,13 @@ from rsoconsole.base import ExportError
 from rsoconsole.library.formats.night import ExportedNight
 from rsoconsole.library.formats.rows import MeasuredRow
 from rsoconsole.library.formats.target import Target
-from rsoconsole.library.formats.tdm import whole
+from rsoconsole.library.formats.tdm import unclipped
 from rsoconsole.sky import largest_sigma, tai_minus_utc_s, wrap_180, wrap_360
 from rsoconsole.words import NS_PER_DAY, utc_ns_to_iso
 
 NS_PER_MS = 1_000_000
 STATION = "9999"
-"""For a site that has no number of its own."""
+"""Station number of a site that has none of its own."""
 _STATION = re.compile(r"[0-9A-HJ-NP-Z]{4}", re.ASCII)
 SKIES = "EGFPBT "
 """Excellent, good, fair, poor, bad, terrible, not said."""
@@ -51,7 +51,7 @@ def to_iod(
     check_station(station, sky)
     offset_s = night.about.get("clock_offset_s")
     clock_s = float(offset_s) if isinstance(offset_s, int | float) else 0.0
-    rows = [row for track in tracks for row in whole(night.of_track(track))]
+    rows = [row for track in tracks for row in unclipped(night.of_track(track))]
     rows.sort(key=lambda row: row.t_mid_utc_ns)
     return "".join(
         _line(
@@ -67,7 +67,7 @@ def to_iod(
 
 
 def site_line(night: ExportedNight, station: str) -> str:
-    """Which station it was and where it stands, ahead of its lines; readers pass over it."""
+    """A comment line with the station and its place, ahead of its observations."""
     site = night.config.site
     place = site.to_site()
     name = "".join(c if c.isascii() and c.isprintable() else "?" for c in site.name)

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from rsoconsole import __version__
-from rsoconsole.config import Config, ExposureConfig
+from rsoconsole.config import Config
 from rsoconsole.library.formats.rows import MeasuredRow, row_of
 from rsoconsole.night import NightFrame, frames_of
 from rsoconsole.pipeline import shutter_time, usual_sigma_s
@@ -37,18 +37,18 @@ KINDS = (
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ExportedNight:
-    """What the writers of all formats are given."""
+    """A session as the writers of all formats get it."""
 
     name: str
-    """Of the session's folder."""
+    """Name of the session's folder."""
     title: str
     config: Config
     about: Mapping[str, Any]
-    """What the session says of itself, without its configuration."""
+    """Metadata of the session, without its configuration."""
     rows: tuple[MeasuredRow, ...]
-    """In order of time."""
+    """Measurements in order of time."""
     clock_notes: tuple[str, ...] = ()
-    """What happened to the clock that all these times are by, a line each."""
+    """Events of the clock behind all these times, a line each."""
     names: Mapping[int, Identified] = field(default_factory=dict)
     """The last name of each track on record, by track id."""
     taken: Mapping[int, FrameTaken] = field(default_factory=dict)
@@ -60,7 +60,7 @@ class ExportedNight:
         return tuple(sorted({row.track for row in self.rows if row.track is not None}))
 
     def of_track(self, track: int) -> tuple[MeasuredRow, ...]:
-        """What it took and what counts, in order of time."""
+        """Measurements of a track that count, in order of time."""
         return tuple(row for row in self.rows if row.track == track and not row.is_superseded)
 
     @property
@@ -82,14 +82,15 @@ class ExportedNight:
         return shutter_time(taken, exposure).total_sigma_s
 
     def shutter_sigma_s(self, row: MeasuredRow) -> float:
-        """What of it the row's own errors have: the shutter's scatter, without a bias's error."""
+        """Part of that in the row's covariance: the shutter's scatter, without the bias's error."""
         taken = self.taken.get(row.frame_id)
         exposure = self.config.exposure
         return exposure.timing_sigma_s if taken is None else shutter_time(taken, exposure).sigma_s
 
     def facts(self) -> dict[str, Any]:
-        """What a table says of where it comes from; plain values."""
+        """Provenance of a table; plain values."""
         site, optics = self.config.site, self.config.optics
+        shutter = [each.model_dump(mode="json") for each in self.config.exposure.calibrated]
         facts: dict[str, Any] = {
             "session": self.name,
             "title": self.title,
@@ -99,7 +100,7 @@ class ExportedNight:
             "optics": optics.model_dump(mode="json"),
             "exposure_s": self.config.exposure.exposure_s,
             "timing_sigma_s": usual_sigma_s(self.config.exposure),
-            **_shutter_facts(self.config.exposure),
+            **({"shutter": shutter} if shutter else {}),
             "clock_offset_s": self.about.get("clock_offset_s"),
             "clock_faults": list(self.clock_notes),
             "filter_preset": self.config.filter.preset,
@@ -141,13 +142,6 @@ def read_night(session: Path, *, everything: bool = False) -> ExportedNight:
     )
 
 
-def _shutter_facts(exposure: ExposureConfig) -> dict[str, Any]:
-    """The shutter as it was calibrated; nothing where it was not."""
-    if not exposure.calibrated:
-        return {}
-    return {"shutter": [each.model_dump(mode="json") for each in exposure.calibrated]}
-
-
 def _rows(frames: Iterable[NightFrame], everything: bool) -> Iterator[MeasuredRow]:
     frames = [each for each in frames if each.taken is not None]
     firsts = _firsts(frames)
@@ -182,7 +176,7 @@ def _rows_of(
             frame,
             track=track if is_taken and is_last else None,
             is_taken=is_taken,
-            reason=_reason(frame, measurement, refusal, is_taken=is_taken and is_last),
+            not_taken_because=_reason(frame, measurement, refusal, is_taken=is_taken and is_last),
             nis=None if refusal is None or is_taken else refusal.nis,
             predicted=None if of_track is None else predicted.get(of_track),
             corrected=corrected,

@@ -53,15 +53,15 @@ SITE_USAGE = "--site LATITUDE,LONGITUDE,METRES (east positive), or --stations FI
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ReadAs:
-    """What a file does not say itself."""
+    """Reading options: values for what a file does not state."""
 
     sigma_arcsec: float = 1.0
-    """Of observations that state none."""
+    """One sigma of observations that state none."""
     site: Site | None = None
     stations: Path | None = None
     """File of stations' places."""
     target: str | None = None
-    """Which object of several, as the file calls it."""
+    """Name in the file of one object of several."""
     is_radians: bool | None = None
     """Whether angles are radians where no name and no form says; None: nobody said."""
 
@@ -83,7 +83,10 @@ def read_observations(
         return (read_observed_tracks(path, sigma_arcsec=ask.sigma_arcsec, site=ask.site),)
     rows = _in_degrees(rows, path, ask)
     rows = _of_one(rows, path, ask.target)
-    return tuple(_of_station(path, station, each, ask) for station, each in _stations(rows))
+    stations: dict[tuple[str | None, Site | None], list[ObservedRow]] = {}
+    for each in rows:
+        stations.setdefault((each.station, each.site), []).append(each)
+    return tuple(_of_station(path, name, own, ask) for (name, _), own in stations.items())
 
 
 def _text(path: Path) -> str:
@@ -208,9 +211,8 @@ def _plain_record(record: object, name: str, number: int) -> dict[str, object]:
         }
         height_km = record.get("senalt")
         row["alt_m"] = None if height_km is None else 1000.0 * float(height_km)
-        for key, scale in (("raUnc", cos_dec), ("declinationUnc", 1.0)):
+        for key, axis, scale in (("raUnc", "ra", cos_dec), ("declinationUnc", "dec", 1.0)):
             value = record.get(key)
-            axis = "ra" if key == "raUnc" else "dec"
             row[f"sigma_{axis}_arcsec"] = None if value is None else 3600.0 * scale * float(value)
     except (KeyError, TypeError, ValueError) as error:
         raise ExportError(f"{name}, record {number}: {error!r} is missing or no number") from error
@@ -235,19 +237,16 @@ def _in_degrees(rows: tuple[ObservedRow, ...], path: Path, ask: ReadAs) -> tuple
         if fault := no_direction(each.ra_icrs_deg, each.dec_icrs_deg):
             raise ExportError(f"{each.where}: {fault}")
     if ask.is_radians is None and not all(each.is_degrees for each in rows):
-        ra = np.array([each.ra_icrs_deg for each in rows])
-        _expect_degrees(path, ra, np.array([each.dec_icrs_deg for each in rows]))
-    return tuple(replace(each, ra_icrs_deg=each.ra_icrs_deg % 360.0) for each in rows)
-
-
-def _expect_degrees(path: Path, ra_deg: FloatArray, dec_deg: FloatArray) -> None:
-    """Raises OrbitError where all directions are such as radians would be."""
-    is_small = bool(np.all(ra_deg <= 2.0 * math.pi) and np.all(abs(dec_deg) <= 0.5 * math.pi))
-    if len(ra_deg) > 1 and is_small:
-        raise OrbitError(
-            f"{path}: every RA is below 6.284 and every Dec within 1.571, as radians are: say"
-            " --radians or --degrees"
+        is_small = all(
+            each.ra_icrs_deg <= 2.0 * math.pi and abs(each.dec_icrs_deg) <= 0.5 * math.pi
+            for each in rows
         )
+        if len(rows) > 1 and is_small:
+            raise OrbitError(
+                f"{path}: every RA is below 6.284 and every Dec within 1.571, as radians are: say"
+                " --radians or --degrees"
+            )
+    return tuple(replace(each, ra_icrs_deg=each.ra_icrs_deg % 360.0) for each in rows)
 
 
 def _of_one(
@@ -273,18 +272,8 @@ def _listed(counted: "Counter[str | None]") -> str:
     return ", ".join(words) + (f" and {more} more" if more > 0 else "")
 
 
-def _stations(
-    rows: tuple[ObservedRow, ...],
-) -> list[tuple[str | None, tuple[ObservedRow, ...]]]:
-    names = list(dict.fromkeys((each.station, each.site) for each in rows))
-    return [
-        (station, tuple(each for each in rows if (each.station, each.site) == (station, site)))
-        for station, site in names
-    ]
-
-
 def _of_station(
-    path: Path, station: str | None, rows: tuple[ObservedRow, ...], ask: ReadAs
+    path: Path, station: str | None, rows: Sequence[ObservedRow], ask: ReadAs
 ) -> tuple[ObservedTrack, ...]:
     site = _site(path, station, rows, ask)
     t = np.array([each.t_utc_ns for each in rows], np.int64)
@@ -298,7 +287,7 @@ def _of_station(
     return (ObservedTrack(name=name, site=site, limits=None, seen=seen),)
 
 
-def _site(path: Path, station: str | None, rows: tuple[ObservedRow, ...], ask: ReadAs) -> Site:
+def _site(path: Path, station: str | None, rows: Sequence[ObservedRow], ask: ReadAs) -> Site:
     if rows[0].site is not None:
         return rows[0].site
     if ask.stations is not None and station is not None:
@@ -320,7 +309,7 @@ def _covariance(row: ObservedRow, sigma_arcsec: float) -> tuple[float, float, fl
 
 
 def _of_times(
-    rows: tuple[ObservedRow, ...],
+    rows: Sequence[ObservedRow],
     t: np.ndarray[tuple[int], np.dtype[np.int64]],
     ra: FloatArray,
     dec: FloatArray,

@@ -12,7 +12,7 @@ from rsoconsole.tracking import sky_covariance_arcsec2, sky_rate_arcsec_s
 from rsoconsole.words import utc_ns_to_iso
 
 AS_RECORDED = ""
-"""Of a column that means what it means on record."""
+"""Meaning of a column that is the same on record."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -38,10 +38,10 @@ class MeasuredRow:
     confidence: Annotated[float, AS_RECORDED]
     source: Annotated[str, AS_RECORDED]
     is_clipped: Annotated[bool, AS_RECORDED]
-    """Only the position across it holds."""
+    """A streak cut by the edge of the frame: only the position across it is measured."""
     is_taken: Annotated[bool, "a track took it"]
     not_taken_because: Annotated[str | None, "why none did"]
-    """Of a superseded one that was taken: why it no longer counts, where somebody refused it."""
+    """Of a superseded measurement: why it no longer counts, where it was refused."""
     ra_a_icrs_deg: Annotated[float | None, "one end of the streak"]
     """Which end came first in time is not known."""
     dec_a_icrs_deg: Annotated[float | None, "one end of the streak"]
@@ -61,12 +61,12 @@ class MeasuredRow:
     rate_ra_arcsec_s: Annotated[float | None, "motion of the track, times cos Dec"] = None
     rate_dec_arcsec_s: Annotated[float | None, "motion of the track"] = None
     is_superseded: Annotated[bool, "counts no more, by the operator's word"]
-    """Only there when all was asked for."""
+    """Replaced by a decision of the operator; only in exports of everything."""
     beside: tuple[tuple[str, Any], ...] = ()
     """Column and value of what measurement and frame have on record beside all that."""
 
     def value(self, name: str) -> Any:
-        """What it has in a column; None for nothing."""
+        """Value in a column; None where it is empty."""
         found = dict(self.beside)
         return found[name] if name in found else getattr(self, name, None)
 
@@ -132,35 +132,32 @@ def row_of(
     measurement: Measurement,
     frame: NightFrame,
     *,
-    track: int | None,
-    is_taken: bool,
-    reason: str | None,
     nis: float | None,
     predicted: TrackState | None,
     corrected: TrackState | None,
-    is_superseded: bool,
+    **found: Any,
 ) -> MeasuredRow:
-    """A row from what is on record; ``corrected`` is given for what the track took alone."""
+    """A row from what is on record; ``corrected`` is given for what the track took alone.
+
+    ``found``: the row's own members that say what became of it.
+    """
     east2, cross, north2 = measurement.cov_sky_arcsec2
     sigma_east, sigma_north = math.sqrt(max(east2, 0.0)), math.sqrt(max(north2, 0.0))
     both = sigma_east * sigma_north
     end_a, end_b = measurement.ends_icrs_deg or ((None, None), (None, None))
     return MeasuredRow(
         **{name: getattr(measurement, name) for name in _SAME},
-        track=track,
+        **found,
         exposure_s=None if frame.taken is None else frame.taken.exposure_s,
         sigma_ra_arcsec=sigma_east,
         sigma_dec_arcsec=sigma_north,
         correlation=min(max(cross / both, -1.0), 1.0) if both > 0.0 else 0.0,
-        is_taken=is_taken,
-        not_taken_because=reason,
         ra_a_icrs_deg=end_a[0],
         dec_a_icrs_deg=end_a[1],
         ra_b_icrs_deg=end_b[0],
         dec_b_icrs_deg=end_b[1],
         **_predicted(predicted),
         **_corrected(corrected, nis),
-        is_superseded=is_superseded,
         beside=(
             *((column.name, member(measurement, column)) for column in _BESIDE),
             *facts_of(frame.detections).items(),

@@ -32,9 +32,9 @@ class FrameOnRecord:
     solution: Solution | None = None
     predicted: TrackState | None = None
     rows: list[MeasuredRow] = field(default_factory=list)
-    """Its measurements that count."""
+    """Measurements of the frame that count."""
     file: Path | None = None
-    """Its pixels, where they are kept."""
+    """File of its pixels, where they are kept."""
 
 
 def frames_on_record(session: Path, rows: Iterable[MeasuredRow]) -> dict[int, FrameOnRecord]:
@@ -56,7 +56,7 @@ def frames_on_record(session: Path, rows: Iterable[MeasuredRow]) -> dict[int, Fr
     return frames
 
 
-def chosen(frames: dict[int, FrameOnRecord], numbers: tuple[int, ...] | None) -> list[int]:
+def selected_frames(frames: dict[int, FrameOnRecord], numbers: tuple[int, ...] | None) -> list[int]:
     """The frames asked for, all with None. Raises ExportError for one that there is not."""
     if numbers is None:
         return sorted(frames)
@@ -189,7 +189,6 @@ def _date(t_utc_ns: int) -> str:
 
 def _streaks(frame: FrameOnRecord) -> Any:
     """A row a measurement; what the track took, and where it was expected."""
-    import numpy as np
     from astropy.io import fits
 
     rows = frame.rows

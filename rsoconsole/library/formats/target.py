@@ -1,4 +1,4 @@
-"""What a track's object is called in formats that want a name, also where nobody knows it."""
+"""Names of a track's object in formats that require one, also for unknown objects."""
 
 import re
 from dataclasses import dataclass
@@ -9,9 +9,9 @@ from rsoconsole.words import called, clock
 
 _COSPAR = re.compile(r"(\d{4})-(\d{3})([A-Z]{1,3})", re.ASCII)
 LARGEST_NORAD = 999_999_999
-"""What an OMM holds."""
+"""Largest catalogue number in an OMM."""
 LARGEST_IOD_NORAD = 99_999
-"""What five columns hold."""
+"""Largest catalogue number in the five columns of an IOD line."""
 UNKNOWN_NORAD = 99_900
 """The first number of those that stand for unknown objects: 99901 is the night's first."""
 UNKNOWN_LAUNCH = 999
@@ -69,7 +69,7 @@ class Target:
 
 
 def piece_letters(number: int) -> str:
-    """Of the piece of a launch with that number: 1 is A, 24 Z, 25 AA."""
+    """Letters of the piece with that number of a launch: 1 is A, 24 Z, 25 AA."""
     letters = ""
     while number > 0:
         number, place = divmod(number - 1, len(_PIECES))

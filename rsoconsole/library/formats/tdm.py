@@ -61,14 +61,14 @@ def to_tdm(
         f"ORIGINATOR = {_name(originator)}",
     ]
     for track in tracks:
-        rows = whole(night.of_track(track))
+        rows = unclipped(night.of_track(track))
         if rows:
             lines.extend(_segment(night, track, rows, target))
     return "".join(_ascii(line)[:LONGEST_LINE].rstrip() + "\n" for line in lines)
 
 
-def whole(rows: tuple[MeasuredRow, ...]) -> tuple[MeasuredRow, ...]:
-    """Those whose place is known in every direction."""
+def unclipped(rows: tuple[MeasuredRow, ...]) -> tuple[MeasuredRow, ...]:
+    """Measurements that no edge of a frame cuts: known in both directions."""
     return tuple(row for row in rows if not row.is_clipped)
 
 
@@ -144,7 +144,7 @@ def _shutter_words(night: ExportedNight, rows: tuple[MeasuredRow, ...]) -> str:
 def aberration_deg(
     site: Site, ra_icrs_deg: float, dec_icrs_deg: float, t_utc_ns: int
 ) -> tuple[float, float]:
-    """How far (annual, diurnal) aberration moves a star there, in degrees on the sky."""
+    """Displacement of a star there by (annual, diurnal) aberration, degrees on the sky."""
     line = direction_to_unit(ra_icrs_deg, dec_icrs_deg)
     velocity = earth_velocity_km_s(t_utc_ns)
     across_km_s = velocity - np.dot(velocity, line) * line

@@ -9,11 +9,12 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from rsoconsole.base import SessionError, said_as
+from rsoconsole.library.notebook._recorded import RecordedSession
 from rsoconsole.library.notebook.night.overlay import overlay_svg, words_of
 from rsoconsole.library.notebook.night.svg import text
-from rsoconsole.night import Logged, NightFrame, NightFrames, tracks_of
+from rsoconsole.night import NightFrame, tracks_of
 from rsoconsole.records import Detection, FloatArray, PixelArray
-from rsoconsole.session import SessionReader, pruned_on, read_notes
+from rsoconsole.session import pruned_on, read_notes
 from rsoconsole.words import parts_of
 
 SHOWN_PX = 560
@@ -23,7 +24,7 @@ _FLATTEST = 0.5
 _MAX_IN_WORDS = 3
 """Tracks of which a picture has room for more than numbers."""
 _LOW, _HIGH = -2.0, 10.0
-"""Of the noise, about the median: what a cut-out shows as black and as white."""
+"""Black and white of a cut-out, in units of the noise about the median."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -121,7 +122,7 @@ def _widened(low: float, high: float, least: float, most: int) -> tuple[int, int
 
 
 class TrackStreak(NamedTuple):
-    """What one track took of a frame."""
+    """The streak that one track took of a frame."""
 
     number: int
     is_lead: bool
@@ -186,25 +187,16 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
-class SessionPictures:
-    """What a session shows of single frames."""
-
-    _reader: SessionReader
-    _log: list[Logged]
-    _frames: NightFrames
-
-    @property
-    def path(self) -> Path:
-        """Its folder."""
-        return self._reader.folder
+class SessionPictures(RecordedSession):
+    """Pictures and pixels of single frames of a session."""
 
     def picture(self, frame_id: int | None = None) -> Picture:
         """A frame's small picture with what was found in it; without a number the newest one.
 
         Raises SessionError where the session has none of it.
         """
-        numbers = (frame_id,) if frame_id is not None else self._newest_frames()
-        for number in numbers:
+        reduced = (each.frame_id for each in self._frames.seen() if each.detections is not None)
+        for number in (*reduced,)[::-1] if frame_id is None else (frame_id,):
             path = self._reader.preview_path(number)
             if path is not None:
                 return self._picture(number, path)
@@ -222,9 +214,10 @@ class SessionPictures:
         path = self._reader.frame_path(frame_id)
         if path is None:
             why = self._reader.not_kept_because(frame_id)
+            kept = ", ".join(map(str, self._kept()))
             raise SessionError(
                 f"the pixels of frame {frame_id} were not kept{f': {why}' if why else ''};"
-                f" {self._kept_words()}"
+                f" {f'kept: {kept}' if kept else 'none was kept'}"
             )
         return read_frame(path, frame_id).pixels
 
@@ -286,16 +279,8 @@ class SessionPictures:
             (each for each in self._frames.seen() if each.frame_id == frame_id), NightFrame()
         )
 
-    def _newest_frames(self) -> list[int]:
-        reduced = [each.frame_id for each in self._frames.seen() if each.detections is not None]
-        return reduced[::-1]
-
     def _kept(self) -> list[int]:
         """Frames whose pixels are there: written, and not pruned since."""
         pruned = pruned_on(read_notes(self.path))
         rows = self._reader.view("frames")
         return [row["frame_id"] for row in rows if row["file"] and row["file"] not in pruned]
-
-    def _kept_words(self) -> str:
-        kept = self._kept()
-        return f"kept: {', '.join(map(str, kept))}" if kept else "none was kept"

@@ -2,58 +2,26 @@
 
 from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 from rsoconsole.config import Config, with_changes
+from rsoconsole.library.notebook._recorded import RecordedSession
 from rsoconsole.library.notebook.figures.figures import NightPlots
 from rsoconsole.library.notebook.night.night import DrawnNight, night_of
 from rsoconsole.library.notebook.night.svg import text
 from rsoconsole.night import NightFrames, Summary, merit, summary_of
 from rsoconsole.pipeline import ReplayedFrame, replay
-from rsoconsole.records import FrameTaken, ParameterChange, Record
+from rsoconsole.records import FrameTaken, ParameterChange
 from rsoconsole.words import settings_words
 
 _CELL = "padding:1px 14px 1px 0;text-align:left"
 _TABLE = "border-collapse:collapse;margin:4px 0;color:inherit;font-size:inherit"
 
 
-class Recorded(Protocol):
-    """What is asked of the session that is followed otherwise."""
-
-    @property
-    def path(self) -> Path:
-        """Its folder."""
-        ...
-
-    @property
-    def title(self) -> str:
-        """As it was named."""
-        ...
-
-    @property
-    def config(self) -> Config:
-        """As it was recorded."""
-        ...
-
-    @property
-    def records(self) -> tuple[tuple[int, int, Record], ...]:
-        """Its log."""
-        ...
-
-    @property
-    def summary(self) -> Summary:
-        """How it went."""
-        ...
-
-    def nights(self) -> tuple[DrawnNight, ...]:
-        """Itself."""
-        ...
-
-
 class WhatIf(NightPlots):
     """Made by ``Session.what_if``; its figures show both nights side by side."""
 
-    def __init__(self, session: Recorded, changes: Mapping[str, float | str]) -> None:
+    def __init__(self, session: RecordedSession, changes: Mapping[str, float | str]) -> None:
         """Follow the night again. Raises ConfigError for a setting that cannot be."""
         self.session = session
         self.settings = dict(changes)
@@ -72,16 +40,16 @@ class WhatIf(NightPlots):
 
     @property
     def recorded(self) -> Summary:
-        """How it went."""
+        """Figures of the night as recorded."""
         return self.session.summary
 
     @property
     def changed(self) -> Summary:
-        """How it would have gone."""
+        """Figures of the night with the changed settings."""
         return summary_of(self._night.frames)
 
     def nights(self) -> tuple[DrawnNight, ...]:
-        """As recorded, and as tried."""
+        """The night as recorded, and with the changed settings."""
         return self._recorded, self._night
 
     def save(self, name: str, *, force: bool = False) -> Path:

@@ -28,7 +28,7 @@ _DIM = "opacity:0.72"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Card:
-    """What a session says of itself at a glance."""
+    """A session at a glance."""
 
     title: str
     folder: str
@@ -95,7 +95,7 @@ def card_html(card: Card) -> str:
 
 
 def card_text(card: Card) -> str:
-    """The same for a plain terminal."""
+    """The card for a plain terminal."""
     rows = "\n".join(f"  {what:<13}{how}" for what, how in rows_of(card))
     states = f"\n  {'states':<13}{_strip_words(card.spells)}" if card.spells else ""
     return f"{card.title}  ({card.folder})\n{rows}{states}"

@@ -8,24 +8,18 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from rsoconsole.base import SessionError
-from rsoconsole.config import Config, load_config
+from rsoconsole.config import load_config
+from rsoconsole.library.formats.tables import as_frame, as_table, needed
 from rsoconsole.library.notebook import card
 from rsoconsole.library.notebook._pictures import SessionPictures
-from rsoconsole.library.notebook.figures.figures import NightPlots
-from rsoconsole.library.notebook.night.night import DrawnNight, night_of, title_of, with_frames
 from rsoconsole.night import (
-    Logged,
-    NightFrames,
-    NightTrack,
     Row,
-    Summary,
     rows_of,
     state_spans,
     summary_of,
-    tracks_of,
 )
 from rsoconsole.records import TABLES, Column
-from rsoconsole.session import SessionReader, folders_in
+from rsoconsole.session import folders_in
 from rsoconsole.session.log import schema
 from rsoconsole.words import settings_words, when
 
@@ -53,6 +47,19 @@ def open_session(path: Path | str | None = None) -> "Session":
     return Session(folder.parent if folder.name == schema.DATABASE else folder)
 
 
+def live_panel(socket: Path | str | None = None, *, read_only: bool = False) -> "LivePanel":
+    """A panel on the running engine, for a notebook: its state, its picture, its orders, STOP.
+
+    ``socket``: the engine's, None for this user's own. ``read_only``: looks and stops, nothing
+    else. Without an engine it says so and waits for one. Raises RsoconsoleError where the extra
+    ``rsoconsole[notebook]`` is not installed.
+    """
+    needed("anywidget", "a live panel")
+    from rsoconsole.library.notebook.panel.panel import LivePanel
+
+    return LivePanel(socket, read_only=read_only)
+
+
 def _newest(root: Path) -> Path:
     """The session that was written to last."""
 
@@ -73,7 +80,7 @@ def _table(name: str, words: str) -> Any:
     return property(lambda self: self.table(name), doc=f"{words}, an astropy QTable.")
 
 
-class Session(SessionPictures, NightPlots):
+class Session(SessionPictures):
     """One observing session; made by ``open_session``."""
 
     frames = _table("frames", "Every exposure")
@@ -94,67 +101,11 @@ class Session(SessionPictures, NightPlots):
     events = _table("events", "The log in words")
     timings = _table("timings", "Wall time of every stage of every cycle")
 
-    def __init__(self, folder: Path) -> None:
-        self._reader = SessionReader(folder)
-        self._about = self._reader.about()
-        self._log: list[Logged] = []
-        self._frames = NightFrames(self._reader.config())
-        self.refresh()
-
-    def refresh(self) -> "Session":
-        """Read what has been recorded since; for a session that goes on. Returns itself."""
-        self._about = self._reader.about()
-        since = self._log[-1][0] if self._log else 0
-        for seq, t_utc_ns, record in self._reader.records(since_seq=since):
-            self._log.append((seq, t_utc_ns, record))
-            self._frames.take(record)
-        return self
-
-    # -- what it is -----------------------------------------------------------------------------
-
-    @property
-    def title(self) -> str:
-        """What it calls itself."""
-        return title_of(self._about, self.path)
-
-    @property
-    def about(self) -> dict[str, Any]:
-        """What it said of itself when it began: versions, the network's hash and so on."""
-        return dict(self._about)
-
-    @property
-    def config(self) -> Config:
-        """The configuration it began with."""
-        return self._reader.config()
-
-    @property
-    def is_closed(self) -> bool:
-        """False while it goes on, and where it was cut off."""
-        return self._about.get("is_closed") is True
-
-    @property
-    def summary(self) -> Summary:
-        """The night in a handful of figures."""
-        return summary_of(self._night().frames)
-
-    @property
-    def tracks(self) -> dict[int, NightTrack]:
-        """Every track by its number, with its orbit and its name.
-
-        >>> night.tracks[2].orbit.a_km, night.tracks[2].name
-        """
-        return tracks_of(self._frames.seen())
-
-    @property
-    def records(self) -> tuple[Logged, ...]:
-        """(seq, t_utc_ns, record) of everything read so far, in the order of the log."""
-        return tuple(self._log)
-
     # -- tables ---------------------------------------------------------------------------------
 
     @property
     def table_names(self) -> tuple[str, ...]:
-        """What ``table`` and ``frame`` know."""
+        """Names that ``table`` and ``frame`` take."""
         return tuple(TABLES)
 
     def table(self, name: str) -> Any:
@@ -164,15 +115,11 @@ class Session(SessionPictures, NightPlots):
         are ``Time`` columns ``*_utc``, directions have a ``SkyCoord`` column ``direction`` beside
         their degrees. Raises SessionError for a name that there is not.
         """
-        from rsoconsole.library.notebook.tables import as_table
-
         columns, rows = self._rows(name)
         return as_table(columns, rows, {"session": self.title, "table": name})
 
     def frame(self, name: str) -> Any:
-        """The same as a pandas ``DataFrame``, with timestamps (needs ``rsoconsole[notebook]``)."""
-        from rsoconsole.library.notebook.tables import as_frame
-
+        """A table as a pandas ``DataFrame``, with timestamps (needs ``rsoconsole[notebook]``)."""
         return as_frame(*self._rows(name))
 
     def _rows(self, name: str) -> tuple[tuple[Column, ...], list[Row]]:
@@ -182,10 +129,6 @@ class Session(SessionPictures, NightPlots):
         return TABLES[name].columns, rows_of(name, self._log, files)
 
     # -- again, and otherwise -------------------------------------------------------------------
-
-    def nights(self) -> tuple[DrawnNight, ...]:
-        """The night that is drawn."""
-        return (with_frames(self._night(), self.path),)
 
     def replay(self) -> "tuple[ReplayedFrame, ...]":
         """Every folded frame once more, from what is on record, with the session's settings.
@@ -208,7 +151,7 @@ class Session(SessionPictures, NightPlots):
         preset: str | None = None,
         **others: float | str,
     ) -> "WhatIf":
-        """The same night followed with other settings, old and new side by side.
+        """The night followed with other settings, old and new side by side.
 
         ``tau``: the confidence a detection must exceed. ``q``: white-noise acceleration,
         arcsec²/s³. ``sigma``: the paper's, arcsec, which acts with preset "paper". ``r``:
@@ -271,7 +214,6 @@ class Session(SessionPictures, NightPlots):
         """
         from rsoconsole.base import ControlError
         from rsoconsole.control import ControlClient, Sender, status_of
-        from rsoconsole.library.notebook.live import live_panel
 
         path = None if socket is None else Path(socket)
         written = status_of(ControlClient(path, sender=Sender(name="notebook"))).session
@@ -315,9 +257,6 @@ class Session(SessionPictures, NightPlots):
             misses=tuple(f.t_mid_utc_ns for f in night.frames if f.missed is not None),
             picture=picture,
         )
-
-    def _night(self) -> DrawnNight:
-        return night_of(self.title, self.config, self._frames.seen())
 
 
 def _is_same(one: Path, other: Path) -> bool:

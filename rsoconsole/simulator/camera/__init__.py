@@ -1,1 +1,1 @@
-"""From what is in the field to what the camera stores."""
+"""From the sources in a field to the pixels that the camera stores."""

@@ -83,7 +83,7 @@ OWN_ROTATION_DEG = 1.7
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CameraTraits:
-    """What the driver tells of the camera; sizes and pitch are those of joined pixels."""
+    """Properties of the camera that its driver reports; sizes are those of joined pixels."""
 
     width_px: int
     height_px: int

@@ -58,7 +58,8 @@ class ImageMotion:
         """
         share = np.full(len(self.dx_px), 1.0)
         share[[0, -1]] = 0.5
-        places = np.stack([_between(at) for at in (self.dx_px, self.dy_px, self.turn_rad)])
+        axes = (self.dx_px, self.dy_px, self.turn_rad)
+        places = np.stack([np.interp(*_quarters(at)) for at in axes])
         share = np.interp(*_quarters(share))
         share /= share.sum()
         # A trail as short as the disc keeps its finest form; a long one only has to be smooth.
@@ -137,7 +138,3 @@ def _quarters(values: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
     nodes = np.arange(len(values), dtype=np.float64)
     fine = np.linspace(0.0, len(values) - 1.0, 4 * (len(values) - 1) + 1)
     return fine, nodes, values
-
-
-def _between(values: FloatArray) -> FloatArray:
-    return np.asarray(np.interp(*_quarters(values)), dtype=np.float64)

@@ -10,11 +10,10 @@ import numpy as np
 import numpy.typing as npt
 from scipy.special import erf
 
-from rsoconsole.records import Wcs
+from rsoconsole.records import FloatArray, Wcs
 from rsoconsole.sky import pixel_to_sky, sky_to_pixel
 
 Float32Array = npt.NDArray[np.float32]
-FloatArray = npt.NDArray[np.float64]
 
 FWHM_PER_SIGMA = 2.3548200450309493
 WINGS = ((0.875, 1.0), (0.105, 2.2), (0.016, 6.0), (0.004, 20.0))
@@ -134,7 +133,7 @@ def add_sources(
 
 
 def annulus(radius_px: float, obstruction: float = 0.45) -> Float32Array:
-    """What a point out of focus becomes: a ring of unit sum, (2 r + 3, 2 r + 3).
+    """Image of a point out of focus: a ring of unit sum, (2 r + 3, 2 r + 3).
 
     ``obstruction``: radius of the dark middle as a share of the whole. The rim is a pixel soft.
     """
@@ -150,7 +149,7 @@ def annulus(radius_px: float, obstruction: float = 0.45) -> Float32Array:
 
 
 def smear(stands: FloatArray) -> Float32Array:
-    """What a point becomes when the image stood at each (dx, dy) px, of a share of the time.
+    """Image of a point that stood at each (dx, dy) px for a share of the time.
 
     ``stands``: (4, n) as in ``FieldContent``; the turn is not looked at. Square of odd width and
     unit sum. Places between pixels are shared out by the cubic weights of Keys (1981, a = -1/2),
@@ -178,7 +177,7 @@ def _keys(offset: FloatArray) -> FloatArray:
 
 
 def distorted(wcs: Wcs, share: float) -> Wcs:
-    """The same plate with its corners drawn out by this share of the radius; 0: itself.
+    """The plate with its corners drawn out by this share of the radius; 0: unchanged.
 
     Radial, growing with the radius cubed, as third-order SIP has it: a solver that fits SIP can
     find it exactly.

@@ -1,4 +1,4 @@
-"""From what is in the field to what the camera stores: pixels of any frame size.
+"""From the sources in a field to the pixels that the camera stores, of any frame size.
 
 ``render(sensor, content, rng)`` is a pure function of its arguments: the same generator state
 gives the same pixels. It knows nothing of the sky; ``scene`` fills its content from catalogue and
@@ -42,11 +42,11 @@ class Streak:
     """(n >= 2,) places at equal steps of time from opening to closing; straight in between."""
     y_px: FloatArray
     electrons: float
-    """What the whole streak would give at full brightness under a clear sky."""
+    """Electrons of the whole streak at full brightness under a clear sky."""
     brightness: FloatArray | None = None
     """(m,) relative brightness at equal steps of time, both ends included; None: steady."""
     fwhm_px: float | None = None
-    """Its own disc, for what is wide or out of focus; None: the field's."""
+    """Width of its own disc, for wide sources or out of focus; None: the field's."""
 
 
 def straight_streak(
@@ -92,15 +92,15 @@ class FieldContent:
     cloud_transmission: Float32Array | None = None
     """(rows, columns) coarse map spread evenly over the frame, 0 to 1; None: clear."""
     cloud_glow: float = 0.35
-    """How much brighter than the clear sky an opaque cloud is, as a share."""
+    """Brightness of an opaque cloud beyond the clear sky, as a share of that."""
     cosmic_rays: float = 0.0
     """Expected number of tracks in the frame."""
     cosmic_ray_sigma_px: tuple[float, float] = (0.28, 0.28)
     """Narrowest and widest track; a thick sensor's reach the seeing."""
     cosmic_ray_stretch: float = 1.0
-    """How much longer the tracks are than those of a thin sensor."""
+    """Length of tracks relative to those of a thin sensor."""
     blur_variance_px2: float = 0.0
-    """How much wider than the seeing alone everything is; told, not drawn."""
+    """Variance of blur beyond the seeing; for the truth alone, not drawn."""
     row_offsets_e: Float32Array | None = None
     """(height,) what the electronics add to each row as it is read."""
     column_offsets_e: Float32Array | None = None
@@ -311,7 +311,7 @@ def _read_out(
     pixels = np.empty((height, width), dtype=np.uint16)
     normal = np.empty((min(_ROWS_AT_ONCE, height), width), dtype=np.float32)
     read_variance = np.float32(sensor.read_noise_e**2)
-    ceiling = np.float32(min(sensor.adc_max, _full_well_adu12(sensor)))
+    ceiling = np.float32(sensor.ceiling_adu12)
     for top in range(0, height, _ROWS_AT_ONCE):
         mean = mean_e[top : top + _ROWS_AT_ONCE]
         noise = normal[: len(mean)]
@@ -329,7 +329,3 @@ def _read_out(
         np.clip(value, 0.0, ceiling, out=value)
         pixels[top : top + len(mean)] = value.astype(np.uint16) << sensor.stored_shift_bits
     return pixels
-
-
-def _full_well_adu12(sensor: SensorModel) -> float:
-    return sensor.offset_adu12 + sensor.full_well_e / sensor.e_per_adu12

@@ -78,15 +78,15 @@ class SensorModel:
         return sum(MOSAIC_RGGB) / 4.0 if self.is_bayer else 1.0
 
     @property
-    def adc_max(self) -> int:
-        """Largest number the converter gives."""
-        return int(2**self.adc_bits - 1)
+    def ceiling_adu12(self) -> float:
+        """Largest number of a pixel: the converter's last, or that of a full well."""
+        full_well_adu12 = self.offset_adu12 + self.full_well_e / self.e_per_adu12
+        return min(2.0**self.adc_bits - 1.0, full_well_adu12)
 
     @property
     def saturation_adu(self) -> float:
         """Stored value of a saturated pixel."""
-        level = min(self.adc_max, self.offset_adu12 + self.full_well_e / self.e_per_adu12)
-        return float(int(level) << self.stored_shift_bits)
+        return float(int(self.ceiling_adu12) << self.stored_shift_bits)
 
     def electrons(
         self, magnitude: float | npt.NDArray[np.floating], exposure_s: float

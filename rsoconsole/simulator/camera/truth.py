@@ -1,4 +1,4 @@
-"""What really was in a simulated frame. Only tests and summaries read it."""
+"""Truth of a simulated frame. Only tests and summaries read it."""
 
 import json
 from collections.abc import Mapping
@@ -23,7 +23,7 @@ class SatelliteTruth:
     measurement would give. What the clock and the shutter do wrong shows as errors of place."""
     dec_icrs_deg: float
     ra_rate_deg_s: float
-    """Of the coordinate, at that instant."""
+    """Rate of the coordinate at that instant."""
     dec_rate_deg_s: float
     x_px: float
     y_px: float
@@ -66,7 +66,7 @@ class FrameTruth:
     """The instant for which the satellites' places are told: mid-exposure as an operator has it
     who knows the camera's latency."""
     t_open_utc_ns: int
-    """When the shutter really opened its first row, true UTC."""
+    """True opening of the first row, true UTC."""
     exposure_s: float
     boresight_ra_icrs_deg: float
     boresight_dec_icrs_deg: float
@@ -95,7 +95,7 @@ NS = 1_000_000_000
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TrueShutter:
-    """What really happened."""
+    """True exposure of the sensor."""
 
     t_open_utc_ns: int
     """Opening of the first row, true UTC."""
@@ -104,7 +104,7 @@ class TrueShutter:
 
 
 def header_start_utc_ns(world: World, t_start_utc_ns: int) -> int:
-    """What DATE-OBS says of an exposure that the driver began at this instant of its own clock."""
+    """DATE-OBS of an exposure that the driver began at this instant of its own clock."""
     step_ns = round(world.shutter.round_s * NS)
     return t_start_utc_ns if step_ns == 0 else t_start_utc_ns // step_ns * step_ns
 
@@ -120,15 +120,10 @@ def clock_offset_s(world: World, t_utc_ns: int, t_night_utc_ns: int) -> float:
     return world.clock.offset_s + world.clock.drift_ppm * 1e-6 * since_s
 
 
-def scatter_sigma_s(world: World, own_s: float) -> float:
-    """One sigma of the opening from frame to frame; ``own_s`` where the world does not say."""
-    return own_s if world.shutter.scatter_s is None else world.shutter.scatter_s
-
-
 def true_shutter(
     world: World, scatter_s: float, t_start_utc_ns: int, t_night_utc_ns: int
 ) -> TrueShutter | None:
-    """What really happened when the driver began at ``t_start_utc_ns`` by the observatory's clock.
+    """True exposure begun at ``t_start_utc_ns`` by the observatory's clock.
 
     None where no setting speaks of time: a scatter of milliseconds then is a shift along the
     streak.

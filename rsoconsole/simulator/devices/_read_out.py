@@ -1,4 +1,4 @@
-"""What the simulated camera reads out of its sensor: joined pixels, a part, as INDI has it."""
+"""Read-out of the simulated sensor: binning and a part of the frame, as INDI has it."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -26,7 +26,7 @@ class ReadOut:
 
     @classmethod
     def whole(cls, traits: CameraTraits) -> "ReadOut":
-        """All of the sensor, as its driver begins."""
+        """Read-out of the whole sensor, as its driver begins."""
         binning = traits.binning
         return cls(
             binning=binning,
@@ -44,7 +44,7 @@ class ReadOut:
         return replace(self, binning=int(horizontal))
 
     def part(self, wanted: Mapping[str, float], traits: CameraTraits) -> "ReadOut | None":
-        """Only a part, by the members of CCD_FRAME; None where that is none of the sensor."""
+        """Read-out of a part, by the members of CCD_FRAME; None where it is not on the sensor."""
         whole = ReadOut.whole(traits)
         x, y, width, height = (int(wanted[each]) for each in ("X", "Y", "WIDTH", "HEIGHT"))
         least = self.binning * 16
@@ -65,7 +65,7 @@ class ReadOut:
         return pixels[top:bottom, left:right]
 
     def cards(self, traits: CameraTraits) -> dict[str, Card]:
-        """What the header tells of the mode."""
+        """Header cards of the mode."""
         pixel_um = traits.pixel_um / traits.binning * self.binning
         found: dict[str, Card] = {
             "XPIXSZ": pixel_um,

@@ -5,15 +5,13 @@ from collections.abc import Callable, Coroutine
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Protocol, runtime_checkable
+from typing import Any
 
-import numpy as np
-import numpy.typing as npt
 from indipydriver import BLOBMember, BLOBVector, Device
 
 from rsoconsole.records import FloatArray, Site
 from rsoconsole.simulator.camera.indi_fits import CameraTraits, Card, Fate, fits_bytes, frame_fate
-from rsoconsole.simulator.devices._camera_header import header_cards
+from rsoconsole.simulator.camera.truth import header_start_utc_ns
 from rsoconsole.simulator.devices._read_out import ReadOut, ReadOutVectors
 from rsoconsole.simulator.mount.indi_vectors import (
     asked_for,
@@ -26,40 +24,12 @@ from rsoconsole.simulator.mount.indi_vectors import (
     turn_on,
 )
 from rsoconsole.simulator.mount.mount_model import MountModel
-from rsoconsole.simulator.world.world import NAMELESS, World
+from rsoconsole.simulator.scene.scene import Scene
+from rsoconsole.simulator.world.world import DEFAULT_WORLD, World
 from rsoconsole.sky import jnow_to_icrs
+from rsoconsole.words import NS_PER_S, format_dec, format_ra, utc_ns_to_iso
 
-NS = 1_000_000_000
 _GROUP = "Main Control"
-
-
-class Truth(Protocol):
-    """What was really in a frame."""
-
-    def to_json(self) -> str:
-        """One line for one frame."""
-
-
-class SceneLike(Protocol):
-    """Draws what the telescope sees."""
-
-    def expose(  # noqa: PLR0917 - drawn the way it is spoken: where, how turned, when, how long
-        self,
-        boresight_ra_icrs_deg: float,
-        boresight_dec_icrs_deg: float,
-        rotation_deg: float,
-        is_flipped: bool,
-        t_start_utc_ns: int,
-        exposure_s: float,
-        mount_path_arcsec: FloatArray | None = None,
-    ) -> tuple[npt.NDArray[np.uint16], Truth]:
-        """Pixels (height, width) and the truth of one exposure.
-
-        A restless mount's path, (2, k) arcsec east and north, is given where there is one.
-        """
-
-    def sky_notice(self, dec_icrs_deg: float) -> str | None:
-        """Why a frame at this declination shows no stars, and the remedy; None where it does."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,27 +44,19 @@ class _Exposure:
 
     @property
     def t_end_utc_ns(self) -> int:
-        """Where the driver believes to be done."""
-        return self.t_start_utc_ns + round(self.exposure_s * NS)
+        """End of the exposure by the driver."""
+        return self.t_start_utc_ns + round(self.exposure_s * NS_PER_S)
 
     @property
     def t_due_utc_ns(self) -> int:
-        """When its frame really is there."""
+        """Instant at which its frame is delivered."""
         later_s = max(0.0, self.opens_later_s) + (self.late_s if self.fate == "late" else 0.0)
-        return self.t_end_utc_ns + round(later_s * NS)
+        return self.t_end_utc_ns + round(later_s * NS_PER_S)
 
     def at(self, share: float) -> int:
         """The instant after this share of the true exposure."""
         since_s = self.opens_later_s + share * self.exposure_s
-        return self.t_start_utc_ns + round(since_s * NS)
-
-
-@runtime_checkable
-class BinnableScene(SceneLike, Protocol):
-    """One whose pixels can be joined while the night goes on."""
-
-    def binned(self, factor: int) -> SceneLike:
-        """The same with more pixels joined on each axis."""
+        return self.t_start_utc_ns + round(since_s * NS_PER_S)
 
 
 class CameraDevice:
@@ -105,14 +67,14 @@ class CameraDevice:
         *,
         name: str,
         traits: CameraTraits,
-        scene: SceneLike,
+        scene: Scene,
         mount: MountModel,
         site: Site,
         now_utc_ns: Callable[[], int],
         truth_path: Path | None,
         mount_name: str,
         spawn: Callable[[Coroutine[Any, Any, None]], Any],
-        world: World = NAMELESS,
+        world: World = DEFAULT_WORLD,
         seed: int = 0,
     ) -> None:
         self._world, self._seed = world, seed
@@ -121,8 +83,8 @@ class CameraDevice:
         self._mount, self._site, self._mount_name = mount, site, mount_name
         self._now_utc_ns, self._truth_path, self._spawn = now_utc_ns, truth_path, spawn
         self._exposure: _Exposure | None = None
-        self._read_out = ReadOutVectors(traits, can_bin=isinstance(scene, BinnableScene))
-        self._scenes: dict[int, SceneLike] = {1: scene}
+        self._read_out = ReadOutVectors(traits, can_bin=isinstance(scene, Scene))
+        self._scenes: dict[int, Scene] = {1: scene}
         """By how many pixels they join beside those of the first."""
         self._generation = 0
         self._is_sky_empty = False
@@ -139,29 +101,33 @@ class CameraDevice:
         self._blob = BLOBVector(
             "CCD1", "Image", "Image Info", "ro", "Idle", [BLOBMember("CCD1", "Image", 0, ".fits")]
         )
-        binning = traits.binning
-        width_px, height_px = traits.width_px * binning, traits.height_px * binning
-        pixel_um = traits.pixel_um / binning
-        others = [
-            connection(),
-            numbers(
-                "CCD_INFO",
-                "Image Info",
-                {
-                    "CCD_MAX_X": width_px,
-                    "CCD_MAX_Y": height_px,
-                    "CCD_PIXEL_SIZE": pixel_um,
-                    "CCD_PIXEL_SIZE_X": pixel_um,
-                    "CCD_PIXEL_SIZE_Y": pixel_um,
-                    "CCD_BITSPERPIXEL": 16,
-                },
-                perm="ro",
-            ),
-            self._read_out.frame,
-            self._read_out.binning,
-            driver_info(name, 2),
-        ]
-        self.device = Device(name, [self._exposing, self._abort, self._upload, self._blob, *others])
+        whole, pixel_um = self._read_out.mode, traits.pixel_um / traits.binning
+        self.device = Device(
+            name,
+            [
+                self._exposing,
+                self._abort,
+                self._upload,
+                self._blob,
+                connection(),
+                numbers(
+                    "CCD_INFO",
+                    "Image Info",
+                    {
+                        "CCD_MAX_X": whole.width_px,
+                        "CCD_MAX_Y": whole.height_px,
+                        "CCD_PIXEL_SIZE": pixel_um,
+                        "CCD_PIXEL_SIZE_X": pixel_um,
+                        "CCD_PIXEL_SIZE_Y": pixel_um,
+                        "CCD_BITSPERPIXEL": 16,
+                    },
+                    perm="ro",
+                ),
+                self._read_out.frame,
+                self._read_out.binning,
+                driver_info(name, 2),
+            ],
+        )
 
     async def handle(self, event: Any) -> None:
         """Carry out what a client asks of one property, at the present instant."""
@@ -200,24 +166,20 @@ class CameraDevice:
         cards = self._cards(exposure)
         is_east = self._mount.instant(t_mid_utc_ns).pier_side == "east"
         turned_deg = self._traits.rotation_deg + (180.0 if is_east else 0.0)
-        hours = (t_mid_utc_ns - self._t_night_utc_ns) / NS / 3600.0
+        hours = (t_mid_utc_ns - self._t_night_utc_ns) / NS_PER_S / 3600.0
         rotation_deg = (turned_deg + self._world.optics.rotation_deg_h * hours) % 360.0
         pointing = (float(ra_icrs_deg), float(dec_icrs_deg), rotation_deg)
-        path = self._mount_path(exposure)
+        path = None  # a restless mount's, (2, k) arcsec east and north of the middle
+        if not self._mount.unrest.is_none:
+            path = self._mount.unrest_path_arcsec(exposure.at(0.0), exposure.at(1.0))
         self._spawn(self._deliver(exposure, pointing, path, cards, self._generation))
 
     def overdue_utc_ns(self) -> int | None:
-        """When the frame comes that should be there by now; None where none is overdue."""
+        """Instant at which an overdue frame comes; None where none is overdue."""
         exposure = self._exposure
         if exposure is None or self._now_utc_ns() < exposure.t_end_utc_ns:
             return None
         return exposure.t_due_utc_ns
-
-    def _mount_path(self, exposure: _Exposure) -> FloatArray | None:
-        """(2, k) arcsec east and north of the middle of the exposure; None where it stands."""
-        if self._mount.unrest.is_none:
-            return None
-        return self._mount.unrest_path_arcsec(exposure.at(0.0), exposure.at(1.0))
 
     async def _handle_read_out(self, event: Any) -> None:
         asked = asked_numbers(self.device, event)
@@ -232,9 +194,9 @@ class CameraDevice:
         else:
             await self._send(vector, "Alert", "the camera cannot read out so")
 
-    def _scene_of(self, mode: ReadOut) -> SceneLike:
+    def _scene_of(self, mode: ReadOut) -> Scene:
         factor = mode.factor(self._traits) or 1
-        if factor not in self._scenes and isinstance(self._scene, BinnableScene):
+        if factor not in self._scenes:
             self._scenes[factor] = self._scene.binned(factor)
         return self._scenes[factor]
 
@@ -246,7 +208,7 @@ class CameraDevice:
         if not 1e-6 <= exposure_s <= 3600.0:
             await self._send(self._exposing, "Alert", "an exposure lasts 1e-6 to 3600 s")
             return
-        latency_ns = round(self._traits.start_latency_s * NS)
+        latency_ns = round(self._traits.start_latency_s * NS_PER_S)
         self._generation += 1
         t_start_utc_ns = self._now_utc_ns() + latency_ns
         self._exposure = _Exposure(
@@ -317,15 +279,36 @@ class CameraDevice:
         return bytes(fits_bytes(exposure.mode.cut(pixels), cards))
 
     def _cards(self, exposure: _Exposure) -> dict[str, Card]:
+        """As INDI's CCD driver writes them; RA and DEC are J2000 from the mount's own belief."""
+        traits, site = self._traits, self._site
         belief = self._mount.instant(exposure.t_start_utc_ns)
-        names = (self._name, self._mount_name)
-        cards = header_cards(
-            names, self._traits, self._site, self._world, belief, exposure.exposure_s
-        )
+        ra, dec = jnow_to_icrs(belief.ra_date_deg, belief.dec_date_deg, belief.t_utc_ns)
+        pixel_um = traits.pixel_um / traits.binning
+        cards: dict[str, Card] = {
+            "INSTRUME": self._name,
+            "TELESCOP": self._mount_name,
+            "ROWORDER": "TOP-DOWN",
+            "EXPTIME": exposure.exposure_s,
+            "DATE-OBS": _date_obs(self._world, belief.t_utc_ns),
+            "PIXSIZE1": pixel_um,
+            "PIXSIZE2": pixel_um,
+            "FRAME": "Light",
+            "IMAGETYP": "Light Frame",
+            "FOCALLEN": traits.focal_length_mm,
+            "APTDIA": traits.focal_length_mm / 2.2,
+            "SITELAT": site.latitude_deg,
+            "SITELONG": site.longitude_deg,
+            "OBJCTRA": format_ra(float(ra)).replace(":", " "),
+            "OBJCTDEC": format_dec(float(dec)).replace(":", " "),
+            "RA": float(ra),
+            "DEC": float(dec),
+            "PIERSIDE": belief.pier_side.upper(),
+            "EQUINOX": 2000,
+        }
         # Joined pixels of a colour sensor have seen all colours.
         if self._world.sensor.bayer and exposure.mode.binning == 1:
             cards["BAYERPAT"] = "RGGB"
-        return cards | exposure.mode.cards(self._traits)
+        return cards | exposure.mode.cards(traits)
 
     async def _send(self, vector: Any, state: str, message: str = "") -> None:
         if message:
@@ -334,3 +317,10 @@ class CameraDevice:
 
     async def _say(self, message: str) -> None:
         await self.device.send_device_message(message, stamp(self._now_utc_ns()))
+
+
+def _date_obs(world: World, t_start_utc_ns: int) -> str:
+    """DATE-OBS of an exposure that the driver began then: to the microsecond, or cut down."""
+    is_whole = world.shutter.round_s >= 1.0 and world.shutter.round_s.is_integer()
+    written_utc_ns = header_start_utc_ns(world, t_start_utc_ns)
+    return utc_ns_to_iso(written_utc_ns, 0 if is_whole else 6).rstrip("Z")

@@ -15,7 +15,7 @@ US = 1_000
 REPORT_EVERY_NS = 1 * NS
 _LONGEST_STEP_S = 0.1
 CATCH_UP = 4.0
-"""How many times faster paced time passes while it is behind the wall's."""
+"""Speed-up of paced time while it is behind the wall's clock."""
 MAX_BEHIND_S = 60.0
 """Wall seconds that are caught up; what lies further back (a machine that slept) is given up."""
 

@@ -75,28 +75,6 @@ class MountDevice:
         self.faults = MountFaults()
         self._clock_error_ns = 0
         self._time = texts("TIME_UTC", "Site", {"UTC": self._iso(), "OFFSET": "0"}, perm="rw")
-        others = [
-            # A fresh client asks for a report with its simulated time.
-            switches("SIM_REPORT", _GROUP, ("NOW",), None, rule="AtMostOne"),
-            self._sim_time,
-            numbers(
-                "TELESCOPE_INFO",
-                "Options",
-                {
-                    "TELESCOPE_APERTURE": aperture_mm,
-                    "TELESCOPE_FOCAL_LENGTH": focal_length_mm,
-                    "GUIDER_APERTURE": aperture_mm,
-                    "GUIDER_FOCAL_LENGTH": focal_length_mm,
-                },
-            ),
-            numbers(
-                "TELESCOPE_TRACK_RATE",
-                _GROUP,
-                {"TRACK_RATE_RA": 15.041067, "TRACK_RATE_DE": 0.0},
-                perm="ro",
-            ),
-            driver_info(name, 5),
-        ]
         self.device = Device(
             name,
             [
@@ -110,7 +88,26 @@ class MountDevice:
                 self._site,
                 self._time,
                 self.faults.vector,
-                *others,
+                # A fresh client asks for a report with its simulated time.
+                switches("SIM_REPORT", _GROUP, ("NOW",), None, rule="AtMostOne"),
+                self._sim_time,
+                numbers(
+                    "TELESCOPE_INFO",
+                    "Options",
+                    {
+                        "TELESCOPE_APERTURE": aperture_mm,
+                        "TELESCOPE_FOCAL_LENGTH": focal_length_mm,
+                        "GUIDER_APERTURE": aperture_mm,
+                        "GUIDER_FOCAL_LENGTH": focal_length_mm,
+                    },
+                ),
+                numbers(
+                    "TELESCOPE_TRACK_RATE",
+                    _GROUP,
+                    {"TRACK_RATE_RA": 15.041067, "TRACK_RATE_DE": 0.0},
+                    perm="ro",
+                ),
+                driver_info(name, 5),
             ],
         )
 

@@ -1,6 +1,6 @@
 """The simulated weather station and dome as INDI devices; they follow the night's schedule."""
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from typing import Any
 
 from indipydriver import Device
@@ -18,7 +18,7 @@ from rsoconsole.simulator.mount.indi_vectors import (
 )
 
 NS = 1_000_000_000
-Schedule = tuple[tuple[float, str], ...]
+Schedule = Sequence[tuple[float, str]]
 """(seconds since the night's start, word), in order."""
 _GROUP = "Main Control"
 _LIGHT = {"ok": "Ok", "warning": "Busy", "alert": "Alert"}
@@ -37,11 +37,11 @@ class WeatherDevice:
             "WEATHER_STATUS", _GROUP, {"WEATHER_WIND_SPEED": "Ok", "WEATHER_RAIN_HOUR": "Ok"}
         )
         self._options = texts("SIM_WEATHER", "Options", {"STATE": "ok"}, perm="rw")
-        own = [self._status, self._options]
-        self.device = Device(name, [connection(), *own, driver_info(name, 128)])
+        others = (self._options, driver_info(name, 128))
+        self.device = Device(name, [connection(), self._status, *others])
 
     async def handle(self, event: Any) -> None:
-        """What a client asks for comes true, until the schedule has the next word."""
+        """Apply what a client asks for, until the next change of the schedule."""
         word = event.get("STATE", "").strip() if event.vectorname == "SIM_WEATHER" else ""
         if word in _LIGHT:
             self._options["STATE"] = word
@@ -71,11 +71,10 @@ class DomeDevice:
             "DOME_SHUTTER", _GROUP, ("SHUTTER_OPEN", "SHUTTER_CLOSE"), "SHUTTER_OPEN"
         )
         self._park = switches("DOME_PARK", _GROUP, ("PARK", "UNPARK"), "UNPARK")
-        own = [self._shutter, self._park]
-        self.device = Device(name, [connection(), *own, driver_info(name, 32)])
+        self.device = Device(name, [connection(), self._shutter, self._park, driver_info(name, 32)])
 
     async def handle(self, event: Any) -> None:
-        """What a client asks for comes true, until the schedule has the next word."""
+        """Apply what a client asks for, until the next change of the schedule."""
         asked = asked_for(event) if event.vectorname in ("DOME_SHUTTER", "DOME_PARK") else None
         if asked is not None:
             turn_on(event.vector, asked)

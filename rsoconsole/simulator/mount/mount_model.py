@@ -42,7 +42,7 @@ class MountUnrest:
     def offset_deg(
         self, t_utc_ns: int, since_arrival_s: float, way_deg: tuple[float, float]
     ) -> tuple[float, float]:
-        """Where it looks beside its place; ``way_deg``: the slew it comes from, east and north."""
+        """Offset from its place; ``way_deg``: the slew before, east and north."""
         east_deg, north_deg = self._jumped_deg((t_utc_ns - self.t_night_utc_ns) / NS)
         length_deg = hypot(*way_deg)
         if length_deg > 0.0 and 0.0 <= since_arrival_s < self.settle_s:
@@ -128,7 +128,7 @@ class _Motion:
 
 
 def travel_s(distance_deg: float, max_rate_deg_s: float, acceleration_deg_s2: float) -> float:
-    """How long an axis takes for a distance with a trapezoidal rate."""
+    """Travel time of an axis over a distance with a trapezoidal rate."""
     distance = abs(distance_deg)
     if distance < max_rate_deg_s**2 / acceleration_deg_s2:
         return 2.0 * sqrt(distance / acceleration_deg_s2)
@@ -138,7 +138,7 @@ def travel_s(distance_deg: float, max_rate_deg_s: float, acceleration_deg_s2: fl
 def travelled_deg(
     distance_deg: float, elapsed_s: float, max_rate_deg_s: float, acceleration_deg_s2: float
 ) -> float:
-    """How far along a signed distance an axis is after ``elapsed_s``."""
+    """Signed distance that an axis has travelled after ``elapsed_s``."""
     total_s = travel_s(distance_deg, max_rate_deg_s, acceleration_deg_s2)
     if elapsed_s >= total_s:
         return distance_deg
@@ -231,7 +231,7 @@ class MountModel:
             self._rest(t_utc_ns, is_tracking=is_on)
 
     def instant(self, t_utc_ns: int) -> MountInstant:
-        """What the mount believes at an instant not before the kept past."""
+        """State that the mount reports at an instant, not before the kept past."""
         motion = self._motion_at(t_utc_ns)
         elapsed_s = (t_utc_ns - motion.t0_utc_ns) / NS
         primary_deg, secondary_deg = self._axes_at(motion, elapsed_s)
@@ -250,7 +250,7 @@ class MountModel:
         )
 
     def boresight_date_deg(self, t_utc_ns: int) -> tuple[float, float]:
-        """Where the telescope truly looks: the belief plus every pointing error."""
+        """True direction of the telescope: the reported one plus every pointing error."""
         motion = self._motion_at(t_utc_ns)
         now = self.instant(t_utc_ns)
         east_deg, north_deg = systematic_error_deg(

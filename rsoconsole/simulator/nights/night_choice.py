@@ -11,11 +11,11 @@ from rsoconsole.config import Config
 from rsoconsole.orbits import CatalogueEntry, Satellite
 from rsoconsole.records import FloatArray
 from rsoconsole.simulator.mount.mount_model import MountTraits, systematic_error_deg
-from rsoconsole.simulator.nights._when_up import (
+from rsoconsole.simulator.nights._visibility import (
     Window,
+    expect_visible,
     first_window,
-    look,
-    refuse_time,
+    views_of,
     visible_from,
 )
 from rsoconsole.simulator.nights.night_plan import NightPlan, cadence_for, exposure_for, regime
@@ -37,7 +37,7 @@ BESIDE_FIELDS = 0.2
 INNER = 0.92
 """Share of the half field within which every target should be at the first two exposures."""
 COMES_S = 20.0
-"""So long a low satellite is waited for."""
+"""Time from the start until a low satellite passes, s."""
 _TRIES = 60
 _PURPOSE = 0x7461726765
 
@@ -71,7 +71,7 @@ def choose_night(
             optics=optics,
         )
     else:
-        refuse_time(targets, site, at_utc_ns, limits=limits, optics=optics)
+        expect_visible(targets, site, at_utc_ns, limits=limits, optics=optics)
         longest_s = frames * config.exposure.cadence_s
         visible_s = visible_from(
             targets, site, at_utc_ns, limits=limits, optics=optics, up_to_s=longest_s
@@ -79,7 +79,7 @@ def choose_night(
         window = Window(t_start_utc_ns=at_utc_ns, visible_s=visible_s)
     span_s = min(window.visible_s, frames * config.exposure.cadence_s)
     ahead_ns = np.rint(np.linspace(0.0, span_s, 60) * NS_PER_S).astype(np.int64)
-    seen = look(targets, site, np.int64(window.t_start_utc_ns) + ahead_ns)
+    seen = views_of(targets, site, np.int64(window.t_start_utc_ns) + ahead_ns)
     ground = float(seen.ground_rate_arcsec_s[0])
     in_time = ahead_ns <= round(frames * cadence_for(ground, short_side_deg) * NS_PER_S)
     exposure_s = exposure_for(float(np.max(seen.rate_arcsec_s[in_time])), optics.scale_arcsec_px)
@@ -136,7 +136,8 @@ def _start(
         dec_deg = aim_dec_deg + beside_deg * math.cos(turn)
         east_deg = beside_deg * math.sin(turn) / math.cos(math.radians(dec_deg))
         ra_deg = float(wrap_360(aim_ra_deg + east_deg))
-        hour_angle_deg, dec_jnow_deg = _of_date(config, ra_deg, dec_deg, t_start_utc_ns)
+        hour_angle_deg = hour_angle_icrs_deg(site, ra_deg, dec_deg, t_start_utc_ns)
+        dec_jnow_deg = icrs_to_jnow(ra_deg, dec_deg, t_start_utc_ns)[1]
         worst = 0.0
         for index, t_mid in enumerate(mids):
             # The first exposure follows the stars, the search then holds the hour angle.
@@ -145,17 +146,11 @@ def _start(
                 centre = icrs_of_hour_angle(site, hour_angle_deg, dec_jnow_deg, int(t_mid))
             worst = max(worst, *(_off_centre(config, centre, each, index) for each in places))
         if best is None or worst < best[0]:
-            best = (worst, ra_deg, dec_deg)
+            best = (worst, hour_angle_deg, dec_jnow_deg)
         if worst <= INNER:
-            best = (worst, ra_deg, dec_deg)
             break
     assert best is not None
-    return _believed(config, *_of_date(config, best[1], best[2], t_start_utc_ns))
-
-
-def _of_date(config: Config, ra_deg: float, dec_deg: float, t_utc_ns: int) -> tuple[float, float]:
-    hour_angle_deg = hour_angle_icrs_deg(config.site.to_site(), ra_deg, dec_deg, t_utc_ns)
-    return hour_angle_deg, icrs_to_jnow(ra_deg, dec_deg, t_utc_ns)[1]
+    return _believed(config, *best[1:])
 
 
 def _believed(config: Config, hour_angle_deg: float, dec_deg: float) -> tuple[float, float]:

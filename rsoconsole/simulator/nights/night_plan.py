@@ -37,9 +37,9 @@ class NightPlan:
     targets: tuple[int, ...]
     """Catalogue numbers, the first one is pointed at."""
     names: tuple[str, ...]
-    """Theirs."""
+    """Names of the targets."""
     start_hour_angle_deg: float
-    """Where the mount believes to look when the night begins, of date."""
+    """Hour angle of date that the mount reports when the night begins."""
     start_declination_deg: float
     exposure_s: float
     cadence_s: float
@@ -49,12 +49,12 @@ class NightPlan:
     star_file: str | None
     """A whole-sky index file whose stars are drawn; None: the shipped belt's."""
     visible_s: float
-    """How long the targets stay up, lit and in darkness, as far as was looked."""
+    """Time for which the targets stay up, lit and in darkness, as far as was searched."""
     leaps: bool = False
     """Whether the first target is a low satellite, which the telescope follows by leaps."""
 
     def to_table(self) -> dict[str, Any]:
-        """What crosses to another process as JSON; ``plan_of_table`` reads it back."""
+        """The plan as a JSON table for another process; ``plan_of_table`` reads it back."""
         return asdict(self)
 
 
@@ -118,7 +118,7 @@ STREAK_PX, SHORT_STREAK_PX = 300.0, 60.0
 USUAL_EXPOSURE_S, LONGEST_EXPOSURE_S, SHORTEST_EXPOSURE_S = 10.0, 30.0, 0.02
 LONGEST_CADENCE_S, SHORTEST_CADENCE_S = 30.0, 6.0
 PAUSE_S = 5.0
-"""From the end of an exposure to the next, at least."""
+"""Least time from the end of an exposure to the next."""
 MOVES_FIELDS = 0.25
 """Share of the field's short side that a target may move, over the ground, between exposures."""
 

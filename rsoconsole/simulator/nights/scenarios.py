@@ -4,7 +4,7 @@ Element sets: public catalogue as of 2023-06-22, transcribed into ``data/belt_20
 Magnitudes are what such satellites commonly show, chosen, not measured.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
 
@@ -44,11 +44,11 @@ class Scenario:
     t_start_utc_ns: int
     satellites: tuple[ScenarioSatellite, ...]
     target_norad_id: int | None
-    """Which satellite the telescope is meant to find; None: none is there."""
+    """Catalogue number of the satellite to find; None: none is there."""
     target_hour_angle_deg: float | None
-    """Where it stands, of date, west positive; a geostationary satellite keeps it."""
+    """Its hour angle of date, west positive; a geostationary satellite keeps it."""
     start_hour_angle_deg: float
-    """Where the telescope stands at the start, of date, with the paper's field of view."""
+    """Hour angle of date of the telescope at the start, with the paper's field of view."""
     start_declination_deg: float
     frames: int = NIGHT_FRAMES
     """Exposures, at the default cadence, in which all of the night's story has happened."""
@@ -57,9 +57,15 @@ class Scenario:
     seeing_arcsec: float = 2.8
     """Full width at half maximum of the stars, optics included."""
     sky_electrons_s: float = 13.2
-    """In a pixel of 1.264 arcsec at the zenith."""
+    """Sky in a pixel of 1.264 arcsec at the zenith."""
     cosmic_rays_s: float = 0.15
     """Expected tracks a second over the paper's sensor."""
+
+    @property
+    def target(self) -> ScenarioSatellite | None:
+        """The satellite that the telescope is meant to find."""
+        wanted = self.target_norad_id
+        return next((s for s in self.satellites if s.element_set.norad_id == wanted), None)
 
     def start_hour_angle_for(self, field_width_deg: float) -> float:
         """Start for another field: as many fields from the target as with the paper's."""
@@ -168,7 +174,7 @@ def _intelsat_21() -> Scenario:
         title="Intelsat 21 through thin clouds",
         description="20 min of thin clouds: up to 2 mag fainter, tracked on; hidden once",
         t_start_utc_ns=iso_to_utc_ns("2023-06-23T06:00:00Z"),
-        satellites=_intelsat_21_and_neighbours(),
+        satellites=_satellites({38749: 12.1, 39078: 12.2, 35942: 12.6, 42934: 12.3, 40874: 12.4}),
         target_norad_id=38749,
         target_hour_angle_deg=-26.39,
         start_hour_angle_deg=-24.9,
@@ -204,16 +210,11 @@ def _intelsat_21() -> Scenario:
 
 def _cloud_bank() -> Scenario:
     """Intelsat 21 again, and an overcast of ten minutes that lets nothing through."""
-    return Scenario(
+    return replace(
+        _intelsat_21(),
         name="cloud-bank",
         title="Intelsat 21 behind ten minutes of cloud",
         description="a bank of clouds hides stars and satellite for ten minutes after lock",
-        t_start_utc_ns=iso_to_utc_ns("2023-06-23T06:00:00Z"),
-        satellites=_intelsat_21_and_neighbours(),
-        target_norad_id=38749,
-        target_hour_angle_deg=-26.39,
-        start_hour_angle_deg=-24.9,
-        start_declination_deg=-4.80,
         frames=45,
         clouds=CloudDeck(
             schedule=(
@@ -227,10 +228,6 @@ def _cloud_bank() -> Scenario:
             structure=0.2,
         ),
     )
-
-
-def _intelsat_21_and_neighbours() -> tuple[ScenarioSatellite, ...]:
-    return _satellites({38749: 12.1, 39078: 12.2, 35942: 12.6, 42934: 12.3, 40874: 12.4})
 
 
 def _empty() -> Scenario:

@@ -15,7 +15,7 @@ _STREAM = 40
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Law:
-    """How one setting is drawn."""
+    """Distribution of one setting."""
 
     name: str
     """Dotted, e.g. ``stars.drift_px``."""
@@ -29,7 +29,7 @@ class Law:
     """Settings of one group are drawn in the same worlds."""
 
     def draw(self, seed: int) -> float | None:
-        """Its value in the world of this seed; None where it is not named there.
+        """Value of the setting in the world of this seed; None where it is not set there.
 
         Each setting has generators of its own: a new line in the table changes no other.
         """

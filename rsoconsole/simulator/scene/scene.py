@@ -7,6 +7,7 @@ asked for in any order, and asking twice gives the same pixels.
 import copy
 import math
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import numpy.typing as npt
@@ -21,10 +22,9 @@ from rsoconsole.simulator.camera.truth import (
     clock_offset_s,
     header_start_utc_ns,
     reported_start_utc_ns,
-    scatter_sigma_s,
     true_shutter,
 )
-from rsoconsole.simulator.nights.scenarios import Scenario
+from rsoconsole.simulator.nights.scenarios import Scenario, ScenarioSatellite
 from rsoconsole.simulator.scene.world_scene import (
     blurred,
     clouds_in,
@@ -36,7 +36,7 @@ from rsoconsole.simulator.scene.world_scene import (
     sensor_in,
     with_pattern,
 )
-from rsoconsole.simulator.sky.brightness import BrightnessHistory, flash_nodes, world_extra_mag
+from rsoconsole.simulator.sky.brightness import flash_nodes, world_extra_mag
 from rsoconsole.simulator.sky.other_objects import Nearby, traffic
 from rsoconsole.simulator.sky.passes import (
     MARGIN_PX,
@@ -48,7 +48,7 @@ from rsoconsole.simulator.sky.passes import (
     satellite_truth,
 )
 from rsoconsole.simulator.sky.star_background import faint_stars, places_now
-from rsoconsole.simulator.world.world import NAMELESS, World
+from rsoconsole.simulator.world.world import DEFAULT_WORLD, World
 from rsoconsole.sky import (
     IntArray,
     StarCatalogue,
@@ -80,7 +80,7 @@ class Scene:
         optics: OpticsConfig | None = None,
         sensor: SensorModel | None = None,
         catalogue: StarCatalogue | None = None,
-        world: World = NAMELESS,
+        world: World = DEFAULT_WORLD,
     ) -> None:
         """``optics`` sets size and scale of ``sensor``; the shipped stars unless others are given.
 
@@ -102,7 +102,7 @@ class Scene:
         self._nearby = Nearby(self.satellites)
 
     def binned(self, factor: int) -> "Scene":
-        """The same sky on the same sensor with more of its pixels joined on each axis."""
+        """The scene with more pixels of its sensor joined on each axis."""
         joined = self.world.sensor.model_copy(
             update={"binning": factor * self.world.sensor.binning}
         )
@@ -168,7 +168,8 @@ class Scene:
         content = blurred(content, self.world, self.sensor, motion)
         air = frame_rng(self.seed, t_start_utc_ns, _SHUTTER)
         wander_px = air_sigma_arcsec(exposure_s) / self.sensor.scale_arcsec_px
-        scatter_s = float(air.normal(0.0, scatter_sigma_s(self.world, SHUTTER_SIGMA_S)))
+        own_s = self.world.shutter.scatter_s
+        scatter_s = float(air.normal(0.0, SHUTTER_SIGMA_S if own_s is None else own_s))
         true = true_shutter(self.world, scatter_s, t_start_utc_ns, t_night_utc_ns)
         reported_utc_ns = reported_start_utc_ns(self.world, t_start_utc_ns)
         motion_nodes = 1 if motion is None else len(motion.dx_px)
@@ -217,24 +218,17 @@ class Scene:
     ) -> list[tuple[Satellite, ExtraMagnitude]]:
         """Each satellite that may be seen, with the history of its own brightness."""
 
-        def of(history: BrightnessHistory, norad_id: int) -> ExtraMagnitude:
-            def extra_mag(t_utc_ns: IntArray) -> FloatArray:
-                t_s = (t_utc_ns - self.scenario.t_start_utc_ns) / NS
-                more = world_extra_mag(self.world.satellite, self.seed, norad_id, t_s)
-                return history.extra_mag(t_s, self.seed) + more
-
-            return extra_mag
+        def extra_mag(of: ScenarioSatellite, t_utc_ns: IntArray) -> FloatArray:
+            t_s = (t_utc_ns - self.scenario.t_start_utc_ns) / NS
+            more = world_extra_mag(self.world.satellite, self.seed, of.element_set.norad_id, t_s)
+            return of.brightness.extra_mag(t_s, self.seed) + more
 
         # A corner of the sensor with its margin is further out than the field's radius with it.
         reach_deg = self.field_radius_deg() + MARGIN_PX * self.sensor.scale_arcsec_px / 3600.0
         t_mid_utc_ns = t_start_utc_ns + round(exposure_s * NS / 2)
         centre = (wcs.crval_ra_deg, wcs.crval_dec_deg)
         near = self._nearby.indices(self.site, t_mid_utc_ns, exposure_s, centre, reach_deg)
-        histories = (
-            of(each.brightness, each.element_set.norad_id)
-            for each in (self.scenario.satellites[i] for i in near)
-        )
-        return list(zip((self.satellites[i] for i in near), histories, strict=True))
+        return [(self.satellites[i], partial(extra_mag, self.scenario.satellites[i])) for i in near]
 
     def field_content(
         self, wcs: Wcs, t_start_utc_ns: int, exposure_s: float, t_seed_utc_ns: int | None = None

@@ -39,7 +39,7 @@ _RING_OBSTRUCTION = 0.45
 
 
 def binned(optics: OpticsConfig, world: World) -> OpticsConfig:
-    """What the telescope's configuration says of a camera whose pixels are joined."""
+    """Configured optics of a camera whose pixels are joined."""
     factor = world.sensor.binning
     if factor == 1:
         return optics
@@ -104,7 +104,7 @@ def seeing_arcsec(world: SeeingWorld, own_arcsec: float, since_night_s: float) -
 
 
 def moonlit(content: FieldContent, moon: MoonWorld) -> FieldContent:
-    """The same field under the Moon's light."""
+    """The field under the Moon's light."""
     if moon.brightening_mag == moon.gradient == 0.0:
         return content
     angle = math.radians(moon.gradient_angle_deg)
@@ -161,11 +161,6 @@ def pixel_noise_e(sensor: SensorModel, content: FieldContent) -> float:
     return math.sqrt(sky_e + dark_e + sensor.read_noise_e**2 + sensor.e_per_adu12**2 / 12.0)
 
 
-def ring_variance_px2(ring_px: float) -> float:
-    """Of a ring of this radius with the dark middle that ``psf.annulus`` gives it, on one axis."""
-    return ring_px**2 * (1.0 + _RING_OBSTRUCTION**2) / 4.0
-
-
 def plate_of(
     world: World,
     sensor: SensorModel,
@@ -173,7 +168,7 @@ def plate_of(
     rotation_deg: float,
     is_flipped: bool,
 ) -> Wcs:
-    """Where the pixels look while the image stands where it should."""
+    """Plate of an image that stands where it should."""
     wcs = tan_wcs(
         *boresight_icrs_deg,
         scale_arcsec_px=sensor.scale_arcsec_px,
@@ -221,5 +216,6 @@ def blurred(
         content,
         defocus_px=ring_px,
         stands=None if motion is None else motion.stands(sigma_px, reach_px),
-        blur_variance_px2=moving_px2 + ring_variance_px2(ring_px),
+        # The ring with the dark middle that ``psf.annulus`` gives it, on one axis.
+        blur_variance_px2=moving_px2 + ring_px**2 * (1.0 + _RING_OBSTRUCTION**2) / 4.0,
     )

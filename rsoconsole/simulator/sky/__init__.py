@@ -1,1 +1,1 @@
-"""What crosses a simulated field: satellites, stars, clouds, other traffic."""
+"""Sources of a simulated field: satellites, stars, clouds, other traffic."""

@@ -1,4 +1,4 @@
-"""How a satellite's brightness changes through a night, beside range, phase and shadow.
+"""Brightness of a satellite through a night, beside range, phase and shadow.
 
 An attitude that turns shows a bright side and a dark one in turn; a panel that moves out of the
 mirror fades for good. Both are given as extra magnitudes against time, so that any exposure may
@@ -79,7 +79,7 @@ def world_extra_mag(world: SatelliteWorld, seed: int, norad_id: int, t_s: FloatA
 
 
 def flash_nodes(world: SatelliteWorld, exposure_s: float) -> int:
-    """How many places in time an exposure needs to show the flashes; odd."""
+    """Number of instants in an exposure that show the flashes; odd."""
     if world.flash_period_s <= 0.0:
         return 1
     steps = math.ceil(exposure_s / world.flash_period_s * _STEPS_A_FLASH)

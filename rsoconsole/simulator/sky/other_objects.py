@@ -1,4 +1,4 @@
-"""What else crosses a field: low satellites from edge to edge, aircraft with their lamps."""
+"""Other traffic in a field: low satellites from edge to edge, aircraft with their lamps."""
 
 import math
 from collections.abc import Sequence
@@ -16,7 +16,7 @@ from rsoconsole.sky import direction_to_unit, jd_utc, site_gcrs, teme_to_gcrs_ro
 
 _STREAM = 30
 BEYOND_PX = 60.0
-"""How far outside the frame a crossing trail begins and ends."""
+"""Distance outside the frame at which a crossing trail begins and ends."""
 _LAMP_STEPS = 4000
 _STROBES_S = (0.8, 1.2)
 _STROBE_SHINES_S = 0.06
@@ -28,7 +28,7 @@ _AIRCRAFT_PEAK = (8.0, 80.0)
 def traffic(
     world: TrafficWorld, seed: int, t_start_utc_ns: int, sensor: SensorModel, content: FieldContent
 ) -> tuple[tuple[Streak, ...], tuple[TrafficTruth, ...]]:
-    """What crosses this exposure, drawn, and the truth of it; Poisson numbers at the rates."""
+    """Streaks that cross this exposure, and their truth; Poisson numbers at the rates."""
     rng = frame_rng(seed, t_start_utc_ns, _STREAM)
     streaks: list[Streak] = []
     truths: list[TrafficTruth] = []
@@ -106,7 +106,7 @@ class Nearby:
         centre_icrs_deg: tuple[float, float],
         radius_deg: float,
     ) -> list[int]:
-        """Those that come within ``radius_deg`` of the direction during the exposure, or nearly.
+        """Indices of those that come within ``radius_deg`` of the direction in the exposure.
 
         Never too few: how fast each one moves widens the circle. Where SGP4 fails there is none.
         """

@@ -17,16 +17,16 @@ from rsoconsole.simulator.camera.truth import SatelliteTruth, TrueShutter
 from rsoconsole.sky import IntArray, Places, lit_fraction, sky_to_pixel
 
 ExtraMagnitude = Callable[[IntArray], FloatArray]
-"""What a satellite loses by its own turning at instants (n,), in magnitudes (n,)."""
+"""Magnitudes (n,) that a satellite loses by its own turning at instants (n,)."""
 
 NS = 1_000_000_000
 MARGIN_PX = 250.0
-"""How far outside the sensor a source may lie and still be drawn or told of."""
+"""Distance outside the sensor up to which a source is drawn and reported."""
 NODES = 11
 """Places in time along an exposure: enough for all but the unsteady and the fastest."""
 _MAX_NODES = 641
 STRAIGHT_PX = 0.05
-"""How far a way may leave the chord between two of its places."""
+"""Largest distance of a path from the chord between two of its places."""
 _SAME_INSTANT_S = 1e-8
 _FAR_AWAY_S = 10.0
 """A row whose turn comes that late lies far outside any frame."""
@@ -43,13 +43,13 @@ class SatellitePass:
     ra_icrs_deg: FloatArray
     dec_icrs_deg: FloatArray
     rates_deg_s: tuple[float, float]
-    """Of right ascension and declination at mid-exposure."""
+    """Rates of right ascension and declination at mid-exposure."""
     lit_fraction: float
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Sight:
-    """How one exposure sees what moves."""
+    """Geometry and timing of one exposure."""
 
     site: Site
     sensor: SensorModel
@@ -60,9 +60,9 @@ class Sight:
     shutter_error_s: float = 0.0
     """The shutter opens this much later, a few hundredths of a second; see ``true``."""
     wander_px: tuple[float, float] = (0.0, 0.0)
-    """By which the air moves the whole streak."""
+    """Displacement of the whole streak by the air."""
     true: TrueShutter | None = None
-    """What really happened, where that is more than ``shutter_error_s``, which then is unused."""
+    """True shutter, where it is off by more than ``shutter_error_s``, which then is unused."""
     motion: ImageMotion | None = None
     nodes: int = NODES
     """Places in time along the exposure, odd: finer where brightness or image are unsteady."""
@@ -76,7 +76,7 @@ class Sight:
 def satellite_passes(
     satellites: Iterable[tuple[Satellite, ExtraMagnitude]], sight: Sight
 ) -> tuple[SatellitePass, ...]:
-    """Those whose streak comes near the sensor, sampled along the exposure.
+    """Passes whose streak comes near the sensor, sampled along the exposure.
 
     Directions are those of the instants that the operator would name: what a perfect measurement
     with a perfect clock and shutter would give.
@@ -179,14 +179,14 @@ def _nodes_for(x_px: FloatArray, y_px: FloatArray) -> int:
 
 
 def dimmed(streak: Streak, transmission: float) -> Streak:
-    """The same streak through air that lets this share of the light through."""
+    """The streak through air that transmits this share of the light."""
     return replace(streak, electrons=streak.electrons * transmission)
 
 
 def satellite_truth(
     each: SatellitePass, sensor: SensorModel, content: FieldContent, air_transmission: float
 ) -> SatelliteTruth:
-    """What there is to know of one streak in this field."""
+    """Truth of one streak in this field."""
     x, y = each.streak.x_px, each.streak.y_px
     middle = len(x) // 2
     clouds = float(np.mean(cloud_at(sensor, content.cloud_transmission, x, y)))

@@ -36,7 +36,7 @@ def faint_stars(
     ra_icrs_deg: float, dec_icrs_deg: float, radius_deg: float, faintest_magnitude: float
 ) -> Stars:
     """Synthetic stars in all the cells that a cone touches (some lie outside the cone)."""
-    columns = [np.zeros(0)], [np.zeros(0)], [np.zeros(0)]
+    cells = [(np.zeros(0), np.zeros(0), np.zeros(0))]
     lowest = math.floor((max(dec_icrs_deg - radius_deg, -90.0) + 90.0) / CELL_DEG)
     highest = math.floor((min(dec_icrs_deg + radius_deg, 89.999) + 90.0) / CELL_DEG)
     for band in range(lowest, highest + 1):
@@ -46,10 +46,9 @@ def faint_stars(
         reach_deg = min(radius_deg / math.cos(math.radians(dec_far)), 180.0 - width_deg)
         first = math.floor((ra_icrs_deg - reach_deg) / width_deg)
         last = math.floor((ra_icrs_deg + reach_deg) / width_deg)
-        for cell in sorted({each % count for each in range(first, last + 1)}):
-            for column, values in zip(columns, _cell(band, cell, faintest_magnitude), strict=True):
-                column.append(values)
-    ra, dec, magnitude = (np.concatenate(column) for column in columns)
+        numbers = sorted({each % count for each in range(first, last + 1)})
+        cells += [_cell(band, cell, faintest_magnitude) for cell in numbers]
+    ra, dec, magnitude = (np.concatenate(column) for column in zip(*cells, strict=True))
     return Stars.at_rest(ra, dec, magnitude)
 
 

@@ -291,7 +291,7 @@ class World(_Part):
         return self.model_dump(exclude_defaults=True)
 
 
-NAMELESS = World()
+DEFAULT_WORLD = World()
 """The night as it always was."""
 
 
@@ -361,7 +361,8 @@ def _fault_words(fault: Mapping[str, Any]) -> str:
     name = ".".join(place)
     known = settings_of_worlds()
     if fault["type"] == "extra_forbidden":
-        return f"there is no {_kind(place)} {name!r}: {_nearest(place, list(known))}"
+        kind = "section" if len(place) == 1 else "setting"
+        return f"there is no {kind} {name!r}: {_nearest(place, list(known))}"
     if name not in known:
         return f"{name} is a section: write [{name}] above its settings"
     limits = limits_of(known[name])
@@ -369,19 +370,12 @@ def _fault_words(fault: Mapping[str, Any]) -> str:
     return f"{name} = {fault.get('input')!r} cannot be; {allowed}"
 
 
-def _kind(place: list[str]) -> str:
-    return "section" if len(place) == 1 else "setting"
-
-
 def _nearest(place: list[str], known: list[str]) -> str:
     """The name that was meant; a setting in the wrong section is found by its own name."""
-    if len(place) == 1:
-        names = list(World.model_fields)
-        at_top = [name for name in known if name.partition(".")[2] == place[0]]
-        near = at_top or difflib.get_close_matches(place[0], names, n=1)
-    else:
-        elsewhere = [name for name in known if name.partition(".")[2] == place[1]]
-        near = elsewhere or difflib.get_close_matches(".".join(place), known, n=1, cutoff=0.5)
+    same_end = [name for name in known if name.partition(".")[2] == place[-1]]
+    is_section = len(place) == 1
+    names, cutoff = (list(World.model_fields), 0.6) if is_section else (known, 0.5)
+    near = same_end or difflib.get_close_matches(".".join(place), names, n=1, cutoff=cutoff)
     if not near:
         return WHERE
     section, _, key = near[0].partition(".")

@@ -69,18 +69,15 @@ MISS_COLOUR = "#f3d9b8"
 
 def time_axis(axis: Any, night: DrawnNight) -> None:
     """Seconds since the first exposure, and when that was."""
-    first = utc_ns_to_iso(night.frames[0].t_mid_utc_ns, decimals=0)
-    axis.set_xlabel(f"Time since the middle of the first exposure, {_to_the_second(first)} (s)")
+    first = utc_ns_to_iso(night.frames[0].t_mid_utc_ns, decimals=0).removesuffix("Z")
+    at = first.replace("T", " ")
+    axis.set_xlabel(f"Time since the middle of the first exposure, {at} UTC (s)")
     last_s = night.seconds(night.frames[-1])
     margin_s = max(0.02 * last_s, 1.0)
     axis.set_xlim(-margin_s, last_s + margin_s)
 
 
-def _to_the_second(iso: str) -> str:
-    return iso.removesuffix("Z").replace("T", " ") + " UTC"
-
-
-def head(axis: Any, night: DrawnNight, what: str) -> None:
+def write_title(axis: Any, night: DrawnNight, what: str) -> None:
     """A title: what is drawn, of which session, with which preset."""
     axis.set_title(f"{what}. {night.title}, preset {night.config.filter.preset}", loc="left")
 
@@ -135,28 +132,28 @@ def legend_above(figure: Any, handles: Sequence[tuple[Any, str]]) -> None:
 
 
 def finish(figure: Any, night: DrawnNight, what: str, keys: Sequence[tuple[Any, str]] = ()) -> None:
-    """What stands about the panels: a title, the axis of time, the keys."""
+    """Finish a figure: title, axis of time, keys."""
     panels = figure.axes
     figure.align_ylabels(panels)
     time_axis(panels[-1], night)
-    head(panels[0], night, what)
+    write_title(panels[0], night, what)
     if keys:
         legend_above(figure, keys)
 
 
-def with_track(night: DrawnNight) -> list[NightFrame]:
+def tracked_frames(night: DrawnNight) -> list[NightFrame]:
     """Frames at which a track was known."""
     return [frame for frame in night.frames if frame.track is not None]
 
 
 _FAR_WIDER = 5.0
 Where = Callable[[NightFrame, float, float], float | None]
-"""What a panel shows of a direction (RA, Dec in degrees) in a frame; None: nothing."""
+"""Value in a panel of a direction (RA, Dec in degrees) in a frame; None: nothing is drawn."""
 
 
 def draw_track(figure: Any, night: DrawnNight) -> None:
     """Right ascension and declination in degrees, as in the paper."""
-    frames = with_track(night)
+    frames = tracked_frames(night)
     ra_0_deg = _first(frames).x[0]
 
     def ra_deg(_frame: NightFrame, ra: float, _dec: float) -> float:
@@ -176,8 +173,8 @@ def draw_track(figure: Any, night: DrawnNight) -> None:
 
 
 def draw_about_line(figure: Any, night: DrawnNight) -> None:
-    """The same about the straight line through the updated states, in seconds of arc."""
-    frames = [frame for frame in with_track(night) if frame.updated is not None]
+    """Right ascension and declination minus the straight line through the states, arcsec."""
+    frames = [frame for frame in tracked_frames(night) if frame.updated is not None]
     ra_0_deg = _first(frames).x[0]
     t_s = np.array([night.seconds(frame) for frame in frames])
     states = [frame.updated for frame in frames if frame.updated is not None]
@@ -238,7 +235,7 @@ def _panel(
 ) -> list[tuple[Any, str]]:
     """One panel: bounds of the best state of each frame about it (or about 0), and the marks."""
     column = shade_misses(axis, night)
-    frames = with_track(night)
+    frames = tracked_frames(night)
     bounds, bounds_key = _bounds(axis, night, where, sigma, is_about_zero)
     keys: list[tuple[Any, str]] = []
     shown: list[float] = []

@@ -152,7 +152,7 @@ def draw_nis(figure: Any, night: DrawnNight) -> None:
 
 
 def draw_quality(figure: Any, night: DrawnNight) -> None:
-    """What each frame says of image and sky, a panel a fact."""
+    """Image and sky quality of each frame, a panel a fact."""
     panels = figure.subplots(len(FRAME_FACTS), 1, sharex=True)
     for fact, axis in zip(FRAME_FACTS, panels, strict=True):
         points = [

@@ -51,7 +51,7 @@ DRAWINGS = {
         Drawing(name="nis", draw=draw_nis, height_in=3.0),
     )
 }
-"""In the order in which they are written."""
+"""Figures by name, in the order in which they are written."""
 QUALITY = Drawing(name="quality", draw=draw_quality, height_in=6.0, needs_track=False)
 
 
@@ -113,7 +113,7 @@ if TYPE_CHECKING:
 
 
 class NightPlots(ABC):
-    """What a session, a branch and a what-if have in common.
+    """Plots that a session, a branch and a what-if have in common.
 
     Every method draws into ``figure`` (a matplotlib Figure or SubFigure of your own, empty) or
     into a new one, and returns it; the last line of a cell shows it. Nothing needs pyplot or a
@@ -124,7 +124,7 @@ class NightPlots(ABC):
 
     @abstractmethod
     def nights(self) -> tuple[DrawnNight, ...]:
-        """What is drawn, side by side."""
+        """Nights that are drawn, side by side."""
 
     def plot_confidence(self, figure: Any = None) -> "Figure":
         """Confidence of what the track took and of what it did not, and tau."""
@@ -135,7 +135,7 @@ class NightPlots(ABC):
         return self._plot(DRAWINGS["track"], figure)
 
     def plot_about_line(self, figure: Any = None) -> "Figure":
-        """The same in seconds of arc about the straight line through the updated states."""
+        """The track in arcsec about the straight line through the updated states."""
         return self._plot(DRAWINGS["track_about_line"], figure)
 
     def plot_residuals(self, figure: Any = None) -> "Figure":
@@ -147,7 +147,7 @@ class NightPlots(ABC):
         return self._plot(DRAWINGS["nis"], figure)
 
     def plot_quality(self, figure: Any = None) -> "Figure":
-        """What each frame says of image and sky: width of its stars, background and so on."""
+        """Image and sky quality of each frame: width of its stars, background and so on."""
         return self._plot(QUALITY, figure)
 
     def _plot(self, drawing: Drawing, figure: Any) -> "Figure":

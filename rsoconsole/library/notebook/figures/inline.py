@@ -15,7 +15,7 @@ from rsoconsole.library.notebook.figures.draw_sky import STYLE
 
 SHOWN_DPI = 100
 SAVED_DPI = 144
-"""For screens with small pixels; shown at the size that ``SHOWN_DPI`` gives."""
+"""Resolution for screens with small pixels; the size shown is by ``SHOWN_DPI``."""
 
 
 def styled(salt: str | None = None) -> AbstractContextManager[None]:

@@ -28,7 +28,7 @@ class DrawnNight:
     """Measurements with which tracks began, by their ids, where they are drawn as taken."""
 
     def seconds(self, frame: NightFrame) -> float:
-        """From the middle of the first exposure to that of this one."""
+        """Seconds from the middle of the first exposure to that of this one."""
         return (frame.t_mid_utc_ns - self.frames[0].t_mid_utc_ns) / 1e9
 
     def taken_of(self, frame: NightFrame) -> Measurement | None:
@@ -39,7 +39,7 @@ class DrawnNight:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TruePlace:
-    """Where a simulated satellite really was at mid-exposure, astrometric ICRS."""
+    """True place of a simulated satellite at mid-exposure, astrometric ICRS."""
 
     name: str
     ra_icrs_deg: float
@@ -47,7 +47,7 @@ class TruePlace:
 
 
 def night_of(title: str, config: Config, frames: Iterable[NightFrame]) -> DrawnNight:
-    """Of the frames that have a time."""
+    """A night of the frames that have a time."""
     in_order = sorted((each for each in frames if each.has_time), key=lambda f: f.t_mid_utc_ns)
     return DrawnNight(title=title, frames=tuple(in_order), config=config)
 
@@ -60,15 +60,15 @@ def read_night(session: Path) -> DrawnNight:
     reader = SessionReader(session)
     config = reader.config()
     frames = NightFrames(config).take_all(record for _, _, record in reader.records())
-    return with_frames(night_of(title_of(reader.about(), session), config, frames.seen()), session)
+    return nonempty(night_of(title_of(reader.about(), session), config, frames.seen()), session)
 
 
 def title_of(about: Mapping[str, Any], folder: Path) -> str:
-    """What a session calls itself, else its folder's name; nothing that steers a terminal."""
+    """Title of a session, else its folder's name; nothing that steers a terminal."""
     return one_line(str(about.get("title") or folder.resolve().name))
 
 
-def with_frames(night: DrawnNight, session: Path) -> DrawnNight:
+def nonempty(night: DrawnNight, session: Path) -> DrawnNight:
     """The night. Raises SessionError where it holds no frame with a time."""
     if not night.frames:
         raise SessionError(f"{session} holds no frame with a time: there is nothing to draw")

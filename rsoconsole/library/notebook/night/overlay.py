@@ -1,4 +1,4 @@
-"""What is pointed at in a frame, drawn over its small picture: streaks, and where one was expected.
+"""Marks over the small picture of a frame: its streaks, and where one was expected.
 
 In pixels of the whole frame, whatever size the picture is shown at.
 """

@@ -16,7 +16,7 @@ RED, BLUE, AMBER, GREY, GREEN = "#d64545", "#4a80d9", "#b8860b", "#8a8a8a", "#3f
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Axis:
-    """Where values lie in a drawing."""
+    """Ranges of both axes of a drawing."""
 
     x: tuple[float, float]
     y: tuple[float, float]

@@ -1,4 +1,4 @@
-"""What a panel's page asks for, carried out: each order on a thread of its own, STOP before all.
+"""Orders of a panel's page: each is carried out on a thread of its own, STOP before all.
 
 An order passes the same socket, seats, checklist and limits as one from a console.
 """

@@ -1,8 +1,7 @@
-"""What the live panel shows, in words and small drawings; the page only puts it in place."""
+"""Contents of the live panel, in words and small drawings; the page only places them."""
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -21,8 +20,8 @@ from rsoconsole.library.notebook.figures.draw_time import NIS_BAND
 from rsoconsole.library.notebook.night import svg
 from rsoconsole.library.notebook.night.night import DrawnNight, night_of, title_of
 from rsoconsole.library.notebook.night.overlay import overlay_svg, words_of
-from rsoconsole.night import LogLine, Night, NightFrame, consistency_of
-from rsoconsole.records import Record, SlewCommand
+from rsoconsole.night import Night, NightFrame, consistency_of
+from rsoconsole.records import Record
 from rsoconsole.session import SessionReader
 from rsoconsole.words import altaz, clock, direction
 
@@ -44,39 +43,25 @@ class LiveNight:
         """(frame, PNG) of the newest preview that is there."""
         about = self._reader.about()
         self._title = title_of(about, folder)
-        self._night = Night(folder, about, self.begun_with, newest=None)
+        self.fold = Night(folder, about, self.begun_with, newest=None)
 
     def read(self) -> bool:
         """Read what is new; True where there was anything."""
-        before = self._night.seq
+        before = self.fold.seq
         for seq, t_utc_ns, record in self._reader.records(since_seq=before):
             self.records.append(record)
-            self._night.take(t_utc_ns, record, seq)
-        return self._read_picture() or self._night.seq != before
+            self.fold.take(t_utc_ns, record, seq)
+        return self._read_picture() or self.fold.seq != before
 
     def night(self) -> DrawnNight:
-        """Its frames so far."""
-        return night_of(self._title, self.begun_with, self._night.frames.seen())
-
-    def frame(self, frame_id: int) -> NightFrame:
-        """What is on record of a frame."""
-        return self._night.frame(frame_id)
-
-    @property
-    def slew(self) -> SlewCommand | None:
-        """The last order to the mount."""
-        return self._night.slew
-
-    @property
-    def log(self) -> tuple[LogLine, ...]:
-        """Its last lines, the newest last."""
-        return self._night.log[-LOG_LINES:]
+        """Frames of the session so far."""
+        return night_of(self._title, self.begun_with, self.fold.frames.seen())
 
     @property
     def config(self) -> Config:
-        """In force now."""
+        """Configuration in force now."""
         config = self.begun_with
-        for name, value in self._night.frames.settings.items():
+        for name, value in self.fold.frames.settings.items():
             try:
                 config = with_setting(config, name, value)
             except ConfigError:
@@ -84,7 +69,7 @@ class LiveNight:
         return config
 
     def _read_picture(self) -> bool:
-        for frame_id in self._night.newest_frames()[:_FRAMES]:
+        for frame_id in self.fold.newest_frames()[:_FRAMES]:
             if self.picture is not None and self.picture[0] >= frame_id:
                 return False
             path = self._reader.preview_path(frame_id)
@@ -144,7 +129,7 @@ def night_view(live: LiveNight) -> dict[str, Any]:
     """The record: plots of the newest frames, marks over the picture, the log."""
     night = live.night()
     frame_id = None if live.picture is None else live.picture[0]
-    frame = None if frame_id is None else live.frame(frame_id)
+    frame = None if frame_id is None else live.fold.frame(frame_id)
     return {
         "title": night.title,
         "plots": plots(night),
@@ -152,7 +137,10 @@ def night_view(live: LiveNight) -> dict[str, Any]:
         "caption": "no picture yet" if frame is None else words_of(frame),
         "slew": _slew_words(live),
         "nis": _nis_words(night),
-        "log": [[clock(each.t_utc_ns), each.level, printable(each.text)] for each in live.log],
+        "log": [
+            [clock(each.t_utc_ns), each.level, printable(each.text)]
+            for each in live.fold.log[-LOG_LINES:]
+        ],
         "tunables": [
             [name, label, unit, _setting(live.config, name), list(CHOICES.get(name, ()))]
             for name, label, unit in TUNED
@@ -162,59 +150,47 @@ def night_view(live: LiveNight) -> dict[str, Any]:
 
 def plots(night: DrawnNight) -> dict[str, str]:
     """Confidence, both residuals and NIS of the newest frames, as SVG by name."""
-    frames = night.frames[-SHOWN_FRAMES:]
-    if not frames:
+    newest = [(night.seconds(frame), frame) for frame in night.frames[-SHOWN_FRAMES:]]
+    if not newest:
         return {}
-    t_0, t_1 = night.seconds(frames[0]), night.seconds(frames[-1])
+    t_0, t_1 = newest[0][0], newest[-1][0]
     span = (t_0, t_1 if t_1 > t_0 else t_0 + 1.0)
-    ends = clock(frames[0].t_mid_utc_ns), clock(frames[-1].t_mid_utc_ns)
-    newest = _Newest(night=night, frames=frames, span=span, ends=ends)
+    ends = clock(newest[0][1].t_mid_utc_ns), clock(newest[-1][1].t_mid_utc_ns)
     return {
-        "confidence": _confidence(newest),
-        "east": _residual(newest, 0, "Δα cos δ"),
-        "north": _residual(newest, 1, "Δδ"),
-        "nis": _nis(newest),
+        "confidence": _confidence(newest, span, ends),
+        "east": _residual(newest, span, ends, 0, "Δα cos δ"),
+        "north": _residual(newest, span, ends, 1, "Δδ"),
+        "nis": _nis(newest, span, ends),
     }
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _Newest:
-    """The frames that are drawn, over which time, and the words at its ends."""
-
-    night: DrawnNight
-    frames: Sequence[NightFrame]
-    span: tuple[float, float]
-    ends: tuple[str, str]
+_Timed = Sequence[tuple[float, NightFrame]]
+"""Frames with their seconds since the night's first."""
 
 
-def _confidence(newest: _Newest) -> str:
-    night, frames = newest.night, newest.frames
-    axis = svg.Axis(x=newest.span, y=(0.0, 1.0))
+def _confidence(newest: _Timed, span: tuple[float, float], ends: tuple[str, str]) -> str:
+    axis = svg.Axis(x=span, y=(0.0, 1.0))
     taken = [
-        (
-            night.seconds(f),
-            f.measured.confidence,
-            f"frame {f.frame_id}: {f.measured.confidence:.2f}",
-        )
-        for f in frames
+        (t_s, f.measured.confidence, f"frame {f.frame_id}: {f.measured.confidence:.2f}")
+        for t_s, f in newest
         if f.measured is not None
     ]
-    missed = [
-        (night.seconds(f), 0.0, f"frame {f.frame_id}: {f.missed}") for f in frames if f.missed
-    ]
-    tau = svg.line(axis, [(night.seconds(f), f.tau) for f in frames], colour=svg.GREY, dashed=True)
+    missed = [(t_s, 0.0, f"frame {f.frame_id}: {f.missed}") for t_s, f in newest if f.missed]
+    tau = svg.line(axis, [(t_s, f.tau) for t_s, f in newest], colour=svg.GREY, dashed=True)
     marks = svg.dots(axis, taken, colour=svg.RED)
     holes = svg.dots(axis, missed, colour=svg.AMBER, hollow=True)
-    label = f"confidence of {len(taken)} measurements, {len(missed)} missed, tau {frames[-1].tau:g}"
-    return svg.drawing(axis, (tau, marks, holes), label=label, ends=newest.ends)
+    tau_now = newest[-1][1].tau
+    label = f"confidence of {len(taken)} measurements, {len(missed)} missed, tau {tau_now:g}"
+    return svg.drawing(axis, (tau, marks, holes), label=label, ends=ends)
 
 
-def _residual(newest: _Newest, index: int, what: str) -> str:
-    night, frames, span = newest.night, newest.frames, newest.span
+def _residual(
+    newest: _Timed, span: tuple[float, float], ends: tuple[str, str], index: int, what: str
+) -> str:
     points: list[tuple[float, float, str]] = []
     bounds: list[tuple[float, float]] = []
-    for frame in frames:
-        t_s, state = night.seconds(frame), frame.updated
+    for t_s, frame in newest:
+        state = frame.updated
         if state is None or not state.innovation_arcsec or not state.sigma_innovation_arcsec:
             bounds.append((t_s, math.nan))
             continue
@@ -233,21 +209,20 @@ def _residual(newest: _Newest, index: int, what: str) -> str:
         svg.dots(axis, points, colour=svg.RED),
     )
     label = f"residuals {what} of {len(points)} updates in their 3 sigma bounds, arcseconds"
-    return svg.drawing(axis, parts, label=label, ends=newest.ends)
+    return svg.drawing(axis, parts, label=label, ends=ends)
 
 
-def _nis(newest: _Newest) -> str:
-    night, frames, span = newest.night, newest.frames, newest.span
+def _nis(newest: _Timed, span: tuple[float, float], ends: tuple[str, str]) -> str:
     axis = svg.Axis(x=span, y=(0.0, NIS_TOP))
     points = [
-        (night.seconds(f), f.updated.nis, f"frame {f.frame_id}: NIS {f.updated.nis:.2f}")
-        for f in frames
+        (t_s, f.updated.nis, f"frame {f.frame_id}: NIS {f.updated.nis:.2f}")
+        for t_s, f in newest
         if f.updated is not None and f.updated.nis is not None
     ]
     ideal = svg.line(axis, [(span[0], 2.0), (span[1], 2.0)], colour=svg.GREY, dashed=False)
     parts = (svg.band(axis, *NIS_BAND), ideal, svg.dots(axis, points, colour=svg.BLUE))
     label = f"NIS of {len(points)} updates against its 95 % band"
-    return svg.drawing(axis, parts, label=label, ends=newest.ends)
+    return svg.drawing(axis, parts, label=label, ends=ends)
 
 
 def _nis_words(night: DrawnNight) -> str:
@@ -271,7 +246,7 @@ def _facts(status: Status) -> list[list[str]]:
 
 
 def _slew_words(live: LiveNight) -> str:
-    slew = live.slew
+    slew = live.fold.slew
     if slew is None:
         return "none ordered yet"
     place = direction(slew.ra_icrs_deg, slew.dec_icrs_deg)

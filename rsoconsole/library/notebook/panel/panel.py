@@ -42,7 +42,7 @@ class LivePanel(anywidget.AnyWidget):  # type: ignore[misc]
     status = traitlets.Dict().tag(sync=True)
     """The engine in words, at every look."""
     night = traitlets.Dict().tag(sync=True)
-    """Its record: plots, marks, log; where it has changed."""
+    """View of the record: plots, marks, log; sent where it has changed."""
     picture = traitlets.Bytes(b"").tag(sync=True)
     said = traitlets.Dict().tag(sync=True)
     asked = traitlets.Dict().tag(sync=True)
@@ -97,7 +97,7 @@ class LivePanel(anywidget.AnyWidget):  # type: ignore[misc]
 
     @property
     def is_running(self) -> bool:
-        """Whether it still looks."""
+        """Whether its thread still reads the engine."""
         return self._link.is_running
 
     def _receive(self, _widget: Any, content: Any, _buffers: Any) -> None:

@@ -1,4 +1,4 @@
-"""What the report says: figures of the night, its tracks, its course, what the operator did."""
+"""Facts of the report: tracks, course of the night, actions of the operator."""
 
 import math
 import statistics
@@ -18,7 +18,7 @@ GEO_WITHIN_ARCSEC_S = 0.3
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Course:
-    """What happened, in the order of the record, as the log has it."""
+    """Course of a night: lines of the log in the order of the record."""
 
     entries: tuple[LogLine, ...]
     actions: tuple[LogLine, ...]
@@ -38,16 +38,16 @@ class TrackFacts:
     sigma_arcsec: tuple[float, float]
     """Median one sigma of its measurements, right ascension on the sky and declination."""
     rate_arcsec_s: tuple[float, float] | None
-    """On the sky at its end."""
+    """Rate on the sky at its end."""
 
     @property
     def minutes(self) -> float:
-        """From its first measurement to its last."""
+        """Minutes from its first measurement to its last."""
         return (self.last.t_mid_utc_ns - self.first.t_mid_utc_ns) / 6e10
 
     @property
     def is_geostationary(self) -> bool:
-        """Whether it moves as what stands still over the turning Earth."""
+        """Whether its rate at the end is that of a point fixed over the turning Earth."""
         if self.rate_arcsec_s is None:
             return False
         east, north = self.rate_arcsec_s
@@ -92,7 +92,7 @@ def _track(known: NightTrack, rows: list[MeasuredRow]) -> TrackFacts:
 
 
 def read_course(session: Path) -> Course:
-    """What happened, with every order and every changed setting. Raises SessionError."""
+    """Read the course of a night, with every order and setting. Raises SessionError."""
     reader = SessionReader(session)
     night = Night(session, reader.about(), reader.config())
     done: list[LogLine] = []

@@ -3,14 +3,13 @@
 import base64
 import io
 import re
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 from rsoconsole.library.formats.rows import MeasuredRow
-from rsoconsole.library.notebook.figures.draw_sky import draw_about_line, draw_track
-from rsoconsole.library.notebook.figures.draw_time import draw_confidence, draw_nis, draw_residuals
+from rsoconsole.library.notebook.figures.figures import DRAWINGS, has_track
 from rsoconsole.library.notebook.night.night import DrawnNight
 from rsoconsole.night import NightFrame
 from rsoconsole.records import Solution
@@ -21,7 +20,7 @@ from rsoconsole.words import clock
 MAX_PICTURES = 40
 """Evenly chosen; those of missed frames come on top."""
 MAX_BYTES = 5_000_000
-"""Of all pictures together, as the page carries them."""
+"""Size of all pictures together, as the page carries them."""
 WIDE_PX = 300
 QUALITY = 72
 
@@ -56,7 +55,7 @@ def chosen_frames(frames: list[int], missed: Iterable[int]) -> list[int]:
 
 
 def pictures(session: Path, frames: Iterable[int]) -> tuple[Picture, ...]:
-    """Those of the frames that have a readable preview, until the budget is spent."""
+    """Pictures of the frames that have a readable preview, until the budget is spent."""
     reader = SessionReader(session)
     found: list[Picture] = []
     spent_bytes = 0
@@ -169,14 +168,8 @@ _URL = re.compile(r"url\(#([^)]+)\)")
 _OPENING = re.compile(r"<svg\b[^>]*?viewBox=\"([^\"]+)\"[^>]*>", re.DOTALL)
 
 
-_DRAWN: Mapping[str, tuple[Callable[[Any, DrawnNight], None], float]] = {
-    "confidence": (draw_confidence, 2.8),
-    "track": (draw_track, 4.6),
-    "about_line": (draw_about_line, 4.6),
-    "residuals": (draw_residuals, 4.6),
-    "nis": (draw_nis, 2.8),
-}
-"""What draws each, and how high it is in inches; the page has their titles and captions."""
+_HEIGHTS_IN = {3.0: 2.8, 5.0: 4.6}
+"""Of a figure in the page, by its height in print."""
 
 
 def inline_figures(night: DrawnNight, with_firsts: DrawnNight) -> dict[str, str]:
@@ -185,13 +178,14 @@ def inline_figures(night: DrawnNight, with_firsts: DrawnNight) -> dict[str, str]
     Well-formed, without any reference out of the page. ``with_firsts``: the same night where what
     began a track counts as taken by it, for the confidences.
     """
-    has_track = any(frame.updated is not None for frame in night.frames)
     drawn = {}
-    for name, (draw, height_in) in _DRAWN.items():
-        if name == "confidence":
-            drawn[name] = _inlined(_drawn(draw, with_firsts, height_in), name)
-        elif has_track:
-            drawn[name] = _inlined(_drawn(draw, night, height_in), name)
+    for drawing in DRAWINGS.values():
+        if drawing.needs_track and not has_track(night):
+            continue
+        name = drawing.name.removeprefix("track_")
+        source = night if drawing.needs_track else with_firsts
+        height_in = _HEIGHTS_IN[drawing.height_in]
+        drawn[name] = _inlined(_drawn(drawing.draw, source, height_in), name)
     return drawn
 
 

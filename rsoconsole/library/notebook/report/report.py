@@ -49,7 +49,7 @@ from rsoconsole.words import (
 )
 
 MAX_PAIRS = 40
-"""In the page's table, those that came nearest first; the rest stand in the session."""
+"""Most pairs in the page's table, the nearest first; the session has all."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -67,26 +67,18 @@ class UnseenFacts:
     """A catalogued object that stood in frames and was not followed there."""
 
     looks: int
-    """How often the catalogue was asked while it should have been there, and no track was of it."""
+    """Number of comparisons with the catalogue that expected it, while no track was of it."""
     of_looks: int
-    """How often the catalogue was asked on record."""
+    """Number of comparisons with the catalogue on record."""
     lit: int
-    """Of ``looks`` those in which the Sun shone on it."""
+    """Number of ``looks`` in which the Sun shone on it."""
     last: UnseenMember
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class FieldFacts:
-    """Of the whole field."""
-
-    pairs: tuple[PairFacts, ...] = ()
-    """Nearest first."""
-    unseen: tuple[UnseenFacts, ...] = ()
-    """Those that were missed most often first."""
-
-
-def field_facts(records: Iterable[Record]) -> FieldFacts:
-    """From the records of a session, in order of time."""
+def field_facts(
+    records: Iterable[Record],
+) -> tuple[tuple[PairFacts, ...], tuple[UnseenFacts, ...]]:
+    """Pairs, the nearest first, and unseen objects, those missed most often first."""
     pairs: dict[tuple[int, int], PairFacts] = {}
     unseen: dict[int, tuple[int, int, UnseenMember]] = {}
     looks = 0
@@ -103,9 +95,9 @@ def field_facts(records: Iterable[Record]) -> FieldFacts:
                     unseen[member.norad_id] = (count + 1, lit + member.is_lit, member)
             case _:
                 pass
-    return FieldFacts(
-        pairs=tuple(sorted(pairs.values(), key=lambda each: each.nearest_arcsec)),
-        unseen=tuple(
+    return (
+        tuple(sorted(pairs.values(), key=lambda each: each.nearest_arcsec)),
+        tuple(
             UnseenFacts(looks=count, of_looks=looks, lit=lit, last=member)
             for _, (count, lit, member) in sorted(
                 unseen.items(), key=lambda item: (-item[1][0], item[0])
@@ -121,7 +113,7 @@ def _nearer(before: PairFacts | None, now: PairMotion) -> PairFacts:
 
 
 PARTS = ("slew_s", "settle_s", "shutter_s", "open_s", "readout_s", "wait_s")
-"""Of a leap's time, in order."""
+"""Parts of a leap's time, in order."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -135,7 +127,7 @@ class PassFacts:
     at_close: int
     """Ordered as the shutter of the one before closed."""
     unmet: str
-    """What came of the others, counted: ``2 another streak, 1 not solved``."""
+    """Results of the other leaps, counted: ``2 another streak, 1 not solved``."""
     total_s: float | None
     """Median from order to order; None where none was over."""
     parts_s: tuple[float, ...]
@@ -161,6 +153,10 @@ def _facts(over: LowPass, leaps: Sequence[LeapDone]) -> PassFacts:
     met = [each for each in leaps if each.result == "met"]
     others = [each.result for each in leaps if each.result != "met"]
     counted = (f"{others.count(kind)} {kind}" for kind in dict.fromkeys(others))
+    along, across = (
+        _median([abs(off) for each in met if (off := getattr(each, name)) is not None])
+        for name in ("off_along_arcsec", "off_across_arcsec")
+    )
     return PassFacts(
         over=over,
         leaps=len(leaps),
@@ -171,12 +167,8 @@ def _facts(over: LowPass, leaps: Sequence[LeapDone]) -> PassFacts:
         parts_s=tuple(_median([getattr(each, part) for each in leaps]) or 0.0 for part in PARTS)
         if leaps
         else (),
-        along_arcsec=_median(
-            [abs(off) for each in met if (off := each.off_along_arcsec) is not None]
-        ),
-        across_arcsec=_median(
-            [abs(off) for each in met if (off := each.off_across_arcsec) is not None]
-        ),
+        along_arcsec=along,
+        across_arcsec=across,
     )
 
 
@@ -205,7 +197,8 @@ def render_report(session: Path) -> Report:
     """
     night, exported = read_night(session), read_rows(session)
     known = tracks_of(night.frames)
-    field = field_facts(record for _, _, record in SessionReader(session).records())
+    log = [record for _, _, record in SessionReader(session).records()]
+    pairs, unseen = field_facts(log)
     course = read_course(session)
     figures = summary_of(night.frames)
     tracks = track_facts(exported.rows, known)
@@ -227,10 +220,10 @@ def render_report(session: Path) -> Report:
             verdict=_conclusion(night, figures, tracks, said),
             key_figures=_key_figures(figures, course),
             tracks=tracks,
-            pairs=field.pairs[:MAX_PAIRS],
-            pairs_left_out=max(len(field.pairs) - MAX_PAIRS, 0),
-            unseen=field.unseen,
-            passes=pass_facts(record for _, _, record in SessionReader(session).records()),
+            pairs=pairs[:MAX_PAIRS],
+            pairs_left_out=max(len(pairs) - MAX_PAIRS, 0),
+            unseen=unseen,
+            passes=pass_facts(log),
             drawings=inline_figures(night, _with_firsts(night, rows)),
             alts=_alts(night, figures),
             pictures=shown,

@@ -47,17 +47,17 @@ class Identification:
 
     @property
     def name(self) -> str | None:
-        """Of the object; None unless it is identified."""
+        """Name of the object; None unless it is identified."""
         return self._found.matches[0].name if self.verdict == "identified" else None
 
     @property
     def norad_id(self) -> int | None:
-        """Its catalogue number; None unless it is identified."""
+        """Catalogue number of the object; None unless it is identified."""
         return self._found.matches[0].norad_id if self.verdict == "identified" else None
 
     @property
     def probability(self) -> float | None:
-        """That it is this one; None unless it is identified."""
+        """Probability of this object; None unless it is identified."""
         return self._found.matches[0].probability if self.verdict == "identified" else None
 
     @property
@@ -67,12 +67,12 @@ class Identification:
 
     @property
     def reason(self) -> str:
-        """What the verdict rests on."""
+        """Reason of the verdict, in words."""
         return self._found.reason
 
     @property
     def hint(self) -> str:
-        """Of a manoeuvre; empty as a rule."""
+        """Hint of a manoeuvre; empty as a rule."""
         return self._found.hint
 
     @property
@@ -119,7 +119,7 @@ class Identification:
         return table
 
     def report(self) -> dict[str, Any]:
-        """What ``rsoconsole identify --json`` says of one track."""
+        """The report of ``rsoconsole identify --json`` on one track."""
         arc_s = float(self._seen.t_s[-1] - self._seen.t_s[0])
         return identification_report(self.name or "", self._found, arc_s)
 
@@ -136,7 +136,7 @@ ElementsLike: TypeAlias = str | PathLike[str] | Sequence[str | PathLike[str]]
 
 
 class Beside(TypedDict, total=False):
-    """What may be given beside observations."""
+    """Keywords of ``identify``."""
 
     tle: ElementsLike | None
     gate: Number

@@ -1,4 +1,4 @@
-"""When satellites can be seen from a site: up, lit, in darkness, and in one field."""
+"""Times at which satellites can be seen from a site: up, lit, in darkness, in one field."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -32,14 +32,14 @@ BoolArray = npt.NDArray[np.bool_]
 SEARCHED_DAYS = 30
 """A navigation satellite that is up by day alone is up by night four weeks later."""
 CONTENT_DAYS = 5
-"""How many more are looked through for a longer time than the first that was found."""
+"""Days searched for a longer window after the first that was found."""
 LOOKS_PER_REVOLUTION = 288
 SHORTEST_STEP_S, LONGEST_STEP_S = 10.0, 300.0
 ALTITUDE_MARGIN_DEG = 1.0
 TOGETHER_FIELDS = 0.6
 """Share of the field's short side within which several targets must stand."""
 HIGHEST_DECLINATION_DEG = 80.0
-"""Beyond it right ascensions run wild; no time is picked there."""
+"""Highest declination of a chosen time: beyond it right ascension changes too fast."""
 MIN_SNR = 30.0
 """Integrated SNR that a target should have; no time is picked at which it would be fainter."""
 SIDEREAL_ARCSEC_S = 15.0411
@@ -52,7 +52,7 @@ _FEW_DAYS = 3
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Look:
+class Views:
     """Targets at N instants; arrays (M targets, N) but for those of the site alone."""
 
     t_utc_ns: IntArray
@@ -79,7 +79,7 @@ class Window:
     visible_s: float
 
 
-def look(satellites: Sequence[Satellite], site: Site, t_utc_ns: IntArray) -> Look:
+def views_of(satellites: Sequence[Satellite], site: Site, t_utc_ns: IntArray) -> Views:
     """The targets from a site at instants (N,); NaN where SGP4 fails."""
     seen = [each.astrometric_place(site, t_utc_ns) for each in satellites]
     altitudes, hour_angles = [], []
@@ -93,15 +93,16 @@ def look(satellites: Sequence[Satellite], site: Site, t_utc_ns: IntArray) -> Loo
         separation_deg(first.ra_icrs_deg, first.dec_icrs_deg, each.ra_icrs_deg, each.dec_icrs_deg)
         for each in seen
     ]
-    cos_dec = [np.cos(np.radians(each.dec_icrs_deg)) for each in seen]
-    north = [each.dec_rate_deg_s * 3600.0 for each in seen]
-    east = [each.ra_rate_deg_s * 3600.0 for each in seen]
-    return Look(
+    dec_deg = np.array([each.dec_icrs_deg for each in seen])
+    cos_dec = np.cos(np.radians(dec_deg))
+    north = np.array([each.dec_rate_deg_s for each in seen]) * 3600.0
+    east = np.array([each.ra_rate_deg_s for each in seen]) * 3600.0
+    return Views(
         t_utc_ns=t_utc_ns,
         sun_altitude_deg=_sun_altitude_deg(site, t_utc_ns),
         altitude_deg=np.array(altitudes),
         hour_angle_deg=np.array(hour_angles),
-        dec_deg=np.array([each.dec_icrs_deg for each in seen]),
+        dec_deg=dec_deg,
         lit=np.array([lit_fraction(each.position_gcrs_km, t_utc_ns) for each in seen]),
         snr=np.array(
             [
@@ -110,8 +111,8 @@ def look(satellites: Sequence[Satellite], site: Site, t_utc_ns: IntArray) -> Loo
             ]
         ),
         apart_deg=np.max(np.array(apart), axis=0),
-        rate_arcsec_s=_fastest(east, north, cos_dec),
-        ground_rate_arcsec_s=_fastest([e - SIDEREAL_ARCSEC_S for e in east], north, cos_dec),
+        rate_arcsec_s=np.max(np.hypot(east * cos_dec, north), axis=0),
+        ground_rate_arcsec_s=np.max(np.hypot((east - SIDEREAL_ARCSEC_S) * cos_dec, north), axis=0),
     )
 
 
@@ -142,13 +143,6 @@ def _dark(site: Site, t_utc_ns: IntArray, twilight_deg: float) -> IntArray:
     return t_utc_ns[altitude_deg <= twilight_deg]
 
 
-def _fastest(
-    east: Sequence[FloatArray], north: Sequence[FloatArray], cos_dec: Sequence[FloatArray]
-) -> FloatArray:
-    rates = [np.hypot(e * c, n) for e, n, c in zip(east, north, cos_dec, strict=True)]
-    return np.asarray(np.max(np.array(rates), axis=0))
-
-
 def first_window(
     satellites: Sequence[Satellite],
     site: Site,
@@ -170,13 +164,13 @@ def first_window(
     found: tuple[Window, bool] | None = None
     waited = 0
     bounds = (satellites, limits, optics)
-    looks: list[tuple[Look, BoolArray]] = []
+    looks: list[tuple[Views, BoolArray]] = []
     for day in range(SEARCHED_DAYS):
         steps = np.arange(day * per_day, (day + 1) * per_day, dtype=np.int64)
         dark_ns = _dark(site, from_utc_ns + steps * step_ns, limits.twilight_deg)
         if len(dark_ns) == 0:
             continue
-        seen = look(satellites, site, dark_ns)
+        seen = views_of(satellites, site, dark_ns)
         looks.append((seen, np.all(list(conditions(seen, limits, optics).values()), axis=0)))
         found = _best_run(looks, step_ns, frames, min(optics.field_deg))
         if found is None and len(looks) == 1 and period_s > _SLOW_S:
@@ -198,16 +192,16 @@ def _overview(
     site: Site,
     from_utc_ns: int,
     days: int,
-    looks: Sequence[tuple[Look, BoolArray]] = (),
-) -> Look:
+    looks: Sequence[tuple[Views, BoolArray]] = (),
+) -> Views:
     """Whole days, by light too, every quarter of an hour beside what was looked at."""
     whole_ns = from_utc_ns + np.arange(days * 96 + 1, dtype=np.int64) * (NS_PER_DAY // 96)
     at_ns = np.concatenate([whole_ns, *(seen.t_utc_ns for seen, _ in looks)])
-    return look(satellites, site, np.sort(at_ns))
+    return views_of(satellites, site, np.sort(at_ns))
 
 
-def conditions(seen: Look, limits: LimitsConfig, optics: OpticsConfig) -> dict[str, BoolArray]:
-    """What must hold for a time to be picked, (N,) each, by the words for its failing."""
+def conditions(seen: Views, limits: LimitsConfig, optics: OpticsConfig) -> dict[str, BoolArray]:
+    """Conditions for a time to be chosen, (N,) each, by the words for its failing."""
     low_deg = limits.min_altitude_deg + ALTITUDE_MARGIN_DEG
     with np.errstate(invalid="ignore"):
         is_up = (seen.altitude_deg >= low_deg) & (
@@ -224,7 +218,7 @@ def conditions(seen: Look, limits: LimitsConfig, optics: OpticsConfig) -> dict[s
 
 
 def _best_run(
-    looks: Sequence[tuple[Look, BoolArray]], step_ns: int, frames: int, short_side_deg: float
+    looks: Sequence[tuple[Views, BoolArray]], step_ns: int, frames: int, short_side_deg: float
 ) -> tuple[Window, bool] | None:
     """The first run of instants long enough, and True; else the longest, and False."""
     is_good = np.concatenate([good for _, good in looks])
@@ -245,7 +239,7 @@ def _best_run(
 
 
 def _why_never(
-    seen: Look, satellites: Sequence[Satellite], limits: LimitsConfig, optics: OpticsConfig
+    seen: Views, satellites: Sequence[Satellite], limits: LimitsConfig, optics: OpticsConfig
 ) -> str:
     """The first condition that is never met together with those before it."""
     named = [each.element_set for each in satellites]
@@ -276,7 +270,7 @@ def _why_never(
     )
 
 
-def refuse_time(
+def expect_visible(
     satellites: Sequence[Satellite],
     site: Site,
     t_utc_ns: int,
@@ -285,7 +279,7 @@ def refuse_time(
     optics: OpticsConfig,
 ) -> None:
     """Raise ConfigError with the reason where the targets cannot be seen at an instant."""
-    seen = look(satellites, site, np.array([t_utc_ns], dtype=np.int64))
+    seen = views_of(satellites, site, np.array([t_utc_ns], dtype=np.int64))
     at = utc_ns_to_iso(t_utc_ns, 0)
     try_this = "without --at a time is picked"
     if seen.sun_altitude_deg[0] > limits.twilight_deg:
@@ -330,7 +324,7 @@ def visible_from(
     """Seconds from an instant for which every condition of a night goes on to hold."""
     step_s = max(up_to_s / 200.0, 1.0)
     ahead_ns = np.rint(np.arange(0.0, up_to_s + step_s, step_s) * NS_PER_S).astype(np.int64)
-    seen = look(satellites, site, np.int64(t_utc_ns) + ahead_ns)
+    seen = views_of(satellites, site, np.int64(t_utc_ns) + ahead_ns)
     good = np.all(list(conditions(seen, limits, optics).values()), axis=0)
     ends = np.flatnonzero(~good)
     return float(up_to_s if len(ends) == 0 else ends[0] * step_s)

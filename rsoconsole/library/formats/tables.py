@@ -7,11 +7,12 @@ NaN.
 """
 
 from collections.abc import Sequence
+from importlib import import_module
 from typing import Any
 
 import numpy as np
 
-from rsoconsole.library.notebook._extra import needed
+from rsoconsole.base import RsoconsoleError
 from rsoconsole.night import Row
 from rsoconsole.records import Column
 from rsoconsole.sky import jd_utc
@@ -37,13 +38,17 @@ def as_table(columns: Sequence[Column], rows: Sequence[Row], meta: dict[str, Any
     return table
 
 
-def _times(values: Sequence[int | None]) -> Any:
+def utc_time(t_utc_ns: Any) -> Any:
+    """An astropy ``Time`` of UTC nanoseconds, () or (N,); as text it is as exact."""
     from astropy.time import Time
 
-    present = np.array([0 if value is None else value for value in values], np.int64)
-    times = Time(*jd_utc(present), format="jd", scale="utc")
-    times.format = "isot"
-    times.precision = 9  # what is written as text is as exact
+    found = Time(*jd_utc(t_utc_ns), format="jd", scale="utc")
+    found.format, found.precision = "isot", 9
+    return found
+
+
+def _times(values: Sequence[int | None]) -> Any:
+    times = utc_time(np.array([0 if value is None else value for value in values], np.int64))
     missing = np.array([value is None for value in values], bool)
     if missing.any():
         times[missing] = np.ma.masked
@@ -105,3 +110,13 @@ def _timestamps(pandas: Any, values: Sequence[int | None]) -> Any:
     nothing = np.datetime64("NaT", "ns").astype(np.int64)
     whole = np.array([nothing if value is None else value for value in values], np.int64)
     return pandas.Series(whole.view("datetime64[ns]")).dt.tz_localize("UTC")
+
+
+def needed(library: str, what: str) -> Any:
+    """A library of the extra ``notebook``; RsoconsoleError names that where it is missing."""
+    try:
+        return import_module(library)
+    except ImportError as error:
+        raise RsoconsoleError(
+            f"{what} needs {library} ({error}): pip install 'rsoconsole[notebook]'"
+        ) from error

@@ -1,15 +1,18 @@
-"""Verbs that keep the house: doctor, config, index."""
+"""Verbs for the set-up of a machine: doctor, config, index, alerts."""
 
+import contextlib
+import logging
 from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from rsoconsole.base import ConfigError
 from rsoconsole.cli.words import output
 from rsoconsole.cli.words.batch_options import byte_progress
 from rsoconsole.cli.words.options import ConfigOption, JsonOption
-from rsoconsole.config import default_config_path, load_config
+from rsoconsole.config import APP, default_config_path, load_config
 from rsoconsole.words import counted
 
 if TYPE_CHECKING:
@@ -19,14 +22,10 @@ if TYPE_CHECKING:
 config_app = typer.Typer(
     no_args_is_help=True, help="The effective configuration: show, init, check."
 )
+alerts_app = typer.Typer(
+    no_args_is_help=True, help="Messages to the operator's telephone and mail: test."
+)
 index_app = typer.Typer(no_args_is_help=True, help="Plate-solver index files: list, install.")
-
-
-def register(app: typer.Typer) -> None:
-    """Hang the verbs into the program."""
-    app.command()(doctor)
-    app.add_typer(config_app, name="config")
-    app.add_typer(index_app, name="index")
 
 
 def doctor(
@@ -56,7 +55,7 @@ def doctor(
     for check in run_checks(load_config(config)):
         failed += check.ok is False
         output.answer(json_, check, _check_lines)
-    output.exit_where(failed, f"{counted(failed, 'check')} failed; each says what to do")
+    output.exit_if(failed, f"{counted(failed, 'check')} failed; each says what to do")
 
 
 def _check_lines(check: "Check") -> Iterator[str]:
@@ -112,13 +111,13 @@ def config_check(config: ConfigOption = None, json_: JsonOption = False) -> None
     faults = config_faults(config)
     for fault in faults:
         output.answer(json_, fault, lambda f: f"{f.name or 'file'}: {f.problem}: {f.remedy}")
-    output.exit_where(len(faults), f"{counted(len(faults), 'fault')} in the configuration")
+    output.exit_if(len(faults), f"{counted(len(faults), 'fault')} in the configuration")
     if not json_:
         output.say(*sound_lines(config))
 
 
 def sound_lines(config: Path | None) -> list[str]:
-    """Which file was read and found sound; without one, what holds in its place."""
+    """Lines on the file that is sound; without a file, the defaults that hold."""
     path = config or default_config_path()
     if path.exists():
         return [f"{path}: the configuration is sound"]
@@ -180,3 +179,49 @@ def index_install(
         installed = install(wanted, from_dir=from_, progress=report)
     for file in installed:
         output.say(f"{file.scale}  {file.size_bytes / 1e6:.1f} MB  {file.path}")
+
+
+@alerts_app.command("test")
+def send_test(config: ConfigOption = None, json_: JsonOption = False) -> None:
+    """Send a message by each service of [alerts], and call the heartbeat once.
+
+    Exit 1 where one of them does not take it. --json: `service, ok, detail`, one object a service.
+
+    Example: rsoconsole alerts test
+    """
+    from rsoconsole.engine import send_heartbeat, send_within, services_of
+
+    settings = load_config(config)
+    if not settings.alerts.is_wanted:
+        raise ConfigError(
+            'no service is configured: write alerts.services = ["ntfy://TOPIC"] into the'
+            " configuration, with a topic of your own"
+        )
+    title = f"rsoconsole {settings.site.name}: test"
+    body = "a test: word reaches you"
+    with _only_own_messages():
+        results = [
+            (each.name, send_within(each.url, title, body)) for each in services_of(settings.alerts)
+        ]
+    if settings.alerts.heartbeat_url:
+        results.append(("heartbeat", send_heartbeat(settings.alerts.heartbeat_url)))
+    for name, done in results:
+        if json_:
+            output.emit_json({"service": name, "ok": done.ok, "detail": done.detail})
+        else:
+            output.say(f"{'ok  ' if done.ok else 'FAIL'} {name:16} {done.detail}")
+    failed = sum(not done.ok for _, done in results)
+    output.exit_if(failed, f"{counted(failed, 'service')} did not take it; each says why")
+
+
+@contextlib.contextmanager
+def _only_own_messages() -> Iterator[None]:
+    """Nothing that apprise and its libraries say is logged: it may hold an address."""
+    handlers, own = list(logging.getLogger().handlers), logging.Filter(APP)
+    for handler in handlers:
+        handler.addFilter(own)
+    try:
+        yield
+    finally:
+        for handler in handlers:
+            handler.removeFilter(own)

@@ -17,7 +17,7 @@ from rsoconsole.library._given import (
     table_of,
 )
 from rsoconsole.library._observations import META, sigmas_of
-from rsoconsole.library.frames import Frames, frame_facts, opened
+from rsoconsole.library.frames import Frames, frame_facts, read_given
 from rsoconsole.pipeline import Reduction, frame_taken_record, open_reducer
 from rsoconsole.records import Column, Frame, Measurement, NotSolved, Record, Solution
 from rsoconsole.session import encode
@@ -72,7 +72,7 @@ def measure(
     """
     settings = config_of(config, {"detector.tau": tau})
     place = configured_site(config) if site is None else site_of(site)
-    said = frame_facts(
+    facts = frame_facts(
         extension=extension, t_start=t_start, exposure=exposure, scale=scale, pointing=pointing
     )
     taken: list[Measurement] = []
@@ -82,7 +82,7 @@ def measure(
     records: list[list[list[str]]] = []
     notes: dict[str, None] = {}
     with open_reducer(settings) as (reducer, _):
-        for frame in opened(frames, said):
+        for frame in read_given(frames, facts):
             _expect_time(frame)
             reduction = reducer.reduce(frame)
             names[frame.frame_id] = frame.name
@@ -131,7 +131,6 @@ def _records(frame: Frame, reduction: Reduction) -> list[list[str]]:
 def _shown(frame: Frame, reduction: Reduction) -> dict[str, Any]:
     """What a reader wants to know of a frame."""
     solution = reduction.solution
-    is_solved = isinstance(solution, Solution)
     t_mid_ns = frame.t_mid_utc_ns
     return {
         "frame": frame.name,
@@ -139,7 +138,7 @@ def _shown(frame: Frame, reduction: Reduction) -> dict[str, Any]:
         "exposure_s": frame.exposure_s,
         "detections": len(reduction.detections.detections),
         "measurements": len(reduction.measurements),
-        "is_solved": is_solved,
+        "is_solved": isinstance(solution, Solution),
         "why_not": solution.reason if isinstance(solution, NotSolved) else None,
         "rms_arcsec": solution.rms_arcsec if isinstance(solution, Solution) else None,
     }

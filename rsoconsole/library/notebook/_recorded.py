@@ -1,0 +1,80 @@
+"""A session as it is on record: what it says of itself, its log, and the frames in it."""
+
+from pathlib import Path
+from typing import Any, Self
+
+from rsoconsole.config import Config
+from rsoconsole.library.notebook.figures.figures import NightPlots
+from rsoconsole.library.notebook.night.night import DrawnNight, night_of, nonempty, title_of
+from rsoconsole.night import Logged, NightFrames, NightTrack, Summary, summary_of, tracks_of
+from rsoconsole.session import SessionReader
+
+
+class RecordedSession(NightPlots):
+    """The record of one session, read so far."""
+
+    def __init__(self, folder: Path) -> None:
+        self._reader = SessionReader(folder)
+        self._about = self._reader.about()
+        self._log: list[Logged] = []
+        self._frames = NightFrames(self._reader.config())
+        self.refresh()
+
+    def refresh(self) -> Self:
+        """Read what has been recorded since; for a session that goes on. Returns itself."""
+        self._about = self._reader.about()
+        since = self._log[-1][0] if self._log else 0
+        for seq, t_utc_ns, record in self._reader.records(since_seq=since):
+            self._log.append((seq, t_utc_ns, record))
+            self._frames.take(record)
+        return self
+
+    @property
+    def path(self) -> Path:
+        """Folder of the session."""
+        return self._reader.folder
+
+    @property
+    def title(self) -> str:
+        """Title of the session."""
+        return title_of(self._about, self.path)
+
+    @property
+    def about(self) -> dict[str, Any]:
+        """Metadata from its beginning: versions, the network's hash and so on."""
+        return dict(self._about)
+
+    @property
+    def config(self) -> Config:
+        """The configuration it began with."""
+        return self._reader.config()
+
+    @property
+    def is_closed(self) -> bool:
+        """False while it goes on, and where it was cut off."""
+        return self._about.get("is_closed") is True
+
+    @property
+    def summary(self) -> Summary:
+        """The night in a handful of figures."""
+        return summary_of(self._night().frames)
+
+    @property
+    def tracks(self) -> dict[int, NightTrack]:
+        """Every track by its number, with its orbit and its name.
+
+        >>> night.tracks[2].orbit.a_km, night.tracks[2].name
+        """
+        return tracks_of(self._frames.seen())
+
+    @property
+    def records(self) -> tuple[Logged, ...]:
+        """(seq, t_utc_ns, record) of everything read so far, in the order of the log."""
+        return tuple(self._log)
+
+    def nights(self) -> tuple[DrawnNight, ...]:
+        """The night that is drawn."""
+        return (nonempty(self._night(), self.path),)
+
+    def _night(self) -> DrawnNight:
+        return night_of(self.title, self.config, self._frames.seen())
