@@ -32,14 +32,14 @@ async def taken(frames: int, session: Path) -> str:
     from rsoconsole.cli.demo.demo import demo_config
     from rsoconsole.cli.demo.demo_night import Night, NightProcess
     from rsoconsole.console.app import ConsoleApp
-    from rsoconsole.control import ControlClient, Shutdown
+    from rsoconsole.control import ControlClient, Sender, Shutdown
     from rsoconsole.simulator import scenario_named
 
     scenario = scenario_named("intelsat-14")
     config = demo_config(scenario.site, preset="tuned", keep_frames="none")
     night = Night(scenario=scenario.name, seed=1, speed=SPEED, frames=None, session=session)
     process = NightProcess(config, night)
-    app = ConsoleApp(lambda: ControlClient(process.socket, by="console picture"))
+    app = ConsoleApp(lambda: ControlClient(process.socket, sender=Sender(name="console picture")))
     try:
         async with app.run_test(size=SIZE) as pilot:
             waited_s = 0.0
@@ -51,7 +51,7 @@ async def taken(frames: int, session: Path) -> str:
             await pilot.pause(1.0)
             return app.export_screenshot(title="rsoconsole")
     finally:
-        ControlClient(process.socket, by="picture").send(Shutdown())
+        ControlClient(process.socket, sender=Sender(name="picture")).send(Shutdown())
         process.figures()
 
 

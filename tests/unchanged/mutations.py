@@ -73,17 +73,17 @@ MUTATIONS = (
     ),
     Mutation(
         "ABORT is not repeated",
-        "stop_measure.py",
+        "motion.py",
         "sends = must_repeat and",
         "sends = not must_repeat and",
-        ("tests/instruments/test_stop_measure.py", "tests/instruments/test_odd_sequences.py"),
+        ("tests/instruments/test_stop_measure.py", "tests/engine/test_odd_sequences.py"),
     ),
     Mutation(
         "a mount that moves is at rest",
-        "stop_measure.py",
+        "motion.py",
         "self.is_over = motion.is_at_rest or",
         "self.is_over = not motion.is_at_rest or",
-        ("tests/instruments/test_stop_measure.py", "tests/instruments/test_odd_sequences.py"),
+        ("tests/instruments/test_stop_measure.py", "tests/engine/test_odd_sequences.py"),
     ),
     Mutation(
         "no ABORT at a limit",

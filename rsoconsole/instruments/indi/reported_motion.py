@@ -95,7 +95,7 @@ class ReportedMotion:
         with self._lock:
             return self._now_s() - self._reported_s <= self._meter.span_s + self._meter.period_s
 
-    def needs_query(self) -> bool:
+    def wants_word(self) -> bool:
         """True when the silent driver is to be asked for its coordinates now; counts as asked."""
         with self._lock:
             now_s = self._now_s()
