@@ -76,14 +76,14 @@ MUTATIONS = (
         "motion.py",
         "sends = must_repeat and",
         "sends = not must_repeat and",
-        ("tests/instruments/test_stop_measure.py", "tests/engine/test_odd_sequences.py"),
+        ("tests/instruments/test_motion.py", "tests/engine/test_odd_sequences.py"),
     ),
     Mutation(
         "a mount that moves is at rest",
         "motion.py",
         "self.is_over = motion.is_at_rest or",
         "self.is_over = not motion.is_at_rest or",
-        ("tests/instruments/test_stop_measure.py", "tests/engine/test_odd_sequences.py"),
+        ("tests/instruments/test_motion.py", "tests/engine/test_odd_sequences.py"),
     ),
     Mutation(
         "no ABORT at a limit",
