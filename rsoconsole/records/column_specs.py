@@ -65,7 +65,7 @@ rotation_deg real position angle of the array's y axis, east of north
 is_flipped truth a mirror image of the sky
 matched integer stars that agree with the catalogue
 rms_arcsec real residual of one star, per axis
-path text full or refit
+path text full, refit or shift
 ms real how long it took
 wcs json gnomonic plate with its distortion
 """

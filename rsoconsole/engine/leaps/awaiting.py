@@ -125,15 +125,15 @@ def last_words(track: LeapTrack, parts: Sequence[LeapParts]) -> str:
     if not parts:
         return words
 
-    def mean(of: Callable[[LeapParts], float]) -> float:
+    def median(of: Callable[[LeapParts], float]) -> float:
         return float(np.median([of(each) for each in parts]))
 
     return (
-        f"{words}; a leap took {mean(lambda each: each.total_s):.1f} s: slew"
-        f" {mean(lambda each: each.slew_s):.1f}, settle {mean(lambda each: each.settle_s):.1f},"
-        f" shutter {mean(lambda each: each.shutter_s):.1f}, exposure"
-        f" {mean(lambda each: each.open_s):.2f}, read-out"
-        f" {mean(lambda each: each.readout_s):.1f}, wait {mean(lambda each: each.wait_s):.1f}"
+        f"{words}; a leap took {median(lambda each: each.total_s):.1f} s: slew"
+        f" {median(lambda each: each.slew_s):.1f}, settle {median(lambda each: each.settle_s):.1f},"
+        f" shutter {median(lambda each: each.shutter_s):.1f}, exposure"
+        f" {median(lambda each: each.open_s):.2f}, read-out"
+        f" {median(lambda each: each.readout_s):.1f}, wait {median(lambda each: each.wait_s):.1f}"
     )
 
 

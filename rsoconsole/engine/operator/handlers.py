@@ -1,7 +1,7 @@
 """Handlers of commands: a check on the wire's threads, the execution on the loop's.
 
-Each part of the engine brings the handlers of its own commands (``modes.py``, ``by_hand.py``,
-``settings.py``, ``decisions.py``, ``seek.py``); the loop and the command handler only look them up.
+Each part of the engine brings the handlers of its own commands (``by_hand.py``,
+``decisions.py``, the classes here); the loop and the command handler only look them up.
 """
 
 from collections.abc import Callable, Iterable, Mapping
