@@ -1,4 +1,4 @@
-"""The bottom of all rooms: faults with their remedies, files that are whole, text of others."""
+"""The lowest package: errors with their remedies, durable files, foreign text."""
 
 from lazy_loader import attach_stub
 

@@ -1,6 +1,6 @@
 """A module in a process of its own, at the other end of a socket: native code may crash or hang.
 
-Camera and mount have theirs elsewhere (``instruments/indi/indi_process.py``).
+Camera and mount have their own kind (``instruments/indi/indi_process.py``).
 """
 
 import contextlib
@@ -17,7 +17,7 @@ class ChildProcess:
     """A module's process, one at a time: one that has ended is replaced with the next ``start``."""
 
     def __init__(self, module: str, *, is_group_of_its_own: bool = False) -> None:
-        """``module``: has ``main(socket_fd)``, which ends where the socket does.
+        """``module``: defines ``main(socket_fd)``, which ends when the socket closes.
 
         ``is_group_of_its_own``: Ctrl+C in the terminal does not reach the process.
         """
@@ -33,11 +33,12 @@ class ChildProcess:
 
     @property
     def has_died(self) -> bool:
-        """Whether the process has ended by itself, and nobody has called ``end`` since."""
+        """True where the process has ended by itself, and ``end`` has not been called since."""
         return self._process is not None and self.pid is None
 
     def start(self) -> Connection:
-        """The parent's end of the socket, of a new process where none lives. Raises OSError."""
+        """Return the parent's end of the socket, of a new process where none lives. Raises
+        OSError."""
         if self.pid is None or self._connection is None:
             self.end()
             ours, theirs = socket.socketpair()

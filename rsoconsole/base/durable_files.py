@@ -1,4 +1,4 @@
-"""Files that are whole on the disk, with their names, or not there at all; files that lock."""
+"""Files that are written whole, name included, or not at all; files that lock."""
 
 import errno
 import fcntl
@@ -14,8 +14,8 @@ _POLL_S = 0.05
 def write_durably(path: Path, content: bytes, mode: int | None = None) -> None:
     """Put a whole file in place or none, and wait until the disk has it and its name.
 
-    ``mode``: its rights from the first byte on; None: the user's usual ones. Raises
-    OSError; whatever happens, what was begun is removed.
+    ``mode``: its permissions from the first byte on; None: the user's usual ones. Raises OSError;
+    on any failure the unfinished file is removed.
     """
     beside = path.with_name(path.name + PART)
     try:
@@ -49,7 +49,8 @@ def sync_folder(folder: Path) -> None:
 
 
 def lock_file(path: Path, *, wait_s: float = 0.0) -> int:
-    """Descriptor of a file, made where it is not there, that others cannot lock until it is closed.
+    """Return the descriptor of a file, created if missing, that others cannot lock until it is
+    closed.
 
     Raises BlockingIOError where another has it for longer than ``wait_s``, OSError where it cannot
     be made.

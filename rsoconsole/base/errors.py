@@ -1,6 +1,6 @@
-"""The exceptions of the program: what is broken, with the remedy in its words.
+"""The exceptions of the program: broken things, with the remedy in the message.
 
-What is to be expected (nothing detected, not solved) is a value, never one of these.
+Expected results (nothing detected, not solved) are values, never one of these.
 """
 
 import contextlib
@@ -11,13 +11,13 @@ class RsoconsoleError(Exception):
     """Base of every error an operator may read: one line, what happened and what to do."""
 
     def _render_traceback_(self) -> list[str]:
-        """What IPython and Jupyter show of it: the line alone (``%debug`` knows the rest)."""
+        """Return what IPython and Jupyter show of it: the line alone (``%debug`` has the rest)."""
         return [f"{type(self).__name__}: {self}"]
 
 
 @contextlib.contextmanager
 def said_as(kind: type[RsoconsoleError], words: str, remedy: str = "") -> Iterator[None]:
-    """Raise what the system refuses as an error of ours: its reason between both texts."""
+    """Raise an operating system's error as one of ours: its reason between both texts."""
     try:
         yield
     except OSError as error:
@@ -30,7 +30,7 @@ def raised_as(
     words: str = "",
     caught: type[Exception] | tuple[type[Exception], ...] = ValueError,
 ) -> Iterator[None]:
-    """Raise what is wrong with a text or a value as an error of ours, behind ``words``."""
+    """Raise a fault of a text or a value as an error of ours, after ``words``."""
     try:
         yield
     except caught as error:
@@ -74,15 +74,15 @@ class ControlError(RsoconsoleError):
 
 
 class BatchError(RsoconsoleError):
-    """Work over many sessions cannot be shared out."""
+    """Raised when work over many sessions cannot be shared out."""
 
 
 class InputError(RsoconsoleError, ValueError):
-    """A function was given what it cannot use: a unit, a shape, a time without a zone."""
+    """A function was given an unusable argument: a unit, a shape, a time without a zone."""
 
 
 class NotSolvedError(RsoconsoleError):
-    """A frame that was to be solved has no plate solution; ``reason`` says why."""
+    """A frame that was to be solved has no plate solution; ``reason`` gives the cause."""
 
     def __init__(self, frame: str, reason: str, remedy: str = "") -> None:
         super().__init__(f"{frame} is not solved: {reason}{remedy}")

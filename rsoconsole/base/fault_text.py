@@ -29,14 +29,14 @@ _PHRASES: tuple[tuple[str, str], ...] = (
 
 
 def plain_fault(message: str) -> str:
-    """A validation error's message in plain words."""
+    """Return a validation error's message in plain words."""
     for pattern, words in _PHRASES:
         message = re.sub(pattern, words, message)
     return message.strip().rstrip(".")
 
 
 def nearest(name: str, known: Iterable[str]) -> str | None:
-    """The known name that was probably meant; of dotted ones the last part alone will do.
+    """Return the known name that was probably meant; of dotted names the last part alone will do.
 
     None where nothing is near.
     """

@@ -1,6 +1,6 @@
-"""Bounded reading of files that others wrote: kind of file, size, depth of JSON and TOML.
+"""Bounded reading of files of foreign origin: kind of file, size, depth of JSON and TOML.
 
-A pipe never ends to be read, and the readers of JSON and TOML follow every bracket one level down.
+Reading a pipe never ends, and the readers of JSON and TOML recurse at every bracket.
 """
 
 import json
@@ -11,14 +11,14 @@ from pathlib import Path
 from typing import Any
 
 MAX_BYTES = 8 << 20
-"""Far more than any configuration, keymap or card has."""
+"""Greatest size of a small file, bytes: far more than any configuration, keymap or card has."""
 MAX_DATA_BYTES = 256 << 20
-"""A whole catalogue of the sky, a season of measurements."""
+"""Greatest size of a data file, bytes: a whole catalogue of the sky, a season of measurements."""
 TOO_DEEP = "its brackets are nested too deeply"
 
 
 def read_foreign(path: Path, *, most_bytes: int = MAX_BYTES, encoding: str = "utf-8") -> str:
-    """The text of a plain file of at most ``most_bytes``.
+    """Return the text of a plain file of at most ``most_bytes``.
 
     Raises OSError (also for what is no plain file, and for what is larger) and UnicodeDecodeError.
     """
@@ -34,7 +34,8 @@ def read_foreign(path: Path, *, most_bytes: int = MAX_BYTES, encoding: str = "ut
 
 
 def read_private(path: Path, fault: type[Exception], remedy: str) -> list[str]:
-    """The lines of a file that nobody else can read. Raises ``fault``; no line is ever in it."""
+    """Return the lines of a file that nobody else can read. Raises ``fault``, never with a line in
+    it."""
     try:
         if path.stat().st_mode & (stat.S_IRWXG | stat.S_IRWXO):
             raise fault(f"{path} can be read by others: 'chmod 600 {path}' first")
@@ -45,7 +46,7 @@ def read_private(path: Path, fault: type[Exception], remedy: str) -> list[str]:
 
 
 def named_text(path: Path, fault: type[Exception], absent: str) -> str:
-    """The text of a large file that somebody has named.
+    """Return the text of a large file named by the user.
 
     Raises ``fault`` where it cannot be read; ``absent``: the remedy where it is not there.
     """

@@ -7,7 +7,8 @@ _SAMPLE = "intelsat-14"
 
 
 def resource(*parts: str) -> Path:
-    """Path of a file shipped inside the package, e.g. ``resource("sky", "data", "x.fits")``.
+    """Return the path of a file shipped inside the package, e.g. ``resource("sky", "data",
+    "x.fits")``.
 
     Raises FileNotFoundError when the installation lacks it.
     """
@@ -18,9 +19,10 @@ def resource(*parts: str) -> Path:
 
 
 def model_resource(name: str) -> Path:
-    """Path of a file of the trained network: in the wheel, or in ``models/`` of a checkout.
+    """Return the path of a file of the trained network: in the wheel, or in ``models/`` of a
+    checkout.
 
-    hatch's force-include does nothing in an editable install, so the checkout is looked at too.
+    hatch's force-include does nothing in an editable install, so the checkout is searched too.
     """
     for folder in (_PACKAGE / "_models", _PACKAGE.parent / "models"):
         if (folder / name).exists():
@@ -29,7 +31,7 @@ def model_resource(name: str) -> Path:
 
 
 def sample_resource() -> Path:
-    """Folder of the sample session: in the wheel, or in ``sessions/`` of a checkout."""
+    """Return the folder of the sample session: in the wheel, or in ``sessions/`` of a checkout."""
     for folder in (_PACKAGE / "_sessions", _PACKAGE.parent / "sessions"):
         if (folder / _SAMPLE / "session.db").exists():
             return folder / _SAMPLE

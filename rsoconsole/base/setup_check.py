@@ -1,7 +1,7 @@
-"""Can rsoconsole be installed on this machine? Answers in seconds, before anything is compiled.
+"""Checks whether rsoconsole can be installed here, in seconds, before anything is compiled.
 
-``python3 rsoconsole/base/setup_check.py`` is the first word of the README's first command; the
-doctor asks the same. Runs on a bare Python and knows nothing of the rest of the program.
+``python3 rsoconsole/base/setup_check.py`` is the README's first command; the doctor uses it too.
+Runs on a bare Python and imports nothing of the rest of the program.
 """
 
 import importlib.util
@@ -23,7 +23,7 @@ WHEEL_PYTHONS = ((3, 11), (3, 12), (3, 13))
 MACHINES = ("x86_64", "aarch64")
 """Machines for which every other library comes compiled."""
 NEEDED_MB = 1500
-"""Free disk for the virtual environment and what pip unpacks on the way to it."""
+"""Free disk for the virtual environment and what pip unpacks on the way to it, MB."""
 _COMPILER_S = 60.0
 
 
@@ -33,18 +33,19 @@ class Machine:
 
     python: "tuple[int, int]"
     machine: str
-    """As ``uname -m`` says it; a 64-bit kernel may carry a 32-bit system."""
+    """Architecture as ``uname -m`` gives it; a 64-bit kernel may carry a 32-bit system."""
     is_64_bit: bool
-    """True for a 64-bit Python, and so system."""
+    """True for a 64-bit Python, and hence a 64-bit system."""
     is_glibc: bool
     has_venv: bool
     header_fault: str
-    """Why nothing that includes Python.h can be compiled; empty where it can or need not be."""
+    """Reason why nothing that includes Python.h can be compiled; empty where it can or need not
+    be."""
     free_mb: int
 
 
 def faults(machine: Machine) -> "list[str]":
-    """Faults that keep rsoconsole from being installed here, each with its remedy."""
+    """Return the faults that keep rsoconsole from being installed here, each with its remedy."""
     if not machine.is_64_bit or machine.machine not in MACHINES or not machine.is_glibc:
         kind = f"{64 if machine.is_64_bit else 32}-bit system on {machine.machine}"
         libc = "" if machine.is_glibc else " without glibc"
@@ -72,7 +73,7 @@ def faults(machine: Machine) -> "list[str]":
 
 
 def read_machine(folder: Path) -> Machine:
-    """This machine as it is; ``folder`` is where the virtual environment will lie."""
+    """Return this machine's traits; ``folder`` is where the virtual environment will lie."""
     machine = platform.machine()
     is_glibc = platform.libc_ver()[0] == "glibc"
     python = (sys.version_info[0], sys.version_info[1])
@@ -88,12 +89,12 @@ def read_machine(folder: Path) -> Machine:
 
 
 def is_compiled(python: "tuple[int, int]", machine: str) -> bool:
-    """Whether pip will have to compile ``astrometry`` here."""
+    """True where pip will have to compile ``astrometry`` here."""
     return machine != "x86_64" or python not in WHEEL_PYTHONS
 
 
 def header_fault() -> str:
-    """Why C code that includes Python.h does not compile here; empty where it does."""
+    """Return why C code that includes Python.h does not compile here; empty where it does."""
     compiler = os.environ.get("CC") or shutil.which("cc") or shutil.which("gcc")
     if compiler is None:
         return "there is no C compiler, and 'astrometry' is compiled on this machine"
@@ -122,7 +123,7 @@ def header_fault() -> str:
 
 
 def main() -> int:
-    """Exit status: 0 when all is there; else every fault on stderr."""
+    """Return the exit status: 0 when all is there; else 1, with every fault on stderr."""
     machine = read_machine(Path.cwd())
     found = faults(machine)
     for fault in found:

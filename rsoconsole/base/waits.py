@@ -1,7 +1,7 @@
 """Log lines about long waits: for a process, a device, a server.
 
-What waits makes a ``LongWait`` and looks at it now and then; what starts the program listens
-with ``waits_reported_to``. Everything said is in the log, too.
+Waiting code makes a ``LongWait`` and calls ``look`` now and then; code that starts the program
+listens with ``waits_reported_to``. Every line is in the log, too.
 """
 
 import contextlib
@@ -15,23 +15,23 @@ log = logging.getLogger(__name__)
 
 
 class LongWait:
-    """One wait that logs, every few seconds, what for and for how long already."""
+    """One wait that logs, every few seconds, its object and its duration so far."""
 
     def __init__(self, what: str, now_s: Callable[[], float] = time.monotonic) -> None:
-        """``what``: as in "the mount's process"."""
+        """``what``: the awaited thing, e.g. "the mount's process"."""
         self.what = what
-        """May change while it lasts."""
+        """Awaited thing, in words; may change during the wait."""
         self._now_s = now_s
         self._began_s = now_s()
         self._next_s = self._began_s + SAY_EVERY_S
 
     @property
     def waited_s(self) -> float:
-        """Since the beginning."""
+        """Time since the beginning, s."""
         return self._now_s() - self._began_s
 
     def look(self) -> None:
-        """Log what is waited for, every few seconds; called while it is not there yet."""
+        """Log the wait, every few seconds; called until the awaited thing is there."""
         now_s = self._now_s()
         if now_s >= self._next_s:
             self._next_s = now_s + SAY_EVERY_S
@@ -40,7 +40,7 @@ class LongWait:
 
 @contextlib.contextmanager
 def waits_reported_to(listener: Callable[[str], None]) -> Iterator[None]:
-    """``listener`` gets every line that is said about waits, on the thread that waits."""
+    """Call ``listener`` with every line about waits, on the thread that waits."""
     handler = _Listening(listener)
     level = log.level
     log.addHandler(handler)

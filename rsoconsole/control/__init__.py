@@ -1,7 +1,7 @@
 """The operator's wire: commands go up to the engine as JSON lines, each is answered.
 
-The socket lies in a folder that only its owner can enter; nothing listens on a network.
-May touch sky, config and errors below; never instruments or a session.
+The socket lies in a folder that only its owner can enter; nothing listens on a network. May use
+sky, config and errors below; never instruments or a session.
 """
 
 from lazy_loader import attach_stub
@@ -10,4 +10,4 @@ from rsoconsole.control import commands, frame_commands
 
 __getattr__, __dir__, __all__ = attach_stub(__name__, __file__)
 VERBS = (commands, frame_commands)
-"""Loaded at once: a command is known from where its class stands."""
+"""Modules of commands, loaded at once: a command is registered when its class is defined."""

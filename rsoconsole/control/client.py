@@ -1,4 +1,4 @@
-"""A console's or a command's end of the operator's wire."""
+"""The client's end of the operator's wire, for a console or a command."""
 
 import contextlib
 import json
@@ -24,7 +24,7 @@ from rsoconsole.control.wire import DEFAULT_TIMEOUT_S, Outcome, Sender, read_out
 STILL_STOPS = "'rsoconsole stop' works without it"
 
 CROWDED_S = 0.01
-"""Pause before a crowded engine is asked again, s."""
+"""Pause before connecting again to a crowded engine, s."""
 GRACE_S = 0.5
 MADE_AGAIN_S = 2.0
 """Wait for an engine whose socket was removed, s."""
@@ -32,17 +32,17 @@ OPERATOR = Sender()
 
 
 class ControlClient:
-    """A console's or a command's end of the wire. One call at a time."""
+    """The wire's end in a console or a command. One call at a time."""
 
     def __init__(self, path: Path | None = None, sender: Sender = OPERATOR) -> None:
         self._path = path if path is not None else default_socket_path()
         self._sender = sender
 
     def send(self, command: Command, *, timeout_s: float = DEFAULT_TIMEOUT_S) -> Outcome:
-        """Hand a command to the engine and wait for what comes of it.
+        """Send a command to the engine and wait for its outcome.
 
         Raises ControlError when no engine runs or it does not answer within ``timeout_s``, and
-        before it is asked where the command's arguments can never be carried out.
+        before sending where the command's arguments can never be carried out.
         """
         verb = command.verb
         try:
@@ -110,7 +110,8 @@ class ControlClient:
 
 
 def answer_of(wire: ControlClient, question: Command) -> Mapping[str, Any]:
-    """The engine's answer to a question. Raises ControlError without one, or for a refusal."""
+    """Return the engine's answer to a question. Raises ControlError without one, or for a
+    refusal."""
     outcome = wire.send(question)
     if not outcome.ok:
         raise ControlError(outcome.message)
@@ -118,12 +119,12 @@ def answer_of(wire: ControlClient, question: Command) -> Mapping[str, Any]:
 
 
 def status_of(wire: ControlClient) -> Status:
-    """The engine's status. Raises as ``answer_of`` does."""
+    """Return the engine's status. Raises as ``answer_of`` does."""
     return read_status(answer_of(wire, AskStatus()))
 
 
 def _no_engine(path: Path) -> str:
-    """That none listens there, and where one does."""
+    """Return the message that no engine listens there, and where one does."""
     behind = engine_at(path)
     if behind is not None:
         return (

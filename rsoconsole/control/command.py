@@ -1,4 +1,4 @@
-"""Commands of the operator: each is a frozen dataclass with all there is to know of its verb.
+"""Commands of the operator: each is a frozen dataclass with everything about its verb.
 
 Its fields are the arguments, its class attributes the policy, its methods the check and the words.
 The wire's JSON, the record's arguments and the shell's verb are made of the fields; the engine has
@@ -15,7 +15,7 @@ from typing import Any, ClassVar, Self, TypeVar, Union, get_args, get_origin, ge
 from rsoconsole.base import NOT_FINITE
 
 LARGEST_WHOLE = 2**53
-"""Above it a whole number is not kept exactly by everything that reads JSON."""
+"""Greatest whole number that everything that reads JSON keeps exactly."""
 _EMPTY: tuple[Any, ...] = (None, "", [], (), {})
 
 COMMANDS: dict[str, "type[Command]"] = {}
@@ -26,46 +26,49 @@ C = TypeVar("C", bound="type[Command]")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Command:
-    """One thing that an operator can ask of the engine; the policy below holds for the verb."""
+    """One command of the operator to the engine; the policy below holds for the verb."""
 
     verb: ClassVar[str]
     """The command's name on the wire and on record."""
     title: ClassVar[str] = ""
     """The command's name in notices, where the verb does not read well."""
     is_immediate: ClassVar[bool] = False
-    """Answered on the thread that brought it, before everything that waits."""
+    """True for a command answered on the thread that brought it, before everything that waits."""
     is_urgent: ClassVar[bool] = False
-    """Does not wait for the end of an exposure."""
+    """True for a command that does not wait for the end of an exposure."""
     moves_mount: ClassVar[bool] = False
-    """May move the mount: a limit and the end of the night undo it while it waits."""
+    """True for a command that may move the mount: a limit and the end of the night undo it while it
+    waits."""
     survives_stop: ClassVar[bool] = False
-    """Moves nothing: STOP does not undo it while it waits."""
+    """True for a command that moves nothing: STOP does not undo it while it waits."""
     needs_control: ClassVar[bool] = True
-    """Only the console in control may ask for it (a shell always may)."""
+    """True for a command that only the console in control may give (a shell always may)."""
     wakes_loop: ClassVar[bool] = True
-    """The loop looks at it before it has waited for its next exposure."""
+    """True for a command that the loop takes up before it has waited for its next exposure."""
     awaits_mount: ClassVar[bool] = False
-    """Its answer waits, but not for long, until the mount has taken or refused it."""
+    """True where the answer waits, but not for long, until the mount has taken or refused it."""
     answer_s: ClassVar[float] = 5.0
     """Wait of a console for the engine's answer, s; longer where pixels are read first."""
     is_on_panel: ClassVar[bool] = False
-    """The notebook's panel may ask for it by its verb."""
+    """True where the notebook's panel may give it by its verb."""
     takes_anything: ClassVar[bool] = False
-    """Arguments that it has not are passed over: nothing may stand in its way."""
+    """True where unknown arguments are ignored: nothing may stand in its way."""
     shell: ClassVar[str] = ""
-    """An example of it as a verb of the program; empty: the shell has none."""
+    """Example of it as a verb of the program; empty: the shell has none."""
     shell_help: ClassVar[str] = ""
-    """The text of the shell's ``--help``."""
+    """Text of the shell's ``--help``."""
 
     def check(self) -> None:
-        """Raises ValueError with the reason where its arguments can never be carried out."""
+        """Check the arguments. Raises ValueError with the reason where they can never be carried
+        out."""
 
     def words(self) -> str:
         """The command in words, for the log."""
         return self.verb
 
     def arguments(self) -> dict[str, Any]:
-        """The arguments as the wire and the record have them; what is not given is left out."""
+        """Return the arguments as the wire and the record have them; those not given are left
+        out."""
         given = {_key(f): getattr(self, f.name) for f in dataclasses.fields(self)}
         return {
             key: list(value) if isinstance(value, tuple) else value
@@ -75,7 +78,7 @@ class Command:
 
     @classmethod
     def read(cls, arguments: Mapping[str, Any]) -> Self:
-        """The command that these arguments are of. Raises ValueError that says what is wrong."""
+        """Return the command with these arguments. Raises ValueError that says what is wrong."""
         known = {_key(f): f for f in dataclasses.fields(cls)}
         unknown = [name for name in arguments if name not in known]
         if unknown and not cls.takes_anything:
@@ -91,12 +94,12 @@ class Command:
 
     @classmethod
     def label(cls) -> str:
-        """As a notice calls it."""
+        """Return the command's name in a notice."""
         return cls.title or cls.verb
 
 
 def register(command: C) -> C:
-    """Make a command known by its verb. Raises ValueError for a verb that is taken."""
+    """Register a command by its verb. Raises ValueError for a verb that is taken."""
     if command.verb in COMMANDS:
         raise ValueError(f"there is a command {command.verb!r} already")
     COMMANDS[command.verb] = command
@@ -104,19 +107,19 @@ def register(command: C) -> C:
 
 
 def argument(key: str = "", *, default: Any = MISSING, help_: str = "", shell: str = "") -> Any:
-    """A field of a command.
+    """Declare a field of a command.
 
-    ``key``: what the wire calls it, where that is another name; ``help_`` and ``shell``: its
-    words and its name in a terminal.
+    ``key``: its name on the wire, where that differs; ``help_`` and ``shell``: its help text and
+    its name in a terminal.
     """
     metadata = {"key": key, "help": help_, "shell": shell}
     return field(default=default, metadata={k: v for k, v in metadata.items() if v})
 
 
 def command_of(verb: str, arguments: Mapping[str, Any]) -> Command:
-    """The command that a verb and its arguments are.
+    """Return the command of a verb and its arguments.
 
-    Raises ValueError, in words, for a verb that there is not and for arguments that are not its.
+    Raises ValueError, in words, for an unknown verb and for arguments that are not its own.
     """
     known = COMMANDS.get(verb)
     if known is None:
@@ -127,13 +130,13 @@ def command_of(verb: str, arguments: Mapping[str, Any]) -> Command:
 
 
 def takes_anything(verb: str) -> bool:
-    """True for verbs that are carried out whatever is odd about the request."""
+    """True for verbs that are carried out even where the request has unknown arguments."""
     known = COMMANDS.get(verb)
     return known is not None and known.takes_anything
 
 
 def command_words(verb: str, arguments: Mapping[str, Any]) -> str:
-    """A recorded command in words, also one that the program no longer has.
+    """Return a recorded command in words, also one that the program no longer has.
 
     Arguments that say nothing are left out.
     """
@@ -151,7 +154,7 @@ def command_words(verb: str, arguments: Mapping[str, Any]) -> str:
 
 
 def with_overrides(words: str, override: tuple[str, ...]) -> str:
-    """Words of a command with the checks that it overrides by name."""
+    """Return a command's words with the checks that it overrides by name."""
     return f"{words}, overriding {', '.join(override)}" if override else words
 
 
@@ -166,7 +169,7 @@ def _key(each: "dataclasses.Field[Any]") -> str:
 
 
 def _value(key: str, hint: Any, given: Any) -> Any:
-    """What JSON gave for a field. Raises ValueError in words."""
+    """Convert JSON's value for a field. Raises ValueError in words."""
     is_whole = isinstance(given, int) and abs(given) > LARGEST_WHOLE
     if is_whole or (isinstance(given, float) and not math.isfinite(given)):
         raise ValueError(f"{key} {NOT_FINITE}, not {given}")
@@ -208,7 +211,7 @@ _READERS: dict[Any, tuple[str, Callable[[Any], bool], Callable[[Any], Any]]] = {
     str: ("text", lambda value: isinstance(value, str), str),
     tuple[str, ...]: ("a list of names", _are_names, tuple),
 }
-"""For the type of a field: JSON's value in words, a test of it, and what is made of it."""
+"""JSON's value in words, a test of it, and its conversion, by the type of a field."""
 
 
 def _plain(value: Any) -> str:

@@ -1,4 +1,4 @@
-"""Everything an operator can ask of the engine: one command a verb.
+"""All commands to the engine, one class a verb.
 
 A new verb is a class here and a handler in the engine (``engine/operator/handlers.py``); with a key
 in the console it is an entry in ``console/commands/commands.py`` too. Wire, record, log, seats,
@@ -15,7 +15,7 @@ from rsoconsole.words import direction
 
 LARGEST_NUDGE_ARCMIN = 600.0
 MAX_FRAMES = 1000
-"""For which a setting can be changed for a while."""
+"""Greatest number of frames for which a setting can be changed."""
 OVERRIDE_HELP = "Go without this check of the arming list; may be repeated."
 _COMPASS = (
     *("north", "north-east", "east", "south-east"),
@@ -29,7 +29,8 @@ _COMPASS = (
 @register
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Stop(Command):
-    """End every motion and exposure, disarm: at once, for anybody, whatever else goes on."""
+    """End every motion and exposure, and disarm: at once, from any sender, whatever else goes
+    on."""
 
     verb = "stop"
     is_immediate = True
@@ -41,7 +42,7 @@ class Stop(Command):
 @register
 @dataclass(frozen=True, slots=True, kw_only=True)
 class AskStatus(Command):
-    """How the engine is; the answer is a ``Status``."""
+    """Ask for the engine's state; the answer is a ``Status``."""
 
     verb = "status"
     is_immediate = True
@@ -56,7 +57,7 @@ class AskStatus(Command):
 @register
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Arm(Command):
-    """Hand the mount to autonomy, after its checklist."""
+    """Give control to autonomy, after its checklist."""
 
     verb = "arm"
     moves_mount = True
@@ -78,7 +79,7 @@ class Arm(Command):
 @register
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Disarm(Command):
-    """Take the mount back from autonomy without moving it."""
+    """Take control back from autonomy without moving the mount."""
 
     verb = "disarm"
     is_urgent = True
@@ -93,7 +94,7 @@ class Disarm(Command):
 @register
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Hold(Command):
-    """No slews for now: what is followed is still exposed, measured and predicted."""
+    """Stop slews for now: the tracks are still exposed, measured and predicted."""
 
     verb = "hold"
     is_urgent = True
@@ -104,7 +105,7 @@ class Hold(Command):
     until: str | None = argument(default=None, help_="'clear': until the stars are back.")
 
     def check(self) -> None:
-        """A hold ends by the sky or by the operator."""
+        """Check that the hold ends either by the sky or by the operator."""
         if self.until not in {None, "clear"}:
             raise ValueError("a hold is until 'clear', or until you resume")
 
@@ -116,7 +117,7 @@ class Hold(Command):
 @register
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Resume(Command):
-    """Give the mount back after a hold or a move by hand, or follow an ended track again."""
+    """Give control back after a hold or a move by hand, or follow an ended track again."""
 
     verb = "resume"
     moves_mount = True
@@ -180,7 +181,7 @@ class Goto(Command):
     override: tuple[str, ...] = argument(default=(), help_=OVERRIDE_HELP)
 
     def check(self) -> None:
-        """The declination lies on the sky."""
+        """Check that the declination lies on the sky."""
         if not -90.0 <= self.dec_icrs_deg <= 90.0:
             raise ValueError(f"declination {self.dec_icrs_deg:g} is outside -90 to 90")
 
@@ -205,7 +206,7 @@ class Nudge(Command):
     override: tuple[str, ...] = argument(default=(), help_=OVERRIDE_HELP)
 
     def check(self) -> None:
-        """It is a small way."""
+        """Check that the move is small."""
         if math.hypot(self.east_arcmin, self.north_arcmin) > LARGEST_NUDGE_ARCMIN:
             raise ValueError(f"a nudge goes at most {LARGEST_NUDGE_ARCMIN:g} arcmin: use goto")
 
@@ -221,7 +222,7 @@ class Nudge(Command):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Beside(Command):
-    """A place beside the prediction; only ever previewed, the settings ``aim.*`` go there."""
+    """A place beside the prediction; only previewed, the settings ``aim.*`` go there."""
 
     verb = "aim"
 
@@ -230,14 +231,14 @@ class Beside(Command):
     across_arcmin: float | None = None
 
     def settings(self) -> dict[str, float]:
-        """What is given, by the setting's name."""
+        """Return the given offsets, by the setting's name."""
         return {f"aim.{name}": value for name, value in self.arguments().items()}
 
 
 @register
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Preview(Command):
-    """Where a move would lead, how long it takes and what stands against it; nothing moves."""
+    """Preview of a move: target, duration and limits against it; nothing moves."""
 
     verb = "preview"
     needs_control = False
@@ -245,26 +246,26 @@ class Preview(Command):
     move: Goto | Nudge | Beside
 
     def arguments(self) -> dict[str, Any]:
-        """Those of the move: by them it is known."""
+        """Return the arguments of the move, which identify the preview."""
         return self.move.arguments()
 
     @classmethod
     def read(cls, arguments: Mapping[str, Any]) -> "Preview":
-        """The preview of the move that has such arguments."""
+        """Return the preview of the move with these arguments."""
         if "east_arcmin" in arguments:
             return cls(move=Nudge.read(arguments))
         is_beside = not Beside.__dataclass_fields__.keys().isdisjoint(arguments)
         return cls(move=Beside.read(arguments) if is_beside else Goto.read(arguments))
 
     def check(self) -> None:
-        """What the move itself could never be."""
+        """Check the move itself."""
         self.move.check()
 
 
 @register
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Track(Command):
-    """Sidereal tracking on and off, by hand."""
+    """Turn sidereal tracking on or off, by hand."""
 
     verb = "track"
     is_urgent = True
@@ -312,7 +313,7 @@ class Set(Command):
     frames: int | None = argument(default=None, help_="Set it back after this many frames.")
 
     def check(self) -> None:
-        """Frames are counted."""
+        """Check the number of frames."""
         if self.frames is not None and not 1 <= self.frames <= MAX_FRAMES:
             raise ValueError(f"frames must be a number from 1 to {MAX_FRAMES}")
 
@@ -329,7 +330,7 @@ class Set(Command):
 @register
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Seek(Command):
-    """Look again for what was followed, round where it must be, in a widening spiral."""
+    """Look again for the last track, round its predicted place, in a widening spiral."""
 
     verb = "seek"
     moves_mount = True
@@ -341,7 +342,7 @@ class Seek(Command):
 @register
 @dataclass(frozen=True, slots=True, kw_only=True)
 class AskSeat(Command):
-    """Ask the console in control for it."""
+    """Request control from the console that has it."""
 
     verb = "ask_seat"
     title = "control"
@@ -352,7 +353,7 @@ class AskSeat(Command):
 @register
 @dataclass(frozen=True, slots=True, kw_only=True)
 class AnswerSeat(Command):
-    """Give control to the console that asks for it, or keep it."""
+    """Give control to the console that requests it, or keep it."""
 
     verb = "answer_seat"
     title = "control"
@@ -361,13 +362,13 @@ class AnswerSeat(Command):
 
     gives: bool = False
     to: str | None = None
-    """Whom that answers; None: anybody who asks."""
+    """Console that is answered; None: any that requests control."""
 
 
 @register
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Note(Command):
-    """A remark for the record."""
+    """Put a remark on record."""
 
     verb = "note"
     needs_control = False
@@ -375,7 +376,7 @@ class Note(Command):
     text: str = argument(help_="What you want to remember.")
 
     def check(self) -> None:
-        """It says something."""
+        """Check that the remark is not empty."""
         if not self.text.strip():
             raise ValueError("a note needs words")
 

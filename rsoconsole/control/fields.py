@@ -22,11 +22,11 @@ if TYPE_CHECKING:
 
 Record = TypeVar("Record")
 _PATHS = frozenset(("session",))
-"""Names of files are taken as they are: another spelling names another file."""
+"""Fields that hold names of files, taken unchanged: another spelling names another file."""
 
 
 def as_json(value: Any) -> Any:
-    """A record, or what its fields hold, as JSON carries it."""
+    """Return a record, or a value of its fields, as JSON carries it."""
     if is_dataclass(value):
         return {each.name: as_json(getattr(value, each.name)) for each in fields(value)}
     if isinstance(value, tuple):
@@ -37,9 +37,9 @@ def as_json(value: Any) -> Any:
 
 
 def read_record(kind: type[Record], data: Mapping[str, Any]) -> Record | None:
-    """The record in an answer, its texts fit for a terminal; None where that is none.
+    """Return the record in an answer, its texts fit for a terminal; None where that is none.
 
-    A field that cannot be used counts as not said.
+    A field that cannot be used counts as missing.
     """
     from pydantic import ValidationError
 
@@ -77,7 +77,7 @@ def _printable(value: Any) -> Any:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MovePreview:
-    """A move that has not been made."""
+    """Preview of a move that has not been made."""
 
     ra_icrs_deg: float
     """Right ascension where the telescope would look."""
@@ -88,30 +88,31 @@ class MovePreview:
     alt_deg: float
     az_deg: float
     way_deg: float
-    """Distance from where it looks now."""
+    """Distance from where it looks now, deg."""
     slew_s: float
-    """Duration of the slew, settling included."""
+    """Duration of the slew, settling included, s."""
     pier_side: str | None = None
     pier_side_after: str | None = None
     margins_deg: tuple[tuple[str, float], ...] = ()
-    """Limit and how far inside it the telescope would be."""
+    """Margins: each limit, and how far inside it the telescope would be, deg."""
     refused: str | None = None
-    """The reason why it may not go there; None where it may."""
+    """Reason why it may not go there; None where it may."""
 
 
 MAX_LINES = 12
-"""Pairs and missing objects that plain lines show; JSON has all."""
+"""Greatest number of pairs and missing objects in plain lines; JSON has all."""
 
 
 def nearest_first(pairs: Iterable[PairMotion]) -> tuple[PairMotion, ...]:
-    """Pairs in the order of their separation, the nearest first."""
+    """Return pairs in the order of their separation, the nearest first."""
     return tuple(sorted(pairs, key=lambda each: each.separation_arcsec))
 
 
 def field_words(
     pairs: Sequence[PairMotion], unseen: Sequence[UnseenMember], uncatalogued: Sequence[int]
 ) -> list[str]:
-    """Each track's nearest neighbour and who is missing, in lines of at most 80 columns."""
+    """Return each track's nearest neighbour and the missing objects, in lines of at most 80
+    columns."""
     lines = [_pair_words(each) for each in _nearest(pairs)[:MAX_LINES]]
     if uncatalogued:
         lines.append(f"not in the catalogue: {tracks_words(uncatalogued)}")
@@ -122,7 +123,7 @@ def field_words(
 
 
 def _nearest(pairs: Sequence[PairMotion]) -> list[PairMotion]:
-    """Those in which one is the other's nearest, and those of a warning."""
+    """Return the pairs of nearest neighbours, and those with a warning."""
     met: set[int] = set()
     found = []
     for each in pairs:

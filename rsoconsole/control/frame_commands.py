@@ -7,7 +7,7 @@ from rsoconsole.control.command import Command, argument, register
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Decision(Command):
-    """The operator's word on one frame's streaks; without a frame: on the newest."""
+    """The operator's decision on one frame's streaks; without a frame: on the newest."""
 
     frame_id: int | None = argument(
         "frame", default=None, help_="The frame that it is said of; without: the newest."
@@ -18,14 +18,14 @@ class Decision(Command):
         return self.verb + self.of_frame(" frame {}")
 
     def of_frame(self, words: str) -> str:
-        """With the frame's number, where it is given."""
+        """Add the frame's number to words, where it is given."""
         return "" if self.frame_id is None else words.format(self.frame_id)
 
 
 @register
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Choose(Decision):
-    """The streak nearest to a place is the one to follow."""
+    """Follow the streak nearest to a place."""
 
     verb = "choose"
 
@@ -40,7 +40,7 @@ class Choose(Decision):
 @register
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Accept(Decision):
-    """The frame's likeliest streak that was not taken is taken, whatever the gates said."""
+    """Accept the frame's likeliest streak that the track did not take, whatever the gates say."""
 
     verb = "accept"
 
@@ -48,7 +48,7 @@ class Accept(Decision):
 @register
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Reject(Decision):
-    """What the frame gave to the track was something else; without a frame: the last."""
+    """Reject the frame's measurement of the track; without a frame: the last."""
 
     verb = "reject"
 
@@ -56,7 +56,7 @@ class Reject(Decision):
 @register
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MarkByHand(Decision):
-    """A streak between two ends that the operator has pointed at."""
+    """A streak between two ends that the operator has marked."""
 
     verb = "mark"
     answer_s = 30.0
@@ -66,13 +66,14 @@ class MarkByHand(Decision):
     x_b_px: float = argument("x_b")
     y_b_px: float = argument("y_b")
     sigma_px: float | None = None
-    """One sigma of the mark; None: as a hand makes it."""
+    """One sigma of the mark, px; None: the default of a mark by hand."""
     sigma_across_px: float | None = None
-    """One sigma across, where refined on the light beneath it: ``sigma_px`` is then along it."""
+    """One sigma across, px, where refined on the light beneath it: ``sigma_px`` is then along
+    it."""
     is_clipped: bool | None = None
     """True where the frame cuts the streak, as the light beneath it shows."""
     replaces: bool | None = None
-    """True where it may replace a better measurement."""
+    """True where it may replace a more precise measurement."""
 
     def words(self) -> str:
         """The command in words, for the log."""
@@ -82,7 +83,7 @@ class MarkByHand(Decision):
 @register
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BeginMark(Decision):
-    """A mark by hand is being made in a frame: it is kept for it, however many come meanwhile."""
+    """Keep a frame while a mark by hand is made in it, however many come meanwhile."""
 
     verb = "begin_mark"
     answer_s = 30.0
@@ -98,7 +99,7 @@ class BeginMark(Decision):
 @register
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TakeBack(Decision):
-    """What was said of a frame's streaks is taken back; without a frame: what was said last."""
+    """Take back the decisions on a frame's streaks; without a frame: the last decision."""
 
     verb = "take_back"
     title = "take back"
@@ -111,7 +112,7 @@ class TakeBack(Decision):
 @register
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Drop(Decision):
-    """One of the tracks ends for good; its streaks start none while it may be in the field."""
+    """Drop one of the tracks for good; its streaks start none while it may be in the field."""
 
     verb = "drop"
     shell = "rsoconsole drop 3"
@@ -131,7 +132,7 @@ class Drop(Decision):
 @register
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Keep(Decision):
-    """No miss ends one of the tracks while it may be in the field; or that holds no longer."""
+    """Keep one of the tracks: no miss ends it while it may be in the field; or end that."""
 
     verb = "keep"
     shell = "rsoconsole keep 3"

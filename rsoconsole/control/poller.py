@@ -1,4 +1,4 @@
-"""A thread that looks at something again and again."""
+"""A thread that polls something again and again."""
 
 import threading
 from abc import ABC, abstractmethod
@@ -7,7 +7,7 @@ CLOSING_S = 0.5
 
 
 class Poller(ABC):
-    """Looks every so often, and at once when it is woken."""
+    """Looks at regular intervals, and at once when it is woken."""
 
     def __init__(self, name: str, every_s: float) -> None:
         self._every_s = every_s
@@ -24,7 +24,7 @@ class Poller(ABC):
         self._wake.set()
 
     def close(self) -> None:
-        """End, without waiting for a slow disk or an engine that hangs."""
+        """End the thread, without waiting for a slow disk or an engine that hangs."""
         self._is_closing = True
         self._wake.set()
         if self._thread.is_alive() and self._thread is not threading.current_thread():

@@ -23,15 +23,15 @@ _FLOCK = "hhqqi"
 _MAX_WORDS = 4096
 
 _held: dict[Path, str] = {}
-"""Locks that this process holds, with the words in their files."""
+"""Locks that this process holds, with the text in their files."""
 _held_lock = threading.Lock()
 
 
 def read_holder(path: Path) -> tuple[int, str] | None:
-    """The process that holds a file's lock, and what it has written there; None where none does.
+    """Return the process that holds a file's lock, and the file's text; None where none does.
 
-    Only asks: a lock taken for the asking would turn away a process that starts just now. None
-    also where the system does not tell.
+    Only queries: taking the lock for it would turn away a process that starts just now. None also
+    where the system does not report it.
     """
     if sys.platform != "linux":
         return None
@@ -55,21 +55,24 @@ def read_holder(path: Path) -> tuple[int, str] | None:
 
 
 class RecordLock:
-    """Held by one process; the system lets go of it when that dies."""
+    """A lock held by one process; the system releases it when that dies."""
 
     def __init__(self, path: Path, words: str, *, is_removed: bool = False) -> None:
-        """``words``: what the file says of its holder; ``is_removed``: with its release."""
+        """``words``: text of the file about its holder; ``is_removed``: the file is removed on
+        release."""
         self._path = path
         self._is_removed = is_removed
         self._words = words
         self._descriptor: int | None = None
 
     def refusal(self, holder_words: str) -> str:
-        """The message to a second process; ``holder_words``: what the first has written there."""
+        """Return the message to a second process; ``holder_words``: the first one's text in the
+        file."""
         return f"{self._path} is held: {holder_words.strip()}"
 
     def acquire(self) -> None:
-        """Raises ControlError when another process holds it, or it cannot be made."""
+        """Take the lock. Raises ControlError when another process holds it, or it cannot be
+        made."""
         with _held_lock:
             # A process does not conflict with its own record lock.
             if self._path in _held:
@@ -83,7 +86,8 @@ class RecordLock:
             _held[self._path] = self._words
 
     def _locked(self) -> int:
-        """The file, open and locked. Raises ControlError where it is held, OSError else."""
+        """Return the file, open and locked. Raises ControlError where it is held, OSError for other
+        faults."""
         self._path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
         while True:
             descriptor = os.open(self._path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o600)
@@ -124,7 +128,7 @@ class RecordLock:
         return (found.st_dev, found.st_ino) == (own.st_dev, own.st_ino)
 
     def release(self) -> None:
-        """Let the next one in; nothing when the lock is not held."""
+        """Release the lock for the next process; does nothing when it is not held."""
         with _held_lock:
             if self._descriptor is not None:
                 if self._is_removed and self._is_there(self._descriptor):
@@ -143,19 +147,19 @@ class RecordLock:
 
 
 MAX_ADDRESS_BYTES = 100
-"""Linux takes 107 bytes in ``sun_path``, macOS 103."""
+"""Greatest length of a socket's address, bytes: Linux takes 107 in ``sun_path``, macOS 103."""
 
 
 def default_socket_path() -> Path:
-    """The socket of this user's engine."""
+    """Return the socket of this user's engine."""
     return runtime_dir() / "engine.sock"
 
 
 def address_of(path: Path) -> Path:
-    """``path`` where a socket can have so long a name; else a short one made from it.
+    """Return ``path`` where it is short enough for a socket; else a short one made from it.
 
-    The short one lies in a folder of this user's own under the folder for temporary files.
-    Raises ControlError when that folder belongs to another or lets others in.
+    The short one lies in a folder of this user's own under the folder for temporary files. Raises
+    ControlError when that folder belongs to another or lets others in.
     """
     absolute = Path(os.path.abspath(path))  # noqa: PTH100 - resolve() would ask the disk
     if len(os.fsencode(absolute)) <= MAX_ADDRESS_BYTES:
@@ -176,9 +180,10 @@ def address_of(path: Path) -> Path:
 
 
 def remove_socket(address: Path) -> Path | None:
-    """Remove a socket that nobody serves; what is no socket is put aside: where, else None.
+    """Remove a socket that nobody serves; anything else there is moved aside: its new path, else
+    None.
 
-    The caller holds the engine's lock. Raises OSError where it can be moved nowhere.
+    The caller holds the engine's lock. Raises OSError where it cannot be moved.
     """
     try:
         mode = address.lstat().st_mode
@@ -196,9 +201,9 @@ def remove_socket(address: Path) -> Path | None:
 
 
 def engine_pid(socket_path: Path) -> int | None:
-    """The process that holds the engine's lock, listening or not yet; None where none does.
+    """Return the process that holds the engine's lock, listening or not yet; None where none does.
 
-    None also where the system does not tell. Only asks: a lock taken for the asking would turn
+    None also where the system does not report it. Only queries: taking the lock for it would turn
     away an engine that starts just now.
     """
     found = read_holder(address_of(socket_path).with_suffix(".lock"))
@@ -206,13 +211,13 @@ def engine_pid(socket_path: Path) -> int | None:
 
 
 class EngineLock(RecordLock):
-    """Held by the one engine behind a socket."""
+    """Lock of the one engine behind a socket."""
 
     def __init__(self, socket_path: Path) -> None:
         super().__init__(address_of(socket_path).with_suffix(".lock"), f"{os.getpid()}\n")
 
     def refusal(self, holder_words: str) -> str:
-        """What is said to a second engine."""
+        """Return the message to a second engine."""
         return (
             f"an engine is already running (process {holder_words.strip() or 'unknown'}): "
             "'rsoconsole console' attaches to it"
@@ -224,17 +229,17 @@ def _folder() -> Path:
 
 
 class MountLock(RecordLock):
-    """Held by the engine that may move a mount."""
+    """Lock of the engine that may move a mount."""
 
     def __init__(self, indi: IndiConfig, socket: Path) -> None:
-        """``socket``: where it listens, or would."""
+        """``socket``: where the engine listens, or would."""
         name = re.sub(r"[^\w.-]+", "_", f"{indi.host}-{indi.port}-{indi.mount}")
         words = f"{os.getpid()}\n{socket}\n"
         super().__init__(_folder() / f"{name}.lock", words, is_removed=True)
         self._mount = indi.mount
 
     def refusal(self, holder_words: str) -> str:
-        """What is said to a second engine."""
+        """Return the message to a second engine."""
         pid, socket = holder_words.partition("\n")[0], _socket_in(holder_words)
         return (
             f"an engine already drives {self._mount} (process {pid or 'unknown'}):"
@@ -251,7 +256,7 @@ class RunningEngine:
 
 
 def running_engines() -> list[RunningEngine]:
-    """Every engine of this user that drives a mount."""
+    """Return every engine of this user that drives a mount."""
     found = []
     try:
         paths = sorted(_folder().glob("*.lock"))
@@ -266,12 +271,13 @@ def running_engines() -> list[RunningEngine]:
 
 
 def engine_at(socket: Path) -> RunningEngine | None:
-    """The engine that listens there, or did before its socket was removed."""
+    """Return the engine that listens there, or did before its socket was removed."""
     return next((each for each in running_engines() if each.socket == socket), None)
 
 
 def socket_option(socket: Path) -> str:
-    """The option of a verb that reaches the engine at a socket; empty for the usual one."""
+    """Return the option of a verb that reaches the engine at a socket; empty for the default
+    one."""
     is_usual = socket in {Path(), default_socket_path()}
     return "" if is_usual else f" --socket {shlex.quote(str(socket))}"
 

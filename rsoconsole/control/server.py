@@ -31,15 +31,15 @@ from rsoconsole.control.wire import (
 )
 
 KEEP_S = 0.5
-"""How often socket and locks are looked after."""
+"""Interval at which socket and locks are checked, s."""
 MAX_CONNECTIONS = 32
 SPARE = 8
-"""Places beside them in which only a STOP is heard: who holds the others cannot keep it out."""
+"""Number of further connections, for a STOP only: clients on all others cannot keep it out."""
 MAX_WAITING = 64
 MAX_LATER = 16
-"""Answers that wait for the mount at once; beyond it they say what is known."""
+"""Greatest number of answers that wait for the mount at once; further ones say what is known."""
 BACKLOG = 128
-"""Connections that may wait at once before the system turns one away."""
+"""Number of connections that may wait at once before the system turns one away."""
 
 
 Handler = Callable[[Request], Outcome | Later]
@@ -48,9 +48,9 @@ Handler = Callable[[Request], Outcome | Later]
 class ControlServer:
     """The engine's end of the wire; runs on threads of its own.
 
-    ``handler`` is called on one thread for all commands but the immediate ones, which may come
-    at any moment on another thread, even while the handler is busy. What it raises becomes an
-    outcome that is not ok. What is no command never reaches it.
+    ``handler`` is called on one thread for all commands but the immediate ones, which may come at
+    any moment on another thread, even while the handler is busy. Its exceptions become outcomes
+    that are not ok. A line that is no command never reaches it.
     """
 
     def __init__(
@@ -63,9 +63,10 @@ class ControlServer:
         locks: Sequence[RecordLock] = (),
         on_found: Callable[[str], None] = lambda _words: None,
     ) -> None:
-        """``stamp``: how many STOPs there have been; each request carries it from its reading.
+        """``stamp``: returns the number of STOPs so far; each request carries it from its reading.
 
-        ``locks``: what is kept beside the socket where somebody removes it; ``on_found`` is told.
+        ``locks``: further locks, made again where somebody removes them; ``on_found`` is called
+        then.
         """
         self._handler = handler
         self._stamp = stamp
@@ -78,7 +79,7 @@ class ControlServer:
         self._connections: set[Connection] = set()
         self._later = threading.BoundedSemaphore(MAX_LATER)
         self._spare: list[Connection] = []
-        """The oldest first."""
+        """Spare connections, the oldest first."""
         self._lock = threading.Lock()
         self._is_closing = False
         self._listener: socket.socket | None = None
@@ -86,7 +87,8 @@ class ControlServer:
         self._threads: list[threading.Thread] = []
 
     def start(self) -> None:
-        """Listen. Raises ControlError when an engine is running already or the place is unusable.
+        """Start listening. Raises ControlError when an engine runs already or the place is
+        unusable.
 
         The socket of an engine that died is replaced.
         """
@@ -111,7 +113,7 @@ class ControlServer:
             self._threads.append(thread)
 
     def _listening(self) -> socket.socket:
-        """A new socket at the engine's place. Raises OSError or ControlError."""
+        """Return a new socket at the engine's place. Raises OSError or ControlError."""
         listener = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
         try:
             self._address.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
@@ -130,8 +132,8 @@ class ControlServer:
     def _keep(self) -> None:
         """Make socket and locks again where somebody removes them: a logout, a cleaning job.
 
-        Without its socket the engine is deaf to all but its signals, without its lock a second
-        one starts on the same mount.
+        Without its socket the engine can be reached by signals alone, without its lock a second one
+        starts on the same mount.
         """
         said = ""
         while not self._closing.wait(KEEP_S):
@@ -144,7 +146,7 @@ class ControlServer:
             said = words if "cannot" in words else ""
 
     def _kept(self) -> str:
-        """Put back socket and locks; in words what was missing, else empty."""
+        """Put back socket and locks; return what was missing, in words, else empty."""
         again, failed = [], ""
         for lock in self._locks:
             try:
@@ -251,7 +253,7 @@ class ControlServer:
             self._drop(connection)
 
     def _serve_spare(self, connection: "Connection") -> None:
-        """One command of a peer for whom there is no place: STOP, or it is sent away."""
+        """Serve one command of a peer beyond the usual places: STOP, or it is sent away."""
         try:
             line = next(connection.lines(), None)
             with self._lock:

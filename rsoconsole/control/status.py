@@ -1,7 +1,7 @@
-"""The engine's status: one record that crosses the wire, and the JSON that scripts read of it.
+"""The engine's status: one record that crosses the wire, and its JSON for scripts.
 
-The engine fills it, consoles, panel and shell read it. In JSON a field has its own name, which
-says unit and frame; the names of the first version stand beside them and stay.
+The engine fills it, consoles, panel and shell read it. In JSON a field has its own name, which says
+unit and frame; the names of the first version stand beside them and stay.
 """
 
 import types
@@ -15,7 +15,8 @@ from rsoconsole.records import PairMotion, StopOutcome, UnseenMember
 from rsoconsole.words import measured_text, ordered_text
 
 SCHEMA = 1
-"""Of all JSON that the program prints and the engine answers; raised where a meaning changes."""
+"""Version of all JSON that the program prints and the engine answers; raised where a meaning
+changes."""
 FIRST_NAMES: Mapping[str, str] = types.MappingProxyType(
     {
         "frame_id": "frame",
@@ -27,12 +28,12 @@ FIRST_NAMES: Mapping[str, str] = types.MappingProxyType(
         "mount_dec_icrs_deg": "mount_dec",
     }
 )
-"""Field -> its key in the first version, which scripts may still read and older engines say."""
+"""First version's key of each field, which scripts may still read and older engines send."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Health:
-    """The health of one part of machine or instruments."""
+    """Health of one part of machine or instruments."""
 
     name: str = ""
     ok: bool = False
@@ -41,22 +42,22 @@ class Health:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Machine:
-    """The machine that the engine runs on, as it was seen last; None: it does not say."""
+    """The machine that the engine runs on, at the last reading; None: not reported."""
 
     model: str | None = None
-    """Of the board, from its device tree."""
+    """Model of the board, from its device tree."""
     cpu_temperature_c: float | None = None
     cpu_frequency_mhz: float | None = None
     cpu_frequency_max_mhz: float | None = None
     is_under_voltage: bool | None = None
     is_throttled: bool | None = None
-    """The processor is slowed down by force: for heat, or because its supply is too weak."""
+    """True where the processor is forced to slow down: for heat, or a weak power supply."""
     has_been_under_voltage: bool | None = None
     has_been_throttled: bool | None = None
     troubles: tuple[str, ...] = ()
-    """What is not well, in words."""
+    """Present troubles, in words."""
     recording_medium: str | None = None
-    """What the session is written to."""
+    """Medium that the session is written to."""
     recording_device: str | None = None
     recording_life_used_percent: int | None = None
     time_source: str | None = None
@@ -74,27 +75,27 @@ class LastStop:
     """The last STOP of this engine: ordered, answered by the driver, measured."""
 
     number: int = 0
-    """Of the STOPs of this engine."""
+    """Number among the STOPs of this engine."""
     by: str = ""
     t_utc_ns: int | None = None
-    """When it was given, by the engine's clock."""
+    """Time at which it was given, by the engine's clock, UTC ns."""
     ordered_ms: float | None = None
-    """Until ABORT was on its way to the mount; None: not yet, or never."""
+    """Time until ABORT was on its way to the mount, ms; None: not yet, or never."""
     answered_ms: float | None = None
-    """Until the driver had taken it; None: not yet, or never."""
+    """Time until the driver had taken it, ms; None: not yet, or never."""
     measured_ms: float | None = None
-    """Until it was known how the mount moves; None: not yet."""
+    """Time until the mount's motion was known, ms; None: not yet."""
     motion: StopOutcome | None = None
-    """How it moves since, as measured: stands, tracks, moves, unknown; None: not yet."""
+    """Measured motion since: stands, tracks, moves, unknown; None: not yet."""
     rate_deg_s: float | None = None
-    """Of the faster axis, where it moves."""
+    """Rate of the faster axis while it moves, deg/s."""
     is_over: bool = False
-    """The mount has been measured to be at rest since, or was armed again."""
+    """True where the mount has been measured to be at rest since, or was armed again."""
     is_superseded: bool = False
-    """Not measured any longer, because another order came."""
+    """True where it is no longer measured, because another order came."""
     path: str | None = None
     detail: str = ""
-    """Why it is not answered, or not known."""
+    """Reason why it is not answered, or not known."""
 
     @property
     def is_at_rest(self) -> bool:
@@ -103,7 +104,7 @@ class LastStop:
 
     @property
     def text(self) -> str:
-        """In a few words."""
+        """The last STOP in a few words."""
         ordered = ordered_text(self.ordered_ms, "{}", unknown="not ordered")
         answered = (
             "NOT ANSWERED" if self.answered_ms is None else f"answered in {self.answered_ms:.0f} ms"
@@ -116,29 +117,29 @@ class LastStop:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TrackNow:
-    """One track as its last frame left it; None: not known, or not measured in that frame."""
+    """One track after its last frame; None: not known, or not measured in that frame."""
 
     track_id: int = 0
-    """Its number in the session."""
+    """Number in the session."""
     name: str | None = None
-    """In the catalogue, once it is identified."""
+    """Catalogue name, once it is identified."""
     is_lead: bool = False
     state: str = ""
-    """TRACK, COAST, or "trial" until a third frame shows it."""
+    """State: TRACK, COAST, or "trial" until a third frame shows it."""
     misses: int = 0
-    """Exposures since its last measurement."""
+    """Number of exposures since its last measurement."""
     is_kept: bool = False
-    """The operator keeps it: no miss ends it while it may be in the field."""
+    """True where the operator keeps it: no miss ends it while it may be in the field."""
     age_s: float | None = None
-    """Since its second measurement, with which it began."""
+    """Time since its second measurement, with which it began, s."""
     residual_east_arcsec: float | None = None
-    """Measured minus predicted, of its last frame."""
+    """Innovation in its last frame: measured minus predicted, arcsec."""
     residual_north_arcsec: float | None = None
     nis: float | None = None
     snr: float | None = None
-    """Integrated, of the streak that it took last."""
+    """Integrated SNR of its last streak."""
     is_in_next_field: bool | None = None
-    """Whether its streak and its bounds fit into the field of the next aim."""
+    """True where its streak and its bounds fit into the field of the next aim."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -148,13 +149,13 @@ class NextAim:
     ra_icrs_deg: float = 0.0
     dec_icrs_deg: float = 0.0
     t_utc_ns: int = 0
-    """Middle of that exposure, as planned now."""
+    """Mid-exposure as planned now, UTC ns."""
     policy: str = ""
-    """lead, most or group."""
+    """Policy: lead, most or group."""
     reason: str = ""
-    """By what it is predicted, and how many of the tracks stand in its field."""
+    """Source of the prediction, and how many of the tracks are in its field."""
     moves_arcmin: float | None = None
-    """Way of the slew to it; None where the telescope stays where it is."""
+    """Length of the slew to it, arcmin; None where the telescope stays where it is."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -162,85 +163,85 @@ class Status:
     """The engine at one instant; None or empty: not known, or not so."""
 
     state: str | None = None
-    """Of the loop: IDLE, SEARCH, ACQUIRE, TRACK, COAST, LOST, MANUAL or FAULT."""
+    """State of the loop: IDLE, SEARCH, ACQUIRE, TRACK, COAST, LOST, MANUAL or FAULT."""
     holder: str | None = None
-    """Who has the mount: autonomy, operator, nobody."""
+    """Holder of control: autonomy, operator, nobody."""
     is_held: bool = False
-    """Autonomy has the mount and gives it no slews."""
+    """True where autonomy has control and gives no slews."""
     resumes_when_clear: bool = False
-    """The hold ends by itself when the stars are back."""
+    """True where the hold ends by itself when the stars are back."""
     frame_id: int | None = None
-    """The exposure begun last."""
+    """Number of the exposure begun last."""
     markable_frames: tuple[int, ...] | None = None
-    """In which frames a mark by hand, or another word on a frame, is still taken."""
+    """Frames that still accept a mark by hand or another decision."""
     kept: str | None = None
     """Name or number of a track that was ended and can be followed again."""
     kept_until_utc_ns: int | None = None
     is_resumable: bool = False
-    """Whether 'resume' gives autonomy the mount; else it has to be armed first."""
+    """True where 'resume' gives autonomy the mount; else it has to be armed first."""
     target: str | None = None
-    """Name of what is followed, once it is identified."""
+    """Name of the lead track, once it is identified."""
     ra_icrs_deg: float | None = None
-    """Where what is followed was at ``t_utc_ns``."""
+    """Right ascension of the lead track at ``t_utc_ns``."""
     dec_icrs_deg: float | None = None
     alt_deg: float | None = None
-    """The same as seen from the site."""
+    """Altitude of the lead track, as seen from the site."""
     az_deg: float | None = None
     t_utc_ns: int | None = None
     mount_ra_icrs_deg: float | None = None
-    """Where the mount itself said to be, as a rule a second ago."""
+    """Right ascension reported by the mount, as a rule a second ago."""
     mount_dec_icrs_deg: float | None = None
     mount_alt_deg: float | None = None
-    """The same as seen from the site."""
+    """Altitude of the mount's reported direction, as seen from the site."""
     mount_az_deg: float | None = None
     mount_t_utc_ns: int | None = None
-    """When the mount said so: long ago where it is silent."""
+    """Time of the mount's report, UTC ns: long ago where it is silent."""
     slew_left_s: float | None = None
-    """How long the slew under way still takes; None while the mount does not slew."""
+    """Time left of the slew under way, s; None while the mount does not slew."""
     is_parked: bool | None = None
     is_slewing: bool | None = None
-    """As the mount said a second ago."""
+    """True where the mount reported a slew, a second ago."""
     is_tracking: bool | None = None
-    """By its driver's word: ``mount_motion`` is what was measured."""
+    """True where its driver reports tracking: ``mount_motion`` is the measured motion."""
     is_parking: bool | None = None
-    """On its way to its park position, by its driver's word."""
+    """True on its way to its park position, as its driver reports."""
     mount_motion: str | None = None
-    """Measured from the directions that it reported: stands, tracks, moves or unknown."""
+    """Motion measured from its reported directions: stands, tracks, moves or unknown."""
     mount_rate_deg_s: float | None = None
-    """Measured against the sky, of the faster axis; None while the motion is unknown."""
+    """Rate of the faster axis measured against the sky, deg/s; None while the motion is unknown."""
     pier_side: str | None = None
     now_utc_ns: int | None = None
-    """The engine's clock."""
+    """Present of the engine's clock, UTC ns."""
     simulated_speed: float | None = None
-    """How many times as fast as the wall's a simulated night's clock runs; 0: as it goes."""
+    """Speed of a simulated night's clock, in units of the wall's; 0: as fast as it goes."""
     exposing_until_utc_ns: int | None = None
-    """When the shutter closes; None while it is closed."""
+    """Time at which the shutter closes, UTC ns; None while it is closed."""
     next_start_utc_ns: int | None = None
-    """When the next exposure is to begin; None while that is not planned."""
+    """Time at which the next exposure is to begin, UTC ns; None while that is not planned."""
     tracks: tuple[TrackNow, ...] = ()
-    """All that are followed, by their numbers."""
+    """All tracks, by number."""
     next_aim: NextAim | None = None
-    """None while nothing is followed."""
+    """The next aim; None without a track."""
     pairs: tuple[PairMotion, ...] = ()
-    """How they move to each other as of the last frame, the nearest first."""
+    """Relative motion of the tracks as of the last frame, the nearest first."""
     unseen: tuple[UnseenMember, ...] = ()
     """Catalogued objects that should be in the field and have no track."""
     uncatalogued: tuple[int, ...] = ()
     """Tracks that no catalogued object explains."""
     next_limit: str | None = None
-    """Which one sidereal tracking runs into within hours."""
+    """The limit that sidereal tracking meets within hours."""
     next_limit_utc_ns: int | None = None
     lifted: tuple[str, ...] = ()
     """Checks and limits that the operator has overridden, by name."""
     faults: tuple[str, ...] = ()
     last_stop: LastStop | None = None
     temporary: Mapping[str, int] = field(default_factory=dict)
-    """Settings that hold for a number of further frames."""
+    """Settings that hold for a number of frames, with the frames left."""
     health: tuple[Health, ...] = ()
     mount_lacks: tuple[str, ...] = ()
-    """What the mount's driver does not offer, each with what follows from it."""
+    """Abilities that the mount's driver lacks, each with its effect."""
     machine: Machine | None = None
-    """Heat, power, disk and time source."""
+    """Heat, power, disk and time source of the machine."""
     seat: str | None = None
     """The console in control; None while none is."""
     seat_asked_by: str | None = None
@@ -249,7 +250,7 @@ class Status:
 
 
 def status_json(status: Status) -> dict[str, Any]:
-    """A status as JSON carries it: every field by its name, and by the name it had first."""
+    """Return a status as JSON carries it: every field by its name, and by the first version's."""
     data: dict[str, Any] = {"schema": SCHEMA}
     for name, value in as_json(status).items():
         data[name] = value
@@ -259,7 +260,7 @@ def status_json(status: Status) -> dict[str, Any]:
 
 
 def read_status(data: Mapping[str, Any]) -> Status:
-    """The status in an engine's answer; what is missing or odd in it counts as not said."""
+    """Return the status in an engine's answer; missing or invalid fields count as not reported."""
     first = {name: data[key] for name, key in FIRST_NAMES.items() if key in data}
     said = {"now_utc_ns": data.get("t_utc_ns"), **first, **data}
     return read_record(Status, said) or Status()

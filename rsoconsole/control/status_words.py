@@ -21,22 +21,22 @@ HOLDERS = {
     "operator": ("YOU have the mount", "the operator has the mount", "the operator had it"),
     "nobody": ("nobody has the mount", "nobody has the mount", "nobody had the mount"),
 }
-"""Each for the seat that commands, for one that looks, and of the past."""
+"""Words for the holder of control: at the console in control, at another one, and in the past."""
 
 OLD_S = 10.0
-"""A word of the mount older than that is told with its instant."""
+"""Age above which a report of the mount is shown with its time, s."""
 STANDS, NOT_KNOWN = "stands, measured", "how it moves is not known"
 
 
 def holder_words(holder: str | None, form: Literal["seat", "plain", "past"]) -> str:
-    """The holder of the mount in words."""
+    """Return the holder of the mount in words."""
     if holder in HOLDERS:
         return HOLDERS[holder][("seat", "plain", "past").index(form)]
     return "" if form == "past" else "who has the mount is not known"
 
 
 def fault_words(status: Status) -> list[str]:
-    """The engine's faults, or that none is left, and the overridden checks."""
+    """Return the engine's faults, or that none is left, and the overridden checks."""
     words = [f"FAULT {fault}" for fault in dict.fromkeys(status.faults)]
     if status.state == "FAULT" and not words:
         words = ["the cause of the FAULT is over: arm it to go on"]
@@ -44,25 +44,25 @@ def fault_words(status: Status) -> list[str]:
 
 
 def held_words(status: Status) -> str:
-    """The hold in words; empty where there is none."""
+    """Return the hold in words; empty where there is none."""
     if not status.is_held:
         return ""
     return "HELD until it clears" if status.resumes_when_clear else "HELD"
 
 
 def limit_left_s(status: Status) -> float | None:
-    """Until sidereal tracking runs into a limit; None: not within hours."""
+    """Time until sidereal tracking runs into a limit, s; None: not within hours."""
     return _left_s(status, status.next_limit_utc_ns)
 
 
 def limit_words(status: Status) -> str:
-    """The next limit in words, with its time; empty where there is none."""
+    """Return the next limit in words, with its time; empty where there is none."""
     left_s = limit_left_s(status)
     return "" if left_s is None else f"{status.next_limit} in {left_s / 60.0:.0f} min"
 
 
 def shutter_words(status: Status) -> str:
-    """The time left of the exposure, or until the next; empty where that is not known."""
+    """Return the time left of the exposure, or until the next; empty where that is not known."""
     left_s = _left_s(status, status.exposing_until_utc_ns)
     wait_s = _left_s(status, status.next_start_utc_ns)
     if left_s is not None:
@@ -77,7 +77,8 @@ def _left_s(status: Status, until_utc_ns: int | None) -> float | None:
 
 
 def mount_words(status: Status, name: str = "mount ") -> tuple[str, ...]:
-    """Place (ICRS), altitude and azimuth, what it does; empty where the mount never said."""
+    """Return place (ICRS), altitude and azimuth, and motion; empty where the mount never
+    reported."""
     ra, dec = status.mount_ra_icrs_deg, status.mount_dec_icrs_deg
     if ra is None or dec is None:
         return ()
@@ -91,7 +92,8 @@ def mount_words(status: Status, name: str = "mount ") -> tuple[str, ...]:
 
 
 def motion_words(status: Status) -> str:
-    """The mount's motion in words, as measured; where that is not known, by its driver's claim."""
+    """Return the mount's motion in words, as measured; where that is not known, by its driver's
+    claim."""
     measured, claimed = _measured(status), _claimed(status)
     if status.is_parked:
         return "parked" if measured in ("", STANDS) else f"parked, but it {measured}"
@@ -104,7 +106,7 @@ def motion_words(status: Status) -> str:
 
 
 def _measured(status: Status) -> str:
-    """Empty: not known."""
+    """Return the measured motion in words; empty: not known."""
     match status.mount_motion:
         case "stands":
             return STANDS
@@ -134,7 +136,7 @@ UNREADABLE = "the engine's answer cannot be read: are both of one version?"
 
 
 def preview_lines(preview: MovePreview | None, ending: str = "") -> list[str]:
-    """The engine's preview of a move; ``ending``: what comes last where it may be made."""
+    """Return the engine's preview of a move; ``ending``: the last line where it may be made."""
     if preview is None:
         return [UNREADABLE]
     after = preview.pier_side_after
@@ -160,14 +162,15 @@ _HEAD = (
 
 
 def track_table(status: Status) -> list[str]:
-    """A head and a line for each track, of at most 80 columns; empty where nothing is followed."""
+    """Return a head and a line for each track, of at most 80 columns; empty without tracks."""
     if not status.tracks:
         return []
     return [_HEAD, *map(_row, status.tracks)]
 
 
 def aim_parts(aim: NextAim) -> list[str]:
-    """Policy with reason, place and time of the exposure after the next one, and its slew."""
+    """Return policy with reason, place and time of the exposure after the next one, and its
+    slew."""
     return [
         f"next aim, {aim.policy}: {aim.reason}",
         direction(aim.ra_icrs_deg, aim.dec_icrs_deg),
@@ -177,7 +180,7 @@ def aim_parts(aim: NextAim) -> list[str]:
 
 
 def state_words(state: str, misses: int, *, is_kept: bool) -> str:
-    """A track's state after its last frame; "+": the operator keeps it."""
+    """Return a track's state after its last frame; "+": the operator keeps it."""
     return f"{state} {misses or ''}".rstrip() + ("+" if is_kept else "")
 
 

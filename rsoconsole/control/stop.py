@@ -1,8 +1,8 @@
 """STOP: to the engine at once, and past it as soon as it fails or is late; one answer is enough.
 
-The one procedure of every seat: the console's key, the panel's button and the shell's verb. In two
-stages: ABORT is sent and the driver answers, which is known at once; how the mount then moves is
-measured, which takes some seconds and alone tells whether it has stopped.
+All seats share this procedure: the console's key, the panel's button and the shell's verb. In two
+stages: ABORT is sent and the driver answers, which is known at once; the mount's motion is then
+measured, which takes some seconds and alone shows whether it has stopped.
 """
 
 import logging
@@ -38,14 +38,14 @@ REMEDY = f"run 'rsoconsole stop' in another terminal; {CUT_POWER} if it moves"
 SUPERSEDED = "another order came before STOP was measured to its end"
 
 FROM_PRESS, IN_ENGINE = "counted from the key", "counted in the engine"
-"""Origin of a STOP's times: where it was given, and where it was carried out."""
+"""Origin of a STOP's times: its sending, or its arrival in the engine."""
 
 Found = Mapping[str, Any]
-"""What came of a STOP so far, as the engine answers it: is_answered, path, ms, ordered_ms, detail;
+"""Result of a STOP so far, as the engine answers it: is_answered, path, ms, ordered_ms, detail;
 motion and rate_deg_s once it is measured."""
 DirectStop = Callable[[Callable[[Found], None]], None]
-"""Stops the mount without the engine; tells what it finds, each time that there is more, and
-returns when nothing more comes. Raises what it will."""
+"""Stops the mount without the engine; calls its argument with each new result, and returns when
+nothing more comes. May raise anything."""
 
 
 Phase = Literal["sent", "late", "answered", "stopped", "failed"]
@@ -56,34 +56,35 @@ class StopNews:
     """The state of a STOP."""
 
     phase: Phase
-    """answered: by the driver, and being measured; stopped: measured to be at rest; failed: it
-    moves on, or nobody knows."""
+    """Phase; answered: by the driver, and being measured; stopped: measured to be at rest; failed:
+    it moves on, or its motion is not known."""
     text: str
     path: str = ""
-    """Through what it was answered, or was tried to be last: mount, indi, engine."""
+    """Way of the answer, or of the last attempt: mount, indi, engine."""
     ms: float | None = None
-    """From the beginning of the procedure until this was known."""
+    """Time from the beginning of the procedure until this was known, ms."""
     ordered_ms: float | None = None
-    """Until ABORT was on its way to the mount; None: not yet, or nobody has told."""
+    """Time until ABORT was on its way to the mount, ms; None: not yet, or not reported."""
     answered_ms: float | None = None
-    """Until the driver had taken it; None: not yet, or nobody has told."""
+    """Time until the driver had taken it, ms; None: not yet, or not reported."""
     motion: StopOutcome | None = None
-    """As measured; None: not yet."""
+    """Measured motion; None: not yet."""
     rate_deg_s: float | None = None
-    """Of the faster axis, where it moves."""
+    """Rate of the faster axis while it moves, deg/s."""
     reason: str = ""
-    """What is wrong where it failed."""
+    """Reason of the failure."""
     is_superseded: bool = False
-    """Another order came before it was measured: no alarm, but nothing is known either."""
+    """True where another order came before it was measured: no alarm, but nothing is known
+    either."""
 
 
 def counted(said: str, ordered_ms: float | None, since: str) -> str:
-    """The words of a STOP, with from when both of its times count, where there are two."""
+    """Return a STOP's words with the origin of its two times, where there are two."""
     return said if ordered_ms is None else f"{said} ({since})"
 
 
 class Stopping:
-    """One STOP under way; ``on_news`` is called from its threads, and not for who only waits."""
+    """One STOP under way; ``on_news`` is called from its threads."""
 
     def __init__(
         self,
@@ -96,7 +97,7 @@ class Stopping:
         self._on_news = on_news
         self._lock = threading.RLock()
         self._reporting = threading.Lock()
-        """News go out one after the other; nothing that ends motion waits for them."""
+        """Lock that keeps news in order; nothing that ends motion waits for it."""
         self._ways_open = 1
         self._has_gone_past = False
         self._is_answered = False
@@ -109,14 +110,14 @@ class Stopping:
         self._past: threading.Thread | None = None
 
     def begin(self) -> None:
-        """Act; returns at once."""
+        """Start the STOP; returns at once."""
         threading.Thread(target=self._by_engine, name="stop", daemon=True).start()
         late = threading.Timer(LATE_S, self._when_late)
         late.daemon = True
         late.start()
 
     def wait(self) -> StopNews:
-        """Wait for the end: measured by a way, or every way has failed.
+        """Wait for the end: measured by one way, or failed by every way.
 
         A way past the engine that has begun is waited for all the same: it may still set tracking
         as configured after its own ABORT, and repeats that while the mount moves.
@@ -154,7 +155,7 @@ class Stopping:
             self._follow_engine(found.get("number"), path)
 
     def _follow_engine(self, number: Any, path: str) -> None:
-        """Ask until the engine has measured how the mount moves."""
+        """Poll until the engine has measured the mount's motion."""
         reason = "the engine has not told how it moves"
         while time.monotonic() < self._began_s + MEASURED_S:
             time.sleep(_ASK_EVERY_S)
@@ -218,7 +219,8 @@ class Stopping:
     # -- what they find -------------------------------------------------------------------------
 
     def _note_order_time(self, data: Mapping[str, Any]) -> None:
-        """When the engine had ordered it; its own clock began when it heard of the STOP."""
+        """Note when the engine had ordered it; the engine's own times count from the STOP's
+        arrival."""
         ordered, ms = data.get("ordered_ms"), data.get("ms")
         if isinstance(ordered, int | float) and isinstance(ms, int | float):
             self._ordered_ms = max(0.0, self._ms() - max(0.0, ms - ordered))
@@ -233,7 +235,7 @@ class Stopping:
         self._say(self._news("answered", text, path))
 
     def _take_motion(self, found: Found, path: str) -> bool:
-        """Whether it says how the mount was measured to move, or that this is not known."""
+        """True where a result has the measured motion, or says that this is not known."""
         motion, rate = found.get("motion"), found.get("rate_deg_s")
         if motion is None or motion not in get_args(StopOutcome):
             return False

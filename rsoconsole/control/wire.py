@@ -19,7 +19,7 @@ from rsoconsole.records import CommandResult
 
 SenderKind: TypeAlias = Literal["console", "script"]
 _CONSOLE = "console "
-"""The beginning of a console's name on the wire and on record."""
+"""Beginning of a console's name on the wire and on record."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -28,16 +28,17 @@ class Sender:
 
     name: str = "operator"
     kind: SenderKind = "script"
-    """"script": a shell, a program; it is not asked whether it is in control."""
+    """Kind of sender; "script": a shell or a program, which needs no control."""
 
     @classmethod
     def console(cls, name: str) -> "Sender":
-        """A console, or a panel that is one."""
+        """Return the sender for a console, or for a panel that is one."""
         return cls(name=name, kind="console")
 
     @classmethod
     def at(cls, place: str) -> "Sender":
-        """A console or panel of this process's user, at a terminal or a notebook."""
+        """Return the sender for a console or panel of this process's user, at a terminal or a
+        notebook."""
         try:
             user = getpass.getuser()
         except (KeyError, OSError):
@@ -46,14 +47,14 @@ class Sender:
 
     @property
     def words(self) -> str:
-        """As the wire and the record have it."""
+        """Sender as the wire and the record have it."""
         return f"{_CONSOLE}{self.name}" if self.kind == "console" else self.name
 
 
 def sender_of(by: str, kind: Any = None) -> Sender:
-    """The sender that a request names; ``kind``: None where it does not say what that is.
+    """Return the sender that a request names; ``kind``: None where the request does not give it.
 
-    Where it does not, a name that begins as a console's is one's.
+    Then a name that begins as a console's counts as one.
     """
     if kind == "script" or not by.startswith(_CONSOLE):
         return Sender(name=by, kind="console" if kind == "console" else "script")
@@ -61,12 +62,13 @@ def sender_of(by: str, kind: Any = None) -> Sender:
 
 
 def printable(text: str) -> str:
-    """Text of any author without what would be a command to a terminal."""
+    """Return text of any author without what would be a command to a terminal."""
     return "".join(c if c.isprintable() or c == "\n" else " " for c in text)
 
 
 def one_line(text: str) -> str:
-    """Printable text on one line: a line break could pass for a line of the program's own."""
+    """Return printable text on one line: a line break could pass for a line of the program's
+    own."""
     return printable(text).replace("\n", " ")
 
 
@@ -80,7 +82,7 @@ class Course:
 
     def __init__(self) -> None:
         self.is_begun = False
-        """True from the beginning of its execution on."""
+        """True once its execution has begun."""
         self._result: CommandResult | None = None
         self._is_settled = threading.Event()
 
@@ -97,7 +99,7 @@ class Course:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Request:
-    """A command, and who asks for it."""
+    """A command and its sender."""
 
     command: Command
     sender: Sender = field(default_factory=Sender)
@@ -114,7 +116,7 @@ class Request:
 
 
 ON_RECORD = "on_record"
-"""Key in a refusal's data: the session has that refusal on record too."""
+"""Key in a refusal's data: true where the session has that refusal on record too."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -123,27 +125,27 @@ class Outcome:
 
     ok: bool
     message: str = ""
-    """In the operator's words; says why when it is not ok."""
+    """Message in the operator's words; the reason when it is not ok."""
     data: Mapping[str, Any] = field(default_factory=dict)
-    """The answer to a question, as JSON carries it."""
+    """Data of the answer, as JSON carries it."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Later:
-    """An outcome that is waited for, but not for long."""
+    """An outcome still to come, within a limited time."""
 
     until_s: float
-    """Monotonic; at that instant it is what is known by then."""
+    """Monotonic time at which the outcome known so far is used, s."""
     wait: Callable[[float], Outcome]
-    """Gives it, after that many seconds at most."""
+    """Returns the outcome, after that many seconds at most."""
 
     def outcome(self, deadline: float = math.inf) -> Outcome:
-        """Waits for it, not beyond the monotonic ``deadline``."""
+        """Wait for the outcome, not beyond the monotonic ``deadline``, and return it."""
         return self.wait(max(0.0, min(self.until_s, deadline) - time.monotonic()))
 
 
 class NotACommand(ControlError):  # noqa: N818 -- an answer to the sender, no failure of the engine
-    """A line that asks for what is no command, with the number that its sender gave it."""
+    """A line that is no command, with the number that its sender gave it."""
 
     def __init__(self, message: str, request_id: int | str | None) -> None:
         super().__init__(message)
@@ -152,17 +154,17 @@ class NotACommand(ControlError):  # noqa: N818 -- an answer to the sender, no fa
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class WaitingRequest:
-    """A request on its way, with the connection that waits for its outcome."""
+    """A request under way, with the connection that waits for its outcome."""
 
     id: int | str | None
     request: Request
     deadline: float
-    """Monotonic; afterwards the sender has given up."""
+    """Monotonic time after which the sender has given up, s."""
     connection: "Connection"
 
 
 class Connection:
-    """One peer of the engine. Answers may be given from any thread."""
+    """Connection to one client of the engine. Answers may be given from any thread."""
 
     def __init__(self, peer: socket.socket) -> None:
         self._peer = peer
@@ -172,7 +174,7 @@ class Connection:
         )
 
     def lines(self) -> Iterator[bytes]:
-        """Lines as they come in; answers one that is too long, then raises ValueError."""
+        """Yield lines as they come in; answer one that is too long, then raise ValueError."""
         received = b""
         while True:
             while b"\n" not in received:
@@ -188,7 +190,7 @@ class Connection:
             yield line
 
     def answer(self, request_id: int | str | None, outcome: Outcome) -> None:
-        """Send an outcome; a peer that is gone or does not read is let go."""
+        """Send an outcome; a peer that is gone or does not read is dropped."""
         reply = {"id": request_id, "ok": outcome.ok, "message": outcome.message}
         try:
             line = json.dumps({**reply, "data": dict(outcome.data)}, allow_nan=False)
@@ -202,14 +204,14 @@ class Connection:
             self.close()
 
     def close(self) -> None:
-        """Let the peer go; a thread that reads from it is woken."""
+        """Close the connection; a thread that reads from it is woken."""
         with contextlib.suppress(OSError):
             self._peer.shutdown(socket.SHUT_RDWR)
         self._peer.close()
 
 
 def read_request(connection: Connection, line: bytes) -> WaitingRequest:
-    """The request in a line. Raises ControlError that says what is wrong with it."""
+    """Return the request in a line. Raises ControlError that says what is wrong with it."""
     try:
         message = json_of(line)
     except ValueError as error:
@@ -246,7 +248,7 @@ def read_request(connection: Connection, line: bytes) -> WaitingRequest:
 
 
 def receive_line(wire: socket.socket, deadline: float) -> bytes:
-    """One line, by the monotonic ``deadline``. Raises OSError, TimeoutError among them."""
+    """Return one line, by the monotonic ``deadline``. Raises OSError, TimeoutError among them."""
     received = bytearray()
     while b"\n" not in received:
         left_s = deadline - time.monotonic()
@@ -261,7 +263,7 @@ def receive_line(wire: socket.socket, deadline: float) -> bytes:
 
 
 def read_outcome(reply: bytes) -> Outcome:
-    """The outcome in a reply. Raises ControlError when it is none."""
+    """Return the outcome in a reply. Raises ControlError when it is none."""
     try:
         message = json_of(reply)
         text = printable(str(message["message"]))

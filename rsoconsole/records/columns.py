@@ -1,14 +1,13 @@
-"""The public tables of a session: which columns each has, of what type, and what they mean.
+"""The public tables of a session: their columns, with type and meaning.
 
 Declared once: the SQL of the views (``session/log/schema.py``), the notebook's tables, and the
-documentation (``python -m rsoconsole.records.columns sessions/README.md``; a test holds it to this)
-are made of it. Exported tables declare theirs in the same language
-(``library/formats/rows.py``), and carry every other number, text or truth that a measurement gets
-here.
+documentation (``python -m rsoconsole.records.columns sessions/README.md``; a test compares both)
+are made from it. Exported tables declare theirs in the same language (``library/formats/rows.py``),
+and carry every other number, text or truth that a measurement gets here.
 
 A field of a record and its line here are all that a new column takes.
 
-A column's unit is the one in its name, so that no table can say another.
+A column's unit is the one in its name, so that no table can state another.
 """
 
 import sys
@@ -56,7 +55,8 @@ from rsoconsole.records.steps import (
 )
 
 ColumnType: TypeAlias = Literal["integer", "real", "text", "truth", "json"]
-"""json: a record or mapping, as the log has it; real with a shape: nested lists of numbers."""
+"""Type of a column; json: a record or mapping, as the log has it; real with a shape: nested lists
+of numbers."""
 Source: TypeAlias = Literal["log", "files"]
 
 _UNITS = (
@@ -94,19 +94,19 @@ class Column:
 
     @property
     def unit(self) -> str | None:
-        """As astropy writes it; None for a number without."""
+        """Unit as astropy writes it; None for a number without one."""
         if self.name == "ms":
             return "ms"
         return next((unit for ending, unit in _UNITS if self.name.endswith(ending)), None)
 
     @property
     def is_worded(self) -> bool:
-        """Whether the record has a kind with figures there, of which the column is the text."""
+        """True where the record has a kind with figures there, and the column is its text."""
         return self.place in _WORDED
 
     @property
     def place(self) -> str:
-        """Where in the record it is."""
+        """Path of the column in the record."""
         return self.path or self.name
 
 
@@ -116,24 +116,24 @@ class Table:
 
     name: str
     kind: type
-    """The record that its rows are made of."""
+    """Type of the record that its rows are made from."""
     row: str
-    """One row in words."""
+    """Description of one row."""
     own: tuple[Column, ...]
-    """Its columns, without those that every table begins with."""
+    """Columns of its own, without those that every table begins with."""
     parts: str = ""
-    """The member of the record of which each item is a row; empty: the record is one row."""
+    """Member of the record of which each item is a row; empty: the record is one row."""
     may_be_superseded: bool = False
-    """The operator's word may have its frame followed again later."""
+    """True where an operator's decision may later replace its rows."""
 
     @property
     def columns(self) -> tuple[Column, ...]:
-        """All of them, in order."""
+        """All columns, in order."""
         return (*HEAD, *self.own, *((SUPERSEDED,) if self.may_be_superseded else ()))
 
 
 def columns_of(spec: str, source: Source = "log") -> tuple[Column, ...]:
-    """Columns from lines such as ``name=path type[shape] meaning``."""
+    """Parse columns from lines such as ``name=path type[shape] meaning``."""
     return tuple(_column(line, source) for line in spec.strip().splitlines())
 
 
@@ -314,11 +314,11 @@ _ABOUT: tuple[Table, ...] = (
     ),
 )
 TABLES: Mapping[str, Table] = MappingProxyType({each.name: each for each in _ABOUT})
-"""By name, in the order of the documentation."""
+"""Tables by name, in the order of the documentation."""
 
 
 def member(record: Any, column: Column) -> Any:
-    """The value of a record, or of the part of it that a row is, in a column; None for none."""
+    """Return a column's value of a record, or of the part of it that a row is; None for none."""
     value = record
     for step in column.place.split("."):
         if value is None:
@@ -331,7 +331,7 @@ def member(record: Any, column: Column) -> Any:
 
 
 def documentation() -> str:
-    """The tables as ``sessions/README.md`` shows them."""
+    """Return the tables as ``sessions/README.md`` shows them."""
     lines = ["| view | a row is | columns beside those three |", "|---|---|---|"]
     for table in TABLES.values():
         named = ", ".join(column.name for column in table.columns[len(HEAD) :])
@@ -340,7 +340,7 @@ def documentation() -> str:
 
 
 def documented(page: str) -> str:
-    """A page with the documentation in the place of what stands there of it."""
+    """Return a page with its tables replaced by the present documentation."""
     first, *_, last = (line for line in page.splitlines() if _is_of_table(line))
     before, _, rest = page.partition(first)
     return before + documentation() + rest.partition(last)[2]

@@ -1,4 +1,4 @@
-"""Records of a frame and of what was detected in it."""
+"""Records of a frame and of its detections."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -16,59 +16,60 @@ PixelArray = npt.NDArray[np.uint16] | npt.NDArray[np.float32]
 MapMode = Literal["fast", "paper"]
 
 StreakKind = Literal["streak", "clipped", "crossing"]
-"""How many of its ends lie in the frame: both, one, none."""
+"""Kind by the number of ends in the frame: both, one, none."""
 
 ObjectClass = Literal["satellite", "aircraft", "meteor", "cosmic ray", "star chain", "undetermined"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Site:
-    """Where the telescope stands (WGS84)."""
+    """Place of the telescope (WGS84)."""
 
     latitude_deg: float
     longitude_deg: float
-    """East positive, -180 to 180."""
+    """Longitude, east positive, -180 to 180 deg."""
     elevation_m: float
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CameraMode:
-    """The read-out of a frame, as far as its header tells; with its size and exposure its mode."""
+    """Read-out of a frame, as far as its header has it; with its size and exposure, its mode."""
 
     binning: str | None = None
-    """As ``2x2``."""
+    """Binning, as ``2x2``."""
     x0_px: int | None = None
-    """Where a subframe begins on the sensor."""
+    """First column of a subframe on the sensor, px."""
     y0_px: int | None = None
     gain: float | None = None
-    """In the camera's own steps."""
+    """Gain in the camera's own steps."""
     time_by: Literal["header", "gps"] = "header"
-    """Whose the time of the exposure is: DATE-OBS, or the camera's own GPS receiver's."""
+    """Source of the exposure's time: DATE-OBS, or the camera's own GPS receiver."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Frame:
-    """One exposure as the camera gave it, with what its header promises."""
+    """One exposure as the camera gave it, with what its header states."""
 
     frame_id: int
     name: str
     pixels: PixelArray
-    """(height, width), uint16 or float32 ADU; every value finite."""
+    """Pixels, (height, width), uint16 or float32 ADU; every value finite."""
     t_start_utc_ns: int | None = None
     exposure_s: float | None = None
     scale_arcsec_px: float | None = None
-    """From focal length and pixel size; a hint."""
+    """Scale from focal length and pixel size, arcsec/px; a hint."""
     pointing_ra_icrs_deg: float | None = None
-    """Where the mount said it pointed; a hint for the solver, never a measurement."""
+    """Right ascension of the mount's reported pointing; a hint for the solver, never a
+    measurement."""
     pointing_dec_icrs_deg: float | None = None
     saturation_adu: float = 65535.0
     camera: CameraMode | None = None
-    """None where no header was read."""
+    """Camera mode; None where no header was read."""
     header: Mapping[str, Any] = field(default_factory=dict)
 
     @property
     def t_mid_utc_ns(self) -> int | None:
-        """Middle of the exposure, or None when start or length is unknown."""
+        """Mid-exposure, UTC ns; None when start or length is unknown."""
         return middle_utc_ns(self.t_start_utc_ns, self.exposure_s)
 
     @property
@@ -84,61 +85,64 @@ class Frame:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Detection:
-    """One candidate streak in one frame."""
+    """One detected streak, or a candidate for one, in one frame."""
 
     frame_id: int
     confidence: float
-    """0 to 1."""
+    """Probability that it is a real streak of the sky, 0 to 1."""
     x_px: float
-    """Midpoint of the streak (of its box where ``method`` is "box")."""
+    """Column of the streak's midpoint (of its box's where ``method`` is "box")."""
     y_px: float
     x_a_px: float
-    """One end; which end came first in time one frame does not tell."""
+    """Column of end a; one frame does not show which end came first in time."""
     y_a_px: float
     x_b_px: float
     y_b_px: float
     box_px: tuple[float, float, float, float]
-    """x0, y0, x1, y1 of the network's box."""
+    """Box of the network: x0, y0, x1, y1."""
     length_px: float
     width_px: float
-    """Full width at half maximum across the streak; 0 when not measured."""
+    """Full width at half maximum across the streak, px; 0 when not measured."""
     snr: float
-    """Matched-filter signal to noise of the whole streak; 0 when not measured."""
+    """Integrated SNR of the whole streak (matched filter); 0 when not measured."""
     sigma_along_px: float
-    """One sigma of the midpoint along the streak."""
+    """One sigma of the midpoint along the streak, px."""
     sigma_across_px: float
     is_clipped: bool
     """True when an end lies outside the frame: then only the position across the streak holds."""
     method: Literal["line", "box", "operator"]
     unevenness: float = 0.0
-    """By how much its light and path vary more than noise explains, as a natural logarithm of
-    variances; 0: by nothing, or too long to be a cosmic ray, or not measured."""
+    """Excess variation of its light and path beyond noise, as a natural logarithm of variances; 0:
+    none, or too long to be a cosmic ray, or not measured."""
     kind: StreakKind = "streak"
-    """Never "streak" where ``is_clipped``: what says no kind is "clipped"."""
+    """Kind of streak; never "streak" where ``is_clipped``: an input without a kind counts as
+    "clipped"."""
     sigma_angle_deg: float | None = None
-    """One sigma of its direction: with ``sigma_across_px`` the covariance of its line, as the two
-    are all but independent at its midpoint. None where not measured."""
+    """One sigma of its direction, deg: with ``sigma_across_px`` the covariance of its line, as the
+    two are all but independent at its midpoint. None where not measured."""
     object_class: ObjectClass = "undetermined"
     class_probability: float = 1.0
-    """Given that it is a real streak; of "undetermined" what the likeliest class lacks to 1."""
+    """Probability of its class, given that it is a real streak; of "undetermined", 1 minus that of
+    the likeliest class."""
     modulation_period_px: float | None = None
-    """Along it, of light that comes and goes regularly; None where no such thing is seen."""
+    """Period along the streak of regularly varying light, px; None where none is seen."""
     modulation_period_s: float | None = None
-    """The same in time; None also where the exposure's share of its length is not known."""
+    """Period of regularly varying light, s; None also where the exposure's share of its length is
+    not known."""
     modulation_depth: float | None = None
-    """(most - least) / (most + least) of the light over one period, as blurred by the stars'
-    width: 0 to 1."""
+    """Depth of the variation, (most - least) / (most + least) of the light over one period, as
+    blurred by the stars' width: 0 to 1."""
     train: int = 0
-    """How many lines run parallel as a train of satellites, itself among them; 0: none."""
+    """Number of parallel lines of a train of satellites, itself among them; 0: none."""
     light_offset_px: float | None = field(default=None, compare=False)
-    """From the midpoint towards end b: where ends and light together have the middle, whatever the
-    image shook meanwhile, of a steady light. None where that was not measured."""
+    """Offset of the middle from the midpoint towards end b, px, by ends and light together:
+    corrects for an image that shook, for a steady light. None where that was not measured."""
     light_sigma_px: float | None = field(default=None, compare=False)
-    """One sigma of that."""
+    """One sigma of ``light_offset_px``."""
     light_length_px: float | None = field(default=None, compare=False)
-    """Of the even motion, likewise."""
+    """Length of the even motion by ends and light together, px; None where not measured."""
     light_length_sigma_px: float | None = field(default=None, compare=False)
-    """One sigma of that."""
+    """One sigma of ``light_length_px``."""
 
     def __post_init__(self) -> None:
         if self.kind == "streak" and self.is_clipped:
@@ -155,7 +159,7 @@ class Detection:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Rejection:
-    """A candidate that was not taken, and why."""
+    """A rejected candidate, and why."""
 
     detection: Detection
     reason: BelowTau | NotAStreak
@@ -163,7 +167,7 @@ class Rejection:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Detections:
-    """The result of the detector for one frame: any number of streaks, most confident first."""
+    """Result of the detector for one frame: any number of streaks, most confident first."""
 
     frame_id: int
     width_px: int
@@ -171,27 +175,28 @@ class Detections:
     detections: tuple[Detection, ...]
     rejected: tuple[Rejection, ...] = ()
     star_count: int | None = None
-    """Stars found beside them, up to a few hundred; None where nobody counted."""
+    """Number of stars found beside them, up to a few hundred; None where not counted."""
     star_fwhm_px: float | None = None
-    """Median full width of the stars; None where that was not measured."""
+    """Median full width at half maximum of the stars, px; None where that was not measured."""
     star_flux_adu: float | None = None
-    """Median of the 20th to 60th brightest stars; None where there are too few to compare."""
+    """Median flux of the 20th to 60th brightest stars, ADU; None where there are too few to
+    compare."""
     background_adu: float | None = None
-    """Median of the sky's light in a pixel, with the camera's offset where no dark takes it off;
-    None where nobody looked."""
+    """Median of the sky's light in a pixel, ADU, with the camera's offset where no dark takes it
+    off; None where not measured."""
     zero_point_mag: float | None = None
     """Magnitude of a star that would give 1 ADU a second: the sky's transparency at this camera;
-    None without a plate, and where too few stars are in the catalogue."""
+    None without a plate solution, and where too few stars are in the catalogue."""
     stage_ms: Mapping[str, float] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Closeup:
-    """Where in its frame a close-up lies: a piece of it at full resolution, kept as a picture."""
+    """Place of a close-up in its frame: a piece at full resolution, kept as a picture."""
 
     frame_id: int
     x0_px: int
-    """Column of the frame that its first column is."""
+    """Frame's column of the close-up's first column."""
     y0_px: int
     width_px: int
     height_px: int
@@ -210,15 +215,15 @@ class Wcs:
     crval_ra_deg: float
     crval_dec_deg: float
     cd: tuple[float, float, float, float]
-    """cd11, cd12, cd21, cd22 in deg/px."""
+    """Matrix cd11, cd12, cd21, cd22, deg/px."""
     sip_a: tuple[tuple[int, int, float], ...] = ()
-    """(p, q, coefficient) of u^p v^q added to u, in pixels."""
+    """SIP terms: (p, q, coefficient) of u^p v^q added to u, in pixels."""
     sip_b: tuple[tuple[int, int, float], ...] = ()
 
 
 PlatePath = Literal["full", "refit", "shift"]
-"""How a plate was found: by a search of the sky; the last one fitted to the frame's stars; the last
-one only shifted onto the few that cloud leaves."""
+"""Way of a plate solution: a search of the sky; the last plate fitted to the frame's stars; the
+last plate only shifted onto the few stars that cloud leaves."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -228,27 +233,27 @@ class Solution:
     frame_id: int
     wcs: Wcs
     ra_icrs_deg: float
-    """At the image centre, ((width - 1) / 2, (height - 1) / 2)."""
+    """Right ascension of the image centre, ((width - 1) / 2, (height - 1) / 2)."""
     dec_icrs_deg: float
     scale_arcsec_px: float
     rotation_deg: float
-    """Position angle of the array's +y axis, east of north, 0 to 360."""
+    """Position angle of the array's +y axis, east of north, 0 to 360 deg."""
     is_flipped: bool
     """True when the array is a mirror image of the sky as a FITS viewer shows it (det cd > 0)."""
     matched: int
     rms_arcsec: float
-    """Root mean square residual of one matched star, per axis."""
+    """Solve RMS: root mean square residual of a matched star, per axis, arcsec."""
     path: PlatePath
     ms: float
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class NotSolved:
-    """No plate solution for this frame, and why."""
+    """A frame without a plate solution, and why."""
 
     frame_id: int
     reason: str
-    """A description: nothing is decided by it."""
+    """Description for people: nothing is decided by it."""
     ms: float
 
 

@@ -5,53 +5,55 @@ from typing import Literal
 
 LeapResult = Literal["met", "not in the frame", "another streak", "not solved"]
 LeapOrder = Literal["at close", "by a look", "by the frame"]
-"""What the order of its slew waited for: the shutter of the leap before, a look at the middle of
+"""Trigger of the order of a leap's slew: the shutter of the leap before, a look at the middle of
 that one's frame, or the whole of it."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LeapDone:
-    """One leap: where and when it was to be met, what came of it, and what it took."""
+    """One leap: planned place and time, result, and durations."""
 
     frame_id: int
-    """Number of its exposure."""
+    """Frame number of its exposure."""
     begun_frame_id: int
-    """Frame of the first streak of what is followed."""
+    """Frame number of the track's first streak."""
     number: int
-    """1 for the first after that streak."""
+    """Number of the leap: 1 for the first after that streak."""
     result: LeapResult
     t_order_utc_ns: int
-    """When its slew was ordered."""
+    """Time at which its slew was ordered, UTC ns."""
     ordered: LeapOrder
     t_mid_utc_ns: int
-    """When it was to be met: the middle of the exposure."""
+    """Mid-exposure of the planned meeting, UTC ns."""
     ra_icrs_deg: float
     dec_icrs_deg: float
-    """Where: the middle of the field."""
+    """Declination of the centre of the field."""
     speed_arcsec_s: float
     sigma_along_arcsec: float
     sigma_across_arcsec: float
     within: float
     """Probability that both ends of the streak would be in the field."""
     flips: bool
-    """Whether the mount changed the side of its pier for it."""
+    """True where the mount changed the side of its pier for it."""
     exposure_s: float
     binning: int
-    """Pixels joined on each axis, of the configured ones."""
+    """Pixels joined on each axis, in units of the configured ones."""
     off_along_arcsec: float | None
-    """Measured minus predicted at the streak's middle, before the update; None where not met."""
+    """Innovation along the motion at the streak's middle, arcsec; None where not met."""
     off_across_arcsec: float | None
-    """To the left of the motion."""
+    """Innovation to the left of the motion, arcsec; None where not met."""
     total_s: float
-    """From the order of its slew until the next could be ordered, which the next six add up to."""
+    """Time from the order of its slew until the next could be ordered, s: the sum of the next
+    six."""
     slew_s: float
     settle_s: float
     shutter_s: float
-    """Until it opens, beyond what of that the mount settles in."""
+    """Time until the shutter opens, beyond the part of it in which the mount settles, s."""
     open_s: float
-    """The exposure, as planned."""
+    """Exposure as planned, s."""
     readout_s: float
-    """With what came of the frame; 0 where the next slew was ordered as the shutter closed."""
+    """Time of read-out and reduction, s; 0 where the next slew was ordered as the shutter
+    closed."""
     wait_s: float
     subframe: float
     """Share of each side of the sensor that was read out."""
@@ -59,41 +61,43 @@ class LeapDone:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LowPass:
-    """One pass that was followed, when it is over; its orbit by all of its streaks."""
+    """One finished pass, with its orbit by all of its streaks."""
 
     frame_id: int
-    """The last one."""
+    """Frame number of the last leap, or of the first streak where there was none."""
     begun_frame_id: int
-    """Frame of its first streak."""
+    """Frame number of its first streak."""
     name: str
-    """Name of what was waited for; empty: whatever came."""
+    """Name of the awaited satellite; empty: any."""
     ended: str
-    """Why it was not followed further, in words."""
+    """Reason why it was not followed further, in words."""
     streaks: int
     planned_leaps: int
-    """As many as the mount would have allowed, when the first was ordered; 0: none was."""
+    """Number of leaps planned when the first was ordered, as the mount allows; 0: none was."""
     t_first_utc_ns: int
-    """Middle of the first streak."""
+    """Middle of the first streak, UTC ns."""
     t_last_utc_ns: int
     probability: float
-    """Of its sense; 1 from the second streak on, as a rule."""
+    """Probability of its sense of motion; as a rule 1 from the second streak on."""
     epoch_utc_ns: int | None
-    """Of the orbit, as all below; None where one streak was all."""
+    """Epoch of the orbit, UTC ns; None, like all below, where there is only one streak."""
     r_gcrs_km: tuple[float, float, float] | None
     v_gcrs_km_s: tuple[float, float, float] | None
     covariance: tuple[tuple[float, ...], ...] | None
-    """(6, 6) of r and v: km, km/s."""
+    """Covariance of r and v, (6, 6): km, km/s."""
     a_km: float | None
     e: float | None
     i_deg: float | None
     believes_round: bool
-    """Whether a prior on its eccentricity is in it, because the streaks tell it no better."""
+    """True where a prior on its eccentricity is in it, because the streaks determine it no
+    better."""
     along_rms_arcsec: float | None
-    """Of the ends of its streaks against the orbit."""
+    """Root mean square of the ends of its streaks against the orbit, along the motion, arcsec."""
     across_rms_arcsec: float | None
     t_next_rise_utc_ns: int | None
-    """When it comes again within a day, above the limit of altitude; None: not found."""
+    """Time of its next rise above the limit of altitude within a day, UTC ns; None: not found."""
     sigma_next_s: float | None
     sigma_next_across_deg: float | None
     scatter_s: float | None
-    """Of the shutter, one sigma: as calibrated, or as these streaks told; None of one streak."""
+    """Scatter of the shutter, one sigma, s: as calibrated, or as these streaks show it; None with
+    only one streak."""

@@ -1,4 +1,4 @@
-"""Why something came to pass: a kind with its figures; ``words`` makes the sentence.
+"""Causes and results: a kind with its figures each; ``words`` makes the sentence.
 
 Programs look at kinds and figures alone. A ``detail`` is for people: nothing is decided by it.
 """
@@ -9,7 +9,7 @@ from typing import Literal, TypeAlias
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BelowTau:
-    """A candidate that passed every gate, and is not likely enough."""
+    """A candidate that passed every gate, but has too low a confidence."""
 
     confidence: float
     tau: float
@@ -48,13 +48,13 @@ NotAStreakKind: TypeAlias = Literal[
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class NotAStreak:
-    """The gate that a candidate did not pass."""
+    """The gate at which a candidate failed."""
 
     kind: NotAStreakKind
     value: float | None = None
-    """The measured value: a signal to noise, a width or length in pixels, a share, a count."""
+    """Measured value: a signal to noise, a width or length in pixels, a share, a count."""
     limit: float | None = None
-    """The limit of the gate, in the same unit."""
+    """Limit of the gate, in the unit of ``value``."""
 
 
 NotTakenKind: TypeAlias = Literal[
@@ -81,43 +81,46 @@ class MotionMismatch:
 
     kind: Literal["direction", "length", "order of time"]
     value: float | None = None
-    """Of "direction" how many degrees it is off, of "length" its arcseconds, to the whole one."""
+    """Difference of kind "direction", deg; measured length of kind "length", arcsec; both rounded
+    to whole ones."""
     expected: float | None = None
-    """Of "length"."""
+    """Expected length of kind "length", arcsec."""
 
     @classmethod
     def of_direction(cls, off_deg: float) -> "MotionMismatch":
-        """A streak in another direction."""
+        """Return a mismatch of direction."""
         return cls(kind="direction", value=float(round(off_deg)))
 
     @classmethod
     def of_length(cls, length_arcsec: float, expected_arcsec: float) -> "MotionMismatch":
-        """A streak of another length."""
+        """Return a mismatch of length."""
         whole = float(round(length_arcsec)), float(round(expected_arcsec))
         return cls(kind="length", value=whole[0], expected=whole[1])
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class NotTaken:
-    """Why a track did not take a measurement."""
+    """Reason why a track did not take a measurement."""
 
     kind: NotTakenKind
     nis: float | None = None
-    """Normalised innovation squared of kind "NIS", and the gate's limit, to one decimal."""
+    """Normalised innovation squared of kind "NIS", and in ``limit`` the gate's, to one decimal."""
     limit: float | None = None
     mismatch: MotionMismatch | None = None
-    """Of kind "moves otherwise"; of "no second frame", with what came nearest to being one."""
+    """Mismatch of kind "moves otherwise"; of kind "no second frame", with the nearest candidate for
+    one."""
     missed: "Missed | None" = None
-    """Of kind "no second frame", where the second frame showed nothing."""
+    """Miss of the second frame, of kind "no second frame" where that frame showed nothing."""
     away_arcsec: float | None = None
-    """Of kind "clipped and far", from the prediction, and how far it may be, to the whole one."""
+    """Distance from the prediction, arcsec, of kind "clipped and far", and in ``allowed_arcsec``
+    its limit; both whole."""
     allowed_arcsec: float | None = None
     object_class: str = ""
-    """Of kind "class", what its streak shows it to be."""
+    """Class of the streak's object, of kind "class"."""
 
     @classmethod
     def clipped_and_far(cls, away_arcsec: float, allowed_arcsec: float) -> "NotTaken":
-        """The visible part of a streak does not lie where the track's may."""
+        """Return a refusal of a streak whose visible part is not where the track's may be."""
         return cls(
             kind="clipped and far",
             away_arcsec=float(round(away_arcsec)),
@@ -126,7 +129,7 @@ class NotTaken:
 
     @classmethod
     def by_gate(cls, nis: float, limit: float) -> "NotTaken":
-        """The innovation is too large."""
+        """Return a refusal of an innovation that is too large."""
         return cls(kind="NIS", nis=_tenths(nis), limit=_tenths(limit))
 
 
@@ -160,27 +163,28 @@ SlewRefusalKind: TypeAlias = Literal[
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SlewRefusal:
-    """Why the telescope must not go or stay somewhere; figures as they are told."""
+    """Reason why the telescope must not go or stay somewhere; figures as they are shown."""
 
     kind: SlewRefusalKind
-    """"Sun": there; "past the Sun" and "nearer to the Sun": on the way there."""
+    """Kind of limit; "Sun": there; "past the Sun" and "nearer to the Sun": on the way there."""
     value_deg: float | None = None
-    """The angle that is held against a limit, to one decimal."""
+    """Angle compared with a limit, deg, to one decimal."""
     bound_deg: float | None = None
     by_deg: float | None = None
-    """How far beyond its bound it is: to one decimal, below 0.1 to three; 0 below 0.001."""
+    """Excess beyond the bound, deg: to one decimal, below 0.1 to three; 0 below 0.001."""
     azimuth_deg: float | None = None
-    """Of "horizon", to the whole one."""
+    """Azimuth of kind "horizon", deg, to the whole one."""
     side: Literal["east", "west"] | None = None
-    """Of "pier": the side it is on; of "meridian policy": the one it would change to."""
+    """Side of the pier; of kind "pier" the present one, of "meridian policy" the one after a
+    change."""
     later_s: float | None = None
-    """How far ahead that will be, to the whole one; None where it is now."""
+    """Time until then, s, to the whole one; None where it is now."""
     ago_min: float | None = None
-    """Of "aimed before"."""
+    """Age of an instant of kind "aimed before", min."""
     ahead_h: float | None = None
-    """Of "aimed ahead" and "ends ahead", to one decimal."""
+    """Time ahead of kinds "aimed ahead" and "ends ahead", h, to one decimal."""
     detail: str = ""
-    """Of "direction" and "clock": what cannot be meant."""
+    """Impossible value of kinds "direction" and "clock", in words."""
 
     @classmethod
     def beyond(
@@ -193,7 +197,7 @@ class SlewRefusal:
         side: Literal["east", "west"] | None = None,
         later_s: float = 0.0,
     ) -> "SlewRefusal":
-        """An angle beyond its bound."""
+        """Return a refusal of an angle beyond its bound."""
         return cls(
             kind=kind,
             value_deg=_tenths(value_deg),
@@ -208,19 +212,19 @@ class SlewRefusal:
     def by_policy(
         cls, hour_angle_deg: float, side: Literal["east", "west"] | None
     ) -> "SlewRefusal":
-        """The mount would change sides while a track is followed."""
+        """Return a refusal as the mount would change sides while a track is followed."""
         return cls(kind="meridian policy", value_deg=_tenths(hour_angle_deg), side=side)
 
     @classmethod
     def by_instant(cls, kind: SlewRefusalKind, ahead_s: float = 0.0) -> "SlewRefusal":
-        """An instant too far from now."""
+        """Return a refusal of an instant too far from now."""
         if kind == "aimed before":
             return cls(kind=kind, ago_min=_whole(-ahead_s / 60.0))
         return cls(kind=kind, ahead_h=_tenths(ahead_s / 3600.0))
 
 
 def _rounded(distance_deg: float) -> float:
-    """A distance from a bound with as many digits as it takes to show it."""
+    """Round a distance from a bound to as many digits as it takes to show it."""
     if distance_deg < 0.001:
         return 0.0
     if distance_deg >= 0.1:
@@ -240,27 +244,27 @@ class HiddenBy:
     """Cause of a frame without a measurement; figures as they are shown."""
 
     kind: HiddenKind
-    """Cloud is "fewer stars" and "fainter stars" than before, and, where nothing is known of
-    before, "few stars"; eclipse is "shadow" and "penumbra"."""
+    """Kind of cause. Cloud: "fewer stars" and "fainter stars" than before, or "few stars" where
+    nothing is known of before; eclipse: "shadow" and "penumbra"."""
     refusal: SlewRefusal | None = None
-    """Of "slew refused": why the slew to the track was."""
+    """Refusal of the slew to the track, of kind "slew refused"."""
     stars: int | None = None
-    """Of "fewer stars" and "few stars"."""
+    """Number of stars, of kinds "fewer stars" and "few stars"."""
     usual_stars: int | None = None
-    """Of "fewer stars": how many there were before."""
+    """Number of stars before, of kind "fewer stars"."""
     fainter_mag: float | None = None
-    """Of "fainter stars", to one decimal."""
+    """Dimming of the stars, mag, of kind "fainter stars", to one decimal."""
     sun_percent: float | None = None
-    """Of "penumbra": how much of the Sun is left, to the whole one."""
+    """Part of the Sun that is left, percent, of kind "penumbra", to the whole one."""
 
     @classmethod
     def by_faint_stars(cls, fainter_mag: float) -> "HiddenBy":
-        """Cloud that dims."""
+        """Return the cause of cloud that dims the stars."""
         return cls(kind="fainter stars", fainter_mag=_tenths(fainter_mag))
 
     @classmethod
     def by_penumbra(cls, lit: float) -> "HiddenBy":
-        """The Earth before some of the Sun, of which this share is left."""
+        """Return the cause of the Earth before part of the Sun; ``lit``: the share that is left."""
         return cls(kind="penumbra", sun_percent=_whole(100.0 * lit))
 
 
@@ -277,22 +281,22 @@ class TrackLost:
         "left the field",
     ]
     three_sigma_arcmin: float | None = None
-    """Of the first two, to the whole one."""
+    """Three sigma of the prediction, arcmin, of the first two kinds, to the whole one."""
     coasted_min: float | None = None
-    """Of "coasted", to the whole one."""
+    """Time coasted, min, of kind "coasted", to the whole one."""
     unseen_frames: int | None = None
-    """Of "seen too seldom": those that should have shown it."""
+    """Number of frames that should have shown it, of kind "seen too seldom"."""
 
     @classmethod
     def by_bounds(cls, three_sigma_arcmin: float, *, fits_field: bool) -> "TrackLost":
-        """Its place is no longer known well enough."""
+        """Return the end of a track whose prediction is too uncertain."""
         kind: Literal["too wide", "wider than the field"]
         kind = "too wide" if fits_field else "wider than the field"
         return cls(kind=kind, three_sigma_arcmin=_whole(three_sigma_arcmin))
 
     @classmethod
     def by_time(cls, coasted_s: float) -> "TrackLost":
-        """The end of a track that has coasted for too long."""
+        """Return the end of a track that has coasted for too long."""
         return cls(kind="coasted", coasted_min=_whole(coasted_s / 60.0))
 
 
@@ -310,16 +314,16 @@ MissKind: TypeAlias = Literal[
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Missed:
-    """Why a frame gave no measurement to what is followed."""
+    """Reason why a frame gave no measurement to a track."""
 
     kind: MissKind
-    """"instrument": it failed, and there was nothing to fold."""
+    """Kind of miss; "instrument": it failed, and there was nothing to fold."""
     detail: str = ""
-    """Of kinds "not solved" and "instrument": what was said, for people."""
+    """Message of kinds "not solved" and "instrument", for people."""
     hidden_by: tuple[HiddenBy, ...] = ()
-    """What it is put down to: a refused slew, cloud, eclipse; most certain first."""
+    """Likely causes: a refused slew, cloud, eclipse; most certain first."""
     lost: TrackLost | None = None
-    """Why the track ends with it; None where it goes on."""
+    """End of the track with this miss; None where it goes on."""
 
 
 CauseKind: TypeAlias = Literal[
@@ -347,30 +351,30 @@ CauseKind: TypeAlias = Literal[
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Cause:
-    """Why the loop passed from one state to another."""
+    """Reason for a change of the loop's state."""
 
     kind: CauseKind
     by: str = ""
-    """Who ordered it."""
+    """Name of the sender of the order."""
     detail: str = ""
-    """Its detail in words for people."""
+    """Details in words for people."""
     step_s: float | None = None
-    """By how much the clock was set."""
+    """Step by which the clock was set, s."""
     detections: int | None = None
-    """How many wait for a second frame."""
+    """Number of detections that wait for a second frame."""
     missed: Missed | None = None
 
 
 FROM_OUTSIDE: frozenset[CauseKind] = frozenset(
     ("limit met", "looked for again", "resumed", "clock set")
 )
-"""What leads from one state of a search or track to another without a frame's doing."""
+"""Causes that change the state of a search or track from outside its frames."""
 
 ResultKind: TypeAlias = Literal[
     "accepted", "done", "ruled", "answered", "measured", "refused", "dropped", "failed"
 ]
 StopOutcome: TypeAlias = Literal["stands", "tracks", "moves", "unknown"]
-"""What a STOP has come to, by the directions that the mount reports since."""
+"""Outcome of a STOP, by the directions that the mount reports since."""
 RuledKind: TypeAlias = Literal[
     "rejected",
     "taken",
@@ -392,33 +396,35 @@ class CommandResult:
     """The result of a command."""
 
     kind: ResultKind
-    """"accepted": it waits, and what comes of it is on record too; of a STOP: "answered" by the
-    mount's driver, or "failed" to be, then "measured"."""
+    """Kind of result; "accepted": it waits, and its result is recorded too; of a STOP: "answered"
+    by the mount's driver, or "failed" to be, then "measured"."""
     detail: str = ""
-    """How it was done, where that is worth saying; or why it was not, or is not known."""
+    """How it was done, where of interest; or why it was not, or is not known."""
     dropped_by: DroppedBy | None = None
-    """What overtook the command while it waited."""
+    """Alarm that came before the waiting command."""
     stop_ms: float | None = None
-    """Time until a STOP was answered, or measured, and its way to the mount."""
+    """Time until a STOP was answered, or measured, ms, and in ``stop_path`` its way to the
+    mount."""
     stop_path: str = ""
     stop_ordered_ms: float | None = None
-    """Time until ABORT was on its way to the mount; None: not known, or never."""
+    """Time until ABORT was on its way to the mount, ms; None: not known, or never."""
     stop_outcome: StopOutcome | None = None
     rate_deg_s: float | None = None
-    """Of a mount that moves on: of its faster axis."""
+    """Rate of the faster axis of a mount that moves on, deg/s."""
     ruled: RuledKind | None = None
-    """What the operator's word on a frame came to."""
+    """Result of the operator's decision on a frame."""
     frame_id: int | None = None
     left_alone: int = 0
-    """Measurements of that frame and those after it that the track did not take."""
+    """Number of measurements of that frame and those after it that the track did not take."""
     sigma_arcsec: tuple[float, float] | None = None
-    """Of a mark by hand that is used: one sigma in RA cos Dec and in Dec."""
+    """One sigma of a used mark by hand in RA cos Dec and in Dec, arcsec."""
     off_arcsec: float | None = None
-    """From it to the automatic measurement that it takes the place of; None: there is none."""
+    """Distance from the mark to the automatic measurement that it replaces, arcsec; None: there is
+    none."""
 
     @classmethod
     def refused(cls, why: object) -> "CommandResult":
-        """A command that is refused."""
+        """Return the result of a refused command."""
         return cls(kind="refused", detail=str(why))
 
 
@@ -426,7 +432,7 @@ ACCEPTED, DONE = CommandResult(kind="accepted"), CommandResult(kind="done")
 
 
 def done(detail: str) -> CommandResult:
-    """A command that is done, with its result in words for people."""
+    """Return the result of a finished command, in words for people."""
     return CommandResult(kind="done", detail=detail)
 
 

@@ -1,1 +1,1 @@
-"""Where the telescope goes next, who is in charge, and when the night is dark."""
+"""Aim of the next exposure, control of the mount, and the dark hours of the night."""

@@ -35,29 +35,30 @@ class Search:
         self._here: SearchBase | None = None
         self._refused: set[int | str] = set()
         self.number = 0
-        """Exposures of the round so far; it tells the field."""
+        """Number of exposures of the round so far; it determines the field."""
 
     def configure(self, config: Config) -> None:
         """Take new tunables."""
         self._config = config
 
     def start(self, direction: Direction, t_utc_ns: int) -> None:
-        """Around where the telescope points, or where the configuration says."""
+        """Start a search around where the telescope points, or where the configuration says."""
         self._home = search_base(self._config.search, self._site, *direction, t_utc_ns)
         self._refused.clear()
         self.go_home()
 
     def go_home(self) -> None:
-        """From the first field again, where it was begun."""
+        """Return to the first field of the round, where the search was begun."""
         self._base, self._here, self.number = self._home, None, 0
 
     def start_where_lost(self, direction: Direction, t_utc_ns: int) -> None:
-        """Around this direction; a list of targets begins with it."""
+        """Start a search around this direction; a list of targets begins with it."""
         self._base = search_base_at(self._site, *direction, t_utc_ns, comes_before_targets=True)
         self._here, self.number = None, 0
 
     def widen_about(self, direction: Direction, t_utc_ns: int) -> None:
-        """Round this direction in a spiral; a later search begins where the first one did."""
+        """Search round this direction in a spiral; a later search begins where the first one
+        did."""
         self._base = search_base_at(self._site, *direction, t_utc_ns, widens=True)
         self._here, self.number = None, 0
         self._refused.clear()
@@ -73,7 +74,7 @@ class Search:
         return self._here is not None
 
     def look_here(self, direction: Direction, t_utc_ns: int) -> None:
-        """The next exposure is taken where the telescope stands."""
+        """Take the next exposure where the telescope stands."""
         self._here = search_base_at(self._site, *direction, t_utc_ns)
 
     def leave_here(self) -> bool:
@@ -82,14 +83,15 @@ class Search:
         return was_here
 
     def numbers(self) -> list[int]:
-        """The present number, then the first exposure of every other field of the round."""
+        """Return the present number, then the first exposure of every other field of the round."""
         per_field = self._config.search.frames_per_field
         visited = self.number // per_field
         others = range(1, fields_in_round(self._begun(), self._config.search))
         return [self.number, *((visited + n) * per_field for n in others)]
 
     def direction(self, number: int, t_utc_ns: int, *, is_waiting: bool) -> tuple[Direction, str]:
-        """The direction of the n-th exposure at an instant, and why; ``is_waiting`` in ACQUIRE."""
+        """Return the direction of the n-th exposure at an instant, and why; ``is_waiting`` in
+        ACQUIRE."""
         reason = "wait for a second frame" if is_waiting else "search"
         if self._here is not None and number == self.number:
             here = (self._here.hour_angle_deg, self._here.declination_deg)
@@ -101,14 +103,14 @@ class Search:
         return self._field_direction(number, t_utc_ns), reason
 
     def is_news(self, number: int) -> bool:
-        """True once for each place that is refused: the refusal is said then."""
+        """True once for each place that is refused: the refusal is reported then."""
         place = self._place(number)
         is_new = place not in self._refused
         self._refused.add(place)
         return is_new
 
     def take(self, number: int) -> None:
-        """The n-th exposure is the next one: whatever was left out before it is passed."""
+        """Make the n-th exposure the next one; the places left out before it are passed."""
         self._refused.discard(self._place(number))
         if number != self.number:
             self._here, self.number = None, number

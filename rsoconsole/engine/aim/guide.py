@@ -14,7 +14,7 @@ from rsoconsole.words import NS_PER_S
 
 _STEP_S = 10
 _STEPS = 90
-"""A quarter of an hour."""
+"""Number of steps of the predicted path: a quarter of an hour."""
 SHARE_OF_FIELD = 0.25
 """Greatest three sigma of a predicted place, as a share of the field's smaller side."""
 SAME_PLACE = 0.05
@@ -22,7 +22,7 @@ SAME_PLACE = 0.05
 
 
 class Guide:
-    """Predicts by the orbit of the track that is followed, or was followed last."""
+    """Predicts by the orbit of the lead track, or of the last one."""
 
     def __init__(self, orbit: OnlineOrbit, config: Config) -> None:
         self._orbit = orbit
@@ -95,13 +95,13 @@ class PredictedPath:
 
     orbit: KnownOrbit
     t_utc_ns: IntArray
-    """(N,), every ``_STEP_S``."""
+    """Instants of the path, UTC ns: (N,), every ``_STEP_S``."""
     ra_dec_deg: FloatArray
-    """(N, 2), right ascension without a jump."""
+    """Directions, ICRS degrees: (N, 2), right ascension without a jump."""
     rates_deg_s: FloatArray
-    """(N, 2)"""
+    """Rates in right ascension and declination, deg/s: (N, 2)."""
     sigma_deg: FloatArray
-    """(N,)"""
+    """One sigma of the direction, deg: (N,)."""
 
     @classmethod
     def of(cls, orbit: KnownOrbit, site: Site, t_utc_ns: int) -> "PredictedPath":

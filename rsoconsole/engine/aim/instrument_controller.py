@@ -17,11 +17,13 @@ NS = 1_000_000_000
 POLL_NS = NS // 2
 SENT_AGAIN = 2
 FAR_OFF_DEG = 0.5
-"""A mount that loses the sky's motion on a slew of a minute stops 0.25 deg short."""
+"""Distance beyond which a mount has stopped elsewhere: losing the sky's motion costs 0.25 deg a
+minute."""
 
 
 class Interrupted(Exception):  # noqa: N818 -- a signal, not an error
-    """Somebody wants the loop's attention now (STOP, shutdown); never reaches an operator."""
+    """Signal that the loop's attention is wanted now (STOP, shutdown); never reaches an
+    operator."""
 
 
 class StoppedElsewhere(Exception):  # noqa: N818 -- a fact about the mount, not an error
@@ -34,35 +36,36 @@ class Ordered:
 
     t_utc_ns: int
     to_icrs_deg: tuple[float, float] | None
-    """By the mount's own word; None: its park position."""
+    """Target in the mount's own coordinates, ICRS degrees; None: its park position."""
 
 
 class InstrumentController:
-    """The loop's way to the instruments; gives no order once somebody wants the loop."""
+    """The loop's access to the instruments; gives no order once the loop is to be interrupted."""
 
     def __init__(
         self, instruments: Instruments, config: Config, is_wanted: Callable[[], bool]
     ) -> None:
-        """``is_wanted``: True when the loop is to drop what it does."""
+        """``is_wanted``: returns True when the loop is to drop its work."""
         self.instruments = instruments
         self._config = config
         self._is_wanted = is_wanted
         self.sent: tuple[tuple[float, float], int] | None = None
-        """Where the mount was sent last (ICRS, by its own word), and when; None: nowhere yet, or
-        that order is over."""
+        """Last target sent to the mount (its own coordinates, ICRS degrees) and the time, UTC ns;
+        None: none, or that order is over."""
         self._is_sent_to_park = False
-        """The order that it has taken last was to park."""
+        """True where the last order that the mount accepted was to park."""
         self.ordered: Ordered | None = None
-        """The motion ordered last, from before the mount hears of it; also where it refuses."""
+        """The motion ordered last, set before the mount receives it; kept also where the mount
+        refuses."""
         self.arrived_utc_ns = 0
-        """When the mount was seen to have arrived last, before it settled."""
+        """Time at which the mount was last seen to have arrived, before it settled, UTC ns."""
         self.on_tick: Callable[[], None] = lambda: None
         """Called at every step of a wait, at least once a second."""
         self.on_opened: Callable[[int, int], None] = lambda _frame_id, _opened_utc_ns: None
-        """Called once an exposure has been ordered: which, and when."""
+        """Called once an exposure has been ordered, with its frame number and the time, UTC ns."""
         self.on_closed: Callable[[], MountReport | None] = lambda: None
-        """Called when the shutter of a frame should have closed, before the frame has come; where
-        the mount looked is told where it has been sent on."""
+        """Called when the shutter of a frame should have closed, before the frame has come; returns
+        where the mount looked if it has been sent on."""
         self.on_clock_fault: Callable[[ClockFault], None] = lambda _fault: None
         """Called when something has gone wrong with the machine's time."""
 
@@ -71,12 +74,12 @@ class InstrumentController:
         self._config = config
 
     def heed(self) -> None:
-        """Raise Interrupted when somebody wants the loop."""
+        """Raise Interrupted when the loop is to be interrupted."""
         if self._is_wanted():
             raise Interrupted
 
     def now_utc_ns(self) -> int:
-        """The clock's present."""
+        """Return the clock's present, UTC ns."""
         return self.instruments.clock.now_utc_ns()
 
     def wait_until(self, t_utc_ns: int) -> None:
@@ -104,7 +107,7 @@ class InstrumentController:
             raise Interrupted
 
     def mount_report(self) -> MountReport:
-        """The mount's report of its place, no older than now under simulation."""
+        """Return the mount's report of its place, no older than now under simulation."""
         not_before = self.now_utc_ns() if self.instruments.clock.is_simulated else None
         return self.instruments.mount.report(not_before)
 
@@ -160,14 +163,15 @@ class InstrumentController:
         poll_ns: int = POLL_NS,
         settle_s: float | None = None,
     ) -> MountReport:
-        """Wait for the mount's arrival by read-back, asked so often, then for it to settle.
+        """Wait until the mount reports its arrival, polled every ``poll_ns``, then until it has
+        settled.
 
         ``settle_s``: None for as long as configured.
 
         A mount that stops a little beside the place is sent again, twice: some lose the sky's
-        motion on a long way. Raises StoppedElsewhere when it came to rest far from the place:
-        somebody else has stopped it, and must not be overruled. Raises InstrumentError when it
-        has not arrived in time, Interrupted on STOP.
+        motion on a long way. Raises StoppedElsewhere when it came to rest far from the place: it
+        was stopped by another hand, which must not be overruled. Raises InstrumentError when it has
+        not arrived in time, Interrupted on STOP.
         """
         limit_ns = self.now_utc_ns() + round(self._config.mount.slew_timeout_s * NS)
         for sent_again in itertools.count():
@@ -205,7 +209,7 @@ class InstrumentController:
         return report
 
     def _wait_for_rest(self, limit_utc_ns: int, poll_ns: int = POLL_NS) -> MountReport:
-        """The first report of a mount that does not slew any more, or the last before the limit."""
+        """Return the first report of a mount that no longer slews, or the last before the limit."""
         while True:
             self.wait_until(self.now_utc_ns() + poll_ns)
             report = self.mount_report()
@@ -213,10 +217,11 @@ class InstrumentController:
                 return report
 
     def expose(self, t_start_utc_ns: int, frame_id: int) -> Frame:
-        """Open the shutter at the instant and bring the frame.
+        """Open the shutter at the instant and return the frame.
 
         Raises InstrumentError when no frame comes, Interrupted on STOP and where the clock was set
-        or nothing ran meanwhile: its time is worth nothing. An exposure under way is given up.
+        or nothing ran meanwhile: the frame's time is then worthless. An exposure under way is given
+        up.
         """
         exposure = self._config.exposure
         camera = self.instruments.camera
@@ -241,7 +246,7 @@ class InstrumentController:
 
 
 def _looked_at(frame: Frame, report: MountReport) -> Frame:
-    """The frame with the mount's word from before it was sent on.
+    """Return the frame with the mount's report from before it was sent on.
 
     Some drivers write a frame's header when they have read it, on the way to the next place.
     """
@@ -255,10 +260,11 @@ def _looked_at(frame: Frame, report: MountReport) -> Frame:
 
 
 IsRefused = Callable[[SlewCommand, int], SlewRefusal | None]
-"""The limit that forbids a slew held there until an instant, UTC ns; None when none does."""
+"""Return the limit that forbids holding a slew's place until an instant, UTC ns; None when none
+does."""
 
 SLEW_OVERHEAD_S = 3.0
-"""Assumed time of a slew beside its way and settling, s: a slow mount is waited for."""
+"""Assumed time of a slew beyond travel and settling, s: a slow mount is waited for."""
 
 FLIP_WAY_DEG = 190.0
 """Turn of the declination axis that changes sides near the equator; the other turns less."""
@@ -274,7 +280,7 @@ class Plan:
     t_mid_utc_ns: int
     slew: SlewCommand | None
     refused: tuple[tuple[SlewCommand, SlewRefusal], ...] = ()
-    """Slews that were wanted and why they are not done; each place is named once, but all of
-    them where nothing is left to search."""
+    """Slews that were refused, with the limit; each place is named once, but all of them where
+    nothing is left to search."""
     blocked: SlewRefusal | None = None
-    """Why the telescope does not go where the track is; None when nothing keeps it."""
+    """Reason why the telescope does not go where the track is; None when it may."""

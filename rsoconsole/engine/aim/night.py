@@ -1,6 +1,6 @@
 """The dark hours, and what ends a night: dawn, weather, a closed dome.
 
-Nothing here brings a night back: once ended, only the operator arms again.
+A night that has ended is not resumed here: only the operator arms again.
 """
 
 from collections.abc import Collection
@@ -19,16 +19,16 @@ class NightEnd:
 
     cause: Literal["dawn", "weather", "dome"]
     detail: str
-    """With the figure, or in the driver's words."""
+    """Details of the reason: the figure, or the driver's words."""
 
 
 def night_end(
     config: Config, now_utc_ns: int, sky: SkyReport | None, overridden: Collection[str] = ()
 ) -> NightEnd | None:
-    """The reason to stop and park the telescope now; None while the night goes on.
+    """Return the reason to stop and park the telescope now; None while the night goes on.
 
     ``overridden`` holds names of arming checks ("sun", "weather", "dome") that the operator
-    answers for. A weather station's "warning" ends nothing, a silent station does.
+    overrides. A weather station's "warning" ends nothing, a silent station does.
     """
     if "dome" not in overridden and (fault := dome_fault(config, sky)):
         return NightEnd(cause="dome", detail=fault)
@@ -42,10 +42,10 @@ def night_end(
 def lasting_overrides(
     config: Config, now_utc_ns: int, sky: SkyReport | None, overridden: Collection[str]
 ) -> frozenset[str]:
-    """The overrides whose reason still stands; to be called once a cycle.
+    """Return the overrides whose reason still stands; to be called once a cycle.
 
-    An override holds against what was there when it was given. The Sun that was let pass at dusk
-    ends the night at dawn, and weather that has cleared may end it when it comes back.
+    An override covers the condition at the time it was given. The Sun overridden at dusk still ends
+    the night at dawn, and weather that has cleared may end it when it comes back.
     """
     faults = {
         "sun": sun_fault(config, now_utc_ns),
@@ -56,7 +56,7 @@ def lasting_overrides(
 
 
 def sun_fault(config: Config, now_utc_ns: int) -> str:
-    """The fault of the Sun's altitude, in words; empty when it is dark."""
+    """Return the fault of the Sun's altitude, in words; empty when it is dark."""
     altitude_deg = sun_altitude_deg(config.site.to_site(), now_utc_ns)
     limit_deg = config.limits.twilight_deg
     if altitude_deg <= limit_deg:
@@ -65,7 +65,7 @@ def sun_fault(config: Config, now_utc_ns: int) -> str:
 
 
 def weather_fault(config: Config, sky: SkyReport | None) -> str:
-    """The fault of the weather, in words; empty when it allows observing."""
+    """Return the fault of the weather, in words; empty when it allows observing."""
     station = config.indi.weather
     if station is None:
         return ""
@@ -78,7 +78,7 @@ def weather_fault(config: Config, sky: SkyReport | None) -> str:
 
 
 def dome_fault(config: Config, sky: SkyReport | None) -> str:
-    """The fault of the dome, in words; empty when it is open."""
+    """Return the fault of the dome, in words; empty when it is open."""
     dome = config.indi.dome
     if dome is None:
         return ""
@@ -89,7 +89,7 @@ def dome_fault(config: Config, sky: SkyReport | None) -> str:
 
 
 def darkness_words(config: Config, now_utc_ns: int) -> str:
-    """The time of darkness in words, for an operator who has to wait."""
+    """Return the time of darkness in words, for an operator who has to wait."""
     limit_deg = config.limits.twilight_deg
     span = night_span(config.site.to_site(), now_utc_ns, limit_deg)
     if span is None:

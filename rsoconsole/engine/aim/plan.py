@@ -32,14 +32,14 @@ class Planner:
     """Keeps what planning needs from one exposure to the next: cadence, centre, offset."""
 
     def __init__(self, config: Config, guide: Guide | None = None) -> None:
-        """``guide``: tells where what is followed, or was lost, is by its orbit."""
+        """``guide``: predicts the lead track, or a lost one, by its orbit."""
         self._config = config
         self._guide = guide
         self._site = config.site.to_site()
         self._search = Search(config)
         self._is_block_reported = False
         self._is_waiting = False
-        """Whether what was lost is waited for where its orbit says."""
+        """True while a lost track is waited for where its orbit predicts it."""
         self._last_start_utc_ns: int | None = None
         self._last_mid_utc_ns = 0
         self._frame_id = 0
@@ -68,7 +68,8 @@ class Planner:
         self._is_block_reported = self._is_waiting = False
 
     def leave_spiral(self) -> bool:
-        """Search where it was begun, if something lost was looked for; False when it was not."""
+        """Return to the search's first place if a lost track was looked for; False when none
+        was."""
         if not self._search.is_spiral:
             return False
         self._search.go_home()
@@ -80,16 +81,16 @@ class Planner:
         self._search.go_home()
 
     def moved_by_hand(self, report: MountReport) -> None:
-        """The operator has moved the mount: where it looks is known by its own word alone.
+        """Note a move by the operator: only the mount's report now gives where it looks.
 
-        The offset stays, by side and place as ever.
+        The pointing offset stays, by side and place.
         """
         self._is_waiting = False
         self._search.leave_here()
         self._stands_at(report)
 
     def looking_at(self, report: MountReport) -> Direction:
-        """The mount's report corrected by the pointing offset, ICRS degrees."""
+        """Return the mount's report corrected by the pointing offset, ICRS degrees."""
         here = (report.ra_icrs_deg, report.dec_icrs_deg)
         known = self._pointing.at(*self._axes(here, report.t_utc_ns), report.pier_side)
         back = replace(known, east_arcsec=-known.east_arcsec, north_arcsec=-known.north_arcsec)
@@ -105,9 +106,9 @@ class Planner:
         self._commanded = (report.ra_icrs_deg, report.dec_icrs_deg) if is_kept else None
 
     def first_look(self, now_utc_ns: int) -> Plan:
-        """An exposure where the telescope stands, without a slew.
+        """Plan an exposure where the telescope stands, without a slew.
 
-        What it shows is waited for in place; where the telescope stands in the search's first
+        Its detections are waited for in place; where the telescope stands in the search's first
         field it counts as that field's first frame.
         """
         plan = self._in_place(now_utc_ns)
@@ -137,9 +138,9 @@ class Planner:
         t_mid_utc_ns: int | None = None,
         frame_id: int | None = None,
     ) -> Plan:
-        """An exposure at an instant, there; None: where the telescope looks already.
+        """Plan an exposure at an instant, at a direction; None: where the telescope looks already.
 
-        ``t_mid_utc_ns``: its middle, where its length is not yet set; ``frame_id``: of the frame
+        ``t_mid_utc_ns``: mid-exposure, where its length is not yet set; ``frame_id``: the frame
         after which it is planned, where that has not come yet.
         """
         t_mid_ns = self._t_mid_ns(t_start_utc_ns) if t_mid_utc_ns is None else t_mid_utc_ns
@@ -153,11 +154,11 @@ class Planner:
     def plan(
         self, following: Following, now_utc_ns: int, is_refused: IsRefused | None = None
     ) -> Plan:
-        """The next exposure from here.
+        """Plan the next exposure from here.
 
-        A field of the search that is refused is left out and the next of its round taken, so that
-        one wall does not hold a search; a track has one place only: when that is refused, the
-        telescope stays where it is.
+        A search field that is refused is left out and the next of its round taken, so that one wall
+        does not hold a search; a track has one place only: when that is refused, the telescope
+        stays where it is.
         """
         if following.track is not None:
             return self._plan_track(following, now_utc_ns, is_refused)
@@ -200,7 +201,8 @@ class Planner:
     def _plan_lost(
         self, following: Following, now_utc_ns: int, is_refused: IsRefused | None
     ) -> Plan | None:
-        """Where the orbit of what was lost says; None where it is not waited for there."""
+        """Plan an exposure where the lost track's orbit predicts it; None where it is not waited
+        for."""
         if not self._is_waiting or self._guide is None:
             return None
         if self._guide.lost_direction(self._t_mid_ns(self._earliest_ns(now_utc_ns))) is None:
@@ -235,10 +237,10 @@ class Planner:
         )
 
     def _plan_at(self, following: Following, search_number: int, now_utc_ns: int) -> Plan:
-        """The exposure of a track, or of the n-th place of a search.
+        """Plan the exposure of a track, or of the n-th place of a search.
 
-        Where to look depends on when, and when on how far it is: the way is computed once, for
-        the direction of the earliest exposure.
+        Direction and start depend on each other: the slew is computed once, for the direction of
+        the earliest exposure.
         """
         earliest_ns = self._earliest_ns(now_utc_ns)
         first_mid_ns = self._t_mid_ns(earliest_ns)
@@ -267,11 +269,11 @@ class Planner:
         return t_start_ns + round((exposure.start_latency_s + exposure.exposure_s / 2.0) * NS)
 
     def end_utc_ns(self, plan: Plan) -> int:
-        """The instant at which the shutter closes, UTC nanoseconds."""
+        """Return the instant at which the shutter closes, UTC ns."""
         return plan.t_mid_utc_ns + round(self._config.exposure.exposure_s / 2.0 * NS)
 
     def slew_s(self, direction: Direction, t_utc_ns: int) -> float:
-        """Seconds that a slew from where the telescope looks takes, settling and all."""
+        """Duration of a slew from where the telescope looks, settling included, s."""
         mount = self._config.mount
         way_deg = 0.0
         if self._centre is not None:
@@ -282,9 +284,9 @@ class Planner:
         return SLEW_OVERHEAD_S + way_deg / mount.slew_rate_deg_s + mount.settle_s
 
     def slew_left_s(self, report: MountReport, to: Direction, sent_utc_ns: int) -> float | None:
-        """Seconds that a slew under way still takes; None for a mount that does not slew.
+        """Time left of a slew under way, s; None for a mount that does not slew.
 
-        ``to``: where the mount was sent, by its own word, at ``sent_utc_ns``.
+        ``to``: the target in the mount's own coordinates, ordered at ``sent_utc_ns``.
         """
         if not report.is_slewing:
             return None
@@ -296,7 +298,7 @@ class Planner:
         return way_deg / rate_deg_s
 
     def side_at(self, direction: Direction, t_utc_ns: int) -> PierSide | None:
-        """Side of the pier after a slew there."""
+        """Side of the pier after a slew to a direction."""
         mount = self._config.mount
         return side_at_arrival(self._site, mount, direction, t_utc_ns, self._pier_side)
 
@@ -318,7 +320,8 @@ class Planner:
         )
 
     def _of_lead(self, track: TrackState, t_mid_ns: int) -> tuple[Direction, str]:
-        """Where the lead will be, or beside it by the operator's offset, and who says so."""
+        """Return the lead's predicted direction, with the operator's offset, and its source
+        (filter, orbit)."""
         by_orbit = None if self._guide is None else self._guide.track_direction(t_mid_ns)
         if by_orbit is not None:
             return by_orbit, "orbit"
@@ -328,9 +331,10 @@ class Planner:
     def ahead(
         self, following: Following, planned: Plan | None, now_utc_ns: int
     ) -> tuple[NextAim, Direction] | None:
-        """The aim of the exposure after ``planned``, and where the lead then is. Moves nothing.
+        """Return the aim of the exposure after ``planned``, and the lead's direction then. Moves
+        nothing.
 
-        None where nothing is followed.
+        None without a track.
         """
         if following.track is None:
             return None
@@ -357,7 +361,8 @@ class Planner:
     def _among(
         self, following: Following, lead: Direction, t_mid_ns: int, reason: str
     ) -> tuple[Direction, str]:
-        """Where to look for all that is followed, the lead being there."""
+        """Return the aim for all tracks by ``aim.policy``, given the lead's direction, and the
+        reason."""
         config = self._config
         policy, tracks = config.aim.policy, [each.track for each in following.tracks]
         if policy == "lead" or config.filter.preset == "paper" or len(tracks) < 2:
@@ -374,7 +379,8 @@ class Planner:
         return direction, f"{reason}, {inside} of {len(tracks)} in the field"
 
     def command(self, slew: SlewCommand) -> Direction:
-        """The direction to command so that the telescope looks at a slew's place, ICRS degrees."""
+        """Return the direction to command so that the telescope looks at a slew's place, ICRS
+        degrees."""
         to = (slew.ra_icrs_deg, slew.dec_icrs_deg)
         planned, planned_utc_ns = self._planned
         # The mount chooses its side when it is told, not when it arrives.
@@ -383,12 +389,13 @@ class Planner:
         return pointing_command(self._pointing.at(*self._axes(to, slew.t_aim_utc_ns), side), *to)
 
     def _axes(self, direction: Direction, t_utc_ns: int) -> Direction:
-        """Hour angle and declination of date."""
+        """Return hour angle and declination of date."""
         ra_jnow_deg, dec_jnow_deg = icrs_to_jnow(*direction, t_utc_ns)
         return hour_angle_jnow_deg(self._site, ra_jnow_deg, t_utc_ns), dec_jnow_deg
 
     def arrived(self, slew: SlewCommand, report: MountReport, sent_to: Direction) -> bool:
-        """The mount has done the slew, as it was told; True when it has changed the pier's side."""
+        """Note that the mount has done the slew as ordered; True when it has changed the pier's
+        side."""
         self._commanded = sent_to
         has_flipped = report.pier_side != self._pier_side
         self.last_report = report
@@ -397,7 +404,7 @@ class Planner:
         return has_flipped
 
     def exposed(self, frame: Frame, opened_utc_ns: int) -> str | None:
-        """A frame came; returns what is wrong with its time, None when nothing is."""
+        """Note a frame; return what is wrong with its time, None when nothing is."""
         self._frame_id = frame.frame_id
         self._last_start_utc_ns = opened_utc_ns
         self._last_mid_utc_ns = self._t_mid_ns(opened_utc_ns)
@@ -412,7 +419,7 @@ class Planner:
         return None
 
     def solved(self, solution: Solution) -> None:
-        """The telescope's true direction became known."""
+        """Learn the telescope's true direction from a plate solution."""
         self._centre = (solution.ra_icrs_deg, solution.dec_icrs_deg)
         if self._commanded is None:
             return

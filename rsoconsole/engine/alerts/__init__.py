@@ -1,1 +1,1 @@
-"""Word to the operator's telephone: by a process of its own that reads the session's log."""
+"""Alerts to the operator's telephone, sent by a process of its own that reads the session's log."""

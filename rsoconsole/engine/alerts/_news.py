@@ -1,4 +1,4 @@
-"""From the records of a session to what is worth a message. Pure: a fold, record by record."""
+"""Alerts made from the records of a session: a pure fold, record by record."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field
@@ -23,7 +23,7 @@ URGENT: frozenset[AlertKind] = frozenset(("fault", "limit"))
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Alert:
-    """One event worth a message, in a sentence."""
+    """One alert: an event of the session, in a sentence."""
 
     kind: AlertKind
     text: str
@@ -36,9 +36,9 @@ class Alert:
 
 
 KINDS = (StateChange, Identified, Miss, Event, FrameTaken, TrackState)
-"""The records that it looks at."""
+"""Kinds of records that can give an alert."""
 _ITS_OWN = frozenset(("looked for again", "operator's word", "STOP", "disarmed", "moved by hand"))
-"""Causes by which a track ends as the operator wants it."""
+"""Causes by which a track ends on the operator's order."""
 
 
 @dataclass(slots=True)
@@ -52,11 +52,11 @@ class News:
     is_cloudy: bool = False
 
     def take(self, t_utc_ns: int, record: Record) -> list[Alert]:
-        """The alerts that a record gives."""
+        """Return the alerts that a record gives."""
         return [Alert(kind=kind, text=words, t_utc_ns=t_utc_ns) for kind, words in self._of(record)]
 
     def done(self, t_utc_ns: int) -> Alert:
-        """The alert that the session is closed."""
+        """Return the alert that the session is closed."""
         named = ", ".join(dict.fromkeys(self.names.values()))
         words = f"the session is closed: {self.frames} frames, {len(self.tracks)} tracks"
         words += f"; identified: {named}" if named else ""

@@ -1,8 +1,8 @@
-"""The queue of unsent messages, on the disk: a message waits out a night without a network.
+"""Queue of unsent messages on disk: a message waits out a night without a network.
 
-Bounded in number and in age. Services stand in it as digests: an address is a secret. One process
-at a time owns the file; another keeps its messages in memory until it is free, and puts them there
-then.
+Bounded in number and in age. Services are listed by digest: an address is a secret. One process at
+a time owns the file; another keeps its messages in memory until the file is free, and then adds
+them to it.
 """
 
 import contextlib
@@ -29,7 +29,7 @@ SPOOL, LOCK = "spool.json", "spool.lock"
 
 @dataclass(slots=True, kw_only=True)
 class Waiting:
-    """One message, and the services that have not had it yet."""
+    """One message, and the services that it has not been sent to yet."""
 
     number: int = 0
     kind: str
@@ -40,15 +40,16 @@ class Waiting:
 
 
 def digest_of(url: str) -> str:
-    """A service's address as the spool has it."""
+    """Return the digest that stands for a service's address in the spool."""
     return hashlib.sha256(url.encode()).hexdigest()[:16]
 
 
 class Spool:
-    """The one file; safe for several threads. Where it cannot be written it lives in memory."""
+    """The queue in its file; safe for several threads. Where the file cannot be written it stays in
+    memory."""
 
     def __init__(self, folder: Path, *, claim_again_s: float = CLAIM_AGAIN_S) -> None:
-        """``claim_again_s``: a file that another process owns is asked for that often."""
+        """``claim_again_s``: interval of attempts to own a file that another process owns, s."""
         self._folder, self._path = folder, folder / SPOOL
         self._lock = threading.Lock()
         self._waiting: list[Waiting] = []
@@ -64,7 +65,7 @@ class Spool:
     def add(self, waiting: Waiting, seen: tuple[str, int] = ("", 0)) -> None:
         """Queue a message and give it its number; the oldest is dropped where there are too many.
 
-        ``seen``: the session and its record that it is about.
+        ``seen``: the session, and the record that the message is about.
         """
         with self._lock:
             self._claim_if_due()
@@ -74,19 +75,20 @@ class Spool:
             self._write()
 
     def seen_of(self, session: str) -> int | None:
-        """The last record of a session that alerts were made of; None where it was not kept."""
+        """Return the last record of a session that alerts were made from; None where it was not
+        kept."""
         if self._owns is None:
             return None
         return self._seen.get(session, 0)
 
     def first_for(self, service: str) -> Waiting | None:
-        """The oldest message that this service has not had."""
+        """Return the oldest message that has not been sent to a service."""
         with self._lock:
             self._claim_if_due()
             return next((each for each in self._waiting if service in each.pending), None)
 
     def sent(self, number: int, service: str) -> None:
-        """Note that a service has had a message."""
+        """Note that a message has been sent to a service."""
         with self._lock:
             for each in self._waiting:
                 if each.number == number and service in each.pending:
@@ -127,7 +129,7 @@ class Spool:
         self._seen = dict(list(self._seen.items())[-MAX_SESSIONS:])
 
     def _claim_if_due(self) -> None:
-        """Whose process has ended, its file and its messages are anybody's."""
+        """Take over the file and messages of a process that has ended."""
         now_s = time.monotonic()
         is_due = now_s - self._claimed_s >= self._claim_again_s
         if self._owns is None and not self._is_closed and is_due:
@@ -181,7 +183,7 @@ _WAITING = TypeAdapter(Waiting)
 
 
 def _read(path: Path) -> tuple[list[Waiting], dict[str, int]]:
-    """What an earlier run left; nothing where that is damaged."""
+    """Read the messages of an earlier run; empty where the file is damaged."""
     found: list[Waiting] = []
     seen: dict[str, int] = {}
     with contextlib.suppress(OSError, ValueError, KeyError, TypeError, UnicodeDecodeError):

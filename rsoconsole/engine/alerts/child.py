@@ -1,7 +1,7 @@
-"""``python -m rsoconsole.engine.alerts.child``: reads a session's log and tells the operator.
+"""``python -m rsoconsole.engine.alerts.child``: reads a session's log and alerts the operator.
 
-Its first line on stdin is what to do, as JSON (addresses are on no command line); every line
-behind that says that the engine's loop lives; the end of stdin says that the engine is gone.
+The first line on stdin holds its settings as JSON (addresses are on no command line); every further
+line says that the engine's loop lives; the end of stdin says that the engine is gone.
 """
 
 import contextlib
@@ -42,9 +42,10 @@ class Limiter:
     _held: dict[str, int] = field(default_factory=dict)
 
     def passed(self, alert: Alert, now_s: float) -> Alert | None:
-        """The alert, with how many like it were held back before; None where it is held itself.
+        """Return the alert, with the number of like ones held back before; None where it is held
+        back.
 
-        ``now_s``: of a clock that only goes on.
+        ``now_s``: a monotonic time, s.
         """
         if alert.kind not in self.events:
             return None
@@ -65,7 +66,8 @@ class Limiter:
         return replace(alert, text=words)
 
     def _forget(self, now_s: float) -> None:
-        """What rests no more: words of faults may be many in a night."""
+        """Forget alerts that no longer hold back others: the words of faults may be many in a
+        night."""
         rest_s = max(self.quiet_s, HOUR_S)
         self._last_s = {key: at for key, at in self._last_s.items() if now_s - at < rest_s}
 
@@ -76,7 +78,7 @@ LOOK_S = 2.0
 ALIVE_S = 90.0
 """Silence of the loop for which the heartbeat goes on, s."""
 CLOSING_S = 30.0
-"""For an engine that has gone to close its session; after that it has died."""
+"""Time for an engine that has ended to close its session, s; after that it counts as dead."""
 FLUSH_S = 60.0
 MAX_TEXT = 600
 
@@ -119,7 +121,7 @@ class EngineLink:
 
 
 def main() -> None:
-    """Until the engine is gone and all is sent."""
+    """Run until the engine is gone and all alerts are sent."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     signal.signal(signal.SIGTERM, signal.SIG_IGN)  # the engine's end says when to end
     own_words_alone(sys.stderr)
@@ -147,7 +149,7 @@ def main() -> None:
 def _follow(
     engine: EngineLink, sender: AlertSender, seen: int | None, settings: Mapping[str, Any]
 ) -> None:
-    """``seen``: the record that was told last; None: nobody knows."""
+    """Follow the session's log; ``seen``: the last record already reported; None: not known."""
     folder, look_s = Path(settings["session"]), float(settings.get("look_s", LOOK_S))
     limiter = Limiter(
         events=settings["events"],

@@ -1,4 +1,4 @@
-"""The engine's end of the process that sends alerts: started, kept alive, never waited for."""
+"""The engine's side of the alert process: it is started and kept alive, never waited for."""
 
 import contextlib
 import json
@@ -22,7 +22,7 @@ log = logging.getLogger(__name__)
 
 BEAT_S = 15.0
 AGAIN_S = 60.0
-"""A child that has died is replaced no sooner."""
+"""Least time before a dead child is replaced, s."""
 _MODULE = "rsoconsole.engine.alerts.child"
 
 
@@ -39,7 +39,7 @@ class AlertProcess:
         again_s: float = AGAIN_S,
         **settings: Any,
     ) -> None:
-        """``folder``: of the session. ``settings`` go to the child as they are."""
+        """``folder``: the session's folder. ``settings`` are passed to the child unchanged."""
         self._beat_s, self._again_s = beat_s, again_s
         self._end = threading.Event()
         self._child: subprocess.Popen[bytes] | None = None
@@ -47,7 +47,7 @@ class AlertProcess:
         self._is_alive: Callable[[], bool] = lambda: True
         self._settings: Mapping[str, Any] | None = None
         self.fault: str | None = None
-        """The reason why no alerts are sent, in words for the log."""
+        """Reason why no alerts are sent, in words for the log."""
         if not config.is_wanted:
             return
         try:
@@ -70,7 +70,7 @@ class AlertProcess:
         }
 
     def start(self, is_alive: Callable[[], bool]) -> None:
-        """Begin, if anything is configured. ``is_alive``: whether the loop lives; any thread."""
+        """Start, if anything is configured. ``is_alive``: True while the loop lives; any thread."""
         if self._settings is None:
             return
         self._is_alive = is_alive
@@ -78,7 +78,8 @@ class AlertProcess:
         self._thread.start()
 
     def close(self) -> None:
-        """The engine goes: the child sends what is left by itself, nobody waits for it."""
+        """Let go of the child as the engine ends: it sends the rest by itself, nobody waits for
+        it."""
         self._end.set()
         if self._thread is not None:
             self._thread.join(1.0)
@@ -87,7 +88,7 @@ class AlertProcess:
 
     @property
     def pid(self) -> int | None:
-        """The child's process number; None without one."""
+        """Process number of the child; None without one."""
         return None if self._child is None else self._child.pid
 
     def _keep(self) -> None:
@@ -140,7 +141,7 @@ class AlertProcess:
 
 
 def _let_go(child: subprocess.Popen[bytes]) -> None:
-    """Its stdin ends; a thread takes notice of its own end, however late."""
+    """Close the child's stdin; a thread waits for its end, however late."""
     if child.stdin is not None:
         with contextlib.suppress(OSError):
             child.stdin.close()
@@ -148,7 +149,7 @@ def _let_go(child: subprocess.Popen[bytes]) -> None:
 
 
 def _log_file() -> contextlib.AbstractContextManager[Any]:
-    """Beside the program's log; nowhere where that cannot be written."""
+    """Open the child's log beside the program's; nothing where that cannot be written."""
     folder = platformdirs.user_log_path(APP)
     try:
         folder.mkdir(parents=True, exist_ok=True)

@@ -1,4 +1,4 @@
-"""The services of the configuration, each by apprise; nothing of an address is in any message."""
+"""The configured alert services, each through apprise; no message contains an address."""
 
 import logging
 import threading
@@ -21,7 +21,7 @@ class Service:
     """One service: its name and its address."""
 
     name: str
-    """For people: what kind it is, and its place among all."""
+    """Name for people: kind of service, and its place among all."""
     url: str
 
 
@@ -34,7 +34,8 @@ class SendResult:
 
 
 def services_of(config: AlertsConfig) -> tuple[Service, ...]:
-    """All services. Raises ConfigError for a file that is unreadable, or readable by others."""
+    """Return all services. Raises ConfigError for a file that is unreadable, or readable by
+    others."""
     urls = [*config.services]
     if config.services_file is not None:
         urls += _of_file(config.services_file)
@@ -72,7 +73,7 @@ def _send(url: str, title: str, body: str, is_urgent: bool) -> SendResult:
 
 
 def send_within(url: str, title: str, body: str, *, limit_s: float = SEND_S) -> SendResult:
-    """Send one message, given up after ``limit_s`` seconds."""
+    """Send one message, giving up after ``limit_s`` seconds."""
     done: list[SendResult] = []
     worker = threading.Thread(
         target=lambda: done.append(send(url, title, body)), daemon=True, name="send"
@@ -83,7 +84,7 @@ def send_within(url: str, title: str, body: str, *, limit_s: float = SEND_S) -> 
 
 
 def send_heartbeat(url: str, *, limit_s: float = SEND_S) -> SendResult:
-    """Call the address of the heartbeat once."""
+    """Call the heartbeat's address once."""
     from rsoconsole.pipeline import Fetcher, FetchError
 
     try:
@@ -145,7 +146,8 @@ class AlertSender:
             self._there.notify_all()
 
     def finish(self, limit_s: float) -> int:
-        """Wait until all is sent, at most so long; how many messages are still in the spool."""
+        """Wait until all is sent, at most ``limit_s``; return how many messages are still in the
+        spool."""
         deadline = time.monotonic() + limit_s
         self._drop_old()  # what another engine left for services of its own is not waited for
         while len(self._spool) and time.monotonic() < deadline:

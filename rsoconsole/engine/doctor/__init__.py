@@ -1,1 +1,2 @@
-"""Is this machine ready for a night: one check for each thing that has ended nights before."""
+"""Checks of this machine's readiness for a night: one for each thing that has ended nights
+before."""

@@ -22,10 +22,10 @@ from rsoconsole.tracking import Following
 from rsoconsole.vision import threads_for
 
 BUDGET_S = 22.0
-"""For the rounds; drawing, loading and the first round come on top."""
+"""Time for the rounds, s; drawing, loading and the first round come on top."""
 MAX_ROUNDS = 25
 SPARE_BYTES = 500_000_000
-"""The disk is left alone below this."""
+"""Free disk below which writing is not measured, bytes."""
 STAGES: Mapping[str, str] = {
     "read": "FITS bytes to pixels",
     "pattern": "offsets of rows and columns",
@@ -44,7 +44,7 @@ STAGES: Mapping[str, str] = {
     "disk": "written to session.root and waited for",
     "read back": "the compressed frame to pixels",
 }
-"""Every stage and what it is."""
+"""Description of every stage, by its name."""
 Times: TypeAlias = dict[str, float]
 
 
@@ -64,17 +64,17 @@ class BenchResult:
     """The measured times of all stages."""
 
     stages: tuple[BenchStage, ...]
-    """In the order of ``STAGES``; what could not be measured is missing."""
+    """Stages in the order of ``STAGES``; those that could not be measured are missing."""
     threads: int
     width_px: int
     height_px: int
     detections: int
     compressed_bytes: int
     notes: tuple[str, ...]
-    """What did not go as on a night, in words."""
+    """Remarks on what differed from a real night, in words."""
 
     def median_ms(self, stage: str) -> float | None:
-        """The median of one stage, ms; None where it was not measured."""
+        """Median time of one stage, ms; None where it was not measured."""
         return next((each.median_ms for each in self.stages if each.stage == stage), None)
 
 
@@ -121,7 +121,7 @@ def measure(
 
 
 class _Bench:
-    """One machine's stages, and what came of them last."""
+    """Stages of one machine, with the results of the last round."""
 
     def __init__(self, cycle: Cycle, scratch: Path) -> None:
         self._cycle = cycle
@@ -132,7 +132,7 @@ class _Bench:
         self.notes: list[str] = []
 
     def round(self, fits: bytes) -> Times:
-        """Every stage once; those of the detector twice, and their mean is what counts."""
+        """Run every stage once; the detector's stages twice, and their mean counts."""
         times: Times = {}
         self._cycle.forget_plate()
         first, frame = self._look(fits, times, "total")
@@ -143,7 +143,8 @@ class _Bench:
         return times
 
     def _look(self, fits: bytes, times: Times, total: str) -> tuple[Times, Frame]:
-        """Last byte to what is followed; what the plate took goes under its own name."""
+        """Process a frame from its bytes to the fold; the plate solution's time is kept under its
+        own name."""
         own: Times = {}
         began_s = time.perf_counter()
         frame = frame_from_bytes(fits, 1, "bench.fits")
@@ -188,7 +189,7 @@ class _Bench:
 
 @contextmanager
 def _scratch_folder(place: Path) -> Iterator[Path]:
-    """A folder on the disk that is recorded to, gone afterwards."""
+    """Yield a folder on the recording's disk, removed afterwards."""
     remedy = "): give yourself the right to, or set session.root"
     with said_as(SessionError, f"nothing can be written in {place} (", remedy):
         folder = tempfile.TemporaryDirectory(dir=place, prefix=".bench-")
@@ -210,7 +211,8 @@ def _stages(rounds: list[Times]) -> Iterator[BenchStage]:
 
 
 SIDEREAL_DEG_S = 15.041 / 3600.0
-"""Motion of a satellite in its slot among the stars, and of the mount from frame to frame."""
+"""Rate of a geostationary satellite among the stars, and of the mount from frame to frame,
+deg/s."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -220,18 +222,18 @@ class BenchSummary:
     exposure_s: float
     cadence_s: float
     processing_s: float
-    """Last byte to slew command, solved in full."""
+    """Time from the last byte to the slew command, with a full plate solution, s."""
     slew_s: float
-    """To where a satellite in its slot will be, settled."""
+    """Time of a slew to the next place of a geostationary satellite, settling included, s."""
     shortest_cadence_s: float
-    """At the configured exposure."""
+    """Shortest cadence at the configured exposure, s."""
     longest_exposure_s: float
-    """At the configured cadence; negative where even none would be in time."""
+    """Longest exposure at the configured cadence, s; negative where even none would be in time."""
     recording_s: float | None
-    """To compress and write a frame; None where it was not measured, or none is kept."""
+    """Time to compress and write a frame, s; None where it was not measured, or none is kept."""
     disk_mb_s: float | None
     frame_mb: float
-    """Compressed."""
+    """Compressed size of a frame, MB."""
     night_mb: float
     is_held: bool
     is_recorded: bool
@@ -243,7 +245,7 @@ class BenchSummary:
 
 
 def judge(config: Config, result: BenchResult, free_bytes: int, now_utc_ns: int) -> BenchSummary:
-    """Add a cycle up: shutter, exposure, read-out, processing, slew.
+    """Add up one cycle: shutter, exposure, read-out, processing, slew.
 
     The recording runs beside the loop, but it shares the processor: it counts as kept up only
     where it and the processing fit into one cadence together.
@@ -279,7 +281,7 @@ def judge(config: Config, result: BenchResult, free_bytes: int, now_utc_ns: int)
 
 
 def summary_lines(summary: BenchSummary) -> list[str]:
-    """For a person to read, with what to do where it is not enough."""
+    """Return the summary as lines for a person, with what to do where the machine is too slow."""
     sum_words = (
         f"exposure {summary.exposure_s:g} s + processing {summary.processing_s:.2f} s + slew "
         f"{summary.slew_s:.1f} s + shutter and read-out = {summary.shortest_cadence_s:.1f} s"

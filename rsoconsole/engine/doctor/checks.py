@@ -21,26 +21,26 @@ class Check:
     """The result of one check."""
 
     check: str = ""
-    """Its name, given by what runs it."""
+    """Name of the check, set by its runner."""
     ok: bool | None
-    """None when it cannot be told."""
+    """True when passed; None when it cannot be determined."""
     detail: str
     remedy: str = ""
-    """What to do; empty when all is well."""
+    """Remedy; empty when all is well."""
 
 
 def well(detail: str, remedy: str = "") -> Check:
-    """A passed check; the remedy is for what could be better."""
+    """Return a passed check; the remedy is for what could be better."""
     return Check(ok=True, detail=detail, remedy=remedy)
 
 
 def bad(detail: str, remedy: str = "") -> Check:
-    """A failed check."""
+    """Return a failed check."""
     return Check(ok=False, detail=detail, remedy=remedy)
 
 
 def unsure(detail: str, remedy: str = "") -> Check:
-    """A check without an answer, or with a fault that does not stop a night."""
+    """Return a check without an answer, or with a fault that does not stop a night."""
     return Check(ok=None, detail=detail, remedy=remedy)
 
 
@@ -48,7 +48,7 @@ HOW = "'rsoconsole calibrate-time NIGHT --rinex FILE --write', of nights on navi
 
 
 def check_shutter(config: Config, today: date | None = None) -> Check:
-    """Every camera mode's timing with its age; unknown where nothing was measured."""
+    """Check every camera mode's timing and its age; unknown where nothing was measured."""
     today = today or day_of(utc_now_ns())
     known = config.exposure.calibrated
     if not known:
@@ -71,7 +71,7 @@ _NOT_REPORTED = {
 
 
 def check_temperature(reading: Machine) -> Check:
-    """The processor is cool enough to run at its full speed."""
+    """Check that the processor is cool enough to run at its full speed."""
     if reading.cpu_temperature_c is None:
         return well("this machine does not tell it")
     parts = [f"{reading.cpu_temperature_c:.0f} °C"]
@@ -85,7 +85,7 @@ def check_temperature(reading: Machine) -> Check:
 
 
 def check_power(reading: Machine) -> Check:
-    """The supply is strong enough, and nothing slows the processor down."""
+    """Check that the power supply is strong enough, and that nothing slows the processor down."""
     if reading.is_under_voltage is None and reading.is_throttled is None:
         return well(_NOT_REPORTED[reading.is_pi])
     troubles = [each for each in troubles_of(reading) if each.name in {"power", "throttled"}]
@@ -104,7 +104,7 @@ def check_power(reading: Machine) -> Check:
 
 
 def check_medium(config: Config, medium: Medium | None = None) -> Check:
-    """The nights are written to something that bears it: a card wears out, and is slow."""
+    """Check that the recording medium bears nightly writing: a card wears out, and is slow."""
     root = config.session.root
     found = medium_of(root) if medium is None else medium
     now_utc_ns = utc_now_ns()
@@ -128,7 +128,8 @@ def check_medium(config: Config, medium: Medium | None = None) -> Check:
 
 
 def check_time_source(source: TimeSource) -> Check:
-    """Somebody sets this machine's clock; without a real-time clock each power cut unsets it."""
+    """Check that a service sets this machine's clock; without a real-time clock each power cut
+    unsets it."""
     kept = f"real-time clock {source.rtc}" if source.rtc else "no real-time clock"
     said = source.detail if source.kind == "unknown" else f"{source.kind}: {source.detail}"
     detail = f"{said}; {kept}"
@@ -145,7 +146,8 @@ BIAS_GONE = 0.5
 
 
 def check_calibration(config: Config) -> Check:
-    """The configured master frames are there, have the camera's size and the exposure's length."""
+    """Check that the configured master frames exist, with the camera's size and the exposure's
+    length."""
     if not config.calibration.files:
         return well("no master frames: frames are used as they come")
     masters, faults = read_masters(config.calibration)
@@ -170,7 +172,7 @@ def check_calibration(config: Config) -> Check:
 
 
 def _doubts(masters: Sequence[Master], camera: Traits) -> Iterator[tuple[str, str]]:
-    """Why a master would not be used, or not be right, and what to do."""
+    """Yield each reason why a master would not be used, or not be right, with its remedy."""
     for each in masters:
         if not each.traits.has_pixels_of(camera):
             yield (

@@ -1,4 +1,4 @@
-"""Is this machine ready for a night? One check for each thing that has ended nights before.
+"""Checks of this machine's readiness for a night: one for each thing that has ended nights before.
 
 No check raises, none changes anything, and each says what to do when it is not well.
 """
@@ -30,18 +30,18 @@ if TYPE_CHECKING:
 
 KM_PER_DEG = 111.19
 STALE_DAYS = 14.0
-"""Age of elements at which a satellite kept in its slot may be a tenth of a degree off."""
+"""Age of elements at which a geostationary satellite may be a tenth of a degree off, days."""
 DEFINED_S = 3.0
-"""A driver that is connected defines its properties one behind another, and is quiet then."""
+"""Time without a new property after which a connected driver has defined all, s."""
 SITE_KM = 1.0
-"""0.01 deg of sky, which the engine demands of the mount too."""
+"""Greatest distance of the mount's site, km: 0.01 deg of sky, which the engine demands too."""
 _LIBRARIES = ("numpy", "cv2", "astropy", "erfa", "scipy", "filterpy", "sgp4", "astrometry")
 _LIBRARIES_OF_PROCESSES = ("indipydriver", "indipyserver", "textual", "plotext")
 _RUNTIMES = ("ai_edge_litert.interpreter", "tflite_runtime.interpreter")
 
 
 def run_checks(config: Config) -> Iterator[Check]:
-    """Every check, one after another, as each is done."""
+    """Yield every check as it is done, one after another."""
     by_name: tuple[tuple[str, Callable[[Config], Check]], ...] = (
         ("system", lambda _: check_system()),
         ("python", check_libraries),
@@ -75,7 +75,7 @@ def run_checks(config: Config) -> Iterator[Check]:
 
 
 def check_system() -> Check:
-    """The system is one that everything is published for, and can install it once more."""
+    """Check that everything is published for this system, and can be installed on it again."""
     machine = setup_check.read_machine(Path(sys.prefix))
     python = ".".join(map(str, machine.python))
     detail = f"{64 if machine.is_64_bit else 32}-bit {machine.machine}, Python {python}"
@@ -90,7 +90,7 @@ def check_system() -> Check:
 
 
 def check_libraries(_config: Config) -> Check:
-    """Every library loads here, tried in a process that may crash."""
+    """Check that every library loads here, in a process that may crash."""
     names = (*_LIBRARIES, *_LIBRARIES_OF_PROCESSES, *_RUNTIMES)
     broken = import_faults(names)
     if any(runtime not in broken for runtime in _RUNTIMES):
@@ -106,7 +106,7 @@ def check_libraries(_config: Config) -> Check:
 
 
 def check_network(config: Config) -> Check:
-    """The detector's network is there, is the one its card describes, and runs here."""
+    """Check that the detector's network exists, matches its card, and runs here."""
     from rsoconsole.vision import ANOTHER_NETWORK, Network
 
     try:
@@ -117,7 +117,7 @@ def check_network(config: Config) -> Check:
 
 
 def check_camera(config: Config) -> Check:
-    """Scale, exposure and size are those for which the detector's confidence is calibrated."""
+    """Check that scale, exposure and size are those for which the confidence is calibrated."""
     from rsoconsole.vision import is_usable_scale, range_cautions
 
     optics, exposure_s = config.optics, config.exposure.exposure_s
@@ -140,7 +140,7 @@ def check_camera(config: Config) -> Check:
 
 
 def check_index_files(config: Config) -> Check:
-    """There is an index file of every scale that the configured field needs."""
+    """Check that there is an index file of every scale that the configured field needs."""
     from rsoconsole.instruments import list_index_files, needed_scales, search_dirs
 
     try:
@@ -167,7 +167,8 @@ def check_index_files(config: Config) -> Check:
 
 
 def check_catalogue(config: Config) -> Check:
-    """The element files can be read, and are fresh enough to name geostationary satellites."""
+    """Check that element files can be read, and are fresh enough to name geostationary
+    satellites."""
     from rsoconsole.pipeline import read_catalogue
 
     files = config.catalogue.tle_files
@@ -198,7 +199,7 @@ def check_catalogue(config: Config) -> Check:
 
 
 def check_site(config: Config) -> Check:
-    """The site has been set: the default one is the paper's, far from most telescopes."""
+    """Check that the site has been set: the default is the paper's, far from most telescopes."""
     site, papers = config.site, SiteConfig()
     place = f"{_place(site.to_site())}, {site.elevation_m:.0f} m"
     is_papers = site.latitude_deg == papers.latitude_deg
@@ -212,7 +213,7 @@ def check_site(config: Config) -> Check:
 
 
 def check_indi_server(config: Config) -> Check:
-    """The INDI server answers and has the configured mount and camera."""
+    """Check that the INDI server answers and has the configured mount and camera."""
     indi, others = config.indi, config.instruments
     address = f"{indi.host}:{indi.port}"
     settings = {name: getattr(indi, name) for name in ("mount", "camera", "weather", "dome")}
@@ -243,7 +244,7 @@ def check_indi_server(config: Config) -> Check:
 
 
 def check_mount_site(config: Config) -> Check:
-    """The mount's site is the configured one: its limits depend on it."""
+    """Check that the mount's site is the configured one: its limits depend on it."""
     indi = config.indi
     if config.instruments.mount != "indi":
         return unsure(f"a mount by {config.instruments.mount} is asked when it is armed")
@@ -269,7 +270,8 @@ def check_mount_site(config: Config) -> Check:
 
 
 def check_mount_driver(config: Config) -> Check:
-    """The mount's driver offers all that a night needs; what it lacks, with what follows."""
+    """Check that the mount's driver offers all that a night needs; list what it lacks, and the
+    effects."""
     indi = config.indi
     if config.instruments.mount != "indi":
         return unsure(f"a mount by {config.instruments.mount} is asked when it is armed")
@@ -295,13 +297,13 @@ def check_mount_driver(config: Config) -> Check:
 
 
 def _indi_options(indi: IndiConfig) -> str:
-    """What indi_setprop must be given to reach the configured server; nothing for the usual one."""
+    """Return the options of indi_setprop for the configured server; empty for the default one."""
     host = "" if indi.host in {"127.0.0.1", "localhost"} else f" -h {indi.host}"
     return host + indi_port_option(indi.port)
 
 
 def check_clock(clock: ClockReading | None = None, most_offset_s: float = math.inf) -> Check:
-    """The system's clock is synchronised: a second is 15 arcsec of sky."""
+    """Check that the system's clock is synchronised: a second is 15 arcsec of sky."""
     clock = clock or doctor_system.read_clock()
     if clock.is_synchronised is None:
         return unsure(
@@ -322,7 +324,7 @@ def check_clock(clock: ClockReading | None = None, most_offset_s: float = math.i
 
 
 def check_disk(config: Config) -> Check:
-    """The disk has room for the coming night; told before it runs short."""
+    """Check that the disk has room for the coming night, before it runs short."""
     now_utc_ns = utc_now_ns()
     free_bytes = doctor_system.free_bytes(config.session.root)
     outlook = disk_outlook(config, free_bytes, now_utc_ns)
@@ -336,7 +338,7 @@ def check_disk(config: Config) -> Check:
 
 
 def check_sessions_folder(config: Config) -> Check:
-    """Sessions can be written where they are to be kept."""
+    """Check that sessions can be written to their folder."""
     root = config.session.root
     fault = doctor_system.write_fault(root)
     if fault is None:
@@ -345,7 +347,7 @@ def check_sessions_folder(config: Config) -> Check:
 
 
 def check_terminal() -> Check:
-    """The terminal is large enough and knows UTF-8 and colours."""
+    """Check that the terminal is large enough and knows UTF-8 and colours."""
     found = doctor_system.read_terminal()
     if found is None:
         return unsure("there is none here: only the console needs one")
@@ -365,7 +367,7 @@ def check_terminal() -> Check:
 
 
 def _reach(files: Sequence["IndexFile"]) -> str:
-    """Declinations that the files of every scale have in common."""
+    """Return the range of declinations that the files of every scale have in common."""
     scales = {file.scale for file in files}
     south_deg = max(min(f.dec_deg[0] for f in files if f.scale == s) for s in scales)
     north_deg = min(max(f.dec_deg[1] for f in files if f.scale == s) for s in scales)

@@ -1,6 +1,6 @@
-"""Checks of the INDI client library and of an INDI server, which is asked by plain TCP.
+"""Checks of the INDI client library and, over plain TCP, of an INDI server.
 
-The server's devices, the mount's site and what its driver offers.
+They cover the server's devices, the mount's site and what its driver offers.
 """
 
 import contextlib
@@ -38,7 +38,7 @@ _PATIENCE_S = 120
 
 
 def import_faults(names: Sequence[str]) -> dict[str, str]:
-    """The faults of modules that do not load, by their names."""
+    """Return the faults of modules that do not load, by module name."""
     done = subprocess.run(
         [sys.executable, "-W", "ignore", "-c", _IMPORT_ALL, *names],
         capture_output=True,
@@ -59,7 +59,7 @@ _ALL_OF_MOUNT = {_COORDINATES, *PROPERTIES.values()}
 
 
 def check_client(config: Config) -> Check:
-    """The library that is to speak INDI is installed and loads."""
+    """Check that the configured INDI client library is installed and loads."""
     setting = config.indi.client
     if "indi" not in (config.instruments.mount, config.instruments.camera):
         return well("not used: neither mount nor camera speaks INDI")
@@ -80,10 +80,10 @@ def check_client(config: Config) -> Check:
 
 
 def devices_there(host: str, port: int, wanted: set[str], quiet_s: float) -> set[str]:
-    """The devices that the server announces, until those wanted are there.
+    """Return the devices that the server announces, until those wanted are there.
 
-    Ends also when it has announced nothing new for ``quiet_s``, or hangs up. Raises
-    InstrumentError where nobody listens.
+    Ends also when it has announced nothing new for ``quiet_s``, or hangs up. Raises InstrumentError
+    where no server listens.
     """
     found: set[str] = set()
     with closing(IndiWire(host, port, quiet_s)) as wire, contextlib.suppress(InstrumentError):
@@ -97,9 +97,11 @@ def devices_there(host: str, port: int, wanted: set[str], quiet_s: float) -> set
 
 
 def mount_abilities(host: str, port: int, mount: str, quiet_s: float) -> MountAbilities | None:
-    """The abilities of the mount's driver, by what it defines until it is quiet for ``quiet_s``.
+    """Return the abilities of the mount's driver, from its definitions until it is quiet for
+    ``quiet_s``.
 
-    None where it has told no coordinates: it is not connected to its mount. Raises InstrumentError.
+    None where it has reported no coordinates: it is not connected to its mount. Raises
+    InstrumentError.
     """
     found: set[str] = set()
     with closing(IndiWire(host, port, quiet_s)) as wire:
@@ -115,7 +117,7 @@ def mount_abilities(host: str, port: int, mount: str, quiet_s: float) -> MountAb
 
 
 def mount_site(host: str, port: int, mount: str, quiet_s: float) -> Site | None:
-    """The site that the mount tells; None when it does not in ``quiet_s``.
+    """Return the site that the mount reports; None when it does not within ``quiet_s``.
 
     Raises InstrumentError.
     """

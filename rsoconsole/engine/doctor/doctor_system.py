@@ -21,9 +21,9 @@ class ClockReading:
     """The kernel's account of its own clock."""
 
     is_synchronised: bool | None
-    """None when the system does not tell."""
+    """True when synchronised; None when the system does not report it."""
     offset_s: float | None = None
-    """What is still to be corrected."""
+    """Offset still to be corrected, s."""
     max_error_s: float | None = None
 
 
@@ -38,7 +38,7 @@ class Terminal:
 
 
 def read_clock() -> ClockReading:
-    """The kernel's own account, by adjtimex(2); read only."""
+    """Read the kernel's account of its clock by adjtimex(2); changes nothing."""
     flag = True if _TIMESYNC_FLAG.exists() else None
     if not sys.platform.startswith("linux"):
         return ClockReading(is_synchronised=flag)
@@ -64,12 +64,12 @@ def read_clock() -> ClockReading:
 
 
 def free_bytes(folder: Path) -> int:
-    """Free disk where the folder is or would be. Raises OSError."""
+    """Return the free disk where the folder is or would be, bytes. Raises OSError."""
     return shutil.disk_usage(nearest_existing(folder)).free
 
 
 def write_fault(folder: Path) -> str | None:
-    """The reason why a folder cannot be written; None when it can, or could once it is made."""
+    """Return why a folder cannot be written; None when it can, or could once it is made."""
     nearest = nearest_existing(folder)
     if not nearest.is_dir():
         return f"{nearest} is no folder"
@@ -85,7 +85,7 @@ def write_fault(folder: Path) -> str | None:
 
 
 def read_terminal(environ: Mapping[str, str] | None = None) -> Terminal | None:
-    """The terminal behind stderr, stdout or stdin; None when there is none."""
+    """Return the terminal behind stderr, stdout or stdin; None when there is none."""
     environ = os.environ if environ is None else environ
     for descriptor in (2, 1, 0):
         try:
@@ -102,7 +102,7 @@ def read_terminal(environ: Mapping[str, str] | None = None) -> Terminal | None:
 
 
 def colours_of(environ: Mapping[str, str]) -> int:
-    """Colours that the terminal says it has."""
+    """Return the number of colours that the terminal declares."""
     if environ.get("COLORTERM", "") in {"truecolor", "24bit"}:
         return 1 << 24
     term = environ.get("TERM", "dumb")
@@ -112,7 +112,7 @@ def colours_of(environ: Mapping[str, str]) -> int:
 
 
 def nearest_existing(folder: Path) -> Path:
-    """The folder, or the nearest above it that there is."""
+    """Return the folder, or the nearest existing one above it."""
     nearest = folder.absolute()
     while not nearest.exists() and nearest != nearest.parent:
         nearest = nearest.parent

@@ -1,4 +1,4 @@
-"""Abilities that a mount's driver lacks, and what follows from that for a night. Pure."""
+"""Abilities that a mount's driver lacks, and the effect on a night. Pure."""
 
 from dataclasses import dataclass
 from typing import Literal
@@ -21,23 +21,23 @@ PROPERTIES: dict[LackName, str] = {
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Lack:
-    """One thing that a driver does not offer."""
+    """One ability that a driver lacks."""
 
     name: LackName
     what: str
-    """In two words, for a panel."""
+    """Name of the missing ability in two words, for a panel."""
     follows: str
     needs_override: bool = False
-    """Whether arming needs one, by the name."""
+    """True where arming needs an override by the ability's name."""
 
     @property
     def text(self) -> str:
-        """In one line."""
+        """Description of the lack and its effect, in one line."""
         return f"the mount has {self.what}: {self.follows}"
 
 
 def lacks_of(abilities: MountAbilities, mount: MountConfig) -> tuple[Lack, ...]:
-    """All that is missing, the unsafe first."""
+    """Return all missing abilities, the unsafe first."""
     then = "it parks there" if abilities.can_park else "stay at its power switch"
     known: tuple[tuple[bool, LackName, str, str], ...] = (
         (abilities.can_abort, "abort", "no ABORT", "STOP cannot end a slew: cut its power"),

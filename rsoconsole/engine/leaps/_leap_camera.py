@@ -1,4 +1,4 @@
-"""The camera's exposure, binning and subframe during leaps, and back to the night's own after."""
+"""The camera's exposure, binning and subframe during leaps, and their return to the night's own."""
 
 import logging
 
@@ -15,30 +15,30 @@ _WORTH_CHANGING = 0.15
 
 
 class LeapCamera:
-    """Sets exposure and binning, on record, and gives the night's own back."""
+    """Sets exposure and binning, on record, and restores the night's own."""
 
     def __init__(self, control: Control, parts: Parts) -> None:
         self._control, self._session_log = control, parts.session_log
         self._camera = parts.instrument_controller.instruments.camera
         self.binning = 1
-        """Pixels joined on each axis of those that are configured."""
+        """Pixels joined on each axis, in units of the configured ones."""
         self.share = 1.0
         """Share of each side of the sensor that is read out."""
         self._share_asked = 1.0
         self._can_read_parts = True
         self._is_said = False
-        """That the whole sensor was not given back."""
+        """True once it was reported that the whole sensor was not given back."""
         self._asked = 1
-        """What was asked for last; the camera may have refused it."""
+        """Binning requested last; the camera may have refused it."""
         self._before_s: float | None = None
-        """The night's own exposure, where the leaps have set another."""
+        """The night's own exposure, s, where the leaps have set another; else None."""
         self._set_s = 0.0
-        """That one."""
+        """Exposure set by the leaps, s."""
 
     def begin(self) -> bool:
-        """Join pixels as is set; True where the camera reads out in another mode from now on.
+        """Set the binning of leaps; True where the camera reads out in another mode from now on.
 
-        A camera that cannot is said once, and used as it is.
+        A camera that cannot bin is reported once, and used as it is.
         """
         config = self._control.config
         wanted = config.leap.binning or binning_for(config)
@@ -54,10 +54,10 @@ class LeapCamera:
         return self.binning != before
 
     def set_subframe(self, share: float) -> bool:
-        """Read so much of each side from the next exposure on; True where that is another share.
+        """Read this share of each side from the next exposure on; True where the share has changed.
 
-        A camera that cannot is said once, and read whole. One that does not give the whole back is
-        asked again the next time.
+        A camera that cannot is reported once, and read whole. One that does not give the whole back
+        is asked again the next time.
         """
         if share == self._share_asked or (share < 1.0 and not self._can_read_parts):
             return False
@@ -82,7 +82,7 @@ class LeapCamera:
         return self.share != before
 
     def expose_for(self, exposure_s: float) -> None:
-        """Set the exposure, on record, where another one is wanted."""
+        """Set the exposure, on record, where it differs from the present one."""
         config = self._control.config
         wanted_s = two_digits(exposure_s)
         if abs(wanted_s / config.exposure.exposure_s - 1.0) <= _WORTH_CHANGING:
@@ -92,7 +92,7 @@ class LeapCamera:
         self._set(wanted_s, "the leaps")
 
     def give_back(self) -> None:
-        """Give the night back its own exposure, binning and whole sensor."""
+        """Restore the night's own exposure, binning and whole sensor."""
         own_s, self._before_s = self._before_s, None
         if own_s is not None:
             self._set(own_s, "the end of the leaps")
@@ -112,7 +112,7 @@ class LeapCamera:
             self._session_log.say("warning", words)
 
     def configured(self, before: Config) -> None:
-        """Take new settings: an exposure that the operator sets meanwhile holds after the leaps."""
+        """Take new settings: an exposure that the operator sets during leaps holds after them."""
         if before.leap.subframe != self._control.config.leap.subframe:
             self._can_read_parts = True
         wanted_s = self._control.config.exposure.exposure_s

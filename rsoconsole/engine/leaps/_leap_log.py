@@ -40,10 +40,10 @@ def leap_record(
     ends: StreakEnds | None,
     **facts: Any,
 ) -> LeapDone:
-    """A leap for the record: its plan, its figures and how far off its streak was.
+    """Return a leap's record: its plan, its figures and the offset of its streak.
 
-    ``before``: what was followed before its frame; ``ends``: its streak there, where met;
-    ``facts``: further fields of the record.
+    ``before``: the track before its frame; ``ends``: its streak there, where met; ``facts``:
+    further fields of the record.
     """
     place = leap.place
     along, across = np.sqrt(np.maximum(np.diag(place.along_across_arcsec2), 0.0))
@@ -70,7 +70,7 @@ def leap_record(
 
 
 def _off(track: LeapTrack, ends: StreakEnds) -> tuple[float, float] | None:
-    """Along and across the motion, arcsec, at the middle of a streak."""
+    """Offset of a streak's middle along and across the motion, arcsec."""
     place = track.ahead(ends.t_mid_utc_ns)
     if place is None:
         return None
@@ -93,26 +93,27 @@ def _rms(orbit: LowOrbit, axis: int) -> float:
 
 _PASS_S, _PASS_STEP_S = 1_200.0, 10.0
 _AGAIN_AT = (6, 15)
-"""Streaks with which the rest of a pass is planned once more: one streak tells it badly."""
+"""Numbers of streaks at which the rest of a pass is planned again: one streak determines it
+poorly."""
 _SURE = np.eye(6) * 1e-6
-"""As if it were known: later leaps will know it better than it is known now."""
+"""Covariance of an orbit taken as known, 6 x 6: later leaps will determine it better than now."""
 
 
 @dataclass(slots=True)
 class _Begun:
-    """Of the pass that is followed."""
+    """Facts of the pass under way."""
 
     frame_id: int = 0
-    """Of its first streak."""
+    """Frame of its first streak."""
     name: str = ""
     leaps: int = 0
     planned: int = 0
     planned_at: int = 0
-    """How many streaks there were when the pass was planned last; 0: it was not."""
+    """Number of streaks when the pass was last planned; 0: it was not."""
 
 
 class LeapLog:
-    """Gathers the facts of each leap; what takes time is computed once no frame waits for it."""
+    """Gathers the facts of each leap; slow computations wait until no frame needs the loop."""
 
     def __init__(self, control: Control, parts: Parts, times: LeapTimes) -> None:
         self._control, self._times = control, times
@@ -121,19 +122,19 @@ class LeapLog:
         self._site = control.config.site.to_site()
         self._begun = _Begun()
         self._unrecorded: Callable[[LeapParts], LeapDone] | None = None
-        """Makes the record of the last leap, once nobody waits for it."""
+        """Makes the record of the last leap, when there is time for it."""
         self._spent: list[LeapParts] = []
         """The times of each leap of the pass."""
         self._frame_id = 0
-        """The last one with a leap or a first streak."""
+        """Frame of the last leap or first streak."""
 
     def begin(self, frame_id: int, name: str) -> None:
-        """Begin a pass with its first streak; ``name``: of the expected satellite, else empty."""
+        """Begin a pass with its first streak; ``name``: the expected satellite's, else empty."""
         self._begun, self._frame_id = _Begun(frame_id=frame_id, name=name), frame_id
         self._unrecorded, self._spent = None, []
 
     def took(self, leap: Leap, *, waited_for_frame: bool) -> None:
-        """Note what a leap took, now that the next slew can be ordered."""
+        """Note a leap's times, now that the next slew can be ordered."""
         now_ns = self._instrument_controller.now_utc_ns()
         self._spent.append(self._times.parts_of(leap, now_ns, waited_for_frame=waited_for_frame))
 
@@ -163,7 +164,7 @@ class LeapLog:
         )
 
     def record(self) -> None:
-        """Put the last leap on record, where that has not been done yet."""
+        """Record the last leap, where that has not been done yet."""
         record_of, self._unrecorded = self._unrecorded, None
         if record_of is not None and self._spent:
             self._session_log.append(record_of(self._spent[-1]))
@@ -171,10 +172,11 @@ class LeapLog:
     def plan(
         self, track: LeapTrack, first: Leap, start: Pose, telescope: Telescope, sure_from: int
     ) -> None:
-        """Say how the pass would go: by its first streak, its first leap under way, and again.
+        """Log the plan of the pass: by its first streak with the first leap under way, and again
+        later.
 
-        By one streak that is the likeliest of many orbits; by some more its own, and then the
-        Earth's shadow ends it too. ``sure_from``: as ``plan_pass`` has it.
+        With one streak the likeliest of many orbits is used; with more the fitted one, and then the
+        Earth's shadow ends the pass too. ``sure_from``: as in ``plan_pass``.
         """
         streaks, best = len(track.best.streaks), track.best
         is_first = not self._begun.planned_at
@@ -206,7 +208,7 @@ class LeapLog:
         self._session_log.say("info", words)
 
     def end(self, track: LeapTrack, why: str) -> None:
-        """Say and record the orbit and the next pass of the satellite that was followed."""
+        """Log and record the orbit and the next pass of the satellite that was followed."""
         orbit = track.best.orbit
         self._session_log.say("info", f"{why}: {last_words(track, self._spent)}")
         later: ExpectedPass | None = None
@@ -219,7 +221,7 @@ class LeapLog:
         self._record_pass(track, why, later)
 
     def cut_off(self, track: LeapTrack, why: str) -> None:
-        """Record a pass that something else has ended in its middle."""
+        """Record a pass that was cut short by something else."""
         self._record_pass(track, why, None)
 
     def _record_pass(self, track: LeapTrack, end: str, later: ExpectedPass | None) -> None:
@@ -260,7 +262,7 @@ class LeapLog:
 
 
 def _likeliest(track: LeapTrack) -> KnownOrbit:
-    """Of the orbits that its streaks allow."""
+    """Return the likeliest of the orbits that the track's streaks allow."""
     cloud = track.best.cloud
     heaviest = int(np.argmax(cloud.weight))
     return KnownOrbit(
@@ -273,6 +275,6 @@ def _likeliest(track: LeapTrack) -> KnownOrbit:
 
 
 def _lit_instants(orbit: KnownOrbit, t_utc_ns: IntArray) -> int:
-    """How many there are before it goes into the Earth's shadow."""
+    """Number of instants before the satellite enters the Earth's shadow."""
     lit = lit_fraction(orbit.states(t_utc_ns)[0], t_utc_ns) > 0.0
     return int(np.argmin(lit)) if not np.all(lit) else len(lit)

@@ -26,23 +26,23 @@ from rsoconsole.pipeline import (
 from rsoconsole.records import Frame
 
 STEP = 0.8
-"""Time of a trial, as a share of the kept time."""
+"""Settling time of a trial, as a share of the kept time."""
 TURNS = 4
-"""Leaps of each sort, before they are compared."""
+"""Number of leaps of each sort, trial and kept, before they are compared."""
 AS_SHARP, SHARPER = 1.05, 0.94
 """Ratio of star widths after a trial to those without: no worse, and better."""
 SHORTEST_S, LONGEST = 0.3, 2.5
-"""Kept at the least, and at the most in units of what is configured."""
+"""Bounds of the kept time: least, in s, and greatest, in units of the configured time."""
 _SURE_SIGMAS = 1.5
 _MEDIAN = 1.25
 """Error of a median over that of a mean."""
 _RESTS = 2
-"""Comparisons for which there is no trial once neither less nor more is better."""
+"""Number of comparisons without a trial once neither less nor more is better."""
 
 
 @dataclass(frozen=True, slots=True)
 class _Turn:
-    """What one leap is given."""
+    """Settling time of one leap."""
 
     seconds: float
     is_trial: bool
@@ -51,25 +51,25 @@ class _Turn:
 
 @dataclass(slots=True)
 class SettleTrials:
-    """Learns from leap to leap how long the mount must settle: trials against what is kept."""
+    """Learns from leap to leap how long the mount must settle, by trials against the kept time."""
 
     configured_s: float
-    """What it begins with."""
+    """Configured time to settle, s: the first kept time."""
     _factor: float = 1.0
-    """Of the configured time, as it is kept."""
+    """Kept time in units of the configured time."""
     _is_shorter: bool = True
-    """Whether less is in trial; else more."""
+    """True where a shorter time is in trial; else a longer one."""
     _next: _Turn | None = None
-    """What the next leap is given: it is planned by it already."""
+    """Settling time of the next leap, which is planned by it already."""
     _used: _Turn | None = None
-    """What the leap under way was given; None: nobody knows."""
+    """Settling time of the leap under way; None: not known."""
     _comparison: int = 0
-    """Number of the one under way."""
+    """Number of the comparison under way."""
     _refused: int = 0
-    """Trials in a row that were not kept."""
+    """Number of trials in a row that were not kept."""
     _rests: int = 0
     _widths: dict[bool, list[float]] = field(default_factory=lambda: {False: [], True: []})
-    """Of the stars, px, by whether the time was the one of a trial."""
+    """Widths of the stars, px, without (False) and with (True) the trial's time."""
 
     @property
     def seconds(self) -> float:
@@ -83,7 +83,7 @@ class SettleTrials:
 
     @property
     def _trial_s(self) -> float:
-        """Less than is kept; or more: what is configured, and a step beyond where that is kept."""
+        """Time in trial, s: shorter than the kept one; or longer, at least the configured one."""
         if self._is_shorter:
             return max(self.kept_s * STEP, min(SHORTEST_S, self.configured_s))
         return max(self._step_back_s, self.configured_s)
@@ -104,7 +104,7 @@ class SettleTrials:
         self._used = None
 
     def forget_star_widths(self) -> None:
-        """Begin the comparison again: stars have another width in another mode of the camera."""
+        """Begin the comparison again: another mode of the camera changes the width of stars."""
         self._begin_comparison()
         self._used = None
 
@@ -113,9 +113,9 @@ class SettleTrials:
         self._comparison += 1
 
     def seen(self, width_px: float | None) -> str | None:
-        """How wide the stars of the leap under way were; None: so wide that none could be measured.
+        """Take the width of the stars of the leap under way, px; None: too wide to be measured.
 
-        Words for the log where another time is kept from now on.
+        Returns words for the log where another time is kept from now on.
         """
         used, self._used = self._used, None
         if used is None or used.comparison != self._comparison:
@@ -174,7 +174,8 @@ _LONGEST_READOUT_S = 20.0
 _SUBFRAME = 0.5
 """Share of each side where nothing else is set: a quarter of the pixels."""
 _LATE_S = (-0.05, 3.0)
-"""Least and greatest delay from order to shutter, s: beyond, the camera's clock is off."""
+"""Least and greatest believable delay from order to shutter, s: beyond, the camera's clock is
+off."""
 _MIN_FRAMES = 3
 _CLOSED_SIGMAS = 4.0
 _MIN_SCATTER_S = 0.01
@@ -189,14 +190,14 @@ class LeapParts:
     slew_s: float
     settle_s: float
     shutter_s: float
-    """Until it opens, beyond what of that the mount settles in."""
+    """Time until the shutter opens, beyond the part of it in which the mount settles."""
     open_s: float
     readout_s: float
-    """Read-out and reduction; 0 where the next slew was ordered as the shutter closed."""
+    """Time of read-out and reduction; 0 where the next slew was ordered as the shutter closed."""
 
     @property
     def wait_s(self) -> float:
-        """Time of waiting for the satellite, and all that has no other name, s."""
+        """Time of waiting for the satellite, and all that is not listed here, s."""
         named_s = self.slew_s + self.settle_s + self.shutter_s + self.open_s + self.readout_s
         return self.total_s - named_s
 
@@ -210,38 +211,38 @@ class LeapTimes:
         instrument_controller: InstrumentController,
         watch: Watch,
     ) -> None:
-        """``config``: the one in force."""
+        """``config``: returns the configuration in force."""
         self._config = config
         self._instrument_controller = instrument_controller
         self._watch = watch
         self._seen: deque[MeasuredSlew] = deque(maxlen=LAST_SLEWS)
         self._motion: MountMotion | None = None
-        """By the slews seen so far; None: to be found again."""
+        """Motion fitted to the slews seen so far; None: to be fitted again."""
         self._readouts_s: deque[float] = deque(maxlen=_FRAMES)
         self._whole_s: deque[float] = deque(maxlen=_FRAMES)
         """Time from an exposure's end until the next could be ordered, the whole sensor read, s."""
         self._closed_utc_ns: int | None = None
-        """When the shutter of the last frame closed, by its header."""
+        """Time at which the last frame's shutter closed, by its header, UTC ns; None: not known."""
         self._rows_s = 0.0
-        """With a rolling shutter: by how much the last row closes later than the first."""
+        """Delay of the last row's closing after the first's, with a rolling shutter, s."""
         self._latencies_s: deque[float] = deque(maxlen=_FRAMES)
         self._settle = SettleTrials(config().mount.settle_s)
         self._given_last_s = config().mount.settle_s
-        """What the mount was given to settle before the last leap."""
+        """Settling time before the last leap, s."""
         self._ordered: tuple[tuple[float, float], int] | None = None
-        """Travel of the slew under way, and when it was ordered."""
+        """Travel of the slew under way on both axes, deg, and the time of its order, UTC ns."""
 
     def forget_slew(self) -> None:
-        """Forget the slew under way: it is no leap's any more."""
+        """Forget the slew under way: it no longer belongs to a leap."""
         self._ordered = None
         self._settle.lost()
 
     def ordered(self, travel_deg: tuple[float, float], t_utc_ns: int) -> None:
-        """Note the order of a leap's slew: its travel on both axes, and when."""
+        """Note the order of a leap's slew: its travel on both axes, deg, and the time, UTC ns."""
         self._ordered = travel_deg, t_utc_ns
 
     def arrived(self) -> None:
-        """Learn from the arrival of a leap's slew what it took."""
+        """Learn the duration of a leap's slew from its arrival."""
         if self._ordered is None:
             self._settle.lost()
             return
@@ -269,7 +270,7 @@ class LeapTimes:
         self._rows_s = rows_s
 
     def examined(self, now_utc_ns: int) -> None:
-        """Learn what read-out and reduction took: the next slew can be ordered now."""
+        """Learn the time of read-out and reduction: the next slew can be ordered now."""
         took_s = self._since_closed_s(now_utc_ns)
         if took_s is not None:
             self._readouts_s.append(took_s)
@@ -286,7 +287,7 @@ class LeapTimes:
         self._readouts_s.clear()
 
     def subframe_for(self, leap: Leap) -> float:
-        """Share of each side of the sensor that is worth reading for a leap that is sure."""
+        """Share of each side of the sensor that is worth reading for a well-predicted leap."""
         share = self._config().leap.subframe or self._worth_reading()
         return share if leap.fits_in(share, self.terms(leap.binning)) else 1.0
 
@@ -298,29 +299,30 @@ class LeapTimes:
         return _SUBFRAME if is_slow else 1.0
 
     def record_readout(self, now_utc_ns: int) -> None:
-        """Learn what a frame of the whole sensor took until the next exposure can be ordered."""
+        """Learn the time from a whole-sensor frame until the next exposure can be ordered."""
         took_s = self._since_closed_s(now_utc_ns)
         if took_s is not None:
             self._whole_s.append(took_s)
 
     def _since_closed_s(self, now_utc_ns: int) -> float | None:
-        """Since the shutter closed; None where that is not known, or is no time of a read-out."""
+        """Time since the shutter closed, s; None where not known, or not plausible as a
+        read-out."""
         if self._closed_utc_ns is None:
             return None
         took_s = (now_utc_ns - self._closed_utc_ns) / NS
         return took_s if 0.0 <= took_s < _LONGEST_READOUT_S else None
 
     def add_star_width(self, width_px: float | None) -> str | None:
-        """How wide the stars of the last leap's frame are; words where the mount is given another
-        time to settle from now on."""
+        """Learn from the width of the stars of the last leap's frame, px; return words where
+        another settling time holds from now on."""
         return self._settle.seen(width_px) if self._config().leap.learns_settle else None
 
     def closed_after_s(self, exposure_s: float, scatter_s: float = 0.0) -> float | None:
-        """Seconds from the order of an exposure until its shutter has surely closed.
+        """Time from the order of an exposure until its shutter has surely closed, s.
 
-        ``scatter_s``: what streaks have told of the shutter beside its headers. None where frames
-        have not told it (too few of them, or the camera's clock is off), and where the frame
-        itself comes sooner.
+        ``scatter_s``: scatter of the shutter as streaks show it, beside the headers. None where
+        frames do not determine it (too few of them, or the camera's clock is off), and where the
+        frame itself comes sooner.
         """
         latency = self._shutter_s(scatter_s)
         if latency is None:
@@ -332,7 +334,7 @@ class LeapTimes:
         return latest_s + exposure_s + self._rows_s
 
     def _shutter_s(self, scatter_s: float = 0.0) -> tuple[float, float] | None:
-        """From an order to the opening, surely at the least and at the most; None: not known."""
+        """Least and greatest time from an order to the opening, s; None: not known."""
         seen, (low_s, high_s) = self._latencies_s, _LATE_S
         if len(seen) < _MIN_FRAMES or min(seen) < low_s or max(seen) > high_s:
             return None
@@ -344,33 +346,33 @@ class LeapTimes:
     def settle_s(self) -> float:
         """Time from the mount's arrival until an exposure may be ordered, s.
 
-        The shutter opens later: an exposure that is ordered while the mount still settles finds it
-        settled. By no more than ``exposure.start_latency_s``: a camera's clock that is ahead looks
-        like a late shutter.
+        The shutter opens later: an exposure ordered while the mount still settles finds it settled.
+        The gain is at most ``exposure.start_latency_s``: a camera's clock that is ahead looks like
+        a late shutter.
         """
         return max(self._given_s() - self._opens_s(), 0.0)
 
     def _given_s(self) -> float:
-        """What the mount is given to settle before the next exposure."""
+        """Time for the mount to settle before the next exposure, s."""
         config = self._config()
         return self._settle.seconds if config.leap.learns_settle else config.mount.settle_s
 
     def _opens_s(self) -> float:
-        """From the order of an exposure until the shutter opens, at the least."""
+        """Least time from the order of an exposure until the shutter opens, s."""
         latency = self._shutter_s()
         if latency is None:
             return 0.0
         return min(max(latency[0], 0.0), self._config().exposure.start_latency_s)
 
     def terms(self, binning: int) -> LeapTerms:
-        """The times that a leap needs beside its slew, as learned so far."""
+        """Return the times that a leap needs beside its slew, as learned so far."""
         terms = replace(terms_of(self._config(), binning), settle_s=self.settle_s())
         if self._readouts_s:
             terms = replace(terms, readout_s=float(np.median(self._readouts_s)))
         return terms
 
     def telescope(self, binning: int) -> Telescope:
-        """The telescope's motion, times and limits, as learned so far."""
+        """Return the telescope's motion, times and limits, as learned so far."""
         if self._motion is None:
             self._motion = learned(self._config().mount, list(self._seen))
         return Telescope(
@@ -390,7 +392,8 @@ class LeapTimes:
             self._settle = SettleTrials(mount.settle_s)
 
     def parts_of(self, leap: Leap, now_utc_ns: int, *, waited_for_frame: bool) -> LeapParts:
-        """The times of a leap, from the order of its slew until now, when the next can go out."""
+        """Return the times of a leap, from the order of its slew until now, when the next can go
+        out."""
         terms = self.terms(leap.binning)
         readout_s = self._readouts_s[-1] if self._readouts_s else terms.readout_s
         while_settling_s = min(self._opens_s(), self._given_last_s)

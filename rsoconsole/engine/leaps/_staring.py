@@ -19,9 +19,9 @@ from rsoconsole.words import text
 _DRIFT = 0.1
 """Share of the field's short side by which a stare may drift with the stars."""
 _GO_THERE_NS = 90 * NS
-"""Before a pass may begin the telescope goes to where it will be."""
+"""Time before a pass at which the telescope goes to where the satellite will be, ns."""
 _LOOK_NS = 600 * NS
-"""Between two frames until then."""
+"""Greatest time between two frames until then, ns."""
 
 
 class Staring:
@@ -40,7 +40,7 @@ class Staring:
         self._times, self._camera, self._awaiting = times, camera, awaiting
         self._site = control.config.site.to_site()
         self._stare: tuple[float, float] | None = None
-        """Hour angle and declination of date."""
+        """Hour angle and declination of date of the stare, deg."""
 
     def forget(self) -> None:
         """Forget the place: the next stare is where the telescope then points."""
@@ -78,7 +78,8 @@ class Staring:
         return plan
 
     def _waited(self, awaited: AwaitedPass, pose: Pose, now_ns: int) -> Plan:
-        """In place until shortly before; then at the point of its orbit, until it has come."""
+        """Plan a frame in place until shortly before the pass, then at a point of its orbit until
+        it comes."""
         stare = awaited.stare
         until_ns = stare.from_utc_ns - _GO_THERE_NS
         if now_ns < until_ns:
@@ -112,7 +113,7 @@ class Staring:
         return _DRIFT * min(self._control.config.optics.field_deg)
 
     def _where_to_stare(self, here: tuple[float, float], now_ns: int) -> tuple[float, float]:
-        """As configured for a search; where that is silent, where the telescope points."""
+        """Return the configured place of a search; without one, where the telescope points."""
         search, (hour_angle_deg, dec_deg) = self._control.config.search, self._of_date(here, now_ns)
         return (
             hour_angle_deg if search.hour_angle_deg is None else search.hour_angle_deg,

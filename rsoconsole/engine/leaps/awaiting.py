@@ -1,4 +1,4 @@
-"""The pass that is waited for: of a catalogued object, or of the satellite followed last."""
+"""The awaited pass: of a catalogued object, or of the satellite followed last."""
 
 from collections.abc import Callable, Iterator, Sequence
 
@@ -35,7 +35,7 @@ from rsoconsole.words import NS_PER_DAY, NS_PER_S, utc_ns_to_iso
 
 
 def entry_of(config: Config) -> CatalogueEntry:
-    """The newest elements of ``leap.pass_norad``. Raises OrbitError, with the remedy."""
+    """Return the newest elements of ``leap.pass_norad``. Raises OrbitError, with the remedy."""
     number, files = config.leap.pass_norad, config.catalogue.tle_files
     if not files:
         raise OrbitError(
@@ -49,13 +49,13 @@ def entry_of(config: Config) -> CatalogueEntry:
 
 
 SEARCHED_NS = NS_PER_DAY
-"""How far ahead passes are looked for."""
+"""Time ahead that is searched for passes, ns."""
 
 
 def first_streak_words(
     track: LeapTrack, awaited: AwaitedPass | None, found: PassOffset | None
 ) -> str:
-    """A first streak in words: how fast, in which sense, and how late against the prediction."""
+    """Return a first streak in words: its rate, its sense, and its delay against the prediction."""
     speed = track.best.streaks[0].speed_arcsec_s
     if awaited is None or found is None:
         sure = 100.0 * track.best.probability
@@ -68,7 +68,7 @@ def first_streak_words(
 
 
 def awaited_words(awaited: AwaitedPass) -> str:
-    """The pass that is waited for, in words."""
+    """Return the awaited pass in words."""
     stare = awaited.stare
     either_s = (stare.until_utc_ns - stare.from_utc_ns) / 2 / NS_PER_S
     return (
@@ -78,7 +78,7 @@ def awaited_words(awaited: AwaitedPass) -> str:
 
 
 def met_words(track: LeapTrack, seen: FrameStreak, leap: Leap | None) -> str:
-    """A successful leap in words: its number, its streak, how well the orbit fits."""
+    """Return a successful leap in words: its number, its streak, how well the orbit fits."""
     best, number = track.best, len(track.best.streaks) - 1
     words = f"leap {number} met: {seen.detection.length_px:.0f} px"
     if leap is not None:
@@ -92,14 +92,14 @@ def met_words(track: LeapTrack, seen: FrameStreak, leap: Leap | None) -> str:
 
 
 def pass_words(plan: PassPlan) -> str:
-    """The plan of a pass in words, before its first leap."""
+    """Return the plan of a pass in words, before its first leap."""
     return f"up to {len(plan.leaps)} leaps{_flips_words(plan)}; then: {_end_words(plan)}"
 
 
 def rest_words(plan: PassPlan, *, is_dark: bool) -> str:
-    """The rest of a pass in words, by its own orbit: leaps, until when, and what ends it.
+    """Return the rest of a pass in words, by its own orbit: leaps, until when, and what ends it.
 
-    ``is_dark``: whether that is the Earth's shadow.
+    ``is_dark``: True where the Earth's shadow ends it.
     """
     words = f"by its orbit up to {len(plan.leaps)} more leaps{_flips_words(plan)}"
     if plan.leaps:
@@ -118,7 +118,7 @@ def _flips_words(plan: PassPlan) -> str:
 
 
 def last_words(track: LeapTrack, parts: Sequence[LeapParts]) -> str:
-    """A finished pass in words: its streaks, and the median times of a leap."""
+    """Return a finished pass in words: its streaks, and the median times of a leap."""
     streaks = track.best.streaks
     span_s = (streaks[-1].t_mid_utc_ns - streaks[0].t_mid_utc_ns) / NS_PER_S
     words = f"{len(streaks)} streaks in {span_s:.0f} s, shutter ± {track.best.scatter_s:.2f} s"
@@ -140,7 +140,7 @@ def last_words(track: LeapTrack, parts: Sequence[LeapParts]) -> str:
 def next_pass_of(
     orbit: LowOrbit, site: Site, now_utc_ns: int, least_altitude_deg: float
 ) -> ExpectedPass | None:
-    """The next pass within a day; None where there is none."""
+    """Return the next pass within a day; None where there is none."""
     later = passes_above(
         orbit, site, now_utc_ns + 600 * NS_PER_S, now_utc_ns + SEARCHED_NS, least_altitude_deg
     )
@@ -148,7 +148,7 @@ def next_pass_of(
 
 
 def orbit_words(orbit: LowOrbit, later: ExpectedPass | None) -> Iterator[str]:
-    """An orbit and its next pass in lines, with their uncertainties."""
+    """Yield an orbit and its next pass in lines, with their uncertainties."""
     found = elements_of(orbit.r_km, orbit.v_km_s)
     yield (
         f"its orbit: {found.a_km - EARTH_RADIUS_KM:.0f} km, e {found.e:.4f},"
@@ -173,21 +173,21 @@ class Awaiting:
         self._parts = parts
         self._site = control.config.site.to_site()
         self.awaited: AwaitedPass | None = None
-        """The pass that is waited for; None: whatever comes."""
+        """The awaited pass; None: any satellite."""
         self._entry: CatalogueEntry | None = None
         self._last_orbit: LowOrbit | None = None
-        """Of what was leapt after last."""
+        """Orbit of the satellite that was last followed by leaps."""
         self._looked_until_ns = 0
-        """No pass was found: until then none is looked for again."""
+        """Time until which no further search is made, as no pass was found, UTC ns."""
         self._from_ns = 0
-        """Passes before that are over."""
+        """Time before which all passes are over, UTC ns."""
 
     def forget(self) -> None:
-        """Wait for nothing; the next pass is found again."""
+        """Forget the awaited pass; the next one is found again."""
         self.awaited, self._looked_until_ns = None, 0
 
     def forget_elements(self) -> None:
-        """Forget the elements: another satellite is to be waited for."""
+        """Forget the elements: another satellite is awaited from now on."""
         self.forget()
         self._entry, self._from_ns = None, 0
 
@@ -206,7 +206,7 @@ class Awaiting:
         self._last_orbit = orbit
 
     def next_pass(self, now_ns: int) -> AwaitedPass | None:
-        """The pass that is waited for, found where the last is over; None: whatever comes."""
+        """Return the awaited pass, found where the last is over; None: any satellite."""
         awaited, leap = self.awaited, self._control.config.leap
         if awaited is not None and now_ns > awaited.stare.until_utc_ns:
             self._parts.session_log.say("info", f"{awaited.name} did not come by")

@@ -1,11 +1,11 @@
 """Stares where low satellites come by, and leaps ahead of one until it sets.
 
 The telescope exposes where it looks, one frame after another. A streak fast enough to be of a low
-orbit begins a track (`orbit.leap_track`); from then on each exposure is where and when that says.
-Once the orbit is known so well that one frame more changes nothing, the next slew is ordered as the
-shutter closes, and the camera reads out on the way; else as soon as a look at the middle of the
-frame has shown the streak. What the frames show is measured and recorded as ever, whole; here is
-only where the next one is.
+orbit begins a track (`orbit.leap_track`); from then on the track determines the place and time of
+each exposure. Once the orbit is known so well that one frame more changes nothing, the next slew is
+ordered as the shutter closes, and the camera reads out on the way; else as soon as a look at the
+middle of the frame has shown the streak. Frames are measured and recorded as usual, whole; this
+module only determines where the next one is.
 """
 
 import time
@@ -48,15 +48,15 @@ from rsoconsole.sky import Pose
 from rsoconsole.words import text
 
 LEAP_POLL_NS = NS // 10
-"""Interval at which a mount that leaps is asked whether it has arrived."""
+"""Interval between polls of a leaping mount's arrival, ns."""
 _AHEAD_S, _STEP_S = 150.0, 3.0
 """Length and step of the path searched for the next leap, s: a flip of the mount fits in."""
 SURE_STREAKS = 3
-"""Streaks from which on an orbit is known well enough to go ahead of the next frame."""
+"""Number of streaks from which on an orbit is known well enough to go ahead of the next frame."""
 SURE_WITHIN, SURE_PROBABILITY = 0.98, 0.99
 """Least probability of both ends in the next field, and of the track's sense."""
 _GLANCE_NS = NS // 10
-"""Time of a look at the middle of a frame in the simulated observatory."""
+"""Time of a look at the middle of a frame in the simulated observatory, ns."""
 
 
 LookAt = Callable[[Frame, float], Glance | None]
@@ -64,7 +64,7 @@ LookAt = Callable[[Frame, float], Glance | None]
 
 
 class Leaping:
-    """Follows a low satellite: where and when it is met next."""
+    """Follows a low satellite: determines where and when it is met next."""
 
     def __init__(self, control: Control, parts: Parts, look_at: LookAt) -> None:
         self._control = control
@@ -72,20 +72,21 @@ class Leaping:
         self._site = control.config.site.to_site()
         self._look_at = look_at
         self.track: LeapTrack | None = None
-        """The satellite that is followed; None while it stares."""
+        """The satellite's track; None while staring."""
         self._leap: Leap | None = None
-        """The one under way."""
+        """The leap under way."""
         self._misses = 0
         self._next: Leap | None = None
-        """Found while the shutter is open, to be ordered when it closes."""
+        """The next leap, found while the shutter is open, to be ordered when it closes."""
         self._order_by: LeapOrder = "by the frame"
-        """What the order of the one under way waited for."""
+        """Trigger of the order of the leap under way."""
         self._early: tuple[Plan, Leap, LeapOrder] | None = None
-        """The one after that under way, whose slew is ordered already."""
+        """Plan, leap and trigger of the leap after that under way, whose slew is ordered
+        already."""
         self._stage_ms: dict[str, float] = {}
-        """Of the look at the last frame's middle, and of what was ordered by it."""
+        """Times of the look at the last frame's middle and of the order by it, ms."""
         self._exposing = (0, 0)
-        """The frame under way, and when its exposure was ordered."""
+        """Number of the frame under way, and the time of its order, UTC ns."""
         self.times = LeapTimes(lambda: control.config, parts.instrument_controller, parts.watch)
         self._camera = LeapCamera(control, parts)
         self._awaiting = Awaiting(control, parts)
@@ -98,7 +99,8 @@ class Leaping:
         return self._control.config.leap.enabled
 
     def forget(self, why: str = "autonomy has lost the mount") -> None:
-        """End the leaps, with a reason for the record; later ones begin where it then points."""
+        """End the leaps, with a reason for the record; later ones begin where the telescope then
+        points."""
         if self.track is not None:
             self._log.cut_off(self.track, why)
         self.track = self._leap = None
@@ -156,7 +158,8 @@ class Leaping:
     def closed(self) -> MountReport | None:
         """Send the mount on as the shutter closes, where one more frame changes nothing.
 
-        Where it looked until then; None where it stays. Raises what ``Slews.order`` does.
+        Returns the mount's report from before; None where it stays. Raises what ``Slews.order``
+        does.
         """
         found, self._next = self._next, None
         if found is None or not self._may_order():
@@ -166,7 +169,7 @@ class Leaping:
         return looked if self._order_early(found, waited_for_frame=False) else None
 
     def read_out(self, frame: Frame) -> None:
-        """Learn from a frame what it took; a look at its middle may be enough for the next order.
+        """Learn a frame's times; a look at its middle may be enough for the next order.
 
         Raises what ``Slews.order`` does.
         """
@@ -198,7 +201,8 @@ class Leaping:
             return
 
     def take_stage_ms(self) -> dict[str, float]:
-        """Times of the look at the last frame's middle and of the order by it, ms; given once."""
+        """Return the times of the look at the last frame's middle and of the order by it, ms,
+        once."""
         taken, self._stage_ms = self._stage_ms, {}
         return taken
 
@@ -232,7 +236,7 @@ class Leaping:
     # --- what a frame shows
 
     def saw(self, frame: Frame, reduction: Reduction) -> None:
-        """Follow the satellite through one more frame, or begin with a streak that it shows."""
+        """Follow the satellite through one more frame, or begin with a streak of the frame."""
         if not self.is_on:
             return
         leap, self._leap = self._leap, None
@@ -271,7 +275,7 @@ class Leaping:
         self._miss("it is not in the frame" if not found else "no streak of the frame is its")
 
     def _learn(self, leap: Leap | None, reduction: Reduction) -> None:
-        """What the last leap took, and whether the mount had settled by its stars."""
+        """Learn the last leap's times, and from the stars whether the mount had settled."""
         if self._early is None:
             self.times.examined(self._parts.instrument_controller.now_utc_ns())
             if leap is not None:
@@ -296,7 +300,7 @@ class Leaping:
     def _first_of(
         self, found: tuple[FrameStreak, ...], timing: Timing
     ) -> tuple[LeapTrack, str, str] | None:
-        """A track that begins with one of these streaks, its name and words for the log."""
+        """Return a track that begins with one of these streaks, its name and words for the log."""
         config = self._control.config
         for each in found:
             ends = each.ends
@@ -322,9 +326,9 @@ class Leaping:
         self._parts.session_log.say("info", words)
 
     def _begins_again(self, found: tuple[FrameStreak, ...], timing: Timing, frame_id: int) -> bool:
-        """Where one streak is all that is known, a later one that contradicts it is as good.
+        """Begin again with a later streak that contradicts a track of a single one.
 
-        Of a satellite that flashes or fades the first may have shown a part.
+        The first streak of a satellite that flashes or fades may have shown only a part.
         """
         if self.track is None or self.track.best.orbit is not None:
             return False
@@ -353,7 +357,7 @@ class Leaping:
             self._end("given up")
 
     def _end(self, why: str) -> None:
-        """What was leapt after is done with: what is known of it goes into the log."""
+        """End the track: its results go into the log."""
         track, self.track, self._misses = self.track, None, 0
         if track is None:
             return
@@ -374,7 +378,8 @@ class Leaping:
         return plan
 
     def _read_what_shows_it(self) -> None:
-        """A part of the sensor where the next leap is sure, while the mount is on its way."""
+        """Read a part of the sensor where the next leap is well predicted, while the mount is on
+        its way."""
         leap, track, share = self._leap, self.track, 1.0
         if leap is not None and track is not None and self._is_known(track):
             share = self.times.subframe_for(leap)
@@ -405,7 +410,7 @@ class Leaping:
         return self._staring.next_plan(pose, now_ns)
 
     def _leap_from(self, track: LeapTrack, pose: Pose, now_ns: int) -> Plan | None:
-        """A leap; None where there is none any more."""
+        """Order the next leap and return its plan; None where there is none any more."""
         found = self._likeliest_leap(track, pose, now_ns)
         if isinstance(found, NoLeap):
             words = found.kind if found.refusal is None else found.refusal.text
@@ -420,7 +425,7 @@ class Leaping:
         return ordered
 
     def _order(self, found: Leap, pose: Pose, now_ns: int) -> Plan | SlewRefusal:
-        """Its slew is under way; or why it is refused. Raises what ``Slews.order`` does."""
+        """Order a leap's slew; return its plan or the refusal. Raises what ``Slews.order`` does."""
         direction = found.place.direction_deg
         plan = self._parts.planner.to_place(
             direction,
@@ -437,7 +442,8 @@ class Leaping:
         return plan
 
     def _likeliest_leap(self, track: LeapTrack, pose: Pose, now_ns: int) -> Leap | NoLeap:
-        """After the likeliest sense that can be met; where none can, why not the likeliest."""
+        """Return the leap for the likeliest sense that can be met; else why not for the
+        likeliest."""
         why: NoLeap | None = None
         for number in range(len(track.hypotheses)):
             path = track.path(now_ns, _AHEAD_S, number, step_s=_STEP_S)

@@ -1,4 +1,4 @@
-"""Executes what came in since the last frame: commands that wait, alarms that cut it short."""
+"""Executes what came in since the last frame: waiting commands, and alarms that cut it short."""
 
 import logging
 import time
@@ -31,7 +31,7 @@ STOP_POLL_S = 0.02
 
 
 class CommandTurn:
-    """Executes commands in their order, each with its outcome on record; alarms before them."""
+    """Executes commands in their order, recording each outcome; alarms come before them."""
 
     def __init__(
         self,
@@ -44,7 +44,7 @@ class CommandTurn:
         handlers: Handlers,
         on_executed: Callable[[], None],
     ) -> None:
-        """``on_executed`` is called behind commands that may have changed the next aim."""
+        """``on_executed`` is called after commands that may have changed the next aim."""
         self._control = control
         self._instrument_controller = instrument_controller
         self._queue = queue
@@ -52,7 +52,7 @@ class CommandTurn:
         self._handlers, self._on_executed = handlers, on_executed
 
     def execute_waiting(self) -> None:
-        """Execute the commands that wait, in order; each gets its outcome on record in any case."""
+        """Execute the waiting commands, in order; each gets its outcome on record in any case."""
         requests = self._queue.take_all()
         for number, request in enumerate(requests):
             outcome = DONE
@@ -78,21 +78,21 @@ class CommandTurn:
             self._on_executed()
 
     def _put_back(self, requests: tuple[Request, ...]) -> None:
-        """Taken from the queue already: they wait again; what was undone there is undone here."""
+        """Put requests back into the queue; those undone meanwhile are settled as undone."""
         undone, result = self._queue.put_back(requests)
         for each in undone:
             self._settle(each, result)
 
     def _settle(self, request: Request, result: CommandResult) -> None:
-        """Put on record what came of it, and tell who waits for the answer."""
+        """Record a command's result, and pass it to the thread that waits for it."""
         self._session_log.append(action_record(request, result))
         request.course.settle(result)
 
     def heed_alarms(self) -> None:
         """Act on alarms: say them, then pass through their steps.
 
-        Raises Interrupted while a STOP is still talking to the mount on its own thread: nothing
-        may be executed before it is over.
+        Raises Interrupted while a STOP is still talking to the mount on its own thread: nothing may
+        be executed before it is over.
         """
         if not self._queue.is_stopping:
             return

@@ -19,7 +19,7 @@ from rsoconsole.records import CycleTiming, Frame, SlewRefusal, Solution, TrackS
 from rsoconsole.tracking.filters import estimator
 
 CLEAR_FRAMES = 2
-"""Frames in a row with their stars: the sky has cleared."""
+"""Number of frames in a row with their stars after which the sky counts as clear."""
 
 
 class FrameTurn:
@@ -39,7 +39,8 @@ class FrameTurn:
         forgive: Callable[[], None],
         on_cycle: Callable[[Reduction], None],
     ) -> None:
-        """``forgive``: instruments work again; ``on_cycle`` is given each frame that is done."""
+        """``forgive``: called when instruments work again; ``on_cycle``: called with each finished
+        frame."""
         self._control = control
         self._parts = parts
         self._exposures, self._cycle, self._orbits = exposures, cycle, orbits
@@ -49,9 +50,9 @@ class FrameTurn:
         self._is_first_look = False
         self._must_check_pointing = True
         self.clear_frames = 0
-        """Frames with stars in a row, up to the last one."""
+        """Number of frames with stars in a row, up to the last one."""
         self.last_track: TrackState | None = None
-        """The track followed last this night."""
+        """The last lead track of this night."""
         self.ahead: AimAhead | None = None
         """The aim of the exposure after the next one."""
         self._pace = Pace()
@@ -60,9 +61,9 @@ class FrameTurn:
         self._places = PlacesOfInterest()
 
     def begin_search(self, *, checks_pointing: bool) -> None:
-        """The next exposure is taken where the telescope points.
+        """Take the next exposure where the telescope points.
 
-        ``checks_pointing``: its stars must agree with the mount's word.
+        ``checks_pointing``: its stars must agree with the mount's report.
         """
         self._is_first_look, self._must_check_pointing = True, checks_pointing
         self._parts.planner.start_search(
@@ -71,18 +72,18 @@ class FrameTurn:
         )
 
     def forget_plan(self) -> None:
-        """Something from outside: what was planned leads nowhere."""
+        """Drop the plan after a change from outside."""
         self._plan = self._exposures.next_start_utc_ns = None
 
     def end_autonomy(self) -> None:
-        """The next arming looks where it stands, with the night's own exposure."""
+        """Reset for the next arming: it looks where it stands, with the night's own exposure."""
         self._is_first_look = False
         self._parts.slews.forget()
         self._leaping.forget()
         self.set_pace(None)
 
     def look_ahead(self) -> None:
-        """Where the exposure after the next one would look, before the mount goes there."""
+        """Compute where the exposure after the next one would look, before the mount goes there."""
         ahead = None
         if self._control.authority.is_autonomous:
             now_ns = self._parts.instrument_controller.now_utc_ns()
@@ -116,7 +117,7 @@ class FrameTurn:
                 self._exposures.keep(frame, self._control.following.state, place_px)
 
     def _order_next(self) -> Plan:
-        """Where and when the next exposure is; the mount is on its way when this returns."""
+        """Plan the next exposure and order its slew; the mount is on its way when this returns."""
         if self._is_first_look:
             return self._parts.planner.first_look(self._parts.instrument_controller.now_utc_ns())
         if self._leaping.is_on:
@@ -126,7 +127,7 @@ class FrameTurn:
         )
 
     def one_look(self) -> None:
-        """An exposure while the operator has the mount: shown and measured, not followed."""
+        """Take an exposure while the operator has control: shown and measured, without a track."""
         if self._by_hand.move is not None:
             report = self._parts.instrument_controller.wait_for_arrival(*self._by_hand.move.command)
             self._by_hand.move = None
@@ -150,7 +151,8 @@ class FrameTurn:
             self._exposures.keep(frame, self._control.following.state, place_px)
 
     def _count_frame(self) -> None:
-        """One frame is done: what holds for some frames, or until the sky clears, may be over."""
+        """Count a finished frame: settings for some frames, or a hold until the sky clears, may
+        end."""
         config, changes = self.temporary.count(self._control.config)
         self._parts.session_log.append_all(changes)
         if changes:
@@ -166,7 +168,7 @@ class FrameTurn:
             self._control.handle(Resumed(by="the sky"))
 
     def set_pace(self, track: TrackState | None) -> None:
-        """Exposure and cadence for what is followed; the night's own where nothing is."""
+        """Set exposure and cadence for the lead track; the night's own without one."""
         config, changes = self._pace.after(self._control.config, track)
         self._parts.session_log.append_all(changes)
         if changes:
@@ -217,7 +219,7 @@ class FrameTurn:
         return result.reduction
 
     def _check_pointing(self, reduction: Reduction) -> None:
-        """The first frame after arming must agree with where the mount says it looks."""
+        """Check the first frame after arming against the mount's reported direction."""
         check = pointing_check(
             reduction.solution,
             self._parts.instrument_controller.mount_report(),

@@ -1,4 +1,4 @@
-"""The engine at one instant, for scripts, tmux and consoles."""
+"""The engine's status at one instant, for scripts, tmux and consoles."""
 
 from collections.abc import Mapping
 
@@ -27,9 +27,9 @@ def status_of(
     next_aim: NextAim | None,
     orbits: Orbits,
 ) -> Status:
-    """A snapshot; every part of it is read once, so that any thread may ask.
+    """Return a snapshot; every part is read once, so that any thread may call.
 
-    ``names``: of identified tracks, by track id; ``orbits``: knows the field as a whole.
+    ``names``: identified tracks' names, by track id; ``orbits``: source of the field as a whole.
     """
     last_pairs = orbits.pairs.last if authority.following.tracks else ()
     expected = orbits.expected

@@ -1,6 +1,7 @@
-"""What nobody ordered: time that is set, runs wrong or stood still; a slew ended by its own watch.
+"""Interruptions that nobody ordered: clocks that are set, wrong or stood still; slews ended by the
+lease.
 
-Each is said with its figures, and the night goes on by itself once it is known how things stand.
+Each is reported with its figures, and the night goes on by itself once the mount's state is known.
 """
 
 import contextlib
@@ -18,7 +19,7 @@ from rsoconsole.sky import icrs_to_altaz
 
 NS = 1_000_000_000
 SETTLED_NS = NS
-"""Wait until the mount's process, which stood still too, has looked again."""
+"""Wait until the mount's process, which stood still too, has looked again, ns."""
 GIVEN_UP = "what was under way is given up"
 
 
@@ -43,15 +44,16 @@ class Interruptions:
         forget_camera: Callable[[], None],
         end_at_limit: Callable[[str], None],
     ) -> None:
-        """``forget``: drop what lives by times that are wrong; ``forget_camera``: how far the
-        camera's clock was from this machine's; ``end_at_limit``: stop there."""
+        """``forget``: drop what depends on times that are wrong; ``forget_camera``: drop the
+        difference between the camera's clock and this machine's; ``end_at_limit``: stop at a
+        limit."""
         self._control, self._by_hand = control, by_hand
         self._parts = parts
         self._forget, self._forget_camera = forget, forget_camera
         self._end_at_limit = end_at_limit
         self._must_look = False
         self.trouble: ClockTrouble | None = None
-        """The last fault of the clock."""
+        """Last fault of the clock."""
 
     # -- time -----------------------------------------------------------------------------------
 
@@ -76,7 +78,7 @@ class Interruptions:
                 self._stood_still(fault)
 
     def _runs_right(self, fault: ClockFault) -> None:
-        """It is believed again; where it has been shifted meanwhile, that is a clock set."""
+        """Report that the clock is believed again; a shift meanwhile counts as a clock set."""
         is_shifted = abs(fault.seconds) > MIN_STEP_S
         self._say(
             "warning",
@@ -89,7 +91,7 @@ class Interruptions:
             self._control.handle(ClockSet(step_s=fault.seconds))
 
     def camera_set(self, step_s: float) -> None:
-        """The camera's clock was set: the track lives by times that others do not continue."""
+        """Act on a camera's clock that was set: later times do not continue those of the track."""
         self._forget()  # what is known of the camera's clock is of the new time already
         self._note(f"camera's set by {step_s:+.1f} s")
         self._say(
@@ -121,7 +123,8 @@ class Interruptions:
         self._control.handle(ClockSet(step_s=fault.seconds))
 
     def _mount_clock(self) -> str:
-        """What the mount's own clock says to it, where it tells the time."""
+        """Return how far the mount's own clock is off, in words, where it reports its time; else
+        empty."""
         off_s = None
         with contextlib.suppress(InstrumentError):
             off_s = self._parts.instrument_controller.instruments.mount.utc_offset_s()
@@ -141,10 +144,10 @@ class Interruptions:
     # -- the mount ------------------------------------------------------------------------------
 
     def look_at_mount(self) -> None:
-        """After it was left alone: say how it stands, and end what is beyond a limit.
+        """Report how the mount stands after a pause without watch, and end what is beyond a limit.
 
-        Nothing where it was not left alone. Raises Interrupted, also where a limit was met, and
-        InstrumentError where the mount that somebody has is silent.
+        Does nothing without such a pause. Raises Interrupted, also where a limit was met, and
+        InstrumentError where the mount that somebody controls is silent.
         """
         if not self._must_look:
             return
@@ -165,9 +168,9 @@ class Interruptions:
         self._go_on_from(report)
 
     def goes_on_after(self) -> bool:
-        """The mount is not where the loop sent it; whether its own process did that.
+        """True where the mount's own process ended the slew that left it elsewhere.
 
-        Then it is said, and autonomy goes on from where the mount stands.
+        Then this is reported, and autonomy goes on from where the mount stands.
         """
         if not self._say_slew_end():
             return False
@@ -176,7 +179,7 @@ class Interruptions:
         return True
 
     def _say_slew_end(self) -> bool:
-        """Say that the mount's own process has ended a slew, and why; False where it has not."""
+        """Report that the mount's own process has ended a slew, and why; False where it has not."""
         ended = self._parts.instrument_controller.instruments.mount.take_slew_end()
         if ended is not None:
             words = (
@@ -187,7 +190,8 @@ class Interruptions:
         return ended is not None
 
     def _go_on_from(self, report: MountReport) -> None:
-        """Raises Interrupted where the mount is beyond a limit: it has been stopped then."""
+        """Go on from a report. Raises Interrupted where the mount is beyond a limit: it has been
+        stopped then."""
         if not report.is_slewing:
             self._parts.planner.moved_by_hand(report)
         how = "slews" if report.is_slewing else "tracks" if report.is_tracking else "stands still"

@@ -1,1 +1,1 @@
-"""The machine itself: its heat, time, disk and name, and systemd's word on it."""
+"""The machine itself: its heat, time, disk and name, and its messages to systemd."""

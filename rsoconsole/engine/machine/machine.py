@@ -1,9 +1,9 @@
 """The machine's heat, power and throttling, read from the kernel's own files.
 
-A Raspberry Pi tells under-voltage by the driver ``rpi_volt`` of its hardware monitor (kernel
-documentation, hwmon/raspberrypi-hwmon), and throttling by its firmware's word GET_THROTTLED, which
-``vcgencmd`` asks for; kernels before 6.12 have that word in a file of their own as well. What a
-machine does not tell is None, never a guess.
+A Raspberry Pi reports under-voltage by the driver ``rpi_volt`` of its hardware monitor (kernel
+documentation, hwmon/raspberrypi-hwmon), and throttling by its firmware's value GET_THROTTLED, which
+``vcgencmd`` reads; kernels before 6.12 have that value in a file of their own as well. What a
+machine does not report is None, never a guess.
 """
 
 import contextlib
@@ -18,9 +18,10 @@ from pathlib import Path
 from rsoconsole.control import Machine
 
 ROOT = Path("/")
-"""Where ``proc`` and ``sys`` are; tests have their own."""
+"""Folder that holds ``proc`` and ``sys``; tests have their own."""
 PI_HOT_C, HOT_C = 80.0, 95.0
-"""A Raspberry Pi slows itself down from 80 degrees on; other machines are built for more."""
+"""Temperatures that count as hot, deg C: a Raspberry Pi slows itself down from 80 on; others bear
+more."""
 TIMEOUT_S = 3.0
 UNDER_VOLTAGE, CAPPED, THROTTLED, SOFT_LIMIT = 1 << 0, 1 << 1, 1 << 2, 1 << 3
 EARLIER = 16
@@ -31,10 +32,10 @@ _CPU_ZONES = ("cpu", "soc", "pkg")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Trouble:
-    """One thing that is not well with the machine."""
+    """One fault of the machine."""
 
     name: str
-    """power, throttled or hot."""
+    """Kind of trouble: power, throttled or hot."""
     words: str
     remedy: str
 
@@ -61,7 +62,8 @@ def read_machine(root: Path = ROOT) -> Machine:
 
 
 def troubles_of(reading: Machine) -> tuple[Trouble, ...]:
-    """The troubles of a reading, worst first; empty where there are none or nothing is reported."""
+    """Return the troubles of a reading, worst first; empty where there are none or nothing is
+    reported."""
     found = []
     if reading.is_under_voltage:
         words = "under-voltage: the power supply gives too little"
@@ -80,13 +82,13 @@ def troubles_of(reading: Machine) -> tuple[Trouble, ...]:
 
 
 def board_model(root: Path) -> str | None:
-    """The board's name in the device tree; None where there is none, as on a PC."""
+    """Return the board's name in the device tree; None where there is none, as on a PC."""
     text = text_of(root / "proc/device-tree/model")
     return None if text is None else text.replace("\0", "").strip() or None
 
 
 def text_of(path: Path) -> str | None:
-    """A small file's text without its line's end; None where it cannot be read."""
+    """Return a small file's text without its line's end; None where it cannot be read."""
     try:
         return path.read_text(encoding="utf-8", errors="replace").strip()
     except OSError:
@@ -94,7 +96,8 @@ def text_of(path: Path) -> str | None:
 
 
 def _temperature_c(root: Path) -> float | None:
-    """Of the processor's thermal zone; of the first there is where none is called so."""
+    """Temperature of the processor's thermal zone, deg C; of the first zone where none has that
+    name."""
     found: list[tuple[bool, float]] = []
     for zone in sorted(root.glob("sys/class/thermal/thermal_zone*")):
         thousandths, kind = _whole(zone / "temp"), text_of(zone / "type") or ""
@@ -113,7 +116,8 @@ def _supply_alarm(root: Path) -> bool | None:
 
 
 def _throttled_word(root: Path) -> int | None:
-    """The firmware's word; by its own program first: the kernel's file complains when read."""
+    """Return the firmware's throttling value, from its own program first: the kernel's file
+    complains when read."""
     answer = run_program(("vcgencmd", "get_throttled")) if root == Path("/") else None
     if answer is None:
         answer = text_of(root / _THROTTLED_FILE)
@@ -124,7 +128,7 @@ def _throttled_word(root: Path) -> int | None:
 
 
 def run_program(words: Sequence[str]) -> str | None:
-    """The output of a program; None where it is not there, fails or takes too long."""
+    """Return the output of a program; None where it is not there, fails or takes too long."""
     program = shutil.which(words[0])
     if program is None:
         return None
@@ -138,7 +142,7 @@ def run_program(words: Sequence[str]) -> str | None:
 
 
 def name_values(text: str | None, mark: str) -> dict[str, str]:
-    """Name and value of lines that have both; of a name that stands twice the first."""
+    """Return name and value of the lines that have both; the first where a name stands twice."""
     found: dict[str, str] = {}
     for line in (text or "").splitlines():
         name, _, value = line.partition(mark)
@@ -170,13 +174,14 @@ def _either(one: bool | None, other: bool | None) -> bool | None:
 
 _VARIABLE = "NOTIFY_SOCKET"
 _kept: list[str] = []
-"""The address, once it is kept from the children."""
+"""The systemd notify address, once it is hidden from the children."""
 
 
 def hide_notify_socket() -> None:
-    """Take the address out of the environment: a program that the engine runs is not the engine.
+    """Take the notify address out of the environment: a program that the engine runs is not the
+    engine.
 
-    Those of systemd itself (``timedatectl``) report their own failures to it otherwise.
+    Without this, systemd's own programs (``timedatectl``) report their failures to it.
     """
     address = os.environ.pop(_VARIABLE, None)
     if address is not None:
@@ -186,7 +191,7 @@ def hide_notify_socket() -> None:
 def notify(state: str) -> bool:
     """Send e.g. "READY=1", "WATCHDOG=1", "STATUS=..."; True when it was sent.
 
-    Never raises and never waits: where nobody listens nothing happens.
+    Never raises and never waits: without a listener nothing is sent.
     """
     address = os.environ.get(_VARIABLE) or "".join(_kept)
     if not address.startswith(("/", "@")):

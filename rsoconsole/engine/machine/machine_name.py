@@ -1,4 +1,4 @@
-"""The machine's identity for a report, by what it says of itself alone."""
+"""The machine's identity for a report, from what it states about itself."""
 
 import os
 import platform
@@ -14,21 +14,22 @@ _ARM = {"aarch64", "arm64", "armv7l", "armv8l", "armv6l"}
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MachineIdentity:
-    """A machine as a figure measured on it must name it."""
+    """The machine as named beside figures measured on it."""
 
     model: str
-    """The board by its device tree, else the processor by its own name."""
+    """Board by its device tree, else the processor by its own name."""
     cores: int
-    """That this process may use."""
+    """Number of cores that this process may use."""
     architecture: str
     python: str
     system: str
     is_emulated: bool
-    """Its processor is another machine's program; False also where that cannot be told."""
+    """True where the processor is emulated by another machine; False also where that is not
+    known."""
 
     @property
     def words(self) -> str:
-        """In one line."""
+        """The identity in one line."""
         cores = f"{self.cores} core{'s' if self.cores > 1 else ''}"
         emulated = " (EMULATED: not the speed of a real one)" if self.is_emulated else ""
         return (
@@ -38,7 +39,7 @@ class MachineIdentity:
 
 
 def machine_identity(root: Path = ROOT, architecture: str | None = None) -> MachineIdentity:
-    """This machine; ``root`` and ``architecture`` are put in its place by tests."""
+    """Return this machine's identity; tests replace ``root`` and ``architecture``."""
     kind = platform.machine() if architecture is None else architecture
     cpu = name_values(text_of(root / "proc/cpuinfo"), ":")
     board = board_model(root)
@@ -53,7 +54,8 @@ def machine_identity(root: Path = ROOT, architecture: str | None = None) -> Mach
 
 
 def load_share() -> float:
-    """Work that waits for or has a core, as a share of the cores, over the last minute."""
+    """Return the work that waits for or has a core, as a share of the cores, over the last
+    minute."""
     return os.getloadavg()[0] / available_cores()
 
 
@@ -63,7 +65,8 @@ def _system(root: Path) -> str:
 
 
 def _is_emulated(architecture: str, cpu: dict[str, str], root: Path) -> bool:
-    """Signs of QEMU: a PC's processor under an ARM program, QEMU's own, or its handler."""
+    """True with signs of QEMU: a PC's processor under an ARM program, QEMU's own, or its
+    handler."""
     if architecture not in _ARM:
         return cpu.get("model name", "").startswith("QEMU Virtual CPU")
     is_pc = "vendor_id" in cpu or "cpu family" in cpu

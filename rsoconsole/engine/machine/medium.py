@@ -25,13 +25,13 @@ class Medium:
 
     kind: MediumKind
     device: str = ""
-    """As the kernel calls the whole disk; empty where it is none."""
+    """Kernel's name of the whole disk; empty where it is none."""
     life_used_percent: int | None = None
-    """As an eMMC counts it itself, in steps of ten; 110: beyond what it is made for."""
+    """Life used, percent, as an eMMC counts it in steps of ten; 110: beyond what it is made for."""
 
 
 def medium_of(folder: Path, root: Path = ROOT) -> Medium:
-    """The disk that a folder lies on, or would once it is made. Raises nothing."""
+    """Return the disk that a folder lies on, or would once it is made. Raises nothing."""
     mount = _mount_of(folder, root)
     if mount is None:
         return Medium(kind="unknown")
@@ -51,7 +51,7 @@ def medium_of(folder: Path, root: Path = ROOT) -> Medium:
 
 
 def _mount_of(folder: Path, root: Path) -> tuple[str, str, str] | None:
-    """(major:minor, file system, source) of the mount that the folder is in."""
+    """Return (major:minor, file system, source) of the mount that the folder is in."""
     found: tuple[int, tuple[str, str, str]] | None = None
     wanted = Path(os.path.realpath(folder))
     for line in (text_of(root / "proc/self/mountinfo") or "").splitlines():
@@ -67,7 +67,7 @@ def _mount_of(folder: Path, root: Path) -> tuple[str, str, str] | None:
 
 
 def _disk(device: Path) -> Medium:
-    """The whole disk behind a partition, or behind what is mapped onto it."""
+    """Return the whole disk behind a partition, or behind what is mapped onto it."""
     below = sorted((device / "slaves").glob("*"))
     if below:
         return _disk(below[0].resolve())
@@ -84,7 +84,7 @@ def _kind(whole: Path) -> MediumKind:
 
 
 def _life_used(whole: Path) -> int | None:
-    """The more worn of an eMMC's two counts (JESD84-B51: 0x01 for the first tenth)."""
+    """Return the more worn of an eMMC's two counts (JESD84-B51: 0x01 for the first tenth)."""
     try:
         counts = [int(word, 16) for word in (text_of(whole / "device/life_time") or "").split()]
     except ValueError:
@@ -94,17 +94,17 @@ def _life_used(whole: Path) -> int | None:
 
 
 def _unescaped(place: str) -> str:
-    """Blanks and the like stand in mountinfo as octal numbers."""
+    """Decode the octal numbers that stand for blanks and the like in mountinfo."""
     return re.sub(r"\\([0-7]{3})", lambda match: chr(int(match[1], 8)), place)
 
 
 NIGHT_WITHOUT_DARK_S = 10 * 3600.0
-"""Assumed night where no dark time begins within a day."""
+"""Assumed length of a night where no dark time begins within a day, s."""
 LONGEST_NIGHT_S = 24 * 3600.0
 COMPRESSED_SHARE = 0.52
 """Compressed size over raw, for a camera that fills all 16 bits; 12 bits give half of it."""
 BYTES_BESIDE_FRAME = 100_000
-"""Preview and records of one exposure."""
+"""Size of preview and records of one exposure, bytes."""
 WARN_BELOW_NIGHTS = 3.0
 DISK_REMEDY = (
     "move or remove old sessions ('rsoconsole sessions archive', 'prune'), set session.root to a "
@@ -114,15 +114,18 @@ DISK_REMEDY = (
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DiskOutlook:
-    """The disk that the coming night takes, and for how many such nights there is room."""
+    """The disk that the coming night takes, and the number of such nights that there is room
+    for."""
 
     bytes_a_night: int
-    """At most: exposures from dusk to dawn without a pause, each kept as configured."""
+    """Greatest use of a night, bytes: exposures from dusk to dawn without a pause, kept as
+    configured."""
     dark_s: float
-    """How long that night is."""
+    """Length of that night, s."""
     nights: float
     warning: str | None
-    """In words, with the figures and what to do; None while there is room for some nights."""
+    """Warning in words, with the figures and what to do; None while there is room for some
+    nights."""
 
 
 def disk_outlook(
@@ -130,9 +133,9 @@ def disk_outlook(
 ) -> DiskOutlook:
     """Compute how many nights like the coming one the free disk holds.
 
-    ``bytes_a_frame`` is what a frame has really come to, without preview and records; None
-    computes from the sensor and how well such frames compress. For "detected" every frame is
-    counted: how many will show something nobody knows.
+    ``bytes_a_frame`` is the measured size of a frame, without preview and records; None computes it
+    from the sensor and how well such frames compress. For "detected" every frame is counted: the
+    number of frames with a detection is not known.
     """
     dark_s = min(_dark_s(config, now_utc_ns, from_utc_ns=0), LONGEST_NIGHT_S)
     need = session_bytes(config, dark_s, bytes_a_frame)
@@ -146,13 +149,14 @@ def disk_outlook(
 
 
 def bytes_until_dawn(config: Config, now_utc_ns: int) -> tuple[float, float]:
-    """(disk that what is left of this night, or the whole coming one, takes; its seconds)."""
+    """Return (disk taken by the rest of this night, or by the whole coming one, bytes; its length,
+    s)."""
     dark_s = _dark_s(config, now_utc_ns, from_utc_ns=now_utc_ns)
     return session_bytes(config, dark_s), dark_s
 
 
 def _dark_s(config: Config, now_utc_ns: int, *, from_utc_ns: int) -> float:
-    """How long this night or the coming one is dark, of it what is after ``from_utc_ns``."""
+    """Length of darkness of this night or the coming one, after ``from_utc_ns`` only, s."""
     span = night_span(config.site.to_site(), now_utc_ns, config.limits.twilight_deg)
     return (
         NIGHT_WITHOUT_DARK_S if span is None else (span[1] - max(span[0], from_utc_ns)) / NS_PER_S
@@ -160,7 +164,7 @@ def _dark_s(config: Config, now_utc_ns: int, *, from_utc_ns: int) -> float:
 
 
 def session_bytes(config: Config, duration_s: float, bytes_a_frame: float | None = None) -> float:
-    """Disk that exposures over ``duration_s`` take at most."""
+    """Return the disk that exposures over ``duration_s`` take at most, bytes."""
     cadence_s = max(config.exposure.cadence_s, config.exposure.exposure_s)
     if config.session.keep_frames in {"none", "last"}:  # those of the last few weigh little
         kept_bytes = 0.0
@@ -173,7 +177,7 @@ def session_bytes(config: Config, duration_s: float, bytes_a_frame: float | None
 
 
 def disk_words(free_bytes: float, dark_s: float, need_bytes: float) -> str:
-    """The free disk and the need of a night, in words."""
+    """Return the free disk and the need of a night, in words."""
     takes = f"{dark_s / 3600:.1f} h of dark take up to {need_bytes / 1e9:.1f} GB"
     return f"{free_bytes / 1e9:.1f} GB free, {takes}"
 

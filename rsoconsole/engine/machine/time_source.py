@@ -10,7 +10,7 @@ from rsoconsole.engine.machine.machine import ROOT, name_values, run_program, te
 
 TimeSourceKind = Literal["GPS", "NTP", "none", "unknown"]
 _CLOCKS = re.compile(r"GPS|PPS|NMEA|GNSS|SHM|UBX", re.IGNORECASE)
-"""Reference clocks, as chrony and gpsd name them."""
+"""Names of reference clocks in chrony and gpsd."""
 _LEAP_UNSET = "Not synchronised"
 Ask = Callable[[Sequence[str]], str | None]
 
@@ -20,14 +20,15 @@ class TimeSource:
     """The service that sets this machine's clock."""
 
     kind: TimeSourceKind
-    """none: a time service runs and reaches nobody, or is off; unknown: none is asked."""
+    """Kind of source; none: a time service runs and reaches no source, or is off; unknown:
+    not reported."""
     detail: str
     rtc: str | None
-    """The real-time clock that goes on without power; None where there is none."""
+    """Name of the real-time clock that goes on without power; None where there is none."""
 
 
 def read_time_source(ask: Ask = run_program, root: Path = ROOT) -> TimeSource:
-    """The time source by chrony, else by systemd. Asks programs; raises nothing."""
+    """Read the time source from chrony, else from systemd. Runs programs; raises nothing."""
     clock = text_of(root / "sys/class/rtc/rtc0/name")
     chrony = ask(("chronyc", "-c", "tracking"))
     found = None if chrony is None else _by_chrony(chrony)
@@ -37,7 +38,8 @@ def read_time_source(ask: Ask = run_program, root: Path = ROOT) -> TimeSource:
 
 
 def _by_chrony(line: str) -> tuple[TimeSourceKind, str] | None:
-    """By the comma-separated line of ``chronyc -c tracking``; None where it is none."""
+    """Return the source by the comma-separated line of ``chronyc -c tracking``; None where it is
+    none."""
     fields = line.strip().split(",")
     if len(fields) < 14:
         return None
@@ -50,7 +52,8 @@ def _by_chrony(line: str) -> tuple[TimeSourceKind, str] | None:
 
 
 def _by_systemd(clock: str | None, service: str | None) -> tuple[TimeSourceKind, str]:
-    """By what ``timedatectl`` knows of the clock and of its own time service."""
+    """Return the source by what ``timedatectl`` reports of the clock and of its own time
+    service."""
     pairs = name_values(clock, "=")
     server = name_values(service, "=").get("ServerName", "")
     is_set = pairs.get("NTPSynchronized") == "yes"

@@ -1,4 +1,4 @@
-"""A streak that the operator marks by hand: the decision that it makes, and what came of it."""
+"""A streak that the operator marks by hand: the decision from it, and its result."""
 
 import math
 from dataclasses import replace
@@ -21,17 +21,17 @@ from rsoconsole.records import (
 from rsoconsole.sky import largest_sigma, separation_deg
 
 MARK_SIGMA_PX = 2.0
-"""One sigma of a hand's mark, where it does not say how finely it was made."""
+"""Default one sigma of a mark by hand, px."""
 SHORTEST_MARK_PX = 3.0
 WIDEST_MARK_PX = 10_000.0
 BETTER = 1.5
-"""A mark whose sigma is this factor above a measurement's asks before it takes its place."""
+"""Ratio of a mark's sigma to a measurement's above which the operator must confirm replacing it."""
 SAME_STREAK_ARCSEC = 30.0
-"""An automatic measurement farther from the mark is of something else, if the mark is sure."""
+"""Distance beyond which an automatic measurement is of something else, if the mark is precise."""
 
 
 def marked_decision(shown: FrameObservations, mark: MarkByHand, by: str, config: Config) -> Ruling:
-    """A streak between two ends that the operator has pointed at."""
+    """Return the decision for a streak between two ends that the operator has marked."""
     x_a, y_a, x_b, y_b = mark.x_a_px, mark.y_a_px, mark.x_b_px, mark.y_b_px
     taken = shown.taken
     if not isinstance(shown.solution, Solution):
@@ -53,7 +53,7 @@ def marked_decision(shown: FrameObservations, mark: MarkByHand, by: str, config:
 
 
 def detection_of(mark: MarkByHand, frame_id: int) -> Detection:
-    """The streak between its two ends, as sure as they were made."""
+    """Return the streak between the mark's two ends, with the mark's precision."""
     x_a, y_a, x_b, y_b = mark.x_a_px, mark.y_a_px, mark.x_b_px, mark.y_b_px
     sigma_px = MARK_SIGMA_PX if mark.sigma_px is None else mark.sigma_px
     across_px = sigma_px if mark.sigma_across_px is None else mark.sigma_across_px
@@ -78,7 +78,7 @@ def detection_of(mark: MarkByHand, frame_id: int) -> Detection:
 
 
 def refined_command(mark: MarkByHand, found: Detection) -> MarkByHand:
-    """A mark moved onto the light that was found beneath it."""
+    """Return a mark moved onto the light that was found beneath it."""
     return replace(
         mark,
         x_a_px=found.x_a_px,
@@ -99,7 +99,8 @@ def sigma_arcsec(measurement: Measurement) -> float:
 def better_measurement(
     mark: Measurement, shown: FrameObservations, taken: Measurement | None
 ) -> Measurement | None:
-    """A much more precise measurement that a mark would replace; None where there is none."""
+    """Return a much more precise measurement that a mark would replace; None where there is
+    none."""
     sigma = sigma_arcsec(mark)
     near = [m for m in shown.measurements if _away_arcsec(m, mark) <= 3.0 * sigma]
     known = [m for m in (taken, *near) if m is not None and m != mark and not m.is_clipped]
@@ -140,9 +141,9 @@ def _not_solved(frame_id: int) -> str:
 def detected_measurement(
     mark: Measurement, shown: FrameObservations, taken: Measurement | None
 ) -> Measurement | None:
-    """The detector's measurement of a streak that is marked; None where it has none.
+    """Return the detector's measurement of a marked streak; None where it has none.
 
-    ``taken``: what the track has of the frame.
+    ``taken``: the track's accepted measurement of the frame.
     """
     known = [m for m in (taken, *shown.measurements) if m is not None and m.source != "operator"]
     within = max(SAME_STREAK_ARCSEC, 3.0 * sigma_arcsec(mark))
@@ -163,7 +164,7 @@ def with_mark_figures(
 
 
 def by_hand_result(decision: Ruling, records: tuple[Record, ...]) -> CommandResult:
-    """The result of a decision on a frame that nobody followed."""
+    """Return the result of a decision on a frame taken without autonomy."""
     states = [r for r in records if isinstance(r, TrackState) and r.frame_id == decision.frame_id]
     result = result_of(decision, ())
     kinds = {each.kind for each in states}
@@ -173,7 +174,7 @@ def by_hand_result(decision: Ruling, records: tuple[Record, ...]) -> CommandResu
 
 
 def result_of(decision: Ruling, records: tuple[Record, ...]) -> CommandResult:
-    """The result of a decision."""
+    """Return the result of a decision."""
     taken, left_alone = decision.taken, 0
     ruled: RuledKind = "rejected" if decision.refused else "taken back"
     if taken is not None:

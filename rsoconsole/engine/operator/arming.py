@@ -1,7 +1,6 @@
 """The checklist before the engine may move a telescope: facts are gathered, then judged.
 
-Each check bears the one word by which an operator overrides it: somebody who knows better may,
-but by name, and it is logged.
+Each check has a one-word name by which an operator may override it; each override is logged.
 """
 
 from collections.abc import Callable, Collection, Sequence
@@ -29,11 +28,12 @@ CHECKS = (
     *("clock", "site", "time", "sun", "unparked", "abort", "tracking"),
     *("weather", "dome", "disk", "network", "index", "pointing"),
 )
-"""Every name there is, in the order in which they are told; "pointing" is judged on its own."""
+"""Names of all checks, in the order of their display; "pointing" is judged on its own."""
 CLOCK_OFFSET_S = 0.1
-"""1.5 arcsec of sky."""
+"""Greatest offset of the clock, s: 1.5 arcsec of sky."""
 MOUNT_TIME_S = 30.0
-"""Many a mount tells its time in whole seconds and late; a wrong zone or day shows all the same."""
+"""Greatest offset of the mount's clock, s: many report whole seconds, and late; a wrong zone or day
+still shows."""
 POINTING_DEG = CLIP_ARCSEC / 3600.0
 """Reach of the loop's own pointing offset: beyond it no slew would find its place."""
 MOUNT_ANSWER_S = 2.0
@@ -47,14 +47,14 @@ class ArmingCheck:
     """The word by which an operator overrides it; one of ``CHECKS``."""
     ok: bool
     detail: str
-    """With the figure."""
+    """Details of the result, with the figure."""
     remedy: str = ""
-    """What to do; empty when all is well."""
+    """Remedy; empty when all is well."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ArmingFacts:
-    """Facts for the checklist at one instant; a question without an answer is None."""
+    """Facts for the checklist at one instant; None: not known."""
 
     now_utc_ns: int
     is_simulated: bool
@@ -62,21 +62,21 @@ class ArmingFacts:
     site: SiteCheck | None
     report: MountReport | None
     mount_fault: str
-    """Why the mount did not answer; empty when it did."""
+    """Reason why the mount did not answer; empty when it did."""
     mount_utc_offset_s: float | None
-    """The mount's clock minus the engine's; None when it does not tell."""
+    """Mount's clock minus the engine's, s; None when it does not report its time."""
     abilities: MountAbilities | None
-    """What the mount's driver offers."""
+    """Abilities of the mount's driver; None: not known."""
     sky: SkyReport | None
     free_bytes: int | None
     disk_fault: str
-    """Why nothing can be written; empty when it can."""
+    """Reason why nothing can be written; empty when it can."""
     network: Check
     index: Check
 
 
 def gather_facts(instruments: Instruments, config: Config, session_folder: Path) -> ArmingFacts:
-    """Ask clock, mount, safety monitor and disk; never raises; quick while the mount answers."""
+    """Query clock, mount, safety monitor and disk; never raises; quick while the mount answers."""
     mount = instruments.mount
     report, mount_fault = _ask(lambda: mount.report(timeout_s=MOUNT_ANSWER_S))
     site: SiteCheck | None = None
@@ -110,7 +110,7 @@ def gather_facts(instruments: Instruments, config: Config, session_folder: Path)
 
 
 def arming_checks(facts: ArmingFacts, config: Config) -> tuple[ArmingCheck, ...]:
-    """Every check but "pointing", which needs a frame. Pure."""
+    """Judge every check but "pointing", which needs a frame. Pure."""
     found = {
         "clock": _clock(facts, config),
         "site": _site(facts),
@@ -131,9 +131,9 @@ def arming_checks(facts: ArmingFacts, config: Config) -> tuple[ArmingCheck, ...]
 def pointing_check(
     solution: Solution | NotSolved | None, report: MountReport | None, config: Config
 ) -> ArmingCheck:
-    """A solved frame shows the stars of where the mount says it looks. Pure.
+    """Check that a solved frame shows the stars of where the mount reports to look. Pure.
 
-    ``report`` is of the time of the exposure; None stands for a mount that did not tell.
+    ``report`` is of the time of the exposure; None: the mount did not report.
     """
     return _of_doctor("pointing", _pointing(solution, report, config))
 
@@ -171,13 +171,13 @@ def _pointing(
 
 
 def unknown_words(names: Collection[str]) -> str:
-    """A message that names unknown checks; empty where all are known."""
+    """Return a message that names unknown checks; empty where all are known."""
     unknown = ", ".join(sorted(set(names) - set(CHECKS)))
     return f"no check is called {unknown}; there are {', '.join(CHECKS)}" if unknown else ""
 
 
 def refusal_text(checks: Sequence[ArmingCheck], overridden: Collection[str]) -> str | None:
-    """The reason why the engine is not armed; None when every failed check is overridden."""
+    """Return why the engine is not armed; None when every failed check is overridden."""
     failed = [check for check in checks if not check.ok and check.name not in overridden]
     if not failed:
         return None
@@ -190,7 +190,7 @@ def refusal_text(checks: Sequence[ArmingCheck], overridden: Collection[str]) -> 
 
 
 def _clock(facts: ArmingFacts, config: Config) -> Check:
-    """The machine's clock; with it what is known of the shutter, if anything was measured."""
+    """Check the machine's clock; the answer includes the shutter's timing, if it was measured."""
     found = doctor.check_clock(facts.clock, CLOCK_OFFSET_S)
     if facts.is_simulated:
         found = well("the simulated observatory's own")
@@ -293,7 +293,7 @@ def _disk(facts: ArmingFacts, config: Config) -> Check:
 
 
 def _of_doctor(name: str, found: Check) -> ArmingCheck:
-    """To arm, what cannot be told is not well."""
+    """Return a doctor's check as one of arming; an unknown result does not pass."""
     is_well = found.ok is True
     return ArmingCheck(
         name=name, ok=is_well, detail=found.detail, remedy="" if is_well else found.remedy
@@ -308,7 +308,7 @@ def _mount_is_silent(facts: ArmingFacts) -> Check:
 
 
 def _ask(question: Callable[[], Answer]) -> tuple[Answer | None, str]:
-    """(answer, "") or (None, why there is none)."""
+    """Return (answer, ""), or (None, why there is none)."""
     try:
         return question(), ""
     except RsoconsoleError as error:

@@ -29,14 +29,14 @@ class HandMove:
     """A move by hand under way, ICRS degrees."""
 
     direction: Direction
-    """Where the telescope is to look."""
+    """Target of the move, ICRS degrees."""
     command: Direction
     """The direction commanded to the mount for that."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Parts:
-    """The parts of the engine that moves by hand, frames and leaps work with."""
+    """Parts of the engine that moves by hand, frames and leaps work with."""
 
     instrument_controller: InstrumentController
     planner: Planner
@@ -53,11 +53,11 @@ class ByHand:
         self._control = control
         self._parts = parts
         self.move: HandMove | None = None
-        """Where the operator has sent the mount, until it is there."""
+        """The move by hand under way; None once it has arrived."""
 
     @property
     def handlers(self) -> Handlers:
-        """Its commands."""
+        """Handlers of its commands."""
         move = Handler(check=self._check_move, expect=self._expect_unparked, execute=self._move)
         return {
             Goto: move,
@@ -133,7 +133,8 @@ class ByHand:
         return done("on its way")
 
     def _possible(self, command: Move) -> Direction:
-        """Where that leads the telescope. Raises ValueError where it must not go there."""
+        """Return the direction of a move, ICRS degrees. Raises ValueError where it must not go
+        there."""
         direction = self._wanted(command)
         refused = self._refusal(direction, command.override)
         if refused is not None:
@@ -141,10 +142,10 @@ class ByHand:
         return direction
 
     def _end_motion(self, by: str) -> None:
-        """Whatever moves the mount is over, and its target with it; returns when it rests.
+        """End any motion and its target; returns when the mount rests.
 
-        Some drivers take no new target while they move. The mount is the operator's from here on,
-        also where it then refuses to go.
+        Some drivers accept no new target while they move. The operator has control from here on,
+        even where the mount then refuses to go.
         """
         self._control.handle(Taken(by=by))
         self._control.end_park()
@@ -157,7 +158,7 @@ class ByHand:
         self._expect_unparked(command, by)
 
     def _track(self, command: Track, by: str) -> CommandResult:
-        """Sidereal tracking on or off; on ends a park under way."""
+        """Turn sidereal tracking on or off; on ends a park under way."""
         self._expect_free(command, by)
         if command.is_on:
             self._control.end_park()
@@ -174,7 +175,7 @@ class ByHand:
         return done("the mount is not parked any more")
 
     def _wanted(self, move: Move | Beside) -> Direction:
-        """Where that leads the telescope, ICRS degrees."""
+        """Return the direction of a move, ICRS degrees."""
         if isinstance(move, Goto):
             return float(wrap_360(move.ra_icrs_deg)), move.dec_icrs_deg
         if isinstance(move, Beside):
@@ -185,7 +186,7 @@ class ByHand:
         return float(wrap_360(ra_deg + move.east_arcmin / 60.0 / cos_dec)), dec_after_deg
 
     def _beside(self, move: Beside) -> Direction:
-        """Beside what is followed, as it is at this moment."""
+        """Return a place beside the lead track, as it is at this moment."""
         track = self._control.following.track
         if track is None:
             raise ValueError("nothing is followed: there is no prediction to look beside")
@@ -197,7 +198,7 @@ class ByHand:
         return by_orbit or follow_direction(track, now_ns, config.filter, config.aim)
 
     def _refusal(self, direction: Direction, override: tuple[str, ...]) -> str | None:
-        """The limit that this move would break; None when none."""
+        """Return the limit that this move would break; None when none."""
         now_ns = self._parts.instrument_controller.now_utc_ns()
         exposure = self._control.config.exposure
         until_ns = now_ns + round((exposure.cadence_s + exposure.exposure_s) * NS)
@@ -206,7 +207,7 @@ class ByHand:
         return None if refusal is None else text(refusal)
 
     def _looks_at(self) -> Direction:
-        """Where the telescope looks; on its way: where it will look, so that nudges add up."""
+        """Return where the telescope looks; during a slew its target, so that nudges add up."""
         move = self.move
         if move is not None:
             return move.direction

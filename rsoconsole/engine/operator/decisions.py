@@ -1,8 +1,8 @@
 """The operator's decisions on a frame's streaks: chosen, accepted, rejected, marked by hand.
 
 Each makes a ``Ruling`` on one of the last frames, by which it and those after it are followed
-again; while nobody follows, two of them make a track that is kept. Nothing here moves the mount.
-The loop's own thread executes them, the wire's only checks.
+again; without autonomy, two of them make a track that is kept. Nothing here moves the mount. The
+loop's own thread executes them, the wire's only checks.
 """
 
 import math
@@ -57,9 +57,9 @@ from rsoconsole.words import error_figure, text
 def track_decision(
     word: Drop | Keep, shown: FrameObservations, following: Following, by: str, config: Config
 ) -> Ruling:
-    """The decision to drop or keep one track; earlier decisions on the frame stand.
+    """Return the decision to drop or keep one track; earlier decisions on the frame stand.
 
-    Raises ValueError where the track is none that is followed.
+    Raises ValueError where there is no such track.
     """
     frame_id = shown.taken.frame_id
     before = shown.decision or Ruling(frame_id=frame_id)
@@ -90,7 +90,7 @@ def track_decision(
 
 
 def frame_of(word: Drop | Keep, decisions: Sequence[Ruling]) -> int | None:
-    """The frame of a decision that is taken back; else the frame of the command.
+    """Return the frame of a decision that is taken back; else the frame of the command.
 
     Raises ValueError where there is nothing to take back.
     """
@@ -106,33 +106,33 @@ def frame_of(word: Drop | Keep, decisions: Sequence[Ruling]) -> int | None:
 
 
 def with_track_decisions(decision: Ruling, before: Ruling | None) -> Ruling:
-    """A decision on a frame's streaks together with the earlier ones on its tracks."""
+    """Add the earlier decisions on a frame's tracks to a decision on its streaks."""
     if before is None:
         return decision
     return replace(decision, dropped=before.dropped, kept=before.kept, released=before.released)
 
 
 def ruled_kind(word: Drop | Keep) -> RuledKind:
-    """The kind of result of dropping or keeping a track."""
+    """Return the kind of result of dropping or keeping a track."""
     if isinstance(word, Drop):
         return "taken up again" if word.off else "dropped"
     return "released" if word.off else "kept"
 
 
 NEAR_PX = 25.0
-"""A candidate so far from where the operator points is not meant."""
+"""Greatest distance of a chosen candidate from the place that the operator points at, px."""
 MAX_MARKED = 2
-"""Frames whose pixels are kept while somebody marks in them: one of a large camera is 120 MB."""
+"""Number of frames whose pixels are kept for marking: one of a large camera is 120 MB."""
 PixelsOf = Callable[[int], PixelArray | None]
 """The pixels of a frame by its number, (height, width) ADU; None where they were not kept."""
 
 
 Frames: TypeAlias = FollowedFrames | HandTrack
-"""The last frames on which something may be said; each raises ValueError where nothing can."""
+"""The last frames that accept a decision; each method raises ValueError where none is possible."""
 
 
 class Decisions:
-    """Takes the operator's word on a frame, and has what it changes followed again."""
+    """Executes the operator's decisions on frames, and has the frames since followed again."""
 
     def __init__(
         self,
@@ -146,11 +146,11 @@ class Decisions:
         self._session_log = session_log
         self._pixels_of = pixels_of
         self._marked_pixels: Mapping[int, PixelArray] = {}
-        """Of the frames in which somebody is marking, where the session would let them go."""
+        """Pixels of the frames being marked, by frame number, where the session would drop them."""
 
     @property
     def handlers(self) -> Handlers:
-        """Its commands."""
+        """Handlers of its commands."""
         handler = Handler(check=self._check, execute=self._rule)
         mark = Handler(check=self._check_mark, execute=self._rule)
         commands = (Choose, Accept, Reject, TakeBack, Drop, Keep)
@@ -158,19 +158,19 @@ class Decisions:
 
     @property
     def frame_ids(self) -> tuple[int, ...]:
-        """The frames on which something can still be said, oldest first."""
+        """Return the frames that still accept a decision, oldest first."""
         return self._frames.frame_ids()
 
     @property
     def _frames(self) -> Frames:
-        """Those that are followed, or while nobody follows those that are looked at."""
+        """Return the frames of the fold under autonomy, else those taken by hand."""
         is_autonomous = self._control.authority.is_autonomous
         return self._cycle.folds if is_autonomous else self._cycle.hand
 
     def begin_mark(self, begun: BeginMark) -> int:
-        """Keep a frame in which somebody begins to mark, or leave that off (any thread).
+        """Keep a frame in which somebody begins to mark, or stop keeping it (any thread).
 
-        Its number. Raises ValueError where no mark can be made in it any more.
+        Returns its number. Raises ValueError where no mark can be made in it any more.
         """
         frames = self._frames
         shown = frames.newest() if begun.frame_id is None else frames.shown(begun.frame_id)
@@ -193,16 +193,17 @@ class Decisions:
         return frame_id
 
     def _check(self, command: Decision, by: str) -> Accepted:
-        """Refused at once where it can be seen that it must be."""
+        """Check a decision, and fix its frame, before it is queued."""
         decision = self._decision(command, by)
         # The frame it was said of: another may be there before the loop comes to it.
         pinned = replace(command, frame_id=decision.frame_id)
         return Accepted(message="taken up with the next frame", command=pinned)
 
     def _check_mark(self, mark: MarkByHand, by: str) -> Accepted:
-        """The same, refined on the light beneath it, and held against what is known already.
+        """Check a mark by hand: refine it on the light beneath it, and compare it with known
+        measurements.
 
-        Raises RefusedError, which a console may answer with the same mark that ``replaces``.
+        Raises RefusedError, which a console may answer with the same mark and ``replaces``.
         """
         decision = self._decision(mark, by)
         shown = self._frames.shown(decision.frame_id)
@@ -236,7 +237,7 @@ class Decisions:
         return Accepted(message=message, command=pinned)
 
     def _rule(self, command: Decision, by: str) -> CommandResult:
-        """In force for the order after the next frame. Gives what came of it."""
+        """Apply a decision, in force for the order after the next frame; return its result."""
         decision = self._decision(command, by)
         if not isinstance(command, MarkByHand):
             return self._follow_again(command, decision)
@@ -248,7 +249,7 @@ class Decisions:
         return with_mark_figures(result, mark, detected_measurement(mark, shown, taken))
 
     def _follow_again(self, command: Decision, decision: Ruling) -> CommandResult:
-        """By a decision, in whatever state this is."""
+        """Follow the frames again by a decision, in whatever state the engine is."""
         before = self._control.following
         if not self._control.authority.is_autonomous:
             return self._rule_by_hand(decision)
@@ -275,7 +276,8 @@ class Decisions:
         return result
 
     def _rule_by_hand(self, decision: Ruling) -> CommandResult:
-        """Of a frame that nobody followed: what is kept is what the marks make of it."""
+        """Apply a decision on a frame taken without autonomy: the marks alone make the kept
+        track."""
         authority = self._control.authority
         kept, records = self._cycle.apply_hand_decision(
             decision, authority.kept, authority.following.last_track_id
@@ -286,7 +288,7 @@ class Decisions:
         return by_hand_result(decision, records)
 
     def _decision(self, command: Decision, by: str) -> Ruling:
-        """What the word on a frame would be. Raises ValueError where it cannot be."""
+        """Return the decision that a command makes. Raises ValueError where it cannot be made."""
         if isinstance(command, Drop | Keep) and not self._control.authority.is_autonomous:
             raise ValueError("nothing is followed: autonomy does not have the mount")
         if isinstance(command, Drop | Keep):
@@ -313,7 +315,7 @@ class Decisions:
 
 
 def _take_back(command: TakeBack, folds: Frames, by: str) -> Ruling:
-    """What the detector saw alone counts for a frame again."""
+    """Return a decision without content: the detector's result alone counts for the frame again."""
     frame_id = folds.said_last() if command.frame_id is None else command.frame_id
     if frame_id is None:
         raise ValueError("nothing has been said of the last frames that could be taken back")
@@ -327,7 +329,7 @@ def _frame(command: Decision, folds: Frames) -> FrameObservations:
 
 
 def _choose(shown: FrameObservations, choice: Choose, by: str, config: Config) -> Ruling:
-    """The streak nearest to a place is the one to follow."""
+    """Return the decision to follow the streak nearest to a place."""
     x_px, y_px = choice.x_px, choice.y_px
     found = shown.detections
     candidates = [*found.detections, *(each.detection for each in found.rejected)]
@@ -341,7 +343,7 @@ def _choose(shown: FrameObservations, choice: Choose, by: str, config: Config) -
 
 
 def _accept(shown: FrameObservations, folds: Frames, by: str, config: Config) -> Ruling:
-    """The likeliest streak that was not taken is taken."""
+    """Return the decision to accept the likeliest streak that the track did not take."""
     refused = shown.decision.refused if shown.decision is not None else ()
     already = folds.taken(shown.taken.frame_id)
     out = {(m.x_px, m.y_px) for m in (*refused, already) if m is not None}
@@ -368,7 +370,8 @@ def _accept(shown: FrameObservations, folds: Frames, by: str, config: Config) ->
 
 
 def _reject(rejection: Reject, folds: Frames, following: Following, by: str) -> Ruling:
-    """What a frame gave to the track was none of what is followed; without one, the last."""
+    """Return the decision to reject a frame's measurement of the track; without a frame, the
+    last."""
     taken = following.taken
     if rejection.frame_id is not None:
         shown = _frame(rejection, folds)
@@ -384,7 +387,7 @@ def _reject(rejection: Reject, folds: Frames, following: Following, by: str) -> 
 
 
 def _measurement_of(detection: Detection, shown: FrameObservations, config: Config) -> Measurement:
-    """What was measured of a detection; a candidate that was not is measured on their word."""
+    """Return a detection's measurement; one that was not measured is measured now."""
     for each in shown.measurements:
         if (each.x_px, each.y_px) == (detection.x_px, detection.y_px):
             return each

@@ -1,7 +1,7 @@
 """Handlers of commands: a check on the wire's threads, the execution on the loop's.
 
-Each part of the engine brings the handlers of its own commands (``by_hand.py``,
-``decisions.py``, the classes here); the loop and the command handler only look them up.
+Each part of the engine provides the handlers of its own commands (``by_hand.py``,
+``decisions.py``); the loop and the command handler only look them up.
 """
 
 from collections.abc import Callable, Iterable, Mapping
@@ -45,55 +45,57 @@ class Control(Protocol):
 
     @property
     def authority(self) -> Authority:
-        """Who has the mount, and what the loop follows."""
+        """Control of the mount, and what the loop follows."""
 
     @property
     def following(self) -> Following:
-        """What is followed."""
+        """The tracks and the fold's state."""
 
     @property
     def frame_id(self) -> int:
-        """The exposure begun last."""
+        """Number of the exposure begun last."""
 
     @property
     def last_track(self) -> TrackState | None:
-        """What was followed last this night."""
+        """The last lead track of this night."""
 
     @property
     def may_move(self) -> bool:
-        """Whether autonomy has the mount and nobody holds it."""
+        """True where autonomy has control and is not on hold."""
 
     def handle(self, trigger: Trigger) -> Step:
-        """Pass through one step. Raises ValueError with the reason where it refuses."""
+        """Take one step of the state machine. Raises ValueError with the reason where it
+        refuses."""
 
     def configure(self, config: Config) -> None:
         """Take new settings; in force from the next cycle."""
 
     def arm(self, by: str, lifted: frozenset[str]) -> None:
-        """Hand the mount to autonomy. Raises ValueError where it has it already."""
+        """Give control to autonomy. Raises ValueError where it has it already."""
 
     def resume(self, by: str) -> None:
-        """Give it back, or follow again what was ended. Raises ValueError where that cannot be."""
+        """Give control back to autonomy, or follow an ended track again. Raises ValueError where it
+        cannot."""
 
     def expect_night(self) -> None:
-        """Raises ValueError where dome, weather or daylight would end the night at once."""
+        """Raise ValueError where dome, weather or daylight would end the night at once."""
 
     def expect_cloud(self) -> None:
-        """Raises ValueError where the sky is clear."""
+        """Raise ValueError where the sky is clear."""
 
     def park(self, by: str) -> None:
         """Disarm and send the mount to its park position. Raises ValueError where it has none."""
 
     @property
     def is_park_wanted(self) -> bool:
-        """Whether the mount is to be parked and is not yet."""
+        """True while the mount is to be parked and is not yet."""
 
     def end_park(self) -> None:
-        """Park no more: release a mount that is parked, stop one that is on its way there."""
+        """End parking: release a parked mount, stop one that is on its way there."""
 
 
 class RefusedError(ValueError):
-    """A command that cannot be now, with what a console shows beside the reason."""
+    """A command that cannot be carried out now, with data for a console beside the reason."""
 
     def __init__(self, reason: str, data: Mapping[str, Any] | None = None) -> None:
         super().__init__(reason)
@@ -102,12 +104,12 @@ class RefusedError(ValueError):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Accepted:
-    """The answer to a command that can be, as far as is known."""
+    """The answer to a command that passed its check."""
 
     message: str = SOON
     data: Mapping[str, Any] = field(default_factory=dict)
     command: Command | None = None
-    """To be executed in its place: the same, said exactly; None: as it is."""
+    """Command to execute in its place, made exact; None: the command as it is."""
 
 
 def accept(_command: Command, _by: str) -> Accepted:
@@ -121,22 +123,23 @@ def expect_nothing(_command: Command, _by: str) -> None:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Handler:
-    """The check and the execution of one command; ``by`` is who asks."""
+    """The check and the execution of one command; ``by`` is the sender."""
 
     execute: Callable[[Any, str], CommandResult]
-    """On the loop's thread; gives what came of it. Raises ValueError with the reason where
-    it cannot be, InstrumentError where the mount fails."""
+    """Executes the command on the loop's thread; returns its result. Raises ValueError with the
+    reason where it cannot, InstrumentError where the mount fails."""
     check: Callable[[Any, str], Accepted] = accept
-    """On the wire's threads, before it is queued. Raises ValueError where it cannot be."""
+    """Checks the command on the wire's threads, before it is queued. Raises ValueError if it cannot
+    be."""
     expect: Callable[[Any, str], None] = expect_nothing
-    """A check of what earlier commands may still change: called only while none waits."""
+    """Checks conditions that earlier commands may still change: called only while none waits."""
 
 
 Handlers = Mapping[type[Command], Handler]
 
 
 def joined(parts: Iterable[Handlers]) -> dict[type[Command], Handler]:
-    """All handlers of some parts. Raises ValueError where two have one for the same command."""
+    """Return all handlers of some parts. Raises ValueError where two handle the same command."""
     found: dict[type[Command], Handler] = {}
     for part in parts:
         twice = found.keys() & part.keys()
@@ -147,14 +150,14 @@ def joined(parts: Iterable[Handlers]) -> dict[type[Command], Handler]:
 
 
 class Modes:
-    """Turns commands into what happens to the state machine."""
+    """Turns commands into triggers of the state machine."""
 
     def __init__(self, control: Control) -> None:
         self._control = control
 
     @property
     def handlers(self) -> Handlers:
-        """Its commands."""
+        """Handlers of its commands."""
         return {
             Arm: Handler(expect=self._expect, execute=self._arm),
             Disarm: Handler(execute=self._pass),
@@ -166,7 +169,7 @@ class Modes:
         }
 
     def _expect(self, command: Command, by: str) -> None:
-        """The state machine itself says whether it would refuse."""
+        """Raise ValueError where the state machine would refuse."""
         refusal = step(self._control.authority, trigger_of(command, by)).refusal
         if refusal is not None:
             raise ValueError(refusal)
@@ -198,7 +201,7 @@ class Modes:
 
 
 def trigger_of(command: Command, by: str) -> Trigger:
-    """The state machine's trigger for a command on who has the mount."""
+    """Return the state machine's trigger for a command on the control of the mount."""
     match command:
         case Arm():
             return Armed(by=by)
@@ -223,7 +226,7 @@ class Settings:
 
     @property
     def handlers(self) -> Handlers:
-        """Its commands."""
+        """Handlers of its commands."""
         return {Set: Handler(check=self._check, execute=self._set)}
 
     def _check(self, command: Set, _by: str) -> Accepted:
@@ -245,7 +248,7 @@ class Settings:
 
 
 class Seeking:
-    """Begins a search round the place where the last track must be."""
+    """Begins a search round the predicted place of the last track."""
 
     def __init__(
         self,
@@ -263,21 +266,21 @@ class Seeking:
 
     @property
     def handlers(self) -> Handlers:
-        """Its commands."""
+        """Handlers of its commands."""
         return {Seek: Handler(expect=self._expect, execute=self._seek)}
 
     def _expect(self, _command: Seek, _by: str) -> None:
         self.direction()
 
     def _seek(self, _command: Seek, by: str) -> CommandResult:
-        """Search in a widening spiral round where it must be."""
+        """Search in a widening spiral round the predicted place."""
         direction = self.direction()
         self._control.handle(Sought(by=by))
         self._planner.search_about(direction, self._instrument_controller.now_utc_ns())
         return done("looking for it in a widening spiral")
 
     def direction(self) -> tuple[float, float]:
-        """The direction where the last track must be now, ICRS degrees.
+        """Return the predicted direction of the last track now, ICRS degrees.
 
         Raises ValueError where it cannot be looked for.
         """

@@ -1,1 +1,1 @@
-"""The engine put together as a process, and the operator's wire answered."""
+"""The engine assembled as a process, and the answers on the operator's wire."""

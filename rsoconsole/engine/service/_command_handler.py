@@ -60,15 +60,15 @@ log = logging.getLogger(__name__)
 
 LONGEST_NOTE = 2000
 FLUSH_S = 3.0
-"""Wait of an answer for the disk, s; milliseconds where all is well."""
+"""Greatest wait of an answer for the disk, s; milliseconds where all is well."""
 MOUNT_WORD_S = 2.0
-"""Wait of an answer for the mount, since the command came, s."""
+"""Greatest wait of an answer for the mount, from the command's arrival, s."""
 SENT = "sent; the mount has not answered"
 WAITS = "accepted; it is sent as soon as the loop is free"
 
 
 class CommandHandler:
-    """Handles requests on the wire's threads; the loop is never waited for."""
+    """Handles requests on the wire's threads; never waits for the loop."""
 
     def __init__(
         self,
@@ -84,9 +84,9 @@ class CommandHandler:
     ) -> None:
         """``flush``: wait until the disk has what was put on record, at most that long, in seconds.
 
-        ``machine``: what was last seen of the machine itself; ``lacks``: what the mount's driver
-        did not offer when it was connected; ``mount_word_s``: so long an
-        answer waits for the mount.
+        ``machine``: the last reading of the machine itself; ``lacks``: what the mount's driver did
+        not offer when it was connected; ``mount_word_s``: greatest wait of an answer for the mount,
+        s.
         """
         self._engine = engine
         self._instruments = engine.instrument_controller.instruments
@@ -119,12 +119,12 @@ class CommandHandler:
         }
 
     def handle(self, request: Request) -> Outcome:
-        """Handle a request to its end; a refusal says why."""
+        """Handle a request to its end; a refusal gives the reason."""
         begun = self.begin(request)
         return begun.outcome() if isinstance(begun, Later) else begun
 
     def begin(self, request: Request) -> Outcome | Later:
-        """Handle a request at once; what the mount has to answer comes as a ``Later``."""
+        """Handle a request at once; an answer that needs the mount comes as a ``Later``."""
         command = request.command
         refused = self._seats.refusal(request.sender, needs_control=command.needs_control)
         if refused is not None:
@@ -141,7 +141,8 @@ class CommandHandler:
     # -- through the loop -----------------------------------------------------------------------
 
     def _accept(self, request: Request) -> Outcome | Later:
-        """Check it, and have the loop do it; what can be known at once is answered at once."""
+        """Check a request and queue it for the loop; what can be known at once is answered at
+        once."""
         command, by = request.command, request.by
         handler = self._handlers.get(type(command))
         if handler is None:
@@ -178,12 +179,12 @@ class CommandHandler:
         return Outcome(ok=True, message=accepted.message, data=dict(accepted.data))
 
     def _not_on_record(self, what: str, data: Mapping[str, Any] | None = None) -> Outcome:
-        """An answer for what no disk has taken: it is no acknowledgement."""
+        """Return the answer for a command that no disk has recorded: it is no acknowledgement."""
         why = "; ".join(self._record_faults()) or "the disk has not taken it"
         return Outcome(ok=False, message=f"{what}, but not on record: {why}", data=data or {})
 
     def _check_arming(self, command: Arm, _by: str) -> Accepted:
-        """The checklist is gone through at once, so that the answer says what is missing."""
+        """Go through the checklist at once, so that the answer says what is missing."""
         names = frozenset(command.override)
         config = self._engine.config
         facts = gather_facts(self._instruments, config, self._session)
@@ -257,7 +258,7 @@ class CommandHandler:
         return Outcome(ok=True, data=status_json(self.status()))
 
     def status(self) -> Status:
-        """The loop's status, with what only the wire's end knows: health, seats, the last STOP."""
+        """Return the loop's status, with health, seats and the last STOP, which are known here."""
         status = self._engine.status()
         report = self._engine.watch.last_report
         health = self._health.read(report, self._engine.interruptions.trouble, self._lacks)
@@ -296,13 +297,13 @@ class CommandHandler:
     def _horizontal(
         self, ra_deg: float | None, dec_deg: float | None, t_utc_ns: int | None
     ) -> tuple[float | None, float | None]:
-        """Altitude and azimuth from the site; None where the direction is not known."""
+        """Return altitude and azimuth from the site, deg; None where the direction is not known."""
         if ra_deg is None or dec_deg is None or t_utc_ns is None:
             return None, None
         return icrs_to_altaz(self._engine.config.site.to_site(), ra_deg, dec_deg, t_utc_ns)
 
     def _preview(self, command: Preview, _sender: Sender) -> Outcome:
-        """Where a move by hand would lead, how long it takes and what stands against it."""
+        """Return the target of a move by hand, its duration and the limits against it."""
         return Outcome(ok=True, data=as_json(self._engine.by_hand.preview(command)))
 
     def _ask_seat(self, _command: AskSeat, sender: Sender) -> Outcome:
@@ -314,7 +315,7 @@ class CommandHandler:
         )
 
     def _note(self, command: Note, sender: Sender) -> Outcome:
-        """The operator's remark, on record at once."""
+        """Put the operator's remark on record at once."""
         said = dataclasses.replace(command, text=printable(command.text).strip()[:LONGEST_NOTE])
         self._engine.session_log.append(
             action_record(Request(command=said, sender=sender), done("noted"))
@@ -324,7 +325,7 @@ class CommandHandler:
         return Outcome(ok=True, message="noted")
 
     def _begin_mark(self, command: BeginMark, sender: Sender) -> Outcome:
-        """A frame is kept to be marked in; on record, because a replay keeps it, too."""
+        """Keep a frame for marking; on record, because a replay keeps it, too."""
         frame_id = self._engine.decisions.begin_mark(command)
         begun = dataclasses.replace(command, frame_id=frame_id)
         self._engine.session_log.append(action_record(Request(command=begun, sender=sender), DONE))
@@ -333,7 +334,7 @@ class CommandHandler:
 
 
 def _first_word(request: Request, accepted: Accepted, wait_s: float) -> Outcome:
-    """What the mount said to a command, or how far that has come in that time."""
+    """Return the mount's answer to a command, or the progress within that time."""
     result, data = request.course.wait(wait_s), dict(accepted.data)
     if result is None:
         return Outcome(ok=True, message=SENT if request.course.is_begun else WAITS, data=data)

@@ -1,7 +1,7 @@
-"""Watches the machine beside the loop, and says which troubles begin and end.
+"""Watches the machine beside the loop, and reports which troubles begin and end.
 
-Reading may take a moment (programs are asked), so that neither the loop nor the thread that
-answers the operator does it: both read what was seen last.
+A reading may take a moment (it runs programs), so that neither the loop nor the thread that answers
+the operator makes it: both use the last one.
 """
 
 import logging
@@ -25,11 +25,11 @@ log = logging.getLogger(__name__)
 
 EVERY_S = 15.0
 SLOW_LOOKS = 8
-"""Looks from one check of disk and time source to the next."""
+"""Number of looks from one check of disk and time source to the next."""
 QUIET_LOOKS = 4
-"""Looks without it after which a trouble is over: a weak supply comes and goes."""
+"""Number of looks without it after which a trouble is over: a weak supply comes and goes."""
 ABOUT = "machine: "
-"""The beginning of every log line about the machine."""
+"""Beginning of every log line about the machine."""
 Level = Literal["info", "warning", "alarm"]
 
 
@@ -39,12 +39,12 @@ class MachineState:
 
     reading: Machine
     troubles: tuple[Trouble, ...]
-    """What is not well, and what was not a moment ago."""
+    """Troubles of now, and of a moment ago."""
     medium: Medium
     time_source: TimeSource
 
     def as_status(self) -> Machine:
-        """The machine as ``status`` gives it."""
+        """Return the machine as ``status`` has it."""
         return replace(
             self.reading,
             troubles=tuple(trouble.words for trouble in self.troubles),
@@ -58,18 +58,18 @@ class MachineState:
 
 
 class Troubles:
-    """A fold over what is not well: each trouble is said when it begins and when it is over."""
+    """A fold over troubles: each is reported when it begins and when it is over."""
 
     def __init__(self) -> None:
         self._held: dict[str, tuple[Trouble, int]] = {}
 
     @property
     def held(self) -> tuple[Trouble, ...]:
-        """The troubles that are not over yet, in the order in which they began."""
+        """Return the troubles that are not over yet, in the order in which they began."""
         return tuple(trouble for trouble, _ in self._held.values())
 
     def step(self, seen: tuple[Trouble, ...]) -> list[tuple[Level, str]]:
-        """The lines to say after one more look."""
+        """Return the lines to report after one more look."""
         said: list[tuple[Level, str]] = []
         for trouble in seen:
             if trouble.name not in self._held:
@@ -89,10 +89,10 @@ class Troubles:
 
 
 class MachineWatch(Poller):
-    """Looks on a thread of its own; what it saw last can be read from any."""
+    """Looks on a thread of its own; any thread can read the last result."""
 
     def __init__(self, folder: Path, say: Callable[[Level, str], None]) -> None:
-        """``folder``: where the session is written; ``say``: puts a line on record."""
+        """``folder``: the session's folder; ``say``: puts a line on record."""
         super().__init__("machine", EVERY_S)
         self._folder = folder
         self._say = say
@@ -126,10 +126,10 @@ class MachineWatch(Poller):
 HOLDS_S = 5.0
 """Age at which a reading is taken again, s."""
 SILENT_S = 10.0
-"""A mount that has not reported for so long does not answer."""
+"""Silence after which a mount counts as not answering, s."""
 LOW_HOURS = 4.0
 SAID_S = 900.0
-"""For so long it is said what happened to the clock."""
+"""Time for which a fault of the clock is still reported, s."""
 
 
 class HealthMeter:
@@ -142,7 +142,7 @@ class HealthMeter:
         folder: Path,
         machine: Callable[[], MachineState | None] = lambda: None,
     ) -> None:
-        """``machine``: what was last seen of the machine itself; None: not looked at."""
+        """``machine``: the last reading of the machine itself; None: not read."""
         self._config = config
         self._clock = clock
         self._folder = folder
@@ -156,10 +156,10 @@ class HealthMeter:
         trouble: ClockTrouble | None = None,
         lacks: Sequence[Lack] = (),
     ) -> tuple[Health, ...]:
-        """Mount, clock, disk, temperature; what cannot be read is left out.
+        """Return mount, clock, disk, temperature; what cannot be read is left out.
 
-        ``trouble``: what happened to the machine's clock last; ``lacks``: what the mount's driver
-        does not offer.
+        ``trouble``: the last fault of the machine's clock; ``lacks``: abilities that the mount's
+        driver does not offer.
         """
         now_s = time.monotonic()
         if now_s - self._read_s >= HOLDS_S:
@@ -206,13 +206,13 @@ class HealthMeter:
 
 
 def driver_health(lacks: Sequence[Lack]) -> tuple[Health, ...]:
-    """The mount's missing abilities; nothing of what it only does not report."""
+    """Return the mount's missing abilities; nothing of what it only does not report."""
     missing = [lack.what for lack in lacks if lack.name in ("abort", "tracking", "park")]
     return (Health(name="driver", ok=False, text=", ".join(missing)),) if missing else ()
 
 
 def machine_health(state: MachineState | None) -> tuple[Health, ...]:
-    """Power, where it is too weak, and the processor's heat; nothing of a silent machine."""
+    """Return a weak power supply and the processor's heat; nothing of a silent machine."""
     if state is None:
         return ()
     found = []

@@ -1,4 +1,4 @@
-"""Puts an engine together, runs it, and takes it apart in the right order."""
+"""Assembles an engine, runs it, and takes it apart in the right order."""
 
 import contextlib
 import importlib.metadata
@@ -63,14 +63,14 @@ class RunSettings:
 
     title: str
     session: Path | None = None
-    """None: a new folder under the configured root."""
+    """Folder of the session; None: a new folder under the configured root."""
     frames: int | None = None
-    """None: until it is told to end."""
+    """Number of frames; None: until it is ended."""
     is_armed: bool = False
     lifted: frozenset[str] = frozenset()
     """Checks of the arming list overridden by name."""
     listens: bool = True
-    """Whether it opens the control socket."""
+    """True where it opens the control socket."""
     socket: Path | None = None
 
 
@@ -183,7 +183,7 @@ def run_engine(
 
 @contextlib.contextmanager
 def _alerts(config: Config, folder: Path, instruments: Instruments) -> Iterator[AlertProcess]:
-    """Who tells the operator; nobody where nothing is configured."""
+    """Yield the process that sends alerts; it sends none where nothing is configured."""
     where = config.site.name + (" (simulated)" if instruments.clock.is_simulated else "")
     alerts = AlertProcess(config.alerts, folder, title=f"rsoconsole {where}")
     try:
@@ -208,14 +208,14 @@ def _say_faults(engine: Engine, *faults: str | None) -> None:
 
 
 def _notify_service_manager(words: str) -> None:
-    """A slow start is none that hangs."""
+    """Extend the service manager's time limit: a slow start is none that hangs."""
     notify(f"STATUS={words}\nEXTEND_TIMEOUT_USEC={START_AGAIN_US}")
 
 
 def _arm(engine: Engine, settings: RunSettings, folder: Path) -> None:
     """Arm at the start where the checklist allows it; a run of a given number of frames insists.
 
-    Raises InstrumentError with what is missing when the run is bounded; else the engine says it
+    Raises InstrumentError with what is missing when the run is bounded; else the engine reports it
     and waits to be armed.
     """
     if unknown := unknown_words(settings.lifted):
@@ -241,7 +241,7 @@ def _say_outlook(engine: Engine, config: Config, folder: Path, now_ns: int) -> N
 
 
 def _cut_off_session(config: Config, instruments: Instruments) -> Path | None:
-    """The last session of this telescope where its engine did not live to close it."""
+    """Return the last session of this telescope where its engine did not live to close it."""
     try:
         return cut_off_session(config.session.root, is_simulated=instruments.clock.is_simulated)
     except SessionError as error:
@@ -250,19 +250,19 @@ def _cut_off_session(config: Config, instruments: Instruments) -> Path | None:
 
 
 def _load_ahead(config: Config) -> None:
-    """What weighs a second to load, and would otherwise in the first frame with two satellites."""
+    """Load in the background what would delay the first frame with two satellites by a second."""
     if config.filter.preset == "adaptive" and config.filter.most_tracks > 1:
         name = "scipy.optimize"
         threading.Thread(target=import_module, args=(name,), daemon=True, name=name).start()
 
 
 def _mount_faults(mount: MountPort, config: Config) -> tuple[tuple[Lack, ...], str | None]:
-    """What its driver does not offer, and what is wrong with its site."""
+    """Return the abilities that the mount's driver lacks, and the fault of its site."""
     return _mount_lacks(mount, config), _site_fault(mount, config)
 
 
 def _mount_lacks(mount: MountPort, config: Config) -> tuple[Lack, ...]:
-    """What its driver does not offer; one that was just connected defines it bit by bit."""
+    """Return the abilities that the driver lacks; a newly connected one defines them bit by bit."""
     ends_s = time.monotonic() + DEFINED_S
     while lacks := lacks_of(mount.abilities(), config.mount):
         if time.monotonic() > ends_s:
@@ -272,9 +272,9 @@ def _mount_lacks(mount: MountPort, config: Config) -> tuple[Lack, ...]:
 
 
 def _site_fault(mount: MountPort, config: Config) -> str | None:
-    """What is wrong with the mount's site; told where it knows none, never overwritten unasked.
+    """Return the fault of the mount's site; one without a site is given ours, never overwritten.
 
-    A driver that has nothing to be told a site by knows better, or needs none.
+    A driver that accepts no site has its own, or needs none.
     """
     site = config.site.to_site()
     check = mount.check_site(site)
@@ -292,11 +292,11 @@ def _site_fault(mount: MountPort, config: Config) -> str | None:
 
 @contextlib.contextmanager
 def _signals(queue: CommandQueue) -> Iterator[Callable[[], None]]:
-    """What makes SIGTERM and SIGINT end the engine safely, and a lost line (SIGHUP) mean nothing.
+    """Make SIGTERM and SIGINT end the engine safely, and a lost line (SIGHUP) have no effect.
 
-    Until that is called they end the process as ever; afterwards as long as this lasts they do
-    not. Only the main thread may listen to signals. The handler sets a plain flag, which the
-    loop sees within a second.
+    This begins when the yielded function is called and lasts until the context ends; before, they
+    end the process as usual. Only the main thread may handle signals. The handler sets a plain
+    flag, which the loop sees within a second.
     """
 
     def end(_number: int, _frame: FrameType | None) -> None:

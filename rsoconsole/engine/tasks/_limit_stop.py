@@ -1,7 +1,7 @@
-"""Ends a motion that must not go on: once, by what the mount has; then tells what was measured.
+"""Ends a motion that must not go on, once, and reports the measured result.
 
-Nobody is fought: a motion that goes on after its ABORT gets another one twice a minute, and the
-alarm stays. The way on after each ABORT teaches how far this mount needs to stop.
+The mount is not fought: a motion that goes on after its ABORT gets another one twice a minute, and
+the alarm stays. The way on after each ABORT shows how far this mount needs to stop.
 """
 
 import contextlib
@@ -18,12 +18,12 @@ from rsoconsole.sky import Pose, StoppingDistance, wrap_180
 
 AGAIN_S = 30.0
 ENOUGH = 20
-"""Orders to stop one motion, ten minutes of them: then it is left to who comes."""
+"""Number of orders to stop one motion, ten minutes of them: then it is left to a person on site."""
 MEASURED_BY_S = 10.0
-"""Later than this after ABORT it is said that the mount does not rest, or that nobody knows."""
+"""Time after ABORT at which it is reported that the mount does not rest, or is not known to, s."""
 LEARNS_WITHIN_S = 30.0
 PARK_WAITS_S = 10.0
-"""Greatest wait of a park until the loop has taken the limit, s: the loop sends ABORT."""
+"""Greatest wait of a park until the loop has taken notice of the limit, s: the loop sends ABORT."""
 PARKS_S = 900.0
 
 
@@ -33,11 +33,11 @@ class _Ended:
 
     t_utc_ns: int
     place: tuple[float, float]
-    """Right ascension and declination when the order went out."""
+    """Right ascension and declination when the order went out, deg."""
     rate_deg_s: float
     how: How
     is_known: bool
-    """Others tell what came of it, or it was told."""
+    """True where its result is reported elsewhere, or has been reported."""
 
 
 class LimitStop:
@@ -49,7 +49,7 @@ class LimitStop:
         self._say = say
         self.distance = StoppingDistance()
         self._how: How | None = None
-        """Of the motion that was told to end; None: there is none."""
+        """Kind of the motion that was ordered to end; None: there is none."""
         self._orders = 0
         self._ordered_ns = 0
         self._ended: _Ended | None = None
@@ -59,7 +59,8 @@ class LimitStop:
 
     @property
     def is_parking(self) -> bool:
-        """The mount is on its way to its park position because it could not be told to stand."""
+        """True where the mount is on its way to its park position because it could not be made to
+        stand."""
         return self._parks_since_ns is not None
 
     def forget_motion(self) -> None:
@@ -67,18 +68,18 @@ class LimitStop:
         self._how, self._orders = None, 0
 
     def is_due(self, how: How, now_ns: int) -> bool:
-        """True where a motion is due to get an order to end now."""
+        """True where a motion is due for an order to end."""
         since_s = (now_ns - self._ordered_ns) / NS
         if how != self._how:
             return True
         return self._orders < ENOUGH and not 0.0 <= since_s < AGAIN_S
 
     def is_first(self, how: How) -> bool:
-        """True where a motion has had no order to end yet."""
+        """True where no order has gone out yet to end a motion."""
         return how != self._how
 
     def words(self, how: How, *, parks: bool) -> str:
-        """The orders that will go out, in words."""
+        """Return the orders that will go out, in words."""
         able = self._abilities()
         if how == "slews":
             lacks = "" if able.can_abort else "it knows no ABORT"
@@ -91,7 +92,7 @@ class LimitStop:
         return f"ABORT sent, but {lacks}: park it, or cut its power"
 
     def end(self, how: How, now_ns: int, *, parks: bool) -> StopResult:
-        """ABORT; a mount that tracks is then told to stand, or parked where it cannot.
+        """Send ABORT; a mount that tracks is then ordered to stand, or parked where it cannot.
 
         ``parks``: it may be parked; never for a mount that autonomy will lead away.
         """
@@ -133,7 +134,7 @@ class LimitStop:
         )
 
     def forget_park(self, ordered_utc_ns: int) -> None:
-        """An order that came later than the limit ends the wish to park for it."""
+        """Forget the park due for a limit after an order that came later than it."""
         if self._park_due_ns is not None and ordered_utc_ns > self._park_due_ns:
             self._park_due_ns = None
 

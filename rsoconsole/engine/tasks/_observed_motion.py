@@ -1,7 +1,7 @@
-"""The mount's motion at one look: measured where that is known, else by the more careful claim.
+"""The mount's motion at one look: measured where possible, else the more careful claim.
 
-Its driver's slewing, tracking or parked is a claim. What this program has ordered itself is told
-apart from what others have.
+The driver's slewing, tracking or parked is a claim. Motions ordered by this program are
+distinguished from others.
 """
 
 from collections import deque
@@ -17,13 +17,14 @@ How = Literal["stands", "tracks", "slews"]
 Own = Literal["slew", "park"]
 
 MOVED_ARCSEC = 200.0
-"""Between two looks: more than the coarsest driver's step and a second's turn of the sky."""
+"""Turn between two looks that counts as a slew: above the coarsest driver's step and a second of
+sky."""
 LONGEST_APART_S = 10.0
 STARTS_WITHIN_S = 30.0
-"""A mount that still rests so long after an order does not follow it any more."""
+"""Time after an order within which a mount that follows it starts to move, s."""
 PARKS_WITHIN_S = 900.0
 TURNS_WITHIN_S = 3.0
-"""An axis that moved when the order came has to turn round first."""
+"""Time in which an axis that moved when the order came may still have to turn round, s."""
 FRESH_S = 5.0
 PARKED_S = 5.0
 """Time in which a mount that reports to be parked may come to rest, s."""
@@ -35,11 +36,11 @@ class ObservedMotion:
 
     how: How
     rates: Rates | None = None
-    """Of a slew; None where they are not known."""
+    """Rates of a slew; None where they are not known."""
 
 
 def pose_of(report: MountReport) -> Pose:
-    """The pose that the mount reports."""
+    """Return the pose that the mount reports."""
     return Pose(
         t_utc_ns=report.t_utc_ns,
         ra_icrs_deg=report.ra_icrs_deg,
@@ -49,11 +50,11 @@ def pose_of(report: MountReport) -> Pose:
 
 
 def observed_motion(report: MountReport, before: MountReport | None) -> ObservedMotion:
-    """The motion by a report; ``before``: the report at the look before this one.
+    """Return the motion by a report; ``before``: the report at the look before this one.
 
-    A measured drift counts as tracking: it is slow enough to be held where it is. What is not
-    measured yet is a slew where the directions have changed since the last look or the driver says
-    so, and tracks where it says that.
+    A measured drift counts as tracking: it is slow enough to be held where it is. A motion not yet
+    measured is a slew where the directions have changed since the last look or the driver reports
+    one, and tracking where the driver reports that.
     """
     motion = report.motion
     if motion.kind == "moves":
@@ -72,7 +73,7 @@ def observed_motion(report: MountReport, before: MountReport | None) -> Observed
 
 
 def _rates_between(before: MountReport | None, report: MountReport) -> Rates | None:
-    """By two looks; None where they do not show a slew."""
+    """Return the rates between two looks; None where they do not show a slew."""
     if before is None:
         return None
     apart_s = (report.t_utc_ns - before.t_utc_ns) / NS
@@ -85,7 +86,8 @@ def _rates_between(before: MountReport | None, report: MountReport) -> Rates | N
 
 
 def _turned_arcsec(before: MountReport, report: MountReport) -> float:
-    """By how much either axis has turned, whether it tracks or stands otherwise."""
+    """Return the larger turn of both axes, arcsec; in right ascension the smaller of tracking and
+    standing."""
     apart_s = (report.t_utc_ns - before.t_utc_ns) / NS
     ra_arcsec = wrap_180(report.ra_icrs_deg - before.ra_icrs_deg) * 3600.0
     dec_arcsec = (report.dec_icrs_deg - before.dec_icrs_deg) * 3600.0
@@ -93,7 +95,7 @@ def _turned_arcsec(before: MountReport, report: MountReport) -> float:
 
 
 class OwnMotion:
-    """The motion that this program ordered last, until it is over."""
+    """The last motion that this program ordered, until it is over."""
 
     def __init__(self, ordered: Callable[[], Ordered | None]) -> None:
         self._ordered = ordered
@@ -125,7 +127,7 @@ class OwnMotion:
             self._is_over = since_s > PARKS_WITHIN_S
 
     def kind(self, pose: Pose, seen: ObservedMotion, limits: Limits) -> Own | None:
-        """The order that a slew follows; None where it is not this program's."""
+        """Return the kind of order that a slew follows; None where it is not this program's."""
         ordered, start = self._of, self._start
         if ordered is None or start is None or self._is_over:
             return None
@@ -142,11 +144,12 @@ class ParkedMotion:
 
     def __init__(self) -> None:
         self._looks: deque[MountReport] = deque()
-        """Since it says that it is parked, the last seconds of it."""
+        """Reports of the last seconds since the mount has reported to be parked."""
         self._since_ns = 0
 
     def see(self, report: MountReport) -> Literal["tracks", "moves"] | None:
-        """The measured motion of a parked mount; None where it rests, or that is not known yet."""
+        """Return the measured motion of a parked mount; None where it rests, or that is not known
+        yet."""
         if not report.is_parked:
             self._looks.clear()
             return None

@@ -16,7 +16,7 @@ OVERTAKEN = CommandResult(kind="dropped", dropped_by="STOP")
 
 
 class OvertakenError(ValueError):
-    """STOP came between a command and its being heard."""
+    """STOP came after a command was given and before it was queued."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -25,10 +25,10 @@ class Alarm:
 
     trigger: Trigger
     result: StopResult | None = None
-    """What the mount answered, where its motion was ended before the loop was told; None where
-    it was not, or where that broke."""
+    """The mount's answer, where its motion was ended before the loop took notice; None where it was
+    not, or where that failed."""
     dropped: tuple[Request, ...] = ()
-    """Commands that waited when it came: STOP undoes them."""
+    """Commands that were waiting when it came: STOP undoes them."""
 
 
 class CommandQueue:
@@ -43,18 +43,18 @@ class CommandQueue:
         self._alarms: deque[Alarm] = deque()
         self._stops_under_way = 0
         self.stops = 0
-        """How many STOPs there have been; limits and the end of the night do not count."""
+        """Number of STOPs so far; limits and the end of the night do not count."""
         self._are_under_way = False
         self._is_executing = False
         self._cut_by: Trigger | None = None
-        """What cut the loop short last."""
+        """The last alarm's trigger."""
         self._is_shutdown = False
 
     def put(self, request: Request, on_taken: Callable[[], None] = lambda: None) -> None:
         """Queue a command for the loop (any thread).
 
-        ``on_taken`` is called before the loop can see it. Raises OvertakenError where STOP has
-        come since it was given: with a stamp before it.
+        ``on_taken`` is called before the loop can see it. Raises OvertakenError where STOP has come
+        since the command was given, by its stamp.
         """
         with self._lock:
             is_late = request.stamp is not None and request.stamp < self.stops
@@ -64,7 +64,8 @@ class CommandQueue:
             self._waiting.append(request)
 
     def take_all(self) -> tuple[Request, ...]:
-        """All that wait, in order; they count as under way until ``finished`` or put back."""
+        """Return all waiting requests, in order; they count as under way until ``finished`` or put
+        back."""
         with self._lock:
             requests = tuple(self._waiting)
             self._waiting.clear()
@@ -77,12 +78,12 @@ class CommandQueue:
 
     @property
     def is_settled(self) -> bool:
-        """True while no command waits or is under way, and no alarm."""
+        """True while no command waits or is under way, and there is no alarm."""
         with self._lock:
             return not (self._waiting or self._are_under_way or self.is_stopping)
 
     def stop(self, trigger: Trigger, abort: Callable[[], StopResult]) -> StopResult:
-        """Raise the flag, then stop the mount, then keep what came of it for the record.
+        """Raise the flag, then stop the mount, then keep the result for the record.
 
         From the first instant on the loop gives no order to the mount any more.
         """
@@ -115,15 +116,16 @@ class CommandQueue:
             request.course.settle(dropped_by(trigger))
 
     def _undo_waiting(self, trigger: Trigger) -> tuple[Request, ...]:
-        """What waits and is undone, which then waits no more; under the lock."""
+        """Remove the waiting requests that a trigger undoes and return them; call it under the
+        lock."""
         undone = tuple(r for r in self._waiting if is_undone(r, trigger))
         self._waiting = deque(r for r in self._waiting if r not in undone)
         return undone
 
     def put_back(self, requests: tuple[Request, ...]) -> tuple[tuple[Request, ...], CommandResult]:
-        """These were taken and not executed: they wait again, before all others.
+        """Put requests that were not executed back, before all others.
 
-        Gives those that do not, since what cut in undoes them, and what came of them.
+        Returns those that an alarm undoes instead, and their result.
         """
         with self._lock:
             cut_by = self._cut_by if self.is_stopping else None
@@ -137,7 +139,8 @@ class CommandQueue:
 
     @contextlib.contextmanager
     def executing(self) -> Iterator[None]:
-        """While a command is executed no other one cuts it short; STOP and alarms do."""
+        """Keep other commands from cutting short the one being executed; STOP and alarms still
+        do."""
         self._is_executing = True
         try:
             yield
@@ -145,7 +148,7 @@ class CommandQueue:
             self._is_executing = False
 
     def take_alarms(self) -> tuple[Alarm, ...]:
-        """Take the alarms since the last call, in order."""
+        """Return the alarms since the last call, in order."""
         with self._lock:
             alarms = tuple(self._alarms)
             self._alarms.clear()
@@ -157,7 +160,7 @@ class CommandQueue:
         return self._stops_under_way > 0 or bool(self._alarms)
 
     def request_shutdown(self) -> None:
-        """The engine is to end after a safe stop."""
+        """Request the engine's end after a safe stop."""
         self._is_shutdown = True
 
     @property
@@ -177,7 +180,7 @@ class CommandQueue:
 
 
 def action_record(request: Request, outcome: CommandResult) -> OperatorAction:
-    """The command and its outcome for the record."""
+    """Return the record of a command and its result."""
     command = request.command
     return OperatorAction(
         verb=command.verb, arguments=command.arguments(), outcome=outcome, by=request.by
@@ -192,7 +195,7 @@ def is_undone(request: Request, trigger: Trigger) -> bool:
 
 
 def dropped_by(trigger: Trigger) -> CommandResult:
-    """The result of a command that waited and was not executed."""
+    """Return the result of a command that waited and was not executed."""
     if isinstance(trigger, Stopped):
         return OVERTAKEN
     is_limit = isinstance(trigger, LimitMet)
@@ -200,7 +203,7 @@ def dropped_by(trigger: Trigger) -> CommandResult:
 
 
 def alarm_words(alarm: Alarm, is_answered_again: bool) -> str:
-    """An alarm in words for the operator.
+    """Return an alarm in words for the operator.
 
     ``is_answered_again``: the loop's own ABORT, which follows every alarm, was answered.
     """

@@ -18,14 +18,14 @@ from rsoconsole.records import Frame, LoopState
 
 REMEMBERED = 10
 KNOWN_FROM = 5
-"""Frames that are enough to tell what is usual."""
+"""Number of frames from which the usual difference of the clocks is known."""
 UNKNOWN_S = 10.0
-"""Until then no frame is off that differs by less."""
+"""Allowed error of time while fewer frames are known, s."""
 MIN_S = 0.5
 SPREADS = 2.0
 """Limit of an error of time, in units of the scatter of the frames before."""
 AGREED = 3
-"""Frames in a row that agree on a step: then the clock was set, and no frame errs."""
+"""Number of frames in a row that agree on a step: then the clock was set, and no frame errs."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -34,26 +34,28 @@ class FrameTime:
 
     is_believed: bool
     off_s: float
-    """Difference from the time expected by the frames before."""
+    """Difference from the time expected by the frames before, s."""
     is_set: bool = False
-    """The camera's clock was set by so much: what was measured before has another time."""
+    """True where the camera's clock was set by this difference: earlier measurements have another
+    time."""
 
 
 class FrameTimes:
-    """Remembers how far the two clocks were apart in the last frames."""
+    """Remembers the difference of the two clocks in the last frames."""
 
     def __init__(self) -> None:
         self._usual: deque[float] = deque(maxlen=REMEMBERED)
         self._off: list[float] = []
-        """Of the last frames, those that were not believed."""
+        """Differences of the last frames that were not believed, s."""
 
     def forget(self) -> None:
-        """This machine's own clock was set."""
+        """Forget the frames: this machine's own clock was set."""
         self._usual.clear()
         self._off.clear()
 
     def judge(self, t_start_utc_ns: int, opened_utc_ns: int) -> FrameTime:
-        """``t_start_utc_ns`` as the frame says, ``opened_utc_ns`` as this machine's clock says."""
+        """Judge a frame's time: ``t_start_utc_ns`` by the frame, ``opened_utc_ns`` by this
+        machine's clock."""
         apart_s = (t_start_utc_ns - opened_utc_ns) / 1e9
         if not self._usual:
             self._usual.append(apart_s)
@@ -93,12 +95,13 @@ class Exposures:
         self.frame_id = 0
         """Number of the exposure begun last."""
         self.next_start_utc_ns: int | None = None
-        """When the next exposure is to begin; None while the shutter is open, or nobody knows."""
+        """Time at which the next exposure is to begin, UTC ns; None while the shutter is open, or
+        not known."""
         self.open_until_utc_ns: int | None = None
-        """When the shutter closes; None while it is closed."""
+        """Time at which the shutter closes, UTC ns; None while it is closed."""
         self.frame_times = FrameTimes()
         self.on_camera_set: Callable[[float], None] = lambda _step_s: None
-        """Called with the step in seconds when the camera's clock turns out to have been set."""
+        """Called with the step in seconds when the camera's clock is found to have been set."""
         self._instrument_controller = instrument_controller
         self._planner = planner
         self._watch = watch
@@ -110,7 +113,7 @@ class Exposures:
         self._config = config
 
     def take(self, plan: Plan) -> tuple[Frame, float]:
-        """The frame, and how many milliseconds ago its last byte came.
+        """Take an exposure; return the frame, and the time since its last byte came, ms.
 
         No exposure begins that sidereal tracking would end behind a limit: tracking is stopped
         then. Raises Interrupted for that and for what else needs the loop, InstrumentError when no
@@ -143,7 +146,7 @@ class Exposures:
         return frame, read_ms
 
     def _expect_believable(self, frame: Frame, opened_ns: int) -> None:
-        """Raises Interrupted for a frame whose time does not go with those before it."""
+        """Raise Interrupted for a frame whose time does not agree with those before it."""
         if frame.t_start_utc_ns is None:
             return
         found = self.frame_times.judge(frame.t_start_utc_ns, opened_ns)
@@ -157,14 +160,15 @@ class Exposures:
             raise Interrupted
 
     def pass_readout_time(self, frame: Frame) -> None:
-        """Read-out costs virtual time, not the wall's: fewer pixels their part of it."""
+        """Let virtual time pass for the read-out, in proportion to the pixels read; wall time does
+        not."""
         optics, share = self._config.optics, 1.0
         if frame.camera is not None:
             share = frame.width_px * frame.height_px / (optics.width_px * optics.height_px)
         self._pass(min(share, 1.0) * self._config.exposure.readout_s)
 
     def pass_processing_time(self) -> None:
-        """Processing costs virtual time, not the wall's: stopwatches stand still."""
+        """Let virtual time pass for the processing; wall time does not."""
         self._pass(self._config.indi.simulated_latency_s)
 
     def _pass(self, pause_s: float) -> None:
@@ -174,7 +178,7 @@ class Exposures:
             )
 
     def keep(self, frame: Frame, state: LoopState, place_px: tuple[float, float] | None) -> None:
-        """The frame's small pictures, and its pixels where the configuration wants them."""
+        """Keep the frame's small pictures, and its pixels where the configuration wants them."""
         wanted = self._config.session.keep_frames
         is_wanted = wanted in {"all", "last"} or (
             wanted == "detected" and state in ("ACQUIRE", "TRACK")
@@ -182,6 +186,7 @@ class Exposures:
         self._session_log.keep(frame, is_wanted=is_wanted, place_px=place_px)
 
     def end_at_limit(self, words: str) -> NoReturn:
-        """End motion and tracking for a limit. Raises Interrupted: the loop is to hear of it."""
+        """End motion and tracking for a limit. Raises Interrupted, so that the loop takes
+        notice."""
         self._watch.end_at_limit(words)
         raise Interrupted

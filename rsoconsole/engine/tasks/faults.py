@@ -1,4 +1,4 @@
-"""Present faults in words, and what ends them: an order, or the mount's own answer."""
+"""Present faults in words, and their end: by an order, or by the mount's own answer."""
 
 from rsoconsole.engine.aim.states import Authority, Stopped
 from rsoconsole.engine.tasks.watch import Watch
@@ -10,13 +10,13 @@ class Faults:
     def __init__(self) -> None:
         self._words: list[str] = []
         self._was_blind = False
-        """The mount has been silent since the fault."""
+        """True where the mount has been silent since the fault."""
         self._stop: tuple[Stopped, int] | None = None
-        """A STOP that the mount did not obey, and when that was known."""
+        """A STOP that the mount did not obey, and when that was known, UTC ns."""
 
     @property
     def words(self) -> tuple[str, ...]:
-        """The words of all present faults."""
+        """Return the words of all present faults."""
         return tuple(self._words)
 
     def add(self, words: str) -> bool:
@@ -32,11 +32,12 @@ class Faults:
         self._was_blind, self._stop = False, None
 
     def expect_stop(self, stopped: Stopped, words: str, now_utc_ns: int) -> None:
-        """A STOP was not obeyed: that is broken until the mount is measured to be at rest."""
+        """Note that a STOP was not obeyed: a fault until the mount is measured to be at rest."""
         self._words, self._stop = [words], (stopped, now_utc_ns)
 
     def take_stop(self, watch: Watch) -> Stopped | None:
-        """The STOP that was not obeyed, once the mount is measured to be at rest; else None."""
+        """Return the STOP that was not obeyed, once the mount is measured to be at rest; else
+        None."""
         report = watch.last_report
         if self._stop is None or watch.is_blind or report is None:
             return None
@@ -47,7 +48,7 @@ class Faults:
         return stopped
 
     def is_over(self, authority: Authority, watch: Watch) -> bool:
-        """True once when the mount answers again whose silence was the cause of a FAULT."""
+        """True once, when the mount whose silence was the cause of a FAULT answers again."""
         if authority.state != "FAULT" or authority.is_stopped or not self._words:
             self._was_blind = False
             return False

@@ -1,4 +1,4 @@
-"""The tracks of the field at one instant, and the next aim because of them. Pure."""
+"""The tracks of the field at one instant, and the next aim for them. Pure."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -18,15 +18,15 @@ class AimAhead:
 
     aim: NextAim
     inside: frozenset[int]
-    """By track id."""
+    """Tracks in the field of the aim, by track id."""
 
 
 def aim_ahead(
     ahead: tuple[NextAim, tuple[float, float]] | None, following: Following, config: Config
 ) -> AimAhead | None:
-    """The aim that the planner looks ahead to, with its tracks; None while nothing is followed.
+    """Return the planner's next aim, with the tracks in its field; None without a track.
 
-    ``ahead``: the aim, and where the lead then is, ICRS degrees.
+    ``ahead``: the aim, and the lead's direction then, ICRS degrees.
     """
     if ahead is None:
         return None
@@ -52,10 +52,10 @@ def tracks_now(
     now_utc_ns: int,
     ahead: AimAhead | None,
 ) -> tuple[TrackNow, ...]:
-    """All tracks as their last frames left them, by their numbers.
+    """Return all tracks after their last frames, by number.
 
-    ``names``: of identified ones, by track id. ``shown_of``: what one of the last frames showed,
-    ValueError for others.
+    ``names``: identified tracks' names, by track id. ``shown_of``: returns the observations of one
+    of the last frames, ValueError for others.
     """
     found = []
     for each in sorted(following.tracks, key=lambda one: one.track.track_id):
@@ -81,7 +81,8 @@ def tracks_now(
 
 
 def _snr_of(taken: Measurement, shown_of: Callable[[int], FrameObservations]) -> float | None:
-    """Of the streak that was measured; None where its light was not, or its frame is long past."""
+    """Return the SNR of the measured streak; None where its light was not measured, or its frame is
+    long past."""
     try:
         found = shown_of(taken.frame_id).detections
     except ValueError:
@@ -97,10 +98,10 @@ class KeptTrack:
     def __init__(self) -> None:
         self._following: Following | None = None
         self.until_utc_ns: int | None = None
-        """None while nothing is kept."""
+        """Time until which it can be followed again, UTC ns; None while nothing is kept."""
 
     def see(self, authority: Authority, settings: FilterConfig, now_utc_ns: int) -> None:
-        """The state has changed. In MANUAL a track is kept as long as it would be coasted."""
+        """Note a change of state. In MANUAL a track is kept as long as it would be coasted."""
         kept = authority.kept
         if kept is None:
             self._following = self.until_utc_ns = None
@@ -117,7 +118,7 @@ class KeptTrack:
 
 
 def kept_name(following: Following | None, names: Mapping[int, str]) -> str | None:
-    """A track's name or number; None where nothing is followed. ``names``: by track id."""
+    """Return a track's name or number; None without a track. ``names``: by track id."""
     if following is None or following.track_id is None:
         return None
     return names.get(following.track_id, f"track {following.track_id}")

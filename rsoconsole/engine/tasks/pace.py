@@ -1,9 +1,9 @@
-"""Exposure and cadence for the rate of what is followed, within configured bounds.
+"""Exposure and cadence for a track's rate, within configured bounds.
 
-A streak of a few pixels has no direction, and one as long as the frame is cut as often as not; what
+A streak of a few pixels has no direction, and one as long as the frame is often cut; an object that
 crosses half the field between two exposures is lost where one prediction fails. Where the settings
-of the night lead there, others are taken until the track ends, on record. What the operator sets
-meanwhile stands.
+of the night lead there, others are taken until the track ends, on record. A setting that the
+operator changes meanwhile stands.
 """
 
 from collections.abc import Callable
@@ -40,7 +40,8 @@ TUNABLE = {f"{section}.{key}" for section, keys in _BY_SECTION.items() for key i
 
 
 def changed(config: Config, name: str, value: float | str) -> Config:
-    """The configuration with one tunable set. Raises ValueError naming what is allowed."""
+    """Return the configuration with one tunable set. Raises ValueError naming the allowed
+    values."""
     check_tunable(name)
     try:
         return with_setting(config, name, value)
@@ -49,7 +50,7 @@ def changed(config: Config, name: str, value: float | str) -> Config:
 
 
 def check_tunable(name: str) -> None:
-    """Raises ValueError, with the remedy, for what cannot be changed while the loop runs."""
+    """Raise ValueError, with the remedy, for a setting that cannot change while the loop runs."""
     if name in TUNABLE:
         return
     if name in {each for each, _, _ in walk(Config())}:
@@ -61,14 +62,14 @@ def check_tunable(name: str) -> None:
 
 
 def change_record(before: Config, after: Config, name: str, by: str) -> ParameterChange:
-    """The change for the record."""
+    """Return the record of a change."""
     return ParameterChange(
         name=name, before=value_of(before, name), after=value_of(after, name), by=by
     )
 
 
 def value_of(config: Config, name: str) -> Any:
-    """The value of a setting."""
+    """Return the value of a setting."""
     return attrgetter(name)(config)
 
 
@@ -85,7 +86,8 @@ EXPOSURE, CADENCE = "exposure.exposure_s", "exposure.cadence_s"
 
 
 def pace_for(rate_arcsec_s: float, config: Config) -> tuple[float, float]:
-    """Exposure and cadence, s, for a rate on the sky; the configured ones where they will do."""
+    """Return exposure and cadence, s, for a rate on the sky; the configured ones where they will
+    do."""
     exposure, optics = config.exposure, config.optics
     pixels_s = max(rate_arcsec_s / optics.scale_arcsec_px, 1e-6)
     longest_px = LONGEST_SHARE * min(optics.width_px, optics.height_px)
@@ -116,7 +118,7 @@ def _cadence_s(rate_arcsec_s: float, exposure_s: float, config: Config) -> float
 
 
 def two_digits(value_s: float) -> float:
-    """A figure to two significant digits: what an operator would have chosen."""
+    """Round to two significant digits, as an operator would choose."""
     return float(np.format_float_positional(value_s, precision=2, fractional=False))
 
 
@@ -127,14 +129,14 @@ class Pace:
         self._before: dict[str, float] = {}
         self._own: dict[str, float] = {}
         self._is_left_alone = False
-        """The operator has set one of them since the track began."""
+        """True where the operator has set one of them since the track began."""
 
     def after(
         self, config: Config, track: TrackState | None
     ) -> tuple[Config, tuple[ParameterChange, ...]]:
-        """The configuration for the next exposure, and what changes in it.
+        """Return the configuration for the next exposure, and its changes.
 
-        ``track``: as the last frame left it; None where nothing is followed.
+        ``track``: the lead track after the last frame; None without one.
         """
         for name, value in list(self._own.items()):
             if value_of(config, name) != value:
@@ -159,7 +161,7 @@ class Pace:
         return self._changed_to(config, apart, f"the track's {rate:.0f} arcsec/s")
 
     def of_night(self, config: Config) -> Config:
-        """The configuration without what is changed for the track."""
+        """Return the configuration without the changes made for the track."""
         for name, value in self._before.items():
             if value_of(config, name) == self._own.get(name):
                 config = changed(config, name, value)
@@ -184,7 +186,8 @@ class Pace:
 
 
 def _may_change(config: Config) -> bool:
-    """The paper's night has one exposure, and a dark that cannot be scaled fits one only."""
+    """True where exposures may vary: the paper's night has one exposure, an unscalable dark fits
+    only one."""
     is_dark_fixed = bool(config.calibration.darks) and config.calibration.bias is None
     return config.exposure.automatic and config.filter.preset != "paper" and not is_dark_fixed
 
@@ -199,12 +202,12 @@ class TemporarySettings:
     """Settings that hold for a number of frames, by their names."""
 
     def __init__(self, of_night: Callable[[Config], Config] = lambda config: config) -> None:
-        """``of_night``: a configuration as the night has it, without what a track changed in it."""
+        """``of_night``: returns a configuration without the changes made for a track."""
         self._of_night = of_night
         self._loans: dict[str, _Loan] = {}
 
     def lend(self, config: Config, name: str, frames: int) -> None:
-        """Remember what the setting is now; the first lender's value comes back at the end."""
+        """Remember the present setting; the value before the first change comes back at the end."""
         known = self._loans.get(name)
         before = value_of(self._of_night(config), name) if known is None else known.before
         self._loans[name] = _Loan(before=before, frames=frames)
@@ -214,11 +217,12 @@ class TemporarySettings:
         self._loans.pop(name, None)
 
     def left(self) -> dict[str, int]:
-        """Frames that each still holds for."""
+        """Return the number of frames that each setting still holds for."""
         return {name: loan.frames for name, loan in dict(self._loans).items()}
 
     def count(self, config: Config) -> tuple[Config, tuple[ParameterChange, ...]]:
-        """Count one frame: the configuration with expired settings set back, and its records."""
+        """Count one frame; return the configuration with expired settings set back, and its
+        records."""
         changes: list[ParameterChange] = []
         for name, loan in list(self._loans.items()):
             if loan.frames > 1:

@@ -7,7 +7,7 @@ from rsoconsole.words import NO_PARK
 
 RETRY_NS = 30 * NS
 ENOUGH = 20
-"""Orders after which it is said for the last time that somebody must go there."""
+"""Number of orders after which it is reported for the last time that somebody must go there."""
 
 
 class Parking:
@@ -19,26 +19,27 @@ class Parking:
         self._instrument_controller = instrument_controller
         self._session_log = session_log
         self.is_wanted = False
-        """The mount is not parked yet and shall be."""
+        """True while the mount is to be parked and is not yet."""
         self.trouble = ""
-        """The reason why it does not park; empty where it has taken the last order."""
+        """Reason why it does not park; empty where it has taken the last order."""
         self._orders = 0
         self._next_utc_ns = 0
-        """No order and no complaint goes out before that."""
+        """Time before which no further order and no report goes out, UTC ns."""
         self._is_silent = False
-        """It did not answer at the last look."""
+        """True where the mount did not answer at the last look."""
 
     def want(self) -> None:
-        """Park; the order goes out with the next look, unless the mount is on its way already."""
+        """Request a park; the order goes out with the next look, unless the mount is on its way
+        already."""
         self.is_wanted, self._orders, self._next_utc_ns = True, 0, 0
         self.trouble = ""
 
     def forget(self) -> None:
-        """Park no more."""
+        """End the request to park."""
         self.is_wanted = self._is_silent = False
 
     def see_to_it(self) -> None:
-        """Take one look: order, wait, order again; never raises."""
+        """Take one look: order, wait, or order again; never raises."""
         if not self.is_wanted:
             return
         now_ns = self._instrument_controller.now_utc_ns()
@@ -62,7 +63,7 @@ class Parking:
             self._complain(str(error))
 
     def _order(self) -> None:
-        """Raises InstrumentError where nobody knows what the mount can."""
+        """Order the park. Raises InstrumentError where the mount's abilities are not known."""
         if not self._instrument_controller.instruments.mount.abilities().can_park:
             self.forget()
             self._complain(NO_PARK)

@@ -1,4 +1,4 @@
-"""Two small pictures a frame: all of it, and what matters in it at full resolution."""
+"""Two small pictures a frame: the whole of it, and a close-up at full resolution."""
 
 from dataclasses import replace
 
@@ -12,13 +12,15 @@ from rsoconsole.tracking import Following
 
 LONG_SIDE_PX = 466
 STEPS = 0xF8
-"""Of 256: a third of the noise's sigma each, a third of the disk."""
+"""Mask of the grey levels kept of 256: steps of a third of the noise's sigma, a third of the
+disk."""
 CLOSEUP_PX = (256, 192)
 """Columns and rows of a close-up: a geostationary streak of 10 s, and sky about it."""
 
 
 def preview_of(pixels: PixelArray) -> npt.NDArray[np.uint8]:
-    """Area-averaged to at most 466 px and stretched by asinh about the median; (h, w) uint8."""
+    """Return the frame area-averaged to at most 466 px, stretched by asinh about the median; (h, w)
+    uint8."""
     import cv2
 
     height, width = pixels.shape
@@ -28,19 +30,19 @@ def preview_of(pixels: PixelArray) -> npt.NDArray[np.uint8]:
 
 
 class PlacesOfInterest:
-    """Where in a frame its close-up belongs; without stars by the plate of the last that had some.
+    """Chooses the place of a frame's close-up; without stars by the last known plate.
 
-    On what is followed, else where it was expected, else on the most confident candidate.
+    On the lead track, else where it was expected, else on the most confident candidate.
     """
 
     def __init__(self) -> None:
         self._last: tuple[Wcs, float, float] | None = None
-        """Its plate, and where the mount said that it pointed then, degrees."""
+        """Last plate, and the mount's reported pointing then, ICRS degrees."""
 
     def of(
         self, frame: Frame, reduction: Reduction, following: Following
     ) -> tuple[float, float] | None:
-        """Where in a frame (x, y, px) its close-up belongs; None: nothing speaks for any place."""
+        """Return the place (x, y, px) of a frame's close-up; None: there is no reason for any."""
         wcs = self._plate_of(frame, reduction)
         found, taken, track = reduction.detections, following.taken, following.track
         if taken is not None and taken.frame_id == found.frame_id:
@@ -54,7 +56,8 @@ class PlacesOfInterest:
         return None if best is None else (best.x_px, best.y_px)
 
     def _plate_of(self, frame: Frame, reduction: Reduction) -> Wcs | None:
-        """The frame's own, else the last one turned by as much as the mount says it has turned."""
+        """Return the frame's own plate, else the last one turned by the mount's reported turn
+        since."""
         ra, dec = frame.pointing_ra_icrs_deg, frame.pointing_dec_icrs_deg
         if isinstance(reduction.solution, Solution):
             wcs = reduction.solution.wcs
@@ -73,7 +76,8 @@ class PlacesOfInterest:
 def closeup_of(
     pixels: PixelArray, x_px: float, y_px: float
 ) -> tuple[tuple[int, int], npt.NDArray[np.uint8]]:
-    """A piece of the frame about a place, unbinned: ((first column, first row), (h, w) uint8).
+    """Return a piece of the frame about a place, unbinned: ((first column, first row), (h, w)
+    uint8).
 
     At the frame's edge it is moved inwards; of a smaller frame it is all.
     """
@@ -85,7 +89,7 @@ def closeup_of(
 
 
 def _stretched(pixels: PixelArray) -> npt.NDArray[np.uint8]:
-    """By asinh about the median, from 2 sigma below it to 55 above."""
+    """Stretch by asinh about the median, from 2 sigma below it to 55 above."""
     small = pixels.astype(np.float32)
     sample = small[::4, ::4]
     median = float(np.median(sample))

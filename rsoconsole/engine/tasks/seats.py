@@ -1,6 +1,6 @@
 """Control among several consoles: the first that acts has it until it gives it away or is gone.
 
-Every console sees; STOP is everybody's. Commands from a shell are not asked.
+Every console sees everything; STOP is open to all. Commands from a shell need no control.
 """
 
 import threading
@@ -11,17 +11,17 @@ from dataclasses import dataclass
 from rsoconsole.control import Sender
 
 GONE_S = 10.0
-"""Silence by which a console has left, s."""
+"""Silence after which a console counts as gone, s."""
 ASKED_S = 30.0
 """Silence after a request for control by which it is given up, s."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SeatView:
-    """The console in control, and another that asks for it."""
+    """The console in control, and another that requests control."""
 
     holder: Sender | None
-    """None while nobody has acted, or who did has left."""
+    """Console in control; None while none has acted, or it has left."""
     asked_by: Sender | None
 
 
@@ -37,7 +37,7 @@ class Seats:
         self._seen_s: dict[Sender, float] = {}
 
     def refusal(self, who: Sender, *, needs_control: bool) -> str | None:
-        """The reason why a sender may not act now; None where it may, and then it takes control."""
+        """Return why a sender may not act now; None where it may, and then it takes control."""
         if who.kind != "console":
             return None
         with self._lock:
@@ -50,7 +50,7 @@ class Seats:
             return f"{seat_name(self._holder)} has control: ask for it"
 
     def ask(self, who: Sender) -> str:
-        """Ask for control; the answer in words."""
+        """Request control; return the answer in words."""
         with self._lock:
             self._receive(who)
             if self._holder in {None, who}:
@@ -63,9 +63,9 @@ class Seats:
             return f"{seat_name(self._holder)} is asked; yours in {ASKED_S:.0f} s at the latest"
 
     def answer(self, who: Sender, *, gives: bool, to: str | None = None) -> str:
-        """The holder gives the seat, or keeps it; ``to``: who is meant, None: who asks.
+        """Give control away, or keep it; ``to``: the console meant, None: any that requests it.
 
-        Raises ValueError where nobody asks for it, or somebody else does by now.
+        Raises ValueError where none requests it, or another does by now.
         """
         with self._lock:
             self._receive(who)
@@ -80,7 +80,7 @@ class Seats:
             return "you keep control"
 
     def view(self) -> SeatView:
-        """The present holder and asker."""
+        """Return the console in control and the requesting one."""
         with self._lock:
             self._tidy()
             return SeatView(holder=self._holder, asked_by=self._asked_by)
@@ -90,7 +90,8 @@ class Seats:
         self._tidy()
 
     def _tidy(self) -> None:
-        """Who has gone has no seat and no wish; who was asked and was silent gives it up."""
+        """Drop consoles that have left and their requests; a holder silent after a request loses
+        control."""
         now_s = self._now_s()
         self._seen_s = {w: s for w, s in self._seen_s.items() if now_s - s < GONE_S}
         if self._asked_by is not None and self._asked_by not in self._seen_s:
@@ -101,5 +102,5 @@ class Seats:
 
 
 def seat_name(who: Sender | None) -> str:
-    """A console's name."""
+    """Return a console's name."""
     return "nobody" if who is None else who.name

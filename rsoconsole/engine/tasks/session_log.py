@@ -1,4 +1,4 @@
-"""The loop's records, in order, each with the clock's present."""
+"""The loop's records, in order, each with the time of the clock."""
 
 import contextlib
 import logging
@@ -26,13 +26,13 @@ class SessionLog:
         now_utc_ns: Callable[[], int],
         on_record: Callable[[Record], None] | None = None,
     ) -> None:
-        """``on_record`` hears every record, on the thread that appends it."""
+        """``on_record`` is called with every record, on the thread that appends it."""
         self._record = record
         self._on_record = on_record
         self._now_utc_ns = now_utc_ns
         self._seen_utc_ns = 0
         self.frame_id = 0
-        """The exposure that what is said belongs to."""
+        """Number of the exposure to which log lines belong."""
 
     def append(self, record: Record) -> None:
         """Append one record."""
@@ -46,7 +46,7 @@ class SessionLog:
         log.log(_LOG_LEVELS[level], "%s", text)
 
     def append_all(self, records: Iterable[Record]) -> None:
-        """Records in order; words among them also into the program's log."""
+        """Append records in order; log lines among them also go into the program's log."""
         for record in records:
             self.append(record)
             if isinstance(record, Event):
@@ -55,7 +55,7 @@ class SessionLog:
     def keep(
         self, frame: Frame, *, is_wanted: bool, place_px: tuple[float, float] | None = None
     ) -> None:
-        """The frame's small pictures, and its pixels where they are wanted.
+        """Keep the frame's small pictures, and its pixels where they are wanted.
 
         ``place_px``: x and y about which a piece of it is kept at full resolution.
         """
@@ -77,7 +77,7 @@ class SessionLog:
             self._record.save_closeup(frame.frame_id, picture)
 
     def last_utc_ns(self) -> int:
-        """The clock's present; where the clock is gone, the last instant it told."""
+        """Return the clock's present, UTC ns; where the clock is gone, its last time."""
         with contextlib.suppress(RsoconsoleError):
             self._seen_utc_ns = self._now_utc_ns()
         return self._seen_utc_ns
@@ -86,8 +86,8 @@ class SessionLog:
 class WarningsOnRecord(logging.Handler):
     """Puts every warning of a logger and of those below it on record, while it is entered.
 
-    What happens beside the loop (a process that died and was replaced before anybody missed it)
-    has no other way there.
+    Events beside the loop (e.g. a process that died and was replaced before anybody missed it)
+    reach the record in no other way.
     """
 
     def __init__(self, session_log: SessionLog, logger: str) -> None:
@@ -101,7 +101,7 @@ class WarningsOnRecord(logging.Handler):
         self._logger.removeHandler(self)
 
     def emit(self, record: logging.LogRecord) -> None:
-        """One line, from any thread; into the session alone: the log has it already."""
+        """Put one line into the session alone, from any thread: the log has it already."""
         self._session_log.append(
             Event(
                 level="alarm" if record.levelno >= logging.ERROR else "warning",
@@ -112,7 +112,7 @@ class WarningsOnRecord(logging.Handler):
 
 
 def read_past(*, is_simulated: bool) -> tuple[Past | None, str | None]:
-    """Uncorrelated tracks of earlier nights, and the ledger's fault in words."""
+    """Return uncorrelated tracks of earlier nights, and the ledger's fault in words."""
     if is_simulated:
         return None, None
     try:

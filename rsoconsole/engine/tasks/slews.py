@@ -1,4 +1,4 @@
-"""The loop's slews: planned, held against the limits, ordered, and finished."""
+"""The loop's slews: planned, checked against the limits, ordered, and finished."""
 
 from dataclasses import replace
 
@@ -23,16 +23,16 @@ from rsoconsole.words import text
 
 
 class NowhereError(RsoconsoleError):
-    """Every place of the search is refused."""
+    """Raised when every place of the search is refused."""
 
     def __init__(self, words: str, *, is_dawn: bool) -> None:
         super().__init__(words)
         self.is_dawn = is_dawn
-        """Until the end of an exposure the Sun will be too high."""
+        """True where the Sun will be too high before the end of an exposure."""
 
 
 class Slews:
-    """Orders the loop's slews: planned, held against the limits, and waited for."""
+    """Orders the loop's slews: planned, checked against the limits, and waited for."""
 
     def __init__(
         self,
@@ -46,7 +46,7 @@ class Slews:
         self._watch = watch
         self._session_log = session_log
         self._commanded: tuple[SlewCommand, tuple[float, float]] | None = None
-        """The slew ordered last, and what the mount was told for it."""
+        """The last slew ordered, and the direction commanded to the mount for it."""
 
     def order_next(self, following: Following, *, is_held: bool) -> Plan:
         """Plan the next exposure and order its slew; the mount is on its way when this returns.
@@ -72,7 +72,8 @@ class Slews:
         return plan
 
     def order(self, plan: Plan, *, t_until_utc_ns: int) -> SlewRefusal | None:
-        """Send the mount where a plan wants it until an instant, or say why not.
+        """Send the mount where a plan wants it until an instant; return the limit that refuses it,
+        if any.
 
         Raises StoppedElsewhere when somebody else has moved the mount, Interrupted instead of
         moving.
@@ -93,7 +94,7 @@ class Slews:
         self._session_log.append(slew)
 
     def forget(self) -> None:
-        """Autonomy has lost the mount: its slew is nobody's any more."""
+        """Forget the slew: autonomy no longer has control of the mount."""
         self._commanded = None
 
     def finish(
@@ -106,10 +107,10 @@ class Slews:
     ) -> bool:
         """Wait until the mount is where the plan wants it; True when the last plate is void.
 
-        ``settle_s``: after its arrival; None for as long as configured.
+        ``settle_s``: time to settle after its arrival; None for as long as configured.
 
-        Raises StoppedElsewhere when somebody else has moved or stopped it, InstrumentError when
-        it does not arrive.
+        Raises StoppedElsewhere when somebody else has moved or stopped it, InstrumentError when it
+        does not arrive.
         """
         if plan.slew is not None:
             # A frame that came since may have taught another pointing offset.
@@ -150,7 +151,7 @@ class Slews:
     def refuse_direction(
         self, direction: tuple[float, float], now_utc_ns: int
     ) -> SlewRefusal | None:
-        """The reason why the telescope must not look at a direction now; None when it may."""
+        """Return why the telescope must not look at a direction now; None when it may."""
         command = self._planner.command(slew_to(0, direction, now_utc_ns, ""))
         return self.refusal(command, now_utc_ns, now_utc_ns)
 
@@ -161,7 +162,7 @@ class Slews:
         t_until_utc_ns: int,
         lifted: frozenset[LimitName] = frozenset(),
     ) -> SlewRefusal | None:
-        """The reason why the mount must not go there; the same for loop and operator."""
+        """Return why the mount must not go to a direction; one rule for loop and operator."""
         start = self._instrument_controller.mount_report()
         refusal = self._watch.limits.refuse_slew(
             replace(pose_of(start), t_utc_ns=self._instrument_controller.now_utc_ns()),
@@ -173,5 +174,5 @@ class Slews:
         return None if refusal is None else refusal.reason
 
     def _refusal_of(self, slew: SlewCommand, t_until_utc_ns: int) -> SlewRefusal | None:
-        """Why the limits forbid a slew of the loop; None when they do not."""
+        """Return why the limits forbid a slew of the loop; None when they do not."""
         return self.refusal(self._planner.command(slew), slew.t_aim_utc_ns, t_until_utc_ns)

@@ -1,8 +1,8 @@
-"""Looks at the mount once a second, no matter who moves it, and ends what must not go on.
+"""Looks at the mount once a second, no matter what moves it, and ends what must not go on.
 
 On a real telescope a thread of its own looks, so that a loop that waits for a solver or a camera
 cannot keep it from looking. Under simulation time passes only while the loop waits, so the loop
-itself looks at every step of a wait. The watch acts first and tells the loop afterwards.
+itself looks at every step of a wait. The watch acts first and informs the loop afterwards.
 """
 
 import contextlib
@@ -43,14 +43,14 @@ SILENCE_S = 5.0
 AHEAD_S = 6 * 3600.0
 FORECAST_HOLDS_NS = 300 * NS
 LATEST_S = 10.0
-"""A word older than this tells nothing of where a mount has moved meanwhile."""
+"""Age up to which a report still gives where the mount is, s."""
 MOVED_DEG = 0.05
 STOOD_STILL_S = 5.0
 LOOP_SILENCE_S = 180.0
-"""No camera, solver or mount keeps the loop waiting for so long, as long as their own time limits
-are the usual ones: beyond it, the loop hangs."""
+"""Silence after which the loop counts as hanging, s; longer than camera, solver or mount keep it
+waiting with the usual time limits."""
 LIFTS: dict[str, LimitName] = {"sun": "twilight"}
-"""Which limit an override of the arming checklist lifts."""
+"""The limit that an override of an arming check lifts, by the check's name."""
 ALL_BUT_SUN: tuple[LimitName, ...] = ("altitude", "horizon", "hour angle", "pier", "twilight")
 
 
@@ -65,35 +65,36 @@ class Watch:
         say: Callable[[Event], None],
         ordered: Callable[[], Ordered | None] = lambda: None,
     ) -> None:
-        """``say``: puts a line on the record, from any thread.
+        """``say``: puts a line on record, from any thread.
 
-        ``ordered``: the motion that this program has ordered last.
+        ``ordered``: returns the motion that this program has ordered last.
         """
         self._instruments = instruments
         self._config = config
         self._queue = queue
         self._say = say
         self.limits = Limits(config.site.to_site(), config.limits, config.mount)
-        """The limits that every slew and every position is held against."""
+        """The limits that every slew and every position is checked against."""
         self.lifted: frozenset[str] = frozenset()
         """Checks that the operator has overridden by name, as long as their reason stands."""
         self._is_responsible = False
         self._lock = threading.Lock()
-        """Over the two above, which the loop sets and the watch's thread thins out."""
+        """Lock over the two above, which the loop sets and the watch's thread thins out."""
         self._said: dict[str, str] = {}
         self._forecast_of: tuple[MountReport, frozenset[LimitName]] | None = None
         self.last_report: MountReport | None = None
         """The mount's report at the last look."""
         self.is_blind = False
-        """The mount did not answer at the last look."""
+        """True where the mount did not answer at the last look."""
         self._last_pose: Pose | None = None
         self._rested: Pose | None = None
-        """Where it was seen last before it began to slew."""
+        """Pose at the last look before it began to slew."""
         self._ordered = ordered
         self._own, self._parked = OwnMotion(ordered), ParkedMotion()
         self._stop = LimitStop(instruments, say)
         self.next_limit: tuple[int, Refusal] | None = None
-        """When sidereal tracking meets a limit, UTC ns, and which; None when none is near."""
+        """Time at which sidereal tracking meets a limit, UTC ns, and which; None when none is
+        near."""
         self._end = threading.Event()
         self._loop_alive_s = time.monotonic()
 
@@ -105,7 +106,7 @@ class Watch:
     def take_over(self, is_responsible: bool, lifted: frozenset[str] | None = None) -> None:
         """Set whether autonomy is responsible: then night's end and least altitude end motions.
 
-        ``lifted``: checks that are overridden by name from now on; None: those that were.
+        ``lifted``: checks that are overridden by name from now on; None: unchanged.
         """
         with self._lock:
             self._is_responsible = is_responsible
@@ -113,12 +114,12 @@ class Watch:
                 self.lifted = lifted
 
     def lifted_limits(self) -> frozenset[LimitName]:
-        """Limits that an override of the checklist has lifted."""
+        """Return the limits that an override of the checklist has lifted."""
         return frozenset(LIFTS[name] for name in self.lifted if name in LIFTS)
 
     @contextlib.contextmanager
     def running(self) -> Iterator[None]:
-        """A thread that looks at 1 Hz; none under simulation, where the loop looks itself."""
+        """Run a thread that looks at 1 Hz; none under simulation, where the loop looks itself."""
         if self._instruments.clock.is_simulated:
             yield
             return
@@ -177,13 +178,14 @@ class Watch:
         self._say_once("loop", "alarm", words)
 
     def limit_before(self, t_utc_ns: int) -> Refusal | None:
-        """The limit that tracking on meets before an instant; None when none."""
+        """Return the limit that continued tracking meets before an instant; None when none."""
         if self.next_limit is None or self.next_limit[0] > t_utc_ns:
             return None
         return self.next_limit[1]
 
     def refusal(self, report: MountReport) -> Refusal | None:
-        """The limit that forbids how the mount moves; None also where it stands or is parked."""
+        """Return the limit that forbids the mount's motion; None also where it stands or is
+        parked."""
         last = self.last_report
         seen = observed_motion(report, last)
         if seen.how == "stands" or (report.is_parked and seen.how != "slews"):
@@ -193,10 +195,9 @@ class Watch:
         return self._refusal(report, pose, seen, own)
 
     def end_at_limit(self, words: str) -> None:
-        """End motion and tracking for a limit that the loop sees ahead; it hears of it then.
+        """End motion and tracking for a limit that the loop sees ahead; the loop is then informed.
 
-        Nothing counts as ahead until the next look: a loop that nothing keeps from exposing would
-        meet it again at once.
+        Nothing counts as ahead until the next look: the loop would else meet it again at once.
         """
         self.next_limit = self._forecast_of = None
         parks = not self._is_responsible
@@ -207,18 +208,20 @@ class Watch:
         self._queue.stop(LimitMet(words=f"{words}; {done}"), end)
 
     def abort_ordered(self) -> None:
-        """ABORT goes out now, by a STOP: the way on teaches how far this mount needs to stop."""
+        """Note that a STOP sends ABORT now: the way on shows how far this mount needs to stop."""
         self._stop.note_abort(self._instruments.clock.now_utc_ns())
 
     def _held_lifted(self) -> frozenset[LimitName]:
-        """Limits that do not act on a motion: the least altitude is autonomy's affair."""
+        """Return the limits that do not act on a motion: the least altitude does so only under
+        autonomy."""
         lifted = self.lifted_limits()
         return lifted if self._is_responsible else lifted | {"altitude"}
 
     def _refusal(
         self, report: MountReport, pose: Pose, seen: ObservedMotion, own: Own | None
     ) -> Refusal | None:
-        """The limit that forbids how it moves: what was ordered here has been judged before."""
+        """Return the limit that forbids a motion; one ordered by this program has been judged
+        before."""
         limits = self.limits
         if seen.how != "slews":
             return limits.refuse_pose(pose, is_slewing=False, lifted=self._held_lifted())
@@ -245,7 +248,7 @@ class Watch:
         )
 
     def night_end(self) -> NightEnd | None:
-        """The reason why it is no night for telescopes now; None where it is one."""
+        """Return the reason to end the night now; None where observing is possible."""
         safety_monitor = self._instruments.safety_monitor
         sky = None if safety_monitor is None else safety_monitor.look()
         now_ns = self._instruments.clock.now_utc_ns()
@@ -283,9 +286,10 @@ class Watch:
         )
 
     def _look_whether_it_is_parked(self, report: MountReport, own: Own | None, now_ns: int) -> bool:
-        """Its driver's word that it is parked is held against what was measured.
+        """Compare the driver's claim that it is parked with the measured motion.
 
-        Some say so as soon as they have the order. True where it moves or tracks: it is stopped.
+        Some drivers report it as soon as they have the order. True where it moves or tracks: it is
+        stopped.
         """
         does = self._parked.see(report)
         parks = own == "park" or report.is_slewing or report.is_parking
@@ -302,7 +306,7 @@ class Watch:
         return True
 
     def _look_at_a_resting_mount(self, report: MountReport, pose: Pose) -> None:
-        """Nothing moves that could be stopped; but the Sun may come to where it looks."""
+        """Note a mount at rest: nothing can be stopped, but the Sun may come to where it looks."""
         self.next_limit = self._forecast_of = None
         self._last_pose = self._rested = pose
         self._said.pop("limit", None)
@@ -317,7 +321,7 @@ class Watch:
             self._say_once("Sun", "alarm", words, is_same=True)
 
     def _end_motion(self, how: How, own: Own | None, refusal: Refusal, now_ns: int) -> None:
-        """Once, and told once; a motion that goes on is stopped again now and then."""
+        """End a motion and report it once; one that goes on is stopped again now and then."""
         if not self._stop.is_due(how, now_ns):
             return
         # Autonomy leads the mount away from a limit by itself, if it can.
@@ -345,7 +349,7 @@ class Watch:
         self._forecast_of = report, lifted
 
     def _look_how_low(self, pose: Pose) -> None:
-        """Where nobody is armed the least altitude is a matter of taste."""
+        """Warn of a low altitude while autonomy is not responsible; the motion is left alone."""
         refusal = None
         if not self._is_responsible:
             refusal = self.limits.refuse_pose(pose, is_slewing=False, lifted=self.lifted_limits())
@@ -384,7 +388,8 @@ class Watch:
     def _say_once(
         self, about: str, level: Literal["warning", "alarm"], text: str, *, is_same: bool = False
     ) -> None:
-        """Say it unless it was said; ``is_same``: also where only its figures have changed."""
+        """Report it unless it was reported; ``is_same``: also where only its figures have
+        changed."""
         said = self._said.get(about)
         if said == text or (is_same and said is not None):
             return
@@ -398,7 +403,7 @@ def _holds(
     report: MountReport,
     lifted: frozenset[LimitName],
 ) -> bool:
-    """Whether what was found ahead of the last report is still ahead of this one."""
+    """True where the limit found ahead of the last report is still ahead of this one."""
     return (
         last_lifted == lifted
         and last.pier_side == report.pier_side
