@@ -1,4 +1,4 @@
-"""The operator's seat in a terminal: shows what the session says, sends what the operator wants.
+"""The operator's console in a terminal: shows the session and sends the operator's commands.
 
 May touch session, control, sky, tracking, records and config below; never the engine, an
 instrument or the simulator.

@@ -46,14 +46,14 @@ if TYPE_CHECKING:
     from rsoconsole.console.picture.graphics import GraphicsKind
 
 StopDirectly = Callable[[Callable[[Found], None], IndiConfig | None], None]
-"""Stops the mount past the engine; calls back with what it finds."""
+"""Callback that stops the mount without the engine; calls back with its findings."""
 
 
 def is_utf8() -> bool:
-    """Whether the terminal takes more than ASCII, by the locale.
+    """Return True where the terminal takes more than ASCII, by the locale.
 
-    In the locale C, Python writes UTF-8 all the same, and says so in its own environment
-    (PEP 538): what the program was given counts.
+    In the locale C, Python sets UTF-8 in its own environment (PEP 538): the environment given to
+    the program counts.
     """
     given = _given_environment()
     said = next((given[name] for name in ("LC_ALL", "LC_CTYPE", "LANG") if given.get(name)), "")
@@ -66,7 +66,7 @@ def is_utf8() -> bool:
 
 
 def _given_environment() -> Mapping[str, str]:
-    """The environment as it was when the program began, where the system tells."""
+    """Return the environment of the program's start, where the system provides it."""
     if not os.environ.get("LC_CTYPE", "").startswith("C."):
         return os.environ
     try:
@@ -77,11 +77,11 @@ def _given_environment() -> Mapping[str, str]:
 
 
 AFTER_ESCAPE_S = 0.05
-"""Seconds that what escape closes has to be closed."""
+"""Seconds left for the action of escape before the key behind it acts."""
 
 
 def action_of(owner: Any, key: KeyCommand) -> Callable[[], Any]:
-    """The action of a command, for the palette."""
+    """Return the action of a command, for the palette."""
     if key.sends is not None:
         return partial(owner.action_hand_over, key.name)
     action: Callable[[], Any] = getattr(owner, f"action_{key.name}")
@@ -122,12 +122,11 @@ class ConsoleApp(App[str]):
         sessions_root: Path | None = None,
         tour: "TourMemory | None" = None,
     ) -> None:
-        """``keymap``: other keys for commands, by name; ``seat_name``: for the engine;
-        ``graphics``: the terminal's own, for the pictures; ``blocks``: the characters that they
-        are made of elsewhere; ``review``: open no live seat but a
-        review, of that session (None: asks which) from that frame or time on;
-        ``sessions_root``: where recorded nights lie; ``tour``: whether the first F1 shows one,
-        None: it does not."""
+        """``keymap``: other keys for commands, by name; ``seat_name``: this console's name for the
+        engine; ``graphics``: the terminal's own, for the pictures; ``blocks``: the characters of
+        pictures without them; ``review``: open a review instead of the live screen, of that session
+        (None: asks which) from that frame or time on; ``sessions_root``: folder of recorded nights;
+        ``tour``: memory of the tour, which the first F1 shows; None: no tour."""
         super().__init__()
         self.graphics = graphics
         self._tour = tour
@@ -135,7 +134,7 @@ class ConsoleApp(App[str]):
         self._settings = settings or ConsoleConfig()
         self._last: tuple[NightView, EngineView] = (NightView(), EngineView())
         self._newest: tuple[NightView, Picture | None] | None = None
-        """What no screen has looked at yet; pictures must not pile up while one is busy."""
+        """Newest night and picture not yet shown; older ones are dropped while a screen is busy."""
         self._newest_lock = threading.Lock()
         self._own_keys = dict(keymap or {})
         self._is_recorded = session is not None or review is not None
@@ -159,7 +158,7 @@ class ConsoleApp(App[str]):
             sessions_root=sessions_root,
         )
         self.root: Seat = self.live
-        """The screen under all others: STOP is its."""
+        """Screen under all others; the STOP key is handled there."""
         if review is not None:
             self.root = ReviewScreen(
                 self.live.orders,
@@ -170,7 +169,7 @@ class ConsoleApp(App[str]):
             )
 
     def on_mount(self) -> None:
-        """The screen first, the watches after it."""
+        """Show the screen first, then start the watches."""
         wants_ascii = self._settings.ascii
         if wants_ascii is None:
             wants_ascii = not is_utf8()
@@ -202,24 +201,24 @@ class ConsoleApp(App[str]):
         self._session_watch.close()
 
     def check_action(self, action: str, parameters: tuple[object, ...]) -> bool | None:
-        """The bare letter is a letter where one types; ctrl+x is STOP there too."""
+        """Leave a letter to the field being typed in; ctrl+x is STOP there too."""
         if action == "stop_by_letter":
             return not isinstance(self.focused, Input | TextArea)
         return super().check_action(action, parameters)
 
     @property
     def shown(self) -> NightScreen:
-        """The live night or the review, whatever lies over it."""
+        """The live night's screen or the review's, whatever lies over it."""
         screens = [screen for screen in self.screen_stack if isinstance(screen, NightScreen)]
         return screens[-1] if screens else self.live
 
     @property
     def place(self) -> Place:
-        """Whether that is the live night or a review."""
+        """Place of that screen: "live" or "review"."""
         return "review" if isinstance(self.shown, ReviewScreen) else "live"
 
     def get_system_commands(self, screen: Screen[Any]) -> Iterable[SystemCommand]:
-        """Every command by name, for the palette; those of an opened frame come first."""
+        """Yield every command by name, for the palette; those of an opened frame come first."""
         if isinstance(screen, FrameSheet):
             yield from screen.system_commands()
         for command in commands_in(self.place):
@@ -237,7 +236,7 @@ class ConsoleApp(App[str]):
         return self._exception
 
     def _fatal_error(self) -> None:
-        """The terminal is given back; who has opened the console says what went wrong."""
+        """Keep the exception; the terminal is restored, and the console's caller reports it."""
         log.error("the console broke", exc_info=self._exception)
         self.bell()
         self._close_messages_no_wait()
@@ -253,12 +252,12 @@ class ConsoleApp(App[str]):
     action_stop_by_letter = action_stop
 
     def action_after_escape(self, key: str) -> None:
-        """Escape, and when that has put away what it does, the key typed right behind it."""
+        """Act on escape; where that has closed something, then on the key typed right behind it."""
         self.simulate_key("escape")
         self.set_timer(AFTER_ESCAPE_S, partial(self.simulate_key, key))
 
     def action_help(self) -> None:
-        """Keys, signs and terms; the first time the tour, but where the keys are a pane's own."""
+        """Show keys, signs and terms; the first time the tour, unless a pane has the keys."""
         if isinstance(self.screen, HelpDialog | TourDialog):
             return
         has_own_keys = bool(MODE_WORDS[self._mode])
@@ -270,7 +269,7 @@ class ConsoleApp(App[str]):
 
     @property
     def _mode(self) -> Mode:
-        """What the keys are for."""
+        """Present meaning of the keys."""
         return self.screen.mode if isinstance(self.screen, FrameSheet) else self.shown.mode
 
     def _show_help(self) -> None:
@@ -301,7 +300,7 @@ class ConsoleApp(App[str]):
         self.shown.say(f"colours: {COLOURS[self.theme]}")
 
     def action_leave(self) -> None:
-        """Leave as the screen has it."""
+        """Leave in the way the screen provides."""
         if isinstance(self.screen, FrameSheet):
             self.pop_screen()
         screen = self.screen
@@ -309,7 +308,7 @@ class ConsoleApp(App[str]):
             screen.action_leave()
 
     def ring_alerts(self, night: NightView, engine: EngineView) -> None:
-        """Ring or notify for what has changed since the last look."""
+        """Ring or notify for changes since the last look."""
         before, self._last = self._last, (night, engine)
         for alert, words in alerts_between(before, self._last):
             if alert in self._settings.bell:

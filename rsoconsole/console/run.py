@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from rsoconsole.console.app import StopDirectly
 
 ATTACH_S = 10.0
-"""How long an engine on a busy machine may take to answer."""
+"""Seconds that an engine on a busy machine may take to answer."""
 
 
 def run_console(
@@ -31,11 +31,11 @@ def run_console(
     """Open the console and stay until it is left: "quit", or "stop engine" when that was chosen.
 
     ``socket`` is the engine's, None the default one. With ``session`` that folder is shown,
-    read-only, live while it grows, and no engine is asked. ``owns_engine`` waits for one that is
+    read-only, live while it grows, without an engine. ``owns_engine`` waits for one that is
     only starting. ``stop_directly`` stops the mount where the engine does not; it is given the
     session's INDI settings, or None. ``graphics``: other than configured.
 
-    Raises ControlError when there is no engine, ConfigError for a keymap that is none,
+    Raises ControlError when there is no engine, ConfigError for an invalid keymap,
     SessionError when ``session`` holds none, RsoconsoleError where there is no terminal.
     """
     config, keymap = load_config(), _keymap()
@@ -69,12 +69,12 @@ def run_review(
     stop_directly: "StopDirectly | None" = None,
     graphics: Graphics | None = None,
 ) -> None:
-    """Open a review and stay until it is left; without a session it asks which.
+    """Open a review and stay until it is left; without a session the review asks for one.
 
     ``start``: the frame or UTC time that is shown first. No engine is asked; STOP is sent to the
     one of ``socket`` all the same.
 
-    Raises ConfigError for a keymap that is none, SessionError when ``session`` holds none,
+    Raises ConfigError for an invalid keymap, SessionError when ``session`` holds none,
     RsoconsoleError where there is no terminal.
     """
     config, keymap = load_config(), _keymap()
@@ -96,7 +96,8 @@ def _keymap() -> dict[str, str]:
 def _run(
     config: Config, socket: Path | None, seat: Sender, graphics: Graphics | None, **more: Any
 ) -> str:
-    """The application until its end, in a process that is a console alone; ``more``: of it."""
+    """Run the application to its end, in a process that is a console alone; ``more``: its
+    arguments."""
     from rsoconsole.console.app import ConsoleApp
     from rsoconsole.console.picture.graphics import choose_drawing
 
@@ -121,9 +122,9 @@ def _run(
 
 
 def _require_terminal(without: str) -> None:
-    """Raises RsoconsoleError where nothing can be drawn; Textual draws on stderr.
+    """Raise RsoconsoleError where nothing can be drawn; Textual draws on stderr.
 
-    ``without``: what else there is, in words.
+    ``without``: alternatives without a terminal, in words.
     """
     if not (sys.stdin.isatty() and sys.stdout.isatty() and sys.stderr.isatty()):
         raise RsoconsoleError(
@@ -136,7 +137,7 @@ def _require_terminal(without: str) -> None:
 
 
 def _seat() -> Sender:
-    """Who sits where, as another console shall read it."""
+    """Return this console's operator and terminal, as another console shows them."""
     try:
         terminal = os.ttyname(sys.stdin.fileno()).removeprefix("/dev/")
     except OSError:

@@ -1,4 +1,4 @@
-"""What a session says of its night: one fold over its records, read by all who show it."""
+"""A session's night: one fold over its records, read by all who show it."""
 
 from lazy_loader import attach_stub
 

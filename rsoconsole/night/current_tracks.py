@@ -1,4 +1,4 @@
-"""The tracks that are followed as of a record: state, last measurement, rows of plots. Pure."""
+"""The followed tracks as of a record: state, last measurement, rows of plots. Pure."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
@@ -23,35 +23,36 @@ from rsoconsole.tracking import ON_TRIAL
 from rsoconsole.words import text
 
 MAX_ROWS = 400
-"""Last frames of a track that its plots show."""
+"""Number of last frames of a track that its plots show."""
 PAIRS_KEPT_NS = 3_600_000_000_000
-"""Age beyond which a pair is dropped: its tracks have ended."""
+"""Age in nanoseconds beyond which a pair is dropped: its tracks have ended."""
 TAKEN_BACK_FRAMES = 12
-"""Frames within which the engine takes a decision back (``pipeline.cycle.decisions``)."""
+"""Frames within which the engine reverses a decision (``pipeline.cycle.decisions``)."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FollowedTrack:
-    """A track that is followed, as of its last frame."""
+    """Followed track, as of its last frame."""
 
     state: TrackState
     is_lead: bool
     began_frame_id: int
     since_utc_ns: int
-    """Mid-exposure of the frame in which it began."""
+    """Mid-exposure of the frame in which it began, UTC nanoseconds."""
     measured_frame_id: int | None = None
     """Frame of its last measurement."""
     measured_utc_ns: int | None = None
-    """Mid-exposure of its last measurement."""
+    """Mid-exposure of its last measurement, UTC nanoseconds."""
     measured_px: tuple[float, float] | None = None
-    """Column and row of its last measurement."""
+    """Column and row of its last measurement, pixels."""
     residual_arcsec: tuple[float, float] | None = None
-    """Residual of its last update, as in ``FrameRow``."""
+    """Innovation of its last update, arcsec, as in ``FrameRow``."""
     nis: float | None = None
     snr: float | None = None
     """Integrated SNR of its last streak; None where that was not measured."""
     rows: tuple[FrameRow, ...] = ()
-    """Its frames, oldest first, ``MAX_ROWS`` at most: its own residual, NIS and miss in each."""
+    """Rows of its frames, oldest first, ``MAX_ROWS`` at most: its own residual, NIS and miss in
+    each."""
 
     @property
     def track_id(self) -> int:
@@ -60,12 +61,12 @@ class FollowedTrack:
 
     @property
     def number(self) -> str:
-        """Its number as it is shown: the lead's with a star."""
+        """Its number as shown: the lead's with a star."""
         return track_number(self.track_id, is_lead=self.is_lead)
 
     @property
     def is_on_trial(self) -> bool:
-        """Whether its next miss ends it: it is not confirmed yet."""
+        """True where its next miss ends it: it is not confirmed yet."""
         return not self.is_lead and self.state.innovations < ON_TRIAL
 
 
@@ -78,14 +79,14 @@ class CurrentTracks:
     in_frame: tuple[int, ...] = ()
     """Ids of the tracks with a record in the frame under way, in its order."""
     set_aside: Mapping[int, FollowedTrack] = field(default_factory=dict)
-    """Tracks ended by somebody's command, which may be followed again, by track id."""
+    """Tracks ended by a command, which may be followed again, by track id."""
     dropped: Mapping[int, FollowedTrack] = field(default_factory=dict)
-    """Tracks the operator has dropped, as they were then, by track id, the last one last."""
+    """Tracks dropped by the operator, as they were then, by track id, the last one last."""
     dropped_in: Mapping[int, int] = field(default_factory=dict)
     """Frame from which on each of them is dropped, by track id."""
 
     def can_be_taken_back(self, frame_id: int) -> tuple[int, ...]:
-        """Return the dropped tracks that may still be taken up after a frame, the last one last."""
+        """Return the dropped tracks that may still be resumed after a frame, the last one last."""
         return tuple(n for n, at in self.dropped_in.items() if at > frame_id - TAKEN_BACK_FRAMES)
 
     def in_order(self) -> tuple[FollowedTrack, ...]:
@@ -124,7 +125,7 @@ def tracks_after(  # noqa: PLR0911 -- one case a kind
 
 
 def _with_decision(now: CurrentTracks, record: Ruling) -> CurrentTracks:
-    """Drop the tracks of the operator's decision; take up those it has dropped no longer."""
+    """Drop the tracks of the operator's decision; resume those that it no longer drops."""
     now = _settled(now)
     before = {n: at for n, at in now.dropped_in.items() if at != record.frame_id}
     again = [n for n in now.dropped_in if n not in before and n not in record.dropped]
@@ -148,7 +149,7 @@ def pairs_after(before: tuple[PairMotion, ...], record: PairMotions) -> tuple[Pa
 
 
 def _settled(now: CurrentTracks) -> CurrentTracks:
-    """End the tracks without a record in a frame whose records are all there."""
+    """End the tracks without a record in a frame whose records are complete."""
     if not now.in_frame:
         return now
     left = {n: each for n, each in now.tracks.items() if n in now.in_frame}
@@ -156,7 +157,7 @@ def _settled(now: CurrentTracks) -> CurrentTracks:
 
 
 def _before(now: CurrentTracks, frame_id: int) -> CurrentTracks:
-    """Drop what a frame that is processed again, and those behind it, first came to."""
+    """Drop the first results of a frame that is processed again, and of those behind it."""
     left = {
         number: replace(each, rows=tuple(row for row in each.rows if row.frame_id < frame_id))
         for number, each in now.tracks.items()
@@ -210,7 +211,7 @@ def _with_state(
 
 
 def _without(rows: tuple[FrameRow, ...], frame_id: int) -> tuple[FrameRow, ...]:
-    """Rows without that frame's, which is the last one if any."""
+    """Return the rows without that frame's, which is the last one if any."""
     if rows and rows[-1].frame_id == frame_id:
         rows = rows[:-1]
     if not rows or rows[-1].frame_id < frame_id:
@@ -219,7 +220,7 @@ def _without(rows: tuple[FrameRow, ...], frame_id: int) -> tuple[FrameRow, ...]:
 
 
 def _snr_of(taken: Measurement, found: Detections | None) -> float | None:
-    """SNR of the measured streak; None where its light was not measured."""
+    """Return the SNR of the measured streak; None where its light was not measured."""
     streaks = () if found is None else (*found.detections, *(r.detection for r in found.rejected))
     return next((each.snr or None for each in streaks if is_of_streak(each, taken)), None)
 

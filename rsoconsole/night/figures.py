@@ -22,38 +22,38 @@ from rsoconsole.records import (
 from rsoconsole.tracking import three_sigma_deg
 
 CURVE_FRAMES = 40
-"""Newest frames of which ``TrackFigures`` keeps the NIS one by one."""
+"""Number of newest frames of which ``TrackFigures`` keeps each NIS."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TrackFigures(Quality):
-    """How well the tracks of some frames were followed; None where no frame says it."""
+    """Figures of the tracks over some frames; None where no frame gives one."""
 
     frames: int
-    """Frames that were folded: not those taken while the operator had the mount."""
+    """Number of folded frames: without those taken while the operator had control."""
     locked_after_frames: int | None
-    """Number of the first frame in TRACK."""
+    """Frame number of the first frame in TRACK; None: the loop never reached TRACK."""
     locked_after_s: float | None
-    """Mid-exposure of the first frame to mid-exposure of that one."""
+    """Seconds from mid-exposure of the first frame to that of the first in TRACK."""
     lock_held: float | None
-    """Share of the frames after that one that ended in TRACK."""
+    """Share of the frames after the first in TRACK that ended in TRACK."""
     misses: int
     losses: int
-    """How often the loop changed to LOST."""
+    """Number of changes of the loop to LOST."""
     max_3sigma_arcmin: float | None
-    """3 sigma of the widest prediction."""
+    """3 sigma of the widest prediction, arcmin."""
     state: str
     """The loop's state after the last frame."""
     carried_by_orbit: int = 0
-    """Updates whose prediction was the orbit's, because the filter's had failed."""
+    """Number of updates predicted by the orbit, because the filter's prediction had failed."""
     states: Mapping[str, int] = field(default_factory=dict)
-    """How many frames ended in each state of the loop."""
+    """Number of frames that ended in each state of the loop."""
     nis_curve: tuple[float | None, ...] = ()
     """NIS of the lead in each of the last ``CURVE_FRAMES`` frames; None: not measured there."""
 
 
 class _Frame(NamedTuple):
-    """What the figures need of a frame: small, since a night may have 50,000."""
+    """Part of a frame that the figures need: small, since a night may have 50,000."""
 
     frame_id: int
     t_mid_utc_ns: int | None
@@ -61,7 +61,7 @@ class _Frame(NamedTuple):
     is_chosen: bool
     updates: tuple[Update, ...]
     by_orbit: int
-    """Updates that the orbit predicted."""
+    """Number of updates predicted by the orbit."""
     misses: int
     losses: int
     widest_3sigma_deg: float | None
@@ -72,7 +72,7 @@ class FigureSum:
     """Running sum of a night's figures over its frames."""
 
     def __init__(self, *, of_lead: bool = False) -> None:
-        """``of_lead``: of the lead track alone, as in ``as_recorded``."""
+        """``of_lead``: only the lead track counts, as in ``as_recorded``."""
         self._of_lead = of_lead
         self._frames: dict[int, _Frame] = {}
 
@@ -86,7 +86,7 @@ class FigureSum:
         state: LoopState,
         solution: Solution | NotSolved | None,
     ) -> None:
-        """Add a frame, or replace it by what it came to when it was followed again.
+        """Add a frame, or replace it by its result of being processed again.
 
         ``folded``: the fold's records of it in order (TrackState, NotFollowed, Miss, StateChange);
         ``state``: the loop's state after it.
@@ -154,7 +154,7 @@ def as_recorded(
 
 
 def _of_lead(records: Sequence[Record]) -> list[Record]:
-    """The records without those of other tracks than the lead."""
+    """Return the records without those of other tracks than the lead."""
     beside = {r.track_id for r in records if isinstance(r, TrackState) and not r.is_lead}
     return [r for r in records if not (isinstance(r, TrackState | Miss) and r.track_id in beside)]
 
@@ -166,7 +166,7 @@ def _seconds_between(first: _Frame, later: _Frame) -> float | None:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StateSpan:
-    """A time that the loop spent in one state."""
+    """Time that the loop spent in one state."""
 
     state: str
     t_from_utc_ns: int
@@ -174,17 +174,17 @@ class StateSpan:
 
     @property
     def seconds(self) -> float:
-        """How long it lasted."""
+        """Its duration in seconds."""
         return (self.t_to_utc_ns - self.t_from_utc_ns) / 1e9
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Summary(Quality):
-    """The lead track's figures over a night; None where no frame says it."""
+    """Figures of the lead track over a night; None where no frame gives one."""
 
     frames: int
     followed: int
-    """Frames in which the lead track took a measurement."""
+    """Number of frames in which the lead track took a measurement."""
     misses: int
     locked_after_frames: int | None
     """Frames until the first in TRACK, that one included; None: the loop never reached TRACK."""

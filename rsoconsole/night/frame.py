@@ -1,4 +1,4 @@
-"""One exposure of a night: all that is on record of it, and its row in the plots."""
+"""One exposure of a night: everything on record of it, and its row in the plots."""
 
 import math
 from collections.abc import Iterable, Mapping
@@ -32,7 +32,7 @@ from rsoconsole.words import text
 
 
 def is_without_detection(record: Record) -> bool:
-    """Whether a record says that a frame had no detection, for no cause outside the detector."""
+    """Return True if a record says that a frame had no detection, for no outside cause."""
     reason = record.reason if isinstance(record, Miss | StateChange) else None
     missed = reason.missed if isinstance(reason, Cause) else reason
     return missed is not None and missed.kind == "no detection" and not missed.hidden_by
@@ -43,7 +43,7 @@ def is_outside_field(
     solution: Solution | NotSolved | None,
     taken: FrameTaken | None,
 ) -> bool:
-    """Whether a solved frame's field leaves out the place predicted for the lead track."""
+    """Return True if a solved frame's field leaves out the lead track's predicted position."""
     if predicted is None or taken is None or not isinstance(solution, Solution):
         return False
     from rsoconsole.sky import sky_to_pixel
@@ -55,9 +55,9 @@ def is_outside_field(
 def was_pointed_at(
     records: Iterable[Record], solution: Solution | NotSolved | None, taken: FrameTaken
 ) -> bool:
-    """Whether a folded frame was pointed at the lead track; False: it missed it by looking away.
+    """Return True if a folded frame was pointed at the lead; False: it missed it by looking away.
 
-    ``records``: the fold's of that frame.
+    ``records``: the fold's records of that frame.
     """
     predicted = lead_id = None
     is_missed = False
@@ -71,14 +71,14 @@ def was_pointed_at(
 
 
 class FrameFact(NamedTuple):
-    """A figure of image or sky that every frame has."""
+    """Figure of image or sky that every frame has."""
 
     name: str
-    """Field of ``Detections`` and column of the session."""
+    """Name of its field in ``Detections`` and of its column in the session."""
     label: str
     unit: str
     form: str
-    """Python format of its value."""
+    """Format string of its value."""
 
 
 FRAME_FACTS = (
@@ -87,16 +87,16 @@ FRAME_FACTS = (
     FrameFact("zero_point_mag", "transparency, zero point", "mag", ".2f"),
     FrameFact("star_count", "stars", "", ".0f"),
 )
-"""The figures of image and sky, in the order in which they are shown."""
+"""Figures of image and sky, in the order in which they are shown."""
 
 
 def facts_of(seen: Detections | None) -> dict[str, float | None]:
-    """Return a frame's ``FRAME_FACTS`` by name; None where the frame does not say."""
+    """Return a frame's ``FRAME_FACTS`` by name; None for unknown ones."""
     return {each.name: getattr(seen, each.name, None) for each in FRAME_FACTS}
 
 
 def span_text(fact: FrameFact, values: Iterable[float | None]) -> str:
-    """Word the median of a night and its range; empty where no frame says it."""
+    """Return the median of a night and its range in words; empty where no frame has the figure."""
     known = sorted(value for value in values if value is not None)
     if not known:
         return ""
@@ -109,7 +109,7 @@ def span_text(fact: FrameFact, values: Iterable[float | None]) -> str:
 UNSOUGHT: frozenset[LoopState | None] = frozenset(("IDLE", "MANUAL", "FAULT"))
 """States of the loop in which no object is looked for."""
 ELSEWHERE = "not pointed at it"
-"""Why a frame that looked somewhere else does not show the track."""
+"""Reason why a frame that looked somewhere else does not show the track."""
 SAME_PLACE_PX = 1.0
 """Pixels within which a measurement is of a detection."""
 OUTLINE_SIGMAS = 3.0
@@ -123,22 +123,22 @@ class FrameTrack:
     is_lead: bool
     predicted: TrackState | None = None
     updated: TrackState | None = None
-    """None where the frame did not show it."""
+    """State after the update; None where the frame did not show it."""
 
     @property
     def number(self) -> str:
-        """The track's number as it is shown: the lead's with a star."""
+        """The track's number as shown: the lead's with a star."""
         return track_number(self.track_id, is_lead=self.is_lead)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FrameFold:
-    """A frame's outcome in the fold, in the order of the record."""
+    """Result of a frame in the fold, in the order of the record."""
 
     before: LoopState
     """The loop's state when the frame was reduced."""
     records: tuple[Record, ...] = ()
-    """TrackState, NotFollowed, Miss, StateChange."""
+    """Records of the fold: TrackState, NotFollowed, Miss, StateChange."""
 
     @property
     def state(self) -> LoopState:
@@ -149,15 +149,15 @@ class FrameFold:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class NightFrame:
-    """Everything that is on record of one exposure; empty where nothing is."""
+    """Everything on record of one exposure; empty where nothing is."""
 
     frame_id: int = 0
     began_utc_ns: int | None = None
-    """Start of exposure by the header, else when it was put on record."""
+    """Start of exposure by the header, else the time of its record, UTC nanoseconds."""
     state_before: LoopState | None = None
-    """The loop's state when it was taken; None where the record does not say."""
+    """State of the loop at the exposure; None where it is not on record."""
     tau: float = 0.0
-    """The detector's tau in force when it was taken."""
+    """The detector's tau in force at the exposure."""
     settings: Mapping[str, float | int | str] = field(default_factory=dict)
     """Settings changed between the session's begin and its processing, by dotted name."""
     taken: FrameTaken | None = None
@@ -169,35 +169,35 @@ class NightFrame:
     updated: TrackState | None = None
     """The lead track's state after its measurement; the first state of a track too."""
     tracks: tuple[FrameTrack, ...] = ()
-    """Every track in it."""
+    """Predictions and updates of all its tracks."""
     not_followed: tuple[NotFollowed, ...] = ()
     misses: tuple[Miss, ...] = ()
     closeup: Closeup | None = None
-    """Where its close-up at full resolution lies."""
+    """Place of its close-up at full resolution."""
     decision: Ruling | None = None
     """The operator's last decision on it."""
     orbits: tuple[OrbitEstimate, ...] = ()
     names: tuple[Identified, ...] = ()
     fold: FrameFold | None = None
-    """None for a frame that was not folded, and until all its records are there."""
+    """Result in the fold; None for a frame not folded, and until its records are complete."""
     changes: tuple[StateChange, ...] = ()
     """Changes of the loop's state in it, by the fold and by others."""
     first: "NightFrame | None" = None
-    """The frame before the operator's decision had it processed again."""
+    """Frame as it was before the operator's decision had it processed again."""
 
     @property
     def t_mid_utc_ns(self) -> int:
-        """Mid-exposure; 0 for a frame without a time."""
+        """Mid-exposure, UTC nanoseconds; 0 for a frame without a time."""
         return (None if self.taken is None else self.taken.t_mid_utc_ns) or 0
 
     @property
     def has_time(self) -> bool:
-        """Whether its mid-exposure is known."""
+        """True where its mid-exposure is known."""
         return self.taken is not None and self.taken.t_mid_utc_ns is not None
 
     @property
     def state(self) -> LoopState | None:
-        """The loop's state after it."""
+        """The loop's state after the frame."""
         return self.changes[-1].after if self.changes else self.state_before
 
     @property
@@ -224,7 +224,7 @@ class NightFrame:
 
     @property
     def followed(self) -> Measurement | None:
-        """The measurement the operator wants taken, else the one the lead took."""
+        """The measurement chosen by the operator, else the one the lead took."""
         taken = None if self.decision is None else self.decision.taken
         return self.measured if taken is None else taken
 
@@ -249,19 +249,19 @@ class NightFrame:
 
     @property
     def missed(self) -> str | None:
-        """Why the lead was not measured, in words."""
+        """Reason why the lead was not measured, in words."""
         miss = self.miss
         return None if miss is None else text(miss.reason)
 
     @property
     def is_elsewhere(self) -> bool:
-        """Whether the lead was missed because, by its prediction, it was not in the field."""
+        """True where the lead was missed because its predicted position was not in the field."""
         miss = self.miss
         return miss is not None and is_without_detection(miss) and self.is_lead_outside
 
     @property
     def is_lead_outside(self) -> bool:
-        """Whether the lead's predicted place is outside the solved field."""
+        """True where the lead's predicted position is outside the solved field."""
         return is_outside_field(self.predicted, self.solution, self.taken)
 
     def _not_led(self) -> tuple[FrameTrack, ...]:
@@ -274,7 +274,7 @@ class NightFrame:
         return next(taken_by, None)
 
     def streak_of(self, measured: Measurement) -> Detection | None:
-        """Return the detection a measurement is of; None for one by hand."""
+        """Return the detection of a measurement; None for one by hand."""
         return next((each for each in self.found if is_of_streak(each, measured)), None)
 
 
@@ -284,48 +284,48 @@ class FrameRow:
 
     frame_id: int
     is_reduced: bool = False
-    """Whether the frame's detections are known."""
+    """True where the frame's detections are known."""
     confidence: float | None = None
     """Confidence of the best detection above tau; None without one."""
     miss: str | None = None
     refused: tuple[float, str] | None = None
-    """The likeliest streak that was not taken: its confidence, and why; None without one."""
+    """The likeliest streak that was not accepted: its confidence, and why; None without one."""
     is_followed: bool = False
-    """Whether the track took a measurement of it."""
+    """True where the track took a measurement of it."""
     residual_arcsec: tuple[float, float] | None = None
-    """(d alpha cos delta, d delta), measured minus predicted; None when nothing was taken."""
+    """(d alpha cos delta, d delta), measured minus predicted; None where nothing was measured."""
     sigma_arcsec: tuple[float, float] | None = None
-    """One sigma of the residual; of the prediction where nothing was taken."""
+    """One sigma of the residual; of the prediction where nothing was measured."""
     nis: float | None = None
     facts: Mapping[str, float | None] = field(default_factory=dict)
     """Its ``FRAME_FACTS`` by name."""
     t_utc_ns: int | None = None
-    """Start of exposure."""
+    """Start of exposure, UTC nanoseconds."""
     mount_icrs_deg: tuple[float, float] | None = None
-    """RA and Dec the mount reported."""
+    """RA and Dec that the mount reported, ICRS, degrees."""
     plate_icrs_deg: tuple[float, float] | None = None
-    """RA and Dec of its centre by the plate solution."""
+    """RA and Dec of its centre by the plate solution, ICRS, degrees."""
     rotation_deg: float | None = None
-    """Rotation of its plate, east of north."""
+    """Rotation of its plate, east of north, degrees."""
     was_sought: bool = True
-    """Whether it was pointed at the object in a state that looks for one: else it has no miss."""
+    """True where it was pointed at the object in a state that looks for one: else no miss."""
     settings: Mapping[str, float | int | str] = field(default_factory=dict)
     """Settings changed between the session's begin and its processing, by dotted name."""
     is_solved: bool | None = None
-    """Whether it was plate-solved; None while that is not known."""
+    """True where it was plate-solved; None while that is not known."""
     is_cloudy: bool = False
-    """Whether the lead's miss in it is put down to cloud."""
+    """True where the lead's miss in it is attributed to cloud."""
     is_by_orbit: bool = False
-    """Whether its residual is from the orbit's prediction: the filter's own had failed."""
+    """True where its residual is from the orbit's prediction: the filter's own had failed."""
 
     @property
     def fwhm_px(self) -> float | None:
-        """FWHM of its stars."""
+        """FWHM of its stars, pixels."""
         return self.facts.get("star_fwhm_px")
 
     @property
     def zero_point_mag(self) -> float | None:
-        """Zero point: the sky's transparency."""
+        """Zero point in magnitudes: the sky's transparency."""
         return self.facts.get("zero_point_mag")
 
 
@@ -365,12 +365,12 @@ def row_of(frame: NightFrame) -> FrameRow:
 
 
 def track_number(track_id: int, *, is_lead: bool) -> str:
-    """A track's number, the lead's with a star."""
+    """Return a track's number, the lead's with a star."""
     return f"{track_id}*" if is_lead else f"{track_id}"
 
 
 def predicted_sigma_arcsec(track: TrackState) -> tuple[float, float]:
-    """One sigma (east, north) on the sky of a state's position."""
+    """Return one sigma (east, north) on the sky of a state's position."""
     cos_dec = math.cos(math.radians(track.x[2]))
     east_deg = math.sqrt(max(track.P[0][0], 0.0)) * cos_dec
     return east_deg * 3600.0, math.sqrt(max(track.P[2][2], 0.0)) * 3600.0
@@ -379,7 +379,7 @@ def predicted_sigma_arcsec(track: TrackState) -> tuple[float, float]:
 def outline_px(
     track: TrackState, solution: Solution, points: int
 ) -> tuple[tuple[float, float], ...]:
-    """The 3-sigma ellipse of a state's position, as pixels of the frame."""
+    """Return the 3-sigma ellipse of a state's position, as pixels of the frame."""
     from rsoconsole.sky import sky_to_pixel
 
     ra, _, dec, _ = track.x
@@ -396,7 +396,7 @@ def outline_px(
 
 
 def is_of_streak(detection: Detection, measured: Measurement | None) -> bool:
-    """Whether a measurement is of that detection, within ``SAME_PLACE_PX``."""
+    """Return True if a measurement is of that detection, within ``SAME_PLACE_PX``."""
     return measured is not None and (
         abs(detection.x_px - measured.x_px) < SAME_PLACE_PX
         and abs(detection.y_px - measured.y_px) < SAME_PLACE_PX
@@ -404,13 +404,13 @@ def is_of_streak(detection: Detection, measured: Measurement | None) -> bool:
 
 
 def mount_icrs_deg(taken: FrameTaken) -> tuple[float, float] | None:
-    """RA and Dec that the mount reported of a frame; None where it reported none."""
+    """Return the RA and Dec that the mount reported for a frame; None where it reported none."""
     ra_deg, dec_deg = taken.pointing_ra_icrs_deg, taken.pointing_dec_icrs_deg
     return None if ra_deg is None or dec_deg is None else (ra_deg, dec_deg)
 
 
 def _refused(frame: NightFrame) -> tuple[float, str] | None:
-    """The likeliest of what the detector rejected and the track did not take; the first of two."""
+    """Return the likeliest rejected or unused streak with its reason; of equal ones the first."""
     rejected = () if frame.detections is None else frame.detections.rejected
     candidates: list[tuple[float, Reason]] = [(r.detection.confidence, r.reason) for r in rejected]
     candidates += [(each.measurement.confidence, each.reason) for each in frame.not_followed]

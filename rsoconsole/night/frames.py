@@ -1,4 +1,4 @@
-"""The fold of a session's records into its exposures, each with all that is on record of it."""
+"""The fold of a session's records into its exposures, each with everything on record of it."""
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
@@ -31,10 +31,11 @@ from rsoconsole.records import (
 )
 
 NEWEST = 16
-"""Last frames kept whole in a long night: an operator's decision comes within twelve frames, a
-picture within a few. While somebody marks in a frame, all frames since that one are kept."""
+"""Number of last frames kept whole in a long night: an operator's decision comes within twelve
+frames, a picture within a few. While a mark is made in a frame, all frames since that one are
+kept."""
 MARKED_FOR = 600
-"""Frames for which a frame is kept to be marked in, as in the engine (``pipeline.frame.HELD``)."""
+"""Frames for which a frame is kept for a mark, as in the engine (``pipeline.frame.HELD``)."""
 TAU = "detector.tau"
 FOLDED: frozenset[LoopState] = frozenset(("SEARCH", "ACQUIRE", "TRACK", "COAST", "LOST"))
 """States of the loop in which frames are folded into tracks."""
@@ -43,7 +44,7 @@ _EMPTY = NightFrame()
 
 @dataclass(slots=True, kw_only=True)
 class _Reading:
-    """Where the fold stands in the log."""
+    """Position of the fold in the log."""
 
     tau: float
     state: LoopState | None = None
@@ -51,9 +52,9 @@ class _Reading:
     fold_state: LoopState = "SEARCH"
     """The loop's state after the last frame that was folded."""
     awaited: int | None = None
-    """The frame that was taken and not yet reduced."""
+    """Frame that was taken and not yet reduced."""
     open: int | None = None
-    """The frame whose fold is being read."""
+    """Frame whose fold is being read."""
     before: LoopState = "SEARCH"
     """The loop's state before that fold."""
     records: list[Record] = field(default_factory=list)
@@ -61,22 +62,22 @@ class _Reading:
     again: set[int] = field(default_factory=set)
     """Frames that a decision may have processed again: no change from outside came after them."""
     marked: Mapping[int, int] = field(default_factory=dict)
-    """Last frame until which each frame that somebody marks in is kept."""
+    """Last frame until which each frame with a mark under way is kept."""
     is_ruled: bool = False
-    """Whether a decision was read, and no frame yet that it had processed again."""
+    """True where a decision was read, and no frame yet that it had processed again."""
     is_first_again: bool = False
-    """Whether the next frame processed again is the decision's first."""
+    """True where the next frame processed again is the decision's first."""
 
     def copy(self) -> "_Reading":
-        """Another one at the same place."""
+        """Return a copy at the same place."""
         return replace(self, again=set(self.again), records=list(self.records))
 
 
 class NightFrames:
     """Folds a session's records, in order and of every kind, into its frames.
 
-    A frozen frame is changed in its place until somebody else has it: a frame has a dozen changes,
-    a night 50,000 frames.
+    A frozen frame is changed in place until it is shared: a frame has a dozen changes, a night
+    50,000 frames.
     """
 
     def __init__(
@@ -87,16 +88,16 @@ class NightFrames:
         on_past: Callable[[NightFrame], None] = lambda _: None,
     ) -> None:
         """``newest``: how many of the last frames are kept, None: all; ``on_past``: called with
-        each that is dropped."""
+        each dropped frame."""
         self._reading = _Reading(tau=0.1 if config is None else config.detector.tau)
         self._newest, self._on_past = newest, on_past
         self._frames: dict[int, NightFrame] = {}
         self._past = -1
         """Number of the last frame that was dropped."""
         self._own: dict[int, NightFrame] = {}
-        """Frames that nobody else has yet, by identity."""
+        """Frames that are not shared yet, by identity: they may change in place."""
         self.changed: set[int] = set()
-        """Numbers of the frames that changed since somebody emptied this."""
+        """Numbers of the frames changed since a caller emptied this set."""
 
     @property
     def tau(self) -> float:
@@ -114,7 +115,7 @@ class NightFrames:
         return self._reading.state
 
     def take(self, record: Record, t_utc_ns: int = 0) -> None:  # noqa: PLR0912
-        """Fold the next record; ``t_utc_ns``: when it was put on record."""
+        """Fold the next record; ``t_utc_ns``: the time of its record."""
         reading = self._reading
         match record:
             case FrameTaken():
@@ -219,7 +220,7 @@ class NightFrames:
             self._on_past(past)
 
     def _mark(self, arguments: Mapping[str, Any]) -> None:
-        """Keep a frame while somebody marks in it, and a little longer: that may be undone."""
+        """Keep a frame while a mark is made in it, and a little longer: that may be undone."""
         frame_id = arguments.get("frame")
         if isinstance(frame_id, int):
             frames = MARKED_FOR if arguments.get("on", True) else NEWEST
@@ -281,7 +282,7 @@ class NightFrames:
         reading.open, reading.before, reading.records = frame_id, before, []
 
     def close(self) -> None:
-        """End the open frame: all its records are there."""
+        """End the open frame: its records are complete."""
         reading = self._reading
         if reading.open is None:
             return
@@ -326,11 +327,11 @@ def frames_of(records: Iterable[Record], config: Config | None = None) -> tuple[
 
 
 def is_from_outside(change: StateChange) -> bool:
-    """Whether a change of state came from outside the fold: operator, instruments, limits."""
+    """Return True if a change of state came from operator, instruments or limits, not the fold."""
     is_between_folded = change.before in FOLDED and change.after in FOLDED
     return not is_between_folded or change.reason.kind in FROM_OUTSIDE
 
 
 def is_instruments(miss: Miss) -> bool:
-    """Whether a miss is an instrument's failure: the loop's own, with nothing to fold."""
+    """Return True if a miss is an instrument's failure: the loop's own, with nothing to fold."""
     return miss.reason.kind == "instrument"

@@ -52,14 +52,14 @@ Level = Literal["info", "good", "warning", "alarm"]
 OF_ALARMS: frozenset[CauseKind] = frozenset(
     ("instrument", "not pointing", "limit met", "too many limits", "night ended", "clock set")
 )
-"""Causes that an alarm has said before the state changes."""
+"""Causes that an alarm has already named before the state changes."""
 SHOWN_BY_CHANGE: Mapping[str, CauseKind] = {
     Arm.verb: "armed",
     Disarm.verb: "disarmed",
     Resume.verb: "resumed",
     Seek.verb: "looked for again",
 }
-"""Cause of the change of state that says the same as a command that is done, by verb."""
+"""Causes of changes of state that say the same as a command's success, by the command's verb."""
 _CONSOLE = re.compile(r"\bconsole (?=\S+@)")
 
 
@@ -76,31 +76,31 @@ class LogLine:
     seq: int = 0
     """Place of its record in the log, counted from 1."""
     times: int = 1
-    """How many records it stands for."""
+    """Number of records that it stands for."""
     turns: int = 1
-    """How often the aim has gone from filter to orbit and back, this time included."""
+    """Number of changes of the aim between filter and orbit, this one included."""
     since_utc_ns: int | None = None
-    """When the first of those turns was; None: this is the first."""
+    """Time of the first of those changes, UTC nanoseconds; None: this is the first."""
     asked: str = ""
-    """Who gave a command and which, without its outcome; empty: no command."""
+    """Sender of a command and the command, without its outcome; empty: no command."""
     topic: Topic = ""
     """Topic of an event."""
     missed: Missed | None = None
-    """Why a frame had no measurement."""
+    """Reason why a frame had no measurement."""
     not_taken: str = ""
-    """Kind of the reason for which a measurement was not taken."""
+    """Kind of the reason why a measurement was not accepted."""
     is_of_miss: bool = False
-    """Whether it is a change of state that a miss led to."""
+    """True for a change of state caused by a miss."""
     is_wanted: bool = False
-    """Whether it is a change of state by the operator: to look again, or on a streak."""
+    """True for a change of state by the operator: to search again, or to a streak."""
     is_accepted: bool = False
-    """Whether it is a command that waits for its outcome."""
+    """True for a command that waits for its outcome."""
     is_of_alarm: bool = False
-    """Whether it is a miss or change of state that the alarm just before it has said."""
+    """True for a miss or change of state that the alarm just before it has named."""
     change: tuple[str, ...] = ()
     """State before and after a change of state, and the kinds of its reasons."""
     cause: CauseKind | Literal[""] = ""
-    """Cause of a change of state, or of the change that says as much as a command that is done."""
+    """Cause of a change of state, or of the change that says as much as a command's success."""
     refused_by: str = ""
     """Operator whose command was refused; empty: none was."""
     marked_by: str = ""
@@ -108,7 +108,7 @@ class LogLine:
     setting: str = ""
     """Setting that a record or a command changes, by dotted name."""
     tracks: tuple[int, ...] = ()
-    """Tracks it is about, where several are followed."""
+    """Tracks that it is about, where several are followed."""
     words: str = ""
     """Its text without tracks, operator and level before it."""
 
@@ -118,7 +118,7 @@ class LogLine:
         return f"{self.text} ({self.times} times)" if self.times > 1 else self.text
 
     def of(self, tracks: tuple[int, ...]) -> "LogLine":
-        """The line with these tracks before its words."""
+        """Return the line with these tracks before its words."""
         return replace(self, tracks=tracks, text=f"{tracks_words(tracks)}: {self.words}")
 
 
@@ -128,7 +128,7 @@ def without_console(text: str) -> str:
 
 
 def rejected_words(found: Detections | None, tau: float) -> str:
-    """Name the likeliest rejected streak of a frame at or above tau, and why; empty: none."""
+    """Return the likeliest rejected streak of a frame at or above tau, and why; empty: none."""
     rejected = () if found is None else found.rejected
     likely = [each for each in rejected if each.detection.confidence >= tau]
     if not likely:
@@ -143,7 +143,7 @@ def line_of(
 ) -> LogLine | None:
     """Return a record's line; None for a routine record.
 
-    ``beside``: words that go behind its own; ``is_one_of_several``: whether several tracks are
+    ``beside``: words appended to its own; ``is_one_of_several``: True where several tracks are
     followed, so that the line names its track.
     """
     words = _words(record)
@@ -194,7 +194,7 @@ def _is_used_mark(action: OperatorAction) -> bool:
 
 
 def _cause_of(action: OperatorAction) -> CauseKind | Literal[""]:
-    """The cause of the change of state that says as much as the command itself."""
+    """Return the cause of the change of state that says as much as the command itself."""
     if action.outcome.kind != "done" or action.arguments.get("override"):
         return ""
     return SHOWN_BY_CHANGE.get(action.verb, "")
@@ -206,14 +206,14 @@ def _is_of_alarm(record: Record) -> bool:
 
 
 def _setting_of(action: OperatorAction | None) -> str:
-    """The setting that a command has changed for good; empty: none."""
+    """Return the setting that a command has changed for good; empty: none."""
     if action is None or action.verb != Set.verb or action.outcome.kind != "done":
         return ""
     return "" if action.arguments.get("frames") else str(action.arguments.get("name", ""))
 
 
 def _words(record: Record) -> tuple[Level, str, str] | None:  # noqa: PLR0911 -- one case a kind
-    """Level, what stands before the words, words; None for kinds that are routine."""
+    """Return level, prefix of the words, and words; None for routine kinds."""
     match record:
         case StateChange():
             return _of_state(record)
@@ -293,9 +293,9 @@ def _came_of(record: OperatorAction) -> str:
 
 
 LOOK_BACK_LINES = 6
-"""Last lines among which an accepted command, or an earlier turn of the aim, is looked for."""
+"""Last lines searched for an accepted command, or an earlier change of the aim."""
 FOLLOWED_AGAIN_LINES = 100
-"""Last lines among which are those of the frames that can be processed again."""
+"""Last lines searched for those of the frames that can be processed again."""
 
 
 def append_line(log: list[LogLine], line: LogLine) -> None:
@@ -348,7 +348,7 @@ def _append_news(log: list[LogLine], line: LogLine) -> None:
 
 
 def _is_repeated(log: list[LogLine], line: LogLine) -> bool:
-    """Whether the last change of state of its frame says the same."""
+    """Return True if the last change of state of its frame says the same."""
     if line.frame_id is None:
         return False
     for before in reversed(log[-FOLLOWED_AGAIN_LINES:]):
@@ -358,7 +358,7 @@ def _is_repeated(log: list[LogLine], line: LogLine) -> bool:
 
 
 def _with_turns_before(log: list[LogLine], line: LogLine) -> LogLine:
-    """The newest turn, for itself and for one of just before it, which is taken out."""
+    """Return the newest change of the aim merged with one just before it, which is removed."""
     for index in range(max(len(log) - LOOK_BACK_LINES, 0), len(log)):
         if log[index].topic == "predictor":
             before = log.pop(index)
@@ -370,19 +370,19 @@ def _with_turns_before(log: list[LogLine], line: LogLine) -> LogLine:
 
 
 def _both(last: LogLine, line: LogLine) -> LogLine:
-    """One line of two that say the same: of one track in another frame, or of another track."""
+    """Merge two lines that say the same: of one track in another frame, or of another track."""
     is_another_frame = last.frame_id != line.frame_id or not line.tracks
     return _of_both(replace(line, times=last.times + is_another_frame), last)
 
 
 def _of_both(line: LogLine, other: LogLine) -> LogLine:
-    """The line with the tracks of both."""
+    """Return the line with the tracks of both."""
     tracks = tuple(sorted({*line.tracks, *other.tracks}))
     return line.of(tracks) if tracks else line
 
 
 def _goes_on(last: LogLine, line: LogLine) -> bool:
-    """Whether a line says of a further frame or track what the last one said, for one reason."""
+    """Return True if a line repeats the last one for a further frame or track, for one reason."""
     if line.kind == "NotSolved":
         return last.kind == line.kind
     if line.missed is not None:
@@ -391,13 +391,13 @@ def _goes_on(last: LogLine, line: LogLine) -> bool:
 
 
 def _explains(line: LogLine, last: LogLine) -> bool:
-    """Whether a miss in cloud stands for the last line, that its frame was not plate-solved."""
+    """Return True if a miss in cloud replaces the last line: its frame was not plate-solved."""
     is_of_it = last.kind == "NotSolved" and last.frame_id == line.frame_id and last.times == 1
     return is_of_it and line.missed is not None and bool(line.missed.hidden_by)
 
 
 def _why(missed: Missed | None) -> object:
-    """A miss's reason without figures, for comparison."""
+    """Return a miss's reason without figures, for comparison."""
     if missed is None:
         return None
     hidden = tuple(each.kind for each in missed.hidden_by)
@@ -409,7 +409,7 @@ def _is_alarm(line: LogLine | None) -> bool:
 
 
 def _forget_acceptance(log: list[LogLine], line: LogLine) -> None:
-    """Drop the line that a command was accepted: its outcome says so."""
+    """Drop the line of a command's acceptance: its outcome says so."""
     for index in range(max(len(log) - LOOK_BACK_LINES, 0), len(log)):
         if log[index].is_accepted and log[index].asked == line.asked:
             del log[index]
@@ -417,7 +417,7 @@ def _forget_acceptance(log: list[LogLine], line: LogLine) -> None:
 
 
 def _is_implied(log: list[LogLine], line: LogLine) -> bool:
-    """Whether one of the last lines says what a command did: to a setting, or to the state."""
+    """Return True if one of the last lines shows a command's effect: on a setting, or the state."""
     return any(
         (before.kind == "ParameterChange" and line.setting and before.setting == line.setting)
         or (before.kind == "StateChange" and line.cause and before.cause == line.cause)

@@ -7,7 +7,7 @@ from rsoconsole.words import number
 
 
 class Figure(NamedTuple):
-    """One figure of a night: its label, and how its value is written."""
+    """Figure of merit of a night: its label, and the format of its value."""
 
     label: str
     words: Callable[[Any], str]
@@ -28,6 +28,6 @@ MISSES = Figure("misses", lambda f: str(f.misses))
 STATE = Figure("state", lambda f: f.state or "-")
 
 TUNED = (RMS, NIS_MEAN, LOG_L, INSIDE, MISSES, STATE)
-"""Figures set side by side where a setting is tried on the last frames."""
+"""Figures compared for a setting on trial over the last frames."""
 NIGHT = (LOCK, UPDATES, MISSES, RMS, NIS_MEAN, BAND, INSIDE)
-"""Figures set side by side where it is tried on a whole night."""
+"""Figures compared for a setting on trial over a whole night."""

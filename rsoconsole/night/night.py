@@ -68,14 +68,14 @@ class Night:
         self._tracks = CurrentTracks()
         self._site = config.site.to_site() if config is not None else None
         self.frames = NightFrames(config, newest=newest, on_past=self._keep_row)
-        """The exposures, the last ones with all that is on record of them."""
+        """Exposures; the last ones with everything on record of them."""
         self._rows: dict[int, FrameRow] = {}
         self._kept_rows: Chunks[FrameRow] = ()
         self._log: list[LogLine] = []
         self._kept_log: Chunks[LogLine] = ()
 
     def view(self) -> NightView:
-        """Return the night as of the last record taken."""
+        """Return the night as of the last folded record."""
         rows = self._all_rows()
         if self._now.pointing is not None and self._site is not None:
             self._now.pointing = above_horizon(self._now.pointing, self._site)
@@ -116,22 +116,22 @@ class Night:
 
     @property
     def seq(self) -> int:
-        """Place in the log of the last record taken."""
+        """Place in the log of the last folded record."""
         return self._now.seq
 
     @property
     def slew(self) -> SlewCommand | None:
-        """The last order to the mount; None where it no longer counts."""
+        """Last slew command to the mount; None where it no longer counts."""
         return self._now.slew
 
     @property
     def is_closed(self) -> bool:
-        """Whether the session is closed: no record follows."""
+        """True where the session is closed: no record follows."""
         return self._now.is_closed
 
     @property
     def is_read(self) -> bool:
-        """Whether the session's past has been read to its end."""
+        """True where the session's past has been read to its end."""
         return self._now.is_read
 
     def row(self, frame_id: int) -> FrameRow | None:
@@ -144,7 +144,7 @@ class Night:
         return tuple(self._log)
 
     def frame(self, frame_id: int) -> NightFrame:
-        """Return all that is on record of a frame; empty for one long past."""
+        """Return everything on record of a frame; empty for one long past."""
         return next((f for f in self.frames.seen() if f.frame_id == frame_id), NightFrame())
 
     def newest_frames(self) -> tuple[int, ...]:
@@ -198,7 +198,7 @@ class Night:
         return self._rows
 
     def _fold(self, record: Record, t_utc_ns: int) -> None:  # noqa: PLR0912 -- one case a kind
-        """What the record changes beside its frame; most kinds change nothing more."""
+        """Fold the record into the view; the frame is folded elsewhere."""
         now = self._now
         match record:
             case FrameTaken():
@@ -248,7 +248,7 @@ class Night:
             now.track_frame_id, now.track_since_utc_ns = record.frame_id, record.t_utc_ns
 
     def _another_leads(self, track_id: int) -> None:
-        """What is known of it from when it was no lead."""
+        """Take over the record of a new lead from its time as another track."""
         now, known = self._now, self._tracks.tracks.get(track_id)
         if known is None:
             return

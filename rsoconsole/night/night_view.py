@@ -41,12 +41,12 @@ def in_chunks(items: Sequence[Item], before: Chunks[Item]) -> Chunks[Item]:
 
 
 LAST_FRAMES = 8
-"""Last frames of which ``NightView.measured`` tells."""
+"""Number of last frames that ``NightView.measured`` covers."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LastMeasured:
-    """The measurement that the lead track took of one of the last frames."""
+    """Measurement that the lead track took of one of the last frames."""
 
     frame_id: int
     t_utc_ns: int
@@ -59,7 +59,7 @@ class LastMeasured:
 def last_measured(
     frames: Iterable[NightFrame], rows: Mapping[int, FrameRow]
 ) -> tuple[LastMeasured, ...]:
-    """Return what was measured in the last ``LAST_FRAMES`` frames, newest first."""
+    """Return the measurements of the last ``LAST_FRAMES`` frames, newest first."""
     pairs = ((frame.followed, rows.get(frame.frame_id)) for frame in [*frames][-LAST_FRAMES:])
     found = (
         LastMeasured(
@@ -77,21 +77,21 @@ def last_measured(
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Pointing:
-    """Where the telescope looked, or was sent, at an instant."""
+    """Direction of the telescope, observed or commanded, at an instant."""
 
     t_utc_ns: int
     ra_icrs_deg: float
     dec_icrs_deg: float
     is_ordered: bool = False
-    """Whether it is a slew's aim of which no frame has come yet."""
+    """True for the target of a slew from which there is no frame yet."""
     alt_deg: float | None = None
     az_deg: float | None = None
-    """None where the session does not say its site."""
+    """Azimuth in degrees; None where the session does not give its site."""
 
 
 @dataclass(slots=True, kw_only=True)
 class NightView:
-    """A session at one instant; one given by ``Night.view`` does not change any more."""
+    """Session at one instant; one given by ``Night.view`` does not change any more."""
 
     folder: Path | None = None
     title: str = ""
@@ -100,13 +100,13 @@ class NightView:
     config: Config | None = None
     """Settings of the session's engine; None where they cannot be read."""
     seq: int = 0
-    """Place in the log of the last record taken."""
+    """Place in the log of the last folded record."""
     is_read: bool = False
-    """Whether the past has been read to its end: further records are news."""
+    """True where the past has been read to its end: further records are news."""
     has_ended: bool = False
-    """Whether its engine ended as ordered, with the mount at rest."""
+    """True where its engine ended as ordered, with the mount at rest."""
     fault: str | None = None
-    """Why the session cannot be read at this moment; None: it can."""
+    """Reason why the session cannot be read at this moment; None: it can."""
     tau: float = 0.1
     rows: tuple[FrameRow, ...] = ()
     log: tuple[LogLine, ...] = ()
@@ -125,11 +125,11 @@ class NightView:
     track_frame_id: int = 0
     """Frame in which the last lead track began."""
     track_since_utc_ns: int | None = None
-    """When the last lead track began."""
+    """Mid-exposure of that frame, UTC nanoseconds."""
     orbit: OrbitEstimate | None = None
     """Orbit of the lead track, or of the last one."""
     orbit_utc_ns: int | None = None
-    """When that orbit was found."""
+    """Time at which that orbit was found, UTC nanoseconds."""
     orbits: Mapping[int, OrbitEstimate] = field(default_factory=dict)
     """Last orbit of every track, by track id."""
     identified: Identified | None = None
@@ -141,7 +141,7 @@ class NightView:
     measured: tuple[LastMeasured, ...] = ()
     """Measurements that the lead took of the last frames, newest first."""
     tracks: tuple[FollowedTrack, ...] = ()
-    """All tracks that are followed, by their numbers."""
+    """All followed tracks, by their numbers."""
     dropped: tuple[int, ...] = ()
     """Tracks whose dropping may still be undone, the last one last."""
     pairs: tuple[PairMotion, ...] = ()
@@ -151,7 +151,7 @@ class NightView:
     being_fitted_again: frozenset[int] = frozenset()
     """Tracks whose orbit is from before the operator's last decision on a frame, by track id."""
     kept_track: TrackState | None = None
-    """The lead track when somebody ended it: it may be followed again; None: there is none."""
+    """Lead track as it was ended by a command: it may be followed again; None: there is none."""
 
     @property
     def last_seen_utc_ns(self) -> int | None:
@@ -160,18 +160,18 @@ class NightView:
 
     @property
     def is_in_cloud(self) -> bool:
-        """Whether the lead coasts, and its miss in the newest frame is put down to cloud."""
+        """True where the lead coasts, and its miss in the newest frame is attributed to cloud."""
         last = next((row for row in reversed(self.rows) if row.is_reduced), None)
         return self.state == "COAST" and last is not None and last.is_cloudy
 
     @property
     def is_orbit_past(self) -> bool:
-        """Whether the orbit is of a track that has ended."""
+        """True where the orbit is of a track that has ended."""
         orbit = self.orbit
         return orbit is not None and (self.track is None or orbit.track_id != self.track.track_id)
 
     def setting(self, name: str, changed: Mapping[str, Any] | None = None) -> Any:
-        """Return the value of a setting in force; None where the session does not say.
+        """Return the value of a setting in force; None where it is not on record.
 
         ``name``: dotted; ``changed``: the settings changed by then, None: by now.
         """
@@ -184,7 +184,7 @@ class NightView:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class NightCheckpoint:
-    """A night as it was at one place of the log, for ``Night.go_back``.
+    """Night as it was at one place of the log, for ``Night.go_back``.
 
     Rows, frames and lines are shared with the night and among kept places.
     """
@@ -209,7 +209,7 @@ def above_horizon(pointing: Pointing, site: Site) -> Pointing:
 
 
 def is_same_name(one: Identified | None, other: Identified) -> bool:
-    """Whether a second identification says what the first did: verdict, hint and object."""
+    """Return True if both identifications agree in result, hint and object."""
     if one is None or (one.verdict, bool(one.hint)) != (other.verdict, bool(other.hint)):
         return False
     names = [each.matches[0].norad_id if each.matches else None for each in (one, other)]

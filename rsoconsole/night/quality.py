@@ -12,16 +12,16 @@ from rsoconsole.tracking import Consistency, consistency, mean_band
 
 
 class Update(NamedTuple):
-    """A measurement minus its prediction, with the errors of that."""
+    """Innovation of a measurement with its sigmas and NIS."""
 
     residual_arcsec: tuple[float, float]
-    """Measured minus predicted: right ascension on the sky, declination."""
+    """Measured minus predicted, arcsec: right ascension on the sky, declination."""
     sigma_arcsec: tuple[float, float] | None
     nis: float | None
 
     @property
     def is_inside(self) -> bool:
-        """Whether the residual lies within 3 sigma on both axes."""
+        """True where the residual lies within 3 sigma on both axes."""
         if self.sigma_arcsec is None:
             return False
         pairs = zip(self.residual_arcsec, self.sigma_arcsec, strict=True)
@@ -37,14 +37,14 @@ class Update(NamedTuple):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Quality:
-    """Figures of a number of updates; None where no update says it.
+    """Figures of a number of updates; None where no update gives one.
 
     Residuals are measured minus predicted, of every measurement that the track took.
     """
 
     updates: int
     residual_rms_arcsec: float | None
-    """Root mean square of both axes together."""
+    """Root mean square of both axes together, arcsec."""
     residual_east_rms_arcsec: float | None
     residual_north_rms_arcsec: float | None
     nis_mean: float | None
@@ -59,7 +59,7 @@ class Quality:
 
     @property
     def is_nis_sound(self) -> bool | None:
-        """Whether the mean NIS lies in its band."""
+        """True where the mean NIS lies in its band; None without one."""
         if self.nis_mean is None or self.nis_band is None:
             return None
         return self.nis_band[0] <= self.nis_mean <= self.nis_band[1]
@@ -92,7 +92,7 @@ def quality_of(updates: Sequence[Update]) -> Quality:
 
 
 def rms(values: Sequence[float]) -> float | None:
-    """Root mean square; None of no values."""
+    """Return the root mean square; None of no values."""
     return math.sqrt(fmean(value**2 for value in values)) if values else None
 
 

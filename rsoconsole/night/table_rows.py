@@ -10,13 +10,14 @@ from rsoconsole.words import text
 
 Row = dict[str, Any]
 Logged = tuple[int, int, Any]
-"""(place in the log, UTC nanoseconds, record), as the session's reader gives it."""
+"""Record in its place: (place in the log, UTC nanoseconds, record), as the reader gives it."""
 
 
 def rows_of(name: str, log: Sequence[Logged], files: Iterable[Row] = ()) -> list[Row]:
     """Return the rows of a public table, in the order of the log.
 
-    ``name``: of the table; ``files``: rows of the session's view ``frames``, which knows the files.
+    ``name``: name of the table; ``files``: rows of the session's view ``frames``, which knows the
+    files.
     """
     table = TABLES[name]
     rows = list(_rows(table, log))
@@ -42,7 +43,7 @@ def _rows(table: Table, log: Sequence[Logged]) -> Iterator[Row]:
 
 
 def _parts(table: Table, record: Any) -> Iterable[tuple[Any, Any]]:
-    """The rows that one record makes: (number or key, what the columns are taken from)."""
+    """Yield the rows of one record: (number or key, source of the columns)."""
     if not table.parts:
         return ((None, record),)
     parts = getattr(record, table.parts)
@@ -56,7 +57,7 @@ def _member(number: Any, part: Any, column: Column) -> Any:
 
 
 def _plain(value: Any) -> Any:
-    """The value as it is; records, and tuples of records, as the JSON that the log has."""
+    """Return the value; records, and tuples of records, as the log's JSON."""
     if value is None or isinstance(value, bool | int | float | str):
         return value
     if isinstance(value, Reason):

@@ -12,24 +12,24 @@ from rsoconsole.words import identity, text
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class NightTrack:
-    """One track at the session's end, without what the operator's decisions replaced."""
+    """One track at the session's end, without records replaced by the operator's decisions."""
 
     number: int
     """Its number in the session."""
     states: tuple[TrackState, ...]
-    """In order of time: predicted, initial, updated."""
+    """States in order of time: predicted, initial, updated."""
     measurements: tuple[Measurement, ...]
-    """The measurements that it took in order of time, with its first where that is on record."""
+    """Measurements that it took in order of time, with its first where that is on record."""
     orbit: OrbitEstimate | None = None
     """Its last orbit."""
     identified: Identified | None = None
     """Its last identification."""
     missed: Mapping[int, str] = field(default_factory=dict)
-    """Why it was missed, in words, by frame number."""
+    """Reasons why it was missed, in words, by frame number."""
     lost: str = ""
-    """Why the fold gave it up, in words; empty: it did not."""
+    """Reason why the fold gave it up, in words; empty: it did not."""
     ended: str = ""
-    """What ended it, in words; empty: nothing that is on record."""
+    """Cause of its end, in words; empty: none is on record."""
 
     @property
     def name(self) -> str | None:
@@ -45,7 +45,7 @@ class NightTrack:
 
     @property
     def quality(self) -> Quality:
-        """How well its updates met their predictions."""
+        """Quality of its updates: how well they met their predictions."""
         return quality_of(updates_of(self.states))
 
 
@@ -54,7 +54,7 @@ class _Parts:
     states: list[TrackState] = field(default_factory=list)
     missed: dict[int, str] = field(default_factory=dict)
     lost: list[str] = field(default_factory=list)
-    """Why the fold gave it up, each time."""
+    """Reason of each time that the fold gave it up."""
     orbit: OrbitEstimate | None = None
     name: Identified | None = None
     dropped: list[str] = field(default_factory=list)

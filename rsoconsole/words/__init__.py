@@ -1,4 +1,4 @@
-"""Facts, reasons and figures of a night in words: the one room that says them, in forms by width.
+"""Facts, reasons and figures of a night in words, in forms by width: worded here alone.
 
 Pure functions of records and plain values: no ink, no fitting to a width, no JSON. Nothing is
 ever decided by the words.

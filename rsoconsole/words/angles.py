@@ -8,19 +8,19 @@ _MAX_DECIMALS = 7
 
 
 def format_ra(ra_deg: float, decimals: int = 2) -> str:
-    """'hh:mm:ss.ss' of a right ascension in degrees."""
+    """Format a right ascension in degrees as 'hh:mm:ss.ss'."""
     text = _format_sexagesimal(ra_deg % 360.0 / 15.0, decimals)
     return text.replace("24:", "00:", 1) if text.startswith("24:") else text
 
 
 def format_dec(dec_deg: float, decimals: int = 1) -> str:
-    """'+dd:mm:ss.s' of a declination in degrees."""
+    """Format a declination in degrees as '+dd:mm:ss.s'."""
     text = _format_sexagesimal(abs(dec_deg), decimals)
     return ("-" if dec_deg < 0 and text.strip("0:.") else "+") + text
 
 
 def _format_sexagesimal(value: float, decimals: int) -> str:
-    """'aa:bb:cc.cc' of a value that is not negative, rounded as a whole so that 60 never shows."""
+    """Format a value that is not negative as 'aa:bb:cc.cc', rounded as a whole: 60 never shows."""
     scale = 10**decimals
     total = round(value * 3600.0 * scale)
     whole, fraction = divmod(total, scale)
@@ -79,7 +79,7 @@ def with_sigma(value: float, sigma: float | None, *, digits: int = 1) -> tuple[s
 
 
 def number(value: float | None, form: str, unit: str = "") -> str:
-    """Format a figure in a format of Python's with its unit; "-" where there is none."""
+    """Format a figure with its unit by a Python format; "-" where there is none."""
     return "-" if value is None else f"{value:{form}}{unit}"
 
 

@@ -1,4 +1,4 @@
-"""Faults and remedies that more than one room has to name."""
+"""Faults and remedies named by more than one package."""
 
 ALIGN = "align the mount with its own tools"
 ENGINE_ENDS = "the engine stops the mount and ends"

@@ -20,7 +20,7 @@ def due(what: str, t_utc_ns: int, now_utc_ns: int, form: Clock = "minute") -> st
 def turn_words(
     t_utc_ns: int | None, now_utc_ns: int, form: Clock = "minute", *, is_up: bool
 ) -> str:
-    """Say when an object sets that is up, or rises that is down."""
+    """Say when an object sets that is up, or rises that is below."""
     if t_utc_ns is None:
         return f"does not {'set' if is_up else 'rise'} within a day"
     return due("sets" if is_up else "rises", t_utc_ns, now_utc_ns, form)

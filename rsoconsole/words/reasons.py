@@ -1,4 +1,4 @@
-"""Reasons as sentences: the one place that words them. Nothing is ever decided by the words."""
+"""Reasons as sentences: the only module that words them. Nothing is ever decided by the words."""
 
 from typing import assert_never
 
@@ -81,7 +81,7 @@ _DROPPED: dict[DroppedBy, str] = {
 }
 
 STOP_PATHS = {"mount": "the mount's own process", "indi": "a second INDI connection"}
-"""The ways by which a STOP reaches the mount."""
+"""Paths by which a STOP reaches the mount, in words."""
 CUT_POWER = "cut the mount's power"
 _SLEW_REFUSED: dict[SlewRefusalKind, str] = {
     "altitude": "altitude {value:.1f} deg is {by} below the limit of {bound:.1f}{later}",
@@ -205,7 +205,7 @@ def measured_text(
 
 
 def unmeasured_text(why: str, remedy: str) -> str:
-    """Say that it is not known whether the mount stands after a STOP."""
+    """Say that it is not known whether the mount is at rest after a STOP."""
     return f"NOT KNOWN whether the mount moves{f' ({why})' if why else ''}: {remedy}"
 
 
@@ -230,7 +230,7 @@ def ruled_text(result: CommandResult) -> str:
 
 
 def _mark_text(result: CommandResult, sigma_arcsec: tuple[float, float]) -> str:
-    """The errors of a mark by hand, what it replaces, and what it starts."""
+    """Return the errors of a mark by hand, the measurement it replaces, and the track it starts."""
     east, north = (error_figure(each) for each in sigma_arcsec)
     words = f"used: ±{east}″ RA ±{north}″ Dec"
     others = result.left_alone

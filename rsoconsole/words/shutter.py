@@ -6,7 +6,7 @@ from rsoconsole.config import CalibratedTiming, ExposureConfig
 from rsoconsole.words.angles import counted
 
 OLD_DAYS = 180
-"""Age from which on a calibration is old: drivers are updated, cables changed."""
+"""Age in days from which on a calibration is old: drivers are updated, cables changed."""
 
 
 def mode_words(mode: tuple[object, ...], others: str = "any exposure") -> str:
@@ -53,7 +53,7 @@ def line_words(timing: CalibratedTiming) -> str:
 
 
 def age_days(timing: CalibratedTiming, today: date) -> int:
-    """Whole days since a calibration's last night."""
+    """Return the whole days since a calibration's last night."""
     return (today - timing.measured_on).days
 
 

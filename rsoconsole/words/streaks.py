@@ -30,7 +30,7 @@ def name_words(kind: str, object_class: str, probability: float, *, train: int) 
 
 
 def short_name_of(streak: Detection) -> str:
-    """A streak's class, else its kind, in one word; empty for neither."""
+    """Return a streak's class, else its kind, in one word; empty for neither."""
     if streak.object_class != "undetermined":
         return streak.object_class
     return "" if streak.kind == "streak" else streak.kind

@@ -17,7 +17,7 @@ _CUTS: dict[Clock, slice] = {
 
 
 def utc_ns_to_iso(t_utc_ns: int, decimals: int = 3) -> str:
-    """ISO 8601 with Z, e.g. '2023-06-22T03:04:05.678Z'; rounded to ``decimals`` (0 to 9)."""
+    """Format an instant as ISO 8601 with Z, '2023-06-22T03:04:05.678Z'; ``decimals``: 0 to 9."""
     step = 10 ** (9 - decimals)
     rounded = (int(t_utc_ns) + step // 2) // step * step
     days, in_day = divmod(rounded, NS_PER_DAY)
@@ -57,7 +57,7 @@ def span(seconds: float, form: Literal["cell", "line"] = "cell") -> str:
 
 
 def left(seconds: float) -> str:
-    """Format a time that is left in whole minutes, under two in seconds."""
+    """Format a remaining time in whole minutes, under two in seconds."""
     return f"{seconds / 60:.0f} min" if seconds >= 120.0 else f"{max(seconds, 0.0):.0f} s"
 
 

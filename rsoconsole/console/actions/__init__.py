@@ -1,1 +1,1 @@
-"""What the keys of the seat do: each is one command, or one question."""
+"""Key actions of the console: each sends one command or asks one question."""

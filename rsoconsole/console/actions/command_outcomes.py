@@ -1,4 +1,4 @@
-"""What the engine answers to this console's commands, and what its record says of them later."""
+"""Answers of the engine to this console's commands, and their results on record."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -21,7 +21,7 @@ from rsoconsole.night import LogLine, NightView
 
 
 class CommandOutcomes(MarkActions):
-    """Says what came of this console's commands: the engine's answer, then the record's."""
+    """Reports the results of this console's commands: the engine's answer, then the record's."""
 
     tune: TuneActions
     _ticked: tuple[str, ...] = ()
@@ -35,7 +35,7 @@ class CommandOutcomes(MarkActions):
     def handle_outcome(
         self, command: Command, stops: int, seq: int, then: Command | None, outcome: Outcome
     ) -> None:
-        """Say it where it went well, ask where it did not; STOP has the last word."""
+        """Report a success, open a dialog for a refusal; after a later STOP do neither."""
         self.ask_now()
         if outcome.data.get(ON_RECORD):
             self._expect_refusal(command, seq)
@@ -78,7 +78,7 @@ class CommandOutcomes(MarkActions):
         self.ask_unasked(ArmDialog(outcome.message, checks, ticked or self._ticked), decided)
 
     def _expect_refusal(self, command: Command, seq: int) -> None:
-        """It is said already: its record, which may have been read by now, says nothing new."""
+        """Note a refusal that has been shown, so that its record, perhaps read by now, is not."""
         words = command_words(command.verb, command.arguments())
         if not any(self._refused_here(line) == words for line in self.log_lines_after(seq)):
             self._refused_at_once.append(words)
@@ -89,12 +89,12 @@ class CommandOutcomes(MarkActions):
         return frozenset(words.partition(" ")[0] for words in refused if words)
 
     def _refused_here(self, line: LogLine) -> str:
-        """The command of this console that the line says was refused; empty: none."""
+        """Return the command of this console that the line says was refused; empty: none."""
         own = Sender.console(self.seat_name).words
         return line.asked.removeprefix(f"{own} ") if line.refused_by == own else ""
 
     def report_refusals(self, before: NightView) -> None:
-        """Say once what the engine accepted from this console and refused later."""
+        """Report once each command that the engine accepted from this console and refused later."""
         for line in self.log_lines_since(before):
             refused = self._refused_here(line)
             if refused in self._refused_at_once:

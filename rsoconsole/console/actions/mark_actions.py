@@ -24,11 +24,11 @@ from rsoconsole.words import angle
 
 REFUSAL_S = 10.0
 MARK_SAID_S = 30.0
-"""How long the result of a mark is shown: the opened frame, where it was made, may cover it."""
+"""Seconds that the result of a mark is shown: the opened frame, where it was made, may cover it."""
 DETAILS_S = 60.0
-"""How long after a mark its frame's streaks are the first page that ``v`` shows."""
+"""Seconds after a mark during which its frame's streaks are the first page that ``v`` shows."""
 RECALLED_S = 600.0
-"""How long after a mark they are at hand beside those of the newest frame."""
+"""Seconds after a mark during which its streaks can be shown beside those of the newest frame."""
 
 
 class MarkActions(Seat):
@@ -39,12 +39,12 @@ class MarkActions(Seat):
     marking: Marking | None = None
     """The mark that is being made; None while none is."""
     _marked: tuple[int | None, float] = (None, 0.0)
-    """The frame of the last mark that the engine accepted, and when, in monotonic seconds."""
+    """Frame of the last mark that the engine accepted, and its time in monotonic seconds."""
     _has_unread_details = False
-    """Whether that frame's streaks have not been looked at since."""
+    """True until that frame's streaks have been shown."""
 
     def action_mark(self) -> None:
-        """Begin a mark in the picture; once more: leave it off."""
+        """Begin a mark in the picture; pressed again: cancel it."""
         if self.marking is not None:
             self.cancel_mark()
             return
@@ -65,7 +65,7 @@ class MarkActions(Seat):
         self.begin_mark(frame_id, self._refuse_mark)
 
     def begin_mark(self, frame_id: int, refused: Callable[[str], None]) -> None:
-        """Have the engine keep that frame; ``refused`` is called with why it cannot."""
+        """Have the engine keep that frame; ``refused`` is called with the reason if it cannot."""
 
         def came(outcome: Outcome) -> None:
             if not outcome.ok:
@@ -81,20 +81,20 @@ class MarkActions(Seat):
         self.say(why_not, "warn", REFUSAL_S)
 
     def cancel_mark(self) -> None:
-        """Leave the mark off; nothing is sent."""
+        """Cancel the mark; nothing is sent."""
         if self.marking is not None:
             self.leave_mark(self.marking.frame_id)
         self._end_mark()
         self.say("")
 
     def drop_mark(self) -> None:
-        """Leave the mark off because another session is shown."""
+        """Cancel the mark because another session is shown."""
         if self.marking is not None:
             self.say("the mark is left off: another session began", "warn")
         self.marking = self.newer_picture = None
 
     def _end_mark(self) -> None:
-        """Show again what is newest."""
+        """End the mark and show the newest picture again."""
         self.marking = None
         if self.newer_picture is not None:
             self.picture, self.newer_picture = self.newer_picture, None
@@ -108,7 +108,7 @@ class MarkActions(Seat):
             self.newer_picture = picture
 
     def look_again(self) -> None:
-        """Go on with the mark after the view has changed."""
+        """Continue the mark after the view has changed."""
         drawing = self.drawing
         if self.marking is not None and drawing is not None:
             self.marking.look(drawing)
@@ -199,19 +199,19 @@ class MarkActions(Seat):
         )
 
     def leave_mark(self, frame_id: int | None) -> None:
-        """Tell the engine that it need not keep the frame for a mark any longer."""
+        """Release the frame that the engine keeps for a mark."""
         if frame_id is not None and self.can_act:
             self.orders.send(BeginMark(frame_id=frame_id, is_on=False), lambda _outcome: None)
 
     def report_mark_result(self, before: NightView) -> None:
-        """Say what came of a mark of this console, once it is on record."""
+        """Report the result of a mark of this console, once it is on record."""
         own = Sender.console(self.seat_name).words
         for line in self.log_lines_since(before):
             if line.marked_by == own:
                 self.say(f"your {line.words}", "good", MARK_SAID_S)
 
     def recent_mark(self) -> tuple[int | None, bool]:
-        """The frame marked last, None: long ago; and whether its streaks come first, once."""
+        """Return the frame marked last, None: long ago; and whether its streaks come first."""
         (frame_id, at_s), is_first = self._marked, self._has_unread_details
         since_s, self._has_unread_details = self.now_s() - at_s, False
         if frame_id is None or since_s >= RECALLED_S:
@@ -220,7 +220,7 @@ class MarkActions(Seat):
 
     @property
     def hides_signs(self) -> bool:
-        """Whether a mark is being made: signs stand where its ends are."""
+        """True while a mark is made without the streaks' signs: they would cover its ends."""
         return self.marking is not None and not self.marking.shows_signs
 
     def marks_by_hand(self) -> tuple[Mark, ...]:
@@ -229,7 +229,7 @@ class MarkActions(Seat):
 
 
 def why_no_mark(frame_id: int, detail: NightFrame) -> str:
-    """The reason why a frame takes no mark, before its ends are set; empty: it does."""
+    """Return the reason why a frame takes no mark, before its ends are set; empty: it does."""
     if isinstance(detail.solution, NotSolved):
         reason = detail.solution.reason
         return f"no mark in frame {frame_id}: it was not solved ({reason}), so it has no place"
@@ -239,7 +239,7 @@ def why_no_mark(frame_id: int, detail: NightFrame) -> str:
 
 
 def too_late_to_mark(engine: EngineView, frame_id: int) -> str:
-    """The reason why the engine takes no mark in that frame any more; empty: it does."""
+    """Return the reason why the engine takes no mark in that frame any more; empty: it does."""
     frames = engine.markable_frames
     if not engine.is_attached or frames is None or frame_id in frames:
         return ""
@@ -254,7 +254,7 @@ def too_late_to_mark(engine: EngineView, frame_id: int) -> str:
 
 
 def _frames_text(frames: Sequence[int]) -> str:
-    """Frames 20 to 31; frames 1, 2, 20."""
+    """Return frame numbers in words: "20 to 31", "1, 2, 20"."""
     if len(frames) > 2 and frames[-1] - frames[0] == len(frames) - 1:
         return f"frames {frames[0]} to {frames[-1]}"
     return f"frame{'s' if len(frames) > 1 else ''} {', '.join(map(str, frames))}"

@@ -22,13 +22,13 @@ class NudgeActions(Seat):
 
     twice: TwicePressed
     is_nudging = False
-    """Whether a nudge is on its way: the next one waits for its outcome."""
+    """True while a nudge is under way: the next one waits for its outcome."""
     _nudge_step = FIRST_STEP
 
     def _nudge(self, name: str, right: float, down: float) -> None:
         """Move the telescope so that it looks that way in the picture.
 
-        Arrows are what everybody presses to scroll: they take the mount from nobody unasked.
+        Arrows are often pressed to scroll: under autonomy they take control on a second press only.
         """
         # A key that is held down repeats: one nudge at a time, none on its way after a STOP.
         if self.is_nudging or not self.may_act():
@@ -59,7 +59,7 @@ class NudgeActions(Seat):
         )
 
     def _on_the_sky(self, right: float, down: float) -> tuple[float, float]:
-        """A direction in the picture as (east, north); without a plate north is up, east left."""
+        """Return a direction in the picture as (east, north); without a plate north is up."""
         solution = self.picture.detail.solution if self.picture is not None else None
         if not isinstance(solution, Solution):
             return -right, -down

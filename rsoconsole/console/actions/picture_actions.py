@@ -12,14 +12,14 @@ SEEN_COLUMNS = 3.0
 
 
 class PictureActions(Seat):
-    """Draws a frame in the two picture panes: which part of it, and how light becomes grey."""
+    """Draws a frame in the two picture panes, with the chosen view and stretch."""
 
     _sight: int | None = None
-    """Of SIGHTS, as chosen; None: the field, or the close-up where that shows no streak."""
+    """Chosen index in SIGHTS; None: the field, or the close-up where that shows no streak."""
     _stretch = 0
 
     def _picture_panes(self) -> tuple[FramePane, FramePane]:
-        """The large one and the small one."""
+        """Return the large pane and the small one."""
         return self.query_one("#frame", FramePane), self.query_one("#closeup", FramePane)
 
     def show_picture(self) -> None:
@@ -33,13 +33,13 @@ class PictureActions(Seat):
 
     @property
     def _sight_now(self) -> int:
-        """Which of SIGHTS has the large pane."""
+        """Index in SIGHTS of the view in the large pane."""
         if self._sight is not None:
             return self._sight
         return SIGHTS.index("close-up") if self._is_streak_too_small() else 0
 
     def _is_streak_too_small(self) -> bool:
-        """Whether the field would show a dot, in the only pane for pictures there is."""
+        """True where the only visible picture pane would show the streak as a dot."""
         picture, (pane, closeup) = self.picture, self._picture_panes()
         has_both = closeup.display or not pane.display
         if picture is None or picture.closeup is None or has_both:
@@ -72,14 +72,14 @@ class PictureActions(Seat):
         return title if stretch == "streaks" else [*title, stretch], caption
 
     def action_zoom(self) -> None:
-        """The whole field, the close-up, the close-up pixel by pixel."""
+        """Take the next view: the whole field, the close-up, the close-up pixel by pixel."""
         self._sight = (self._sight_now + 1) % len(SIGHTS)
         self.show_picture()
         self.look_again()
         self.say(f"picture: {SIGHTS[self._sight]}")
 
     def action_stretch(self) -> None:
-        """How light becomes grey."""
+        """Take the next stretch from light to grey."""
         self._stretch = (self._stretch + 1) % len(STRETCHES)
         self.show_picture()
         self.say(f"stretch: {STRETCHES[self._stretch]}")

@@ -1,4 +1,4 @@
-"""The plots and what lies over them: whose they are, which frames they show, which page."""
+"""The plots and the pages over them: track, frames and page shown."""
 
 from dataclasses import replace
 from functools import partial, partialmethod
@@ -17,7 +17,7 @@ from rsoconsole.night import FollowedTrack, FrameRow, NightView
 
 
 def night_of(night: NightView, track: FollowedTrack) -> NightView:
-    """A copy of the night with the rows of one track, which its plots are drawn from."""
+    """Return a copy of the night with the rows of one track, which its plots are drawn from."""
     rows = {row.frame_id: row for row in track.rows}
 
     def of_track(row: FrameRow) -> FrameRow:
@@ -48,9 +48,9 @@ class PlotActions(Seat):
     """The page over the plots; None: none."""
     window = PlotWindow()
     chosen_track_id: int | None = None
-    """Whose plots are shown, and where the list's cursor is; None: the lead's."""
+    """Track whose plots are shown and at which the list's cursor stands; None: the lead."""
     shows_neighbours = False
-    """Whether the list says who stands next to whom."""
+    """True where the list shows each track's neighbours."""
 
     @property
     def chosen_track(self) -> FollowedTrack | None:
@@ -60,7 +60,7 @@ class PlotActions(Seat):
 
     @property
     def plotted_words(self) -> str:
-        """The track of the plots in words; empty: the lead."""
+        """Name of the plotted track in words; empty: the lead."""
         chosen = self.chosen_track
         return "" if chosen is None else f"track {chosen.number}"
 
@@ -87,7 +87,7 @@ class PlotActions(Seat):
             self.pane("tracks").show(self._track_lines())
 
     def _track_lines(self) -> Build:
-        """What builds the list of tracks, or who stands next to whom."""
+        """Return the builder of the list of tracks or of their neighbours."""
         night, track = self.night, self.chosen_track
         chosen = None if track is None else track.track_id
         if self.shows_neighbours:
@@ -98,7 +98,7 @@ class PlotActions(Seat):
     def place_plots(self, box: Box, *, is_covered: bool) -> None:
         """Lay the page over the plots; the list of tracks has the focus while it is seen.
 
-        ``is_covered``: something else lies there.
+        ``is_covered``: another pane lies there.
         """
         over, listed = self.pane("curves"), self.pane("tracks")
         is_seen = self.page is not None and not is_covered
@@ -126,7 +126,7 @@ class PlotActions(Seat):
         self.say("plots: confidence, residuals, NIS")
 
     def _turn_to(self, page: Page) -> None:
-        """That page; once more: the plots."""
+        """Show that page; if it is shown already, the plots."""
         wanted = None if self.page == page else page
         self.show_page(wanted)
         self.say(self.PAGES[wanted] if wanted else "plots: confidence, residuals, NIS")
@@ -151,7 +151,7 @@ class PlotActions(Seat):
         self._show_window(self.window.moved(LIVE_STEP, len(self.night.rows), self._mark_count()))
 
     def _mark_count(self) -> int:
-        """Marks that the plots have room for."""
+        """Return the number of marks that the plots have room for."""
         return max(self.pane("confidence").size.width - AXIS_COLUMNS, 1)
 
     def action_plots_wider(self) -> None:

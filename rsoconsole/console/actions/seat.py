@@ -1,6 +1,6 @@
-"""The base of the console's screens: what is known, who may act, how a command is sent.
+"""Base of the console's screens: their state, the right to act, sending commands.
 
-What a screen alone can do stands here with nothing in it, and is done there.
+Methods that only a derived screen can implement are empty here.
 """
 
 import time
@@ -34,19 +34,19 @@ if TYPE_CHECKING:
 
 Answer = TypeVar("Answer")
 NEW_LINES = 20
-"""How many of the log's last lines are searched for the result of a command."""
+"""Number of the log's last lines that are searched for the result of a command."""
 NOTICE_S = 4.0
 SEEN_AFTER_NS = 1_000_000_000
 BANNER_S = 15.0
-"""How long a STOP that ended at rest is shown; any other stays."""
+"""Seconds that a STOP that ended at rest is shown; any other stays."""
 
 
 def _nothing(*_: object) -> None:
-    """The callback that does nothing."""
+    """Do nothing: the default callback."""
 
 
 class Seat(Screen[None]):
-    """Holds what is known and sends commands; the screens above it show and ask."""
+    """Holds the night's and engine's state and sends commands; derived screens show and ask."""
 
     night: var[NightView] = var(NightView, init=False, always_update=True)
     engine: var[EngineView] = var(EngineView, init=False, always_update=True)
@@ -54,7 +54,7 @@ class Seat(Screen[None]):
     outlook: var["Outlook | None"] = var(None, init=False, always_update=True)
     orbit_ahead: var[OrbitAhead | None] = var(None, init=False, always_update=True)
     is_click = False
-    """The action that runs was clicked, not typed."""
+    """True while the action that runs was clicked, not typed."""
     is_log_open = False
     is_orbit_open = False
 
@@ -68,7 +68,7 @@ class Seat(Screen[None]):
         seat_name: str = "",
         keymap: Mapping[str, str] | None = None,
     ) -> None:
-        """``seat_name``: by which the engine knows this console; ``keymap``: keys of its own."""
+        """``seat_name``: the engine's name for this console; ``keymap``: keys of its own."""
         super().__init__()
         self.keymap = dict(keymap or {})
         self.seat_name = seat_name
@@ -83,9 +83,9 @@ class Seat(Screen[None]):
         self.stops = 0
         """Number of STOPs given here."""
         self._stopped_utc_ns: int | None = None
-        """By the engine's clock, when STOP was given here last."""
+        """Time of the last STOP given here, UTC nanoseconds by the engine's clock."""
         self._is_stop_seen = False
-        """Whether the engine has reported since the last STOP here that nobody has the mount."""
+        """True once the engine has reported, since the last STOP here, that nobody has control."""
 
     # -- words --------------------------------------------------------------------------------
 
@@ -105,21 +105,21 @@ class Seat(Screen[None]):
         self.app.push_screen(dialog, decided)
 
     def log_lines_after(self, seq: int) -> list[LogLine]:
-        """Lines recorded after that place of the log, of the last ``NEW_LINES``."""
+        """Return the lines recorded after that place of the log, of the last ``NEW_LINES``."""
         return [line for line in self.night.log[-NEW_LINES:] if line.seq > seq]
 
     def log_lines_since(self, before: NightView) -> list[LogLine]:
-        """Lines since a view of this night; none of another night, or where nobody acts."""
+        """Return the lines since a view of this night; none of another night or without a name."""
         is_of_night = before.is_read and before.folder == self.night.folder
         return self.log_lines_after(before.seq) if self.seat_name and is_of_night else []
 
     def now_s(self) -> float:
-        """Monotonic time in seconds; tests replace it."""
+        """Return monotonic time in seconds; tests replace it."""
         return time.monotonic()
 
     @property
     def is_following_again(self) -> bool:
-        """Whether the kept track was asked for, and the engine has yet to follow it again."""
+        """True from the request to follow the kept track again until the engine does."""
         return False
 
     @property
@@ -135,12 +135,12 @@ class Seat(Screen[None]):
         """Draw the last line; the screen that has one does."""
 
     def show_stop(self, news: StopNews | None) -> None:
-        """Keep how a STOP stands, None: nothing to show; the screen that has a banner draws it."""
+        """Keep the state of a STOP, None: nothing to show; a screen with a banner draws it."""
         self.stop_news = news
 
     @property
     def is_stopping(self) -> bool:
-        """Whether STOP was given here and the engine's last status is from before it."""
+        """True where STOP was given here and the engine's last status is from before it."""
         news = self.stop_news
         if news is None or news.phase == "failed":
             return False
@@ -151,12 +151,12 @@ class Seat(Screen[None]):
     # -- what is shown ------------------------------------------------------------------------
 
     def pane(self, name: str) -> LinesPane:
-        """The pane of that name."""
+        """Return the pane of that name."""
         return self.query_one(f"#{name}", LinesPane)
 
     @property
     def drawing(self) -> Drawing | None:
-        """How the large pane's picture is drawn; None while nothing is."""
+        """Drawing of the large pane's picture; None while nothing is drawn."""
         return self.query_one("#frame", FramePane).drawing
 
     def place_panes(self) -> None:
@@ -170,7 +170,7 @@ class Seat(Screen[None]):
 
     @property
     def hides_signs(self) -> bool:
-        """Whether the signs of streaks would cover what is being marked."""
+        """True where the signs of streaks would cover the streak being marked."""
         return False
 
     def marks_by_hand(self) -> tuple[Mark, ...]:
@@ -189,7 +189,7 @@ class Seat(Screen[None]):
 
     @property
     def intro(self) -> str:
-        """What stands in the alert's place while there is none; empty as a rule."""
+        """Text in the alert's place while there is no alert; empty by default."""
         return ""
 
     @property
@@ -198,11 +198,11 @@ class Seat(Screen[None]):
         return orbit_facts(self.night, self.engine, self.orbit_ahead)
 
     def target_name(self) -> str:
-        """Name of what is followed, as in the first line; empty: not known."""
+        """Name of the target, as in the first line; empty: not known."""
         return target_words(self.orbit)[0].rstrip("?") or self.engine.target or ""
 
     def top(self, width: int, rows: int) -> list[Line]:
-        """The first line: state and since when, who has the mount, the target, the frame clock."""
+        """The first line: state and since when, who has control, the target, the frame clock."""
         return words.top_lines(
             self.night,
             self.engine,
@@ -216,7 +216,7 @@ class Seat(Screen[None]):
 
     @property
     def kept_words(self) -> tuple[str, ...]:
-        """Which key follows again what is kept, and for how long; empty where nothing is."""
+        """Words on the kept track: the key to follow it again, and for how long; empty: none."""
         now, is_asked_for = present_utc_ns(self.night, self.engine), self.is_following_again
         return kept_words(self.engine, self.keymap, now, is_asked_for=is_asked_for)
 
@@ -227,11 +227,11 @@ class Seat(Screen[None]):
 
     @property
     def can_act(self) -> bool:
-        """Whether commands of this console can reach an engine."""
+        """True where commands of this console can reach an engine."""
         return self.engine.is_attached and not self.read_only
 
     def may_act(self) -> bool:
-        """Whether this console may send commands; a notice says why not."""
+        """Return True if this console may send commands; a notice says why not."""
         if self.read_only:
             self.say("read only: this console only looks, but for STOP")
         elif not self.engine.is_attached:
@@ -239,9 +239,10 @@ class Seat(Screen[None]):
         return self.can_act
 
     def send(self, command: Command, then: Command | None = None) -> None:
-        """Hand a command to the engine; what comes of it is said.
+        """Hand a command to the engine; its result is reported.
 
-        ``then``: sent right behind it where the engine has taken it, and no STOP came between.
+        ``then``: command sent right after it, if the engine has accepted it and no STOP came
+        between.
         """
         self.say(f"{command.label()} …")
         came = partial(self.handle_outcome, command, self.stops, self.night.seq, then)
@@ -252,8 +253,8 @@ class Seat(Screen[None]):
     ) -> None:
         """Handle the engine's answer to a command; a screen whose keys act does.
 
-        ``stops``: how many STOPs there had been when it was sent; ``seq``: the last record that was
-        known of then; ``then``: what goes right behind it, once it has been taken; None: nothing.
+        ``stops``: number of STOPs when it was sent; ``seq``: last known record at that time;
+        ``then``: command that follows once it is accepted; None: none.
         """
 
     def action_hand_over(self, name: str) -> None:

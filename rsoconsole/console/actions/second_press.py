@@ -11,22 +11,22 @@ from rsoconsole.words import NS_PER_S, span
 
 WITHIN_S = 2.0
 REPEAT_S = 0.08
-"""Least time between two presses: closer ones are a key held down, which repeats by itself."""
+"""Least time between two presses, s: closer ones are a key held down, which repeats by itself."""
 SETTLES_S = 0.2
-"""Wait after a second press: it counts when no third one follows within that time."""
+"""Wait after a second press, s: it counts when no third one follows within that time."""
 RELEASED_S = 0.7
-"""Time without a press after which a key that was held down counts as let go."""
+"""Time without a press, s, after which a key that was held down counts as released."""
 PressOutcome = Literal["asked", "acts", "held"]
 TRACKED = frozenset(("TRACK", "COAST"))
 
 
 def has_track(engine: EngineView) -> bool:
-    """Whether there is a track that a stray key could end."""
+    """Return True where there is a track that a stray key could end."""
     return engine.is_attached and engine.state in TRACKED
 
 
 class SecondPress:
-    """Tells a deliberate second press from a first one, from another key and from a held one."""
+    """Distinguishes a deliberate second press from a first one, another key and a held one."""
 
     def __init__(self) -> None:
         self._name = ""
@@ -35,10 +35,10 @@ class SecondPress:
         self._acted_s = 0.0
         self._is_held = False
         self.number = 0
-        """Of the press heard last: what it led to is off when another one has come."""
+        """Number of the last press received; a later press cancels the pending action."""
 
     def receive(self, name: str, now_s: float) -> PressOutcome:
-        """Take one press of the command's key: asked for a second, acts, or held down."""
+        """Return the effect of a press of the command's key: asked for a second, acts, or held."""
         self.number += 1
         since_s, self._last_s = now_s - self._last_s, now_s
         if name == self._name:
@@ -54,23 +54,23 @@ class SecondPress:
         return "asked"
 
     def forget(self) -> None:
-        """Forget the first press, and what a second one was to do: another key came between."""
+        """Forget the first press and cancel the pending action: another key came between."""
         self.number += 1
         self._name, self._is_held = "", False
 
 
 class TwicePressed:
-    """Acts on the second press of a key alone, for what ends a track or takes the mount."""
+    """Acts only on the second press of a key, for actions that end a track or take the mount."""
 
     def __init__(self, seat: Seat) -> None:
         self._seat = seat
         self.press = SecondPress()
 
     def ask(self, name: str, what: str, act: Callable[[], None], key: str = "") -> None:
-        """Say what a second press would do; do it when that comes. A click counts as no press.
+        """Announce the effect of a second press; act when that comes. A click counts as no press.
 
-        ``name``: the command's; ``what``: as in "a again within 2 s ..."; ``key``: of what is no
-        command of its own.
+        ``name``: the command's name; ``what``: the effect, as in "a again within 2 s ..."; ``key``:
+        the key, where it is no command's own.
         """
         seat, press = self._seat, self.press
         if seat.is_click:
@@ -92,13 +92,13 @@ class TwicePressed:
             seat.set_timer(SETTLES_S, unless_held)
 
     def name_key(self, name: str, what: str) -> None:
-        """Say which key does by two presses what a click asked for."""
+        """Show the key that does the clicked action by two presses."""
         self.press.forget()
         key = first_key(name, self._seat.keymap)
         self._seat.say(f"{key} twice within {WITHIN_S:.0f} s {what}: not by the mouse", "warn")
 
     def track_words(self) -> str:
-        """The track that is at stake: INTELSAT 14 (31 min)."""
+        """Return the track that would end, in words: INTELSAT 14 (31 min)."""
         seat = self._seat
         name = seat.target_name() or "an unidentified object"
         since, now = seat.night.track_since_utc_ns, present_utc_ns(seat.night, seat.engine)

@@ -13,7 +13,7 @@ from rsoconsole.records import Detection
 CLICK_PX = 60.0
 """Largest distance of a click from the streak it means, unless the picture is coarser."""
 CLICKED_S = 8.0
-"""How long after a click on a streak the key means that one."""
+"""Seconds after a click on a streak during which the key means that one."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -34,14 +34,14 @@ class StreakActions:
         self._chosen, self._chosen_in = -1, -1
         self._choice: StreakChoice | None = None
         self._choice_until_s = 0.0
-        """Until when the key means that choice, though newer frames are shown."""
+        """Monotonic time, s, until which the key means that choice, whatever frame is shown."""
 
     def forget_choice(self) -> None:
         """Drop the choice: another session is shown."""
         self._choice_until_s = 0.0
 
     def action_follow_next(self) -> None:
-        """The streak that was asked for, else the frame's next one, the likeliest first."""
+        """Follow the chosen streak, else the frame's next one, the likeliest first."""
         seat = self._seat
         if not seat.may_act():
             return
@@ -76,7 +76,7 @@ class StreakActions:
         return f"leaves {self._twice.track_words()} for {which}"
 
     def is_followed(self, streak: Detection) -> bool:
-        """Whether a track follows that streak already: choosing it ends none."""
+        """Return True if a track follows that streak already: choosing it ends none."""
         if self._seat.picture is None:
             return False
         detail = self._seat.picture.detail
@@ -88,7 +88,7 @@ class StreakActions:
         )
 
     def streaks(self) -> tuple[Detection, ...]:
-        """Streaks of the shown frame, the likeliest first, then those that were rejected."""
+        """Return the streaks of the shown frame, the likeliest first, then the rejected ones."""
         found = self._seat.picture.detail.detections if self._seat.picture is not None else None
         if found is None:
             return ()
@@ -100,13 +100,13 @@ class StreakActions:
         self._seat.send(Choose(frame_id=pick.frame_id, x_px=streak.x_px, y_px=streak.y_px))
 
     def action_accept(self) -> None:
-        """Accept the frame's likeliest candidate as what is followed."""
+        """Accept the frame's likeliest candidate as the followed object."""
         if self._seat.may_act():
             picture = self._seat.picture
             self._seat.send(Accept(frame_id=None if picture is None else picture.frame_id))
 
     def action_reject(self) -> None:
-        """Ask which of the last measurements was something else, and reject it."""
+        """Ask which of the last measurements was of another object, and reject it."""
         seat = self._seat
         if not seat.may_act():
             return

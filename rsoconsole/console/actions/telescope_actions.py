@@ -37,26 +37,26 @@ from rsoconsole.records import Solution
 from rsoconsole.sky import pixel_to_sky
 
 AGAIN_S = 60.0
-"""Longest wait until the engine follows again what it has accepted: it does between exposures."""
+"""Longest wait, s, until the engine follows an accepted track again: between exposures."""
 
 
 class TelescopeActions:
     """Arm, hold, park, follow again, go to, expose."""
 
     def __init__(self, seat: Seat, twice: TwicePressed, take_back_drop: Callable[[], bool]) -> None:
-        """``take_back_drop``: follows again what was dropped last; False where nothing was."""
+        """``take_back_drop``: resumes the track dropped last; False where none was."""
         self._seat, self._twice, self._take_back_drop = seat, twice, take_back_drop
         self._no_arming_before_s = 0.0
-        """Until then a press may still be meant for the disarming that was asked for or done."""
+        """Monotonic time, s, until which a press may still be meant for the last disarming."""
         self.is_arming = False
-        """What is kept is on its way to be followed again: a held key asks no second time."""
+        """True while arming for the kept track is under way: a held key does not repeat it."""
         self.at_rest_since_s = -WITHIN_S
-        """When autonomy was last seen to lose the mount, or STOP was given here."""
+        """Monotonic time, s, at which autonomy last lost the mount, or STOP was given here."""
         self._asked_again_s = -math.inf
-        """When what is kept was asked for; the engine has not refused it."""
+        """Monotonic time, s, of the pending request to follow the kept track again; -inf: none."""
 
     def handle_outcome(self, command: Command, outcome: Outcome) -> None:
-        """Note that a command has been answered: arming or resuming is not on its way any more."""
+        """Note the answer to a command: arming or resuming is not under way any more."""
         if isinstance(command, Arm):
             self.is_arming = False
         if isinstance(command, Arm | Resume) and not outcome.ok:
@@ -64,24 +64,24 @@ class TelescopeActions:
 
     @property
     def is_following_again(self) -> bool:
-        """Whether the kept track was asked for, and the engine has yet to follow it again."""
+        """True from the request to follow the kept track again until the engine does."""
         return (
             self._seat.engine.kept is not None
             and self._seat.now_s() < self._asked_again_s + AGAIN_S
         )
 
     def note_refused(self, verbs: frozenset[str]) -> None:
-        """Note verbs that were accepted and refused later: they are not on their way any more."""
+        """Note verbs that were accepted and refused later: they are not under way any more."""
         if verbs & {Arm.verb, Resume.verb}:
             self._asked_again_s = -math.inf
 
     def note_stop(self) -> None:
-        """Note a STOP: no key from before it follows again what it has ended."""
+        """Note a STOP: it cancels earlier requests to follow the kept track again."""
         self.at_rest_since_s = self._seat.now_s()
         self._asked_again_s = -math.inf
 
     def note_control_change(self, before: EngineView) -> None:
-        """Note who has the mount now; ``before``: the engine's last status."""
+        """Note who has control now; ``before``: the engine's last status."""
         seat = self._seat
         is_lost = before.holder == "autonomy" != seat.engine.holder
         if is_lost:
@@ -167,7 +167,7 @@ class TelescopeActions:
         seat.app.push_screen(dialog, decided)
 
     def action_undo(self) -> None:
-        """Follow again what was ended; on a parked mount, release it."""
+        """Follow the ended track again; on a parked mount, release it."""
         seat = self._seat
         if not seat.may_act():
             return
@@ -188,7 +188,7 @@ class TelescopeActions:
             seat.say(f"nothing is kept that could be followed again{then}", "warn")
 
     def _follow_again(self, *, is_certain: bool) -> None:
-        """The kept track; after a STOP or a fault the checklist comes first, as with arming.
+        """Follow the kept track; after a STOP or a fault the checklist comes first, as with arming.
 
         ``is_certain``: the key means nothing else, however the mount changed hands meanwhile.
         """
@@ -213,12 +213,12 @@ class TelescopeActions:
 
     @property
     def _is_stop_answered(self) -> bool:
-        """Whether STOP was given here and the mount's driver has taken it."""
+        """True where STOP was given here and the mount's driver has answered it."""
         news = self._seat.stop_news
         return news is not None and news.phase in ("answered", "stopped")
 
     def _follow_in(self, left_s: float) -> None:
-        """When a stray key right after STOP can be told from a wish: no other key comes behind."""
+        """Follow the kept track in ``left_s`` seconds, unless another key or STOP comes before."""
         seat = self._seat
         undo, stop = (first_key(name, seat.keymap) for name in ("undo", "stop_by_letter"))
         wait = f"in {math.ceil(left_s)} s; {stop} or any other key: not"
@@ -264,7 +264,7 @@ class TelescopeActions:
             self._ask_settings(ExposureDialog(self._settings(ExposureDialog.NAMES)))
 
     def action_aim(self) -> None:
-        """Ask where to look beside the prediction; shows what that means first."""
+        """Ask for an offset from the prediction; its effect is shown first."""
         if self._seat.may_act():
             self._ask_settings(AimDialog(self._settings(AimDialog.NAMES), self._seat.orders))
 
@@ -281,11 +281,11 @@ class TelescopeActions:
     # -- by hand ------------------------------------------------------------------------------
 
     def action_goto(self) -> None:
-        """Ask where to; nothing moves before the way has been shown."""
+        """Ask for a direction; nothing moves before the way has been shown."""
         self._ask_where("")
 
     def _ask_where(self, begun: str) -> None:
-        """``begun``: what stands in the field already."""
+        """Ask for a direction; ``begun``: text already in the field."""
         seat = self._seat
         if not seat.may_act():
             return
@@ -315,12 +315,12 @@ class TelescopeActions:
         self._seat.app.push_screen(UpListDialog(self._config, self._now_utc_ns), decided)
 
     def _config(self) -> Config | None:
-        """The night's settings, the defaults where it has none; None until that is known."""
+        """Return the night's settings, the defaults where it has none; None until that is known."""
         night = self._seat.night
         return night.config or (Config() if night.is_read else None)
 
     def _now_utc_ns(self) -> int:
-        """The frame clock."""
+        """Return the time of the frame clock, UTC nanoseconds."""
         return self._seat.engine.now_utc_ns or time.time_ns()
 
     def action_centre(self) -> None:

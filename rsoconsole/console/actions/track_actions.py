@@ -20,12 +20,12 @@ DROP_KEY = "-"
 
 
 def lead_of(night: NightView) -> FollowedTrack | None:
-    """The track that the telescope follows."""
+    """Return the track that the telescope follows."""
     return next((each for each in night.tracks if each.is_lead), None)
 
 
 def track_words(night: NightView, track: FollowedTrack) -> str:
-    """A track in words: its number, and its name where it has one."""
+    """Return a track in words: its number, and its name where it has one."""
     name = name_words(night, track.track_id)
     return f"track {track.number}{'' if name == '-' else f' ({name})'}"
 
@@ -52,12 +52,12 @@ class TrackActions(PlotActions):
     """The keys of the list of tracks; a screen whose keys act also drops and keeps one."""
 
     def action_close_tracks(self) -> None:
-        """Put the list away."""
+        """Close the list."""
         self.show_page(None)
         self.say(f"plots: {self.plotted_words or 'the lead'}")
 
     def action_show_neighbours(self, shows: bool) -> None:
-        """Show who stands next to whom, or the list."""
+        """Show each track's neighbours, or the list of tracks."""
         self.shows_neighbours = shows
         self.show_plots()
 
@@ -72,7 +72,7 @@ class TrackActions(PlotActions):
         self.show_plots()
 
     def action_make_lead(self) -> None:
-        """Make the chosen track the lead; the others go on being followed."""
+        """Make the chosen track the lead; the others are still followed."""
         night, track, lead = self.night, self.chosen_track, lead_of(self.night)
         if track is None or track.is_lead:
             self.say("nothing is followed" if lead is None else f"track {lead.number} is the lead")
@@ -85,11 +85,11 @@ class TrackActions(PlotActions):
             self.say(f"{track_words(night, track)} is to be the lead …")
 
     def action_drop_track(self) -> None:
-        """Not from here."""
+        """Refuse: only the live console drops a track."""
         self.say("only the live console drops a track", "warn")
 
     def action_keep_track(self) -> None:
-        """Not from here."""
+        """Refuse: only the live console keeps a track."""
         self.say("only the live console keeps a track", "warn")
 
 
@@ -116,7 +116,7 @@ class TrackOrders(TrackActions):
         self.say(f"{track_words(self.night, track)} is to be dropped …")
 
     def action_keep_track(self) -> None:
-        """Keep the track at the cursor whatever it misses in the field; once more: no longer."""
+        """Keep the track at the cursor whatever it misses in the field; if kept, no longer."""
         track = self.chosen_track or lead_of(self.night)
         if track is None:
             self.say("nothing is followed that could be kept", "warn")
@@ -127,7 +127,7 @@ class TrackOrders(TrackActions):
             self.say(f"{track_words(self.night, track)} {said} …")
 
     def take_back_drop(self) -> bool:
-        """Follow again what was dropped last; False where nothing was."""
+        """Resume the track dropped last; False where none was."""
         if self.engine.holder != "autonomy" or not self.night.dropped:
             return False
         number = self.night.dropped[-1]

@@ -1,4 +1,4 @@
-"""The tuning pane's keys: open it, try settings, send them to the engine."""
+"""The tuning pane's keys: open it, change settings on trial, send them to the engine."""
 
 import time
 from collections.abc import Mapping
@@ -38,15 +38,15 @@ EVERY_S = 20.0
 
 
 class TuneActions:
-    """Tries settings on the record, applies them, undoes, keeps and loads presets."""
+    """Computes figures with changed settings; applies and undoes them, keeps and loads presets."""
 
     def __init__(self, seat: Seat) -> None:
         self._seat = seat
         self.is_open = False
         self.figures: tuple[TrackFigures | None, TrackFigures | None] = (None, None)
-        """Of the night as it was, and with what is tried; None until computed."""
+        """Figures of the night as it was, and with changed settings; None until computed."""
         self.tuning = Tuning()
-        """Settings in force and those tried."""
+        """Settings in force and changed ones."""
         self._watch: WhatIfWatch | None = None
         self._computed_s = 0.0
 
@@ -56,7 +56,7 @@ class TuneActions:
         return self._seat.query_one(TunePane)
 
     def action_tune(self) -> None:
-        """Open the pane, or give it the keys; once more: close it."""
+        """Open the pane, or give it the keys; pressed again: close it."""
         seat = self._seat
         pane = self.pane
         if self.is_open and pane.has_focus:
@@ -74,7 +74,7 @@ class TuneActions:
             self._watch.prepare()
 
     def close(self) -> None:
-        """Put it away; what is tried stays tried."""
+        """Close the pane; changed settings stay."""
         seat = self._seat
         self.is_open = False
         self.pane.can_focus = False
@@ -84,7 +84,7 @@ class TuneActions:
         seat.show_keys()
 
     def show(self) -> None:
-        """Draw the pane; what is in force comes from the record."""
+        """Draw the pane; settings in force come from the record."""
         had_changes = bool(self.tuning.changes)
         self.tuning.see({name: self._seat.night.setting(name) for name in NAMES})
         if had_changes and not self.tuning.changes:
@@ -95,26 +95,26 @@ class TuneActions:
 
     @property
     def words(self) -> TuneWords:
-        """Words of the pane for its figures and its keys."""
+        """Return the pane's words for its figures and its keys."""
         return TuneWords(of_present=self.of_present())
 
     def of_present(self) -> int | None:
-        """Number of the figures' frames that ran with the settings in force now; None: unknown."""
+        """Return how many of the figures' frames ran with the settings in force; None: unknown."""
         now = self.figures[0]
         if now is None:
             return None
         return count_by_present_settings(self._seat.night, now.frames)
 
     def scope(self) -> tuple[int | None, int | None]:
-        """(until which place of the log, over how many of its last frames) figures are computed."""
+        """Return the place of the log at which the figures end, and over how many last frames."""
         return None, self.last_frames()
 
     def last_frames(self) -> int:
-        """Number of the lead's last frames that figures are computed over, as for its orbit."""
+        """Return the number of the lead's last frames that figures cover, as for its orbit."""
         return len(frames_of_track(self._seat.night)) or LAST_FRAMES
 
     def compute(self) -> None:
-        """Have the figures computed."""
+        """Request the figures."""
         seat = self._seat
         if seat.night.folder is None or seat.night.config is None:
             return
@@ -131,7 +131,7 @@ class TuneActions:
         )
 
     def compute_now_and_then(self) -> None:
-        """Compute the figures of a pane that is seen, where the last ones are old enough."""
+        """Request the figures of a visible pane, where the last ones are old enough."""
         if not self._seat.night.is_read:
             return  # nobody knows yet over how many frames
         is_due = time.monotonic() - self._computed_s >= EVERY_S
@@ -139,7 +139,7 @@ class TuneActions:
             self.compute()
 
     def see(self, now: "TrackFigures | None", then: "TrackFigures | None", fault: str) -> None:
-        """What the night was and what it would have been, or why that cannot be told."""
+        """Show the figures as recorded and with changed settings, or the fault."""
         if fault:
             self._seat.say(fault, "warn")
             return
@@ -205,7 +205,7 @@ class TuneActions:
             self._seat.say("nothing is tried: ←→ changes the chosen setting")
 
     def _apply_for_frames(self) -> None:
-        """For some frames only: the engine sets it back by itself."""
+        """Apply the settings for a number of frames; the engine resets them by itself."""
         seat = self._seat
         if not seat.may_act():
             return
@@ -239,7 +239,7 @@ class TuneActions:
             self._seat.send(Set(name=name, value=value, frames=frames))
 
     def done_words(self, command: Command) -> str:
-        """A setting with its values, where one was set here: the engine says only that it took it.
+        """Return a setting with its values, where one was set here: the engine only confirms it.
 
         Empty for any other command.
         """

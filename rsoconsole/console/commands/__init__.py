@@ -1,1 +1,1 @@
-"""Everything the operator can do, its keys, and the terms on the screen."""
+"""Commands of the operator, their keys, and the terms on the screen."""

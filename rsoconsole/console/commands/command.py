@@ -22,7 +22,7 @@ BOTH: tuple[Place, ...] = ("live", "review")
 
 @dataclass(frozen=True, slots=True)
 class KeyCommand:
-    """One command of the console, with its keys; what the engine gets is a ``control.Command``."""
+    """One command of the console, with its keys; the engine gets a ``control.Command``."""
 
     name: str
     """Name in a keymap; the action is ``action_<name>``."""
@@ -32,16 +32,16 @@ class KeyCommand:
     help: str
     group: Group
     where: tuple[Place, ...] = ("live",)
-    """The screens that have it; of no meaning for one that is everywhere."""
+    """Screens that have it; ignored where ``is_everywhere``."""
     acts: bool = False
-    """Whether it needs an engine and a console that may act; others are not offered it."""
+    """True where it needs an engine and a console that may act; others are not offered it."""
     priority: bool = False
-    """Whether it works over dialogs and inside fields too."""
+    """True where it works over dialogs and inside fields too."""
     is_everywhere: bool = False
-    """Whether the application has it, on every screen."""
+    """True where the application has it, on every screen."""
     sends: Command | None = None
-    """The engine's command, where the key does nothing but send it; it has no action then."""
+    """The engine's command, where the key only sends it; there is no action then."""
 
     def is_in(self, place: Place) -> bool:
-        """Whether its key works on that screen."""
+        """Return True if its key works on that screen."""
         return self.is_everywhere or place in self.where

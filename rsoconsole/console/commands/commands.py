@@ -1,6 +1,6 @@
-"""Everything the operator can do, once: keys, palette, help and footer are made of this list.
+"""All commands of the operator: keys, palette, help and footer are made of this list.
 
-A command is called by its name in a keymap file, which gives it other keys.
+A keymap file gives a command other keys by its name.
 """
 
 from collections.abc import Mapping
@@ -357,5 +357,5 @@ BY_NAME: Mapping[str, KeyCommand] = {command.name: command for command in COMMAN
 
 
 def commands_in(place: Place) -> tuple[KeyCommand, ...]:
-    """Commands whose keys work on that screen, the application's own among them."""
+    """Return the commands whose keys work on that screen, the application's own among them."""
     return tuple(command for command in COMMANDS if command.is_in(place))

@@ -109,11 +109,11 @@ TERMS: tuple[tuple[str, str], ...] = (
         " nothing guides while the shutter is open.",
     ),
 )
-"""Term and what it means, in the order in which a screen shows them."""
+"""Terms and their meanings, in the order in which a screen shows them."""
 
 
 def glossary_text(columns: int = 70) -> str:
-    """All terms, wrapped to ``columns``."""
+    """Return all terms, wrapped to ``columns``."""
     return "\n".join(line for term, words in TERMS for line in _entry(term, words, columns))
 
 

@@ -16,7 +16,7 @@ from rsoconsole.console.commands.commands import BY_NAME, COMMANDS, commands_in
 from rsoconsole.control import Command, ControlClient, DirectStop, Outcome, StopNews, Stopping
 
 STOPS = ("stop", "stop_by_letter")
-"""Commands whose keys nobody changes."""
+"""Commands whose keys cannot be changed."""
 RESERVED = {
     "ctrl+q": "Leave, whatever else is",
     "ctrl+c": "Leave, whatever else is",
@@ -37,7 +37,7 @@ _NAMED_KEYS = {key.value for key in Keys} | set(KEY_NAME_REPLACEMENTS.values())
 def load_keymap(path: Path) -> dict[str, str]:
     """Read other keys for commands, by the command's name; empty without a file.
 
-    Raises ConfigError for a file that is no such, an unknown command, or a key given twice.
+    Raises ConfigError for an invalid file, an unknown command, or a key given twice.
     """
     try:
         text = read_foreign(path)
@@ -64,7 +64,7 @@ def load_keymap(path: Path) -> dict[str, str]:
 
 
 def _textual_keys(path: Path, name: str, keys: str) -> list[str]:
-    """The keys by Textual's own names for them. Raises ConfigError for one that there is not."""
+    """Return the keys by Textual's own names. Raises ConfigError for an unknown one."""
     try:
         bindings = list(Binding.make_bindings([Binding(keys.replace(" ", ""), name)]))
     except InvalidBinding as error:
@@ -90,7 +90,7 @@ def _is_key(key: str) -> bool:
 
 
 def _refuse_doubles(path: Path, keymap: Mapping[str, str]) -> None:
-    """No key may do two things on one screen."""
+    """Raise ConfigError where a key does two things on one screen."""
     for place in BOTH:
         owners: dict[str, str] = {}
         for command in commands_in(place):
@@ -128,7 +128,7 @@ KEY_WORDS = {
 
 
 def bindings(place: Place | None) -> list[Binding]:
-    """Textual's bindings for a screen, or with None for the application."""
+    """Return Textual's bindings for a screen, or with None for the application."""
     return [
         Binding(
             command.keys,
@@ -146,12 +146,12 @@ def bindings(place: Place | None) -> list[Binding]:
 
 
 def key_words(keys: str) -> str:
-    """Keys in words, as a person writes them."""
+    """Return keys in words, as a person writes them."""
     return " ".join(KEY_WORDS.get(key, key.replace("ctrl+", "^")) for key in keys.split(","))
 
 
 def first_key(name: str, keymap: Mapping[str, str] | None = None) -> str:
-    """The first key of a command in words, as the screens show it."""
+    """Return the first key of a command in words, as the screens show it."""
     return key_words((keymap or {}).get(name, BY_NAME[name].keys)).split()[0]
 
 

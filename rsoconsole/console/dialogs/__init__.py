@@ -1,1 +1,1 @@
-"""What the operator is asked. STOP works in each of them."""
+"""Questions to the operator, as dialogs. STOP works in each of them."""

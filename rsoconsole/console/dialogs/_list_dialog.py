@@ -1,4 +1,4 @@
-"""Dialogs with a list and a field over it: typed words leave some rows, one is chosen."""
+"""Dialogs with a list and a search field over it; one row is chosen."""
 
 import threading
 from typing import ClassVar, Generic, TypeVar
@@ -18,7 +18,7 @@ Row = TypeVar("Row")
 
 
 class ListDialog(Dialog[Result], Generic[Result, Row]):
-    """A list that is found on a thread, with a field over it: typed words leave some rows."""
+    """List filled by a thread, with a search field over it."""
 
     BINDINGS: ClassVar[list[BindingType]] = [
         Binding("up", "choose(-1)", show=False),
@@ -42,7 +42,7 @@ class ListDialog(Dialog[Result], Generic[Result, Row]):
         self._at = 0
 
     def compose(self) -> ComposeResult:
-        """A field to type in, and the list."""
+        """Make a search field and the list."""
         with Vertical() as box:
             box.border_title = self.LISTED
             box.border_subtitle = self.KEYS
@@ -50,7 +50,7 @@ class ListDialog(Dialog[Result], Generic[Result, Row]):
             yield LinesPane(id="rows")
 
     def on_mount(self) -> None:
-        """Begin to look."""
+        """Start the search."""
         self.query_one(Input).focus()
         self.show()
         name = f"console {self.LISTED}"
@@ -62,23 +62,23 @@ class ListDialog(Dialog[Result], Generic[Result, Row]):
 
     @property
     def shown(self) -> list[Row]:
-        """Rows that the typed words leave."""
+        """Return the rows that match the typed words."""
         raise NotImplementedError
 
     def result_of(self, row: Row) -> Result:
-        """The dialog's result where that row is chosen."""
+        """Return the dialog's result for a chosen row."""
         raise NotImplementedError
 
     def head(self, width: int) -> str:
-        """The line over the rows, or why there are none."""
+        """Return the line over the rows, or why there are none."""
         raise NotImplementedError
 
     def row_words(self, row: Row, width: int) -> tuple[str, Ink]:
-        """A row in words, and its colour where it is not the chosen one."""
+        """Return a row in words, and its colour where it is not the chosen one."""
         raise NotImplementedError
 
     def lines(self, width: int, height: int) -> list[Line]:
-        """The head, and as many rows as there is room for, the chosen one among them."""
+        """Return the head, and as many rows as there is room for, the chosen one among them."""
         rows, room = self.shown, max(height - 1, 1)
         lines = [clipped([(self.head(width), "dim")], width)]
         first = first_shown(self._at, len(rows), room)
@@ -103,13 +103,13 @@ class ListDialog(Dialog[Result], Generic[Result, Row]):
         self.choose(number)
 
     def on_input_changed(self, event: Input.Changed) -> None:
-        """Other ones are left."""
+        """Show the rows that match."""
         event.stop()
         self._at = 0
         self.show()
 
     def on_input_submitted(self, event: Input.Submitted) -> None:
-        """Take the chosen one."""
+        """Take the chosen row."""
         event.stop()
         shown = self.shown
         if shown:
@@ -118,14 +118,14 @@ class ListDialog(Dialog[Result], Generic[Result, Row]):
             self.take_typed(event.value)
 
     def on_click(self, event: events.Click) -> None:
-        """By the mouse."""
+        """Choose a row by the mouse."""
         rows = self.query_one("#rows", LinesPane)
         if event.widget is rows and event.y:
             room = max(rows.size.height - 1, 1)
             self.take_click(first_shown(self._at, len(self.shown), room) + event.y - 1)
 
     def action_choose(self, by: int) -> None:
-        """One further up or down."""
+        """Move the choice by rows; below 0: up."""
         self.choose(self._at + by)
 
     def choose(self, number: int) -> None:

@@ -36,22 +36,23 @@ GOES = "enter goes there and stays with the stars: follows nothing, you have the
 def _ask_engine(
     dialog: Dialog[Any], orders: Orders, move: Goto | Beside, answer: Callable[[Outcome], None]
 ) -> None:
-    """What it says of a move; the dialog calls ``answer`` with that."""
+    """Request the engine's preview of a move; the dialog calls ``answer`` with the outcome."""
     orders.send(Preview(move=move), partial(call_in_turn, dialog, answer))
 
 
 class FieldDialog(Dialog[Result], Generic[Result]):
-    """A dialog whose first field has the focus."""
+    """Dialog whose first field has the focus."""
 
     def on_mount(self) -> None:
-        """The first field has the focus."""
+        """Give the focus to the first field."""
         self.query(Input).first().focus()
 
 
 class GotoDialog(FieldDialog[tuple[float, float] | None]):
-    """A direction in any notation; what was understood, the way and the limits as one types.
+    """Dialog for a direction in any notation; shows its meaning, the way and the limits.
 
-    Enter goes where the engine's preview stands and nothing refuses it. Gives (RA, Dec) ICRS.
+    Enter goes where the engine's preview is shown and nothing refuses it. Gives (RA, Dec) ICRS,
+    degrees.
     """
 
     def __init__(
@@ -62,9 +63,9 @@ class GotoDialog(FieldDialog[tuple[float, float] | None]):
         begun: str = "",
         caution: str = "",
     ) -> None:
-        """``config``: the night's, None until it has been read: what is typed waits for it;
-        ``now_utc_ns``: the frame clock, asked at every key: much goes by with the sky;
-        ``begun``: what stands in the field already; ``caution``: what else comes of going."""
+        """``config``: the night's settings, None until read: typed text waits for them;
+        ``now_utc_ns``: the frame clock, read at every key, since many directions move with the sky;
+        ``begun``: text already in the field; ``caution``: further consequences of going."""
         super().__init__()
         self._caution = caution
         self._begun = begun
@@ -76,13 +77,13 @@ class GotoDialog(FieldDialog[tuple[float, float] | None]):
         self._preview: MovePreview | None = None
 
     def compose(self) -> ComposeResult:
-        """A field, and what it comes to."""
+        """Make a field, and a line for what it means."""
         with framed("go to", "enter goes · esc back"):
             yield Input(self._begun, placeholder=GOTO_EXAMPLES, id="direction")
             yield Static("", id="understood", markup=False)
 
     def on_input_changed(self, event: Input.Changed) -> None:
-        """Understand it, and ask the engine what it would mean."""
+        """Parse it, and ask the engine what it would mean."""
         event.stop()
         self._look(event.value)
 
@@ -99,7 +100,7 @@ class GotoDialog(FieldDialog[tuple[float, float] | None]):
             self._say(str(error) if text.strip() else "")
 
     def _look_again(self, number: int, text: str) -> None:
-        """Once more, unless something else has been typed meanwhile."""
+        """Parse it again, unless something else has been typed meanwhile."""
         if number == self._asked:
             self._look(text)
 
@@ -113,7 +114,7 @@ class GotoDialog(FieldDialog[tuple[float, float] | None]):
         _ask_engine(self, self._orders, move, answer)
 
     def _understood(self, text: str) -> "ParsedDirection":
-        """What is meant at this instant. Raises ValueError or RsoconsoleError where none is."""
+        """Return the direction meant at this instant. Raises ValueError or RsoconsoleError."""
         from rsoconsole.pipeline import TargetNames, parse_direction
 
         config = self._config()
@@ -124,7 +125,7 @@ class GotoDialog(FieldDialog[tuple[float, float] | None]):
         return parse_direction(text, config.site.to_site(), self._now_utc_ns(), self._names)
 
     def _show_preview(self, number: int, words: str, outcome: Outcome) -> None:
-        """What the engine says of the last thing typed."""
+        """Show the engine's preview of the last direction typed."""
         if number != self._asked:
             return
         if not outcome.ok:
@@ -135,7 +136,7 @@ class GotoDialog(FieldDialog[tuple[float, float] | None]):
         self._say("\n".join([words, *preview_lines(preview, GOES), *caution]))
 
     def on_input_submitted(self, event: Input.Submitted) -> None:
-        """Go, where that has been shown and may be."""
+        """Go, where the preview has been shown and nothing refuses it."""
         event.stop()
         preview = self._preview
         if preview is None:
@@ -155,23 +156,23 @@ class GotoDialog(FieldDialog[tuple[float, float] | None]):
 
 
 class MoveDialog(Dialog[bool | None]):
-    """The question whether to point at the streak: the way there and the limits."""
+    """Dialog that asks whether to point at the streak: the way there and the limits."""
 
     BINDINGS: ClassVar[list[BindingType]] = [Binding("enter", "go", "Go")]
 
     def __init__(self, direction: tuple[float, float], caution: str, orders: Orders) -> None:
-        """``direction``: (RA, Dec) ICRS; ``caution``: what else comes of it."""
+        """``direction``: (RA, Dec) ICRS, degrees; ``caution``: further consequences."""
         super().__init__()
         self._direction, self._caution, self._orders = direction, caution, orders
         self._may_go = False
 
     def compose(self) -> ComposeResult:
-        """What the engine says of it."""
+        """Make a line for the engine's preview."""
         with framed("centre the streak", "enter goes · esc back"):
             yield Static("asking the engine …", id="told", markup=False)
 
     def on_mount(self) -> None:
-        """Ask at once."""
+        """Ask the engine at once."""
         ra, dec = self._direction
         move = Goto(ra_icrs_deg=ra, dec_icrs_deg=dec)
         _ask_engine(self, self._orders, move, self._show_preview)
@@ -184,7 +185,7 @@ class MoveDialog(Dialog[bool | None]):
         self.query_one("#told", Static).update("\n".join(rows))
 
     def action_go(self) -> None:
-        """Go, where that has been shown and may be."""
+        """Go, where the preview has been shown and nothing refuses it."""
         if self._may_go:
             self.dismiss(True)
         else:
@@ -192,18 +193,18 @@ class MoveDialog(Dialog[bool | None]):
 
 
 class SettingsDialog(FieldDialog[dict[str, float] | None]):
-    """A field for each of a few numbers. Gives those that were changed, by the setting's name."""
+    """Dialog with a field for each of a few numbers. Gives the changed ones, by setting."""
 
     HEAD: ClassVar[str]
     NAMES: ClassVar[dict[str, str]]
-    """Setting -> what it is, in words."""
+    """Words for each setting, by its name."""
 
     def __init__(self, present: Mapping[str, Any]) -> None:
         super().__init__()
         self._present = present
 
     def compose(self) -> ComposeResult:
-        """A field each."""
+        """Make a field for each setting."""
         with framed(self.HEAD, "enter takes them · tab the next field · esc back"):
             for name, words in self.NAMES.items():
                 yield Static(words, markup=False)
@@ -213,14 +214,14 @@ class SettingsDialog(FieldDialog[dict[str, float] | None]):
             yield Static("", id="told", markup=False)
 
     def on_input_submitted(self, event: Input.Submitted) -> None:
-        """Take what differs."""
+        """Take the changed values."""
         event.stop()
         wanted = self._wanted()
         if wanted is not None:
             self.dismiss({n: v for n, v in wanted.items() if v != self._present.get(n)})
 
     def _wanted(self) -> dict[str, float] | None:
-        """What the fields say; None, and a word about it, where one holds no number."""
+        """Return the fields' numbers; None, with a notice, where one holds no number."""
         wanted: dict[str, float] = {}
         for name, words in self.NAMES.items():
             text = self.query_one(f"#{name.replace('.', '-')}", Input).value.strip()
@@ -245,7 +246,7 @@ class ExposureDialog(SettingsDialog):
     }
 
     def _wanted(self) -> dict[str, float] | None:
-        """Both; the shutter must be open for a shorter time than from frame to frame."""
+        """Return both; the exposure must be shorter than the time from frame to frame."""
         wanted = super()._wanted()
         if wanted and not wanted["exposure.exposure_s"] < wanted["exposure.cadence_s"]:
             self._say("the cadence is from start to start: longer than the exposure")
@@ -254,7 +255,7 @@ class ExposureDialog(SettingsDialog):
 
 
 class AimDialog(SettingsDialog):
-    """Fields for an aim beside the prediction; shows where that is and what it meets."""
+    """Fields for an offset from the prediction; shows its direction and the limits."""
 
     HEAD = "aim beside the prediction"
     NAMES: ClassVar[dict[str, str]] = {
@@ -279,7 +280,7 @@ class AimDialog(SettingsDialog):
         _ask_engine(self, self._orders, Beside(**aim), partial(self._show_preview, self._asked))
 
     def _show_preview(self, number: int, outcome: Outcome) -> None:
-        """What the engine says of the last thing typed."""
+        """Show the engine's preview of the last offset typed."""
         if number != self._asked:
             return
         if not outcome.ok:
@@ -290,16 +291,16 @@ class AimDialog(SettingsDialog):
 
 
 class LineDialog(FieldDialog[str | None]):
-    """A field for one line of words. Gives them; empty ones too."""
+    """Dialog with a field for one line of words. Gives them; empty ones too."""
 
     def __init__(self, title: str, words: str, value: str = "", *, goes_on: bool = False) -> None:
-        """``goes_on``: what is typed comes behind the value; else it takes its place."""
+        """``goes_on``: typed text is appended to the value; else it replaces it."""
         super().__init__()
         self._goes_on = goes_on
         self._title, self._words, self._value = title, words, value
 
     def compose(self) -> ComposeResult:
-        """A field."""
+        """Make the field."""
         with framed(self._title, "enter takes it · esc back"):
             yield Input(
                 self._value,
@@ -309,6 +310,6 @@ class LineDialog(FieldDialog[str | None]):
             )
 
     def on_input_submitted(self, event: Input.Submitted) -> None:
-        """Take it."""
+        """Take the line."""
         event.stop()
         self.dismiss(event.value.strip())

@@ -39,7 +39,7 @@ class CandidatesDialog(PagedDialog[None]):
         tau: float,
         keymap: Mapping[str, str] | None = None,
     ) -> None:
-        """``frames``: what each showed, and what is said of it where it is not the shown one."""
+        """``frames``: each frame's streaks, and a note where it is not the shown one."""
         super().__init__()
         self._frames, self._tau, self._at = frames, tau, 0
         self._keys = [first_key(name, keymap) for name in ("follow_next", "accept", "reject")]
@@ -50,7 +50,7 @@ class CandidatesDialog(PagedDialog[None]):
         self.show()
 
     def page(self) -> tuple[str, str, str]:
-        """A frame's streaks."""
+        """Title, keys and text of a frame's streaks."""
         detail, which = self._frames[self._at]
         taken = detail.taken
         number = "" if taken is None else f" of frame {taken.frame_id:04d}"
@@ -65,7 +65,7 @@ class CandidatesDialog(PagedDialog[None]):
 
 
 def candidate_lines(detail: NightFrame, tau: float) -> list[str]:
-    """A frame's streaks in words: a line each, and one for the reason."""
+    """Return a frame's streaks in words: a line each, and one for the reason."""
     found = detail.detections
     if found is None:
         return ["It is not known yet what the frame shows."]
@@ -87,7 +87,7 @@ def candidate_lines(detail: NightFrame, tau: float) -> list[str]:
 
 
 def _by_hand(detail: NightFrame) -> list[Measurement]:
-    """What the operator marked in it, each once."""
+    """Return the operator's marks in it, each once."""
     found = (
         m for m in detail.all_measured if m.source == "operator" and is_mark_id(m.measurement_id)
     )
@@ -100,7 +100,7 @@ def _sigmas(measured: Measurement) -> str:
 
 
 def fate(streak: Detection, detail: NightFrame) -> tuple[str, str]:
-    """What became of a detection above tau, and why where it was not followed."""
+    """Return the outcome of a detection above tau, and why where it was not followed."""
     followed = detail.followed
     if followed is not None and is_mark_id(followed.measurement_id):
         if _is_same(streak, followed, detail):
@@ -117,7 +117,7 @@ def fate(streak: Detection, detail: NightFrame) -> tuple[str, str]:
 
 
 def _is_same(streak: Detection, mark: Measurement, detail: NightFrame) -> bool:
-    """Whether it is the streak that was marked: the nearest one, and near."""
+    """Return True if it is the streak that was marked: the nearest one, and near."""
     found = () if detail.detections is None else detail.detections.detections
 
     def away(each: Detection) -> float:
@@ -144,7 +144,7 @@ SOURCES = {"network": "detector", "operator": "by hand"}
 
 
 def measured_words(each: LastMeasured) -> str:
-    """A measurement in words: frame, time, source, sigma, NIS."""
+    """Return a measurement in words: frame, time, source, sigma, NIS."""
     sigma = f"±{angle(each.sigma_arcsec)}"
     nis = "" if each.nis is None else f"NIS {each.nis:.1f}"
     source = SOURCES.get(each.source, each.source)
@@ -153,7 +153,7 @@ def measured_words(each: LastMeasured) -> str:
 
 
 class RejectDialog(Dialog[int | None]):
-    """The last measurements, one of which was something else. Gives its frame's number, or None."""
+    """Dialog of the last measurements, to reject one. Gives its frame's number, or None."""
 
     BINDINGS: ClassVar[list[BindingType]] = [
         Binding("j", "newest", "The newest", show=False),
@@ -165,7 +165,7 @@ class RejectDialog(Dialog[int | None]):
         self._measured = measured
 
     def compose(self) -> ComposeResult:
-        """One line each, the newest first."""
+        """Make one line for each, the newest first."""
         with framed("reject a measurement", "1-9 or enter rejects · esc back"):
             words = "Which one was something else? The track is as if without it."
             yield Static(words, markup=False)
@@ -176,16 +176,16 @@ class RejectDialog(Dialog[int | None]):
                     )
 
     def on_mount(self) -> None:
-        """The newest is proposed."""
+        """Give the focus to the newest."""
         self.query(Button).first().focus()
 
     def on_button_pressed(self, event: Button.Pressed) -> None:
-        """That one."""
+        """Reject the chosen one."""
         event.stop()
         self._choose(int(str(event.button.id).removeprefix("measured-")))
 
     def on_key(self, event: Key) -> None:
-        """By its number."""
+        """Reject one by its number."""
         if event.key.isdigit() and 1 <= int(event.key) <= len(self._measured):
             event.stop()
             self._choose(int(event.key))

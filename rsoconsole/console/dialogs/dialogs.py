@@ -14,21 +14,21 @@ from textual.screen import ModalScreen
 from textual.widgets import Button, Static
 
 UNASKED_DEAF_S = 0.5
-"""How long a dialog that opened by itself takes no answer, and again after each key that it has
-dropped: keys were meant for what is below it."""
+"""Seconds that a dialog that opened by itself takes no answer, and again after each key it drops:
+such keys were meant for the screen below."""
 LeaveChoice = Literal["leave", "stop engine", "stay"]
 Result = TypeVar("Result")
 
 
 def framed(title: str, keys: str = "") -> VerticalScroll:
-    """The box of a dialog: its title above, its keys below."""
+    """Return the box of a dialog: its title above, its keys below."""
     box = VerticalScroll()
     box.border_title, box.border_subtitle = title, keys
     return box
 
 
 class Dialog(ModalScreen[Result], Generic[Result]):
-    """A box in the middle, put away by Esc."""
+    """Box in the middle of the screen, closed by Esc."""
 
     BINDINGS: ClassVar[list[BindingType]] = [
         Binding("escape", "put_away", "Back"),
@@ -50,18 +50,18 @@ class Dialog(ModalScreen[Result], Generic[Result]):
     """
 
     closed_s: ClassVar[float] = 0.0
-    """When the last dialog was closed, in monotonic seconds."""
+    """Time at which the last dialog was closed, in monotonic seconds."""
     opens_unasked = False
-    """Whether the engine's answer opened it, not a key."""
+    """True where the engine's answer opened it, not a key."""
     _opened_s = math.inf
     _dropped_s = -math.inf
-    """When a key was dropped last, in monotonic seconds."""
+    """Time at which a key was dropped last, in monotonic seconds."""
 
     async def on_event(self, event: Event) -> None:
-        """One that STOP or esc has put away before it was drawn has nothing to mount.
+        """Drop keys while ``is_deaf``, and the mount event of a dialog closed before it was drawn.
 
-        Words typed blindly are dropped as a whole: of what is behind a dropped key nothing acts.
-        STOP never comes here: the application takes it first.
+        Words typed blindly are dropped as a whole: no key right after a dropped one acts. STOP
+        never comes here: the application takes it first.
         """
         if isinstance(event, Mount) and self not in self.app.screen_stack:
             return
@@ -73,7 +73,7 @@ class Dialog(ModalScreen[Result], Generic[Result]):
         await super().on_event(event)
 
     def on_mount(self) -> None:
-        """It can be read from the first paint on."""
+        """Note the first paint: from then on it can be read."""
         self.call_after_refresh(self._note_opened)
 
     def _note_opened(self) -> None:
@@ -81,12 +81,12 @@ class Dialog(ModalScreen[Result], Generic[Result]):
 
     @property
     def is_deaf(self) -> bool:
-        """Whether a key is dropped: it was meant for what the dialog covers. Esc always works."""
+        """True while keys are dropped: they were meant for the screen below. Esc always works."""
         since_s = max(self._opened_s, self._dropped_s)
         return self.opens_unasked and time.monotonic() < since_s + UNASKED_DEAF_S
 
     def dismiss(self, result: Result | None = None) -> AwaitComplete:
-        """Close; keys typed right after it may still be meant for it."""
+        """Close; note the time, since keys typed right after it may still be meant for it."""
         Dialog.closed_s = time.monotonic()
         return super().dismiss(result)
 
@@ -96,15 +96,15 @@ class Dialog(ModalScreen[Result], Generic[Result]):
 
 
 class PagedDialog(Dialog[Result], Generic[Result]):
-    """Pages of text, one at a time."""
+    """Dialog with pages of text, one at a time."""
 
     def compose(self) -> ComposeResult:
-        """One page."""
+        """Make one page."""
         with VerticalScroll():
             yield Static("", id="page", markup=False)
 
     def on_mount(self) -> None:
-        """The first one."""
+        """Show the first page."""
         self.show()
 
     def page(self) -> tuple[str, str, str]:
@@ -112,14 +112,14 @@ class PagedDialog(Dialog[Result], Generic[Result]):
         raise NotImplementedError
 
     def show(self) -> None:
-        """Draw it."""
+        """Draw the page."""
         box = self.query_one(VerticalScroll)
         box.border_title, box.border_subtitle, text = self.page()
         self.query_one("#page", Static).update(text)
 
 
 class Tick(Static, can_focus=True):
-    """A line with a box to tick; the tick is a sign, not a colour."""
+    """Line with a box to tick; the tick is a sign, not a colour."""
 
     BINDINGS: ClassVar[list[BindingType]] = [Binding("space,enter", "tick", "Tick")]
 
@@ -129,34 +129,34 @@ class Tick(Static, can_focus=True):
         self.is_on = is_on
 
     def action_tick(self) -> None:
-        """Tick, or not."""
+        """Toggle the tick."""
         if isinstance(self.screen, Dialog) and self.screen.is_deaf:
             return
         self.is_on = not self.is_on
         self.update(f"[{'x' if self.is_on else ' '}] {self._words}")
 
     def on_click(self) -> None:
-        """Tick by the mouse."""
+        """Toggle the tick by the mouse."""
         self.action_tick()
 
 
 class MessageDialog(Dialog[None]):
-    """A message in full."""
+    """Dialog with a message in full."""
 
     def __init__(self, title: str, text: str) -> None:
         super().__init__()
         self._title, self._text = title, text
 
     def compose(self) -> ComposeResult:
-        """The words; any key puts them away, where they were asked for."""
+        """Make the message; any key closes it, unless it opened by itself."""
         with framed(self._title, "esc or enter back" if self.opens_unasked else "any key back"):
             yield Static(self._text, markup=False)
 
     def on_key(self, event: Key) -> None:
-        """Read: back to the sky. What STOP is bound to never comes here.
+        """Close the message. Keys of STOP never come here.
 
-        Where it opened by itself the first letter of a word must not put it away: the letters
-        behind it would act.
+        Where it opened by itself, the first letter of a word must not close it: the letters behind
+        it would act.
         """
         event.stop()
         event.prevent_default()
@@ -169,7 +169,7 @@ class MessageDialog(Dialog[None]):
 
 
 class ArmDialog(Dialog[tuple[str, ...] | None]):
-    """The checks that stand against arming; those that are ticked are overridden by name.
+    """Dialog of the failed arming checks; those that are ticked are overridden by name.
 
     Gives the names to override, or None.
     """
@@ -177,7 +177,7 @@ class ArmDialog(Dialog[tuple[str, ...] | None]):
     def __init__(
         self, message: str, checks: Sequence[Mapping[str, Any]], ticked: Collection[str] = ()
     ) -> None:
-        """``ticked``: names that were overridden before, and are again unless taken back."""
+        """``ticked``: names overridden before, ticked at first."""
         super().__init__()
         self._message = message
         self._failed = [check for check in checks if not check.get("ok")]
@@ -185,7 +185,7 @@ class ArmDialog(Dialog[tuple[str, ...] | None]):
         self._ticked = ticked
 
     def compose(self) -> ComposeResult:
-        """The message, a box to tick for each failed check, and the two ways on."""
+        """Make the message, a box to tick for each failed check, and two buttons."""
         with framed("not armed", "space ticks · ↑↓ move · esc back"):
             intro = "These stand against it; tick what you answer for, by name and on record."
             yield Static(intro if self._failed else self._message, markup=False)
@@ -204,12 +204,12 @@ class ArmDialog(Dialog[tuple[str, ...] | None]):
                     yield Button("Arm, overriding the ticked", id="arm", compact=True)
 
     def on_mount(self) -> None:
-        """The first box has the cursor; enter there arms nothing."""
+        """Put the cursor on the first box; enter there arms nothing."""
         first = self.query(Tick).first() if self._failed else self.query_one("#stay", Button)
         first.focus()
 
     def on_button_pressed(self, event: Button.Pressed) -> None:
-        """Arm anyway, or not."""
+        """Arm anyway, or cancel."""
         event.stop()
         if self.is_deaf:
             return
@@ -225,18 +225,18 @@ class ArmDialog(Dialog[tuple[str, ...] | None]):
 
 
 class ConfirmDialog(Dialog[bool | None]):
-    """A question; nothing happens but by the second button or its letter. Gives True or not."""
+    """Dialog with a question; only the second button or its letter confirms. Gives True or not."""
 
     def __init__(
         self, title: str, text: str, *, yes: str, letter: str, is_yes: bool = False
     ) -> None:
-        """``is_yes``: enter does it, where nothing moves by it."""
+        """``is_yes``: enter confirms, where nothing moves by it."""
         super().__init__()
         self._proposed = "#yes" if is_yes else "#back"
         self._title, self._text, self._yes, self._letter = title, text, yes, letter
 
     def compose(self) -> ComposeResult:
-        """What would be done, and the two ways on."""
+        """Make the question and two buttons."""
         with framed(self._title):
             yield Static(self._text, markup=False)
             with Vertical(classes="choices"):
@@ -244,17 +244,17 @@ class ConfirmDialog(Dialog[bool | None]):
                 yield Button(f"{self._letter}  {self._yes}", id="yes", compact=True)
 
     def on_mount(self) -> None:
-        """Enter does nothing that moves."""
+        """Put the cursor where enter moves nothing."""
         self.query_one(self._proposed, Button).focus()
 
     def on_button_pressed(self, event: Button.Pressed) -> None:
-        """Done, or not."""
+        """Confirm or cancel."""
         event.stop()
         if not self.is_deaf:
             self.dismiss(event.button.id == "yes")
 
     def on_key(self, event: Key) -> None:
-        """By letter."""
+        """Confirm or cancel by letter."""
         if event.key == self._letter:
             event.stop()
             if not self.is_deaf:
@@ -262,7 +262,7 @@ class ConfirmDialog(Dialog[bool | None]):
 
 
 class LeaveDialog(Dialog[LeaveChoice | None]):
-    """The question what becomes of the engine when the console is left."""
+    """Dialog that asks about the future of the engine when the console is left."""
 
     BINDINGS: ClassVar[list[BindingType]] = [
         Binding("l", "choose('leave')", "Leave it running"),
@@ -277,13 +277,13 @@ class LeaveDialog(Dialog[LeaveChoice | None]):
     }
 
     def __init__(self, state_words: str, *, proposes_staying: bool) -> None:
-        """``proposes_staying``: the telescope moves by hand, and nobody else would look at it."""
+        """``proposes_staying``: the telescope moves by hand, and no other console looks at it."""
         super().__init__()
         self._state_words = state_words
         self._proposes_staying = proposes_staying
 
     def compose(self) -> ComposeResult:
-        """Three plain choices; the proposed one has the focus."""
+        """Make three choices; the proposed one has the focus."""
         with framed("leave the console"):
             yield Static(self._state_words, markup=False)
             with Vertical(classes="choices"):
@@ -291,14 +291,14 @@ class LeaveDialog(Dialog[LeaveChoice | None]):
                     yield Button(words, name=choice, id=choice.replace(" ", "-"), compact=True)
 
     def on_mount(self) -> None:
-        """Enter does what is safe: it never ends the engine."""
+        """Put the cursor on the safe choice: it never ends the engine."""
         self.query_one("#stay" if self._proposes_staying else "#leave", Button).focus()
 
     def on_button_pressed(self, event: Button.Pressed) -> None:
-        """One of the three."""
+        """Take one of the three."""
         event.stop()
         self.dismiss(next(each for each in self.CHOICES if each == event.button.name))
 
     def action_choose(self, choice: LeaveChoice) -> None:
-        """By letter."""
+        """Take a choice by letter."""
         self.dismiss(choice)

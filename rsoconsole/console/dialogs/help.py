@@ -37,7 +37,7 @@ Time line  the night from its first record to its last; its words are states,
 def help_text(
     keymap: Mapping[str, str] | None = None, mode: Mode = "live", place: Place = "live"
 ) -> str:
-    """The help's first page: keys of this moment, every command by group, the signs."""
+    """Return the help's first page: keys of this moment, every command by group, the signs."""
     lines: list[str] = []
     if MODE_WORDS[mode]:
         lines.append(MODE_WORDS[mode])
@@ -68,7 +68,7 @@ def help_text(
 
 
 class HelpDialog(PagedDialog[str | None]):
-    """The help: keys and signs; on a second page the terms. Gives "tour" or None."""
+    """Help dialog: keys and signs; on a second page the terms. Gives "tour" or None."""
 
     BINDINGS: ClassVar[list[BindingType]] = [
         Binding("question_mark,f1,q", "put_away", "Back", show=False),
@@ -100,31 +100,31 @@ class HelpDialog(PagedDialog[str | None]):
         return next(name for name in self._pages if name != self._shown)
 
     def action_other_page(self) -> None:
-        """From the keys to the terms, and back."""
+        """Switch between the keys and the terms."""
         self._shown = self._other
         self.show()
         # At once: what is scrolled behind the new text would be the place of the old one.
         self.query_one(VerticalScroll).scroll_home(animate=False, immediate=True)
 
     def action_scroll(self, by: int) -> None:
-        """By a line."""
+        """Scroll by lines."""
         self.query_one(VerticalScroll).scroll_relative(y=by, animate=False)
 
     def action_page(self, by: int) -> None:
-        """By what is seen at once."""
+        """Scroll by pages."""
         box = self.query_one(VerticalScroll)
         box.scroll_relative(y=by * max(box.size.height - 1, 1), animate=False)
 
     def action_end(self, is_last: bool) -> None:
-        """To the first line, or to the last."""
+        """Scroll to the first line, or to the last."""
         box = self.query_one(VerticalScroll)
         (box.scroll_end if is_last else box.scroll_home)(animate=False)
 
     def action_tour(self) -> None:
-        """The tour of the screen."""
+        """Start the tour of the screen."""
         self.dismiss("tour")
 
     def page(self) -> tuple[str, str, str]:
-        """The keys first."""
+        """Title, keys and text of the page; the keys come first."""
         keys = f"tab {self._other} · t tour · esc back"
         return f"help: {self._shown}", keys, self._pages[self._shown]

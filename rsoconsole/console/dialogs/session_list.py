@@ -32,26 +32,26 @@ class SessionEntry:
     folder: Path
     is_branch: bool = False
     summary: SessionSummary | None = None
-    """What is in it; None until that is read."""
+    """Its contents in figures; None until read."""
     state: State = ""
 
     @property
     def name(self) -> str:
-        """The folder's name as it is shown."""
+        """Its folder's name as shown."""
         return one_line(self.folder.name)
 
     def has(self, words: str) -> bool:
-        """Whether those words are in its name or title."""
+        """Return True if those words are in its name or title."""
         title = self.summary.title or "" if self.summary is not None else ""
         text = f"{self.folder.parent.parent.name if self.is_branch else ''} {self.name} {title}"
         return all(word in text.lower() for word in words.lower().split())
 
 
 def sessions_under(root: Path, present: Path | None) -> list[SessionEntry]:
-    """Every session under the root, newest first, each before its branches; nothing is opened.
+    """Return every session under the root, newest first, each before its branches; none is opened.
 
-    ``present``: one that is looked at now, wherever it lies. Raises SessionError when the root
-    cannot be looked into.
+    ``present``: the session shown now, wherever it lies. Raises SessionError when the root cannot
+    be read.
     """
     folders = [path for path in folders_in(root) if (path / DATABASE).exists()]
     if present is not None and present.parent.name == BRANCHES:
@@ -63,7 +63,7 @@ def sessions_under(root: Path, present: Path | None) -> list[SessionEntry]:
 
 
 def with_summary(entry: SessionEntry) -> SessionEntry:
-    """The entry with what is in its session. Never raises: a damaged session says so."""
+    """Return the entry with its session's summary. Never raises: a damaged session says so."""
     summary = summarise(entry.folder)
     state: State = "damaged" if summary.state == "unreadable" else summary.state
     return replace(entry, summary=summary, state=state)
@@ -83,7 +83,7 @@ def _is_same(a: Path, b: Path) -> bool:
 
 
 def _columns(width: int) -> tuple[int, tuple[int, ...]]:
-    """(of the name, of each fact; 0 for one that there is no room for)."""
+    """Return the columns of the name and of each fact; 0 for one without room."""
     facts = [WHEN_COLUMNS, LENGTH_COLUMNS, FRAMES_COLUMNS, SIZE_COLUMNS, STATE_COLUMNS]
     for unneeded in (3, 0, 1):
         if width - 3 - sum(n + 1 for n in facts if n) >= MIN_NAME_COLUMNS + 8:
@@ -112,7 +112,7 @@ def _facts(entry: SessionEntry) -> tuple[str, ...]:
 
 
 def _shortened(name: str, columns: int) -> str:
-    """Names begin with their date and end with what they are about: the middle can go."""
+    """Return the name cut in the middle: it begins with its date and ends with its subject."""
     if len(name) <= columns:
         return name.ljust(columns)
     half = (columns - 1) // 2
@@ -120,14 +120,14 @@ def _shortened(name: str, columns: int) -> str:
 
 
 class SessionListDialog(ListDialog[Path | None, SessionEntry]):
-    """The recorded nights; typing finds one, enter opens it. Gives its folder."""
+    """Dialog of the recorded nights; typing finds one, enter opens it. Gives its folder."""
 
     LISTED = "sessions"
     KEYS = "↑↓ choose · enter opens · esc back"
     TO_TYPE = "type a part of a name, or a path"
 
     def __init__(self, root: Path, present: Path | None) -> None:
-        """``present``: the session that is looked at now."""
+        """``present``: the session that is shown now."""
         super().__init__()
         self._root, self._present = root, present
         self._entries: list[SessionEntry] | None = None
@@ -139,7 +139,7 @@ class SessionListDialog(ListDialog[Path | None, SessionEntry]):
         self._is_over = True
 
     def look(self) -> None:
-        """Find their names first, then what is in each; runs on the thread."""
+        """Find their names first, then their summaries; runs on the thread."""
         try:
             entries = sessions_under(self._root, self._present)
         except SessionError as error:
@@ -152,7 +152,7 @@ class SessionListDialog(ListDialog[Path | None, SessionEntry]):
             call_in_turn(self, self._update_entry, with_summary(entry))
 
     def _list_entries(self, entries: list[SessionEntry], fault: str = "") -> None:
-        """Their names, or why they cannot be found; the present one is chosen."""
+        """Show their names, or why they cannot be found; the present one is chosen."""
         self._entries, self._fault = entries, fault
         folders = [entry.folder for entry in entries]
         if self._present in folders and self._at == 0:
@@ -160,23 +160,23 @@ class SessionListDialog(ListDialog[Path | None, SessionEntry]):
         self.show()
 
     def _update_entry(self, entry: SessionEntry) -> None:
-        """What is in one."""
+        """Show the summary of one session."""
         entries = self._entries or []
         self._entries = [entry if each.folder == entry.folder else each for each in entries]
         self.show()
 
     @property
     def shown(self) -> list[SessionEntry]:
-        """Those that what was typed leaves."""
+        """Return the sessions that match the typed words."""
         words = self.query_one(Input).value
         return [entry for entry in self._entries or [] if entry.has(words)]
 
     def result_of(self, row: SessionEntry) -> Path:
-        """Its folder."""
+        """Return its folder."""
         return row.folder
 
     def take_typed(self, typed: str) -> None:
-        """Open it, where it is a session's path."""
+        """Open the typed path, where it is a session's."""
         with contextlib.suppress(ValueError, OSError):  # nobody's home, a name too long
             path = home_path(typed.strip())
             if typed.strip() and (path / DATABASE).is_file():
@@ -185,7 +185,7 @@ class SessionListDialog(ListDialog[Path | None, SessionEntry]):
         super().take_typed(typed)
 
     def take_click(self, number: int) -> None:
-        """Choose; the chosen one: open it."""
+        """Choose the clicked row; if it is chosen already, open it."""
         if number >= len(self.shown):
             return
         if number == self._at:
@@ -194,7 +194,7 @@ class SessionListDialog(ListDialog[Path | None, SessionEntry]):
             self.choose(number)
 
     def head(self, width: int) -> str:
-        """What each column is, or why there are no sessions."""
+        """Return the columns' heads, or why there are no sessions."""
         if self._entries is None:
             return f" looking into {self._root} …"
         if self._fault:
@@ -207,7 +207,7 @@ class SessionListDialog(ListDialog[Path | None, SessionEntry]):
         return f"  {'session':<{columns[0]}} {_cells(HEADS, columns)}"
 
     def row_words(self, row: SessionEntry, width: int) -> tuple[str, Ink]:
-        """Its name and what is in it."""
+        """Return its name and facts."""
         columns, name = _columns(width), f"└ {row.name}" if row.is_branch else row.name
         text = f"{_shortened(name, columns[0])} {_cells(_facts(row), columns)}"
         return text, STATE_INKS.get(row.state, "")

@@ -13,11 +13,11 @@ from rsoconsole.console.night.engine_view import EngineView
 from rsoconsole.night import NightView
 
 SEEN = "tour-seen"
-"""Name of the file that says so, in the user's state folder."""
+"""Name of the file in the user's state folder that marks the tour as shown."""
 
 
 class TourMemory:
-    """A file in the user's state folder that says that the tour was shown."""
+    """File in the user's state folder that marks the tour as shown."""
 
     def __init__(self, folder: Path) -> None:
         """``folder``: the user's state folder; it need not be there yet."""
@@ -25,7 +25,7 @@ class TourMemory:
 
     @property
     def is_due(self) -> bool:
-        """Whether the tour has not been shown yet."""
+        """Return True until the tour has been shown."""
         return not self._path.exists()
 
     def has_been_shown(self) -> None:
@@ -36,7 +36,7 @@ class TourMemory:
 
 
 def intro_text(night: NightView, engine: EngineView, keymap: Mapping[str, str]) -> str:
-    """What a simulated night is going to show, until something has been followed; else empty."""
+    """Return an introduction to a simulated night; empty once something has been followed."""
     is_young = night.track_frame_id == 0 and night.track is None
     if not (night.is_simulated and engine.is_attached and is_young):
         return ""
@@ -52,7 +52,7 @@ def intro_text(night: NightView, engine: EngineView, keymap: Mapping[str, str]) 
 
 
 def tour_pages(keymap: Mapping[str, str]) -> tuple[tuple[str, str], ...]:
-    """Title and text of each page; a page fits a terminal of 80 x 24."""
+    """Return title and text of each page; a page fits a terminal of 80 x 24."""
 
     def key(name: str) -> str:
         return first_key(name, keymap)
@@ -110,7 +110,7 @@ def tour_pages(keymap: Mapping[str, str]) -> tuple[tuple[str, str], ...]:
 
 
 class TourDialog(PagedDialog[bool | None]):
-    """The tour, a page at a time. Gives True where the help is wanted after it."""
+    """Tour dialog, a page at a time. Gives True where the help is wanted after it."""
 
     BINDINGS: ClassVar[list[BindingType]] = [
         Binding("right,down,space,enter,pagedown", "turn(1)", "Next", priority=True),

@@ -1,4 +1,4 @@
-"""The list of what is up: satellites of the element files above the limit; one is gone to."""
+"""The list of satellites of the element files above the limit, to choose one for a go-to."""
 
 import logging
 import time
@@ -28,7 +28,7 @@ NAME_COLUMNS = 24
 
 
 class UpListDialog(ListDialog[str | None, "VisibleSatellite"]):
-    """Satellites above the limit; typing finds one. Gives its catalogue number, for the go-to."""
+    """Dialog of satellites above the limit; typing finds one. Gives its catalogue number."""
 
     BINDINGS: ClassVar[list[BindingType]] = [
         Binding("tab", "sort", show=False, priority=True),
@@ -85,7 +85,7 @@ class UpListDialog(ListDialog[str | None, "VisibleSatellite"]):
 
     @property
     def shown(self) -> "list[VisibleSatellite]":
-        """Those that what was typed leaves, in the chosen order."""
+        """Return the satellites that match the typed words, in the chosen order."""
         words = self.query_one(Input).value.lower().split()
         left = [
             up
@@ -99,16 +99,16 @@ class UpListDialog(ListDialog[str | None, "VisibleSatellite"]):
         return left
 
     def result_of(self, row: "VisibleSatellite") -> str:
-        """Its number."""
+        """Return its catalogue number."""
         return str(row.norad_id)
 
     def action_sort(self) -> None:
-        """Sort by altitude, by what sets first, by name."""
+        """Sort by altitude, by time of setting, by name."""
         self._order = ORDERS[(ORDERS.index(self._order) + 1) % len(ORDERS)]
         self.show()
 
     def head(self, width: int) -> str:  # noqa: ARG002 -- the same however wide
-        """How many are up, or why that is not known."""
+        """Return the number of satellites that are up, or why it is not known."""
         if self._found is None:
             return "computing …"
         return self._fault or (
@@ -117,7 +117,7 @@ class UpListDialog(ListDialog[str | None, "VisibleSatellite"]):
         )
 
     def row_words(self, row: "VisibleSatellite", width: int) -> tuple[str, Ink]:  # noqa: ARG002
-        """Its name, where it is, and for how long."""
+        """Return its name, its direction, and how long it stays up."""
         left = "12 h +" if row.minutes_left is None else span(row.minutes_left * 60.0)
         is_soon = row.minutes_left is not None and row.minutes_left < SOON_MIN
         text = (

@@ -16,7 +16,7 @@ from rsoconsole.console.drawing.plot import joined
 ByteImage = npt.NDArray[np.uint8]
 Name = Literal["half-blocks", "quadrants", "sextants", "octants"]
 Key = tuple[int, int]
-"""(grey of what is drawn, grey of what is behind it)."""
+"""(grey of the drawn parts, grey of the parts behind)."""
 
 MIN_STEPS = 1
 """Steps of grey up to which the parts of a cell are drawn alike: a change of colour costs bytes."""
@@ -33,16 +33,16 @@ class Blocks:
     across: int
     down: int
     glyphs: str
-    """By the parts that are drawn: bit ``row * across + column``."""
+    """Character for each pattern of drawn parts: bit ``row * across + column`` of the index."""
 
 
 _QUADRANTS = " ▘▝▀▖▌▞▛▗▚▐▜▄▙▟█"
 _SEXTANTS = {0: " ", 0b010101: "▌", 0b101010: "▐", 0b111111: FULL_BLOCK}
-"""Patterns that Unicode had before its block of sextants, which leaves them out."""
+"""Characters for the patterns that Unicode's block of sextants leaves out: it had them before."""
 
 
 def _octant_glyphs() -> str:
-    """The octants from U+1CD00 on, in the order of the patterns, with those Unicode had before."""
+    """Return the octants from U+1CD00 on, by pattern, with those that Unicode had before."""
     upper_left, upper_right, lower_left, lower_right = 0x05, 0x0A, 0x50, 0xA0
     corners = (upper_left, upper_right, lower_left, lower_right)
     known = {
@@ -65,7 +65,7 @@ def _octant_glyphs() -> str:
 
 
 def _in_order(count: int, known: dict[int, str], first: int) -> str:
-    """Glyphs by pattern: known ones, the others from code point ``first`` on."""
+    """Return the characters by pattern: known ones, the others from code point ``first`` on."""
     codes = itertools.count(first)
     return "".join(known.get(pattern) or chr(next(codes)) for pattern in range(count))
 
@@ -81,21 +81,21 @@ BY_NAME: dict[str, Blocks] = {
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Cells:
-    """A picture fitted into cells; each array is (rows, columns)."""
+    """Picture fitted into cells; each array is (rows, columns)."""
 
     pattern: npt.NDArray[np.intp]
-    """Which parts have the brighter grey."""
+    """Parts that have the brighter grey: bit ``row * across + column``."""
     bright: ByteImage
     dark: ByteImage
     behind: ByteImage
-    """Grey for what is written over a cell: light that fills only a part of it still shows."""
+    """Grey behind text over a cell: light that fills only a part of the cell still shows."""
 
 
 def fitted(greys: ByteImage, blocks: Blocks) -> Cells:
     """Fit two greys and a pattern to each cell's parts by least squares.
 
-    ``greys``: (rows * down, columns * across). In one dimension the best two groups are parted
-    by a threshold, so every threshold is tried.
+    ``greys``: (rows * down, columns * across). In one dimension a threshold separates the best two
+    groups, so every threshold is compared.
     """
     down, across = blocks.down, blocks.across
     rows, columns = greys.shape[0] // down, greys.shape[1] // across
@@ -139,7 +139,7 @@ RunKey = tuple[int, int] | tuple[str, int]
 def runs(cells: Cells, blocks: Blocks, marks: Written, row: int) -> list[tuple[str, RunKey]]:
     """Return one row of cells as (text, colours), with as few changes of colour as there can be.
 
-    Half blocks are always the upper one: letters are made of them where a terminal has no more.
+    Half blocks are always the upper one: letters replace them where a terminal has no others.
     """
     if blocks is HALF_BLOCKS:
         return joined(_halves(cells, marks, row))

@@ -16,18 +16,18 @@ THREE_COLUMNS = (180, 50)
 WITH_PICTURE = (60, 16)
 ONE_LINE_TOP_COLUMNS = 74
 LOW_LINES = 20
-"""Below which a time line has one row."""
+"""Rows of a terminal below which a time line has one row."""
 TUNE_ROWS, OWN_TUNE_ROWS, SKY_ROWS = 24, 17, 20
 ORBIT_ROWS = 8
-"""Of an orbit that is always seen."""
+"""Rows of an orbit that is always shown."""
 OPEN_ORBIT_ROWS = 26
-"""At most, of one that lies over the plots."""
+"""Most rows of an orbit that lies over the plots."""
 BANNER_ROWS = {"wide": 3, "narrow": 5}
 WIDE_BANNER_COLUMNS = 72
 
 MAX_ALERT_ROWS = 2
 MIN_LOG_ROWS = 2
-"""Beside plots and orbit."""
+"""Least rows of a log beside plots and orbit."""
 
 Name = Literal[
     "top",
@@ -49,12 +49,12 @@ Name = Literal[
 
 
 STRIPS: dict[Name, int] = {"confidence": 1, "east": 1, "north": 1}
-"""The rows of plots that there is little room for."""
+"""Rows of each plot where there is little room."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Box:
-    """A rectangle of cells."""
+    """Rectangle of cells."""
 
     x: int
     y: int
@@ -173,12 +173,12 @@ def orbit_box(
 
 
 def has_tuning_column(width: int, height: int) -> bool:
-    """Whether the tuning pane is always open."""
+    """Return True where the tuning pane is always open."""
     return width >= THREE_COLUMNS[0] and height >= THREE_COLUMNS[1]
 
 
 def _rows_above(boxes: dict[Name, Box]) -> int:
-    """Rows of the first lines and the alert."""
+    """Return the rows of the first lines and the alert."""
     return boxes["top"].height + (boxes["alert"].height if "alert" in boxes else 0)
 
 
@@ -188,7 +188,7 @@ def _put(boxes: dict[Name, Box], name: Name, box: Box) -> None:
 
 
 def _full(boxes: dict[Name, Box], middle: Box, facts_rows: int, aspect: float) -> None:
-    """Picture left, plots right, then figures, then the log."""
+    """Lay out the picture left, plots right, then figures, then the log."""
     panes_rows = min(middle.height - 4, max(14, round(middle.height * 0.76)))
     frame_columns = _frame_columns(panes_rows - 2, aspect, int(middle.width * 0.56))
     boxes["frame"] = Box(x=0, y=middle.y, width=frame_columns, height=panes_rows)
@@ -203,7 +203,7 @@ def _full(boxes: dict[Name, Box], middle: Box, facts_rows: int, aspect: float) -
 
 
 def _large(boxes: dict[Name, Box], all_: Box, aspect: float) -> None:
-    """Picture over its close-up left; plots, orbit and log right; figures below."""
+    """Lay out the picture over its close-up left; plots, orbit and log right; figures below."""
     facts_rows = 5
     rows = all_.height - facts_rows
     left = _pictures(boxes, all_, rows, int(all_.width * 0.52), aspect)
@@ -220,7 +220,7 @@ def _large(boxes: dict[Name, Box], all_: Box, aspect: float) -> None:
 
 
 def _three_columns(boxes: dict[Name, Box], all_: Box, aspect: float) -> None:
-    """Pictures, plots with the orbit, and a column for figures and log."""
+    """Lay out pictures, plots with the orbit, and a column for figures and log."""
     left = _pictures(boxes, all_, all_.height, int(all_.width * 0.42), aspect)
     middle = int((all_.width - left - 2) * 0.5)
     each, orbit_rows = round(all_.height * 0.21), round(all_.height * 0.25)
@@ -236,7 +236,7 @@ def _three_columns(boxes: dict[Name, Box], all_: Box, aspect: float) -> None:
 
 
 def _pictures(boxes: dict[Name, Box], all_: Box, rows: int, at_most: int, aspect: float) -> int:
-    """The picture and its close-up in a number of rows; returns the columns that they take."""
+    """Lay out the picture and its close-up in a number of rows; return their columns."""
     frame_rows = min(round(rows * 0.64), math.ceil(at_most / aspect / 2) + 2)
     columns = max(_frame_columns(frame_rows - 2, aspect, at_most), min(at_most, 58))
     boxes["frame"] = Box(x=0, y=all_.y, width=columns, height=frame_rows)
@@ -246,7 +246,7 @@ def _pictures(boxes: dict[Name, Box], all_: Box, rows: int, at_most: int, aspect
 
 
 def _stacked(boxes: dict[Name, Box], where: Box, rows: dict[Name, int]) -> int:
-    """Panes with the rows of each, one under the other; returns the row below the last."""
+    """Lay out panes with the rows of each, one under the other; return the row below the last."""
     y = where.y
     for name, n in rows.items():
         _put(boxes, name, Box(x=where.x, y=y, width=where.width, height=n))
@@ -255,7 +255,7 @@ def _stacked(boxes: dict[Name, Box], where: Box, rows: dict[Name, int]) -> int:
 
 
 def _strips(boxes: dict[Name, Box], middle: Box, aspect: float) -> None:
-    """Picture left; one row for each plot and the log right of it."""
+    """Lay out the picture left; one row for each plot and the log right of it."""
     frame_columns = _frame_columns(middle.height - 2, aspect, middle.width // 2)
     boxes["frame"] = Box(x=0, y=middle.y, width=frame_columns, height=middle.height)
     x, columns = frame_columns + 1, middle.width - frame_columns - 1
@@ -264,14 +264,14 @@ def _strips(boxes: dict[Name, Box], middle: Box, aspect: float) -> None:
 
 
 def _bare(boxes: dict[Name, Box], middle: Box, facts_rows: int) -> None:
-    """One column: figures, a row for each plot, and what is left for the log."""
+    """Lay out one column: figures, a row for each plot, and the rest for the log."""
     left = middle.height - facts_rows
     strips = STRIPS if left >= len(STRIPS) else {}
     _stacked(boxes, middle, {"facts": facts_rows, **strips, "log": left - len(strips)})
 
 
 def _frame_columns(picture_rows: int, aspect: float, at_most: int) -> int:
-    """Columns of a picture that many rows high: a cell is about twice as high as wide."""
+    """Return the columns of a picture of that many rows: a cell is about twice as high as wide."""
     return max(1, min(math.ceil(2 * picture_rows * aspect), at_most))
 
 
@@ -279,7 +279,7 @@ BESIDE_COLUMNS = 72
 """Columns from which on the panel stands beside the picture."""
 PANEL_COLUMNS = (34, 46)
 BELOW_ROWS = 24
-"""Rows from which on it has a third of the screen below it; in fewer it is a summary."""
+"""Rows from which on the panel has a third of the screen below it; in fewer it is a summary."""
 SUMMARY_ROWS = 2
 
 SheetPart = Literal["status", "alert", "picture", "panel", "keys"]
@@ -296,7 +296,7 @@ def sheet_boxes(
 ) -> dict[SheetPart, Box]:
     """Return the box of each part of a frame's screen; an open list takes the picture's too.
 
-    ``keys_rows``: of the last line and what is said over it.
+    ``keys_rows``: rows of the last line and the notice over it.
     """
     boxes: dict[SheetPart, Box] = {}
     top, bottom = 0, height - keys_rows

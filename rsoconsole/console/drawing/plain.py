@@ -1,4 +1,4 @@
-"""Colours of the night, and the screen of a terminal that has none or other characters."""
+"""ASCII and monochrome forms of the screen, filters of control characters, and the themes."""
 
 import re
 import unicodedata
@@ -25,19 +25,19 @@ _SIGNS = str.maketrans(
     }
 )
 SPELLED = {"±": "+-", "°": "deg", "σ": "sig", "τ": "tau", "α": "RA", "δ": "Dec"}
-"""Signs of which one letter would say another thing."""
+"""Signs spelled out in ASCII: a single letter would mean something else."""
 _WIDE_GAP = {n: re.compile(f" {{{n + 1},}}|─{{{n + 2},}}") for n in (1, 2)}
 _RAMP = " .:-=+*#%@"
-"""From dark to bright: what a square of a picture becomes."""
+"""Characters from dark to bright for the squares of a picture."""
 _BRAILLE = range(0x2800, 0x2900)
 _FAT = (0x01 | 0x08, 0x02 | 0x10, 0x04 | 0x20, 0x40 | 0x80)
-"""Two dots side by side: of a fat one, or of the half of it that lies in this cell."""
+"""Pairs of braille dots side by side: a fat dot, or the half of it that lies in this cell."""
 _UPPER_DOTS = 0x01 | 0x02 | 0x08 | 0x10
 HALF_BLOCK = "▀"
 
 
 def plain(text: str) -> str:
-    """ASCII of the same length."""
+    """Return ASCII of the same length."""
     return "".join(c if c.isascii() else _one(c) for c in text.translate(_SIGNS))
 
 
@@ -57,7 +57,7 @@ def _one(character: str) -> str:
 
 
 def spelled(texts: Sequence[str]) -> list[str]:
-    """A line's pieces in ASCII, with ``SPELLED`` signs written out; as long in all as before.
+    """Return a line's pieces in ASCII, ``SPELLED`` signs written out, as long in all as before.
 
     The columns that this takes come from blanks and rules: right before the sign where a gap stands
     there, so that what follows keeps its place, else behind it, else earlier. Without any the sign
@@ -89,7 +89,7 @@ def spelled(texts: Sequence[str]) -> list[str]:
 
 
 def _gap(cells: Sequence[tuple[str, int]], at: int, wanted: int) -> int | None:
-    """Where cells can be taken out of a gap that keeps one; None where there is no such gap."""
+    """Return where cells can be taken out of a gap that keeps one; None: no such gap."""
     line = "".join(sign for sign, _ in cells)
     before = line[:at]
     width = len(before) - len(before.rstrip(" "))
@@ -103,10 +103,10 @@ def _gap(cells: Sequence[tuple[str, int]], at: int, wanted: int) -> int | None:
 
 
 class PlainFilter(LineFilter):
-    """Turns every line into ASCII; squares of pictures by their light."""
+    """Turns every line into ASCII; squares of pictures into characters by their light."""
 
     def apply(self, segments: list[Segment], background: Color) -> list[Segment]:  # noqa: ARG002 -- as Textual asks
-        """One line."""
+        """Convert one line."""
         words = [index for index, segment in enumerate(segments) if not segment.control]
         if any(HALF_BLOCK in segments[index].text for index in words):
             # Beside a picture nothing may move.
@@ -132,7 +132,7 @@ class PlainFilter(LineFilter):
 
 
 def _light(colour: RichColor | None) -> float:
-    """From 0 to 1; dark where there is no colour to tell."""
+    """Return the light of a colour, 0 to 1; 0 where there is no colour."""
     if colour is None:
         return 0.0
     red, green, blue = colour.get_truecolor()
@@ -147,19 +147,19 @@ _COMMANDS = re.compile(
     "]"
 )
 _CURSOR = re.compile(r"\x1b\[\d+;\d+H")
-"""What a sixel picture has before and behind it, in a segment without any style."""
+"""Cursor command that stands before and behind a sixel picture, in a segment without any style."""
 
 
 def clean(text: str) -> str:
-    """The same without commands, as wide as it was."""
+    """Return the text without control characters, as wide as before."""
     return _COMMANDS.sub(lambda found: " " * cell_len(found.group()), text)
 
 
 class CleanFilter(LineFilter):
-    """Takes the commands out of every line; segments that are commands as a whole are Textual's."""
+    """Removes control characters from every line; segments that are commands as a whole stay."""
 
     def apply(self, segments: list[Segment], background: Color) -> list[Segment]:  # noqa: ARG002 -- as Textual asks
-        """One line."""
+        """Clean one line."""
         return [self._clean(segment) for segment in segments]
 
     def _clean(self, segment: Segment) -> Segment:
@@ -228,7 +228,7 @@ COLOURS = {
     "ansi-light": "the terminal's own sixteen, light",
     "light": "light",
 }
-"""Themes that ctrl+t goes through, and what they are called: red comes first, white last."""
+"""Themes that ctrl+t goes through, with their names: red comes first, white last."""
 
 NIGHT_CSS = """
 ConsoleApp.-theme-night FramePane > .frame--followed { color: #d84028; }
@@ -243,4 +243,4 @@ ConsoleApp.-theme-night FramePane > .frame--now_rejected { color: #b83420; }
 ConsoleApp.-theme-night FramePane > .frame--box { color: #8a1a10; }
 ConsoleApp.-theme-night FramePane > .frame--cursor { color: #e04830; }
 """
-"""The picture's marks, which are bright elsewhere."""
+"""Styles of the picture's marks, which are bright in other themes."""

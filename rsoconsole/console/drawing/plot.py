@@ -1,7 +1,7 @@
 """Plots in cells: the newest exposure at the right, braille dots for the height.
 
-A line is a list of (text, ink); ink is a word for a colour, and no more than a repetition of
-what the marks say.
+A line is a list of (text, ink); ink is a word for a colour, which only repeats the meaning of the
+marks.
 """
 
 import math
@@ -16,12 +16,12 @@ Key = TypeVar("Key")
 
 AXIS_COLUMNS = 6
 NIS_HEADROOM = 1.6
-"""How far the axis goes beyond the upper bound of the band."""
+"""Top of the axis over the upper bound of the band."""
 REFUSED = "×"
 MIN_FOR_STRAYS, USUAL_SHARE, STRAY_TIMES = 5, 0.8, 5.0
-"""Least residuals, share of them that makes the axis, factor on it beyond which one is outside."""
+"""Least number of residuals, share that sets the axis, factor on it beyond which one is a stray."""
 MAX_SPREAD = 3
-"""Cells an exposure takes at most, while there are few."""
+"""Most cells that an exposure takes, while there are few."""
 _BRAILLE = 0x2800
 _LEFT = (0x01, 0x02, 0x04, 0x40)
 _RIGHT = (0x08, 0x10, 0x20, 0x80)
@@ -42,9 +42,9 @@ class Column:
     bound: float | None = None
     """Half width of the expected band about 0."""
     mark: str = ""
-    """Shown instead of a value: a miss, a coasted frame."""
+    """Sign shown instead of a value: a miss, a coasted frame."""
     refused: float | None = None
-    """Confidence of a streak that was not taken."""
+    """Confidence of a streak that was not accepted."""
 
 
 @dataclass(slots=True)
@@ -60,7 +60,7 @@ class Canvas:
     _glyphs: dict[tuple[int, int], str] = field(default_factory=dict)
 
     def point(self, column: int, value: float, ink: Ink) -> None:
-        """A fat dot; an arrow at the edge for what lies beyond it."""
+        """Draw a fat dot; an arrow at the edge for a value beyond it."""
         if not self.low <= value <= self.high:
             row = 0 if value > self.high else self.rows - 1
             self.glyph(column, row, "▲" if value > self.high else "▼", ink)
@@ -70,22 +70,22 @@ class Canvas:
             self._dot(column, level, _LEFT[level % 4] | _RIGHT[level % 4], ink)
 
     def thin(self, column: int, value: float) -> None:
-        """A small dot of a line; beyond the edge it lies on the edge."""
+        """Draw a small dot of a line; beyond the edge it lies on the edge."""
         clipped = min(max(value, self.low), self.high)
         level = min(max(round(self._level(clipped)), 0), 4 * self.rows - 1)
         self._dot(column, level, _LEFT[level % 4], "dim")
 
     def glyph(self, column: int, row: int, text: str, ink: Ink) -> None:
-        """A sign of its own in a cell."""
+        """Draw a sign in a cell."""
         self._glyphs[column, row] = text
         self._inks[column, row] = ink
 
     def row_of(self, value: float) -> int:
-        """The row in which a value lies."""
+        """Return the row in which a value lies."""
         return min(max(round(self._level(value)) // 4, 0), self.rows - 1)
 
     def line(self, row: int) -> Line:
-        """One row as runs of one ink."""
+        """Return one row as runs of one ink."""
         return joined(self._cell((column, row)) for column in range(self.columns))
 
     def _cell(self, at: tuple[int, int]) -> tuple[str, Ink]:
@@ -104,7 +104,7 @@ class Canvas:
 
 
 def residual_plot(columns: Sequence[Column], width: int, rows: int) -> list[Line]:
-    """Residuals as fat dots in their bounds on a symmetric axis; misses as marks on zero."""
+    """Plot residuals as fat dots in their bounds on a symmetric axis; misses as marks on zero."""
     shown = list(columns)[-max(width - AXIS_COLUMNS, 0) :]
     limit = residual_limit(shown)
     canvas = Canvas(max(width - AXIS_COLUMNS, 0), rows, -limit, limit)
@@ -116,7 +116,7 @@ def residual_plot(columns: Sequence[Column], width: int, rows: int) -> list[Line
 
 
 def confidence_plot(columns: Sequence[Column], tau: float, width: int, rows: int) -> list[Line]:
-    """Confidences between 0 and 1 as fat dots, tau as a line, misses as marks at 0."""
+    """Plot confidences between 0 and 1 as fat dots, tau as a line, misses as marks at 0."""
     shown = list(columns)[-max(width - AXIS_COLUMNS, 0) :]
     canvas = Canvas(max(width - AXIS_COLUMNS, 0), rows, 0.0, 1.0)
     for column in range(canvas.columns):
@@ -131,7 +131,8 @@ def confidence_plot(columns: Sequence[Column], tau: float, width: int, rows: int
 def nis_plot(
     columns: Sequence[Column], band: tuple[float, float], width: int, rows: int
 ) -> list[Line]:
-    """NIS as fat dots between 0 and twice the upper bound of its band, the bounds as lines."""
+    """Plot NIS as fat dots between 0 and ``NIS_HEADROOM`` times its upper bound, bounds as
+    lines."""
     shown = list(columns)[-max(width - AXIS_COLUMNS, 0) :]
     canvas = Canvas(max(width - AXIS_COLUMNS, 0), rows, 0.0, NIS_HEADROOM * band[1])
     for column in range(canvas.columns):
@@ -190,7 +191,7 @@ def confidence_strip(columns: Sequence[Column], tau: float, width: int) -> Line:
 
 
 def residual_limit(columns: Sequence[Column]) -> float:
-    """Half height of the residuals' axis, a round figure that shows most residuals and bounds.
+    """Return half the height of the residuals' axis, rounded up; most residuals and bounds fit.
 
     Bounds just after a miss are many times as wide and lie on the edge: else the residuals that
     matter would lie on zero. So does a residual many times as large as nearly all others, as an
@@ -206,7 +207,7 @@ def residual_limit(columns: Sequence[Column]) -> float:
 
 
 def _without_strays(values: list[float], usual: list[float]) -> list[float]:
-    """Without the few that are far beyond all others, and beyond the bounds."""
+    """Return the values without the few far beyond all others and beyond the bounds."""
     if len(values) < MIN_FOR_STRAYS:
         return values
     ordered = sorted(values)
@@ -216,7 +217,7 @@ def _without_strays(values: list[float], usual: list[float]) -> list[float]:
 
 
 def sparkline(values: Sequence[float | None], high: float, width: int) -> str:
-    """Eighths of blocks between 0 and ``high``; a gap where there is no value."""
+    """Return eighths of blocks between 0 and ``high``; a gap where there is no value."""
     blocks = "▁▂▃▄▅▆▇█"
     shown = list(values)[-max(width, 0) :]
     return "".join(" " if v is None else blocks[min(max(int(v / high * 8), 0), 7)] for v in shown)
@@ -248,14 +249,14 @@ def _draw_confidences(canvas: Canvas, shown: Sequence[Column], tau: float) -> No
 
 
 def _placed(canvas: Canvas, shown: Sequence[Column]) -> list[tuple[int, int, Column]]:
-    """(column, cells to the next, exposure); a young night is spread out."""
+    """Return (column, cells to the next, exposure) of each; a young night is spread out."""
     cells = cells_a_frame(canvas.columns, len(shown))
     start = canvas.columns - len(shown) * cells
     return [(start + n * cells, cells, what) for n, what in enumerate(shown)]
 
 
 def cells_a_frame(columns: int, frames: int) -> int:
-    """How many cells one frame takes in a plot of ``frames``."""
+    """Return the number of cells that one frame takes in a plot of ``frames``."""
     return max(1, min(MAX_SPREAD, columns // max(frames, 1)))
 
 
@@ -267,7 +268,7 @@ def _with_axis(label: str, line: Line) -> Line:
 
 
 def _round_up(value: float) -> float:
-    """The next of 1, 1.5, 2, 3, 5, 7 times a power of ten."""
+    """Return the next of 1, 1.5, 2, 3, 5, 7 times a power of ten."""
     if value <= 0.0 or not math.isfinite(value):
         return 1.0
     power = 10.0 ** math.floor(math.log10(value))

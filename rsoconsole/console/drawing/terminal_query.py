@@ -1,7 +1,7 @@
-"""What the terminal says of itself: asked once, in one round trip, before the console draws.
+"""The terminal's answers about itself: one round trip, before the console draws.
 
-The last question is one that every terminal answers: once that answer is there, those that did
-not come before it never will, and nothing arrives later that would be taken for a key.
+Every terminal answers the last question: once that answer is there, missing ones never come, and
+nothing arrives later that would be taken for a key.
 """
 
 import contextlib
@@ -19,7 +19,7 @@ from rsoconsole.console.drawing import blocks
 from rsoconsole.console.drawing.blocks import Blocks
 
 PATIENCE_S = 1.5
-"""A round trip over a slow line; who answers nothing at all is waited for once as long."""
+"""Seconds for a round trip over a slow line; a terminal that never answers costs this once."""
 _HAS_KITTY = "\x1b_Gi=31,s=1,v=1,a=q,t=d,f=24;AAAA\x1b\\"
 _NAME = "\x1b[>0q"
 _ATTRIBUTES = "\x1b[c"
@@ -37,7 +37,7 @@ _SEXTANTS_FROM: Mapping[str, tuple[int, ...]] = {
     "vte": (6600,),
     "contour": (0,),
 }
-"""Since when a terminal draws them itself, whatever its font has."""
+"""First version of each terminal that draws sextants itself, whatever its font has."""
 _OCTANTS_FROM: Mapping[str, tuple[int, ...]] = {
     "kitty": (0, 40),
     "foot": (1, 20),
@@ -55,7 +55,7 @@ _BY_TYPE = {
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TerminalAnswer:
-    """What is known of a terminal."""
+    """Properties of a terminal."""
 
     name: str = ""
     """Its program, in small letters; empty where it does not say."""
@@ -77,7 +77,7 @@ def query_terminal(environment: Mapping[str, str] = os.environ) -> TerminalAnswe
 
 
 def parse_answer(answer: str, kind: str) -> TerminalAnswer:
-    """What a terminal of type ``kind`` (TERM) has said."""
+    """Return the properties in the answer of a terminal of type ``kind`` (TERM)."""
     named = _NAME_ANSWER.search(answer)
     parts = _NAME_AND_VERSION.match(named.group(1)) if named is not None else None
     name = parts.group(1).lower() if parts is not None else _BY_TYPE.get(kind, "")
@@ -93,7 +93,7 @@ def parse_answer(answer: str, kind: str) -> TerminalAnswer:
 
 
 def blocks_of(terminal: TerminalAnswer, environment: Mapping[str, str] = os.environ) -> Blocks:
-    """The finest characters that this terminal surely draws."""
+    """Return the finest characters that this terminal surely draws."""
     if environment.get("TERM", "") in _SILENT:
         return blocks.HALF_BLOCKS
     for known, found in ((_OCTANTS_FROM, blocks.OCTANTS), (_SEXTANTS_FROM, blocks.SEXTANTS)):
@@ -104,7 +104,7 @@ def blocks_of(terminal: TerminalAnswer, environment: Mapping[str, str] = os.envi
 
 
 def _answer(stdin: int, out: int) -> str:
-    """All that comes until the answer to the last question."""
+    """Return everything received up to the answer to the last question."""
     before = termios.tcgetattr(stdin)
     try:
         tty.setcbreak(stdin, termios.TCSANOW)

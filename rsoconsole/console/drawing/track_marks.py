@@ -14,15 +14,15 @@ Cell = tuple[int, int]
 REACH = 8, 4
 """Columns and rows about its streak in which a number may stand."""
 CELL_HEIGHT = 2.0
-"""Height of a cell in its widths."""
+"""Height of a cell in units of its width."""
 OUTWARDS = 0.4
-"""Cell widths by which a place counts as nearer that lies away from the middle of all."""
+"""Cell widths by which a place outwards from the middle of all streaks counts as nearer."""
 _LEFT_OUT = 1.5
-"""Cost of a place on another sign, in reaches: it is taken where there is no other."""
+"""Cost of a place on another sign, in units of the reach: taken where there is no other."""
 
 
 class Numbered(NamedTuple):
-    """A track's number and the cells of its streak or of its predicted place."""
+    """Track's number and the cells of its streak or of its predicted place."""
 
     text: str
     left: Cell
@@ -38,7 +38,7 @@ def placed_numbers(
 ) -> dict[Cell, tuple[str, str]]:
     """Return (column, row) -> (character, kind); ``size``: columns and rows of the picture.
 
-    ``taken``: cells on which something is written, ``streaks``: those that stay free of signs.
+    ``taken``: cells with text or signs, ``streaks``: cells that stay free of signs.
     """
     middles = ((each, _middle(each)) for each in numbered)
     shown = [each for each, (x, y) in middles if 0 <= x < size[0] and 0 <= y < size[1]]
@@ -65,7 +65,7 @@ def _best_place(  # noqa: PLR0917 -- one call, each argument a different thing
     streaks: Collection[Cell],
     written: Mapping[Cell, object],
 ) -> Cell | None:
-    """The nearest place that is free, or one over another sign; None where numbers fill it all."""
+    """Return the nearest free place, or one over another sign; None: numbers fill it all."""
     columns, rows = size
     wide = len(each.text)
     best: tuple[float, Cell] | None = None
@@ -87,13 +87,13 @@ def _best_place(  # noqa: PLR0917 -- one call, each argument a different thing
 
 
 def _distance(each: Numbered, cells: Sequence[Cell]) -> float:
-    """From the number's nearer end to the streak's nearer end, in a cell's widths."""
+    """Return the distance from the number's nearer end to the streak's, in cell widths."""
     ends = (each.left, each.right)
     return min(_away(cell, end) for cell in (cells[0], cells[-1]) for end in ends)
 
 
 def _outwards(each: Numbered, cells: Sequence[Cell], centre: tuple[float, float]) -> float:
-    """How far it lies away from the middle of all, seen from its streak: -1 to 1."""
+    """Return the cosine between number and outward direction, seen from the streak: -1 to 1."""
     x, y = _middle(each)
     at = (cells[0][0] + cells[-1][0]) / 2.0 - x, CELL_HEIGHT * (cells[0][1] - y)
     out = x - centre[0], CELL_HEIGHT * (y - centre[1])

@@ -1,1 +1,1 @@
-"""One frame at full resolution: any pixel of it, and what other settings would say."""
+"""One frame at full resolution: any pixel of it, and the result of other settings."""

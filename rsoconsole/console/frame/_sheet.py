@@ -30,12 +30,12 @@ class Sheet:
     pixels: "SheetPixels | None" = None
     done: Done | None = None
     fault: str = ""
-    """Why the frame's pixels cannot be shown."""
+    """Reason why the frame's pixels cannot be shown; empty: they can."""
     failure: str = ""
-    """Why the frame could not be processed the last time; empty: it could."""
+    """Reason why the frame could not be processed the last time; empty: it could."""
     view: View | None = None
     step: int = 1
-    """Index in STEPS of what an arrow moves by."""
+    """Index in STEPS of the cross's step by an arrow key."""
     stretch: Stretch = STRETCHES[0]
     sees_as_network: bool = False
     has_marks: bool = True
@@ -51,13 +51,13 @@ class Sheet:
     coarsest_px: float = 0.0
     """Side of the largest square in which an end was set: its uncertainty."""
     shows_beside_mark: bool = False
-    """Whether the marks stay over the picture while another one is made."""
+    """True where the marks stay over the picture while another one is made."""
     began_s: float = field(default_factory=time.monotonic)
-    """When reading or processing began, monotonic."""
+    """Time at which reading or processing began, monotonic seconds."""
 
     @property
     def are_marks_shown(self) -> bool:
-        """Whether the marks are drawn: while a mark is made they would hide its ends."""
+        """True where the marks are drawn: while a mark is made they would hide its ends."""
         return self.has_marks and (not self.is_marking or self.shows_beside_mark)
 
     @property
@@ -74,7 +74,7 @@ class Sheet:
 
     @property
     def tau(self) -> float | None:
-        """The tau that is tried, else the recorded one."""
+        """The tau on trial, else the recorded one."""
         before = self.recorded_tau
         if before is None or not self.tau_steps:
             return before
@@ -87,7 +87,7 @@ class Sheet:
 
     @property
     def candidates(self) -> "tuple[ComparedCandidate, ...]":
-        """Candidates then and now, or then alone."""
+        """Candidates as recorded and as processed now, or the recorded ones alone."""
         if self.done is not None:
             return self.done.result.candidates
         return self.opened.candidates if self.opened is not None else ()
@@ -101,7 +101,7 @@ class Sheet:
 
     @property
     def solution(self) -> Solution | None:
-        """The plate that positions are read by; None: not solved."""
+        """The plate solution that positions are read by; None: not solved."""
         found = None
         if self.done is not None and self.done.result.is_solved_again:
             found = self.done.result.now.solution
@@ -120,7 +120,7 @@ class Sheet:
 
 
 def title_parts(sheet: Sheet) -> list[str]:
-    """The parts of the title: frame, scale, exposure, stretch or map."""
+    """Return the settings to process the frame with now."""
     parts = [f"frame {sheet.frame_id:04d}", *([sheet.end_words] if sheet.is_marking else [])]
     opened = sheet.opened
     if opened is not None and sheet.pixels is None and not sheet.fault:
@@ -139,13 +139,13 @@ def title_parts(sheet: Sheet) -> list[str]:
 
 
 def step_px(sheet: Sheet) -> float:
-    """Pixels that an arrow moves the cross by."""
+    """Return the pixels that an arrow moves the cross by."""
     squares = STEPS[sheet.step]
     return squares * (1.0 if sheet.view is None else sheet.view.px_per_square)
 
 
 def step_words(sheet: Sheet) -> str:
-    """Say how far an arrow goes: step 4 squares = 16 px."""
+    """Return the step of an arrow in words: step 4 squares = 16 px."""
     squares, px = STEPS[sheet.step], step_px(sheet)
     if squares == px:
         return f"step {px:g} px"

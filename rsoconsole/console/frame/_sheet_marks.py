@@ -1,4 +1,4 @@
-"""Marks of a frame that is processed once more: the recorded ones and those of now."""
+"""Marks of a frame that is processed again: the recorded ones and the new ones."""
 
 import itertools
 import math
@@ -28,9 +28,9 @@ Box = tuple[float, float, float, float]
 def sheet_marks(
     detail: NightFrame, candidates: Sequence["ComparedCandidate"], chosen: int | None
 ) -> tuple[Mark, ...]:
-    """Return the recorded marks, the boxes of the detections, and the detector's marks of now.
+    """Return the recorded marks, the boxes of the detections, and the detector's new marks.
 
-    Of the rejected ones: those likely enough to be worth a look, and the chosen one.
+    Rejected ones are left out, except those likely enough to be worth a look, and the chosen one.
     """
     then = list(marks_of(detail))
     now: list[Mark] = []
@@ -55,7 +55,7 @@ def _mark_now(judged: "JudgedCandidate", is_as_recorded: bool) -> Mark:
 
 
 def _making_room(mark: Mark, others: list[Mark]) -> Mark:
-    """The mark with its label a cell further, where another sign stands about it."""
+    """Return the mark with its label a cell further, where another sign stands about it."""
     is_within = any(
         max(abs(mark.x_px - other.x_px), abs(mark.y_px - other.y_px)) < SAME_PLACE_PX
         for other in others
@@ -64,7 +64,7 @@ def _making_room(mark: Mark, others: list[Mark]) -> Mark:
 
 
 def lead_place(detail: NightFrame) -> tuple[float, float] | None:
-    """Where the lead was measured in the frame, else predicted; None: neither is known."""
+    """Return the lead's measured place in the frame, else the predicted one; None: no lead."""
     if detail.followed is not None:
         return detail.followed.x_px, detail.followed.y_px
     size, marks = detail.detections, marks_of(detail)

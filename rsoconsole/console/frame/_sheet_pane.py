@@ -7,18 +7,18 @@ from rsoconsole.console.picture.marks import Mark
 from rsoconsole.console.picture.picture import Drawing, LightImage, Picture, greys
 
 MAX_FINER = 4
-"""Squares of a picture along one of the terminal's: more cost time and show nothing."""
+"""Most squares of a picture along one of the terminal's: more cost time and show nothing."""
 
 
 class SheetPane(FramePane):
-    """Shows the view of a sheet; until the pixels are there, the session's small picture."""
+    """Shows the view of a sheet; until the pixels are read, the session's small picture."""
 
     def __init__(self, sheet: Sheet, *, id: str | None = None) -> None:  # noqa: A002 -- as all widgets have it
         super().__init__(self._said, id=id)
         self._sheet = sheet
 
     def redraw(self) -> None:
-        """The sheet has changed."""
+        """Draw the changed sheet."""
         sheet = self._sheet
         if sheet.pixels is None and sheet.opened is not None:
             self.picture, self._stretch = sheet.opened.preview, sheet.stretch
@@ -31,7 +31,7 @@ class SheetPane(FramePane):
 
     @property
     def room(self) -> tuple[int, int]:
-        """Columns and rows for the picture itself."""
+        """Return columns and rows for the picture itself."""
         return max(self.size.width, 1), max(self.size.height - 2, 1)
 
     def _said(
@@ -59,7 +59,7 @@ class SheetPane(FramePane):
         return self._shares_of(finer, 2 * finer)
 
     def _shares_of(self, across: int, down: int) -> LightImage:
-        """Parts of a cell, across and down."""
+        """Return the light of each part of a cell; ``across``, ``down``: parts of a cell."""
         from rsoconsole.console.picture.sheet_pixels import map_shares
 
         sheet = self._sheet

@@ -1,4 +1,4 @@
-"""The panel beside a frame that is processed once more: settings, candidates then and now."""
+"""The panel beside a frame that is processed again: settings, candidates as recorded and now."""
 
 import math
 import textwrap
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 LABEL_COLUMNS = 9
 MAX_WARNING_ROWS = 3
-"""Rows of a warning on a frame that was processed."""
+"""Most rows of a warning on a processed frame."""
 STAGES = {
     "pattern": "pattern",
     "background": "sky",
@@ -33,7 +33,7 @@ STAGES = {
 
 
 def panel_lines(sheet: Sheet) -> Callable[[int, int], list[Line]]:
-    """Return what builds the panel's lines; in up to three rows a summary."""
+    """Return the builder of the panel's lines; in up to three rows a summary."""
 
     def build(width: int, height: int) -> list[Line]:
         if height <= 3:
@@ -79,7 +79,7 @@ def _setting(label: str, before: str, now: str | None, key: str, width: int) -> 
 
 
 def _course(sheet: Sheet) -> list[Item]:
-    """How the processing goes: under way, done in so long, or not done and why."""
+    """Return the state of the processing: under way, done with its duration, or the fault."""
     if sheet.fault:
         return [("no pixels, nothing to process", "warn")]
     if sheet.wanted is not None or sheet.pixels is None:
@@ -102,7 +102,7 @@ def _course(sheet: Sheet) -> list[Item]:
 
 
 def _candidates(sheet: Sheet, width: int, room: int) -> list[Line]:
-    """The candidates in a few lines each; in little room those about the chosen one."""
+    """Return the candidates in a few lines each; in little room those about the chosen one."""
     pairs = sheet.candidates
     if sheet.opened is None:
         return []
@@ -150,7 +150,7 @@ def _confidence(pair: "ComparedCandidate", when: str) -> str:
 
 
 def _outcomes(sheet: Sheet, pair: "ComparedCandidate") -> list[Item]:
-    """What was made of a candidate then and now; once where that is the same."""
+    """Return a candidate's outcome as recorded and now; once where they are the same."""
     was = "not a candidate"
     if pair.was is not None:
         was = pair.was.reason or _fate(sheet, pair.was.detection)
@@ -173,7 +173,7 @@ def _fate(sheet: Sheet, streak: Detection) -> str:
 
 
 def _moved(sheet: Sheet, pair: "ComparedCandidate") -> str:
-    """How far the measurement is from the recorded one on the sky, where both are known."""
+    """Return the separation of the new measurement from the recorded one; empty: unknown."""
     if sheet.done is None or pair.was is None or pair.now is None:
         return ""
     result = sheet.done.result
@@ -193,7 +193,7 @@ def _measurement_of(streak: Detection, measurements: tuple[Measurement, ...]) ->
 
 
 def _summary(sheet: Sheet) -> list[Line]:
-    """The panel in two lines."""
+    """Return the panel in two lines."""
     if sheet.opened is None:
         return [[(" reading the session …", "dim")]]
     tau, mode = sheet.tau, sheet.map_mode or sheet.recorded_mode

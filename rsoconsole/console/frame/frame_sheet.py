@@ -1,4 +1,4 @@
-"""One frame at full resolution: look at any pixel of it, and see what other settings would say."""
+"""One frame at full resolution: look at any pixel of it, and at the result of other settings."""
 
 import asyncio
 import contextlib
@@ -34,7 +34,7 @@ MAX_ALERT_ROWS = 3
 
 
 class SheetNews(Message):
-    """The worker has read or processed something, or could not."""
+    """Posted when the worker has read or processed something, or could not."""
 
     def __init__(self, news: News) -> None:
         super().__init__()
@@ -42,7 +42,7 @@ class SheetNews(Message):
 
 
 class FrameSheet(SheetActions):
-    """A frame of a session, its pixels, and what the detector made of it then and makes now."""
+    """Screen of one frame: its pixels, the recorded detections and those with other settings."""
 
     AUTO_FOCUS = None
     CSS = """
@@ -81,7 +81,7 @@ class FrameSheet(SheetActions):
         self._worker = SheetWorker(folder, frame_id, config, self._news_from_thread)
 
     def compose(self) -> ComposeResult:
-        """Picture and panel; where they lie depends on the terminal."""
+        """Make picture and panel; their places depend on the terminal."""
         yield LinesPane(id="status")
         yield LinesPane(id="alert")
         yield SheetPane(self.sheet, id="picture")
@@ -89,7 +89,7 @@ class FrameSheet(SheetActions):
         yield LinesPane(id="keys")
 
     def on_mount(self) -> None:
-        """Begin to read; first paint."""
+        """Begin to read, and draw."""
         self._loop = asyncio.get_running_loop()
         self._place_panes()
         self.show()
@@ -97,18 +97,18 @@ class FrameSheet(SheetActions):
         self._worker.start()
 
     def on_unmount(self) -> None:
-        """Let go of the pixels."""
+        """Release the pixels."""
         self._worker.close()
         self.sheet.pixels = None
 
     def on_resize(self) -> None:
-        """Another terminal, other places."""
+        """Lay out picture and panel for another size of the terminal."""
         self._place_panes()
         self.call_after_refresh(self._fit_view)
 
     @property
     def mode(self) -> Mode:
-        """What the keys are for."""
+        """Present meaning of the keys."""
         return "sheet mark" if self.sheet.is_marking else "sheet"
 
     def say(self, text: str, ink: Ink = "title", seconds: float = SAID_S) -> None:
@@ -120,7 +120,7 @@ class FrameSheet(SheetActions):
 
     @property
     def notice(self) -> tuple[str, Ink]:
-        """The notice of this moment; while a mark is made, how to go on with it."""
+        """The notice of this moment; while a mark is made, how to continue it."""
         said: tuple[str, Ink] = self._said[:2] if time.monotonic() < self._said[2] else ("", "")
         if self._seat is not None:
             said = self._seat.notice
@@ -136,7 +136,7 @@ class FrameSheet(SheetActions):
                 self._loop.call_soon_threadsafe(self.post_message, SheetNews(news))
 
     def on_sheet_news(self, message: SheetNews) -> None:
-        """What is known now."""
+        """Show the worker's news."""
         sheet, news = self.sheet, message.news
         match news:
             case Opened():
@@ -165,7 +165,7 @@ class FrameSheet(SheetActions):
         self.show()
 
     def process(self) -> None:
-        """Ask for the frame with what is tried now."""
+        """Request processing with the chosen settings."""
         sheet, wanted = self.sheet, self.sheet.wanted_settings()
         sheet.began_s, sheet.wanted = time.monotonic(), wanted
         self._worker.ask(wanted)
@@ -174,7 +174,7 @@ class FrameSheet(SheetActions):
     # -- what is shown -------------------------------------------------------------------------
 
     def _look(self) -> None:
-        """What goes by itself: the seconds, and the telescope's state."""
+        """Update running times and the telescope's state."""
         if self.sheet.pixels is None or self.sheet.wanted is not None:
             self._show_panel()
         if self.sheet.pixels is None and not self.sheet.fault:
@@ -253,7 +253,7 @@ class FrameSheet(SheetActions):
     # -- keys ----------------------------------------------------------------------------------
 
     def action_back(self) -> None:
-        """A mark first, then the list, then the screen below."""
+        """Close a mark first, then the list, then this screen."""
         if self.sheet.is_marking:
             self.leave_mark()
         elif self._is_list_open:
@@ -262,7 +262,7 @@ class FrameSheet(SheetActions):
             self.dismiss(None)
 
     def action_other_frame(self, by: int) -> None:
-        """The one before or after whose pixels are kept, as near, the cross on its streak."""
+        """Show the next or previous frame with kept pixels, equally zoomed, at its streak."""
         own = self.sheet
         if own.is_marking:
             self.say("a mark is being made in this frame: esc leaves it off", "warn")
@@ -293,20 +293,20 @@ class FrameSheet(SheetActions):
         self.app.switch_screen(other)
 
     def action_list(self) -> None:
-        """The whole screen to the panel, and back."""
+        """Give the whole screen to the panel, and back."""
         self._is_list_open = not self._is_list_open
         self._place_panes()
         self.call_after_refresh(self._fit_view)
 
     async def on_click(self, event: events.Click) -> None:
-        """A key of the last line."""
+        """Act on a clicked key of the last line."""
         pane = self.query_one("#keys", LinesPane)
         action = action_at(event, pane, self._drawn_keys, self._notice_shown[0])
         if action:
             await self.run_action(action)
 
     def system_commands(self) -> Iterable[SystemCommand]:
-        """For the palette: what this screen does beside what the console does everywhere."""
+        """Yield this screen's commands for the palette, beside those of the whole console."""
         for title, help_, action in (
             ("Frame: next candidate", "go to it", self.action_next_candidate),
             ("Frame: nearer", "by two", lambda: self.action_zoom_by(-1)),

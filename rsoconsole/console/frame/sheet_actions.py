@@ -1,4 +1,4 @@
-"""What the keys and the mouse do in a frame at full resolution."""
+"""Actions of the keys and the mouse in a frame at full resolution."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -19,23 +19,23 @@ from rsoconsole.control import MarkByHand
 from rsoconsole.records import MapMode
 
 FINEST_MARK_PX = 1.0
-"""Least uncertainty of an end marked by hand."""
+"""Least uncertainty of an end marked by hand, pixels."""
 SAID_S = 4.0
 REFUSED_S = 15.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MarkTo:
-    """The way of a mark by hand from an opened frame to the engine."""
+    """Callbacks that send a mark by hand from an opened frame to the engine."""
 
     send: Callable[[MarkByHand], str]
-    """Sends a mark to the engine; returns words for the operator."""
+    """Callback that sends a mark to the engine and returns words for the operator."""
     begin: Callable[[int, Callable[[str], None]], None]
-    """Has the engine keep a frame for a mark; calls back with the reason where it cannot."""
+    """Callback that has the engine keep a frame for a mark, or is given the reason if not."""
     leave: Callable[[int], None]
-    """Ends that without a mark."""
+    """Callback that releases a kept frame without a mark."""
     refusal: Callable[[int], str]
-    """Returns why a frame takes no mark any more; empty: it does, as far as is known."""
+    """Callback that returns why a frame takes no mark any more; empty: it does, if known."""
 
 
 ROOM_PX = 20.0
@@ -72,7 +72,7 @@ class SheetActions(Screen[None]):
     ]
 
     def __init__(self, sheet: Sheet, mark_to: MarkTo | None = None) -> None:
-        """``mark_to``: where a mark goes; None: nowhere, as in a night that is over."""
+        """``mark_to``: where a mark is sent; None: nowhere, as in a night that is over."""
         super().__init__()
         self.sheet = sheet
         self._mark_to = mark_to
@@ -81,10 +81,10 @@ class SheetActions(Screen[None]):
         """Draw everything again; the screen does."""
 
     def say(self, text: str, ink: Ink = "title", seconds: float = SAID_S) -> None:
-        """A word over the last line, for a while; the screen has it."""
+        """Show a notice over the last line for some seconds; the screen does."""
 
     def process(self) -> None:
-        """Ask for the frame with what is tried now; the screen does."""
+        """Request processing with the chosen settings; the screen does."""
 
     @property
     def picture(self) -> SheetPane:
@@ -94,7 +94,7 @@ class SheetActions(Screen[None]):
     # -- the view ------------------------------------------------------------------------------
 
     def action_move(self, key: str, times: int = 1) -> None:
-        """The cross, and the view with it."""
+        """Move the cross, and the view with it."""
         across, down = MOVES[key]
         if self.sheet.view is not None:
             step = STEPS[self.sheet.step] * times
@@ -102,19 +102,19 @@ class SheetActions(Screen[None]):
             self.picture.redraw()
 
     def action_step(self, by: int) -> None:
-        """How far an arrow goes."""
+        """Change the step of an arrow key."""
         self.sheet.step = min(max(self.sheet.step + by, 0), len(STEPS) - 1)
         self.say(f"{step_words(self.sheet)} ([ smaller, ] larger)")
         self.show()
 
     def action_zoom_by(self, by: int) -> None:
-        """Nearer or farther, by two."""
+        """Zoom in or out by a factor of two."""
         if self.sheet.view is not None:
             self.sheet.view = self.sheet.view.zoomed(by)
             self.show()
 
     def action_zoom(self) -> None:
-        """Nearer; from the nearest back to the whole field."""
+        """Zoom in; from the nearest view return to the whole field."""
         view = self.sheet.view
         if view is None:
             self.picture.next_sight()
@@ -124,13 +124,13 @@ class SheetActions(Screen[None]):
             self.show()
 
     def action_stretch(self) -> None:
-        """How light becomes grey."""
+        """Take the next stretch from light to grey."""
         at = STRETCHES.index(self.sheet.stretch)
         self.sheet.stretch = STRETCHES[(at + 1) % len(STRETCHES)]
         self.picture.redraw()
 
     def action_marks(self) -> None:
-        """What is pointed at, or the pixels beneath it."""
+        """Show or hide the marks."""
         if self.sheet.is_marking:
             self.sheet.shows_beside_mark = not self.sheet.shows_beside_mark
         else:
@@ -138,7 +138,7 @@ class SheetActions(Screen[None]):
         self.picture.redraw()
 
     def action_next_candidate(self) -> None:
-        """Go to the next one, the likeliest first."""
+        """Go to the next candidate, the likeliest first."""
         sheet = self.sheet
         count = len(sheet.candidates)
         if not count:
@@ -157,11 +157,11 @@ class SheetActions(Screen[None]):
 
     @property
     def can_mark(self) -> bool:
-        """Whether this frame may take a mark, as far as the screen knows."""
+        """True where this frame may take a mark, as far as the screen knows."""
         return self._mark_to is not None and not self.sheet.fault
 
     def action_mark(self) -> None:
-        """Begin a mark at the cross, or leave off."""
+        """Begin a mark at the cross, or cancel it."""
         sheet, mark_to = self.sheet, self._mark_to
         if sheet.is_marking:
             self.leave_mark()
@@ -183,12 +183,12 @@ class SheetActions(Screen[None]):
         mark_to.begin(sheet.frame_id, self.refuse_mark)
 
     def refuse_mark(self, why_not: str) -> None:
-        """The engine takes none in this frame any more."""
+        """Cancel the mark: the engine takes none in this frame any more."""
         self._end_mark()
         self.say(why_not, "warn", REFUSED_S)
 
     def leave_mark(self) -> None:
-        """Nothing is sent."""
+        """Cancel the mark; none is sent."""
         self._end_mark()
         if self._mark_to is not None:
             self._mark_to.leave(self.sheet.frame_id)
@@ -199,7 +199,7 @@ class SheetActions(Screen[None]):
         self.show()
 
     def action_set_end(self) -> None:
-        """The cross is an end; with the second the mark is sent."""
+        """Set an end at the cross; with the second the mark is sent."""
         sheet, view, mark_to = self.sheet, self.sheet.view, self._mark_to
         if not sheet.is_marking or view is None or mark_to is None:
             return
@@ -226,13 +226,13 @@ class SheetActions(Screen[None]):
     # -- the settings --------------------------------------------------------------------------
 
     def _can_process(self) -> bool:
-        """Whether there are pixels to process; why not, the screen says already."""
+        """Return True if there are pixels to process; the screen already shows why not."""
         if self.sheet.pixels is None:
             self.app.bell()
         return self.sheet.pixels is not None
 
     def action_tau(self, by: int) -> None:
-        """More or less of it, by a quarter."""
+        """Change tau up or down by a quarter."""
         if not self._can_process():
             return
         sheet = self.sheet
@@ -244,7 +244,7 @@ class SheetActions(Screen[None]):
             self.process()
 
     def action_map_mode(self) -> None:
-        """The other way to make the map that the network looks at."""
+        """Switch to the other mode of the network's map."""
         if not self._can_process():
             return
         sheet = self.sheet
@@ -253,7 +253,7 @@ class SheetActions(Screen[None]):
         self.process()
 
     def action_network_view(self) -> None:
-        """The map instead of the frame, and back."""
+        """Switch between the frame and the network's map."""
         if not self._can_process():
             return
         self.sheet.sees_as_network = not self.sheet.sees_as_network
@@ -262,14 +262,14 @@ class SheetActions(Screen[None]):
         self.show()
 
     def action_plate(self) -> None:
-        """A plate from this frame's stars alone, or the recorded one again."""
+        """Switch between a plate solution from this frame's stars alone and the recorded one."""
         if not self._can_process():
             return
         self.sheet.solves_again = not self.sheet.solves_again
         self.process()
 
     def action_as_recorded(self) -> None:
-        """Nothing tried any more."""
+        """Reset all settings to the recorded ones."""
         if not self._can_process():
             return
         sheet = self.sheet
@@ -279,15 +279,15 @@ class SheetActions(Screen[None]):
     # -- the mouse -----------------------------------------------------------------------------
 
     def on_pointed(self, message: Pointed) -> None:
-        """The cross goes there."""
+        """Move the cross to the clicked pixel."""
         if self.sheet.view is not None and not message.is_release:
             self.sheet.view = self.sheet.view.at(message.x_px, message.y_px)
             self.picture.redraw()
 
     def on_mouse_scroll_up(self) -> None:
-        """Nearer."""
+        """Zoom in."""
         self.action_zoom_by(-1)
 
     def on_mouse_scroll_down(self) -> None:
-        """Farther."""
+        """Zoom out."""
         self.action_zoom_by(1)

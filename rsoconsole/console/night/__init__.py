@@ -1,1 +1,1 @@
-"""The engine as the console knows it, its alerts, and where the orbit leads."""
+"""The engine as the console knows it, its alerts, and the orbit's prediction."""

@@ -1,4 +1,4 @@
-"""The engine at one instant as the console knows it, alerts, and where the orbit leads."""
+"""The engine at one instant as the console knows it, alerts, and the orbit's prediction."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
@@ -19,11 +19,12 @@ class EngineView(Status):
     """The engine at one instant, as far as it can be reached."""
 
     reach: Reach = "unknown"
-    """silent: it runs and does not answer; recorded: a session is shown, no engine is asked."""
+    """State of the connection; silent: the engine runs and does not answer; recorded: a session is
+    shown, no engine is asked."""
     since_utc_ns: int | None = None
-    """The frame clock's last word, where the engine is silent or gone."""
+    """Last known time of the frame clock, where the engine is silent or gone."""
     detail: str = ""
-    """What went wrong, in words."""
+    """The error in words; empty: none."""
 
     @property
     def is_attached(self) -> bool:
@@ -32,12 +33,12 @@ class EngineView(Status):
 
     @property
     def wants_resuming(self) -> bool:
-        """True while autonomy waits for the operator's word to go on."""
+        """True while autonomy waits for the operator to resume it."""
         return self.is_held or self.holder == "operator"
 
 
 def engine_view(answer: Mapping[str, Any]) -> EngineView:
-    """The engine's answer to ``status``; what is missing or odd in it counts as not known."""
+    """Return the engine's answer to ``status``; missing or invalid fields count as not known."""
     status = read_status(answer)
     known = {each.name: getattr(status, each.name) for each in fields(Status)}
     return EngineView(reach="attached", **known)
@@ -50,7 +51,7 @@ OSC, ST = "\x1b]", "\x1b\\"
 def alerts_between(
     before: tuple[NightView, EngineView], after: tuple[NightView, EngineView]
 ) -> list[tuple[Alert, str]]:
-    """Alerts for what changed between two looks at the same session, with their words."""
+    """Return alerts for the changes between two looks at the same session, with their words."""
     (night, engine), (night_now, engine_now) = before, after
     gone: list[tuple[Alert, str]] = []
     has_ended = engine_now.reach == "gone" and night_now.has_ended
@@ -86,12 +87,12 @@ def alerts_between(
 
 
 def _is_sought(night: NightView) -> bool:
-    """Whether it is the operator's own doing: they search for it again, or have rejected it."""
+    """Return True if the operator caused the change: by a new search, or by a rejection."""
     return any(line.is_wanted for line in night.log[-LOOK_BACK_LINES:])
 
 
 def notification(words: str) -> str:
-    """The terminal sequence that shows a notification (OSC 9: iTerm2, kitty and others)."""
+    """Return the terminal sequence that shows a notification (OSC 9: iTerm2, kitty and others)."""
     plain = "".join(c for c in words if c.isprintable())
     return f"{OSC}9;rsoconsole: {plain}{ST}"
 
@@ -104,18 +105,18 @@ AHEAD_S = (600, 3600, 86_400)
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class OrbitAhead:
-    """Where an orbit leads, with its elements and their sigmas."""
+    """Prediction from an orbit, with its elements and their sigmas."""
 
     folder: Path | None
-    """The session that it belongs to."""
+    """Session that it belongs to."""
     estimate: OrbitEstimate
     from_utc_ns: int
     outlook: "OrbitOutlook | None"
-    """None where the orbit leads nowhere."""
+    """Predicted places; None where they cannot be computed."""
     elements: Mapping[str, float] = field(default_factory=dict)
-    """By name: ``e``, ``i_deg``, ``raan_deg``, ``argp_deg`` and others."""
+    """Elements by name: ``e``, ``i_deg``, ``raan_deg``, ``argp_deg`` and others."""
     sigmas: Mapping[str, float | None] = field(default_factory=dict)
-    """Of the same; None where the orbit does not fix one at all."""
+    """Sigma of each element by name; None where the orbit does not fix it at all."""
 
 
 def orbit_ahead(
@@ -125,7 +126,7 @@ def orbit_ahead(
     *,
     folder: Path | None = None,
 ) -> OrbitAhead:
-    """Compute where an orbit leads from an instant on, seen from the site; takes half a second."""
+    """Predict an orbit from an instant on, seen from the site; takes half a second."""
     # Late: the sky's computation loads slowly, and the first paint does not wait for it.
     from rsoconsole.orbits import orbit_from_record
     from rsoconsole.pipeline import element_sigmas, elements_by_name, orbit_outlook

@@ -1,1 +1,1 @@
-"""The orbit pane: what can be said of an orbit at one instant, in lines."""
+"""The orbit pane: lines on an orbit at one instant."""

@@ -42,29 +42,29 @@ AHEAD_GOOD_S = 300.0
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class OrbitFacts:
-    """What the orbit pane shows: orbit, identification, prediction, track quality."""
+    """Contents of the orbit pane: orbit, identification, prediction, track quality."""
 
     estimate: OrbitEstimate | None = None
     identified: Identified | None = None
     ahead: OrbitAhead | None = None
     now_utc_ns: int | None = None
     last_utc_ns: int | None = None
-    """When the orbit was found, where its track has ended."""
+    """Time at which the orbit was found, where its track has ended; else None."""
     is_past: bool = False
     since_word_s: float | None = None
-    """Seconds of age, where the orbit is from before the operator's last decision; else None."""
+    """Age in seconds of an orbit from before the operator's last decision; else None."""
     absence: str = ""
-    """Why there is no orbit; empty where there is one."""
+    """Reason why there is no orbit; empty where there is one."""
     quality: TrackQuality | None = None
     """The lead track's quality; None before its first update."""
     has_site: bool = True
-    """Whether the session says its site."""
+    """True where the session's settings, and so its site, are known."""
     has_catalogue: bool = True
-    """Whether the session has a catalogue to identify by."""
+    """True where the session has a catalogue to identify by, or its settings are not known."""
 
 
 def orbit_facts(night: NightView, engine: EngineView, ahead: OrbitAhead | None) -> OrbitFacts:
-    """Collect what the pane shows; ``ahead``: the last prediction, of whatever orbit."""
+    """Collect the pane's contents; ``ahead``: the last prediction, of whatever orbit."""
     now = present_utc_ns(night, engine)
     is_fit = ahead is not None and _is_near(ahead, night, now) and _is_of(ahead, night)
     return OrbitFacts(
@@ -83,7 +83,7 @@ def orbit_facts(night: NightView, engine: EngineView, ahead: OrbitAhead | None) 
 
 
 def _since_word_s(night: NightView, now: int | None) -> float | None:
-    """Seconds of age of an orbit that is fitted again after a decision; None: it is not."""
+    """Return the age in seconds of an orbit to be fitted again after a decision; else None."""
     orbit, found_ns = night.orbit, night.orbit_utc_ns
     if orbit is None or found_ns is None or orbit.track_id not in night.being_fitted_again:
         return None
@@ -91,14 +91,14 @@ def _since_word_s(night: NightView, now: int | None) -> float | None:
 
 
 def _is_near(ahead: OrbitAhead, night: NightView, now: int | None) -> bool:
-    """Whether a prediction is of this session, and for about this instant."""
+    """Return True if a prediction is of this session, and for about this instant."""
     if now is None or ahead.folder != night.folder:
         return False
     return abs(now - ahead.from_utc_ns) <= AHEAD_GOOD_S * NS_PER_S
 
 
 def _is_of(ahead: OrbitAhead, night: NightView) -> bool:
-    """Whether a prediction is of the orbit on record, or of the same track's one before it."""
+    """Return True if a prediction is of the orbit on record, or of its track's one before."""
     if night.orbit is None:
         return False
     if ahead.estimate == night.orbit:
@@ -122,7 +122,7 @@ def _absence(night: NightView, engine: EngineView) -> str:
 
 
 def _measured(night: NightView) -> int:
-    """The track's measurements, counted to ``MIN_MEASUREMENTS``."""
+    """Return the track's number of measurements, counted up to ``MIN_MEASUREMENTS``."""
     count = 1 if night.track_frame_id else 0  # a track begins with its second one
     for row in reversed(night.rows):
         if count >= MIN_MEASUREMENTS or row.frame_id < night.track_frame_id:
@@ -143,7 +143,7 @@ NARROW_COLUMNS = 47
 SOON_S = 900.0
 """Seconds ahead within which an event is a warning."""
 MAX_ROWS = 4
-"""Rows of one group."""
+"""Most rows of one group."""
 KNOWN_DEG = 60.0
 """Sigma of node and argument from which on they are not shown."""
 HALF_SKY_ARCSEC = 648_000.0
@@ -188,7 +188,7 @@ def target_words(shown: OrbitFacts) -> tuple[str, str, str]:
 
 
 def _by_prior(estimate: OrbitEstimate) -> str:
-    """Words behind a size that rests on the prior; empty: it was measured."""
+    """Return words behind a size that rests on the prior; empty: it was measured."""
     return "" if estimate.prior == "none" else " by prior"
 
 
@@ -210,7 +210,7 @@ def _title(shown: OrbitFacts, width: int) -> Line:
 
 
 def _name_lines(shown: OrbitFacts, width: int) -> list[Ranked]:
-    """The identification, its runner-up, and a hint at a manoeuvre."""
+    """Return the identification, its runner-up, and a hint at a manoeuvre."""
     found = shown.identified
     if found is None:
         why = "not identified" if shown.is_past else "not identified yet"
@@ -262,7 +262,7 @@ def _element_lines(shown: OrbitFacts, estimate: OrbitEstimate, width: int) -> li
 
 
 def _ahead_lines(shown: OrbitFacts, width: int) -> list[Ranked]:
-    """Places ahead, and rise, set and eclipse within a day."""
+    """Return places ahead, and rise, set and eclipse within a day."""
     ahead = shown.ahead
     if ahead is None:
         return [(3, [(" computing where it leads …", "dim")])] if shown.has_site else []
@@ -280,7 +280,7 @@ def _ahead_lines(shown: OrbitFacts, width: int) -> list[Ranked]:
 
 
 def _place_line(place: "Ahead", from_utc_ns: int, width: int) -> Line:
-    """One instant; dim where it is below the horizon."""
+    """Return one predicted place; dim where it is below the horizon."""
     seconds = (place.t_utc_ns - from_utc_ns) / NS_PER_S
     value, unit = (seconds / 60.0, "min") if seconds < 3600.0 else (seconds / 3600.0, "h")
     if not math.isfinite(place.ra_icrs_deg + place.dec_icrs_deg + place.altitude_deg):
@@ -314,7 +314,7 @@ def _event_items(outlook: "OrbitOutlook", from_utc_ns: int, now: int | None) -> 
 
 
 def _track_lines(quality: TrackQuality, width: int) -> list[Ranked]:
-    """The lead track's quality, as the tuning pane has it."""
+    """Return the lead track's quality, as in the tuning pane."""
     low, high = quality.nis_band or (0.0, 0.0)
     nis = f"NIS {number(quality.nis_mean, '.1f')} /{quality.updates}"
     items: list[Item] = [
@@ -335,7 +335,7 @@ def _track_lines(quality: TrackQuality, width: int) -> list[Ranked]:
 
 
 def _quality_lines(shown: OrbitFacts, estimate: OrbitEstimate, width: int) -> list[Ranked]:
-    """What the telescope aims by, and how well the orbit fits."""
+    """Return the predictor of the next aim, and how well the orbit fits."""
     items: list[Item] = []
     if not shown.is_past:
         items.append((f"aims by the {'orbit' if estimate.is_guide else 'filter'}", ""))
@@ -358,7 +358,7 @@ def _fine(arcsec: float) -> str:
 
 
 def _said(text: str, ink: Ink, width: int) -> list[Line]:
-    """A sentence over as many lines as a group may have."""
+    """Return a sentence over as many lines as a group may have."""
     lines = wrapped(_one_wide(text), max(width - 2, 1), MAX_ROWS)
     return [[(" ", ""), (line[0][0], ink)] for line in lines]
 
@@ -368,7 +368,7 @@ def _ranked(lines: Sequence[Line], first: int, others: int | None = None) -> lis
 
 
 def _one_wide(text: str) -> str:
-    """Text from foreign files with each character one column wide."""
+    """Return text from foreign files with each character one column wide."""
     return "".join(
         "?" if unicodedata.east_asian_width(c) in "WF" or unicodedata.combining(c) else c
         for c in one_line(text)

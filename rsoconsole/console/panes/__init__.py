@@ -1,1 +1,1 @@
-"""The seat's widgets: they show what others have made and decide nothing."""
+"""The console's widgets: they show lines and pictures made elsewhere and decide nothing."""

@@ -1,4 +1,4 @@
-"""The last line: the keys that matter now, and a word about what was just done."""
+"""The last line: the keys that matter now, and a notice of the last action."""
 
 from collections.abc import Callable, Mapping
 from functools import partial
@@ -27,19 +27,19 @@ Mode = Literal[
     "sheet",
     "sheet mark",
 ]
-"""What the keys are for at this moment."""
+"""Meaning of the keys at a moment."""
 
 
 class Key(NamedTuple):
-    """A key of the last line, what it does in a word, and whether it stays while there is room."""
+    """A key of the last line, its action in a word, and whether it stays while there is room."""
 
     key: str
     name: str
     is_important: bool = False
     command: str = ""
-    """What a click on it does; empty: nothing."""
+    """Action of a click on it; empty: none."""
     words: str = ""
-    """What it does, for the help; empty: its name says it."""
+    """Words on its action, for the help; empty: its name says it."""
 
 
 _GAP = "  "
@@ -47,7 +47,7 @@ MIN_LINES = 8
 """Least rows of a terminal in which a notice has rows of its own."""
 MAX_NOTICE_ROWS = 3
 MARKABLE = 12
-"""The last frames in which a mark can be begun (``decisions.KEPT``)."""
+"""Number of last frames in which a mark can be begun (``decisions.KEPT``)."""
 MARK_HELP = (
     f"a streak's two ends. A mark can be begun in the last {MARKABLE} frames; its frame can be"
     f" marked from then on, while {HELD} more frames come"
@@ -130,7 +130,7 @@ MODE_KEYS: dict[Mode, tuple[Key, ...]] = {
         Key("esc", "Leave off", is_important=True, command="back", words="no mark is sent"),
     ),
 }
-"""The keys that mean something of their own at such a moment."""
+"""Keys with a meaning of their own in each mode."""
 MODE_WORDS: dict[Mode, str] = {
     "live": "",
     "mark": "Now: a streak's two ends are marked by hand",
@@ -160,9 +160,9 @@ def keys_for(
     keymap: Mapping[str, str] | None = None,
     is_in_cloud: bool = False,
 ) -> list[Key]:
-    """Keys of the live night, in their order on the line; which act depends on who has the mount.
+    """Return the keys of the live night in order; which of them act depends on the mount's holder.
 
-    ``is_in_cloud``: what is followed was missed, and cloud is the cause.
+    ``is_in_cloud``: the lead was missed, and cloud is the cause.
     """
     key = partial(_command_key, keymap)
     keys = [key("stop_by_letter", "STOP", is_important=True)]
@@ -199,7 +199,7 @@ def keys_for(
 def review_keys(
     *, is_playing: bool, has_live: bool, has_mark: bool, mode: Mode, keymap: Mapping[str, str]
 ) -> list[Key]:
-    """Keys of a review, in their order on the line; ``has_live``: a live console lies behind it."""
+    """Return the keys of a review in order; ``has_live``: a live console lies behind it."""
     key = partial(_command_key, keymap)
 
     def keys(first: str, second: str, name: str) -> Key:
@@ -233,7 +233,7 @@ def review_keys(
 def key_line(
     keys: list[Key], notice: tuple[str, Ink] = ("", "")
 ) -> Callable[[int, int], list[Line]]:
-    """What builds the last line for a width: the keys that fit, most important first.
+    """Return the builder of the last line for a width: the keys that fit, most important first.
 
     A notice stands over them, on as many rows as there are; in a terminal without room for that
     behind STOP.
@@ -256,14 +256,14 @@ def key_line(
 
 
 def notice_rows(notice: str, width: int, height: int) -> int:
-    """How many rows over the keys a notice takes, in a terminal of that size."""
+    """Return the rows over the keys that a notice takes, in a terminal of that size."""
     if not notice or height < MIN_LINES:
         return 0
     return len(wrapped(notice, width - 1, MAX_NOTICE_ROWS))
 
 
 def action_at(event: Click, pane: Widget, keys: list[Key], notice: str) -> str:
-    """The action of the key that was clicked, as Textual writes it; empty: no key was.
+    """Return the action of the clicked key, as Textual writes it; empty: no key was clicked.
 
     ``pane``: shows the keys, and the notice over or behind them.
     """
@@ -282,7 +282,7 @@ def action_at(event: Click, pane: Widget, keys: list[Key], notice: str) -> str:
 
 
 def _fitting(keys: list[Key], width: int) -> list[Key]:
-    """The first and the most important ones that fit, in their order on the line."""
+    """Return the first and most important keys that fit, in their order on the line."""
     by_weight = sorted(keys, key=lambda key: not key.is_important)
     room, fitting = width - 1 + len(_GAP), keys[:1]
     for key in by_weight:

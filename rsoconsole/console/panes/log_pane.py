@@ -1,4 +1,4 @@
-"""The log, newest line first; what is longer than the pane goes on below, indented."""
+"""The log, newest line first; a line longer than the pane continues below, indented."""
 
 import textwrap
 from functools import lru_cache
@@ -25,7 +25,7 @@ class LogPane(ScrollView):
     """The log; scrolls when it has the focus. Filtered, its first row says so."""
 
     always_shown: ClassVar[bool] = True
-    """Whether changes of state and alarms pass a filter: it stays on while the night goes on."""
+    """True where changes of state and alarms pass a filter: it stays on while the night goes on."""
     COMPONENT_CLASSES: ClassVar[set[str]] = {
         "log--good",
         "log--warning",
@@ -45,15 +45,15 @@ class LogPane(ScrollView):
         super().__init__(id=id)
         self.can_focus = False
         self.lines: tuple[LogLine, ...] = ()
-        """What is shown, oldest first."""
+        """The shown lines, oldest first."""
         self.wanted = ""
         """The words of a filter; empty: none."""
         self._is_reading = False
         self._rows: list[tuple[LogLine, str, bool]] = []
-        """A line, one row of its words, and whether it goes on in the next; newest first."""
+        """Each line with a row of its words, and if the next row continues it; newest first."""
 
     def show(self, lines: tuple[LogLine, ...], *, is_reading: bool = False) -> None:
-        """Show these lines; one who has scrolled back keeps the place.
+        """Show these lines; a log that is scrolled back keeps its place.
 
         ``is_reading``: there may be more, which has not been read yet.
         """
@@ -75,7 +75,7 @@ class LogPane(ScrollView):
 
     @property
     def found(self) -> tuple[LogLine, ...]:
-        """Lines that pass the filter, newest first."""
+        """The lines that pass the filter, newest first."""
         return tuple(dict.fromkeys(line for line, _, _ in self._rows))
 
     @property
@@ -94,7 +94,7 @@ class LogPane(ScrollView):
         self.scroll_home(animate=False)
 
     def on_resize(self, _event: Resize) -> None:
-        """Another width, other breaks."""
+        """Break the lines for another width."""
         self._lay_out()
 
     def _lay_out(self) -> None:
@@ -111,7 +111,7 @@ class LogPane(ScrollView):
         self.refresh()
 
     def render_line(self, y: int) -> Strip:
-        """One row, as many down from the newest as it is scrolled."""
+        """Return one row, counted down from the newest as scrolled."""
         width = self.scrollable_content_region.width
         if y < self._title_rows:
             title = f" log: {self.wanted!r} · {HOW_TO_CHANGE} "
@@ -140,7 +140,7 @@ class LogPane(ScrollView):
 
 @lru_cache(maxsize=8192)
 def log_rows(line: LogLine, width: int) -> tuple[str, ...]:
-    """A line of the log in rows, at most ``MAX_ROWS``."""
+    """Return a line of the log in rows, at most ``MAX_ROWS``."""
     head = f" {clock(line.t_utc_ns, zone='')} "
     if width >= WITH_FRAME_COLUMNS:
         head += f"{line.frame_id:04d} " if line.frame_id is not None else "     "

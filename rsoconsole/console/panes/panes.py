@@ -1,4 +1,4 @@
-"""Widgets of the screens: they show lines and pictures that others have made."""
+"""Widgets of the screens: they show lines and pictures made elsewhere."""
 
 from collections.abc import Callable
 from typing import Any, ClassVar, Literal, get_args
@@ -35,7 +35,7 @@ from rsoconsole.console.words.words import fitted as fitted_words
 from rsoconsole.console.words.words import wrapped
 
 Build = Callable[[int, int], list[Line]]
-"""(width, height) -> the lines to show."""
+"""Builder of a pane: (width, height) -> the lines to show."""
 
 INKS = {
     "": "",
@@ -49,7 +49,7 @@ INKS = {
 
 
 class LinesPane(Widget):
-    """A pane of lines; drawn again only when they differ from those before."""
+    """Pane of lines; drawn again only when they differ from those before."""
 
     DEFAULT_CSS = "LinesPane { text-wrap: nowrap; text-overflow: clip; }"
 
@@ -59,7 +59,7 @@ class LinesPane(Widget):
         self._lines: list[Line] = []
 
     def show(self, build: Build) -> None:
-        """Show what ``build`` makes for this pane's size, from now on."""
+        """Show the lines that ``build`` makes for this pane's size, from now on."""
         self._build = build
         self._rebuild()
 
@@ -69,7 +69,7 @@ class LinesPane(Widget):
         return "\n".join("".join(text for text, _ in line) for line in self._lines)
 
     def on_resize(self, _event: Resize) -> None:
-        """Another size, other lines."""
+        """Build the lines for another size."""
         self._rebuild()
 
     def _rebuild(self) -> None:
@@ -81,7 +81,7 @@ class LinesPane(Widget):
             self.refresh()
 
     def render(self) -> Content:
-        """The lines, inked."""
+        """Return the lines, inked."""
         rows = [
             Content.assemble(*((text, INKS[ink]) for text, ink in line)) for line in self._lines
         ]
@@ -89,17 +89,17 @@ class LinesPane(Widget):
 
 
 TOO_BRIGHT_STEPS = round(0.55 * GREYS)
-"""Least grey behind a sign that is written in black."""
+"""Least grey, in steps, behind a sign that is written in black."""
 KINDS: tuple[MarkKind, ...] = get_args(MarkKind)
 Sight = Literal["field", "close-up", "full resolution"]
-"""What of a frame is shown: all, the followed streak's surroundings, those pixel by pixel."""
+"""Part of a frame that is shown: all, the followed streak's surroundings, those pixel by pixel."""
 SIGHTS: tuple[Sight, ...] = ("field", "close-up", "full resolution")
 Words = Callable[[Picture | None, Sight, Drawing | None], tuple[list[str], list[str]]]
-"""What makes a pane's title and caption of what it shows: the parts, most important first."""
+"""Function that returns a pane's title and caption: the parts, most important first."""
 
 
 class FramePane(Widget):
-    """A picture with its marks, a title above and a caption below."""
+    """Picture with its marks, a title above and a caption below."""
 
     COMPONENT_CLASSES: ClassVar[set[str]] = {
         *(f"frame--{kind}" for kind in KINDS),
@@ -126,7 +126,7 @@ class FramePane(Widget):
         super().__init__(id=id)
         self._words = words
         self.picture: Picture | None = None
-        """What is shown."""
+        """The shown picture."""
         self._subject: object = None
         self._sight: Sight = "field"
         self._stretch: Stretch = "streaks"
@@ -134,14 +134,14 @@ class FramePane(Widget):
         self._drawn: Drawing | None = None
         self._marks: tuple[Mark, ...] = ()
         self.absent = "no picture yet"
-        """What stands where there is none."""
+        """Text shown where there is no picture."""
         self._styles_made: dict[RunKey, Style] = {}
-        """By what they are for: made once for a theme."""
+        """Styles by their use, made once for a theme."""
         self._pixels: Any = None
-        """Shows the picture by the terminal's own graphics; None: by its characters."""
+        """Widget that shows the picture by the terminal's own graphics; None: by characters."""
 
     def compose(self) -> ComposeResult:
-        """Where the terminal draws pictures itself, a place for one."""
+        """Make a widget for the picture, where the terminal draws pictures itself."""
         graphics = getattr(self.app, "graphics", None)
         if graphics is not None:
             from rsoconsole.console.picture.graphics import image_widget
@@ -152,11 +152,11 @@ class FramePane(Widget):
             yield self._pixels
 
     hides_signs = False
-    """The picture's own marks are left out."""
+    """True where the picture's own marks are left out."""
 
     @property
     def drawing(self) -> Drawing | None:
-        """How it is drawn; None while nothing is."""
+        """Drawing of the picture; None while nothing is drawn."""
         if not self._strips:
             self._strips = self._make_strips()
         return self._drawn
@@ -175,9 +175,9 @@ class FramePane(Widget):
         subject: object,
         marks: tuple[Mark, ...] = (),
     ) -> None:
-        """Show a frame; nothing is computed again when it and what is ``subject`` are the same.
+        """Show a frame; it is drawn again only where it, the view or ``subject`` differ.
 
-        ``marks``: more than the picture's own, written over them.
+        ``marks``: further marks, written over the picture's own.
         """
         same = (self.picture, self._sight, self._stretch, self._subject, self._marks)
         if self._strips and same == (picture, sight, stretch, subject, marks):
@@ -187,12 +187,12 @@ class FramePane(Widget):
         self._redraw()
 
     def on_mouse_down(self, event: MouseDown) -> None:
-        """An end of a mark, or a streak."""
+        """Report an end of a mark, or a streak."""
         self.capture_mouse()
         self._point(event, is_release=False)
 
     def on_mouse_up(self, event: MouseUp) -> None:
-        """The other end, where the mouse was drawn."""
+        """Report the other end, where the mouse was drawn."""
         self.release_mouse()
         self._point(event, is_release=True)
 
@@ -210,11 +210,11 @@ class FramePane(Widget):
         self.post_message(Pointed(x_px, y_px, drawing.px_per_square, is_release=is_release))
 
     def on_resize(self, _event: Resize) -> None:
-        """Another size, another picture."""
+        """Draw the picture for another size."""
         self._redraw()
 
     def notify_style_update(self) -> None:
-        """Another theme: draw in its colours."""
+        """Draw in the colours of another theme."""
         super().notify_style_update()
         self._strips = []
         self._styles_made.clear()
@@ -222,7 +222,7 @@ class FramePane(Widget):
             self._paint()
 
     def render_line(self, y: int) -> Strip:
-        """One row of cells, made when the frame came."""
+        """Return one row of cells, made when the frame came."""
         if not self._strips:
             self._strips = self._make_strips()
         return self._strips[y] if y < len(self._strips) else Strip.blank(self.size.width)
@@ -234,7 +234,7 @@ class FramePane(Widget):
         self.refresh()
 
     def _paint(self) -> None:
-        """The same by the terminal's own graphics."""
+        """Paint the picture by the terminal's own graphics."""
         from rsoconsole.console.picture.graphics import cell_px, painted
 
         drawing = self.drawing
@@ -253,22 +253,22 @@ class FramePane(Widget):
         )
 
     def _light(self, drawing: Drawing, _cell_px: tuple[int, int]) -> LightImage:
-        """What is drawn, from dark 0 to bright 1, at its own resolution."""
+        """Return the drawn light, from dark 0 to bright 1, at its own resolution."""
         assert self.picture is not None
         return shares(self.picture, drawing, self._stretch, is_field=self._sight == "field")
 
     def _shown_marks(self) -> tuple[Mark, ...]:
-        """What is pointed at; afar a rejected candidate is no more than clutter."""
+        """Return the marks to draw; in the whole field without rejected candidates."""
         own = () if self.picture is None or self.hides_signs else self.picture.marks
         marks = (*own, *self._marks)
         return tuple(m for m in marks if m.kind != "rejected" or self._sight != "field")
 
     def _absent(self) -> str:
-        """What is said where nothing is drawn."""
+        """Return the text where nothing is drawn."""
         return self.absent if self.picture is None else "nothing to look at closely"
 
     def _ink(self, kind: str) -> tuple[int, int, int]:
-        """Colour of a kind of mark: what is bright of its style."""
+        """Return the colour of a kind of mark: the brighter one of its style."""
         styles = self.get_component_styles(f"frame--{kind}")
         colour = max(styles.color, styles.background, key=lambda c: c.brightness)
         return colour.rgb
@@ -346,7 +346,7 @@ class FramePane(Widget):
         return Style(color=self._colour(front * 255 / (GREYS - 1)), bgcolor=behind)
 
     def _colour(self, grey: float) -> Color:
-        """Grey, or red for eyes that are used to the dark."""
+        """Return a grey, or a red for eyes that are used to the dark."""
         if self.app.theme == NIGHT:
             return Color.from_rgb(round(0.75 * grey), round(0.12 * grey), round(0.06 * grey))
         return Color.from_rgb(round(grey), round(grey), round(grey))
@@ -356,7 +356,7 @@ class FramePane(Widget):
 
 
 class StopBanner(LinesPane):
-    """The banner that says how a STOP stands, over everything else until it is put away."""
+    """Banner with the state of a STOP, over everything else until it is closed."""
 
     DEFAULT_CSS = """
     StopBanner {
@@ -368,7 +368,7 @@ class StopBanner(LinesPane):
     """
 
     def say(self, text: str, phase: str) -> None:
-        """Show how a STOP stands; ``esc`` puts away what has ended."""
+        """Show the state of a STOP; ``esc`` closes one that has ended."""
         self.set_class(phase == "stopped", "-stopped")
         ending = "  (esc)" if phase in {"stopped", "failed"} else ""
         self.show(lambda width, height: wrapped(f"{text}{ending}", width, height))
@@ -378,7 +378,7 @@ class TimelinePane(LinesPane):
     """The time line; a click goes there, and so does the mouse while it is drawn along."""
 
     class Pointed(Message):
-        """A cell of the strip, and the number of its cells."""
+        """Posted for the mouse at a cell of the strip, with the number of its cells."""
 
         def __init__(self, column: int, columns: int) -> None:
             super().__init__()
@@ -387,18 +387,18 @@ class TimelinePane(LinesPane):
     _is_drawn = False
 
     def on_mouse_down(self, event: MouseDown) -> None:
-        """There."""
+        """Go to the clicked cell."""
         self._is_drawn = True
         self.capture_mouse()
         self._point(event)
 
     def on_mouse_move(self, event: MouseMove) -> None:
-        """And on."""
+        """Follow the mouse while it is drawn along."""
         if self._is_drawn:
             self._point(event)
 
     def on_mouse_up(self, _event: MouseUp) -> None:
-        """Let go."""
+        """Stop following the mouse."""
         self._is_drawn = False
         self.release_mouse()
 
@@ -410,7 +410,7 @@ class TimelinePane(LinesPane):
 
 
 class MomentField(Input, can_focus=False):
-    """A field in the last line for a frame or a time; the sky stays in view."""
+    """Field in the last line for a frame or a time; the sky stays in view."""
 
     DEFAULT_CSS = """
     MomentField { display: none; layer: over; position: absolute; width: 100%; height: 1; }
@@ -430,5 +430,5 @@ class MomentField(Input, can_focus=False):
         self.display = self.can_focus = False
 
     def on_blur(self, _event: Blur) -> None:
-        """Something else is looked at."""
+        """Close the field when the focus leaves it."""
         self.close()

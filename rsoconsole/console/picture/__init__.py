@@ -1,1 +1,1 @@
-"""A frame's picture in a terminal, and what is pointed at in it."""
+"""A frame's picture in a terminal, and the marks over it."""

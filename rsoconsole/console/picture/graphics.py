@@ -1,6 +1,6 @@
 """The picture in the terminal's own graphics, where it has them.
 
-Kitty's protocol or sixels, both by textual-image. What is pointed at is drawn into the picture.
+Kitty's protocol or sixels, both by textual-image. Marks are drawn into the picture.
 """
 
 from collections.abc import Mapping
@@ -22,7 +22,7 @@ GraphicsKind = Literal["kitty", "sixel"]
 Colour = tuple[int, int, int]
 
 RedGreenBlue = npt.NDArray[np.uint8]
-"""(height, width, 3)."""
+"""Image array, (height, width, 3)."""
 
 MARGIN_PX = 6
 """Pixels between a streak and its brackets."""
@@ -33,7 +33,7 @@ FONT_SCALE, FONT_ROOM_PX = 0.42, 4
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DrawingMode:
-    """How pictures are drawn in a terminal."""
+    """Way in which pictures are drawn in a terminal."""
 
     graphics: GraphicsKind | None = None
     """The terminal's own graphics; None: characters."""
@@ -74,7 +74,7 @@ def image_widget(kind: GraphicsKind) -> "Widget":
 
 
 def cell_px() -> tuple[int, int]:
-    """Width and height of a terminal's cell in pixels."""
+    """Return width and height of a terminal's cell in pixels."""
     from textual_image.widget import get_cell_size
 
     size = get_cell_size()

@@ -26,13 +26,13 @@ class Marking:
     cursor_px: tuple[float, float]
     first_px: tuple[float, float] | None = None
     shows_signs: bool = False
-    """Whether the marks of streaks stay over the picture."""
+    """True where the marks of streaks stay over the picture."""
     coarsest_px: float = 0.0
     """Side of the largest square in which an end was set: its uncertainty."""
 
     @classmethod
     def begin(cls, frame_id: int, drawing: Drawing) -> "Marking":
-        """Begin in the middle of what is drawn."""
+        """Begin in the middle of the drawn view."""
         low, high = _bounds(drawing)
         return cls(
             frame_id=frame_id,
@@ -49,7 +49,7 @@ class Marking:
         self._go(*self.cursor_px)
 
     def _go(self, x_px: float, y_px: float) -> None:
-        """To that place, or as near as the view has it."""
+        """Move the cursor to that place, or as near as the view allows."""
         x, y = (
             min(max(value, low), high)
             for value, low, high in zip((x_px, y_px), self.low_px, self.high_px, strict=True)
@@ -67,7 +67,7 @@ class Marking:
         return True
 
     def is_drag(self) -> bool:
-        """Whether the cursor has left the square of the first end."""
+        """True where the cursor has left the square of the first end."""
         if self.first_px is None:
             return False
         away = max(abs(a - b) for a, b in zip(self.first_px, self.cursor_px, strict=True))
@@ -78,7 +78,8 @@ class Marking:
     ) -> tuple[tuple[float, float], tuple[float, float]] | None:
         """Set an end at the cursor; returns both ends once the second is set.
 
-        ``px_per_square``: of the view in which it was pointed at; None: of the present one.
+        ``px_per_square``: pixels a square in the view in which it was set; None: in the present
+        view.
         """
         self.coarsest_px = max(self.coarsest_px, px_per_square or self.px_per_square)
         if self.first_px is None:
@@ -87,7 +88,7 @@ class Marking:
         return self.first_px, self.cursor_px
 
     def marks(self) -> tuple[Mark, ...]:
-        """Return the marks that draw it."""
+        """Return the marks that draw the cursor and the first end."""
         x, y = self.cursor_px
         cursor = Mark(x_px=x, y_px=y, kind="cursor")
         if self.first_px is None:
@@ -97,7 +98,7 @@ class Marking:
 
 
 def _bounds(drawing: Drawing) -> tuple[tuple[float, float], tuple[float, float]]:
-    """The first and the last pixel of what is drawn."""
+    """Return the first and the last pixel of the drawn view."""
     window = drawing.window
     low = window.x0_px + 0.5, window.y0_px + 0.5
     return low, (low[0] + window.width_px - 1.0, low[1] + window.height_px - 1.0)

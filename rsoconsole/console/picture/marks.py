@@ -27,9 +27,9 @@ MarkKind = Literal[
     "now",
     "cursor",
 ]
-"""In the order in which they are written: the last one stays. ``member``: of another track than the
-lead; ``coasted``: of a track that is not in this frame; ``now``, ``now_rejected``: of a frame
-processed once more; ``box``: the network's."""
+"""Kind of a mark, in the order in which they are written: the last one stays. ``member``: of
+another track than the lead; ``coasted``: of a track that is not in this frame; ``now``,
+``now_rejected``: of a frame processed again; ``box``: the network's."""
 _ORDER: tuple[MarkKind, ...] = get_args(MarkKind)
 
 _BRACKETS: dict[MarkKind, tuple[str, str]] = {
@@ -42,11 +42,11 @@ _BRACKETS: dict[MarkKind, tuple[str, str]] = {
     "now_rejected": ("«", "»"),
 }
 COASTED = "○"
-"""Before the number of a track that the frame does not show."""
+"""Sign before the number of a track that the frame does not show."""
 _SHORT_COLUMNS = 4
 """Columns of a streak up to which its signs are in one row; a longer one has them at its ends."""
 MAX_STEPS = 2000
-"""Cells along a streak: nobody's terminal has more."""
+"""Most cells along a streak: no terminal has more."""
 
 
 Cells = dict[tuple[int, int], tuple[str, str]]
@@ -66,16 +66,16 @@ class Mark:
     outline_px: tuple[tuple[float, float], ...] = ()
     """Points of a line about it: the 3-sigma ellipse of a track, or a candidate's box."""
     is_outer: bool = False
-    """Whether it stands about another mark of the same streak, with its label a row below."""
+    """True where it stands about another mark of the same streak, with its label a row below."""
     gap: int = 0
     """Cells between its sign and its label."""
     is_numbered: bool = False
-    """Whether its label is a track's number, placed where there is room."""
+    """True where its label is a track's number, placed where there is room."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Window:
-    """A part of a frame drawn into cells; a cell is two squares high."""
+    """Part of a frame drawn into cells; a cell is two squares high."""
 
     x0_px: float
     """Left edge; the centre of the frame's first pixel is at 0."""
@@ -89,7 +89,7 @@ class Window:
     def at(
         cls, corner_px: tuple[float, float], size_px: tuple[float, float], cells: tuple[int, int]
     ) -> "Window":
-        """Make one of its corner, its width and height, and its columns and rows."""
+        """Return the window with that corner, width and height, and columns and rows."""
         (x0, y0), (width, height), (columns, rows) = corner_px, size_px, cells
         return cls(x0_px=x0, y0_px=y0, width_px=width, height_px=height, columns=columns, rows=rows)
 
@@ -100,7 +100,7 @@ class Window:
         return math.floor(column), math.floor(row)
 
     def has(self, column: int, row: int) -> bool:
-        """Whether a cell is in the window."""
+        """Return True if a cell is in the window."""
         return 0 <= column < self.columns and 0 <= row < self.rows
 
 
@@ -135,7 +135,7 @@ def marks_of(detail: NightFrame) -> tuple[Mark, ...]:
 def _numbered(
     mark: Mark, detection: Detection, members: list[tuple[Measurement, FrameTrack]]
 ) -> Mark:
-    """The mark with the number of the track that took it; as it is where none did."""
+    """Return the mark with the number of the track that took it; unchanged where none did."""
     for measured, track in members:
         if is_of_streak(detection, measured):
             kind: MarkKind = "followed" if track.is_lead else "member"
@@ -144,7 +144,7 @@ def _numbered(
 
 
 def _coasted_mark(detail: NightFrame, track: FrameTrack) -> Mark | None:
-    """Where a track is predicted that the frame does not show."""
+    """Return the mark of a coasted track's predicted place; None where the frame is not solved."""
     mark = None if track.predicted is None else _mark_at(track.predicted, detail, "coasted")
     label = f"{COASTED}{track.number}"
     return None if mark is None else replace(mark, label=label, is_numbered=True)
@@ -167,7 +167,7 @@ def mark_of(detection: Detection, kind: MarkKind, followed: Measurement | None =
 
 
 def _mark_at(track: TrackState, detail: NightFrame, kind: MarkKind) -> Mark | None:
-    """A state's position with its 3-sigma ellipse; None where the frame is not solved."""
+    """Return the mark of a state with its 3-sigma ellipse; None: the frame is not solved."""
     if not isinstance(detail.solution, Solution):
         return None
     ra, _, dec, _ = track.x
@@ -201,7 +201,7 @@ def overlay(marks: tuple[Mark, ...], window: Window, *, has_rejected: bool = Fal
 
 
 def _number_of(mark: Mark, window: Window) -> Numbered:
-    """A track's number and the cells of its streak, or of the place where it was expected."""
+    """Return a track's number and the cells of its streak, or of its predicted place."""
     left = right = window.cell(mark.x_px, mark.y_px)
     if mark.ends_px is not None:
         left, right = (window.cell(*end) for end in mark.ends_px)
@@ -209,7 +209,7 @@ def _number_of(mark: Mark, window: Window) -> Numbered:
 
 
 def _streak_cells(marks: list[Mark], window: Window) -> dict[tuple[int, int], bool]:
-    """The cells through which a streak goes, each with whether it runs rather across than down."""
+    """Return the cells along each streak, each with whether it runs rather across than down."""
     cells: dict[tuple[int, int], bool] = {}
     for mark in marks:
         if mark.ends_px is None:
@@ -231,7 +231,7 @@ def _signs(
     window: Window,
     streaks: dict[tuple[int, int], bool],
 ) -> list[tuple[int, int, str]]:
-    """(column, row, text) of what a mark writes."""
+    """Return (column, row, text) of each of a mark's signs."""
     column, row = centre
     match mark.kind:
         case "predicted":
@@ -249,7 +249,7 @@ def _signs(
 def _streak_signs(
     mark: Mark, centre: tuple[int, int], window: Window
 ) -> list[tuple[int, int, str]]:
-    """Brackets about a streak, and its label; a number is placed with those of the others."""
+    """Return brackets about a streak, and its label; numbers are placed all together."""
     row = centre[1]
     opening, closing = _BRACKETS[mark.kind]
     left = right = centre
@@ -271,7 +271,7 @@ def _streak_signs(
 
 
 def _label_of(mark: Mark, left: int, right: int, window: Window) -> tuple[str, int, bool]:
-    """What is written, from which column on, and whether behind the streak: whole if it can be."""
+    """Return the label, its first column, and whether it is right of the streak."""
     first = mark.label.split(" ")[0]
     for label in (mark.label, first):
         columns = mark.gap + len(label)
@@ -283,7 +283,7 @@ def _label_of(mark: Mark, left: int, right: int, window: Window) -> tuple[str, i
 
 
 def _edged(column: int, beside: int, window: Window) -> int:
-    """A column beside a streak's end; of an end at the picture's rim the outermost one."""
+    """Return a column beside a streak's end; for an end at the picture's edge the outermost one."""
     if not 0 <= column < window.columns:
         return column + beside
     return min(max(column + beside, 0), window.columns - 1)
@@ -292,7 +292,7 @@ def _edged(column: int, beside: int, window: Window) -> int:
 def _predicted_signs(
     column: int, row: int, streaks: dict[tuple[int, int], bool]
 ) -> list[tuple[int, int, str]]:
-    """A cross; where it would lie on a streak, two signs that point at the place from beside."""
+    """Return a cross; where it would lie on a streak, two signs that point at it from beside."""
     is_across = streaks.get((column, row))
     if is_across is None:
         return [(column, row, "+")]
@@ -304,7 +304,7 @@ def _predicted_signs(
 def _cursor_signs(
     column: int, row: int, streaks: dict[tuple[int, int], bool]
 ) -> list[tuple[int, int, str]]:
-    """Open in its middle: the pixel is what one wants to see."""
+    """Return a cross that is open in its middle, where the pixel stays visible."""
     if (column, row) in streaks:
         return _predicted_signs(column, row, streaks)
     return [(column - 1, row, "╴"), (column + 1, row, "╶"), *_above_and_below(column, row)]

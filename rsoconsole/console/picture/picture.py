@@ -17,7 +17,7 @@ from rsoconsole.session import SessionReader
 GREYS = 24
 """Steps of grey: enough for the eye, few enough that neighbouring cells share one."""
 FLOOR = 0.08
-"""Grey of the empty sky, so that the picture's edge is seen."""
+"""Grey of the empty sky, so that the picture's edge is visible."""
 
 SKY_BLOCK_PX = 24
 NOISE_SIGMAS = 6.0
@@ -36,9 +36,9 @@ _PERCENT: dict[Stretch, tuple[float, float]] = {
     "asinh": (2.0, 99.8),
     "linear": (2.0, 99.5),
 }
-"""Percentiles of the squares that are black and white."""
+"""Percentiles of the squares that are drawn black and white."""
 _MIN_RANGE = 0.02
-"""Range of light that is drawn at least: the noise of an empty picture stays dark."""
+"""Least range of light that is drawn: the noise of an empty picture stays dark."""
 _LINEAR_PER_CODE = 5.0 / 255.0
 """The small pictures are asinh of light over two sigmas, from -1 to 4 in 255 steps."""
 
@@ -49,16 +49,16 @@ class Picture:
 
     frame_id: int
     codes: ByteImage
-    """(height, width): the whole frame as the session keeps it; row 0 at the top."""
+    """Codes of the whole frame as the session keeps it, (height, width); row 0 at the top."""
     light: LightImage
-    """The codes above sky and noise."""
+    """Light of the codes above sky and noise."""
     detail: NightFrame
-    """What is on record of the frame."""
+    """Everything on record of the frame."""
     marks: tuple[Mark, ...] = ()
     closeup: ByteImage | None = None
-    """A part of it at full resolution."""
+    """Part of the frame at full resolution."""
     place: Closeup | None = None
-    """Where in the frame the close-up lies."""
+    """Place of the close-up in the frame."""
 
     @property
     def aspect(self) -> float:
@@ -73,7 +73,7 @@ class Drawing:
     greys: ByteImage
     """(blocks.down * rows, blocks.across * columns): steps of grey, 0 to GREYS - 1."""
     blocks: Blocks
-    """The characters it is made for."""
+    """Characters that it is made for."""
     window: Window
     px_per_square: float
     """Pixels of the frame across a cell, or down half of one."""
@@ -101,7 +101,7 @@ def light_of(codes: ByteImage) -> LightImage:
 
 
 def _sky_of(codes: ByteImage) -> LightImage:
-    """Medians of blocks, drawn smoothly between their centres."""
+    """Return medians of blocks, interpolated smoothly between their centres."""
     import cv2
 
     n = SKY_BLOCK_PX
@@ -166,7 +166,7 @@ def draw_closeup(
 def _pixels_a_square(
     marks: tuple[Mark, ...], middle: tuple[float, float], columns: int, rows: int
 ) -> int:
-    """Pixels a square that show the streak nearest to the middle."""
+    """Return the pixels a square that show the streak nearest to the middle."""
     streaks = [mark for mark in marks if mark.ends_px is not None]
     if not streaks:
         return 1
@@ -187,7 +187,7 @@ def _light(codes: ByteImage, stretch: Stretch) -> LightImage:
 
 
 def _reduced(light: LightImage, columns: int, rows: int, blocks: Blocks) -> LightImage:
-    """Light of each part of a cell: its mean, or half its brightest where that is more.
+    """Return the light of each part of a cell: its mean, or half its brightest where that is more.
 
     The mean of many squares of dark sky would hide a streak that is one square wide.
     """
@@ -218,7 +218,7 @@ def shares_of(light: LightImage, stretch: Stretch) -> LightImage:
 
 
 def shares(picture: Picture, drawing: Drawing, stretch: Stretch, *, is_field: bool) -> LightImage:
-    """Return what a drawing shows in the picture's own squares: (height, width), 0 to 1."""
+    """Return the light of a drawing in the picture's own squares: (height, width), 0 to 1."""
     if is_field:
         light = _field_light(picture, stretch)
     else:

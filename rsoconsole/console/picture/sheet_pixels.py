@@ -41,7 +41,7 @@ class SheetPixels:
 
     def __init__(self, pixels: PixelArray) -> None:
         self.pixels = pixels
-        """(height, width) ADU."""
+        """Pixels of the frame, (height, width), ADU."""
         self._sky: Background | None = None
         self._levels: dict[tuple[Kind, int], LightImage] = {}
 
@@ -87,7 +87,7 @@ class SheetPixels:
     def _seen(
         self, window: Window, size: tuple[int, int], px: float, kind: Kind
     ) -> tuple[LightImage, tuple[slice, slice]]:
-        """Means over the squares in the frame, and which they are; ``px``: a square's side."""
+        """Return means over the squares in the frame, and their slices; ``px``: a square's side."""
         level = max(math.floor(math.log2(px)) - COARSE, COARSE) if px >= 1 << COARSE else 0
         if level:
             near, left_px, top_px = self._level(kind, level), 0, 0
@@ -98,7 +98,7 @@ class SheetPixels:
         return np.asarray(_gathered(near, y, x, np.add) / _counts(near, y, x)), inside
 
     def _piece(self, window: Window) -> tuple[LightImage, int, int]:
-        """The frame's own pixels that a window shows, and the first column and row of them."""
+        """Return the frame's own pixels in a window, and their first column and row."""
         height, width = self.pixels.shape
         x0, y0 = max(math.floor(window.x0_px + 0.5), 0), max(math.floor(window.y0_px + 0.5), 0)
         x1 = min(math.ceil(window.x0_px + 0.5 + window.width_px), width)
@@ -106,7 +106,7 @@ class SheetPixels:
         return np.asarray(self.pixels[y0:y1, x0:x1], np.float32), x0, y0
 
     def _level(self, kind: Kind, level: int) -> LightImage:
-        """Means over blocks of two to ``level`` pixels a side; the last ones may be cut."""
+        """Return means over blocks of two to ``level`` pixels a side; the last ones may be cut."""
         made = self._levels.get((kind, level))
         if made is None:
             if level > COARSE:
@@ -119,7 +119,7 @@ class SheetPixels:
         return made
 
     def _standing_out(self) -> LightImage:
-        """What is brighter than its sky, in sigmas of a coarse block."""
+        """Return the light above its sky, in sigmas of a coarse block, less ``CLIPPED_SIGMA``."""
         means, sky = self._level("means", COARSE), self._background
         cell = max(sky.cell_px >> COARSE, 1)
         above = means - resample(sky.level, cell, *means.shape)
@@ -141,7 +141,7 @@ class SheetPixels:
 
 
 def averaged(pixels: npt.NDArray[np.generic], block: int) -> LightImage:
-    """Return means over blocks of pixels; blocks cut by the edge over what there is of them."""
+    """Return means over blocks of pixels; blocks cut by the edge over their part in the frame."""
     import cv2
 
     height, width = pixels.shape
@@ -149,7 +149,7 @@ def averaged(pixels: npt.NDArray[np.generic], block: int) -> LightImage:
     out = np.empty((-(-height // block), -(-width // block)), np.float32)
 
     def fill(row: int, column: int, rows: int, columns: int) -> None:
-        """A number of blocks from there; beyond the last whole one, what is left of it."""
+        """Fill a number of blocks from there on; beyond the last whole one, the remainder."""
         y, x = slice(row * block, (row + rows) * block), slice(column * block, None)
         piece = np.ascontiguousarray(pixels[y, x][:, : columns * block], np.float32)
         made = cv2.resize(piece, (columns, rows), interpolation=cv2.INTER_AREA)
@@ -188,7 +188,7 @@ def map_sigma(frame_map: FrameMap, x_px: float, y_px: float) -> float:
 def _edges(
     window: Window, size: tuple[int, int], shape: tuple[int, ...], block: int
 ) -> tuple[Edges, Edges, tuple[slice, slice]]:
-    """Where squares begin and the last one ends, down and across, in blocks; which they are.
+    """Return the edges of the squares down and across, in blocks, and the slices of those inside.
 
     Only squares that begin in the frame: ``shape`` is its (height, width) in pixels.
     """
@@ -207,13 +207,13 @@ def _edges(
 def _gathered(
     light: npt.NDArray[np.generic], y: Edges, x: Edges, combine: np.ufunc
 ) -> npt.NDArray[Any]:
-    """All that lies in each square, added or compared; a square within a block is all of it."""
+    """Return the blocks of each square combined; a square within a block has all of it."""
     light = light[: max(y[-1], y[-2] + 1), : max(x[-1], x[-2] + 1)]
     return np.asarray(combine.reduceat(combine.reduceat(light, y[:-1], axis=0), x[:-1], axis=1))
 
 
 def _counts(light: npt.NDArray[np.generic], y: Edges, x: Edges) -> npt.NDArray[np.float32]:
-    """How many blocks each square gathers."""
+    """Return the number of blocks in each square."""
     down, across = (
         np.maximum(np.diff(np.minimum(edges, side)), 1).astype(np.float32)
         for edges, side in zip((y, x), light.shape, strict=True)
@@ -229,22 +229,22 @@ STEPS = (1, 4, 16, 64)
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class View:
-    """A frame seen through a grid of cells, each two squares high, with a cross at one place."""
+    """Frame seen through a grid of cells, each two squares high, with a cross at one place."""
 
     width_px: int
     height_px: int
     columns: int
     rows: int
-    """Cells that there is room for."""
+    """Rows of cells that there is room for."""
     x_px: float
     y_px: float
-    """Place of the cross, which is in the middle unless the frame's edge is near."""
+    """Row of the cross, pixels; the cross is in the middle unless the frame's edge is near."""
     zoom: int | None = None
     """Log2 of pixels a square; None: the whole frame in the most cells that fit."""
 
     @property
     def farthest(self) -> int:
-        """The largest zoom that does not show the whole frame; below CLOSEST: there is none."""
+        """Largest zoom that does not show the whole frame; below CLOSEST: there is none."""
         zoom = 0
         while self._has_room(zoom) and zoom >= CLOSEST:
             zoom -= 1
@@ -327,5 +327,5 @@ def whole(width_px: int, height_px: int, columns: int, rows: int) -> View:
 
 
 def _first(at_px: float, scale: float, count: int, all_of_them: int) -> int:
-    """Number of the first square that is seen, with the cross in the middle where that can be."""
+    """Return the number of the first visible square, with the cross in the middle if possible."""
     return min(max(math.floor((at_px + 0.5) / scale) - count // 2, 0), max(all_of_them - count, 0))

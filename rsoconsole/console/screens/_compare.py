@@ -1,4 +1,4 @@
-"""Comparison of two moments of a night, A and B, and what lies between them."""
+"""Comparison of two moments of a night, A and B, and the records between them."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -52,11 +52,11 @@ class ComparedRow:
     a: str
     b: str
     difference: str = ""
-    """B less A, in words; empty where that says nothing."""
+    """B minus A, in words; empty where that says nothing."""
 
 
 def compared_figures(a: Moment, b: Moment) -> list[ComparedRow]:
-    """The rows of the comparison: every figure that is known at A or B."""
+    """Return the rows of the comparison: every figure that is known at A or B."""
     rows = [*_course(a, b), *_sky(a, b), *_measured(a, b)]
     return [row for row in rows if (row.a, row.b) != (ABSENT, ABSENT)]
 
@@ -119,7 +119,7 @@ def _measured(a: Moment, b: Moment) -> list[ComparedRow]:
 
 
 def interval_words(a: Moment, b: Moment, timeline: Timeline) -> list[str]:
-    """What the record has between the two moments: frames, events, changed settings."""
+    """Return in words the records between the two moments: frames, events, changed settings."""
     low, high = sorted((a.seq, b.seq))
     first, last = timeline.index_of(low), timeline.index_of(high)
     frames = (-1 if last is None else last) - (-1 if first is None else first)
@@ -141,7 +141,7 @@ def interval_words(a: Moment, b: Moment, timeline: Timeline) -> list[str]:
 
 
 def compare_lines(rows: list[ComparedRow], ends: list[str], width: int, height: int) -> list[Line]:
-    """The comparison as a table of that width; narrow ones leave the differences out."""
+    """Return the comparison as a table of that width; narrow ones leave the differences out."""
     has_difference = width >= WITH_DIFFERENCE_COLUMNS
     columns = max((width - LABEL_COLUMNS) // (3 if has_difference else 2), MIN_VALUE_COLUMNS)
     head: Line = [(" " * LABEL_COLUMNS, ""), ("A".ljust(columns), "title")]
@@ -166,7 +166,7 @@ def compare_lines(rows: list[ComparedRow], ends: list[str], width: int, height: 
 
 
 class CompareDialog(Dialog[Choice | None]):
-    """The comparison of A with B; ``B`` flips the whole screen, ``K`` keeps B as the new A."""
+    """Comparison of A with B; ``B`` flips the whole screen, ``K`` keeps B as the new A."""
 
     BINDINGS: ClassVar[list[BindingType]] = [
         Binding("B", "choose('blink')", "Blink", show=False),
@@ -183,19 +183,19 @@ class CompareDialog(Dialog[Choice | None]):
         self._rows, self._ends = compared_figures(a, b), interval_words(a, b, timeline)
 
     def compose(self) -> ComposeResult:
-        """The table."""
+        """Make the table."""
         with framed("compare A with B, this moment", "B blinks · K keeps B as A · esc back"):
             table = LinesPane(id="compared")
             table.styles.height = len(self._rows) + len(self._ends) + 2
             yield table
 
     def on_mount(self) -> None:
-        """Fill it."""
+        """Fill the table."""
         lines = partial(compare_lines, self._rows, self._ends)
         self.query_one("#compared", LinesPane).show(lines)
 
     def action_choose(self, choice: Choice) -> None:
-        """By letter."""
+        """Take a choice by letter."""
         self.dismiss(choice)
 
 
@@ -261,7 +261,7 @@ def _position(m: Moment) -> tuple[float, float] | None:
 
 
 def _rates(m: Moment) -> tuple[float, float] | None:
-    """(d alpha cos delta, d delta) in arcsec/s."""
+    """Return (d alpha cos delta, d delta) in arcsec/s."""
     track = m.view.track
     if track is None:
         return None
@@ -300,10 +300,10 @@ class ReviewCompare(ReviewMoves):
     _other_seq: int | None = None
     """Moment B, while A is shown in its place."""
     _is_asked_early = False
-    """Whether to compare as soon as the moment is there that was asked for."""
+    """True where the comparison shall follow as soon as the requested moment is read."""
 
     def forget_moment_a(self) -> None:
-        """Keep no moment: another session is shown."""
+        """Drop the kept moment: another session is shown."""
         self.kept = self._other_seq = None
 
     def action_compare(self) -> None:
@@ -320,7 +320,7 @@ class ReviewCompare(ReviewMoves):
             self._compare(self.kept, moment)
 
     def compare_when_ready(self) -> None:
-        """Compare, where that was asked for before the moment was there."""
+        """Compare, where that was requested before the moment was read."""
         if self._is_asked_early and self.moment is not None and self.moment.seq == self.seq:
             self.action_compare()
 
@@ -360,7 +360,7 @@ class ReviewCompare(ReviewMoves):
             self.say("B")
 
     def action_forget_moment(self) -> None:
-        """Keep no moment to compare with."""
+        """Drop the moment kept to compare with."""
         had_one, self.kept, self._other_seq = self.kept is not None, None, None
         self.show_place()
         self.say("A is forgotten" if had_one else "no moment is kept")

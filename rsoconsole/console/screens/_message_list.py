@@ -21,13 +21,13 @@ SAID_COLUMNS = 40
 
 
 def line_text(line: LogLine) -> str:
-    """One line of the log in full, with its time and frame."""
+    """Return one line of the log in full, with its time and frame."""
     frame = f" {line.frame_id:04d}" if line.frame_id is not None else ""
     return f"{clock(line.t_utc_ns)}{frame} {line.whole}"
 
 
 class MessageListDialog(Dialog[str | None]):
-    """A list of messages in full, the newest first; gives the message to copy."""
+    """List of messages in full, the newest first; gives the message to copy."""
 
     BINDINGS: ClassVar[list[BindingType]] = [Binding("ctrl+y", "copy", "Copy", show=False)]
     DEFAULT_CSS = """
@@ -39,7 +39,7 @@ class MessageListDialog(Dialog[str | None]):
         self._messages = list(messages)
 
     def compose(self) -> ComposeResult:
-        """One option a message, over as many rows as it takes."""
+        """Make one option a message, over as many rows as it takes."""
         with framed("messages", "↑↓ choose · enter copies · esc back"):
             yield OptionList(*(Option(Content(each)) for each in self._messages))
 
@@ -48,7 +48,7 @@ class MessageListDialog(Dialog[str | None]):
         self.query_one(OptionList).focus()
 
     def on_option_list_option_selected(self, event: OptionList.OptionSelected) -> None:
-        """Copy it."""
+        """Copy the chosen message."""
         event.stop()
         self.dismiss(self._messages[event.option_index])
 
@@ -60,10 +60,10 @@ class MessageListDialog(Dialog[str | None]):
 
 
 class MessageActions(Seat):
-    """Shows messages in full, and copies what is shown."""
+    """Shows messages in full, and copies the shown text."""
 
     def action_read(self) -> None:
-        """List all messages in full: what came of a STOP, the alert, the last notice, the log."""
+        """List all messages in full: a STOP's outcome, the alert, the last notice, the log."""
         news = self.stop_news
         said = [f"STOP {news.text}"] if news is not None else []
         said += [self.alert] if self.alert else []
@@ -75,7 +75,7 @@ class MessageActions(Seat):
             self.say("nothing has been said yet")
 
     def action_copy(self) -> None:
-        """Copy a line of the open log, the orbit, the tuning, or where things stand."""
+        """Copy a line of the open log, the orbit, the tuning, or the present state."""
         if self.is_log_open:
             line = self.query_one(LogPane).top_line
             self._copy(None if line is None else line_text(line))
@@ -86,7 +86,7 @@ class MessageActions(Seat):
             self._copy("\n".join(self.pane(name).text for name in names))
 
     def _copy(self, text: str | None) -> None:
-        """To the clipboard of the terminal, also through SSH (OSC 52)."""
+        """Copy to the clipboard of the terminal, also through SSH (OSC 52)."""
         if not text:
             return
         lines = [line.strip() for line in text.splitlines()]

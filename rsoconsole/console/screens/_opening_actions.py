@@ -1,4 +1,4 @@
-"""What opens over the panes: a frame, recorded nights, what became of each streak."""
+"""Screens opened over the panes: a frame, recorded nights, the outcome of each streak."""
 
 import time
 from pathlib import Path
@@ -12,22 +12,22 @@ from rsoconsole.console.frame.frame_sheet import FrameSheet
 from rsoconsole.console.frame.sheet_actions import MarkTo
 
 ENTER_PAUSE_S = 1.0
-"""How long enter opens no frame after a dialog has closed."""
+"""Seconds after a dialog has closed during which enter opens no frame."""
 
 
 class OpeningActions(Seat):
     """Opens a frame, a recorded night or the streaks of a frame over the panes."""
 
     def __init__(self, *arguments: Any, sessions_root: Path | None = None, **named: Any) -> None:
-        """``sessions_root``: under which recorded nights lie, None: where they do by default."""
+        """``sessions_root``: folder of recorded nights, None: the default one."""
         super().__init__(*arguments, **named)
         self.sessions_root = sessions_root or SessionConfig().root
         self._enter_paused_after_s = time.monotonic()
-        """Dialogs that closed before this screen was there hold up no enter; monotonic seconds."""
+        """Monotonic time in seconds; only dialogs closed after it delay enter."""
 
     @property
     def mark_to(self) -> MarkTo | None:
-        """Where a mark of the opened frame goes; a night that is over takes none."""
+        """Callbacks for a mark of the opened frame; None: a night that is over takes none."""
         return None
 
     def action_open_frame(self) -> None:
@@ -52,7 +52,7 @@ class OpeningActions(Seat):
         )
 
     def _alert_elsewhere(self) -> str:
-        """The alert for a screen over this one, which covers what came of a STOP."""
+        """Return the alert for a screen over this one, which covers a STOP's outcome."""
         news = self.stop_news
         stopped = f"STOP {news.text}" if news else ""
         return " · ".join(part for part in (stopped, self.alert) if part)
@@ -68,7 +68,7 @@ class OpeningActions(Seat):
         self.app.push_screen(SessionListDialog(self.sessions_root, self.night.folder), decided)
 
     def action_verdicts(self) -> None:
-        """List every streak of the shown frame, and what became of it."""
+        """List every streak of the shown frame, and its outcome."""
         if self.picture is None:
             self.say("no frame has been shown yet", "warn")
             return

@@ -1,4 +1,4 @@
-"""Where the panes of a screen lie, its line of keys and its alert."""
+"""Places of a screen's panes, its line of keys and its alert."""
 
 from typing import ClassVar
 
@@ -27,12 +27,12 @@ DEFAULT_ASPECT = 4 / 3
 
 
 def aspect_of(picture: Picture | None) -> float:
-    """Width over height of the camera's frames; a default where there is no picture."""
+    """Return width over height of the camera's frames; a default where there is no picture."""
     return picture.aspect if picture is not None else DEFAULT_ASPECT
 
 
 def _put(widget: Widget, box: Box | None) -> None:
-    """Show it there; None: hide it."""
+    """Show a widget in a box; None: hide it."""
     widget.display = box is not None
     if box is not None:
         widget.styles.offset = (box.x, box.y)
@@ -45,7 +45,7 @@ class PanePlaces(TrackActions):
     PANES: ClassVar[tuple[Name, ...]]
     tune: TuneActions
     _placed_alert_rows = 0
-    """Rows of the alert that the panes have been laid out for."""
+    """Rows of the alert for which the panes are laid out."""
     _drawn_keys: tuple[list[Key], str] = ([], "")
     """The keys and the notice that the last line shows."""
 
@@ -88,7 +88,7 @@ class PanePlaces(TrackActions):
         self._place_keys()
 
     def _end_facts_before(self, tune: Box, facts: Box) -> None:
-        """What reaches beneath the tuning pane from its left ends before it: no word is cut."""
+        """End the figures left of the tuning pane where they would reach beneath it."""
         is_beneath = facts.x < tune.x < facts.x + facts.width
         if is_beneath and facts.y < tune.y + tune.height and tune.y < facts.y + facts.height:
             self.query_one("#facts").styles.width = tune.x - facts.x
@@ -96,12 +96,12 @@ class PanePlaces(TrackActions):
     # -- the alert ------------------------------------------------------------------------------
 
     def _alert_rows(self) -> int:
-        """How many rows the alert, or what stands in its place, takes."""
+        """Return the rows of the alert, or of the text in its place."""
         said = self.alert or self.intro
         return len(words.wrapped(f" {said}", self.size.width, MAX_ALERT_ROWS)) if said else 0
 
     def show_alert(self) -> None:
-        """Draw the alert, or what stands in its place; the panes move where it takes other rows."""
+        """Draw the alert, or the text in its place; lay out the panes where its rows change."""
         pane, alert = self.pane("alert"), self.alert
         said = alert or self.intro
         pane.set_class(not alert, "-calm")
@@ -121,7 +121,7 @@ class PanePlaces(TrackActions):
         self.pane("keys").show(key_line(keys, notice))
 
     def _place_keys(self) -> None:
-        """In the last row, and over it what is said."""
+        """Lay the keys into the last row, and the notice over it."""
         pane, (width, height) = self.pane("keys"), self.size
         rows = 1 + notice_rows(self.notice[0], width, height)
         if pane.styles.height is None or pane.styles.height.value != rows:
@@ -129,7 +129,7 @@ class PanePlaces(TrackActions):
             pane.styles.offset = (0, height - rows)
 
     async def on_click(self, event: Click) -> None:
-        """Do what a clicked key of the last line does."""
+        """Do the action of a clicked key of the last line."""
         action = action_at(event, self.pane("keys"), *self._drawn_keys)
         if action:
             self.is_click = True

@@ -1,4 +1,4 @@
-"""The log of a whole night: what came after the moment is dim, enter goes to a line's moment."""
+"""The log of a whole night: lines after the moment are dim, enter goes to a line's moment."""
 
 from typing import ClassVar
 
@@ -37,10 +37,10 @@ class ReviewLogPane(LogPane):
     """
 
     always_shown = False
-    """A search shows its lines alone; the log that is opened next has every line."""
+    """False: a search shows its matches alone; the log that is opened next has every line."""
 
     seq = 0
-    """The moment that is shown, as a place in the log: later lines are dim."""
+    """The shown moment, as a place in the log: later lines are dim."""
     chosen: LogLine | None = None
     """The line with the cursor; None while the pane is closed."""
 
@@ -58,7 +58,7 @@ class ReviewLogPane(LogPane):
         self._reveal()
 
     def close(self) -> None:
-        """Choose no line, and show every one again."""
+        """Choose no line, and show every line again."""
         self.chosen = None
         self.filter("")
 
@@ -82,7 +82,7 @@ class ReviewLogPane(LogPane):
             self._reveal()
 
     async def on_click(self, event: events.Click) -> None:
-        """Choose a line by the mouse; a click on the chosen one goes there."""
+        """Choose a line by the mouse; a click on the chosen one goes to its moment."""
         index = event.y - self._title_rows + self.scroll_offset.y
         if self.chosen is None or not 0 <= index < len(self._rows):
             return
@@ -93,7 +93,7 @@ class ReviewLogPane(LogPane):
         self.refresh()
 
     def _reveal(self) -> None:
-        """Scroll so that the chosen line is seen."""
+        """Scroll the chosen line into view."""
         rows = [index for index, (line, _, _) in enumerate(self._rows) if line == self.chosen]
         if rows:
             height = max(self.size.height - self._title_rows, 1)
@@ -103,7 +103,7 @@ class ReviewLogPane(LogPane):
         self.refresh()
 
     def render_line(self, y: int) -> Strip:
-        """One row, with a sign at the chosen line."""
+        """Return one row, with a sign at the chosen line."""
         strip = super().render_line(y)
         index = y - self._title_rows + self.scroll_offset.y
         has_line = 0 <= index < len(self._rows) and y >= self._title_rows
@@ -128,7 +128,7 @@ class ReviewTuneActions(TuneActions):
 
     @property
     def words(self) -> TuneWords:
-        """Words of the pane; it offers no key that applies anything."""
+        """Return the pane's words; it offers no key that applies anything."""
         frames = "all frames so far" if self._is_of_all else "{count} frames to here"
         scope = first_key("tune_scope", self._seat.keymap)
         which = "the last frames" if self._is_of_all else "all frames"
@@ -139,7 +139,7 @@ class ReviewTuneActions(TuneActions):
         )
 
     def scope(self) -> tuple[int | None, int | None]:
-        """Where the figures end, the moment; and over how many frames, None: all."""
+        """Return the moment at which the figures end, and over how many frames, None: all."""
         return self._seat.seq, None if self._is_of_all else self.last_frames()
 
     def change_scope(self) -> None:

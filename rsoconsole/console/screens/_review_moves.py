@@ -1,4 +1,4 @@
-"""A review's way through the time of its night: frames, events, playing, a typed time."""
+"""Moves of a review through the time of its night: frames, events, playing, a typed time."""
 
 import time
 from functools import partialmethod
@@ -30,7 +30,7 @@ _IN_FRAME = frozenset(("Miss", "NotFollowed", "NotSolved", "StateChange"))
 
 
 class ReviewMoves(NightScreen):
-    """Where a review is, and its moves; the screen brings the moments and draws the time line."""
+    """Place and moves of a review; the screen provides the moments and draws the time line."""
 
     def __init__(self, *arguments: Any, **named: Any) -> None:
         super().__init__(*arguments, **named)
@@ -39,22 +39,22 @@ class ReviewMoves(NightScreen):
         self.lines: tuple[LogLine, ...] = ()
         """The whole log, as far as it has been read."""
         self.moment: Moment | None = None
-        """The moment that is shown; None before the first."""
+        """The shown moment; None before the first."""
         self.kept: Moment | None = None
         """Moment A, to compare with; None while none is kept."""
         self.seq = 0
-        """The moment that was asked for, as a place in the log."""
+        """The requested moment, as a place in the log."""
         self.is_at_head = False
-        """Whether the review follows a night that goes on, at its last frame."""
+        """True where the review follows a night that goes on, at its last frame."""
         self.kind: str = ANY
-        """The kind of event that is jumped to, ``ANY``, or ``FOUND`` for lines of the log."""
+        """Kind of event to jump to, ``ANY``, or ``FOUND`` for lines of the log."""
         self.searched = ""
-        """Words that the log has been searched for."""
+        """Words for which the log was searched last."""
         self.player = Player()
         self._played_s = 0.0
 
     def want(self, seq: int) -> None:
-        """Ask for that moment; the screen does."""
+        """Request that moment; the screen does."""
 
     def show_place(self) -> None:
         """Draw the time line; the screen does."""
@@ -113,7 +113,7 @@ class ReviewMoves(NightScreen):
             self.go_to_text(event.value)
 
     def close_field(self) -> bool:
-        """Close the field of the last line; False where it was closed."""
+        """Close the field of the last line; False where it was closed already."""
         field = self.query_one(MomentField)
         is_open = field.display
         if is_open:
@@ -122,7 +122,7 @@ class ReviewMoves(NightScreen):
         return is_open
 
     def go_to_text(self, text: str) -> None:
-        """Go to a frame or a time as it was typed; say why not, where there is no such moment."""
+        """Go to a typed frame or time; say why not, where there is no such moment."""
         try:
             self.go(seq_of(parse_place(text), self.timeline))
         except ValueError as error:
@@ -132,19 +132,19 @@ class ReviewMoves(NightScreen):
 
     @property
     def kinds(self) -> tuple[TimelineEventKind, ...]:
-        """Kinds of events that are jumped to."""
+        """Kinds of events to jump to."""
         return tuple(kind for kind in KINDS if self.kind in {ANY, kind})
 
     @property
     def found(self) -> tuple[int, ...]:
-        """Moments of the lines that the log was searched for; empty for other kinds."""
+        """Moments of the lines found by the search; empty for other kinds."""
         if self.kind != FOUND:
             return ()
         wanted = self.searched.lower()
         return tuple(self.moment_of(line) for line in self.lines if wanted in line.text.lower())
 
     def moment_of(self, line: LogLine) -> int:
-        """The moment at which a line of the log is shown, as a place in the log."""
+        """Return the moment at which a line of the log is shown, as a place in the log."""
         index = self.timeline.index_of(line.seq)
         if line.kind not in _IN_FRAME or index is None:
             return line.seq
@@ -185,7 +185,7 @@ class ReviewMoves(NightScreen):
 
     @property
     def kind_words(self) -> str:
-        """The kind of event that is jumped to, in words."""
+        """Return the kind of event to jump to, in words."""
         if self.kind == FOUND:
             return f"log has {self.searched!r}"
         return next((f"{SIGNS[kind]} {kind}" for kind in KINDS if kind == self.kind), "any event")
@@ -232,7 +232,7 @@ class ReviewMoves(NightScreen):
 
     @property
     def place(self) -> Place:
-        """What the time line marks: the moment, moment A, the events that are jumped to."""
+        """Marks of the time line: the moment, moment A, the events to jump to."""
         return Place(
             seq=self.seq,
             words=tuple(word for word in self._place_words() if word),

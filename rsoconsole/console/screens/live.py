@@ -1,4 +1,4 @@
-"""The live screen: what is known of the night that goes on, and the keys that act."""
+"""The live screen: the present state of the night, and the keys that act."""
 
 from pathlib import Path
 from typing import Any, ClassVar
@@ -45,7 +45,7 @@ from rsoconsole.session import SessionReader
 
 
 class LiveScreen(NightScreen, TrackOrders, CommandOutcomes, NudgeActions):
-    """The operator's seat over a night, live or recorded."""
+    """The operator's console over a night, live or recorded."""
 
     BINDINGS: ClassVar[list[BindingType]] = [*bindings("live")]
     _key_before = ""
@@ -62,7 +62,7 @@ class LiveScreen(NightScreen, TrackOrders, CommandOutcomes, NudgeActions):
                     setattr(self, name, getattr(part, name))
 
     def on_key(self, event: events.Key) -> None:
-        """While a mark is made, arrows and enter are the mark's."""
+        """Give arrows and enter to the mark while one is made."""
         if event.key != self._key_before:
             self.twice.press.forget()
         self._key_before = event.key
@@ -114,18 +114,18 @@ class LiveScreen(NightScreen, TrackOrders, CommandOutcomes, NudgeActions):
             self.streaks.click(message)
 
     def stop(self) -> None:
-        """STOP; a second press that still waits is never carried out after it."""
+        """Send STOP; a second press that still waits is never carried out after it."""
         self.telescope.note_stop()
         self.twice.press.forget()
         super().stop()
 
     @property
     def is_following_again(self) -> bool:
-        """Whether the kept track was asked for, and the engine has yet to follow it again."""
+        """True from the request to follow the kept track again until the engine does."""
         return self.telescope.is_following_again
 
     def drawn_from(self) -> dict[Draw, tuple[str, ...]]:
-        """As for any night, with what the application does with it and the words of a STOP."""
+        """Return the drawing table of any night, with the application's part and a STOP's words."""
         return {
             self._make_known: ("night", "engine"),
             self._show_log_that_is_read: ("engine",),
@@ -142,7 +142,7 @@ class LiveScreen(NightScreen, TrackOrders, CommandOutcomes, NudgeActions):
             self.show_log()
 
     def stop_words(self, news: StopNews) -> str:
-        """How a STOP stands, how things stand since, and the next key."""
+        """Return the state of a STOP, the present state, and the next key, in words."""
         said, engine = super().stop_words(news), self.engine
         if news.phase != "stopped" or not engine.is_attached or engine.holder != "nobody":
             return said
@@ -161,7 +161,7 @@ class LiveScreen(NightScreen, TrackOrders, CommandOutcomes, NudgeActions):
 
     @property
     def intro(self) -> str:
-        """What a simulated night is going to show, in words; empty for another."""
+        """Introduction to a simulated night, in words; empty for another."""
         return intro_text(self.night, self.engine, self.keymap)
 
     @property
@@ -177,13 +177,13 @@ class LiveScreen(NightScreen, TrackOrders, CommandOutcomes, NudgeActions):
 
     @property
     def mode(self) -> Mode:
-        """What the keys are for at this moment."""
+        """Present meaning of the keys."""
         return "mark" if self.marking is not None else super().mode
 
     # -- the console's own keys -----------------------------------------------------------------
 
     def action_leave(self) -> None:
-        """Ask what becomes of the engine, if there is one to speak of."""
+        """Ask about the future of the engine, if one is known, then leave."""
         if self.read_only or not self.engine.is_attached:
             self.app.exit("quit")
             return
@@ -205,14 +205,14 @@ class LiveScreen(NightScreen, TrackOrders, CommandOutcomes, NudgeActions):
         self.app.push_screen(LeaveDialog(text, proposes_staying=is_left_alone), decided)
 
     def action_put_away(self) -> None:
-        """Put away a mark first."""
+        """Cancel a mark first, then close the panes' overlays."""
         if self.marking is not None:
             self.cancel_mark()
         else:
             super().action_put_away()
 
     def action_mark(self) -> None:
-        """Begin a mark where the picture can be seen, or leave it off."""
+        """Begin a mark where the picture is visible, or cancel it."""
         if self.marking is None:
             if self.is_log_open:
                 self.action_log()
@@ -221,14 +221,14 @@ class LiveScreen(NightScreen, TrackOrders, CommandOutcomes, NudgeActions):
         super().action_mark()
 
     def mark_refusal(self, frame_id: int) -> str:
-        """The reason why a frame takes no mark from this console; empty: it does."""
+        """Return the reason why a frame takes no mark from this console; empty: it does."""
         if not self.can_act:
             return f"no mark in frame {frame_id}: no engine takes one from this console"
         return too_late_to_mark(self.engine, frame_id)
 
     @property
     def mark_to(self) -> MarkTo | None:
-        """Where a mark of the opened frame goes: to the engine, None on a read-only console."""
+        """Callbacks that send a mark of the opened frame to the engine; None: read-only."""
         if self.read_only:
             return None
 
@@ -260,7 +260,7 @@ class LiveScreen(NightScreen, TrackOrders, CommandOutcomes, NudgeActions):
         self.app.push_screen(CandidatesDialog(ordered, self.night.tau, self.keymap))
 
     def action_note(self) -> None:
-        """Ask for a remark, which goes into the session."""
+        """Ask for a remark, which is recorded in the session."""
         if not self.may_act():
             return
 
@@ -273,7 +273,7 @@ class LiveScreen(NightScreen, TrackOrders, CommandOutcomes, NudgeActions):
     # -- the past -----------------------------------------------------------------------------
 
     def open_session(self, folder: Path) -> None:
-        """Open a review over this screen, which goes on behind; the present night at its head."""
+        """Open a review over this screen, which runs on behind; the present night at its head."""
         is_this = folder == self.night.folder and not self.night.is_closed
         self.app.push_screen(
             ReviewScreen(

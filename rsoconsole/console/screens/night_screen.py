@@ -1,4 +1,4 @@
-"""The screen that live night and review share: the panes, and the keys that only look."""
+"""The screen shared by live night and review: the panes, and the keys that only look."""
 
 from collections.abc import Callable, Iterable, Mapping
 from functools import partial
@@ -34,13 +34,13 @@ Draw = Callable[[], None]
 
 
 class DrawnFrom:
-    """Draws each part of a screen once, after the message that changed what it is drawn from.
+    """Draws each part of a screen once, after the message that changed one of its sources.
 
-    A message changes several as a rule: what is drawn from more than one of them is drawn once.
+    A message usually changes several sources: a part with more than one of them is drawn once.
     """
 
     def __init__(self, screen: Screen[None], table: Mapping[Draw, Iterable[str]]) -> None:
-        """``table``: how each part is drawn, and the names of the reactives it is drawn from."""
+        """``table``: the function that draws each part, and the names of its source reactives."""
         self._screen, self._draws = screen, tuple(table)
         self._stale: set[Draw] = set()
         for draw, names in table.items():
@@ -56,7 +56,7 @@ class DrawnFrom:
         return changed
 
     def draw(self) -> None:
-        """Draw what has changed, in the order of the table."""
+        """Draw the changed parts, in the order of the table."""
         stale, self._stale = self._stale, set()
         for draw in self._draws:
             if draw in stale:
@@ -73,7 +73,7 @@ KNOWN = ("night", "engine", "outlook", "orbit_ahead")
 
 
 class NightScreen(PanePlaces, PictureActions, MessageActions, OpeningActions):
-    """A night as it is at one instant: its panes, and the keys that only look."""
+    """Screen of a night at one instant: its panes, and the keys that only look."""
 
     PANES: ClassVar[tuple[Name, ...]] = (
         *("top", "alert", "frame", "closeup", "confidence", "east"),
@@ -104,7 +104,7 @@ class NightScreen(PanePlaces, PictureActions, MessageActions, OpeningActions):
         )
 
     def compose(self) -> ComposeResult:
-        """Every pane; where each lies depends on the terminal."""
+        """Make every pane; their places depend on the terminal."""
         yield LinesPane(id="top")
         yield LinesPane(id="alert")
         yield FramePane(self.picture_words, id="frame")
@@ -120,7 +120,7 @@ class NightScreen(PanePlaces, PictureActions, MessageActions, OpeningActions):
         yield StopBanner(id="stop")
 
     def on_mount(self) -> None:
-        """First paint."""
+        """Draw everything for the first time."""
         self.outlook_watch.start()
         self.drawn = DrawnFrom(self, self.drawn_from())
         self.place_panes()
@@ -138,7 +138,7 @@ class NightScreen(PanePlaces, PictureActions, MessageActions, OpeningActions):
     # -- the parts, their panes and messages --------------------------------------------------
 
     def on_tune_pane_wanted(self, message: TunePane.Wanted) -> None:
-        """One of the pane's keys."""
+        """Act on one of the tuning pane's keys."""
         message.stop()
         self.tune.do(message)
 
@@ -150,12 +150,12 @@ class NightScreen(PanePlaces, PictureActions, MessageActions, OpeningActions):
     # -- what is known ----------------------------------------------------------------------
 
     def update_outlook(self, outlook: "Outlook") -> None:
-        """Take what the next hours bring, and draw it."""
+        """Take the outlook for the next hours, and draw it."""
         self.outlook = outlook
         self.pane("sky").show(partial(sky_lines, self.night.config, outlook))
 
     def drawn_from(self) -> dict[Draw, tuple[str, ...]]:
-        """How each part is drawn, and from which reactives; a STOP waits for none of them."""
+        """Return each part's drawing function and source reactives; a STOP waits for none."""
         return {
             self.show_picture: ("night", "picture"),
             self.show_plots: ("night",),
@@ -188,7 +188,7 @@ class NightScreen(PanePlaces, PictureActions, MessageActions, OpeningActions):
 
     @property
     def mode(self) -> Mode:
-        """What the keys are for at this moment."""
+        """Present meaning of the keys."""
         if self.is_log_open:
             return "log"
         if isinstance(self.focused, TracksPane):
@@ -198,20 +198,20 @@ class NightScreen(PanePlaces, PictureActions, MessageActions, OpeningActions):
     # -- keys that only look ------------------------------------------------------------------
 
     def show_stop(self, news: StopNews | None) -> None:
-        """Show how a STOP stands over everything else; None: put it away."""
+        """Show the state of a STOP over everything else; None: close the banner."""
         super().show_stop(news)
         self.show_top()
         self.query_one("#stop", StopBanner).display = news is not None
         self.show_stop_words()
 
     def show_stop_words(self) -> None:
-        """Write into the banner how a STOP stands."""
+        """Write the state of a STOP into the banner."""
         news = self.stop_news
         if news is not None:
             self.query_one("#stop", StopBanner).say(self.stop_words(news), news.phase)
 
     def stop_words(self, news: StopNews) -> str:
-        """How a STOP stands, in words."""
+        """Return the state of a STOP in words."""
         return f"STOP {news.text}"
 
     def action_log(self) -> None:
@@ -229,7 +229,7 @@ class NightScreen(PanePlaces, PictureActions, MessageActions, OpeningActions):
         self.show_keys()
 
     def action_orbit(self) -> None:
-        """Open the orbit over the plots, and back; an open log or tuning pane gives way."""
+        """Open the orbit over the plots, and back; an open log or tuning pane closes."""
         if self.is_log_open:
             self.action_log()
             self.is_orbit_open = False
@@ -262,18 +262,18 @@ class NightScreen(PanePlaces, PictureActions, MessageActions, OpeningActions):
         )
 
     def covers_picture(self) -> bool:
-        """Whether the open orbit lies over the picture."""
+        """True where the open orbit lies over the picture."""
         picture, orbit = self.query_one("#frame"), self.pane("orbit")
         is_there = self.is_orbit_open and picture.display
         return is_there and orbit.region.overlaps(picture.region)
 
     def action_tune(self) -> None:
-        """Open the tuning pane; the orbit gives way."""
+        """Open the tuning pane; the orbit closes."""
         self.is_orbit_open = False
         self.tune.action_tune()
 
     def action_put_away(self) -> None:
-        """Put away the first of: log, a STOP's end, orbit, page over the plots, filter, notice."""
+        """Close the first of: log, a STOP's end, orbit, page over the plots, filter, notice."""
         log = self.query_one(LogPane)
         if self.is_log_open and log.wanted and log.always_shown:
             self.clear_filter()
@@ -291,7 +291,7 @@ class NightScreen(PanePlaces, PictureActions, MessageActions, OpeningActions):
             self.say("")
 
     def action_leave(self) -> None:
-        """Leave the console; a screen that has something to ask does so first."""
+        """Leave the console; a screen that has a question asks it first."""
         self.app.exit("quit")
 
     # -- whose control it is --------------------------------------------------------------------

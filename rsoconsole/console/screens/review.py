@@ -1,6 +1,6 @@
-"""Review: the same screen over a recorded night, as it was at any moment of it. Nothing acts here.
+"""Review: the same screen over a recorded night, at any moment of it. Nothing acts here.
 
-Which moment is wanted is known at once and drawn on the time line; the watch brings it.
+The requested moment is drawn on the time line at once; the watch provides its contents.
 """
 
 from collections.abc import Callable
@@ -36,14 +36,14 @@ if TYPE_CHECKING:
     from rsoconsole.pipeline import Outlook
 
 LIVE_S = 0.5
-"""Seconds between two looks at the live night behind."""
+"""Seconds between two updates from the live night behind."""
 LINES = 200
 """Lines of the log in its small pane."""
 OUTLOOK_GOOD_NS = 600 * 10**9
 OUTLOOK_AFTER_S = 0.7
-"""How long a moment must stay before what lies ahead of it is computed."""
+"""Seconds that a moment must stay before its outlook is computed."""
 HEAD = "head"
-"""The start that means: at the last frame of a night that goes on, and on with it."""
+"""Value of ``start`` for the last frame of a night that goes on, which is then followed."""
 
 
 class ReviewScreen(ReviewCompare):
@@ -66,13 +66,13 @@ class ReviewScreen(ReviewCompare):
         live: NightScreen | None = None,
         **named: Any,
     ) -> None:
-        """``start``: a frame, a UTC time or ``HEAD``, empty: the first frame; ``live``: what lies
-        behind this screen, and is come back to."""
+        """``start``: a frame, a UTC time or ``HEAD``, empty: the first frame; ``live``: the screen
+        behind this one, to return to."""
         super().__init__(*arguments, read_only=True, **named)
         self._live = live
         self._first = (folder, start)
         self._start: str | None = None
-        """Where the session that is being opened begins; None once that is reached."""
+        """Start of the session being opened; None once it is reached."""
         self._fault = ""
         self._watch_session = ReviewWatch(
             partial(call_in_turn, self, self.update_timeline),
@@ -81,7 +81,7 @@ class ReviewScreen(ReviewCompare):
         )
 
     def compose(self) -> ComposeResult:
-        """The seat's panes, and the time line."""
+        """Make the panes of a night, and the time line."""
         yield from super().compose()
         yield TimelinePane(id="timeline")
         yield MomentField()
@@ -99,11 +99,11 @@ class ReviewScreen(ReviewCompare):
             self.open_session(folder, start)
 
     def on_unmount(self) -> None:
-        """Nobody looks any more."""
+        """End the threads."""
         self._watch_session.close()
 
     def open_session(self, folder: Path, start: str = "") -> None:
-        """Show another session from there on."""
+        """Show another session from ``start`` on."""
         self.folder, self._start, self._fault = folder, start, ""
         self.timeline, self.lines, self.moment = Timeline(), (), None
         self.seq, self.is_at_head = 0, False
@@ -118,7 +118,7 @@ class ReviewScreen(ReviewCompare):
     # -- what is known ----------------------------------------------------------------------
 
     def update_timeline(self, folder: Path, timeline: Timeline, lines: tuple[LogLine, ...]) -> None:
-        """Take the course of the session and every line of its log, as far as read."""
+        """Take the session's time line and every line of its log, as far as read."""
         if folder != self.folder:
             return
         self.timeline, self.lines, self._fault = timeline, lines, ""
@@ -135,7 +135,7 @@ class ReviewScreen(ReviewCompare):
             self.show_log()
 
     def _begin(self) -> None:
-        """To where the session is to be opened."""
+        """Go to the moment at which the session is to be opened."""
         start, self._start = self._start, None
         self.player.settle(self.timeline)
         if not self.timeline.frames:
@@ -148,7 +148,7 @@ class ReviewScreen(ReviewCompare):
                 self.go_to_text(start)
 
     def show_moment(self, folder: Path, moment: Moment) -> None:
-        """Show the moment that was asked for."""
+        """Show the requested moment."""
         if folder != self.folder:
             return
         has_other_shape = aspect_of(moment.picture) != aspect_of(self.picture)
@@ -162,19 +162,19 @@ class ReviewScreen(ReviewCompare):
         self._compute_here()
 
     def _when_it_stays(self, act: Callable[[], None]) -> None:
-        """Do that once nobody has gone on from this moment for a while."""
+        """Call ``act`` once this moment has been shown for a while."""
         moment = self.moment
         self.set_timer(OUTLOOK_AFTER_S, lambda: act() if self.moment is moment else None)
 
     def _compute_here(self) -> None:
-        """The tuning pane's figures are of a moment: those of another one are no answer."""
+        """Clear the tuning pane's figures of another moment; compute those of this one later."""
         self.tune.figures = (None, None)
         self.tune.show()
         if not self.player.is_playing:
             self._when_it_stays(lambda: self.tune.compute() if self.tune.pane.display else None)
 
     def _ask_outlook(self) -> None:
-        """The sky's computation takes the processor: not while somebody goes through the night."""
+        """Request the outlook once the moment stays: its computation takes the processor."""
         if self.timeline.is_whole and self.moment is not None:
             self._when_it_stays(lambda: self.outlook_watch.update(self.night, self.engine))
 
@@ -185,7 +185,7 @@ class ReviewScreen(ReviewCompare):
             self.show_alert()
 
     def want(self, seq: int) -> None:
-        """Ask for that moment; the time line shows at once where it is."""
+        """Request that moment; the time line shows its place at once."""
         self.seq = seq
         if self.folder is not None:
             self._watch_session.want(self.folder, seq)
@@ -194,13 +194,13 @@ class ReviewScreen(ReviewCompare):
     # -- what is shown ----------------------------------------------------------------------
 
     def show_live(self) -> None:
-        """Draw what tells of the live night behind: first line, alert and keys."""
+        """Draw the state of the live night behind: first line, alert and keys."""
         self.show_top()
         self.show_alert()
         self.show_keys()
 
     def validate_outlook(self, outlook: "Outlook | None") -> "Outlook | None":
-        """None for an outlook of another hour of the night."""
+        """Return the outlook; None for one of another hour of the night."""
         now = self.night.last_utc_ns or 0
         is_near = outlook is not None and abs(outlook.t_utc_ns - now) <= OUTLOOK_GOOD_NS
         return outlook if is_near else None
@@ -211,28 +211,28 @@ class ReviewScreen(ReviewCompare):
         self.query_one("#timeline", TimelinePane).show(lines)
 
     def top(self, width: int, rows: int) -> list[Line]:
-        """The first line: that this is the past, the state then, and the state now."""
+        """Return the first line: that this is the past, the state then, and the state now."""
         live = None if self._live is None else (self._live.night, self._live.engine)
         found = target_words(self.orbit)
         return review_top_lines(self.night, self.engine, live, width, rows, found=found)
 
     @property
     def alert(self) -> str:
-        """The alert of the live night behind, then what is wrong with this one."""
+        """The alert of the live night behind, then the fault of this one."""
         live = "" if self._live is None else self._live.alert
         return " · ".join(part for part in (f"LIVE: {live}" if live else "", self._fault) if part)
 
     def picture_words(
         self, picture: Picture | None, sight: Sight, drawing: Drawing | None
     ) -> tuple[list[str], list[str]]:
-        """Title and caption; the frame's number also where it has no picture."""
+        """Return title and caption; the frame's number also where it has no picture."""
         frame = self.night.frame
         if picture is not None or sight != "field":
             return super().picture_words(picture, sight, drawing)
         return ["no frame yet" if frame is None else f"frame {frame.frame_id:04d}"], []
 
     def show_picture(self) -> None:
-        """Draw the moment's own frame; no other in its place."""
+        """Draw the moment's own frame; never another one."""
         absent = "no picture of it was kept" if self.night.frame is not None else "no frame yet"
         if self.moment is None:
             absent = "" if self.folder is None else "reading …"
@@ -259,7 +259,7 @@ class ReviewScreen(ReviewCompare):
 
     @property
     def mode(self) -> Mode:
-        """What the keys are for at this moment."""
+        """Present meaning of the keys."""
         modes: dict[Mode, Mode] = {
             "log": "review log",
             "tune": "review tune",
@@ -268,7 +268,7 @@ class ReviewScreen(ReviewCompare):
         return modes.get(super().mode, "review")
 
     def place_panes(self) -> None:
-        """The field lies over the keys."""
+        """Lay out the panes; the field lies over the keys."""
         super().place_panes()
         self.query_one(MomentField).styles.offset = (0, self.size.height - 1)
 
@@ -317,7 +317,7 @@ class ReviewScreen(ReviewCompare):
         self.tune.change_scope()
 
     def may_act(self) -> bool:
-        """False: what is recorded stays as it is; a notice says so."""
+        """Return False: a recorded night stays as it is; a notice says so."""
         self.say("nothing is changed here: what is tried can be kept as a preset (w)")
         return False
 
@@ -327,7 +327,7 @@ class ReviewScreen(ReviewCompare):
             self._live.answer_for_seat(gives=gives)
 
     def action_put_away(self) -> None:
-        """Put away what lies over the night, then stop playing."""
+        """Close the night's overlays, then stop playing."""
         if self.close_field():
             return
         is_bare = not (self.is_log_open or self.is_orbit_open) and self.stop_news is None

@@ -1,1 +1,1 @@
-"""A night along its time: moments, signs, and the way through them."""
+"""The time line of a night: moments, signs, and the moves through them."""

@@ -1,7 +1,7 @@
-"""The time line in cells: the loop's states, signs of events, and the place that is shown.
+"""The time line in cells: the loop's states, signs of events, and the shown place.
 
-Nothing is told by colour alone: every state has its word where there is room and its own sign, and
-every kind of event a sign that ``plain`` keeps apart from the others.
+Colour alone never carries meaning: every state has its word where there is room and its own sign,
+and every kind of event a sign that ``plain`` keeps distinct from the others.
 """
 
 from bisect import bisect_right
@@ -27,7 +27,7 @@ SIGNS: dict[TimelineEventKind, str] = {
     "rejection": "×",
     "miss": "○",
 }
-"""Sign of each kind of event; where a cell has several, the first of these."""
+"""Sign of each kind of event; a cell with several has the first of these."""
 KIND_INKS: dict[TimelineEventKind, Ink] = {
     "loss": "alarm",
     "alarm": "alarm",
@@ -60,17 +60,17 @@ MIN_STRIP_COLUMNS = 20
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Place:
-    """The place of the log that is shown, and which events to show."""
+    """The shown place of the log, and the events to show."""
 
     seq: int = 0
     words: tuple[str, ...] = ()
-    """Words on it, most important first."""
+    """Words on the place, most important first."""
     kept_seq: int | None = None
-    """Place kept to compare with."""
+    """Place kept to compare with; None: none."""
     kinds: tuple[TimelineEventKind, ...] = tuple(SIGNS)
     """Kinds of events to show and to jump to."""
     found: tuple[int, ...] = ()
-    """Places that a search has found; shown instead of ``kinds`` where there are any."""
+    """Places found by a search; shown instead of ``kinds`` where there are any."""
 
 
 def timeline_lines(timeline: Timeline, place: Place, width: int, height: int) -> list[Line]:
@@ -115,7 +115,7 @@ def time_at(timeline: Timeline, column: int, columns: int) -> int | None:
 def _strip(
     timeline: Timeline, place: Place, columns: int, *, is_one_row: bool
 ) -> tuple[Line, Line]:
-    """The row of states, with the events in it where it is the only row, and the row of events."""
+    """Return the row of states, with the events where it is the only row, and the row of events."""
     cells = list(_states(timeline, columns))
     events = _events(timeline, place.kinds, place.found, columns)
     row: list[tuple[str, Ink]] = [events.get(column, (" ", "")) for column in range(columns)]
@@ -136,7 +136,7 @@ def _strip(
 
 @lru_cache(maxsize=8)
 def _with_pixels(timeline: Timeline, columns: int) -> frozenset[int]:
-    """Cells of frames whose pixels are kept."""
+    """Return the cells of frames whose pixels are kept."""
     kept = timeline.with_pixels
     if not kept or columns <= 0:
         return frozenset()
@@ -155,7 +155,7 @@ def _column(timeline: Timeline, t_utc_ns: int, columns: int) -> int:
 
 @lru_cache(maxsize=8)
 def _states(timeline: Timeline, columns: int) -> tuple[tuple[str, Ink], ...]:
-    """The state of each cell: the longest of its time, or a grave one."""
+    """Return the state of each cell: the longest of its time, or a grave one."""
     first, last = timeline.first_utc_ns, timeline.last_utc_ns
     if first is None or last is None:
         return ((" ", "dim"),) * columns
@@ -187,7 +187,7 @@ def _states(timeline: Timeline, columns: int) -> tuple[tuple[str, Ink], ...]:
 
 
 def _word(name: str, columns: int) -> str:
-    """The state's name, or its first letter, where a run of that length has room for it."""
+    """Return the state's name, or its first letter, as a run of that length has room for it."""
     if columns > len(name) + 1:
         return name
     return name[:1] if columns > 2 else ""
@@ -202,7 +202,7 @@ def _of(share: Counter[LoopState]) -> LoopState | None:
 def _events(
     timeline: Timeline, kinds: tuple[TimelineEventKind, ...], found: tuple[int, ...], columns: int
 ) -> dict[int, tuple[str, Ink]]:
-    """The sign of each cell that has one."""
+    """Return the sign of each cell that has an event."""
     if columns <= 0:
         return {}
     if found:
@@ -240,7 +240,7 @@ def recorded_holder(night: NightView) -> str | None:
 
 
 def recorded_engine(night: NightView) -> EngineView:
-    """Return the engine's status as the record has it at that moment."""
+    """Return the engine's recorded status at that moment."""
     return EngineView(
         reach="recorded",
         state=night.state,

@@ -1,6 +1,6 @@
 """A session at any place of its log, folded from the nearest place kept while it was read.
 
-What has not been read yet is folded from a little before it, and said to be in part.
+Places not read yet are folded from a little before them, and marked as partial.
 """
 
 import logging
@@ -30,20 +30,20 @@ KEPT_EVERY_RECORDS = 1000
 FRAMES_BEFORE = 60
 """Frames that are folded before a moment that has not been read yet."""
 PICTURES, MOMENTS = 12, 4
-"""How many pictures and moments are cached."""
+"""Numbers of pictures and of moments that are cached."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Moment:
-    """A session as the console showed it at one place of its log."""
+    """Session as the console showed it at one place of its log."""
 
     seq: int
     view: NightView
     detail: NightFrame
-    """The newest frame of that moment."""
+    """Everything on record of the newest frame of that moment."""
     picture: Picture | None
     is_whole: bool = True
-    """Whether the whole log before it has been read."""
+    """True where the whole log before it has been read."""
 
 
 class Moments:
@@ -53,9 +53,9 @@ class Moments:
         self.reader = reader
         self._about, self._config = about, config
         self._head = self._night()
-        """The fold of all that has been read."""
+        """Fold of all that has been read."""
         self._shown = self._night()
-        """The fold of the moment shown last."""
+        """Fold of the moment shown last."""
         self._kept_seqs: list[int] = [0]
         self._kept: list[NightCheckpoint] = [self._head.keep()]
         self._frames_since = 0
@@ -77,12 +77,12 @@ class Moments:
         return replace(self._course(), with_pixels=self.reader.frames_with_pixels())
 
     def _course(self) -> Timeline:
-        """The time line without the frames with pixels, which takes a look into a folder."""
+        """Return the time line without the frames with pixels, which takes a look into a folder."""
         return self._timeline.so_far(self.read_seq, is_closed=self._head.is_closed)
 
     @property
     def is_read(self) -> bool:
-        """Whether the log has been read as far as it is known."""
+        """True where the log has been read as far as it is known."""
         return self.read_seq >= self.last_seq
 
     @property
@@ -96,7 +96,7 @@ class Moments:
 
     @property
     def is_closed(self) -> bool:
-        """Whether the session is closed: no record follows."""
+        """True where the session is closed: no record follows."""
         return self._head.is_closed
 
     def close(self) -> None:
@@ -145,7 +145,7 @@ class Moments:
         return night
 
     def _outline(self) -> None:
-        """The time line at once, before anything is folded."""
+        """Make the time line at once, before anything is folded."""
         read = {seq: record for seq, _, record in self.reader.records(kinds=(*READ_IN_FULL,))}
         for seq, t_utc_ns, kind, frame_id in self.reader.outline():
             self._timeline.receive(seq, t_utc_ns, kind, frame_id, read.get(seq))
@@ -181,7 +181,7 @@ class Moments:
     # -- one moment -----------------------------------------------------------------------------
 
     def _fold_to(self, seq: int) -> Night:
-        """The log folded to a place, from the nearest kept one or the moment shown last."""
+        """Fold the log to a place, from the nearest kept one or the moment shown last."""
         at = bisect_right(self._kept_seqs, seq) - 1
         if not self._kept_seqs[at] <= self._shown.seq <= seq:
             self._shown.go_back(self._kept[at])
@@ -189,7 +189,7 @@ class Moments:
         return self._shown
 
     def _fold_near(self, seq: int) -> Night:
-        """The log folded to a place from a little before it."""
+        """Fold the log to a place from ``FRAMES_BEFORE`` frames before it."""
         timeline = self._course()
         index = timeline.index_of(seq)
         first = 0 if index is None else timeline.frames[max(index - FRAMES_BEFORE, 0)].seq - 1
@@ -230,11 +230,11 @@ log = logging.getLogger(__name__)
 
 LOOK_S = 0.25
 READ_AT_ONCE_S = 0.02
-"""Seconds of reading between two looks whether another moment is wanted."""
+"""Seconds of reading between two checks whether another moment is requested."""
 BREATH_S = 0.2
 """Seconds that the reading rests after a moment was shown: drawing it comes first."""
 REPORT_S, REPORT_RECORDS = 0.3, 40_000
-"""Seconds between reports while the log is read, of a log with this number of records."""
+"""Seconds between reports while a log is read, and its records beyond which they are rarer."""
 CLOSED_CHECK_S = 2.0
 
 OnTimeline = Callable[[Path, Timeline, tuple[LogLine, ...]], None]
@@ -243,7 +243,7 @@ OnFault = Callable[[Path, str], None]
 
 
 class ReviewWatch(Poller):
-    """A thread that shows the moment asked for last, and else reads on.
+    """Thread that shows the moment requested last, and in between reads the log.
 
     Its callbacks are called on its own thread and must return at once.
     """
@@ -265,7 +265,7 @@ class ReviewWatch(Poller):
         self.look_now()
 
     def want(self, folder: Path, seq: int) -> None:
-        """Show a moment (any thread); one asked for before and not shown is dropped."""
+        """Show a moment (any thread); an earlier request that still waits is dropped."""
         self._wanted = (folder, seq)
         self.look_now()
 
@@ -314,7 +314,7 @@ class ReviewWatch(Poller):
         return moments
 
     def _show_wanted(self, moments: Moments) -> bool:
-        """Whether one was wanted."""
+        """Show the requested moment; return True if there was one."""
         wanted, self._wanted = self._wanted, None
         if wanted is None or wanted[0] != moments.reader.folder:
             return False
@@ -322,7 +322,7 @@ class ReviewWatch(Poller):
         return True
 
     def _show_again(self, moments: Moments) -> None:
-        """What was shown in part is shown whole as soon as it has been read."""
+        """Show a moment that was shown in part as soon as it has been read to its end."""
         shown = self._shown
         if shown is not None and not shown.is_whole and shown.seq <= moments.read_seq:
             self._show(moments, shown.seq)
@@ -333,7 +333,7 @@ class ReviewWatch(Poller):
             self._on_moment(moments.reader.folder, self._shown)
 
     def _report(self, moments: Moments, *, is_due: bool) -> None:
-        """The time line, where it has changed; while the log is read, now and then."""
+        """Report the time line, where it has changed; while the log is read, now and then."""
         now_s = time.monotonic()
         # Telling costs in proportion to the night, here and where it is drawn.
         wait_s = REPORT_S * max(moments.last_seq / REPORT_RECORDS, 1.0)

@@ -1,7 +1,7 @@
-"""A night along its time: its frames, the loop's states, its events. Pure.
+"""The time line of a night: its frames, the loop's states, its events. Pure.
 
 Places are numbers of the log (``seq``). A frame reaches from its ``FrameTaken`` to the record
-before the next one: what a screen shows at its end is the whole frame.
+before the next one: at its end the whole frame is shown.
 """
 
 import re
@@ -51,7 +51,7 @@ class StateMark(NamedTuple):
 
 
 class TimelineEvent(NamedTuple):
-    """An event that the time line shows and jumps to."""
+    """Event that the time line shows and jumps to."""
 
     seq: int
     t_utc_ns: int
@@ -60,24 +60,24 @@ class TimelineEvent(NamedTuple):
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Timeline:
-    """A night along its time, as far as it is recorded; compared by identity."""
+    """Time line of a night, as far as it is recorded; compared by identity."""
 
     frames: tuple[FrameMark, ...] = ()
     states: tuple[StateMark, ...] = ()
     events: tuple[TimelineEvent, ...] = ()
-    """In order of the log."""
+    """Events in order of the log."""
     first_utc_ns: int | None = None
     last_utc_ns: int | None = None
     last_seq: int = 0
     read_seq: int = 0
-    """Place up to which it has been read: any moment before is shown at once and whole."""
+    """Place up to which the log has been read: any moment before is shown at once and whole."""
     is_closed: bool = False
     with_pixels: frozenset[int] = frozenset()
     """Numbers of the frames whose pixels are kept: they can be opened at full resolution."""
 
     @property
     def is_whole(self) -> bool:
-        """Whether all of it has been read."""
+        """True where the whole log has been read."""
         return self.read_seq >= self.last_seq
 
     def index_of(self, seq: int) -> int | None:
@@ -91,14 +91,14 @@ class Timeline:
         return self.frames[after].seq - 1 if after < len(self.frames) else self.last_seq
 
     def time_of(self, seq: int) -> int | None:
-        """Return when the frame of a place began; before the first frame, when the night began."""
+        """Return the start of a place's frame; before the first frame, that of the night."""
         index = self.index_of(seq)
         return self.first_utc_ns if index is None else self.frames[index].t_utc_ns
 
     def step(self, seq: int, by: int) -> int | None:
         """Return the end of the frame ``by`` on (or back, below 0); None: the night has no frame.
 
-        From a place within a frame, one on is that frame's own end.
+        From a place within a frame, a step of one leads to that frame's own end.
         """
         if not self.frames:
             return None
@@ -112,7 +112,7 @@ class Timeline:
         return self.end_of(min(max(wanted, 0), len(self.frames) - 1))
 
     def at_time(self, t_utc_ns: int) -> int | None:
-        """Return the end of the last frame that began by then; before the first, that one's."""
+        """Return the end of the last frame begun by then; before the first, that of the first."""
         if not self.frames:
             return None
         index = bisect_right(self.frames, t_utc_ns, key=lambda mark: mark.t_utc_ns) - 1
@@ -163,7 +163,7 @@ class TimelineFold:
     _first_utc_ns: int | None = None
     _last_utc_ns: int | None = None
     last_seq: int = 0
-    """The last place of the log that is known."""
+    """Last known place of the log."""
 
     def receive(
         self,
@@ -173,7 +173,7 @@ class TimelineFold:
         frame_id: int | None,
         record: Record | None = None,
     ) -> None:
-        """Fold the next record; ``record`` itself is needed of the ``READ_IN_FULL`` kinds only."""
+        """Fold the next record; ``record`` itself is needed for the ``READ_IN_FULL`` kinds only."""
         # An unreadable record stands at instant 0, and a clock that is set may go back.
         t = max(t_utc_ns, self._last_utc_ns or 0)
         if t:
@@ -197,7 +197,8 @@ class TimelineFold:
             self._refused.append(TimelineEvent(mark.seq, mark.t_utc_ns, "rejection"))
 
     def so_far(self, read_seq: int, *, is_closed: bool) -> Timeline:
-        """Return the time line of what was folded; ``read_seq``: place up to which it is read."""
+        """Return the time line of the folded records; ``read_seq``: place up to which the log is
+        read."""
         return Timeline(
             frames=tuple(self._frames),
             states=tuple(self._states),
@@ -211,11 +212,11 @@ class TimelineFold:
 
 
 READ_IN_FULL = (StateChange, OperatorAction, Event)
-"""Kinds of records whose event the outline alone does not tell."""
+"""Kinds of records whose event is known only from the record itself."""
 
 
 def _kind_of(record: Record) -> TimelineEventKind | None:
-    """The kind of a record's event on the time line; None: it has none."""
+    """Return the kind of a record's event on the time line; None: it has none."""
     match record:
         case StateChange():
             if record.after == "FAULT":
@@ -237,17 +238,17 @@ def _kind_of(record: Record) -> TimelineEventKind | None:
 SPEEDS = (0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 30.0, 60.0, 120.0, 300.0, 600.0, 1000.0)
 """Paces of replay, as factors on the night's own."""
 GAP_CADENCES = 10.0
-"""A gap between frames longer than this many times the usual one is skipped."""
+"""Factor on the usual time between frames beyond which a gap is skipped."""
 
 
 def speed_words(speed: float) -> str:
-    """×30 or ×0.5."""
+    """Return a pace in words: ×30 or ×0.5."""
     return f"×{speed:g}"
 
 
 @dataclass(slots=True)
 class Player:
-    """The replay of a night: its pace, whether it runs, and its frame clock."""
+    """Replay of a night: its pace, whether it runs, and its frame clock."""
 
     speed: float = SPEEDS[0]
     is_playing: bool = False
@@ -291,7 +292,7 @@ _CLOCK = re.compile(r"(?:(\d{4}-\d\d-\d\d)[T ])?(\d\d?):(\d\d)(?::(\d\d))?Z?", r
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TypedPlace:
-    """A place as typed: a frame's number, or a UTC time of day with or without its date."""
+    """Place as typed: a frame's number, or a UTC time of day with or without its date."""
 
     frame_id: int | None = None
     clock: time_of_day | None = None
@@ -317,7 +318,7 @@ def parse_place(text: str) -> TypedPlace:
 
 
 def seq_of(typed: TypedPlace, timeline: Timeline) -> int:
-    """Return the place that was typed: that frame's end, or the newest frame's at that time.
+    """Return the place of a typed one: that frame's end, or that of the newest frame at that time.
 
     Raises ValueError in words where the night has no such place.
     """
@@ -338,7 +339,7 @@ def seq_of(typed: TypedPlace, timeline: Timeline) -> int:
 
 
 def _instant(typed: TypedPlace, timeline: Timeline) -> int | None:
-    """A typed time within the session, to a minute beyond its ends; None where it is outside."""
+    """Return a typed time in the session, to a minute beyond its ends; None where it is outside."""
     first, last = timeline.first_utc_ns, timeline.last_utc_ns
     if first is None or last is None or typed.clock is None:
         return None

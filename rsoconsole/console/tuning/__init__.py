@@ -1,1 +1,1 @@
-"""Settings tried on a night: figures, verdict, presets."""
+"""What-if settings of a night: figures, comparison, presets."""

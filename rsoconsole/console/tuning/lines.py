@@ -1,4 +1,4 @@
-"""The tuning pane's lines: settings, figures as it was and if tried, and their comparison. Pure."""
+"""The tuning pane's lines: settings, figures as recorded and if changed, comparison. Pure."""
 
 from collections.abc import Callable
 from typing import TYPE_CHECKING, NamedTuple
@@ -13,9 +13,9 @@ if TYPE_CHECKING:
 
 LABEL_COLUMNS, VALUE_COLUMNS = 16, 10
 CURVE_ROWS, CURVE_LABEL, MIN_SETTINGS = 2, 17, 6
-"""Rows of the curves, columns before them, and settings that stay in sight with them."""
+"""Rows of the curves, columns before them, and least settings in sight with them."""
 MIN_BESIDE = 3
-"""Settings that stay in sight with the cautions."""
+"""Least settings in sight with the cautions."""
 BARS = "▁▂▃▄▅▆▇█"
 ALIKE_LOG_L = 2.0
 """Difference of log L over all frames below which neither setting is better."""
@@ -27,9 +27,9 @@ class TuneWords(NamedTuple):
     """Words of the pane that depend on its screen."""
 
     frames: str = "last {count} frames"
-    """Frames of the figures, with a place for their number."""
+    """Words on the figures' frames, with a place for their number."""
     of_present: int | None = None
-    """How many of them ran with the settings in force now; None: not known."""
+    """Number of those frames that ran with the settings in force now; None: not known."""
     keys: str = "0-9 type  enter apply  u undo  w save  o load"
 
 
@@ -40,7 +40,7 @@ def tune_lines(
     *,
     words: TuneWords = TuneWords(),  # noqa: B008 -- it cannot be changed
 ) -> Callable[[int, int], list[Line]]:
-    """Return what builds the pane's lines: settings, then figures as it was and if tried."""
+    """Return the builder of the pane's lines: settings, then figures as recorded and if changed."""
 
     def build(width: int, height: int) -> list[Line]:
         waiting = sum(tuning.sent.get(name) == value for name, value in tuning.changes.items())
@@ -70,7 +70,7 @@ def tune_lines(
 
 
 def _settings(tuning: Tuning, room: int) -> list[Line]:
-    """As many settings as there is room for, the chosen one among them; a sign for more."""
+    """Return as many settings as there is room for, the chosen one among them; a sign for more."""
     every = tuning.tunables
     first = min(max(tuning.row - room // 2, 0), max(len(every) - room, 0))
     shown = range(first, min(first + room, len(every)))
@@ -83,7 +83,7 @@ def _settings(tuning: Tuning, room: int) -> list[Line]:
 
 
 def _with_sign(sign: str, line: Line) -> Line:
-    """A line with a sign that more settings follow."""
+    """Return a line with a sign that more settings follow."""
     (text, ink), *rest = line
     return [(f" {sign}", "dim"), (text[2:], ink), *rest]
 
@@ -131,7 +131,7 @@ def _comparison(
     of_present: int | None,
     width: int,
 ) -> list[Line]:
-    """Which settings the same frames speak for, by their log L; none where that cannot be said.
+    """Return which settings the same frames favour, by their log L; none where it is not known.
 
     Source: two models whose log likelihoods differ by less than 2 (Burnham & Anderson 2002, 2.6).
     """
@@ -154,7 +154,7 @@ def _comparison(
 def _cautions(
     now: "TrackFigures | None", then: "TrackFigures | None", of_present: int | None
 ) -> list[Line]:
-    """Reasons why the figures cannot be compared; none as a rule."""
+    """Return the reasons why the figures cannot be compared; usually none."""
     lines: list[Line] = []
     if now is not None and then is not None and then.updates != now.updates:
         fewer = now.updates - then.updates
@@ -174,7 +174,7 @@ def _cautions(
 
 
 def _curves(now: "TrackFigures | None", then: "TrackFigures | None", width: int) -> list[Line]:
-    """NIS frame by frame, as it was and if tried, one over the other."""
+    """Return the NIS frame by frame, as recorded and if changed, one over the other."""
     room = max(width - CURVE_LABEL, 1)
     lines: list[Line] = []
     for label, figures in (("NIS as it was", now), ("NIS if tried", then)):
@@ -187,7 +187,7 @@ def _curves(now: "TrackFigures | None", then: "TrackFigures | None", width: int)
 
 
 def _bar(nis: float | None) -> str:
-    """A bar of eight heights up to ``UNLIKELY_NIS``; a dot is a miss."""
+    """Return a bar of eight heights up to ``UNLIKELY_NIS``; a dot for a miss."""
     if nis is None:
         return "·"
     return BARS[min(int(nis / UNLIKELY_NIS * (len(BARS) - 1)), len(BARS) - 1)]

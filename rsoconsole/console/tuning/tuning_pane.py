@@ -1,4 +1,4 @@
-"""The tuning pane: settings that can be tried on a night, applied, undone and kept as presets."""
+"""The tuning pane: settings on trial for a night, applied, undone and kept as presets."""
 
 import math
 import re
@@ -21,7 +21,7 @@ LAST_FRAMES = 40
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Tunable:
-    """A setting that can be tuned, and how it steps."""
+    """Setting that can be tuned, with its steps."""
 
     name: str
     label: str
@@ -32,7 +32,7 @@ class Tunable:
     high: float = math.inf
     choices: tuple[str, ...] = ()
     preset: str | None = None
-    """The filter's preset that uses the setting; None: all do."""
+    """Preset of the filter that uses the setting; None: all do."""
 
     def stepped(self, value: Value, by: int) -> Value:
         """Return a value moved by some steps, rounded to three digits."""
@@ -49,7 +49,7 @@ class Tunable:
         return f"{value:.4g}{self.unit}" if isinstance(value, float | int) else value
 
     def change_words(self, before: Value | None, after: Value) -> str:
-        """Say a change from one value to another: Q× 1 → 2.25."""
+        """Return the words for a change of the value: Q× 1 → 2.25."""
         return f"{self.label.replace(' ×', '×')} {self.words(before)} → {self.words(after)}"
 
 
@@ -90,7 +90,7 @@ PRESET = "filter.preset"
 
 @dataclass(slots=True)
 class Tuning:
-    """Settings in force, settings that are tried, and those from before each application."""
+    """Settings in force, changed settings, and those from before each application."""
 
     present: dict[str, Value | None] = field(default_factory=dict)
     changes: dict[str, Value] = field(default_factory=dict)
@@ -108,13 +108,13 @@ class Tuning:
 
     @property
     def tunables(self) -> tuple[Tunable, ...]:
-        """The settings used by the filter's preset that is tried, or in force."""
+        """The settings used by the filter's preset on trial, or in force."""
         preset = self.changes.get(PRESET, self.present.get(PRESET))
         return tuple(t for t in TUNABLES if t.preset is None or preset in (None, t.preset))
 
     @property
     def applied_words(self) -> str:
-        """Words on the last application; empty: nothing was applied, or it is not in force yet."""
+        """Words on the last application; empty: none, or it is not in force yet."""
         before = self.before[-1] if self.before else {}
         if len(before) > 1:
             return f"{len(before)} in force"
@@ -126,7 +126,7 @@ class Tuning:
 
     @property
     def against_words(self) -> str:
-        """Words on what is tried against what: Q× 2.25 against 1."""
+        """Return words on the changes against the settings in force: Q× 2.25 against 1."""
         if len(self.changes) != 1:
             return f"{len(self.changes)} settings tried"
         ((name, value),) = self.changes.items()
@@ -134,7 +134,7 @@ class Tuning:
         return f"{label} {tunable.words(value)} against {tunable.words(self.present.get(name))}"
 
     def see(self, present: Mapping[str, Value | None]) -> None:
-        """Take the settings in force; a tried value that is in force is no trial any more."""
+        """Take the settings in force; a change that is now in force is removed."""
         self.present = dict(present)
         self.row = min(self.row, len(self.tunables) - 1)
         self.changes = {n: v for n, v in self.changes.items() if self.present.get(n) != v}
@@ -164,7 +164,7 @@ class Tuning:
             self.changes = {n: v for n, v in self.changes.items() if n in names}
 
     def type(self, text: str) -> str:
-        """Try a typed value for the chosen setting; returns what is wrong with it, else nothing."""
+        """Change the chosen setting to a typed value; return the error in words, else nothing."""
         tunable = self.tunables[self.row]
         if tunable.choices:
             if text not in tunable.choices:
@@ -187,7 +187,7 @@ class Tuning:
         return ""
 
     def load(self, preset: Mapping[str, Value]) -> None:
-        """Try the values of a preset."""
+        """Change the settings to the values of a preset."""
         self.changes = {n: v for n, v in preset.items() if self.present.get(n) != v}
         self.loaded, self.steps = dict(self.changes), {}
 
@@ -209,7 +209,7 @@ class Tuning:
 
 
 class TunePane(LinesPane, can_focus=False):
-    """Shows a tuning; its keys change it or post what is wanted. Open, it may have the focus."""
+    """Shows a tuning; its keys change it or post a request. Open, it may have the focus."""
 
     BINDINGS: ClassVar[list[BindingType]] = [
         Binding("up", "row(-1)", "Setting above"),
@@ -230,7 +230,7 @@ class TunePane(LinesPane, can_focus=False):
     """
 
     class Wanted(Message):
-        """Something is to be done with the tuning."""
+        """Posted to request an action on the tuning."""
 
         def __init__(self, what: Wanting, begun: str = "") -> None:
             """``begun``: the digits typed so far."""
@@ -240,23 +240,23 @@ class TunePane(LinesPane, can_focus=False):
     tuning: Tuning | None = None
 
     def action_row(self, by: int) -> None:
-        """Another setting."""
+        """Choose another setting."""
         if self.tuning is not None:
             self.tuning.row = (self.tuning.row + by) % len(self.tuning.tunables)
             self.post_message(self.Wanted("try"))
 
     def action_step(self, by: int) -> None:
-        """More or less of it."""
+        """Change its value by steps."""
         if self.tuning is not None:
             self.tuning.step(by)
             self.post_message(self.Wanted("try"))
 
     def action_type(self, begun: str) -> None:
-        """The first figure of a number for the chosen setting."""
+        """Post the first digit of a number for the chosen setting."""
         self.post_message(self.Wanted("type", begun))
 
     def action_say(self, what: Wanting) -> None:
-        """What is wanted."""
+        """Post a request."""
         self.post_message(self.Wanted(what))
 
 

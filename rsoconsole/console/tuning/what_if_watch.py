@@ -1,4 +1,4 @@
-"""What-if figures on a thread of their own, and the quality of the lead track."""
+"""Thread for what-if figures, and the quality of the lead track."""
 
 import logging
 import math
@@ -27,9 +27,9 @@ IDLE_S = 60.0
 
 
 class WhatIfWatch(Poller):
-    """Answers the newest question only; an older one that is still being computed is dropped.
+    """Thread that answers the newest question only; an older one being computed is dropped.
 
-    The recorded figures are added up here, those with changed settings in a process of its own.
+    The recorded figures are computed here, those with changed settings in a process of its own.
     """
 
     def __init__(
@@ -111,7 +111,7 @@ class TrackQuality(Quality):
 
     @property
     def lag_one_bound(self) -> float:
-        """Bound of that for a sound filter, 95 times in 100."""
+        """Bound of ``lag_one`` for a sound filter, 95 times in 100."""
         return 2.0 / math.sqrt(self.updates)
 
 
@@ -146,7 +146,7 @@ def frames_of_track(night: NightView, last: int = LAST_FRAMES) -> list[FrameRow]
 
 
 def count_by_present_settings(night: NightView, last: int) -> int:
-    """Count those frames that were processed with the settings in force now."""
+    """Return how many of those frames were processed with the settings in force now."""
     now = {name: night.setting(name) for name in NAMES}
     return sum(
         all(night.setting(name, row.settings) == value for name, value in now.items())

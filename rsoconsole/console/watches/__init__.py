@@ -1,1 +1,1 @@
-"""What reads, asks and computes for the screens, each on a thread of its own."""
+"""Threads that read, ask and compute for the screens."""

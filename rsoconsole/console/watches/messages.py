@@ -1,4 +1,4 @@
-"""How the watches' and the engine's threads reach a screen, and what panes tell the screen."""
+"""Calls from the watches' and the engine's threads to a screen, and messages of panes to it."""
 
 import contextlib
 from collections.abc import Callable
@@ -13,14 +13,14 @@ from rsoconsole.control import StopNews
 def call_in_turn(screen: MessagePump, call: Callable[..., None], *arguments: Any) -> None:
     """Have a screen make this call between two of its messages (any thread).
 
-    Nothing comes of it once the console has ended.
+    Does nothing once the console has ended.
     """
     with contextlib.suppress(RuntimeError):
         screen.call_later(call, *arguments)
 
 
 class Pointed(Message):
-    """The mouse was pressed or released in a picture, in pixels of the frame."""
+    """Posted when the mouse was pressed or released in a picture, in pixels of the frame."""
 
     def __init__(self, x_px: float, y_px: float, px_per_square: float, *, is_release: bool) -> None:
         super().__init__()
@@ -29,7 +29,7 @@ class Pointed(Message):
 
 
 class StopNewsCame(Message):
-    """How a STOP stands; ``number``: which of this console's STOPs it is."""
+    """State of a STOP; ``number``: its place among this console's STOPs."""
 
     def __init__(self, news: StopNews, number: int | None = None) -> None:
         super().__init__()

@@ -1,7 +1,7 @@
 """Reads one frame of a session and processes it again, on a thread of its own.
 
-Network and plate solver belong to that thread. The newest wish counts: older ones that wait are
-dropped. The thread steps back behind an engine that observes on the same computer.
+Network and plate solver belong to that thread. The newest request counts: older ones that wait are
+dropped. The thread yields to an engine that observes on the same computer.
 """
 
 import contextlib
@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 log = logging.getLogger(__name__)
 
 STEP_BACK = 10
-"""Added to the niceness of the thread."""
+"""Increment of the thread's niceness."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -39,12 +39,12 @@ class FrameSettings:
     map_mode: MapMode | None = None
     solves_again: bool = False
     wants_map: bool = False
-    """Whether somebody looks at the network's map."""
+    """True where the network's map is shown."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Opened:
-    """What the session holds of the frame, before its pixels are read."""
+    """Recorded contents of the frame, before its pixels are read."""
 
     recorded: "RecordedFrame"
     detail: NightFrame
@@ -57,14 +57,14 @@ class Opened:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Loaded:
-    """The pixels have been read."""
+    """Pixels of the frame, once read."""
 
     pixels: "SheetPixels"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Done:
-    """The frame has been processed with those settings."""
+    """Result of processing the frame with those settings."""
 
     wanted: FrameSettings
     result: "Reprocessed"
@@ -73,7 +73,7 @@ class Done:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Fault:
-    """What could not be done, in words with the remedy."""
+    """Fault in words with the remedy."""
 
     text: str
     wanted: FrameSettings | None = None
@@ -98,7 +98,7 @@ class SheetWorker:
         self._thread = threading.Thread(target=self._run, name="console-sheet", daemon=True)
 
     def start(self) -> None:
-        """Begin to read."""
+        """Start the thread, which begins to read."""
         self._thread.start()
 
     def ask(self, wanted: FrameSettings) -> None:
@@ -107,7 +107,7 @@ class SheetWorker:
         self._wake.set()
 
     def close(self) -> None:
-        """End after what is under way."""
+        """End the thread after its present work."""
         self._is_closing = True
         self._wake.set()
 
@@ -179,7 +179,7 @@ class SheetWorker:
 
 
 def detail_of(reader: SessionReader, frame_id: int) -> NightFrame:
-    """What the record says of one frame."""
+    """Return everything on record of one frame."""
     night = Night(reader.folder, {}, None)
     for _, t_utc_ns, record in reader.records(frame_id=frame_id):
         night.take(t_utc_ns, record)

@@ -1,7 +1,7 @@
-"""The watches, each on a thread of its own: session, engine, and what lies ahead.
+"""The watches, each on a thread of its own: session, engine, and outlook.
 
-They hand what they found to a callback, which must return at once. No other part of the console
-opens a file of the session; a hanging engine keeps nobody from the past.
+They hand their results to a callback, which must return at once. No other part of the console opens
+a file of the session; a hanging engine does not block a review of the past.
 """
 
 import logging
@@ -27,13 +27,13 @@ READ_S = 0.25
 ASK_S = 0.5
 ANSWER_S = 1.0
 STARTING_S = 30.0
-"""How long an engine that has never answered is waited for before it is called gone."""
+"""Seconds without an answer after which a starting engine counts as gone."""
 SHOW_WHILE_READING_S = 0.3
 CLOSED_CHECK_S = 2.0
 
 
 class SessionWatch(Poller):
-    """Reads a session as it grows: its records four times a second, its newest picture."""
+    """Thread that reads a session as it grows: records four times a second, newest picture."""
 
     def __init__(self, on_seen: Callable[[NightView, Picture | None], None]) -> None:
         super().__init__("session", READ_S)
@@ -46,7 +46,7 @@ class SessionWatch(Poller):
         self._closed_seen_s = 0.0
         self._has_fault = False
         self.indi: IndiConfig | None = None
-        """How the session's engine reaches its instruments; None until that is read."""
+        """Settings by which the session's engine reaches its instruments; None until read."""
 
     def follow(self, folder: Path | None) -> None:
         """Read that session from now on (any thread)."""
@@ -119,7 +119,7 @@ class SessionWatch(Poller):
         return False
 
     def _read_picture(self, reader: SessionReader, night: Night) -> bool:
-        """The newest frame's preview that is there; True when it is another than before."""
+        """Read the newest frame's preview that is there; True when it is another than before."""
         for frame_id in night.newest_frames():
             if self._picture is not None and self._picture.frame_id >= frame_id:
                 return self._mark_again(reader, night)
@@ -130,7 +130,7 @@ class SessionWatch(Poller):
         return False
 
     def _mark_again(self, reader: SessionReader, night: Night) -> bool:
-        """A picture may be there before everything that is said of its frame."""
+        """Update the picture's marks and close-up: it may be there before its frame's records."""
         if self._picture is None or self._picture.frame_id not in night.newest_frames():
             return False
         before = self._picture
@@ -159,7 +159,7 @@ class SessionWatch(Poller):
 
 
 class EngineWatch(Poller):
-    """Asks the engine how it is, twice a second."""
+    """Thread that asks the engine for its status, twice a second."""
 
     def __init__(self, wire: ControlClient, on_seen: Callable[[EngineView], None]) -> None:
         super().__init__("engine", ASK_S)
@@ -213,12 +213,12 @@ if TYPE_CHECKING:
 EVERY_S = 30.0
 WAIT_S = 1.0
 BREATH_S = 2.0
-"""Least time between two orbits of a running engine: simulated nights are quick."""
+"""Least seconds between two orbits of a running engine: simulated nights are quick."""
 MINUTE_NS = 60 * 10**9
 
 
 class OutlookWatch(Poller):
-    """Computes what lies ahead every half minute, and with another state or target."""
+    """Thread that computes the outlook every half minute, and after each new state or target."""
 
     def __init__(
         self, on_seen: Callable[["Outlook"], None], on_orbit: Callable[[OrbitAhead], None]
@@ -263,7 +263,7 @@ class OutlookWatch(Poller):
     def _compute_orbit(
         self, config: Config, night: NightView, engine: EngineView, now: int
     ) -> None:
-        """Where the orbit on record leads."""
+        """Compute the prediction of the orbit on record."""
         found = night.orbit
         if found is None:
             return
@@ -284,12 +284,12 @@ class OutlookWatch(Poller):
 
 
 def _minute(engine: EngineView, now: int) -> int | None:
-    """The clock of a recorded night goes as fast as somebody looks through it."""
+    """Return the minute of a recorded night's clock, which a review may move fast; None: live."""
     return None if engine.is_attached else now // MINUTE_NS
 
 
 def _direction(night: NightView, engine: EngineView) -> tuple[float, float] | None:
-    """Where the telescope looks, by the mount's word or by the last frame."""
+    """Return the telescope's direction, as the mount reports it or by the last frame."""
     if engine.mount_ra_icrs_deg is not None and engine.mount_dec_icrs_deg is not None:
         return engine.mount_ra_icrs_deg, engine.mount_dec_icrs_deg
     pointing = night.pointing

@@ -1,1 +1,1 @@
-"""The seat's lines of text, made to fit, and its plots' contents. Pure."""
+"""The console's lines of text, made to fit, and its plots' contents. Pure."""

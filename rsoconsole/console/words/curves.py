@@ -14,11 +14,11 @@ from rsoconsole.words import span
 
 Page = Literal["quality", "focus", "alignment", "tracks"]
 LOOKS = 600
-"""Last frames of which the drift is fitted."""
+"""Number of last frames of which the drift is fitted."""
 TREND_FRAMES = 10
-"""Last frames of which the trend of the focus is told."""
+"""Number of last frames of which the trend of the focus is shown."""
 WORSE_MAG = 0.3
-"""Magnitudes below the night's best transparency from which on that is a warning."""
+"""Magnitudes below the night's best transparency from which on it is a warning."""
 DIGITS = {
     "0": "█▀█|█ █|▀▀▀",
     "1": " ▄█|  █|  ▀",
@@ -86,7 +86,7 @@ def focus_lines(night: NightView, width: int, height: int) -> list[Line]:
 
 
 def trend_words(widths: Sequence[float]) -> tuple[str, Ink]:
-    """Say whether the FWHM has changed over the last frames, against its scatter; with an ink."""
+    """Return in words whether the FWHM has changed, against its scatter; with an ink."""
     last = list(widths)[-TREND_FRAMES:]
     if len(last) < 4:
         return f"{len(last)} of the 4 frames that a trend takes", "dim"
@@ -141,7 +141,7 @@ def large(text: str) -> list[str]:
 def _title(
     fact: FrameFact, values: Sequence[float | None], width: int, *, best_mag: float = 0.0
 ) -> Line:
-    """Name, last value and range; ``best_mag``: the night's best zero point."""
+    """Return name, last value and range; ``best_mag``: the night's best zero point."""
     _, name, unit, form = fact
     known = [value for value in values if value is not None]
     now = next((value for value in reversed(values) if value is not None), None)
@@ -166,7 +166,7 @@ def _drift_words(drift: Drift) -> list[Line]:
 
 
 def _hint(night: NightView, looks: Sequence[SolvedPointing], drift: Drift) -> list[Line]:
-    """What the drift says of the polar axis; nothing where the site is not known."""
+    """Return the error of the polar axis by the drift; nothing where the site is not known."""
     if night.config is None:
         return []
     from rsoconsole.sky import hour_angle_icrs_deg
@@ -179,7 +179,7 @@ def _hint(night: NightView, looks: Sequence[SolvedPointing], drift: Drift) -> li
 
 
 def hint_words(hint: PolarHint) -> list[str]:
-    """Say how the polar axis is off, in lines that fit half of 80 columns."""
+    """Return the error of the polar axis in words, in lines that fit half of 80 columns."""
     if hint.axis == "both":
         return [
             "polar axis: here both its errors mix;",

@@ -1,4 +1,4 @@
-"""The facts' pane: position, motion, what comes next, the last cycle, the machine, in figures.
+"""The facts' pane: position, motion, coming events, the last cycle, the machine, in figures.
 
 How much of each group is shown depends on the room: three lines in a small terminal, a line a group
 in a larger one, a block a group in a column of its own.
@@ -43,9 +43,9 @@ OLD_S = 120.0
 LIMIT_SOON_S = 3600.0
 """Seconds ahead within which a limit is shown."""
 SOON_S = 900.0
-"""Seconds ahead within which what comes is a warning."""
+"""Seconds ahead within which a coming event is a warning."""
 NEAR_DEG = 5.0
-"""Degrees to a limit within which that is a warning."""
+"""Degrees to a limit within which it is a warning."""
 WIDE_COLUMNS = 72
 GROUPS_ROWS, BLOCKS_ROWS = 5, 10
 STAGES = {
@@ -119,7 +119,7 @@ def fact_lines(
 
 
 def _place_items(night: NightView, engine: EngineView, now: int | None) -> list[Item]:
-    """Where the telescope looks or the track is, limits that are near, altitude, pier side."""
+    """Return the direction of telescope or track, limits that are near, altitude, pier side."""
     ra, dec = engine.ra_icrs_deg, engine.dec_icrs_deg
     alt, az = engine.alt_deg, engine.az_deg
     word, age = "", ""
@@ -152,9 +152,9 @@ def _place_items(night: NightView, engine: EngineView, now: int | None) -> list[
 def _followed(
     track: TrackState | None, at: tuple[float, float], seen_ns: int | None, now: int | None
 ) -> tuple[str, str, tuple[float, float]]:
-    """What is said of its place before and behind it, and the place: now, unless that is guesswork.
+    """Return words before and behind a direction, and the direction: of now, unless too old.
 
-    ``at``: RA and Dec in degrees at ``seen_ns``; its rates lead it to now.
+    ``at``: RA and Dec in degrees at ``seen_ns``, extrapolated to now by the track's rates.
     """
     if seen_ns is None or now is None:
         return "predicted ", "", at
@@ -168,7 +168,7 @@ def _followed(
 
 
 def _mount_items(engine: EngineView) -> list[Item]:
-    """Where the mount points and what it does, as it reports; an old report is a warning."""
+    """Return the mount's direction and motion, as it reports them; an old report is a warning."""
     if not engine.is_attached:
         return []
     ink: Ink = "warn" if is_silent(engine) else ""
@@ -176,7 +176,7 @@ def _mount_items(engine: EngineView) -> list[Item]:
 
 
 def _plate_items(night: NightView, engine: EngineView) -> list[Item]:
-    """Centre of the last frame by its plate, and how far that is from what the mount reports."""
+    """Return the centre of the last frame by its plate, and its offset from the mount's report."""
     row = next((each for each in reversed(night.rows) if each.is_solved is not None), None)
     if row is None or row.plate_icrs_deg is None or engine.is_slewing:
         return []
@@ -191,7 +191,7 @@ def _plate_items(night: NightView, engine: EngineView) -> list[Item]:
 
 
 def _limit_item(engine: EngineView) -> list[Item]:
-    """The limit that the mount reaches by tracking, where that is soon."""
+    """Return the limit that the mount reaches by tracking, where that is soon."""
     left_s = limit_left_s(engine)
     if left_s is None or left_s >= LIMIT_SOON_S:
         return []
@@ -228,7 +228,7 @@ def _motion_items(
 
 
 def _aim_words(night: NightView, engine: EngineView) -> str:
-    """What the next aim is predicted by, as the log words it."""
+    """Return the predictor of the next aim, as the log words it."""
     if engine.is_attached and engine.next_aim is not None:
         return f"aim: {engine.next_aim.reason}"
     # What led nowhere yet says nothing once something is followed.
@@ -238,7 +238,7 @@ def _aim_words(night: NightView, engine: EngineView) -> str:
 
 
 def _schedule_items(engine: EngineView) -> list[Item]:
-    """The slew or the exposure under way, and until when."""
+    """Return the slew or the exposure under way, and its end."""
     if not engine.is_attached:
         return []
     is_closed = engine.exposing_until_utc_ns is None
@@ -247,7 +247,7 @@ def _schedule_items(engine: EngineView) -> list[Item]:
 
 
 def _ahead_items(outlook: "Outlook | None", now: int | None) -> list[Item]:
-    """Coming events, the soonest first, then Moon and Sun."""
+    """Return coming events, the soonest first, then Moon and Sun."""
     if outlook is None or now is None:
         return []
     coming: list[tuple[int, str]] = []
@@ -275,7 +275,8 @@ def _ahead_items(outlook: "Outlook | None", now: int | None) -> list[Item]:
 
 
 def _margin_items(outlook: "Outlook | None", before: str = "") -> list[Item]:
-    """Degrees to each limit from where the telescope looks; ``before``: words before the first."""
+    """Return degrees to each limit from the telescope's direction; ``before``: words before
+    them."""
     items: list[Item] = []
     for name, margin in () if outlook is None else outlook.margins_deg:
         words = f"{name} {margin:.0f}°" if margin >= 0.0 else f"{-margin:.0f}° beyond {name}"
@@ -302,7 +303,7 @@ def _cycle_items(night: NightView, engine: EngineView) -> list[Item]:
 
 
 def _health_items(night: NightView, engine: EngineView) -> list[Item]:
-    """Focus, solver, machine and instruments, what is not well first."""
+    """Return focus, solver, machine and instruments, faults first."""
     items = [*_focus_items(night), *_solver_items(night)]
     detect_ms = None if night.timing is None else night.timing.stage_ms.get("detect")
     if detect_ms is not None:
@@ -321,7 +322,7 @@ def _health_items(night: NightView, engine: EngineView) -> list[Item]:
 
 
 def _solver_items(night: NightView) -> list[Item]:
-    """How many of the last frames were plate-solved."""
+    """Return how many of the last frames were plate-solved."""
     known = [row.is_solved for row in night.rows[-SOLVER_FRAMES:] if row.is_solved is not None]
     if not known:
         return []
@@ -330,7 +331,7 @@ def _solver_items(night: NightView) -> list[Item]:
 
 
 def _focus_items(night: NightView) -> list[Item]:
-    """FWHM of the stars, and whether it has grown since the night's best."""
+    """Return the FWHM of the stars, and whether it has grown since the night's best."""
     widths = [row.fwhm_px for row in night.rows[-FOCUS_WINDOW:] if row.fwhm_px is not None]
     if not widths:
         return []
@@ -343,7 +344,7 @@ def _focus_items(night: NightView) -> list[Item]:
 
 
 def _blocks(titled: dict[str, list[Item]], width: int, rows: int) -> list[Line]:
-    """Each group behind its title, as many lines as it takes while there is room."""
+    """Return each group behind its title, as many lines as it takes while there is room."""
     label_columns = max(len(title) for title in titled) + 2
     lines: list[Line] = []
     for title, items in titled.items():

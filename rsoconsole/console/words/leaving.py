@@ -1,4 +1,4 @@
-"""Words on how a track goes on: when it leaves the field, how it coasts, how long it is kept."""
+"""Words on the end of a track: when it leaves the field, how it coasts, how long it is kept."""
 
 import math
 from collections.abc import Mapping
@@ -49,7 +49,7 @@ def leaving_words(
 def left_in_field_s(
     night: NightView, track: TrackState, row: FrameRow, now_utc_ns: int
 ) -> float | None:
-    """Seconds until a track leaves the field of a solved frame; None: it stays there.
+    """Return the seconds until a track leaves the field of a solved frame; None: it stays there.
 
     0 where it is outside. The field stays among the stars, the track goes on at its rates.
     """
@@ -76,7 +76,7 @@ def left_in_field_s(
 
 
 def _looked_at(night: NightView, *, is_held: bool) -> FrameRow | None:
-    """The last solved frame since the operator has had control; None: there is none.
+    """Return the last solved frame since the operator has had control; None: there is none.
 
     While autonomy is held the last of all, unless a slew has been ordered since.
     """
@@ -94,7 +94,7 @@ def _looked_at(night: NightView, *, is_held: bool) -> FrameRow | None:
 
 
 FRAMES_COUNTED = 60
-"""Frames ahead beyond which the instant of giving a track up is said, not the frame."""
+"""Frames ahead beyond which the instant of giving a track up is shown, not the frame."""
 
 
 def coast_words(night: NightView, now_utc_ns: int | None) -> str:
@@ -118,7 +118,7 @@ def coast_words(night: NightView, now_utc_ns: int | None) -> str:
 
 
 def _end_words(night: NightView, track: TrackState, seen_ns: int | None) -> str:
-    """The frame or the instant by which it is lost; empty where the session cannot say."""
+    """Return the frame or instant of the track's end; empty where the settings are not known."""
     if night.config is None:
         return ""
     cadence_s = float(night.setting("exposure.cadence_s") or 0.0)
@@ -135,7 +135,7 @@ def _end_words(night: NightView, track: TrackState, seen_ns: int | None) -> str:
 
 
 def _is_unsure(night: NightView, track: TrackState, ahead_s: float) -> bool:
-    """Whether its position is too uncertain by then, process noise left out."""
+    """Return True if its position is too uncertain by then, process noise left out."""
     config, frame = night.config, night.frame
     if config is None or frame is None or config.filter.preset == "paper":
         return False
@@ -148,7 +148,7 @@ def _is_unsure(night: NightView, track: TrackState, ahead_s: float) -> bool:
 
 
 def _bound_deg(track: TrackState, ahead_s: float) -> float:
-    """Half the longer side of its 3-sigma box after a time at its own rates."""
+    """Return 3 sigma of its less certain axis, degrees, after a time at its own rates."""
     covariance, dt = track.P, ahead_s
     ra, dec = (
         covariance[at][at]

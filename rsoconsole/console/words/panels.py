@@ -28,17 +28,17 @@ from rsoconsole.words import angle, clock, short, signed_angle
 
 MAX_FRAMES_A_MARK = 64
 LABEL_COLUMNS = 12
-"""Columns between two times on the axis, at least."""
+"""Least columns between two times on the axis."""
 LIVE_STEP = 12
 """Marks that one key moves the window by."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PlotWindow:
-    """The frames that the plots show: at first the newest, one to a mark."""
+    """Frames that the plots show: at first the newest, one to a mark."""
 
     back: int = 0
-    """Frames after the window."""
+    """Number of frames after the window."""
     frames_a_mark: int = 1
 
     def moved(self, marks: int, count: int, room: int = 1) -> "PlotWindow":
@@ -88,7 +88,7 @@ class PlotWindow:
         return tuple(max(seen[at : at + n], key=_misfit) for at in range(0, len(seen), n))
 
     def words(self, rows: Sequence[FrameRow]) -> str:
-        """Say what is shown; empty where that is the newest, frame by frame."""
+        """Return the shown frames in words; empty for the newest, frame by frame."""
         parts = []
         if self.frames_a_mark > 1:
             parts.append(f"a mark is {self.frames_a_mark} frames, the worst shown")
@@ -121,7 +121,7 @@ def axis_lines(shown: Sequence[FrameRow], width: int, height: int, words: str = 
 
 
 def _misfit(row: FrameRow) -> tuple[int, float]:
-    """Key of the worst fit: the largest residual in sigmas, then a miss, then nothing."""
+    """Return a key for the worst fit: the largest residual in sigmas, then a miss, then nothing."""
     if row.residual_arcsec is None or row.sigma_arcsec is None:
         return (1 if row.miss is not None else 0), 0.0
     pairs = zip(row.residual_arcsec, row.sigma_arcsec, strict=True)
@@ -133,7 +133,7 @@ MISS = "○"
 STRIP_LABEL_COLUMNS = 22
 NIS_FRAMES = 10
 AXES = {"east": (0, "RA·cosδ", "RA"), "north": (1, "δ", "δ ")}
-"""Of each axis its place in a residual, its name, and its name in a strip."""
+"""Index in a residual, name, and name in a strip of each axis."""
 
 
 def confidence_lines(
@@ -240,7 +240,7 @@ def _confidence_column(row: FrameRow) -> Column:
 
 
 def likeliest_refused(row: FrameRow) -> tuple[float, str] | None:
-    """Return the likeliest streak that was not taken: confidence, reason; None: one was taken."""
+    """Return the likeliest streak that was not accepted: confidence, reason; None: one was."""
     if row.is_followed or row.refused is None or row.refused[0] < SHOWN_REJECTED:
         return None
     return row.refused if row.refused[0] >= (row.confidence or 0.0) else None

@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from rsoconsole.pipeline import Outlook
 
 RIM_STEPS = 240
-"""Points of which the horizon and the limits are drawn."""
+"""Number of points of which the horizon and the limits are drawn."""
 MOON, SUN, TARGET, MOUNT = "☾", "☼", "◆", "+"
 
 
@@ -57,7 +57,7 @@ def sky_lines(
 
 
 def place(altaz_deg: tuple[float, float], width: int, rows: int) -> tuple[int, int] | None:
-    """Column and row of a direction; None below the horizon. A cell is twice as high as wide."""
+    """Return column and row of a direction; None below the horizon. Cells are twice as high."""
     alt, az = altaz_deg
     if alt < 0.0:
         return None
@@ -68,7 +68,7 @@ def place(altaz_deg: tuple[float, float], width: int, rows: int) -> tuple[int, i
 
 
 def _lowest_deg(config: "Config", az_deg: float) -> float:
-    """The lowest altitude allowed at an azimuth: the limit, or walls above it."""
+    """Return the lowest altitude allowed at an azimuth, degrees: the limit, or walls above it."""
     limits = config.limits
     if not limits.horizon:
         return limits.min_altitude_deg

@@ -26,7 +26,7 @@ from rsoconsole.words import (
 )
 
 NAME_COLUMNS = (8, 24)
-"""Width of the names' column, at least and at most."""
+"""Least and greatest width of the names' column."""
 ORBIT_WORDS = {
     "free": "free",
     "constrained by prior": "prior",
@@ -39,18 +39,18 @@ MIN_AIM_ROWS = 2
 _RULE_CELLS = 6
 """Cells of a title's line beside its words."""
 MIN_TRACK_ROWS = 5
-"""Tracks that stay in sight where the chosen one is shown in full."""
+"""Least tracks in sight where the chosen one is shown in full."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Column:
-    """A column of the list."""
+    """Column of the list."""
 
     head: str
     width: int
-    """Cells of its widest word; 0: what the others leave."""
+    """Cells of its widest word; 0: the rest of the line."""
     rank: int
-    """The column of the highest rank goes first where there is no room."""
+    """Rank; the column of the highest rank goes first where there is no room."""
     words: Callable[[NightView, FollowedTrack, int | None], str]
     is_left: bool = False
 
@@ -99,9 +99,9 @@ def _listed(  # noqa: PLR0917 -- one call, each argument a different thing
     width: int,
     height: int,
 ) -> list[Line]:
-    """Heads, the tracks about the chosen one, which has number ``at``, and its detail below.
+    """Return heads, the tracks about the chosen one, number ``at``, and its detail below.
 
-    The list comes first: what the detail says is on the list in short.
+    The list has precedence: it has the main figures of the detail.
     """
     room = max(height - 1, 1)
     detail = detail[: max(room - min(len(tracks), MIN_TRACK_ROWS), 0)]
@@ -119,7 +119,7 @@ def _listed(  # noqa: PLR0917 -- one call, each argument a different thing
 
 
 def _title(night: NightView, width: int) -> Line:
-    """How many tracks there are, and what the signs mean as far as there is room."""
+    """Return the number of tracks, and the meaning of the signs as far as there is room."""
     most = night.setting("filter.most_tracks")
     dropped = f" · dropped: {' '.join(map(str, night.dropped))}" if night.dropped else ""
     left = f"tracks: {len(night.tracks)}{dropped}"
@@ -130,26 +130,26 @@ def _title(night: NightView, width: int) -> Line:
 
 
 def is_chosen(track: FollowedTrack, chosen: int | None) -> bool:
-    """Whether the cursor is on a track; ``chosen``: a track's number, None: the lead."""
+    """Return True if the cursor is on a track; ``chosen``: a track's number, None: the lead."""
     return track.is_lead if chosen is None else track.track_id == chosen
 
 
 def _state(track: FollowedTrack) -> str:
-    """A track's state after the last frame; "+": the operator keeps it."""
+    """Return a track's state after the last frame; "+": the operator keeps it."""
     misses = track.state.misses
     state = "COAST" if misses else "trial" if track.is_on_trial else "TRACK"
     return state_words(state, misses, is_kept=track.state.is_kept)
 
 
 def name_words(night: NightView, track_id: int) -> str:
-    """A track's name in the catalogue, else in the ledger; "?" stands for doubt."""
+    """Return a track's name in the catalogue, else in the ledger; "?" stands for doubt."""
     return one_line(identity(night.identifications.get(track_id)))
 
 
 def detail_lines(
     night: NightView, track: FollowedTrack, now_utc_ns: int | None, width: int
 ) -> list[Line]:
-    """One track in full: what the list says of it, and what it has no room for."""
+    """Return one track in full: its figures on the list, and those without room there."""
     orbit = night.orbits.get(track.track_id)
     parts = [
         f"{track.number} {name_words(night, track.track_id)}",
@@ -170,13 +170,13 @@ def detail_lines(
 
 
 def aim_lines(aim: NextAim, width: int) -> list[Line]:
-    """Where the telescope looks after the next exposure, and by which policy."""
+    """Return the telescope's aim after the next exposure, and its policy."""
     what, _place, *rest = aim_parts(aim)
     return packed([(part, "dim") for part in (what, *rest)], width, gap=" · ")
 
 
 def columns_for(width: int) -> tuple[_Column, ...]:
-    """Return the columns that there is room for; the name has what the others leave."""
+    """Return the columns that there is room for; the name has the rest of the width."""
     kept = list(_COLUMNS)
     while len(kept) > 2 and _taken(kept) + NAME_COLUMNS[0] > width:
         kept.remove(max(kept, key=lambda column: column.rank))
@@ -184,7 +184,7 @@ def columns_for(width: int) -> tuple[_Column, ...]:
 
 
 def _taken(columns: list[_Column] | tuple[_Column, ...]) -> int:
-    """Cells beside the name: the other columns, and one before each."""
+    """Return the cells beside the name: the other columns, and one before each."""
     return sum(column.width + 1 for column in columns)
 
 
@@ -290,7 +290,7 @@ def nearest_of(night: NightView, track_id: int) -> PairMotion | None:
 
 
 def pair_detail(night: NightView, track: FollowedTrack, width: int) -> list[Line]:
-    """A track and its nearest neighbour with every error."""
+    """Return a track and its nearest neighbour with every error."""
     pair = nearest_of(night, track.track_id)
     if pair is None:
         return [clipped([(f" {track.number}: no neighbour measured yet", "dim")], width)]
@@ -310,7 +310,7 @@ def pair_detail(night: NightView, track: FollowedTrack, width: int) -> list[Line
 
 
 def field_lines(night: NightView, width: int) -> list[Line]:
-    """Catalogued objects that should be in the field and have no track, and tracks of none."""
+    """Return catalogued objects due in the field without a track, and tracks of none."""
     parts = []
     unknown = {n for n, found in night.identifications.items() if found.verdict == "unknown"}
     nameless = [t.number for t in night.tracks if t.track_id in unknown]

@@ -27,7 +27,7 @@ STATE_INKS: dict[str, Ink] = {
 
 
 def present_utc_ns(night: NightView, engine: EngineView) -> int | None:
-    """The frame clock: the engine's, else the last instant known of it; None: none is known."""
+    """Return the frame clock: the engine's, else its last known instant; None: none is known."""
     if engine.is_attached and engine.now_utc_ns:
         return engine.now_utc_ns
     return max(engine.since_utc_ns or 0, night.last_utc_ns or 0) or None
@@ -92,7 +92,7 @@ def top_lines(
 
 
 def demo_badge(night: NightView, width: int, engine: EngineView | None = None) -> Line:
-    """A badge that the night is simulated, and how fast it runs; empty for a real one."""
+    """Return a badge that the night is simulated, with its pace; empty for a real one."""
     if not night.is_simulated:
         return []
     speed = engine.simulated_speed if engine is not None and engine.is_attached else None
@@ -134,7 +134,7 @@ def _state_words(
 
 
 def alert_text(night: NightView, engine: EngineView) -> str:
-    """The alert's text: faults of engine and session with their remedies; empty: all is well."""
+    """Return the alert: faults of engine and session with their remedies; empty: all is well."""
     parts: list[str] = []
     if engine.reach == "gone" and night.has_ended:
         parts.append("the engine has ended: 'rsoconsole engine' starts one")
@@ -152,7 +152,7 @@ def alert_text(night: NightView, engine: EngineView) -> str:
 
 
 def first_shown(chosen: int, count: int, room: int) -> int:
-    """Number of the first row of a list that is shown, so that the chosen one is in view."""
+    """Return the number of the first shown row of a list, so that the chosen one is in view."""
     return min(max(chosen - room // 2, 0), max(count - room, 0))
 
 
@@ -168,14 +168,14 @@ def fitted(parts: Sequence[str], width: int, gap: str = " · ") -> str:
 
 
 def is_past_unread(night: NightView, engine: EngineView) -> bool:
-    """Whether there is a session whose past has not been read to its end yet."""
+    """Return True where there is a session whose past has not been read to its end yet."""
     return not night.is_read and (night.folder is not None or engine.session is not None)
 
 
 def frame_title(
     night: NightView, picture: Picture | None, *, is_reading: bool = False
 ) -> list[str]:
-    """The parts of the picture's title: frame, exposure, whether it was not solved.
+    """Return the parts of the picture's title: frame, exposure, whether it was not solved.
 
     ``is_reading``: no frame has been read yet, though there may be some.
     """
@@ -194,7 +194,7 @@ def frame_title(
 
 
 def closeup_title(picture: Picture | None, drawing: Drawing | None) -> list[str]:
-    """The parts of the close-up's title: frame, scale, SNR and size of the followed streak."""
+    """Return the parts of the close-up's title: frame, scale, SNR and size of the streak."""
     if picture is None or drawing is None:
         return ["close-up"]
     n = round(drawing.px_per_square)
@@ -210,7 +210,7 @@ def closeup_title(picture: Picture | None, drawing: Drawing | None) -> list[str]
 
 
 def closeup_caption(picture: Picture | None, width: int = BADGE_COLUMNS) -> list[str]:
-    """Position and errors of the followed measurement, in at most ``width`` columns."""
+    """Return position and errors of the followed measurement, in at most ``width`` columns."""
     followed = picture.detail.followed if picture is not None else None
     if followed is None:
         return []
@@ -230,7 +230,7 @@ def _followed_detection(picture: Picture) -> Detection | None:
 
 
 def frame_caption(picture: Picture | None) -> list[str]:
-    """The plate's orientation, field of view, matched stars and RMS; empty: not solved."""
+    """Return the plate's orientation, field of view, matched stars and RMS; empty: not solved."""
     frame = picture.detail.taken if picture is not None else None
     solution = picture.detail.solution if picture is not None else None
     if frame is None or not isinstance(solution, Solution):
@@ -283,7 +283,7 @@ def rule(left: str | Line, right: str, width: int) -> Line:
 def packed(
     items: Iterable[Item], width: int, rows: int | None = None, gap: str = "  "
 ) -> list[Line]:
-    """Spread items over as many rows as there are; what has no room is left out."""
+    """Spread items over as many rows as there are; items without room are left out."""
     lines: list[Line] = []
     for text, ink in items:
         if lines and _columns(lines[-1]) + len(gap) + len(text) <= width:
@@ -304,9 +304,9 @@ def cos_deg(angle_deg: float) -> float:
 
 
 def wrapped(text: str, width: int, rows: int, cut: str = "…") -> list[Line]:
-    """Break text between words over as many rows as there are; what is too long loses its middle.
+    """Break text between words over as many rows as there are; a text too long loses its middle.
 
-    What happened stands first and the remedy last: neither is left out; ``cut`` stands for it.
+    The fact stands first and the remedy last: neither is left out; ``cut`` marks the gap.
     """
     return [[(line, "")] for line in _broken(text, max(width, 1), rows, cut)]
 
