@@ -1,1 +1,1 @@
-"""Where the telescope looks next, with one satellite followed or with several. Pure."""
+"""Aim point of the next exposure, with one satellite tracked or several. Pure."""

@@ -1,4 +1,4 @@
-"""Where the telescope looks next: search patterns before lock, the prediction after it. Pure."""
+"""Aim point of the next exposure: search patterns before lock, the prediction after it. Pure."""
 
 import math
 from dataclasses import dataclass
@@ -20,9 +20,9 @@ from rsoconsole.sky import (
 from rsoconsole.tracking import direction_icrs_deg, predict, sky_rate_arcsec_s
 
 SPIRAL_FIELDS = 25
-"""Of a search that widens: two rings about its middle."""
+"""Number of fields in a spiral search: two rings around its centre."""
 _MIN_COSINE = 0.05
-"""Near the pole hour angles step no further than this makes them."""
+"""Lowest cosine of declination in steps of hour angle, which grow without bound at the pole."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -30,20 +30,19 @@ class SearchBase:
     """The direction a search starts from, fixed to the ground."""
 
     hour_angle_deg: float
-    """Of date, west positive."""
+    """Hour angle of date, west positive."""
     declination_deg: float | None
-    """Of date; None: the geostationary belt's at each hour angle."""
+    """Declination of date; None: the geostationary belt's at each hour angle."""
     comes_before_targets: bool = False
-    """Whether a list of targets is preceded by this place: something was lost here."""
+    """True where this place is searched before the listed targets: a track was lost here."""
     widens: bool = False
-    """Whether the search goes round this place in a spiral, whatever its pattern: something that
-    was followed is looked for here again."""
+    """True for a spiral round this place, whatever the pattern: a track was lost here."""
 
 
 def search_base(
     search: SearchConfig, site: Site, ra_icrs_deg: float, dec_icrs_deg: float, t_utc_ns: int
 ) -> SearchBase:
-    """Base of a search as configured; what is not configured is where the telescope points."""
+    """Base of a configured search; where no place is configured, the present pointing."""
     here = search_base_at(site, ra_icrs_deg, dec_icrs_deg, t_utc_ns)
     hour_angle_deg = search.hour_angle_deg
     declination_deg = search.declination_deg
@@ -64,7 +63,7 @@ def search_base_at(
     comes_before_targets: bool = False,
     widens: bool = False,
 ) -> SearchBase:
-    """Base of a search around this direction, on its own declination: where something was lost."""
+    """Base of a search around this direction at its own declination, where a track was lost."""
     ra_jnow_deg, dec_jnow_deg = icrs_to_jnow(ra_icrs_deg, dec_icrs_deg, t_utc_ns)
     return SearchBase(
         hour_angle_deg=hour_angle_jnow_deg(site, ra_jnow_deg, t_utc_ns),
@@ -93,7 +92,7 @@ def field_number(base: SearchBase, search: SearchConfig, exposure_number: int) -
 def search_target(
     base: SearchBase, search: SearchConfig, exposure_number: int
 ) -> TargetConfig | None:
-    """The listed target of the n-th exposure; None where it is of no list."""
+    """Listed target of the n-th exposure; None where that exposure belongs to no list."""
     if base.widens:
         return None
     number = field_number(base, search, exposure_number) - base.comes_before_targets
@@ -178,9 +177,9 @@ def side_at_arrival(
     t_utc_ns: int,
     present: PierSide | None,
 ) -> PierSide | None:
-    """Side of the pier after a slew; None where the mount does not tell its side.
+    """Return the side of the pier after a slew; None where the mount does not report its side.
 
-    A German mount changes sides where the direction is far enough past the meridian, not before.
+    A German mount changes sides only where the direction is far enough past the meridian.
     """
     if present is None or mount.type != "german":
         return present
@@ -197,7 +196,7 @@ def flip_refusal(
     t_utc_ns: int,
     present: PierSide | None,
 ) -> SlewRefusal | None:
-    """Reason why the meridian policy forbids this slew of a track; None where it allows it."""
+    """Reason why the meridian policy forbids this slew of a track; None where it does not."""
     after = side_at_arrival(site, mount, direction_icrs_deg, t_utc_ns, present)
     if mount.meridian != "hold" or after == present:
         return None
@@ -240,7 +239,7 @@ def needs_recentre(
     centre_icrs_deg: tuple[float, float] | None,
     target_icrs_deg: tuple[float, float],
 ) -> bool:
-    """Whether the telescope must move for this target: always, or out of the central part."""
+    """True where the telescope must move for this target: always, or outside the central part."""
     if search.recentre == "every" or centre_icrs_deg is None:
         return True
     return separation_deg(*centre_icrs_deg, *target_icrs_deg) > search.recentre_fraction * min(

@@ -1,9 +1,9 @@
-"""Where the telescope looks when several satellites are followed: policy ``aim.policy``. Pure.
+"""Aim point when several satellites are tracked: policy ``aim.policy``. Pure.
 
-``lead`` looks at the lead, whatever stands beside it. ``most`` has the largest weighted number in
-the usable field, ``group`` all of them as long as they fit, and then the most around the lead. A
-field is taken for the circle that fits into it, so that no turn of the camera matters; a place
-counts as far as its streak and its bounds fit in too.
+``lead`` aims at the lead alone. ``most`` holds the largest weighted number of tracks in the usable
+field, ``group`` all of them as long as they fit, and then the most around the lead. The field is
+taken as the circle that fits into it, so that the camera's rotation does not matter; a track counts
+where its streak and its bounds fit in too.
 """
 
 import itertools
@@ -27,25 +27,25 @@ from rsoconsole.tracking import (
 
 Policy: TypeAlias = Literal["lead", "most", "group"]
 LEAD_WEIGHT = 1.5
-"""Between two fields with as many the one with the lead is looked at."""
+"""Weight of the lead: of two fields with equally many tracks, the one with the lead is chosen."""
 TRIAL_WEIGHT = 0.5
-"""Of one that has been seen twice only: it may be of two false streaks."""
+"""Weight of a track detected only twice, which may consist of two false streaks."""
 UNSEEN_SHARE = 0.7
-"""What each frame leaves of the weight of one that is not seen."""
+"""Factor on a track's weight for each frame in which it is missed."""
 _USABLE_SHARE = 0.95
-"""Of the circle that fits into the field: the mount's own errors."""
+"""Usable share of the circle that fits into the field; the rest allows for the mount's errors."""
 _FARTHEST_DEG = 10.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Member:
-    """One track at the middle of the next exposure."""
+    """Track at the middle of the next exposure."""
 
     x: float
-    """Degrees on the tangent plane at the lead."""
+    """Coordinate on the tangent plane at the lead, degrees."""
     y: float
     reach_deg: float
-    """How much of the field its streak and its 3-sigma bounds need about its place."""
+    """Part of the field for its streak and 3-sigma bounds, around its position, degrees."""
     weight: float
 
 
@@ -59,7 +59,7 @@ def group_direction(
     exposure_s: float,
     settings: FilterConfig,
 ) -> tuple[tuple[float, float], int]:
-    """Aim point (ICRS) at an instant, and the number of tracks that are then in the field.
+    """Return the aim point (ICRS) at an instant, and the number of tracks in the field then.
 
     ``tracks``: the lead first, which is at ``lead_deg``.
     """
@@ -84,7 +84,7 @@ def tracks_inside(
     exposure_s: float,
     settings: FilterConfig,
 ) -> tuple[bool, ...]:
-    """Which of the tracks are in the field about ``centre_deg`` (ICRS) at an instant.
+    """True for each track that is in the field around ``centre_deg`` (ICRS) at an instant.
 
     ``tracks``: the lead first, which is at ``lead_deg``.
     """
@@ -165,9 +165,9 @@ def _can_be_with(member: Member, lead: Member, radius_deg: float) -> bool:
 
 
 def _candidates(members: Sequence[Member], radius_deg: float) -> list[FloatArray]:
-    """Some circle with the largest weight has two of its members at its edge, or one in its middle.
+    """Candidate centres: some best circle has two members at its edge, or one at its centre.
 
-    Each member's place may be away from the centre by what the radius leaves of its reach.
+    A member's place may be away from the centre by the radius less its reach.
     """
     found = [np.array([each.x, each.y]) for each in members]
     for one, other in itertools.combinations(members, 2):
@@ -176,7 +176,7 @@ def _candidates(members: Sequence[Member], radius_deg: float) -> list[FloatArray
 
 
 def _crossings(one: Member, other: Member, radius_deg: float) -> list[FloatArray]:
-    """Where two circles of allowed centres cross."""
+    """Return the points where two circles of allowed centres cross."""
     a, b = radius_deg - one.reach_deg, radius_deg - other.reach_deg
     way = np.array([other.x - one.x, other.y - one.y])
     length = float(np.hypot(*way))
@@ -191,7 +191,7 @@ def _crossings(one: Member, other: Member, radius_deg: float) -> list[FloatArray
 
 
 def _enclosing(members: Sequence[Member]) -> tuple[FloatArray, float]:
-    """Centre and radius of about the smallest circle with all of them and their reach in it.
+    """Centre and radius of about the smallest circle that holds all members with their reach.
 
     By Badoiu and Clarkson's steps towards the farthest (2003): within a hundredth.
     """

@@ -1,4 +1,4 @@
-"""Work over many sessions on Dask; nothing here is loaded where Dask is not asked for."""
+"""Work over many sessions on Dask; nothing here is loaded where Dask is not used."""
 
 import contextlib
 import logging
@@ -14,9 +14,9 @@ from rsoconsole.base import BatchError
 Task = TypeVar("Task")
 Result = TypeVar("Result")
 REACHED_S = 30.0
-"""How long a scheduler and its workers are waited for."""
+"""Longest wait for a scheduler and its workers, s."""
 LOOK_S = 5.0
-"""So often it is looked whether there are workers still."""
+"""Interval between checks that workers are still there, s."""
 
 
 def by_dask(
@@ -28,10 +28,10 @@ def by_dask(
     failed: Callable[[Task, str], Result],
     paths: Sequence[Path],
 ) -> Iterator[tuple[int, Result]]:
-    """The number of each task with its result, as they come.
+    """Yield the number of each task with its result, as they come.
 
-    Arguments as ``batch_pool.run_tasks``'s; ``scheduler`` None: a cluster of this machine's own.
-    Raises BatchError too where the scheduler ends, or its last worker, before all is done.
+    Arguments as those of ``batch_pool.run_tasks``; ``scheduler`` None: a cluster of this machine's
+    own. Raises BatchError also where the scheduler, or its last worker, ends before all is done.
     """
     from concurrent.futures import CancelledError
 
@@ -60,7 +60,7 @@ def by_dask(
 
 
 def _as_they_end(client: Any, futures: Sequence[Any], scheduler: str) -> Iterator[Any]:
-    """Each as it ends. Raises BatchError where nobody is left who would end them."""
+    """Yield each future as it ends. Raises BatchError where no worker or scheduler is left."""
     from concurrent.futures import CancelledError
 
     from distributed import wait
@@ -102,7 +102,7 @@ def _left_words(count: int, done: int) -> str:
 
 @contextlib.contextmanager
 def _client(workers: int, scheduler: str | None) -> Iterator[Any]:
-    """A Dask client, of the scheduler that is named or of a cluster on this machine alone."""
+    """Open a Dask client of the named scheduler, or of a cluster on this machine alone."""
     import dask
     from distributed import Client, LocalCluster
 
@@ -136,7 +136,7 @@ def _client(workers: int, scheduler: str | None) -> Iterator[Any]:
 
 
 def _check_workers(client: Any, paths: Sequence[Path]) -> None:
-    """Raises BatchError where a worker has another version or cannot reach what it needs."""
+    """Raise BatchError where a worker has another version or cannot reach a path it needs."""
     try:
         client.wait_for_workers(1, timeout=REACHED_S)
         answers: dict[str, Any] = client.run(_what_a_worker_lacks, [str(p) for p in paths])

@@ -1,7 +1,7 @@
-"""Nights of recorded frames, each made into a session; what is done already is not done again.
+"""Nights of recorded frames, each made into a session; sessions already made are skipped.
 
-A session is written beside its place and renamed when it is complete: what was interrupted,
-however hard, leaves nothing that could be taken for a night, and is begun again.
+A session is written beside its place and renamed when it is complete: an interruption of any kind
+leaves nothing that could pass for a night, and the night is begun again.
 """
 
 import contextlib
@@ -45,7 +45,7 @@ State: TypeAlias = Literal["done", "skipped", "failed"]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Night:
-    """Frames that belong together, and the session that becomes of them."""
+    """Frames that belong together, and the session made of them."""
 
     source: Path
     session: Path
@@ -53,7 +53,7 @@ class Night:
     """(number, file), in order."""
     config: Config
     is_again: bool = False
-    """Also where the session is there already."""
+    """True where a session that exists already is made again."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -65,20 +65,20 @@ class NightOutcome:
     state: State
     frames: int = 0
     unreadable: tuple[str, ...] = ()
-    """What is wrong with each frame that could not be used."""
+    """Errors of the frames that could not be used, one sentence each."""
     detections: int = 0
     measurements: int = 0
     misses: int = 0
     locked_after_frames: int | None = None
     last_state: str | None = None
     error: str | None = None
-    """Why it failed as a whole."""
+    """Reason why the night failed as a whole; None where it did not."""
 
 
 def nights_in(
     folders: Sequence[Path], root: Path, config: Config, *, is_again: bool = False
 ) -> tuple[Night, ...]:
-    """A night for each folder of frames, or for each session's kept frames.
+    """Return one night for each folder of frames, or for each session's kept frames.
 
     The frames of a folder are taken in the order of their names, numbers as numbers. Raises
     BatchError where two would become the same session.
@@ -108,8 +108,8 @@ def process_nights(
 ) -> Iterator[NightOutcome]:
     """Process the nights and yield their outcomes in order; those already done need no worker.
 
-    ``pool_of``: who does the work, by the number of nights that are left to do. Raises BatchError
-    where there is nobody.
+    ``pool_of``: the pool for a number of nights to process. Raises BatchError where there is no
+    worker.
     """
     done = [_already_done(night) for night in nights]
     todo = [night for night, outcome in zip(nights, done, strict=True) if outcome is None]
@@ -132,7 +132,7 @@ def process_nights(
 
 
 def _already_done(night: Night) -> NightOutcome | None:
-    """The outcome of a night that is there; None where there is something to do or to say."""
+    """Outcome of a night already made; None where there is work or an error to report."""
     if night.is_again or not (night.session / DATABASE).exists():
         return None
     try:
@@ -143,12 +143,12 @@ def _already_done(night: Night) -> NightOutcome | None:
 
 
 def _is_made(about: dict[str, Any], identity: dict[str, Any]) -> bool:
-    """Whether a session is whole, and of just these frames by just these settings."""
+    """True where a session is complete and was made of just these frames by just these settings."""
     return about.get("batch") == identity and about.get("is_closed") is True
 
 
 def process_night(night: Night) -> NightOutcome:
-    """Make a night's session; never raises for what is broken. A session there is an error."""
+    """Make a night's session; never raises for faulty input. An existing session is an error."""
     try:
         return _processed(night)
     except (RsoconsoleError, OSError) as error:
@@ -164,7 +164,7 @@ def failed_night(night: Night, reason: str) -> NightOutcome:
 
 @contextlib.contextmanager
 def working_in(root: Path) -> Iterator[None]:
-    """Keep other batches out of a folder. Raises BatchError where there is one, or no folder."""
+    """Lock a folder against other batches. Raises BatchError if one works there, or on failure."""
     try:
         root.mkdir(parents=True, exist_ok=True)
         lock = lock_file(root / LOCK)
@@ -272,7 +272,7 @@ def _outcome(night: Night, state: State) -> NightOutcome:
 
 
 def _identity(night: Night) -> dict[str, Any]:
-    """What makes a night the same: frames, settings, network and version."""
+    """Return the identity of a night: frames, settings, network and version."""
     network = Network.load(night.config.detector.model, 1)
     frames = []
     for number, path in night.frames:
@@ -311,14 +311,14 @@ def _frames_in(folder: Path) -> tuple[tuple[int, Path], ...]:
 
 
 def _natural(name: str) -> list[tuple[int, str]]:
-    """Sorts frame_2 before frame_10."""
+    """Return a sort key that puts frame_2 before frame_10."""
     parts = _DIGITS.split(name.lower())
     return [(int(part), "") if part.isdigit() else (-1, part) for part in parts if part]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BatchQuestion:
-    """What-if of one session; arguments as ``what_if_session``'s and ``save_branch``'s."""
+    """What-if of one session; arguments as those of ``what_if_session`` and ``save_branch``."""
 
     session: Path
     changes: Mapping[str, float | str] = field(default_factory=dict)
@@ -340,7 +340,7 @@ class Answer:
     rerun: RerunCounts | None = None
     branch: Path | None = None
     error: str | None = None
-    """Why there is none."""
+    """Reason why there is no answer; None where there is one."""
 
 
 def answer(question: BatchQuestion, on_frame: Callable[[], None] = lambda: None) -> Answer:

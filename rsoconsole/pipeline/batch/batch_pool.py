@@ -1,8 +1,8 @@
 """Work over many sessions, shared out: one after another, on this machine's cores, or on Dask.
 
-Results come in the order of the tasks and are the same no matter who does the work. A task is a
-whole session: within one the reducer remembers, so that it cannot be divided. Every worker computes
-with one thread.
+Results come in the order of the tasks and are the same in every pool. A task is a whole session,
+and cannot be divided because the reducer has a memory within it. Every worker computes with one
+thread.
 """
 
 import contextlib
@@ -54,7 +54,7 @@ def choose_pool(
     is_serial: bool = False,
     is_dask_wanted: bool = True,
 ) -> WorkerPool:
-    """The pool for a number of tasks: Dask where it is installed, else processes; serial for one.
+    """Choose the pool for a number of tasks: Dask if installed, else processes; serial for one.
 
     Raises BatchError where a scheduler is named and Dask is not installed.
     """
@@ -78,12 +78,12 @@ def run_tasks(
     paths: Sequence[Path] = (),
     on_done: Callable[[], None] = lambda: None,
 ) -> Iterator[Result]:
-    """Run the tasks and yield their results in order, each as soon as those before it are there.
+    """Run the tasks and yield their results in order, each once those before it are complete.
 
-    ``work`` and tasks go to other processes: a function of a module, and records. ``failed``
-    makes the result of a task whose worker died. ``paths``: what every worker must be able to
-    reach, asked for where they may run on other machines. ``on_done`` is called once a task.
-    Raises BatchError where there is nobody to do the work.
+    ``work`` and tasks go to other processes: a function of a module, and records. ``failed`` makes
+    the result of a task whose worker died. ``paths``: paths that every worker must be able to
+    reach, checked where workers may run on other machines. ``on_done`` is called once a task.
+    Raises BatchError where there is no worker.
     """
     if pool.kind == "serial":
         yield from _in_order(enumerate(map(work, tasks)), on_done)
@@ -107,7 +107,7 @@ def run_tasks(
 def _in_order(
     results: Iterator[tuple[int, Result]], on_done: Callable[[], None]
 ) -> Iterator[Result]:
-    """Of (number of the task, result) as they come."""
+    """Yield the results in the order of their tasks, from (number of the task, result)."""
     early: dict[int, Result] = {}
     given = 0
     for number, result in results:
@@ -139,7 +139,7 @@ def _by_processes(
 def _as_processes_end(
     work: Callable[[Task], Result], tasks: Sequence[Task], workers: int
 ) -> Iterator[tuple[int, Result]]:
-    """(number, result) as they come; ends early where a worker dies."""
+    """Yield (number, result) as they come; ends early where a worker dies."""
     ours = set(multiprocessing.active_children())
     with one_thread():
         executor = ProcessPoolExecutor(
@@ -164,7 +164,7 @@ def _as_processes_end(
 
 
 def _become_worker() -> None:
-    """End with the parent, whatever ended it, and leave Ctrl-C to it."""
+    """End with the parent process, however that ends, and leave Ctrl-C to it."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     parent = multiprocessing.parent_process()
     if parent is None:
@@ -202,7 +202,7 @@ class Processed:
     reduction: Reduction
     after: Following
     records: tuple[Record, ...]
-    """All that belongs on the record, in order."""
+    """Records of the frame for the session, in order."""
 
 
 def process_files(
@@ -213,10 +213,10 @@ def process_files(
     numbers: Iterable[int] | None = None,
     extension: str | None = None,
 ) -> Iterator[Processed | tuple[Path, FrameError]]:
-    """Every frame in the order given; a frame that cannot be used is passed on with its error.
+    """Process every frame in the order given; yield an unusable frame with its error.
 
     A frame without a time is detected and solved, and leaves the track as it is. ``numbers``: the
-    frames' own; from 1 on with None. ``extension`` as ``read_frame`` takes it.
+    frames' own; None: from 1 on. ``extension`` as in ``read_frame``.
     """
     cycle, orbits = Cycle(reducer, config), Orbits(config)
     following = Following()

@@ -1,1 +1,1 @@
-"""What recorded nights say of the shutter's timing and of published elements."""
+"""Timing of the shutter and errors of published elements, measured from recorded nights."""

@@ -1,7 +1,7 @@
-"""Which streaks of a night are navigation satellites', and how far off their orbits each is.
+"""Streaks of navigation satellites in a night, and how far each is off its satellite's orbit.
 
-A streak is a satellite's where it lies on its path within a few arcsec, goes its way and has its
-length; how far along is not asked, but for ten seconds.
+A streak is a satellite's where it lies on the satellite's path within a few arcsec, and has its
+direction and length; along the path it may be off by up to ten seconds.
 """
 
 import math
@@ -30,14 +30,14 @@ from rsoconsole.sky import ARCSEC_RAD, Places, direction_to_unit, east_and_north
 from rsoconsole.words import NS_PER_S
 
 MAX_LATE_S = 10.0
-"""A bias beyond is a clock that is wrong, not a shutter's."""
+"""Largest time bias of a shutter, s; beyond it the clock is wrong."""
 _ACROSS_SIGMAS, _MIN_ACROSS_ARCSEC = 5.0, 3.0
 _LENGTH_SHARE, _LENGTH_ARCSEC = 0.2, 6.0
 _SHORTEST_ARCSEC, _MAX_TURNED_DEG = 10.0, 10.0
 _MIN_RATE_ARCSEC_S = 1.0
 _CHUNK = 4000
 _MIN_SIGMA_ARCSEC = 0.03
-"""Of a streak's middle, once the error of its time is taken out."""
+"""Lowest sigma of a streak's midpoint, once the error of its time is removed."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -48,28 +48,28 @@ class LightAlong:
     """
 
     offset_arcsec: float
-    """From the measurement's place towards the second of its ends."""
+    """Offset from the measurement's place towards the second of its ends."""
     sigma_arcsec: float
     length_arcsec: float
     length_sigma_arcsec: float
     ends_sigma_arcsec: float
-    """What the ends alone stated of the middle: part of the measurement's covariance."""
+    """Sigma of the midpoint by the ends alone: part of the measurement's covariance."""
 
 
 @dataclass(slots=True, kw_only=True)
 class Streak:
-    """Streak with both its ends in the frame; changed where it is matched."""
+    """Streak with both ends in the frame; changed when it is matched."""
 
     measurement: Measurement
     taken: FrameTaken
     session: int
-    """Its place among those of a calibration."""
+    """Number of its session among those of a calibration."""
     covariance: FloatArray
-    """(2, 2) arcsec^2; once it is matched without the error of its time."""
+    """Covariance, (2, 2) arcsec^2; without the error of its time once the streak is matched."""
     time_sigma_s: float
-    """What its session took the shutter to scatter by."""
+    """Shutter's timing scatter as configured in its session, one sigma."""
     light: LightAlong | None = None
-    """What its light tells of its middle and length; None where it was not asked."""
+    """Midpoint and length by its light; None where they were not measured."""
     satellite: NavigationSatellite | None = None
     offset_arcsec: FloatArray = field(default_factory=lambda: np.zeros(2))
     rate_arcsec_s: FloatArray = field(default_factory=lambda: np.zeros(2))
@@ -77,7 +77,7 @@ class Streak:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class NightStreaks:
-    """A session's streaks."""
+    """Streaks of one session."""
 
     folder: Path
     config: Config
@@ -127,7 +127,7 @@ def _is_whole(measurement: Measurement, taken: FrameTaken) -> bool:
 
 
 def _along(measurement: Measurement) -> FloatArray | None:
-    """(2,) from one end of the streak to the other, arcsec east and north; None without ends."""
+    """Vector (2,) from the streak's first end to its second, arcsec east and north, or None."""
     if measurement.ends_icrs_deg is None:
         return None
     (ra_a, dec_a), (ra_b, dec_b) = measurement.ends_icrs_deg
@@ -154,16 +154,16 @@ def _light_along(measurement: Measurement, detection: Detection | None) -> Light
 
 
 def _ahead(streak: Streak) -> FloatArray:
-    """(2,) a unit vector along the streak, towards the second of its ends."""
+    """Return the unit vector (2,) along the streak, towards the second of its ends."""
     way = _along(streak.measurement)
     assert way is not None
     return np.asarray(way / np.hypot(*way))
 
 
 def _without_time(streak: Streak) -> FloatArray:
-    """(2, 2) arcsec^2: the measurement's covariance without what its time added to it.
+    """Measurement's covariance, (2, 2) arcsec^2, without the part that its time error added.
 
-    Along the streak by its light, where that is known.
+    Along the streak it is the light's, where that is known.
     """
     late = streak.rate_arcsec_s * streak.time_sigma_s
     own = streak.covariance - np.outer(late, late)
@@ -176,14 +176,14 @@ def _without_time(streak: Streak) -> FloatArray:
 
 
 def _shift(streak: Streak) -> FloatArray:
-    """(2,) arcsec from the measurement's place to the middle by the streak's light."""
+    """Offset (2,) in arcsec from the measurement's place to the midpoint by its light."""
     if streak.light is None:
         return np.zeros(2)
     return np.asarray(streak.light.offset_arcsec * _ahead(streak))
 
 
 def length_arcsec(streak: Streak) -> tuple[float, float]:
-    """Length of a streak and its sigma; NaN where the ends are not known."""
+    """Length of a streak and its sigma, arcsec; NaN where the ends are not known."""
     if streak.light is not None:
         return streak.light.length_arcsec, streak.light.length_sigma_arcsec
     way = _along(streak.measurement)
@@ -195,12 +195,12 @@ def length_arcsec(streak: Streak) -> tuple[float, float]:
 
 
 def header_mid(streak: Streak) -> int:
-    """Mid-exposure by the header (UTC ns), whatever is known of the shutter."""
+    """Mid-exposure by the header (UTC ns), without any correction for the shutter."""
     return streak.taken.t_mid_utc_ns or 0
 
 
 def match(streaks: Sequence[Streak], site: Site, satellites: Sequence[NavigationSatellite]) -> None:
-    """Give each streak the satellite that it is, if any."""
+    """Assign to each streak its navigation satellite, if any."""
     best = [math.inf] * len(streaks)
     for start in range(0, len(streaks), _CHUNK):
         some = streaks[start : start + _CHUNK]
@@ -229,13 +229,13 @@ def match(streaks: Sequence[Streak], site: Site, satellites: Sequence[Navigation
 
 _NEAR_COS = math.cos(math.radians(1.0))
 _PARALLAX_RAD = 0.3
-"""The widest angle between a direction from a site and from the Earth's centre: at 20,000 km."""
+"""Widest angle between the directions from a site and from the Earth's centre: at 20,000 km."""
 
 
 def _near(
     satellite: NavigationSatellite, t: npt.NDArray[np.int64], towards: FloatArray
 ) -> npt.NDArray[np.int64]:
-    """Which instants have the satellite anywhere near the direction, seen from the centre."""
+    """Indices of the instants when the satellite is roughly there, seen from the Earth's centre."""
     r, _ = satellite.position_gcrs(t)
     with np.errstate(invalid="ignore"):
         cos = np.sum(r * towards, axis=1) / np.linalg.norm(r, axis=1)
@@ -243,7 +243,7 @@ def _near(
 
 
 def _offsets(places: Places, ra: FloatArray, dec: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """(N, 2) measured minus predicted, arcsec, and (N, 2) the rate: east and north."""
+    """Return measured minus predicted, (N, 2) arcsec, and the rate, (N, 2): both east and north."""
     cos_dec = np.cos(np.radians(places.dec_icrs_deg))
     line, measured = (
         direction_to_unit(places.ra_icrs_deg, places.dec_icrs_deg),
@@ -260,7 +260,7 @@ def _offsets(places: Places, ra: FloatArray, dec: FloatArray) -> tuple[FloatArra
 def _fits(
     streak: Streak, offset: FloatArray, rate: FloatArray, sigma_arcsec: float
 ) -> float | None:
-    """How far off its path, in arcsec; None where it is not this satellite's streak."""
+    """Distance across the satellite's path, arcsec; None where the streak is another's."""
     speed = float(np.hypot(*rate))
     if not np.all(np.isfinite(offset)) or not speed > _MIN_RATE_ARCSEC_S:
         return None
@@ -278,7 +278,7 @@ def _fits(
 
 
 def _has_shape_of(streak: Streak, speed: float, aside: FloatArray) -> bool:
-    """Whether the streak goes the way and has the length; a light without ends has any."""
+    """True where direction and length of the streak fit; always where its ends are not known."""
     way, expected = _along(streak.measurement), speed * (streak.taken.exposure_s or 0.0)
     if way is None:
         return True
@@ -296,7 +296,7 @@ def label_of(streak: Streak) -> str:
 
 
 def match_later(streaks: Sequence[Streak], site: Site, late_s: FloatArray) -> None:
-    """Compute the offsets of one satellite's streaks at instants that are later by ``late_s``."""
+    """Compute the offsets of one satellite's streaks at instants later by ``late_s``."""
     satellite = streaks[0].satellite
     assert satellite is not None
     t = np.array([header_mid(s) for s in streaks], np.int64)

@@ -1,4 +1,4 @@
-"""What elements were off in recorded nights: rows from sessions, and from what identify printed."""
+"""Errors of elements in recorded nights: rows from sessions and from ``identify``'s output."""
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
@@ -26,7 +26,7 @@ from rsoconsole.sky import ARCSEC_RAD, iso_to_utc_ns
 from rsoconsole.words import NS_PER_DAY, NS_PER_S, utc_ns_to_iso
 
 GATE_DEG = 1.0
-"""Wider than where objects are sought: what is cut off there could not be measured."""
+"""Gate, wider than that of a search for objects: an error cut off there could not be measured."""
 _SHAPE = "a session's folder, or the lines of 'rsoconsole identify --field --json'"
 
 
@@ -35,25 +35,25 @@ class NightRows:
     """Rows of one night or file."""
 
     sessions: tuple[str, ...]
-    """As the ledger names what it was read from: the session, or each frame."""
+    """Names of the sources in the ledger: the session, or each frame."""
     tracks: int
     rows: tuple[ElementRow, ...]
-    """Of those that are surely named."""
+    """Rows of the tracks identified with certainty."""
     is_simulated: bool
 
 
 def is_session(path: Path) -> bool:
-    """Whether a path is a session's, not a file of lines."""
+    """True where a path is a session's, False for a file of lines."""
     return path.is_dir() or path.name == "session.db"
 
 
 def rows_of_session(
     path: Path, entries: Sequence[CatalogueEntry], errors: ElementErrors
 ) -> NightRows:
-    """Compare each track of a session with its object's element set that is nearest in epoch.
+    """Compare each track of a session with its object's element set nearest in epoch.
 
-    ``errors``: how far off it may be to be named. Raises SessionError where there is no track that
-    can be read.
+    ``errors``: errors of the elements, which bound the differences of an identified track. Raises
+    SessionError where there is no track that can be read.
     """
     folder = path if path.is_dir() else path.parent
     about = SessionReader(folder).about()
@@ -121,7 +121,7 @@ def _object(line: str) -> Mapping[str, Any]:
 
 
 def _seen_of(said: Mapping[str, Any]) -> Iterator[tuple[str, str, Mapping[str, Any]]]:
-    """Of a line: session, track and what was seen; the track is empty where nothing was."""
+    """Yield session, track and object for each object of a line; a frame first without a track."""
     if "error" in said:
         return
     if "movers" in said:
@@ -139,7 +139,7 @@ def _seen_of(said: Mapping[str, Any]) -> Iterator[tuple[str, str, Mapping[str, A
 
 
 def _rows_of(session: str, track: str, seen: Mapping[str, Any]) -> Iterator[ElementRow]:
-    """One where it is surely named."""
+    """Yield a row where the object is identified with certainty."""
     if seen["verdict"] != "identified" or seen["matches"][0]["probability"] < SURE_NAMED:
         return
     best = seen["matches"][0]
@@ -184,8 +184,8 @@ def _rows_of(session: str, track: str, seen: Mapping[str, Any]) -> Iterator[Elem
 
 
 def _called(name: str, t_utc_ns: int) -> str:
-    """Of folders and frames of one name, each has its instant; to the second, so that a corrected
-    clock makes no other of it."""
+    """Return the name with its instant, which tells folders or frames of one name apart; to the
+    second, so that a corrected clock does not change it."""
     return f"{name}, {utc_ns_to_iso(round(t_utc_ns / NS_PER_S) * NS_PER_S, 0)}"
 
 
@@ -195,7 +195,7 @@ FACTORS = ("along_at_epoch", "along_by_age", "across")
 def settings_of(
     fitted: Sequence[FittedFactors], catalogue: CatalogueConfig
 ) -> list[dict[str, Any]]:
-    """``catalogue.error_factors`` with what was fitted; other kinds of orbit keep theirs."""
+    """Return ``catalogue.error_factors`` with the fitted ones; other kinds of orbit keep theirs."""
     new = {each.regime: _measured(each) for each in fitted}
     kept = [each for each in catalogue.error_factors if each.regime not in new]
     return [each.model_dump() for each in (*kept, *new.values())]

@@ -1,4 +1,4 @@
-"""Files with the orbits of navigation satellites, and which catalogued objects those are."""
+"""Files with the orbits of navigation satellites, and their catalogue numbers."""
 
 import gzip
 import math
@@ -31,9 +31,11 @@ _READ_OUT = ("binning", "width_px", "height_px", "x0_px", "y0_px", "gain", "time
 _GZIP = b"\x1f\x8b"
 _REVOLUTIONS_A_DAY = (1.6, 2.4)
 _MAX_E = 0.1
-"""Medium orbits that are nearly round: navigation satellites and what has become of them."""
+"""Largest eccentricity; with the revolutions a day it selects medium, nearly round orbits:
+navigation satellites, working or retired."""
 _SAME_KM = 100.0
-"""Elements of days are good to a few km; two such satellites are thousands apart."""
+"""Largest distance of one satellite by two sources, km: elements a few days old are good to a few
+km, two satellites are thousands apart."""
 _DAYS = 30.0
 
 
@@ -131,7 +133,7 @@ def _text(path: Path) -> str:
 
 
 def timings_of(found: FoundTiming) -> tuple[CalibratedTiming, ...]:
-    """Settings' entry of each camera mode that was calibrated; none by element sets."""
+    """Settings' entry of each calibrated camera mode; none where element sets were used."""
     if found.kind == "tle":
         return ()
     return tuple(_timing(mode, timing, found) for mode, timing in found.modes if timing is not None)
@@ -161,7 +163,7 @@ def _timing(mode: Mode, timing: ShutterTiming, found: FoundTiming) -> Calibrated
 def merged_timings(
     exposure: ExposureConfig, timings: Sequence[CalibratedTiming]
 ) -> tuple[CalibratedTiming, ...]:
-    """Calibrated timings of other modes, then the new ones."""
+    """Return the calibrated timings of other modes, then the new ones."""
     new = {each.mode for each in timings}
     return (*(each for each in exposure.calibrated if each.mode not in new), *timings)
 
@@ -169,13 +171,13 @@ def merged_timings(
 def worse_than_known(
     timings: Sequence[CalibratedTiming], exposure: ExposureConfig
 ) -> tuple[tuple[CalibratedTiming, CalibratedTiming], ...]:
-    """Pairs (new, known) of the modes whose known timing is surer than the new one."""
+    """Return pairs (new, known) of the modes whose known timing is surer than the new one."""
     known = {each.mode: each for each in exposure.calibrated}
     pairs = ((each, known[each.mode]) for each in timings if each.mode in known)
     return tuple((new, old) for new, old in pairs if any(map(gt, _sigmas(new), _sigmas(old))))
 
 
 def _sigmas(timing: CalibratedTiming) -> tuple[float, float, float]:
-    """Of bias, scatter and line time; infinite where no line time was found."""
+    """Return the sigmas of bias, scatter and line time; infinite where no line time was found."""
     line_us = timing.line_time_sigma_us
     return timing.bias_sigma_s, timing.scatter_sigma_s, math.inf if line_us is None else line_us

@@ -1,7 +1,7 @@
-"""The shutter's timing from recorded nights: which streaks are navigation satellites, how late.
+"""The shutter's timing from recorded nights, by streaks of navigation satellites.
 
-All nights are adjusted together, each camera mode by itself; then each night alone, because a
-machine's clock may be off by something else another night.
+All nights are adjusted together, each camera mode by itself; then each night alone, because the
+machine's clock may have another offset in another night.
 """
 
 import math
@@ -45,68 +45,68 @@ from rsoconsole.words import NS_PER_DAY, NS_PER_S
 
 _TYPICAL_RANGE_KM = 22_000.0
 _ORBIT_KM_S = 3.9
-"""Of a navigation satellite."""
+"""Speed of a navigation satellite along its orbit, km/s."""
 _EPOCH = date(1970, 1, 1)
 _MIN_LENGTHS = 3
-"""Of a track: fewer do not tell what is usual."""
+"""Fewest streaks of a track whose median length is meaningful."""
 _PAUSE_S = 1800
-"""Seen again later, a satellite stands before other stars."""
+"""Pause after which a satellite begins another track, s: it then stands before other stars."""
 _UNLIKELY = 3.0
-"""Sigma of chi squared."""
+"""Sigmas of chi squared beyond which nights differ by more than chance."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Mode:
-    """A camera mode as the frames of a calibration have it."""
+    """Camera mode of the frames of a calibration."""
 
     exposure_s: float | None
-    """None: several, each too rarely."""
+    """Exposure, s; None: several, each too rare to be calibrated alone."""
     read_out: tuple[object, ...]
-    """As ``CalibratedTiming.read_out``."""
+    """Read-out mode, as ``CalibratedTiming.read_out``."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FoundSatellite:
-    """One navigation satellite that was found in the nights."""
+    """Navigation satellite that was found in the nights."""
 
     name: str
     streaks: int
     rate_arcsec_s: float
     position_angle_deg: float
-    """Of its motion, from north through east."""
+    """Position angle of its motion, from north through east."""
     t_utc_ns: int
-    """Of its first streak."""
+    """Instant of its first streak."""
     norad_id: int | None = None
-    """Of elements the satellite's own; of other files that of the elements nearest to it."""
+    """Catalogue number: from element sets the satellite's own, else the nearest elements'."""
     norad_name: str = ""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Night:
-    """Sessions of one night and place: the star catalogue is off the same in all of them."""
+    """Sessions of one night and place, which share the star catalogue's errors."""
 
     day: date
-    """When it began, at the site."""
+    """Day on which it began, at the site."""
     folders: tuple[Path, ...]
     streaks: int
-    """Of navigation satellites."""
+    """Number of streaks of navigation satellites."""
     candidates: int
-    """Streaks that could be one's."""
+    """Number of streaks that could be a navigation satellite's."""
     clock_offset_s: float | None
-    """What was known of the machine's clock when it began; it is part of the bias."""
+    """Offset of the machine's clock as known when it began; it is part of the bias."""
 
     @property
     def name(self) -> str:
-        """For people: the session's name, or the day where there are several."""
+        """Name in messages: the session's, or the day where there are several."""
         return self.folders[0].name if len(self.folders) == 1 else f"night of {self.day}"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FoundTiming:
-    """Calibrated timing of each camera mode, with the nights and satellites it rests on."""
+    """Calibrated timing of each camera mode, with its nights and satellites."""
 
     kind: str
-    """broadcast, sp3 or tle."""
+    """Kind of the orbits: broadcast, sp3 or tle."""
     modes: tuple[tuple[Mode, ShutterTiming | None], ...]
     calibration: TimeCalibration
     nights: tuple[Night, ...]
@@ -116,15 +116,15 @@ class FoundTiming:
     simulated: tuple[Path, ...] = ()
     """Sessions of the simulated observatory, whose shutter is no camera's."""
     skipped: Mapping[str, int] = field(default_factory=dict)
-    """What of the orbits' files was not used, by reason, and how often."""
+    """Number of unused entries of the orbit files, by reason."""
 
 
 def calibrate_time(folders: Sequence[Path], file: NavigationFile, source: str) -> FoundTiming:
     """Calibrate the shutter of each camera mode from recorded nights.
 
-    ``source``: the files' names, for people. Raises SessionError for what is no session, and
-    OrbitError where the file is of another day, where no streak is a navigation satellite's, or
-    too few are.
+    ``source``: names of the files, for messages. Raises SessionError for a folder without a
+    session, and OrbitError where the file is of another day, or where no or too few streaks are
+    navigation satellites'.
     """
     sessions = [read_streaks(folder, number) for number, folder in enumerate(folders)]
     every = [streak for session in sessions for streak in session.streaks]
@@ -185,7 +185,7 @@ def _by_night(
     line_time_s: Sequence[float],
     place_arcsec: float,
 ) -> TimeCalibration:
-    """The biases with what nights differ by in their errors, where that is more than chance."""
+    """Widen the biases' sigmas by the scatter between nights, where that is more than chance."""
     nights = np.unique(seen.night)
     if len(nights) < 2:
         return found
@@ -213,7 +213,7 @@ def _by_night(
 
 
 def _in_row(timing: ShutterTiming, whole: ShutterTiming) -> Estimate:
-    """The bias of one night in the row in which that of all is known best."""
+    """Return one night's bias in the row where the bias of all nights is known best."""
     # Nights that differ make one line time of both a wrong one.
     of = timing if timing.is_line_time_found else whole
     rows, line = whole.middle_row_px - timing.middle_row_px, of.line_time_s
@@ -226,7 +226,7 @@ def _in_row(timing: ShutterTiming, whole: ShutterTiming) -> Estimate:
 
 
 def _widened(timing: ShutterTiming, nights: Sequence[Estimate]) -> ShutterTiming:
-    """Its bias with the scatter between nights that their own errors do not explain."""
+    """Widen the bias by the scatter between nights that their own errors do not explain."""
     if len(nights) < 2:
         return timing
     value = np.array([each.value for each in nights])
@@ -240,12 +240,12 @@ def _widened(timing: ShutterTiming, nights: Sequence[Estimate]) -> ShutterTiming
 
 
 def _less_sure(timing: ShutterTiming, by_s: float) -> ShutterTiming:
-    """Its bias with one sigma more."""
+    """Add one more sigma, in quadrature, to that of the bias."""
     return _with_bias(timing, lambda bias: replace(bias, sigma=math.hypot(bias.sigma, by_s)))
 
 
 def _later(timing: ShutterTiming, late_s: float) -> ShutterTiming:
-    """Its bias counted from the header."""
+    """Shift the bias so that it counts from the header's time."""
     return _with_bias(timing, lambda bias: replace(bias, value=bias.value + late_s))
 
 
@@ -258,9 +258,9 @@ def _with_bias(timing: ShutterTiming, change: Callable[[Estimate], Estimate]) ->
 def _as_sure_as_elements(
     found: Sequence[ShutterTiming | None], used: Sequence[Streak], number: Sequence[int]
 ) -> tuple[ShutterTiming | None, ...]:
-    """The biases with what element sets are off along their orbits: one error a satellite.
+    """Widen the biases by the error of element sets along their orbits: one error a satellite.
 
-    No scatter of the tracks shows it, as those of one satellite have it in common.
+    The scatter of the tracks does not show this error, as the tracks of one satellite share it.
     """
     off_s = SIGMA_KM["tle"] / _ORBIT_KM_S
     seen = [
@@ -274,12 +274,12 @@ def _as_sure_as_elements(
 
 
 def _as_many_alike(counts: Collection[int]) -> float:
-    """As how many that count alike those of such counts tell (Kish 1965, 11.7)."""
+    """Return the effective number of satellites with these counts of streaks (Kish 1965, 11.7)."""
     return max(sum(counts) ** 2 / max(sum(n * n for n in counts), 1), 1.0)
 
 
 def _nights(sessions: Sequence[NightStreaks]) -> list[tuple[date, list[int]]]:
-    """The day on which each night began, and which sessions are of it, by their numbers."""
+    """Return the day on which each night began, and the numbers of its sessions."""
     found: dict[tuple[float, float, int], list[int]] = {}
     for number, session in enumerate(sessions):
         if not session.streaks:
@@ -307,7 +307,7 @@ def _night(
 
 
 def _modes(used: Sequence[Streak]) -> tuple[list[Mode], list[int]]:
-    """The modes, and which each streak is of; exposures that are rare go together."""
+    """Return the modes, and the mode of each streak; rare exposures share one."""
     read_outs = [read_out_of(streak.taken) for streak in used]
     exposures = [streak.taken.exposure_s or 1.0 for streak in used]
     named: dict[Mode, int] = {}
@@ -350,9 +350,10 @@ def _about_the_middle(
     sessions: Sequence[NightStreaks],
     night_of: Mapping[int, int],
 ) -> tuple[TimedDirections, FloatArray]:
-    """Directions against the orbits at the instants that are about right, and how late those are.
+    """Directions against the orbits at roughly corrected instants, and each mode's delay, s.
 
-    A satellite turns a little in the seconds that a header may be off.
+    The correction matters because a satellite turns a little in the seconds that a header may be
+    off.
     """
     late = np.array(
         [
@@ -388,9 +389,10 @@ def _about_the_middle(
 
 
 def _lengths_off(used: Sequence[Streak], track: npt.NDArray[np.int64]) -> FloatArray:
-    """By how much each streak is longer than the middle one of its track.
+    """Return by how much each streak is longer than its track's median, arcsec.
 
-    A mount that drifts makes all of a track longer or shorter than the rate says.
+    The median is subtracted because a drifting mount makes all streaks of a track longer or shorter
+    than the rate predicts.
     """
     length = np.array([length_arcsec(streak)[0] for streak in used])
     length -= [float(np.hypot(*s.rate_arcsec_s)) * (s.taken.exposure_s or 0.0) for s in used]
@@ -405,7 +407,7 @@ def _lengths_off(used: Sequence[Streak], track: npt.NDArray[np.int64]) -> FloatA
 
 
 def _tracks(used: Sequence[Streak]) -> Iterator[list[int]]:
-    """The streaks of one satellite in a session until it is left for a while, by their numbers."""
+    """Yield the tracks: numbers of one satellite's streaks in a session, until a pause."""
     order = sorted(
         range(len(used)),
         key=lambda n: (used[n].session, label_of(used[n]), header_mid(used[n])),

@@ -1,7 +1,8 @@
-"""A frame's streaks against the frame before it: what the sky or the sensor had there already.
+"""A frame's streaks against the frame before it: light that was there already.
 
-A light that the telescope keeps pace with stays at its pixels too: it draws a streak as long, in
-the direction, as the sky's own motion between the frames makes it. What does not is the sensor's.
+A light that the telescope keeps pace with stays at its pixels too: its streak has the length and
+direction of the sky's own motion between the frames. Light at the same pixels without that is the
+sensor's.
 """
 
 import math
@@ -32,7 +33,7 @@ class SolvedField:
     stars: StarList
     solution: Solution
     streaks: tuple[Detection, ...] = ()
-    """What was detected in it."""
+    """Streaks detected in it."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -41,13 +42,13 @@ class StreakComparison:
 
     comparison: Comparison | None = None
     reason: NotAStreak | None = None
-    """Why it is none."""
+    """Reason why it is no streak; None where it may be one."""
 
 
 def to_field(
     here: SolvedField, other: SolvedField, x: FloatArray, y: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Pixels of the same places of the sky in another frame."""
+    """Return the pixels of the same places of the sky in another frame."""
     return sky_to_pixel(other.solution.wcs, *pixel_to_sky(here.solution.wcs, x, y))
 
 
@@ -62,16 +63,17 @@ def ends_of(streak: Detection) -> Ends:
 
 
 _ONE_WAY_DEG, _ONE_LENGTH = 10.0, 1.4
-"""Turn and ratio of lengths up to which two streaks are of one motion."""
+"""Turn and ratio of lengths up to which two streaks belong to one motion."""
 _BESIDE_SHARE, _BESIDE_FWHM = 0.12, 2.0
-"""Of its way, or in widths of a star, by which what has moved on may lie beside where it should:
-where the mount drifts, a streak is as long and as turned as the drift makes it, the way is not."""
+"""Largest distance of a moved streak from its expected place, as a share of its way or in widths of
+a star. Where the mount drifts, the streak's length and direction include the drift, its way does
+not."""
 
 
 def has_moved_on(streak: Detection, here: SolvedField, before: SolvedField, later_s: float) -> bool:
-    """Whether what lay at a streak's place in the frame before is another streak of this frame.
+    """True where the earlier streak at this place has become another streak of this frame.
 
-    ``later_s``: from the middle of that exposure to the middle of this one.
+    ``later_s``: time from the middle of that exposure to the middle of this one.
     """
     exposure_s = before.frame.exposure_s
     if not exposure_s:
@@ -114,7 +116,7 @@ def _leads(
     way_per_length: float,
     stars: StarList,
 ) -> bool:
-    """Whether the other one lies where the earlier streak's own motion has brought it."""
+    """True where the other streak lies where the earlier streak's own motion has brought it."""
     x, y, length_px = earlier
     way_px = length_px * way_per_length
     dx, dy = other.x_px - x, other.y_px - y
@@ -126,18 +128,18 @@ def _leads(
 
 
 LATEST_S = 600.0
-"""An older frame is not asked."""
+"""Greatest age of the frame before, s; an older one is not compared."""
 _BRIGHTEST = slice(120)
-"""Stars of a frame that are looked for in the other."""
+"""Stars of a frame that are matched with the other's."""
 _MOVED_PX, _MOVED_FWHM = 4.0, 2.0
-"""By how much the sky has to have moved, at least, for the sensor to be told from it."""
+"""Least motion of the sky, in px and in widths of a star, that separates it from the sensor."""
 _SAME_WAY_DEG, _SAME_LENGTH = 15.0, 2.0
-"""Turn and ratio of lengths up to which a streak is that of what the telescope keeps pace with."""
+"""Turn and ratio of lengths up to which a streak may be one that the telescope keeps pace with."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class LookBack:
-    """The frame before one, where the two can be compared."""
+    """Comparison of a frame with the frame before it."""
 
     here: SolvedField
     before: SolvedField
@@ -148,7 +150,7 @@ class LookBack:
     def of(cls, here: SolvedField, before: SolvedField) -> "LookBack | None":
         """Compare two frames.
 
-        None where the field is another, they overlap in time, or their stars disagree.
+        None where the field is another, the exposures overlap in time, or their stars disagree.
         """
         later_s = _later_s(here.frame, before.frame)
         is_alike = here.frame.pixels.shape == before.frame.pixels.shape
@@ -168,7 +170,7 @@ class LookBack:
         return cls(here=here, before=before, flux_ratio=agree.flux_ratio, later_s=later_s)
 
     def compare(self, streak: Detection) -> StreakComparison | None:
-        """Compare one streak with the earlier frame; None where that tells nothing."""
+        """Compare one streak with the earlier frame; None where the result is unclear."""
         here, before = self.here, self.before
         width_px = max(streak.width_px, here.stars.median_fwhm_px, before.stars.median_fwhm_px)
         profile = Profile.of(here.frame.pixels, ends_of(streak), width_px)
@@ -196,7 +198,7 @@ class LookBack:
         return earlier_light(profile, pixels, to_earlier, snr=streak.snr, flux_ratio=flux_ratio)
 
     def _may_be_sensors(self, streak: Detection) -> bool:
-        """Whether the sky has moved enough to tell, and a light that moves is no explanation."""
+        """True where the sky has moved enough, and a moving light is no explanation."""
         x, y = np.array([streak.x_px]), np.array([streak.y_px])
         was_x, was_y = to_field(self.before, self.here, x, y)
         # From where the sky that was at its pixels is now: what a light that stayed there has gone.
@@ -205,7 +207,7 @@ class LookBack:
         return math.hypot(dx, dy) > least_px and not self._keeps_pace(streak, dx, dy)
 
     def _keeps_pace(self, streak: Detection, dx: float, dy: float) -> bool:
-        """Whether a light that went so far between the frames draws such a streak."""
+        """True where a light with this displacement between the frames draws such a streak."""
         angle_deg = math.degrees(math.atan2(dy, dx)) % 180.0
         if turn_deg(angle_deg, streak.angle_deg) > _SAME_WAY_DEG:
             return False
@@ -215,7 +217,7 @@ class LookBack:
 
 
 def _later_s(frame: Frame, before: Frame) -> float | None:
-    """Between the middles of two exposures that follow each other; None where they do not."""
+    """Seconds between the middles of two successive exposures; None where they are not."""
     times = frame.t_start_utc_ns, before.t_start_utc_ns
     if times[0] is None or times[1] is None or not frame.exposure_s or not before.exposure_s:
         return None

@@ -1,9 +1,10 @@
 """Streaks of a solved frame against the frame before it and the star catalogue.
 
-One frame cannot tell a flashing streak from stars in a row. Light that an earlier frame shows at
-the same places of the sky, or that catalogue stars have, is no satellite's; light that neither has
-is no star's. What stays at the same pixels while the sky moves is the sensor's own, unless it
-moves as what the telescope keeps pace with does. The order of the frames is that of the record.
+One frame cannot separate a flashing streak from stars in a row. Light that an earlier frame shows
+at the same places of the sky, or that catalogue stars have, is no satellite's; light that neither
+has is no star's. Light at the same pixels while the sky moves is the sensor's own, unless it may
+belong to an object that the telescope keeps pace with. Frames are compared in the order of the
+record.
 """
 
 import logging
@@ -49,18 +50,18 @@ from rsoconsole.vision import (
 )
 
 _COMPLETE_MAG = 10.0
-"""The catalogue lacks no star brighter than this to a camera without a filter, red ones apart."""
+"""Magnitude to which the catalogue is complete for a camera without a filter, red stars apart."""
 _WIDEST_DEG = 4.0
-"""Half a field's diagonal up to which the catalogue is asked."""
+"""Half a field's diagonal up to which the catalogue is used."""
 _BRIGHTEST, _MAX_STARS = slice(80), 1500
-"""Stars of a frame that are looked for among the catalogue's, and how many of those; there are
-fewer above the magnitude of completeness in the widest field."""
+"""Stars of a frame that are matched with the catalogue's, and the most of those; even the widest
+field has fewer above the magnitude of completeness."""
 
 
 def catalogue_stars(
     frame: Frame, solution: Solution, most: int, catalogue: StarCatalogue | None = None
 ) -> tuple[FloatArray, FloatArray] | None:
-    """Places in pixels (n, 2) and magnitudes of a frame's brightest catalogue stars.
+    """Return places in pixels (n, 2) and magnitudes of a frame's brightest catalogue stars.
 
     ``catalogue``: None for the shipped stars. None where the field is too wide; raises
     RsoconsoleError where the catalogue cannot be read.
@@ -115,7 +116,7 @@ class KnownStars:
         )
 
     def compare(self, streak: Detection) -> StreakComparison | None:
-        """Compare one streak with the catalogue; None where that tells nothing."""
+        """Compare one streak with the catalogue; None where the result is unclear."""
         light = catalogue_light(
             self.here.frame.pixels,
             self.places_px,
@@ -135,15 +136,15 @@ class KnownStars:
 log = logging.getLogger(__name__)
 
 MAX_LOOKS = 8
-"""Streaks of a frame that are looked at, most confident first."""
+"""Most streaks of a frame that are compared, most confident first."""
 FIXED_CONFIDENCE = 0.02
-"""Times its confidence is what is fixed still believed."""
+"""Factor on the confidence of a streak that is fixed in the sky or on the sensor."""
 _LED_TO: dict[NotAStreakKind, Comparison | None] = {
     "fixed in the sky": "same light",
     "catalogue stars": "catalogue stars",
     "fixed on the sensor": None,
 }
-"""What the comparison was that led to a reason."""
+"""Comparison that belongs to each reason; None for the sensor's own light."""
 _NOTHING = StreakComparison()
 
 
@@ -154,9 +155,9 @@ class FixedLight:
         self._before: SolvedField | None = None
 
     def compared(self, frame: Frame, analysis: FrameAnalysis, solution: Solution) -> Detections:
-        """Streaks of the frame after the comparison; raises nothing.
+        """Return the frame's streaks after the comparison; raises nothing.
 
-        ``frame``: with its pixels as ``analysis`` has seen them; they come in the order of the
+        ``frame``: with its pixels as ``analysis`` has seen them; frames come in the order of the
         record.
         """
         here = SolvedField(
@@ -171,10 +172,10 @@ class FixedLight:
 
 
 class RecordedComparison:
-    """Comparison as recorded, for a frame that is reduced again without the one before it."""
+    """Recorded comparison, for a frame that is reduced again without the frame before it."""
 
     def __init__(self, recorded: Detections | None) -> None:
-        """``recorded``: what was found in that frame; None where it was never reduced."""
+        """``recorded``: the detections recorded for that frame; None where it was never reduced."""
         rejected = () if recorded is None else recorded.rejected
         self._fixed = [
             each
@@ -183,7 +184,7 @@ class RecordedComparison:
         ]
 
     def compared(self, frame: Frame, analysis: FrameAnalysis, solution: Solution) -> Detections:
-        """As ``FixedLight`` has it; the catalogue is asked once more."""
+        """Return the frame's streaks as ``FixedLight`` does; the catalogue is looked up again."""
         here = SolvedField(frame=frame, stars=analysis.stars, solution=solution)
         asked = _worth_a_look(analysis)
         return _after(
@@ -205,7 +206,7 @@ def _after(
     analysis: FrameAnalysis,
     compare: Callable[[], dict[Detection, StreakComparison]],
 ) -> Detections:
-    """The frame's streaks after a comparison; as they were where it breaks."""
+    """Return the frame's streaks after a comparison; unchanged where the comparison fails."""
     found = analysis.detections
     try:
         words = compare()
@@ -217,7 +218,7 @@ def _after(
 
 
 def _worth_a_look(analysis: FrameAnalysis) -> list[Detection]:
-    """What was taken, and what another tau would take."""
+    """Return the detections, and the candidates that another tau would accept."""
     found = analysis.detections
     below = [r.detection for r in found.rejected if isinstance(r.reason, BelowTau)]
     seen = [each for each in (*found.detections, *below) if each.width_px > 0.0]
@@ -227,7 +228,7 @@ def _worth_a_look(analysis: FrameAnalysis) -> list[Detection]:
 def comparisons_of(
     here: SolvedField, before: SolvedField | None, streaks: list[Detection]
 ) -> dict[Detection, StreakComparison]:
-    """Comparisons of a frame's streaks with earlier frame and catalogue, where they tell. Pure.
+    """Compare a frame's streaks with earlier frame and catalogue, keeping clear results. Pure.
 
     Without streaks nothing is looked up.
     """
@@ -256,7 +257,7 @@ def with_comparisons(
     shares: Mapping[Detection, Likelihood],
     frame: Frame,
 ) -> Detections:
-    """Apply comparisons to a frame's streaks: classes, and what is no streak. Pure."""
+    """Apply comparisons to a frame's streaks: their classes, and which are no streaks. Pure."""
     kept: list[Detection] = []
     rejected: list[Rejection] = []
     for each in found.detections:
@@ -302,7 +303,7 @@ def _renamed(
 
 
 def _period_s(streak: Detection, frame: Frame) -> float | None:
-    """Of its pulse in time."""
+    """Return the period of its brightness in seconds; None where it is not known."""
     period_px, exposure_s = streak.modulation_period_px, frame.exposure_s
     if streak.kind != "streak" or period_px is None or not exposure_s:
         return None

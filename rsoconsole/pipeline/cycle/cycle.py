@@ -1,4 +1,4 @@
-"""One cycle: a frame, its reduction, the tracks after it, and all that goes on record.
+"""One cycle: a frame, its reduction, the tracks after it, and its records.
 
 The engine, ``process`` and every replay run this, so that the same frames give the same track;
 ``pipeline.fold`` is the half of it that needs no pixels.
@@ -37,7 +37,7 @@ class CycleResult:
     reduction: Reduction
     after: Following
     records: tuple[Record, ...]
-    """All that belongs on the record behind ``FrameTaken``, in order."""
+    """Records of the frame after ``FrameTaken``, in order."""
 
 
 class Cycle:
@@ -48,18 +48,18 @@ class Cycle:
         self._config = config
         self._stars = StarHistory()
         self.folds = FollowedFrames()
-        """The last frames followed, on which the operator may decide."""
+        """Last tracked frames, on which the operator may decide."""
         self.hand = HandTrack()
-        """The last frames that belong to no track, on which the operator may decide, too."""
+        """Last frames that belong to no track, on which the operator may also decide."""
         self.cloud: HiddenBy | None = None
-        """What the last frame's stars say of cloud; None for a clear sky."""
+        """Cloud by the last frame's stars; None for a clear sky."""
         self.star_count: int | None = None
-        """How many stars the last frame showed; None where nobody counted them."""
+        """Number of stars of the last frame; None where they were not counted."""
         self._said: set[str] = set()
-        """Kinds of cautions that are on record already."""
+        """Kinds of cautions that are already on record."""
 
     def configure(self, config: Config) -> None:
-        """Take new tunables; in force from the next frame."""
+        """Take new tunables, in force from the next frame."""
         self._config = config
         self._reducer.configure(config)
 
@@ -85,7 +85,7 @@ class Cycle:
         )
 
     def _on_record(self, reduction: Reduction, frame_id: int) -> tuple[Record, ...]:
-        """What a frame gave, and each caution when it is first met."""
+        """Return the records of a frame, with each kind of caution when it first occurs."""
         solution = () if reduction.solution is None else (reduction.solution,)
         fresh = [each for each in reduction.cautions if each.kind not in self._said]
         self._said |= {each.kind for each in fresh}
@@ -97,8 +97,8 @@ class Cycle:
     ) -> tuple[Following | None, tuple[Record, ...]]:
         """Apply the operator's decision on a frame that belongs to no track.
 
-        The track that is kept then, and what belongs on the record. Raises ValueError where
-        nothing can be said on the frame any more.
+        Return the track kept then, and the records. Raises ValueError where a decision on the frame
+        is no longer possible.
         """
         after, again = self.hand.apply(decision, kept, last_track_id)
         return after, on_record_again(decision, again)
@@ -106,8 +106,8 @@ class Cycle:
     def apply_decision(self, decision: Ruling) -> tuple[Following, tuple[Record, ...]]:
         """Apply the operator's decision: fold a frame and those after it again.
 
-        What is followed then, and what belongs on the record. Raises ValueError where nothing
-        can be said on the frame any more.
+        Return the state then, and the records. Raises ValueError where a decision on the frame is
+        no longer possible.
         """
         again = self.folds.apply(decision)
         return again[-1].following, on_record_again(
@@ -115,11 +115,11 @@ class Cycle:
         )
 
     def glance(self, frame: Frame, reach_px: float) -> Glance | None:
-        """Reduce the middle of a frame, ``reach_px`` about its centre, before the frame is run."""
+        """Reduce the centre of a frame, ``reach_px`` about its middle, before the frame is run."""
         return self._reducer.glance(frame, reach_px)
 
     def look(self, frame: Frame) -> tuple[Reduction, tuple[Record, ...]]:
-        """Reduce a frame that is not folded; (reduction, records)."""
+        """Reduce a frame that is not folded; return (reduction, records)."""
         reduction = self._reducer.reduce(frame)
         observed = self._observed(frame_taken_record(frame), reduction)
         self._stars = star_history_without_fold(self._stars, observed)
@@ -135,8 +135,8 @@ class Cycle:
     ) -> CycleResult:
         """Reduce one frame and fold it. Raises FrameError for a frame without a time.
 
-        ``blocked``: why the slew to the track was refused before this frame, as ``FrameTaken``
-        carries it; ``orbits``: the last one of each track on record, by track id.
+        ``blocked``: reason why the slew to the track was refused before this frame, as in
+        ``FrameTaken``; ``orbits``: the last one of each track on record, by track id.
         """
         taken = frame_taken_record(frame, blocked)
         mid_exposure(taken, self._config)  # before the work: such a frame cannot be folded
@@ -155,7 +155,7 @@ class Cycle:
 
 
 def frame_taken_record(frame: Frame, blocked: SlewRefusal | None = None) -> FrameTaken:
-    """Record of a frame without its pixels; ``blocked`` as ``Cycle.run`` has it."""
+    """Return the record of a frame without its pixels; ``blocked`` as in ``Cycle.run``."""
     return FrameTaken(
         frame_id=frame.frame_id,
         name=frame.name,

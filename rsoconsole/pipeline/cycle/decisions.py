@@ -1,4 +1,4 @@
-"""The operator's decisions on frames already folded: these are folded again, in order.
+"""The operator's decisions on frames already folded, which are then folded again, in order.
 
 Pure but for its memory of the last frames. Engine and replay keep one each, and so come to the
 same track.
@@ -23,17 +23,17 @@ from rsoconsole.records import FollowedAgain, Measurement, Record, Ruling, State
 from rsoconsole.tracking import Following
 
 KEPT = 12
-"""Frames that a word may still be said on: some minutes."""
+"""Number of frames open to a decision: some minutes."""
 TAKEN_BACK = 60
-"""Frames within which a word on a frame that was held for it can be taken back."""
+"""Number of frames within which a decision on a held frame can be taken back."""
 
 
 def on_record_again(
     decision: Ruling, again: Sequence[tuple[int, tuple[Record, ...]]]
 ) -> tuple[Record, ...]:
-    """Records of a decision and of all that it leads to, in the order of the record.
+    """Records of a decision and of all that follows from it, in the order of the record.
 
-    ``again``: the numbers of the frames that are folded once more by it, and their records.
+    ``again``: the numbers of the frames that are folded again by it, and their records.
     """
     records: list[Record] = [decision]
     if decision.taken is not None and decision.taken.source == "operator":
@@ -47,22 +47,22 @@ OfFrame = TypeVar("OfFrame", bound=ReducedFrame)
 
 
 class LastFrames(Generic[OfFrame]):
-    """The last frames on which the operator may decide, those that are held among them."""
+    """The last frames on which the operator may decide, with those held for it."""
 
     DONE: ClassVar[str]
-    """What was done with them, in words."""
+    """Past participle for these frames in messages: followed or looked at."""
 
     def __init__(self, after_word: int) -> None:
-        """``after_word``: for how many frames one is held once a word has been said on it."""
+        """``after_word``: number of frames for which a held one stays after a decision on it."""
         self._frames: tuple[OfFrame, ...] = ()
         self._held: Mapping[int, int] = {}
-        """Frames that are held, each for how many more frames."""
+        """Held frames, each with the number of further frames that it stays."""
         # Both are replaced as a whole, never changed: other threads look in.
         self._after_word = after_word
         self._lock = threading.Lock()
 
     def hold(self, frame_id: int) -> None:
-        """Keep a frame to be ruled on, if it is there still or comes (any thread)."""
+        """Hold a frame for a decision, if it is still there or comes (any thread)."""
         with self._lock:
             self._held = {**self._held, frame_id: HELD}
 
@@ -93,7 +93,7 @@ class LastFrames(Generic[OfFrame]):
         )
 
     def said_last(self) -> int | None:
-        """Number of the newest frame with a decision; None where there is none."""
+        """Return the number of the newest frame with a decision; None where there is none."""
         said = self.decisions()
         return said[-1].frame_id if said else None
 
@@ -102,7 +102,7 @@ class LastFrames(Generic[OfFrame]):
         return tuple(each.frame_id for each in self._open())
 
     def _hold_ruled(self, frame_id: int) -> None:
-        """Of a frame that is held: as long as the decision on it may be taken back."""
+        """Hold a decided frame for as long as its decision may be taken back."""
         if frame_id in self._held:
             self._held = {**self._held, frame_id: self._after_word}
 
@@ -110,11 +110,11 @@ class LastFrames(Generic[OfFrame]):
         self._held = {n: left - 1 for n, left in self._held.items() if left > 1}
 
     def _open(self) -> tuple[OfFrame, ...]:
-        """Those on which something can still be said."""
+        """Return the frames on which a decision is still possible."""
         return self._frames
 
     def _within_reach(self, frames: tuple[OfFrame, ...]) -> tuple[OfFrame, ...]:
-        """The last ones and those that are held."""
+        """Return the last frames and the held ones."""
         first = len(frames) - KEPT
         return tuple(
             each for n, each in enumerate(frames) if n >= first or each.frame_id in self._held
@@ -127,15 +127,15 @@ class LastFrames(Generic[OfFrame]):
         raise ValueError(self._why_not(frames, frame_id))
 
     def _why_not(self, frames: tuple[OfFrame, ...], frame_id: int) -> str:
-        """In words, why nothing can be said on a frame."""
+        """Return the message why no decision on a frame is possible."""
         raise NotImplementedError
 
 
 class FollowedFrames(LastFrames[FoldedFrame]):
-    """The last frames followed without anything from outside between them.
+    """The last frames tracked without an event from outside between them.
 
-    Where one is held (somebody is marking in it), all since then are kept, to be followed again by
-    the word on it; what is kept between is not to be said on.
+    Where a frame is held (the operator is marking in it), all since then are kept, to be folded
+    again by the decision on it; on those in between no decision is possible.
     """
 
     DONE = "followed"
@@ -152,13 +152,13 @@ class FollowedFrames(LastFrames[FoldedFrame]):
             self._frames = frames[self._place(frames, oldest) :]
 
     def forget(self) -> None:
-        """Forget the frames: something from outside has changed what is followed."""
+        """Forget the frames: an event from outside has changed the track."""
         with self._lock:
             self._frames = ()
             self._held = {}
 
     def taken(self, frame_id: int) -> Measurement | None:
-        """Measurement that the track took of a frame. Raises ValueError as ``shown`` does."""
+        """Measurement that the track accepted in a frame. Raises ValueError as ``shown`` does."""
         frames = self._open()
         taken = frames[self._place(frames, frame_id)].following.taken
         return taken if taken is not None and taken.frame_id == frame_id else None
@@ -190,7 +190,7 @@ class FollowedFrames(LastFrames[FoldedFrame]):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Made:
-    """What the marks so far come to."""
+    """State after the marks so far."""
 
     kept: Following | None
     candidates: tuple[Measurement, ...] = ()
@@ -205,7 +205,7 @@ class HandTrack(LastFrames[ReducedFrame]):
     def __init__(self) -> None:
         super().__init__(HELD)  # the second mark of a track may take as long as the first
         self._base: _Made | None = None
-        """Before the first word; None while none was said."""
+        """State before the first decision; None while there was none."""
 
     def add(self, observed: FrameObservations, config: Config) -> None:
         """Add a frame; one without a time can be no part of a track."""
@@ -217,7 +217,7 @@ class HandTrack(LastFrames[ReducedFrame]):
                 self._frames = self._within_reach(looked)
 
     def forget(self) -> None:
-        """Forget the decisions: somebody else has the mount, and the track so far is kept."""
+        """Forget the decisions: control has changed, and the track so far is kept."""
         self._base = None
         with self._lock:
             self._held = {}
@@ -227,17 +227,17 @@ class HandTrack(LastFrames[ReducedFrame]):
             )[-KEPT:]
 
     def taken(self, frame_id: int) -> Measurement | None:
-        """Measurement that the operator gave of a frame. Raises ValueError as ``shown`` does."""
+        """Measurement that the operator marked in a frame. Raises ValueError as ``shown`` does."""
         decision = self.shown(frame_id).decision
         return None if decision is None else decision.taken
 
     def apply(
         self, decision: Ruling, kept: Following | None, last_track_id: int
     ) -> tuple[Following | None, list[tuple[int, tuple[Record, ...]]]]:
-        """Apply the operator's decision on a frame: (track that is kept, frames folded by it).
+        """Apply the operator's decision on a frame; return (kept track, frames folded by it).
 
-        ``kept``: what was kept before the first word; ``last_track_id``: of the session. The frames
-        by number with their records. Raises ValueError as ``shown`` does.
+        ``kept``: the track kept before the first decision; ``last_track_id``: of the session. The
+        frames come by number with their records. Raises ValueError as ``shown`` does.
         """
         place = self._place(self._frames, decision.frame_id)
         old = self._frames[place]
@@ -265,7 +265,7 @@ def _decided(observed: FrameObservations, decision: Ruling) -> FrameObservations
 
 
 def _with(made: _Made, marked: ReducedFrame) -> tuple[_Made, tuple[Record, ...]]:
-    """One marked frame more: the second of a track, one of a track that is kept, or a first."""
+    """Add one marked frame: the second of a track, one of a kept track, or a first."""
     decision = marked.observations.decision
     if decision is None or decision.taken is None:
         return made, ()
@@ -285,7 +285,7 @@ def _with(made: _Made, marked: ReducedFrame) -> tuple[_Made, tuple[Record, ...]]
 
 
 def _goes_on(made: _Made, marked: ReducedFrame) -> bool:
-    """Whether a frame comes after all that the kept track has."""
+    """True where a frame is later than the whole kept track."""
     if made.kept is None or made.kept.track is None:
         return False
     t_mid_ns = shutter_mid_utc_ns(marked.observations.taken, marked.config.exposure)
@@ -305,7 +305,7 @@ def _begun(following: Following) -> _Made:
 
 
 def _folded(before: Following, marked: ReducedFrame) -> tuple[Following, tuple[Record, ...]]:
-    """By what the operator gave alone; who has the mount does not change by it."""
+    """Fold a frame with the operator's mark alone; changes of state are left out of the records."""
     observed = replace(marked.observations, measurements=())
     folded = fold(before, StarHistory(), observed, marked.config)
     kept = tuple(each for each in folded.records if not isinstance(each, StateChange))

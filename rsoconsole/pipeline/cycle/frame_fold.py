@@ -1,4 +1,4 @@
-"""The fold: tracks after a frame, from what is on record alone. Pure: no pixels, no memory."""
+"""The fold: tracks after a frame, from the records alone. Pure: no pixels, no memory."""
 
 import functools
 import statistics
@@ -47,9 +47,9 @@ from rsoconsole.tracking.filters import estimator
 
 
 def may_guide(config: Config) -> bool:
-    """Whether an orbit may say where the telescope goes, and carry on a track.
+    """True where an orbit may set the aim point and carry on a track.
 
-    Preset ``paper`` is the paper's whole loop: its filter alone leads it.
+    Preset ``paper`` is the paper's whole loop, which its filter alone leads.
     """
     return config.orbit.guide == "when better" and config.filter.preset != "paper"
 
@@ -63,11 +63,11 @@ class FrameObservations:
     solution: Solution | NotSolved | None
     measurements: tuple[Measurement, ...]
     decision: Ruling | None = None
-    """The operator's word on them."""
+    """The operator's decision on the frame; None without one."""
     decisions: int = 0
-    """How many words have been said on them."""
+    """Number of decisions made on the frame."""
     orbits: Mapping[int, OrbitEstimate] = field(default_factory=dict)
-    """The last orbit of each track on record when the frame came, by track id."""
+    """Last orbit of each track on record when the frame came, by track id."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -79,20 +79,20 @@ class ReducedFrame:
 
     @property
     def frame_id(self) -> int:
-        """As in the records."""
+        """Number of the frame, as in the records."""
         return self.observations.taken.frame_id
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FoldedFrame(ReducedFrame):
-    """A frame that was folded into the tracks: the state before it and after it."""
+    """Frame that was folded into the tracks: the state before it and after it."""
 
     before: Following
     stars_before: StarHistory
     following: Following
     stars: StarHistory
     records: tuple[Record, ...]
-    """What the fold puts on record, in order."""
+    """Records of the fold, in order."""
 
 
 def fold(
@@ -154,9 +154,10 @@ def fold(
 
 
 def _width_arcsec(observed: FrameObservations) -> float | None:
-    """Of the frame's stars, where they and its scale are known; of its streaks, if narrower.
+    """Width of the frame's stars, or of its streaks if narrower, arcsec; None where unknown.
 
-    Stars that drift while the shutter is open are wider than what shows two satellites apart.
+    Stars that drift during the exposure are wider than the resolution that separates two
+    satellites.
     """
     width_px = None if observed.detections is None else observed.detections.star_fwhm_px
     if width_px is None or not isinstance(observed.solution, Solution):
@@ -170,7 +171,7 @@ def _width_arcsec(observed: FrameObservations) -> float | None:
 def _asks_orbit(
     before: Following, orbits: Mapping[int, OrbitEstimate], config: Config, t_mid_ns: int
 ) -> Callable[[TrackState], TrackState | None] | None:
-    """Where the orbit of this very track may speak for a filter that fails."""
+    """Predictor by orbits for a filter that fails; None where no track's orbit may be used."""
     if not may_guide(config):
         return None
     known_of = {
@@ -188,7 +189,7 @@ def _asks_orbit(
 def _by_orbit(
     orbits: Mapping[int, OrbitEstimate], config: Config, t_mid_ns: int, failed: TrackState
 ) -> TrackState | None:
-    """What the track's orbit predicts, if it is surer than the field is wide."""
+    """State predicted by the track's orbit, if its bounds are narrower than the field."""
     orbit = orbits.get(failed.track_id)
     if orbit is None:
         return None
@@ -228,7 +229,7 @@ def mid_exposure(taken: FrameTaken, config: Config) -> tuple[int, float]:
 def star_history_without_fold(
     stars_before: StarHistory, observed: FrameObservations
 ) -> StarHistory:
-    """The stars known after a frame that is not followed."""
+    """Return the star history after a frame that is not folded."""
     if observed.taken.exposure_s is None:
         return stars_before
     return updated_star_history(
@@ -237,7 +238,7 @@ def star_history_without_fold(
 
 
 def follow_settings(config: Config, frame: Frame | FrameTaken) -> FollowSettings:
-    """The fold's settings for a frame of this size."""
+    """Return the fold's settings for a frame of this size."""
     half_field_px = min(frame.width_px, frame.height_px) / 2.0
     return FollowSettings(
         filter=config.filter,

@@ -1,6 +1,6 @@
-"""Why a frame does not show what is followed: cloud, the Earth's shadow, a refused slew. Pure.
+"""Reasons for a miss in a frame: cloud, the Earth's shadow, a refused slew. Pure.
 
-Everything is derived from what is on record of a session, so that a replay finds the same.
+Everything is derived from a session's records, so that a replay finds the same.
 """
 
 import math
@@ -31,38 +31,38 @@ from rsoconsole.sky import (
 from rsoconsole.words import NS_PER_S
 
 FEW_STARS = 8
-"""Fewer than that in any field of a degree or so: there is something before the sky."""
+"""Star count of any field of a degree or so below which it is hidden, as by cloud."""
 CLOUD_SHARE = 0.5
-"""Share of the usual number of stars below which it is cloud."""
+"""Share of the usual star count below which it is cloud."""
 CLOUD_MAG = 0.7
-"""Loss of starlight from which it is cloud; the stars of a clear drifting field vary by 0.2."""
+"""Loss of starlight from which it is cloud, mag; a clear drifting field varies by 0.2."""
 KEPT_FRAMES = 60
 MIN_FRAMES = 3
 SAME_SKY_DEG = 5.0
-"""How far star counts may be carried: across the Milky Way's edge they change within ten."""
+"""Largest angle for comparing star counts: at the Milky Way's edge they change within 10 deg."""
 
 SIDEREAL_DEG_S = 360.98564736629 / 86_400.0
 GEO_RA_RATE_OFF_ARCSEC_S = 2.0
 GEO_DEC_RATE_ARCSEC_S = 4.0
-"""What an inclination of 15 deg does to a geosynchronous satellite."""
+"""Rate in declination of a geosynchronous satellite with an inclination of 15 deg."""
 DAY_S = 86_400
 _STEP_S = 60
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Stars:
-    """The stars of one frame."""
+    """Stars of one frame."""
 
     count: int
     flux_adu_s: float | None
-    """Median of the 20th to 60th brightest; None where there are too few."""
+    """Median flux of the 20th to 60th brightest; None where there are too few."""
     sensor_px: int = 0
-    """How many single pixels of the sensor were read: of a part there are fewer stars."""
+    """Number of the sensor's single pixels that were read: a part of it shows fewer stars."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StarHistory:
-    """The stars that the last solved frames of this part of the sky showed."""
+    """Stars of the last solved frames of this part of the sky."""
 
     frames: tuple[Stars, ...] = ()
     centre_icrs_deg: tuple[float, float] | None = None
@@ -70,8 +70,8 @@ class StarHistory:
     def usual_count(self, sensor_px: int) -> int | None:
         """Star count of the clearest of the frames; None before there are enough.
 
-        ``sensor_px``: of the sensor that are read. A smaller part has its share of the stars; a
-        larger one may not have more, as only the brightest hundreds are counted.
+        ``sensor_px``: number of the sensor's pixels that are read. A smaller part has its share of
+        the stars; a larger one may not have more, as only the brightest hundreds are counted.
         """
         counts = sorted(
             stars.count
@@ -84,7 +84,7 @@ class StarHistory:
     def usual_flux_adu_s(self, sensor_px: int) -> float | None:
         """Star flux of the clearest of the frames of one size; None before there are enough.
 
-        Of a smaller part the brightest are fainter ones.
+        Frames of other sizes are left out: in a smaller part the brightest stars are fainter ones.
         """
         known = sorted(
             stars.flux_adu_s
@@ -95,7 +95,7 @@ class StarHistory:
 
 
 def stars_of(taken: FrameTaken, detections: Detections) -> Stars | None:
-    """Stars of a frame by its records; None where nobody counted them."""
+    """Return the stars of a frame by its records; None where they were not counted."""
     exposure_s = taken.exposure_s
     if detections.star_count is None or exposure_s is None:
         return None
@@ -111,7 +111,7 @@ def stars_of(taken: FrameTaken, detections: Detections) -> Stars | None:
 
 
 def updated_star_history(before: StarHistory, stars: Stars | None, solution: object) -> StarHistory:
-    """The history after one frame; only a solved one tells which sky its stars belong to."""
+    """Return the history after one frame; only a solved frame has a known part of the sky."""
     if stars is None or not isinstance(solution, Solution):
         return before
     centre = (solution.ra_icrs_deg, solution.dec_icrs_deg)
@@ -131,10 +131,10 @@ def explain_absence(
     t_utc_ns: int,
     blocked: SlewRefusal | None = None,
 ) -> Missed:
-    """Add the causes of a miss to ``plain``, most certain first; none where they are unknown.
+    """``plain`` with the causes of the miss, most certain first; none where they are unknown.
 
-    ``blocked``: why the slew to the track was refused. Without a track there is nothing to miss:
-    only clouds are named then.
+    ``blocked``: reason why the slew to the track was refused. Without a track there is nothing to
+    miss: only clouds are named then.
     """
     is_refused = blocked is not None and track is not None
     causes = (
@@ -146,7 +146,7 @@ def explain_absence(
 
 
 def cloud_before(stars: Stars | None, before: StarHistory) -> HiddenBy | None:
-    """Cloud, where the stars are gone, far fewer or fainter than before; None for a clear sky."""
+    """Cloud, where stars are gone, far fewer or fainter than before; None for a clear sky."""
     if stars is None:
         return None
     usual_count = before.usual_count(stars.sensor_px)
@@ -163,7 +163,7 @@ def cloud_before(stars: Stars | None, before: StarHistory) -> HiddenBy | None:
 
 
 def eclipse_of(track: TrackState, site: Site, t_utc_ns: int) -> HiddenBy | None:
-    """Eclipse, where the track is geostationary-like and the Earth is before its Sun."""
+    """Eclipse, where the track is geostationary-like and in the Earth's shadow; None elsewhere."""
     if not is_geostationary_like(track):
         return None
     lit = float(lit_fraction(_at_geo_km(direction_at(track, t_utc_ns), site, t_utc_ns), t_utc_ns))
@@ -175,7 +175,7 @@ def eclipse_of(track: TrackState, site: Site, t_utc_ns: int) -> HiddenBy | None:
 
 
 def is_geostationary_like(track: TrackState) -> bool:
-    """Whether the motion is that of something that stays over the ground, or nearly so."""
+    """True where the object stays over the ground, or nearly so."""
     ra_off_arcsec_s = abs(track.x[1] - SIDEREAL_DEG_S) * 3600.0
     dec_arcsec_s = abs(track.x[3]) * 3600.0
     return ra_off_arcsec_s < GEO_RA_RATE_OFF_ARCSEC_S and dec_arcsec_s < GEO_DEC_RATE_ARCSEC_S
@@ -191,10 +191,10 @@ def direction_at(track: TrackState, t_utc_ns: int) -> tuple[float, float]:
 def next_eclipse_utc_ns(
     direction_icrs_deg: tuple[float, float], site: Site, t_utc_ns: int
 ) -> int | None:
-    """Begin of the next eclipse of a geostationary satellite in this direction.
+    """Begin of the next eclipse of a geostationary satellite in this direction, UTC ns.
 
-    To the second and within a day; the instant itself where it is eclipsed, None where it will
-    not be. The satellite is taken to stand still over the ground.
+    It is found to the second and within a day; the instant itself where the satellite is eclipsed,
+    None where it will not be. The satellite is taken to stand still over the ground.
     """
     start_km = _at_geo_km(direction_icrs_deg, site, t_utc_ns)
     pole = cirs_to_gcrs(t_utc_ns)[:, 2]
@@ -224,7 +224,7 @@ def _at_geo_km(direction_icrs_deg: tuple[float, float], site: Site, t_utc_ns: in
 
 
 def _turned(position_km: FloatArray, pole: FloatArray, since_s: FloatArray) -> FloatArray:
-    """A position (3,) carried round the pole with the Earth; (N, 3). Source: Rodrigues 1840."""
+    """Rotate a position (3,) round the pole with the Earth; (N, 3). Source: Rodrigues 1840."""
     angle = np.radians(SIDEREAL_DEG_S * since_s)[:, None]
     along = float(pole @ position_km) * pole
     return np.asarray(

@@ -1,4 +1,4 @@
-"""Whether filter or orbit has predicted a track's last measurements better. Pure."""
+"""Comparison of filter and orbit as predictors of a track's last measurements. Pure."""
 
 import math
 from collections import deque
@@ -8,13 +8,13 @@ from statistics import fmean
 
 WINDOW = 8
 _LEAST = 5
-"""Measurements that both must have predicted."""
+"""Fewest measurements predicted by both."""
 _AHEAD = 0.5
-"""By so much better on the mean before the guide changes, so that it does not change for chance."""
+"""Least lead in mean score before the guide changes, so that chance does not change it."""
 _CLOSE = 0.1
-"""A turn between two that promise the same but for such a share is no news."""
+"""Share within which two predicted widths are equal, so that a turn between them is no news."""
 _BELIEVED = 0.999
-"""An orbit whose NIS are this unlikely is not believed, however the filter fares."""
+"""Probability of its NIS from which an orbit is not believed, whatever the filter's score."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -27,12 +27,12 @@ class Score:
 
     @property
     def width_arcsec(self) -> float:
-        """One sigma that it had stated: the geometric mean of both axes."""
+        """Predicted sigma: the geometric mean of both axes."""
         return math.exp(self.log_size / 4.0)
 
     @property
     def score(self) -> float:
-        """Smaller is better: minus twice the logarithm of the density, but for a constant."""
+        """Minus twice the logarithm of the density, but for a constant; smaller is better."""
         return self.nis + self.log_size
 
 
@@ -42,9 +42,9 @@ class PredictorScores:
     def __init__(self) -> None:
         self._scores: deque[tuple[Score, Score]] = deque(maxlen=WINDOW)
         self.is_orbit_ahead = False
-        """Whether the orbit predicts better."""
+        """True where the orbit predicts better."""
         self._failed = ""
-        """By how much the filter failed last; empty: not known."""
+        """Words on the filter's last failure; empty where its NIS is not known."""
 
     def compare(self, by_orbit: Score, by_filter: Score) -> None:
         """Add the scores of one measurement that both predicted."""
@@ -55,7 +55,7 @@ class PredictorScores:
             self.is_orbit_ahead = is_better and self._is_believed()
 
     def filter_failed(self, nis: float | None = None, gate_nis: float | None = None) -> None:
-        """The orbit predicted what the filter did not: the NIS of the measurement by the latter."""
+        """Put the orbit ahead: it predicted what the filter, with this NIS, did not."""
         self._scores.clear()
         self.is_orbit_ahead = True
         known = nis is not None and gate_nis is not None
@@ -63,7 +63,7 @@ class PredictorScores:
 
     @property
     def is_close(self) -> bool:
-        """Whether both state the same width: within a tenth, or as written."""
+        """True where both predict the same width: within a tenth, or as written."""
         if not self._scores:
             return False
         ours, theirs = (fmean(each[n].width_arcsec for each in self._scores) for n in (0, 1))
@@ -71,7 +71,7 @@ class PredictorScores:
 
     @property
     def words(self) -> str:
-        """How both have predicted the last measurements."""
+        """Words on how both have predicted the last measurements."""
         if not self._scores:
             return f"what was seen does not fit the filter's prediction{self._failed}"
         ours, theirs = zip(*self._scores, strict=True)

@@ -1,4 +1,4 @@
-"""Which measurements each track took, as the records name them."""
+"""Measurements of each track, as the records name them."""
 
 from collections import deque
 from collections.abc import Sequence
@@ -19,30 +19,30 @@ from rsoconsole.records import (
 from rsoconsole.tracking import Following
 
 WHOLE = 32
-"""Last steps of a track that stay whole, more than an operator's word reaches back; of older
-ones only counts which measurement was taken. A mark that has been begun reaches further."""
+"""Number of a track's last steps that stay whole, more than an operator's decision reaches back; of
+older ones only the accepted measurement is kept. A begun mark reaches further."""
 
 
 @dataclass(slots=True)
 class Track:
-    """One track with its measurements, from the two that began it."""
+    """Track with its measurements, from the two that began it."""
 
     measurements: list[Measurement]
-    """In order of time."""
+    """Measurements in order of time."""
     last: TrackState
-    """The filter after the last of them."""
+    """State of the filter after the last of them."""
     predicted: TrackState | None = None
-    """And before it; None where it began the track."""
+    """State of the filter before the last of them; None where it began the track."""
 
     @property
     def track_id(self) -> int:
-        """As in the records."""
+        """Number of the track, as in the records."""
         return self.last.track_id
 
 
 @dataclass(slots=True)
 class _Steps:
-    """What a track made of one frame in the end."""
+    """Final steps of a track in one frame."""
 
     predicted: TrackState | None = None
     corrected: TrackState | None = None
@@ -57,17 +57,17 @@ class TrackAssignment:
     """The measurements of each track, from a session's records in order."""
 
     KINDS = (Measurement, TrackState, FollowedAgain, OperatorAction)
-    """Those that it needs; others pass by."""
+    """Kinds of records that it uses; others are ignored."""
 
     def __init__(self) -> None:
         self._frames: dict[int, dict[int, _Steps]] = {}
-        """By frame, then by track."""
+        """Steps by frame, then by track."""
         self._measured: dict[str, Measurement] = {}
-        """By id."""
+        """Measurements by id."""
         self._whole: dict[int, deque[_Steps]] = {}
-        """By track: its last steps that took a measurement."""
+        """Last steps of each track with an accepted measurement."""
         self._known: dict[int, Track] = {}
-        """The tracks up to a frame, so that each frame is gone through once."""
+        """Tracks up to a frame, so that each frame is processed once."""
         self._known_to = -1
         self._most_whole = WHOLE
 
@@ -102,11 +102,11 @@ class TrackAssignment:
         return list(self._known.values())
 
     def _begin_again(self) -> None:
-        """What is known of the tracks is of steps that hold no more."""
+        """Drop the tracks so far: they rest on steps that no longer hold."""
         self._known, self._known_to = {}, -1
 
     def _let_go(self, track_id: int, newest: _Steps) -> None:
-        """Covariances and mixtures of a night's steps do not stay in memory: some 5 kB a step."""
+        """Drop covariances and mixtures of old steps, some 5 kB a step, from memory."""
         whole = self._whole.setdefault(track_id, deque())
         if not whole or whole[-1] is not newest:
             whole.append(newest)
@@ -118,11 +118,11 @@ class TrackAssignment:
 
     @property
     def newest_frame_id(self) -> int:
-        """Number of the newest frame that any track was predicted to; -1 before the first."""
+        """Number of the newest frame to which any track was predicted; -1 before the first."""
         return max(self._frames, default=-1)
 
     def live(self) -> list[Track]:
-        """Tracks of the newest frame that any was predicted to, the lead first."""
+        """Return the tracks of the newest frame to which any was predicted, the lead first."""
         if not self._frames:
             return []
         newest = self._frames[max(self._frames)]
@@ -143,7 +143,7 @@ class TrackAssignment:
         return sorted(found, key=lambda track: not newest[track.track_id].is_lead)
 
     def _go_on(self, track_id: int, corrected: TrackState, predicted: TrackState | None) -> None:
-        """A track has taken a measurement."""
+        """Add an accepted measurement to its track."""
         taken = self._named((corrected.measurement_id,))
         if not taken:
             return  # its record has been lost
@@ -162,8 +162,8 @@ class TrackAssignment:
 
 NS = 1_000_000_000
 KEPT_S = 900.0
-"""After disarming, STOP, a new search or a fault: beyond it the checklist is to be gone through,
-and a track that nobody measured is hardly found where it must be."""
+"""Longest time that a track is kept after disarming, STOP, a new search or a fault, s: beyond it
+the checklist is due, and a track without measurements is hardly found where predicted."""
 _LEAVES_NOTHING: frozenset[CauseKind] = frozenset(
     (
         "limit met",
@@ -174,16 +174,16 @@ _LEAVES_NOTHING: frozenset[CauseKind] = frozenset(
         "resumed",
     )
 )
-"""Nobody may follow again what ended so; and what is resumed is kept no more."""
+"""Causes after which a track cannot be followed again, or is no longer kept."""
 
 
 def kept_until_utc_ns(
     kept: Following, settings: FilterConfig, now_utc_ns: int, *, is_lent: bool
 ) -> int:
-    """Last instant at which a track that is kept from now on can be followed again.
+    """Return the last instant at which a track kept from now on can be followed again.
 
-    ``is_lent``: the operator has taken the mount from autonomy and moves it by hand: a track is
-    kept as long as it would be coasted then.
+    ``is_lent``: the operator has taken control from autonomy and moves the mount by hand: a track
+    is then kept as long as it would be coasted.
     """
     seen_ns = now_utc_ns if kept.taken is None else kept.taken.t_mid_utc_ns
     until_ns = seen_ns + round(settings.max_coast_s * NS)
@@ -191,9 +191,9 @@ def kept_until_utc_ns(
 
 
 def kept_after(change: StateChange, before: Following, kept: Following | None) -> Following | None:
-    """The track that can be followed again after a change of state from outside.
+    """Return the track that can be followed again after a change of state from outside.
 
-    ``before``: what was followed until then; ``kept``: what could be followed again.
+    ``before``: state until then; ``kept``: track that could be followed again until then.
     """
     if change.reason.kind in _LEAVES_NOTHING:
         return None

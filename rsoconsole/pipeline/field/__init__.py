@@ -1,1 +1,1 @@
-"""What was in the frames: every line and mover against everything catalogued that crossed."""
+"""Every line and mover of the frames against every catalogued object that crossed."""

@@ -1,4 +1,4 @@
-"""A frame that stands alone: its plate, its lines and its points, ready for the catalogue."""
+"""A single frame for the catalogue: its plate solution, its lines and its points."""
 
 import math
 from collections.abc import Iterator, Sequence
@@ -41,15 +41,15 @@ from rsoconsole.vision import ConfidenceCurve, Network, StarList, find_stars
 
 PlateMode = Literal["auto", "solve", "header"]
 _HEADER_RMS_PX = 0.5
-"""What the plate of a header is believed to be good to, which does not say it."""
+"""Assumed RMS of a header's plate solution, which states none, px."""
 _BOX_SIGMA_DEG = 30.0
 _FAINT_STRANGERS = 5.0
-"""Lines below tau that are nothing catalogued, at least."""
+"""Fewest lines below tau that are nothing catalogued, as assumed for each faint line."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class FieldFrame:
-    """A frame with a time and a plate."""
+    """Frame with a time and a plate solution."""
 
     t_mid_utc_ns: int
     exposure_s: float
@@ -58,16 +58,16 @@ class FieldFrame:
     solution: Solution
     plate_from: Literal["solved", "header"]
     detections: tuple[Detection, ...]
-    """Those that were taken, then those below tau, which count where an object explains one."""
+    """Accepted detections, then those below tau, which count where an object explains one."""
     taken: int
-    """How many of them were taken."""
+    """Number of accepted detections."""
     lines: tuple[Line, ...]
-    """One for each detection."""
+    """Lines on the sky, one for each detection."""
     points: Points
     notes: tuple[str, ...]
 
     def contains(self, u: FloatArray) -> np.ndarray:
-        """Whether unit vectors (..., 3) are in the frame, (...,)."""
+        """True where unit vectors (..., 3) are in the frame, (...,)."""
         x, y = sky_to_pixel(self.solution.wcs, *unit_to_direction(u))
         with np.errstate(invalid="ignore"):
             return np.asarray(
@@ -75,7 +75,7 @@ class FieldFrame:
             )
 
     def view(self, config: Config) -> FieldOfView:
-        """Field of view of the frame, for the catalogue."""
+        """Return the field of view of the frame, for the catalogue."""
         wcs = self.solution.wcs
         x = np.array([-0.5, self.width_px - 0.5, -0.5, self.width_px - 0.5])
         y = np.array([-0.5, -0.5, self.height_px - 0.5, self.height_px - 0.5])
@@ -94,14 +94,14 @@ class FieldFrame:
 
 
 class FieldPlate(GivenPlate):
-    """A frame's plate: solved, or as its header has it."""
+    """Plate solution of a frame: solved, or from its header."""
 
     def __init__(self, finder: PlateFinder | None, no_solver: str, mode: PlateMode) -> None:
-        """``finder``: None where there is no solver, and ``no_solver`` why."""
+        """``finder``: None where there is no solver; ``no_solver`` is then the reason."""
         self._finder, self._no_solver, self._mode = finder, no_solver, mode
         self.source: Literal["solved", "header"] = "solved"
         self.why_header = ""
-        """Why the last plate was taken from its header."""
+        """Reason why the plate was not solved and the header's is used; empty where none was."""
 
     def configure(self, config: Config) -> None:
         """Take new tunables."""
@@ -109,12 +109,12 @@ class FieldPlate(GivenPlate):
             self._finder.configure(config)
 
     def forget(self) -> None:
-        """What was known of the camera holds no more."""
+        """Forget the camera's last plate solution."""
         if self._finder is not None:
             self._finder.forget()
 
     def solve(self, frame: Frame, stars: StarList) -> Solution | NotSolved:
-        """The plate of one frame."""
+        """Return the plate solution of one frame."""
         self.source, self.why_header = "solved", ""
         if self._mode == "header":
             return self._of_header(frame, "")
@@ -206,7 +206,7 @@ class FieldReader:
 
 @contextmanager
 def open_field_reader(config: Config, mode: PlateMode) -> Iterator[FieldReader]:
-    """A reader ready to work.
+    """Open a reader.
 
     Raises ModelError when the network cannot be loaded; SolverError without index files where the
     plates have to be solved.
@@ -230,7 +230,7 @@ def open_field_reader(config: Config, mode: PlateMode) -> Iterator[FieldReader]:
 
 
 def line_of(detection: Detection, solution: Solution, frame: Frame, config: Config) -> Line:
-    """A detection on the sky."""
+    """Return a detection as a line on the sky."""
     x = np.array([detection.x_a_px, detection.x_b_px, detection.x_px])
     y = np.array([detection.y_a_px, detection.y_b_px, detection.y_px])
     a, b, middle = direction_to_unit(*pixel_to_sky(solution.wcs, x, y))
@@ -261,7 +261,7 @@ def line_of(detection: Detection, solution: Solution, frame: Frame, config: Conf
 
 
 def _ends_within(detection: Detection, frame: Frame) -> tuple[bool, bool]:
-    """Which of its ends the object had when the shutter moved; the rim cuts the others."""
+    """True for each end that is the object's own; the frame's edge cuts the other."""
     if detection.kind == "streak":
         return True, True
     if detection.kind == "crossing":
@@ -277,9 +277,9 @@ def _ends_within(detection: Detection, frame: Frame) -> tuple[bool, bool]:
 
 
 CROSSED = 0.05
-"""Chance from which on an object counts as one that crossed."""
+"""Least chance of an object that counts as one that crossed."""
 TAKEN = 0.5
-"""From this probability on an object was seen."""
+"""Least probability of an object that counts as seen."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -290,7 +290,7 @@ class FrameAnswer:
     candidates: tuple[Candidate, ...]
     match: FieldMatch
     detections: tuple[Detection, ...]
-    """Of ``match.lines``: what was taken, and what is below tau and named."""
+    """Detections of ``match.lines``: the accepted ones, and identified ones below tau."""
     compared: int
     too_old: int
 
@@ -346,7 +346,7 @@ class FieldRun:
         )
 
     def movers(self, frames: Sequence[FieldFrame]) -> tuple[MoverAnswer, ...]:
-        """What moves through frames in order of time as a point; those alike in time together."""
+        """Find the points that move through frames in order of time, and match them together."""
         found = movers_of([each.points for each in frames])
         answers: dict[int, MoverAnswer] = {}
         groups: dict[tuple[int, int], list[int]] = {}
@@ -364,7 +364,7 @@ class FieldRun:
 
 
 def _view_of(movers: Sequence[Mover], frame: FieldOfView) -> FieldOfView:
-    """The frames from the first point to the last as one exposure."""
+    """Return the field of view of the frames from the first point to the last, as one exposure."""
     longest = max(each.line.length_rad for each in movers)
     return replace(
         frame,

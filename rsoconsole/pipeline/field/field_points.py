@@ -1,6 +1,6 @@
-"""Points of several frames: what is at one place of the sky in one frame alone moves. Pure.
+"""Points of several frames: a point at its place in one frame alone moves. Pure.
 
-Stars are where they were; what is left is linked into movers (``tracking.link``): points on a
+Stars stay at their places; the other points are linked into movers (``tracking.link``): points on a
 straight line at constant speed, at least three of them, far likelier than chance.
 """
 
@@ -20,23 +20,23 @@ from rsoconsole.vision import StarList
 from rsoconsole.words import NS_PER_S
 
 WINDOW = 8
-"""Frames that are linked together."""
+"""Number of frames that are linked together."""
 FEWEST = 3
-"""Points of a mover: any two are two points of something."""
+"""Fewest points of a mover: any two points lie on a line."""
 SURE = 0.9
 _POINT_FWHM = 2.5
-"""What moves further in an exposure draws a streak."""
+"""Motion in an exposure, in widths of a star, beyond which an object draws a streak."""
 _SAME_SIGMAS = 4.0
-"""Within which two points are at one place."""
+"""Sigmas within which two points are at one place."""
 _MAX_POINTS = 40
-"""That are no star, in a frame; of more the brightest."""
+"""Most points of a frame that are no stars, the brightest."""
 _POINT_PX = 0.2
 _ALIKE = 0.03
-"""Of its speed: by how much a mover may change from one window of frames to the next."""
+"""Share of its speed by which a mover may change from one window of frames to the next."""
 _MIN_BENT = 5
-"""Points from which on its path is a parabola."""
+"""Fewest points with which a path is fitted as a parabola."""
 _TURN_SHARE = 0.002
-"""How far a path may bend from a straight line at constant speed, as a share of its length."""
+"""Largest bend of a path from a straight line at constant speed, as a share of its length."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -46,16 +46,16 @@ class Points:
     u: FloatArray
     """(n, 3) unit vectors."""
     t_utc_ns: np.ndarray
-    """When each one's row was at the middle of its exposure."""
+    """Mid-exposure of each point's row."""
     x_px: FloatArray
     y_px: FloatArray
     snr: FloatArray
     sigma_arcsec: float
-    """Of a place, on each axis."""
+    """Sigma of a place, on each axis."""
     fwhm_arcsec: float
     exposure_s: float
     centre: FloatArray
-    """(3,) of the frame."""
+    """Unit vector (3,) of the frame's centre."""
     area_arcsec2: float
 
     def __len__(self) -> int:
@@ -64,19 +64,19 @@ class Points:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Mover:
-    """A point that moves, over frames."""
+    """Point that moves through several frames."""
 
     points: tuple[tuple[int, int], ...]
     """(frame, index of the point in it), in order of time."""
     probability: float
-    """That it is one object, and no chance."""
+    """Probability that it is one object, not chance."""
     rate_arcsec_s: float
     position_angle_deg: float
-    """Of its motion, east of north, at the middle."""
+    """Position angle of its motion, east of north, at the middle."""
     t_mid_utc_ns: int
     span_s: float
     line: Line
-    """From its first point to its last, for the catalogue."""
+    """Line from its first point to its last, for the catalogue."""
 
 
 def points_of(  # noqa: PLR0917 - what a frame is made of
@@ -87,7 +87,7 @@ def points_of(  # noqa: PLR0917 - what a frame is made of
     detections: Sequence[Detection],
     config: Config,
 ) -> Points:
-    """Points of a frame: stars and what is a little longer than one; no pieces of streaks."""
+    """Return the points of a frame: stars and lights a little longer; no pieces of streaks."""
     x, y, snr = stars.x_px, stars.y_px, stars.snr
     if stars.oblong is not None and len(stars.oblong.x_px):
         more = stars.oblong
@@ -143,7 +143,7 @@ def movers_of(frames: Sequence[Points]) -> tuple[Mover, ...]:
 
 
 def _windows(count: int) -> list[range]:
-    """What is too short for one of its own belongs to the one before."""
+    """Return the windows of frames; a rest too short for its own window joins the one before."""
     starts = list(range(0, count, WINDOW)) or [0]
     if len(starts) > 1 and count - starts[-1] < FEWEST:
         starts.pop()
@@ -152,7 +152,7 @@ def _windows(count: int) -> list[range]:
 
 
 def _goes_on(one: Mover, later: Mover) -> bool:
-    """Whether a mover of an earlier window is the same as one of a later window."""
+    """True where a mover of an earlier window continues as one of a later window."""
     a, b = one.line, later.line
     pace = (a.b - a.a) / one.span_s
     gap_s = (later.t_mid_utc_ns - one.t_mid_utc_ns) / NS_PER_S
@@ -202,13 +202,13 @@ def _movers(frames: Sequence[Points], window: range) -> list[Mover]:
 
 
 def _same(frames: Sequence[Points]) -> float:
-    """Distance, in arcsec, within which two points are at one place."""
+    """Return the distance, in arcsec, within which two points are at one place."""
     worst = max(each.sigma_arcsec for each in frames)
     return max(_SAME_SIGMAS * math.sqrt(2.0) * worst, *(each.fwhm_arcsec for each in frames))
 
 
 def _no_stars(number: int, frames: Sequence[Points]) -> np.ndarray:
-    """Points of one frame at whose places no other frame has one."""
+    """Return the indices of one frame's points at whose places no other frame has one."""
     from scipy.spatial import KDTree
 
     own = frames[number]
@@ -270,21 +270,21 @@ def _mover(
 
 
 def _on(plane: Plane, u: FloatArray) -> FloatArray:
-    """(n, 2) arcsec east and north on a tangent plane."""
+    """Return places on a tangent plane, (n, 2) arcsec east and north."""
     u = np.reshape(u, (-1, 3))
     depth = u @ plane.towards
     return np.stack([u @ plane.east, u @ plane.north], axis=-1) / depth[:, None] / ARCSEC_RAD
 
 
 def _off(plane: Plane, place: FloatArray) -> FloatArray:
-    """Unit vector of a place on it."""
+    """Return the unit vector of a place on a tangent plane."""
     east, north = place * ARCSEC_RAD
     line = plane.towards + east * plane.east + north * plane.north
     return np.asarray(line / np.linalg.norm(line))
 
 
 def _from_streak_px(streak: Detection, x: FloatArray, y: FloatArray) -> FloatArray:
-    """How far points are from a streak."""
+    """Return the distances of points from a streak, px."""
     a = np.array([streak.x_a_px, streak.y_a_px])
     way = np.array([streak.x_b_px, streak.y_b_px]) - a
     off = np.stack([x, y], axis=-1) - a

@@ -1,4 +1,4 @@
-"""What was in the frames, as the command line's JSON objects; keys may be added, never renamed."""
+"""Contents of the frames as the command line's JSON objects; keys may be added, never renamed."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -21,9 +21,9 @@ from rsoconsole.sky import (
 from rsoconsole.words import utc_ns_to_iso
 
 EXPECTED = 0.5
-"""Chance to have crossed, from which an object counts as expected."""
+"""Chance to have crossed from which an object counts as expected."""
 _POINT_PX = 8.0
-"""What moves by less in an exposure looks much like a star."""
+"""Motion in an exposure below which an object looks much like a star, px."""
 _ARCMIN_RAD = 60.0 * ARCSEC_RAD
 
 
@@ -83,7 +83,7 @@ def frame_report(name: str, answer: FrameAnswer, movers: Mapping[int, int]) -> d
 def movers_report(
     names: Sequence[str], frames: Sequence[FieldFrame], answers: Sequence[MoverAnswer]
 ) -> dict[str, Any]:
-    """Report of the movers through several frames."""
+    """Return the report of the movers through several frames."""
     return {
         "frames": list(names),
         "movers": [
@@ -122,7 +122,7 @@ def _too_old(answer: FrameAnswer) -> list[str]:
 
 
 def _seen_as(answer: FrameAnswer) -> dict[int, int]:
-    """By place of a candidate, the number of the streak that it most likely drew."""
+    """Return the number of each candidate's most likely streak, by the candidate's index."""
     found: dict[int, int] = {}
     for number, matched in enumerate(answer.match.lines, start=1):
         best = matched.choices[0]
@@ -189,7 +189,7 @@ def _named(candidate: Candidate) -> dict[str, Any]:
 
 
 def _matched_report(matched: LineMatch, candidates: Sequence[Candidate]) -> dict[str, Any]:
-    """The verdict; what it may be, and how likely it is in no catalogue."""
+    """Result of a match: its candidates, and the probability of an uncatalogued object."""
     named = [each for each in matched.choices if each.candidate is not None]
     none = [each.probability for each in matched.choices if each.candidate is None]
     return {
@@ -245,7 +245,7 @@ def _place(frame: FieldFrame, x_px: float, y_px: float) -> dict[str, float]:
 
 
 def _motion(u: FloatArray, rate: FloatArray) -> tuple[float, float]:
-    """arcsec/s and position angle of a change of direction."""
+    """Return the rate in arcsec/s and the position angle of a change of direction."""
     east = np.array([-u[1], u[0], 0.0]) / max(float(np.hypot(u[0], u[1])), 1e-12)
     along_east, along_north = float(rate @ east), float(rate @ np.cross(u, east))
     angle_deg = math.degrees(math.atan2(along_east, along_north)) % 360.0

@@ -1,7 +1,7 @@
-"""Calibration of a frame before anything is detected: dark, flat, then the mosaic.
+"""Calibration of a frame before detection: dark, flat, then the mosaic.
 
 ``process``, ``detect``, ``solve``, the engine and every replay prepare their frames here. Without
-configured masters a frame is what the camera gave, and nothing is spent.
+configured masters a frame stays as the camera gave it, at no cost.
 """
 
 import contextlib
@@ -24,21 +24,21 @@ from rsoconsole.vision import DarkAndFlat, Workers, has_mosaic, threads_for, wit
 from rsoconsole.words import TAKE_DARK
 
 SAME_EXPOSURE, SAME_EXPOSURE_S = 0.02, 0.002
-"""Two exposures are the same within this share, or these seconds."""
+"""Share, or seconds, within which two exposures are the same."""
 SAME_TEMPERATURE_C = 2.0
-"""Degrees in which a sensor's dark current grows by a quarter."""
+"""Largest difference of like temperatures: a sensor's dark current grows by a quarter in it."""
 SETTINGS = ("GAIN", "OFFSET", "READOUTM", "ROWORDER")
-"""Keywords whose values a master and a frame have in common where both tell them."""
+"""Keywords whose values must agree between a master and a frame where both have them."""
 MAX_NONFINITE = 0.2
-"""Of a master's pixels: fewer that are NaN or infinite count as the median about them."""
+"""Largest share of NaN or infinite pixels in a master, which count as the median about them."""
 _SAMPLE = 5
 _PLAIN = "1x1"
-"""Binning of what says none."""
+"""Binning where a header states none."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Traits:
-    """What decides whether a master belongs to a frame."""
+    """Traits that decide whether a master belongs to a frame."""
 
     width_px: int
     height_px: int
@@ -46,11 +46,11 @@ class Traits:
     temperature_c: float | None
     has_mosaic: bool = False
     settings: Mapping[str, str] = field(default_factory=dict)
-    """Of ``SETTINGS`` those that its header tells."""
+    """Values of ``SETTINGS`` in its header."""
     binning: str | None = None
-    """As 2x2, where the header tells it."""
+    """Binning, as 2x2; None where the header has none."""
     corner_px: tuple[int, int] | None = None
-    """Column and row of the sensor's joined pixels where a part of it begins."""
+    """Column and row of the binned sensor at which a part of it begins."""
 
     @property
     def size_words(self) -> str:
@@ -58,11 +58,11 @@ class Traits:
         return f"{self.width_px} x {self.height_px} px"
 
     def has_size_of(self, other: "Traits") -> bool:
-        """Whether both are of as many columns and rows."""
+        """True where both have the same number of columns and rows."""
         return (self.width_px, self.height_px) == (other.width_px, other.height_px)
 
     def has_pixels_of(self, other: "Traits") -> bool:
-        """Whether it is of the same size, or of the whole sensor of which the other is a part."""
+        """True where it has the same size, or the whole sensor of which the other is a part."""
         if self.has_size_of(other):
             return True
         if other.corner_px is None or self.corner_px not in (None, (0, 0)):
@@ -77,24 +77,24 @@ class Traits:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Master:
-    """A master frame, without its pixels."""
+    """Master frame, without its pixels."""
 
     setting: str
-    """"darks", "flat" or "bias"."""
+    """Setting it belongs to: "darks", "flat" or "bias"."""
     path: Path
     traits: Traits
     level_adu: float
-    """Median."""
+    """Median level, ADU."""
 
     @property
     def words(self) -> str:
-        """Its name with all that counts, e.g. ``dark.fits (10 s, -10 °C, 640 x 480 px)``."""
+        """Name with the traits that count, e.g. ``dark.fits (10 s, -10 °C, 640 x 480 px)``."""
         traits = list(_exposure_and_temperature(self.traits)) if self.setting == "darks" else []
         return f"{self.path.name} ({', '.join([*traits, self.traits.size_words])})"
 
 
 def _exposure_and_temperature(traits: Traits) -> Iterable[str]:
-    """Those of the two that are known, in words."""
+    """Yield exposure and temperature in words, where they are known."""
     if traits.exposure_s is not None:
         yield f"{traits.exposure_s:g} s"
     if traits.temperature_c is not None:
@@ -102,7 +102,7 @@ def _exposure_and_temperature(traits: Traits) -> Iterable[str]:
 
 
 def traits_of(frame: Frame) -> Traits:
-    """Traits of a frame, or of a master that was read as one."""
+    """Return the traits of a frame, or of a master that was read as one."""
     mode = camera_mode(frame.header)
     has_corner = mode.x0_px is not None and mode.y0_px is not None
     return Traits(
@@ -122,7 +122,7 @@ def traits_of(frame: Frame) -> Traits:
 
 
 def _plain(value: Any) -> str:
-    """One spelling for ``139``, ``139.0`` and ``"139"``."""
+    """Return one spelling for ``139``, ``139.0`` and ``"139"``."""
     try:
         return f"{float(value):g}"
     except (TypeError, ValueError):
@@ -130,7 +130,7 @@ def _plain(value: Any) -> str:
 
 
 def read_pixels(path: Path) -> PixelArray:
-    """Pixels of a master, (height, width) ADU, all finite. Raises FrameError."""
+    """Return the pixels of a master, (height, width) ADU, all finite. Raises FrameError."""
     return _read(path).pixels
 
 
@@ -139,7 +139,7 @@ def _read(path: Path) -> Frame:
 
 
 def read_master(setting: str, path: Path) -> Master:
-    """Read a master frame. Raises FrameError where it cannot be used as what ``setting`` says."""
+    """Read a master frame. Raises FrameError where it cannot be used as ``setting``."""
     frame = _read(path)
     level_adu = float(np.median(frame.pixels[::_SAMPLE, ::_SAMPLE]))
     if setting == "flat" and level_adu <= 0.0:
@@ -148,7 +148,7 @@ def read_master(setting: str, path: Path) -> Master:
 
 
 def read_masters(settings: CalibrationConfig) -> tuple[tuple[Master, ...], tuple[str, ...]]:
-    """The configured masters that can be used, and what is wrong with each of the others."""
+    """Read the configured masters; return the usable ones, and the faults of the others."""
     masters: list[Master] = []
     faults: list[str] = []
     for setting, path in settings.files:
@@ -160,14 +160,14 @@ def read_masters(settings: CalibrationConfig) -> tuple[tuple[Master, ...], tuple
 
 
 def is_same_exposure(one_s: float | None, other_s: float | None) -> bool:
-    """Whether a dark of one is a dark of the other; False where either is not known."""
+    """True where a dark of one exposure fits the other; False where either is not known."""
     if one_s is None or other_s is None:
         return False
     return abs(one_s - other_s) <= max(SAME_EXPOSURE * max(one_s, other_s), SAME_EXPOSURE_S)
 
 
 def nearest_dark(masters: Iterable[Master], wanted: Traits) -> Master | None:
-    """The dark of the frame's size whose exposure, then temperature, is nearest to the frame's."""
+    """Dark of the frame's size whose exposure, then temperature, is nearest to the frame's."""
 
     def apart(dark: Master) -> tuple[float, float]:
         dark_s, frame_s = dark.traits.exposure_s, wanted.exposure_s
@@ -184,22 +184,22 @@ def nearest_dark(masters: Iterable[Master], wanted: Traits) -> Master | None:
 
 
 _MAX_PREPARED = 2
-"""A pair of masters takes 6 bytes a pixel: no more of them are held ready."""
+"""Most pairs of masters that are held ready: each takes 6 bytes a pixel."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Choice:
-    """Which masters a frame gets."""
+    """Masters chosen for a frame."""
 
     dark: Path | None
     bias: Path | None
-    """None where the dark is used as it is."""
+    """Bias; None where the dark is used unscaled."""
     dark_scale: float
-    """Of what the dark has above the bias."""
+    """Factor on the dark's excess over the bias."""
     flat: Path | None
     has_mosaic: bool
     window: tuple[int, int, int, int] | None = None
-    """Of a frame that may be a part of what the masters show: x0, y0, width, height."""
+    """Part of the masters that the frame shows: x0, y0, width, height; None: all of it."""
 
 
 class Calibration:
@@ -211,7 +211,7 @@ class Calibration:
         self._prepared: OrderedDict[_Choice, DarkAndFlat] = OrderedDict()
 
     def is_for(self, config: Config) -> bool:
-        """Whether another configuration has the same masters."""
+        """True where another configuration has the same masters."""
         return config.calibration == self._settings
 
     @cached_property
@@ -223,7 +223,7 @@ class Calibration:
         return Workers(threads_for(self._threads))
 
     def make_ready(self, config: Config) -> None:
-        """Read and prepare now what the configured exposures will want."""
+        """Read and prepare the masters for the configured exposures."""
         if not self._settings.files:
             return
         masters = self._masters[0]
@@ -241,9 +241,9 @@ class Calibration:
                 self._ready(choice)
 
     def prepare(self, frame: Frame) -> tuple[Frame, tuple[Caution, ...]]:
-        """The frame calibrated and with its mosaic evened out, and what is to be said of that.
+        """Return the frame calibrated and with its mosaic evened out, and the cautions about it.
 
-        A frame that no master fits is used as it is, and a caution says so.
+        A frame that fits no master is used as it is, and a caution says so.
         """
         if not self._settings.files:
             return without_mosaic(frame), ()
@@ -270,7 +270,7 @@ class Calibration:
         return calibrated, tuple(cautions)
 
     def _choice(self, wanted: Traits) -> _Choice | None:
-        """None where there is neither a dark nor a bias of the frame's size."""
+        """Choose the masters for a frame; None where neither a dark nor a bias has its size."""
         masters = self._masters[0]
         fitting = [each for each in masters if each.traits.has_pixels_of(wanted)]
         dark = nearest_dark(fitting, wanted)
@@ -294,7 +294,7 @@ class Calibration:
         )
 
     def _ready(self, choice: _Choice) -> DarkAndFlat:
-        """Raises FrameError or ValueError where a file is no more what it was."""
+        """Prepared masters of a choice. Raises FrameError or ValueError where a file changed."""
         ready = self._prepared.pop(choice, None)
         if ready is None:
             while len(self._prepared) >= _MAX_PREPARED:
@@ -306,14 +306,14 @@ class Calibration:
 
 
 def _window_of(wanted: Traits, chosen: list[Master]) -> tuple[int, int, int, int] | None:
-    """Of a frame of which a master shows more; None: all are of its size."""
+    """Return the frame's part of the masters' pixels; None where all have the frame's size."""
     if wanted.corner_px is None or all(each.traits.has_size_of(wanted) for each in chosen):
         return None
     return (*wanted.corner_px, wanted.width_px, wanted.height_px)
 
 
 def _pixels_of(path: Path, choice: _Choice) -> PixelArray:
-    """A master's pixels, of these the frame's part where it shows more."""
+    """Return a master's pixels, cut to the frame's part where it shows more."""
     pixels = read_pixels(path)
     if choice.window is None:
         return pixels
@@ -322,7 +322,7 @@ def _pixels_of(path: Path, choice: _Choice) -> PixelArray:
 
 
 def _dark_pixels(choice: _Choice) -> PixelArray:
-    """What the camera gives without light, ADU."""
+    """Return the pixels without light, ADU."""
     if choice.bias is None:
         assert choice.dark is not None
         return _pixels_of(choice.dark, choice)
@@ -341,7 +341,7 @@ def _dark_pixels(choice: _Choice) -> PixelArray:
 def _not_used(
     masters: tuple[Master, ...], wanted: Traits, choice: _Choice | None
 ) -> Iterator[Caution]:
-    """Kinds of which no master has the frame's size, and a flat that would stand alone."""
+    """Yield cautions for masters that all have another size, and a flat without dark or bias."""
     for setting in ("darks", "bias", "flat"):
         there = [each for each in masters if each.setting == setting]
         if not there or any(each.traits.has_pixels_of(wanted) for each in there):
@@ -362,7 +362,7 @@ def _not_used(
 
 
 def _mismatches(used: list[Master], wanted: Traits, choice: _Choice) -> Iterator[Caution]:
-    """In what the chosen masters differ from the frame."""
+    """Yield cautions for each trait in which the chosen masters differ from the frame."""
     for each in used:
         own, name = each.traits, each.path.name
         if each.setting == "darks" and choice.dark_scale == 1.0:
@@ -402,7 +402,7 @@ def _exposure_mismatch(name: str, own: Traits, wanted: Traits) -> Iterator[Cauti
 
 
 def _in_force(used: list[Master], choice: _Choice, defects: int) -> Caution:
-    """Which masters a frame was calibrated with."""
+    """Return the caution that names the masters used for a frame."""
     names = ", ".join(f"{each.setting.removesuffix('s')} {each.words}" for each in used)
     if choice.dark_scale != 1.0:
         names += f"; dark current times {choice.dark_scale:.3g}"

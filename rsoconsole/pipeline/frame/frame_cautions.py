@@ -1,4 +1,4 @@
-"""What a user should know of a frame besides what was found in it, each in one sentence."""
+"""Cautions about a frame besides its detections, each in one sentence."""
 
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
@@ -11,15 +11,15 @@ from rsoconsole.records import Frame, NotSolved, Solution
 from rsoconsole.vision import range_cautions
 
 CALIBRATION = "calibration"
-"""How the kinds of cautions about master frames begin."""
+"""Prefix of the kinds of cautions about master frames."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Caution:
-    """A warning, or what is to be known of every frame that follows."""
+    """Warning, or information that holds for every frame that follows."""
 
     kind: str
-    """Who repeats frames says each kind once."""
+    """Kind of the caution; over several frames each kind is reported once."""
     words: str
     level: Literal["info", "warning"] = "warning"
 
@@ -29,7 +29,7 @@ def cautions(
 ) -> tuple[Caution, ...]:
     """Cautions of a frame: its reader's notes, an uncalibrated camera or exposure, wrong hints.
 
-    The scale is the stars' where they told it, else the header's.
+    The scale is the stars' where they determine it, else the header's.
     """
     notes = [str(note) for note in frame.header.get(NOTES_KEY, ())]
     found = [Caution(kind=note, words=note) for note in notes]
@@ -43,7 +43,7 @@ def cautions(
 
 
 def calibration_warnings(cautions: Iterable[Caution]) -> Iterator[str]:
-    """Warnings about master frames: a comparison with the record depends on them."""
+    """Yield the warnings about master frames: a comparison with the record depends on them."""
     for each in cautions:
         if each.level == "warning" and each.kind.startswith(CALIBRATION):
             yield each.words

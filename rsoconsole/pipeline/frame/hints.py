@@ -1,4 +1,4 @@
-"""What is believed of a frame's plate before it is solved, and what the stars contradict."""
+"""Hints for the plate solution of a frame, and those that the stars contradict."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
@@ -11,20 +11,20 @@ from rsoconsole.sky import separation_deg
 from rsoconsole.words import ALIGN
 
 _ROUNDING = 2e-3
-"""A scale may be written with three digits."""
+"""Tolerance of a scale, which may be written with three digits."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class WrongHint:
-    """A hint that the stars contradict."""
+    """Hint that the stars contradict."""
 
     hint: Literal["scale", "position"]
     words: str
-    """With both figures, and what to do."""
+    """Sentence with both figures and the remedy."""
 
 
 def hint_of(frame: Frame, config: Config) -> SolveHint:
-    """Hint for the solver from the frame's header."""
+    """Return the hint for the solver from the frame's header."""
     scale, tolerance = frame.scale_arcsec_px, config.solver.scale_tolerance
     return SolveHint(
         ra_icrs_deg=frame.pointing_ra_icrs_deg,
@@ -42,7 +42,7 @@ def overridden(
     radius_deg: float | None,
     scale_arcsec_px: tuple[float, float] | None,
 ) -> SolveHint:
-    """The header's hint with what the operator knows better."""
+    """Return the header's hint with the values given by the operator."""
     if ra_icrs_deg is not None:
         hint = replace(hint, ra_icrs_deg=ra_icrs_deg, dec_icrs_deg=dec_icrs_deg)
     if radius_deg is not None:
@@ -54,7 +54,7 @@ def overridden(
 
 
 def rescaled(hint: SolveHint, factor: float) -> SolveHint:
-    """The hint with its scale times ``factor``."""
+    """Return the hint with its scale times ``factor``."""
     if hint.scale_low_arcsec_px is None or hint.scale_high_arcsec_px is None:
         return hint
     return replace(
@@ -65,7 +65,7 @@ def rescaled(hint: SolveHint, factor: float) -> SolveHint:
 
 
 def relaxed(hint: SolveHint) -> tuple[SolveHint, ...]:
-    """The hint without the scale, without the position, and without both; what there is of them."""
+    """Return the hint without the scale, without the position, and without both; each once."""
     without_scale = replace(hint, scale_low_arcsec_px=None, scale_high_arcsec_px=None)
     without_place = replace(hint, ra_icrs_deg=None, dec_icrs_deg=None)
     weaker = (without_scale, without_place, SolveHint(radius_deg=hint.radius_deg))
@@ -75,7 +75,7 @@ def relaxed(hint: SolveHint) -> tuple[SolveHint, ...]:
 def wrong_hints(
     hint: SolveHint, solution: Solution, frame: Frame, config: Config
 ) -> tuple[WrongHint, ...]:
-    """Hints that the solved plate contradicts."""
+    """Return the hints that the solved plate contradicts."""
     return (*_wrong_scale(hint, solution, frame, config), *_wrong_position(hint, solution, frame))
 
 

@@ -1,4 +1,4 @@
-"""Frames in which the operator marks by hand: they are held for longer than the others."""
+"""Frames in which the operator marks by hand, which are held for longer than the others."""
 
 import logging
 from pathlib import Path
@@ -9,10 +9,10 @@ from rsoconsole.records import PixelArray
 from rsoconsole.session import SessionReader
 
 BEGIN_MARK = "begin_mark"
-"""The verb by which one is held."""
+"""Verb of the command that holds a frame."""
 HELD = 600
-"""Frames that may be taken meanwhile: a fast demo's five minutes, a real night's hours. Each that
-is kept weighs some 80 kB, and takes some 7 ms when they are followed again."""
+"""Number of frames for which a held frame stays: a fast demo's five minutes, a real night's hours.
+Each frame kept weighs some 80 kB, and takes some 7 ms when the frames are folded again."""
 
 log = logging.getLogger(__name__)
 

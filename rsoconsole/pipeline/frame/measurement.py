@@ -1,4 +1,4 @@
-"""A streak in pixels and a plate solution make a direction on the sky with its covariance."""
+"""Measurement, a direction on the sky with covariance, of a streak in a solved frame."""
 
 import itertools
 import math
@@ -22,7 +22,7 @@ from rsoconsole.records import (
 from rsoconsole.sky import jacobian_arcsec_px, pixel_to_sky
 
 GPS_SIGMA_S = 0.001
-"""How well a camera's own GPS receiver knows its shutter, unless that was measured."""
+"""Timing sigma of a camera with its own GPS receiver, unless it was measured."""
 NO_MODE = CameraMode()
 
 
@@ -33,10 +33,10 @@ class ShutterTime:
     late_s: float
     """True mid-exposure of the first row minus the header's."""
     sigma_s: float
-    """From frame to frame, one sigma."""
+    """Scatter from frame to frame, one sigma."""
     line_time_us: float
     bias_sigma_s: float = 0.0
-    """What ``late_s`` may be off in all frames together; 0: nobody knows."""
+    """Sigma of ``late_s``, an error that all frames share; 0 where it is not known."""
 
     @property
     def total_sigma_s(self) -> float:
@@ -66,10 +66,10 @@ def shutter_time(frame: Frame | FrameTaken, exposure: ExposureConfig) -> Shutter
 
 
 def calibrated_for(frame: Frame | FrameTaken, exposure: ExposureConfig) -> CalibratedTiming | None:
-    """The entry of the frame's read-out mode and the exposure nearest to its own.
+    """Return the entry of the frame's read-out mode and the exposure nearest to its own.
 
-    Of a part of the sensor that has none, that of the whole, whose clock and lines it shares; its
-    bias is known less well.
+    A part of the sensor without an entry has that of the whole, whose clock and lines it shares;
+    its bias is then known less well.
     """
     mode = read_out_of(frame)
     fitting = [each for each in exposure.calibrated if each.read_out == mode]
@@ -89,7 +89,7 @@ def calibrated_for(frame: Frame | FrameTaken, exposure: ExposureConfig) -> Calib
 
 
 def _holds(known: CalibratedTiming, frame: Frame | FrameTaken) -> bool:
-    """Whether a frame is a part of the sensor that a mode reads, joined and amplified alike."""
+    """True where a frame is a part of the mode's area of the sensor, with like binning and gain."""
     camera = frame.camera or NO_MODE
     if None in (camera.x0_px, camera.y0_px, known.width_px, known.height_px):
         return False
@@ -102,13 +102,13 @@ def _holds(known: CalibratedTiming, frame: Frame | FrameTaken) -> bool:
 
 
 OF_PART_S = 0.005
-"""What reading a part may change of when the shutter opens: nobody has measured it."""
+"""Assumed change of the time bias when a part of the sensor is read: nobody has measured it."""
 SAME_EXPOSURE = 1.05
-"""Exposures that differ by no more than this factor are of one mode."""
+"""Largest ratio of two exposures of one mode."""
 
 
 def usual_sigma_s(exposure: ExposureConfig) -> float:
-    """Scatter of the shutter where no frame is at hand: of the mode nearest to the set exposure."""
+    """Scatter of the shutter without a frame: that of the mode nearest to the set exposure."""
     if not exposure.calibrated:
         return exposure.timing_sigma_s
 
@@ -117,14 +117,14 @@ def usual_sigma_s(exposure: ExposureConfig) -> float:
 
 
 def _exposures_apart(known: CalibratedTiming, exposure_s: float | None) -> float:
-    """Of a mode from an exposure, as a logarithm; infinite where either is not known."""
+    """Distance of a mode's exposure from another, as a logarithm; infinite where one is unknown."""
     if known.exposure_s is None or not exposure_s:
         return math.inf
     return abs(math.log(known.exposure_s / exposure_s))
 
 
 def _surely(found: CalibratedTiming) -> float:
-    """Its scatter with its error: what was found to be nothing may be as much as that."""
+    """Scatter with its error: a scatter found to be zero may be as large as its error."""
     return math.hypot(found.scatter_s, found.scatter_sigma_s)
 
 
@@ -143,9 +143,9 @@ AIR_ARCSEC_ROOT_S = 0.40
 
 
 def shutter_mid_utc_ns(frame: Frame | FrameTaken, exposure: ExposureConfig) -> int | None:
-    """Middle of the exposure by the shutter: the header's plus the camera's known latency.
+    """Return the mid-exposure by the shutter: the header's plus the camera's known latency.
 
-    With a rolling shutter that of the first row.
+    With a rolling shutter it is that of the first row.
     """
     if frame.t_mid_utc_ns is None:
         return None
@@ -161,7 +161,7 @@ def at_its_row(measurement: Measurement, t_mid_utc_ns: int, shutter: ShutterTime
 
 
 def _row_mid_utc_ns(t_mid_utc_ns: int, y_px: float, shutter: ShutterTime) -> int:
-    """Mid-exposure of a row: with a rolling shutter later than the first row's.
+    """Return the mid-exposure of a row: with a rolling shutter later than the first row's.
 
     A streak over several rows has the mid-exposure of its middle one, as its motion is even.
     """
@@ -177,13 +177,14 @@ def measure(
     measurement_id: str,
     source: Source = "network",
 ) -> Measurement | None:
-    """The streak's midpoint on the sky at mid-exposure; None when the frame has no time.
+    """Return the streak's midpoint on the sky at mid-exposure; None when the frame has no time.
 
     The covariance is that of the midpoint along and across the streak, turned to the sky, plus
-    (rate x timing sigma)^2 along it, plus the air's wander and the plate solution's own error
-    in every direction. The catalogue's own error is in the plate's residuals as far as it differs
-    from star to star (about 0.1 arcsec where proper motions are known); what all stars of a field
-    share (0.5 mas/yr) is the same in the next frame and hides from a track's innovations.
+    (rate x timing sigma)^2 along it, plus the air's wander and the plate solution's own error in
+    every direction. The catalogue's own error is in the plate's residuals as far as it differs from
+    star to star (about 0.1 arcsec where proper motions are known); the part that all stars of a
+    field share (0.5 mas/yr) is the same in the next frame and does not show in a track's
+    innovations.
     """
     t_mid_ns = shutter_mid_utc_ns(frame, exposure)
     if t_mid_ns is None or frame.exposure_s is None:
@@ -228,7 +229,7 @@ def measured(
     frame: Frame | FrameTaken,
     exposure: ExposureConfig,
 ) -> tuple[Measurement, ...]:
-    """Measurements of a frame's detections, in their order."""
+    """Return the measurements of a frame's detections, in their order."""
     made = (
         measure(
             each,
@@ -247,8 +248,8 @@ def numbered_like(
 ) -> tuple[Measurement, ...]:
     """Number the measurements of a frame that is reduced again, by ids that are not used yet.
 
-    What is as ``recorded`` keeps its id; all else gets a number behind the recorded candidates
-    (``found``), which the operator may have spoken of.
+    A measurement equal to one of ``recorded`` keeps its id; every other gets a number after those
+    of the recorded candidates (``found``), on which the operator may have decided.
     """
     numbers = itertools.count(len(found.detections) + len(found.rejected))
     same = {replace(each, measurement_id=""): each.measurement_id for each in recorded}

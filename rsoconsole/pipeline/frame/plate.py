@@ -1,4 +1,4 @@
-"""The plate of a frame or of a part: moved from the last one, or sought by its solver."""
+"""Plate solution of a frame or of a part: moved from the last one, or found by the solver."""
 
 import time
 from dataclasses import dataclass, replace
@@ -12,11 +12,11 @@ from rsoconsole.sky import wrap_180
 from rsoconsole.vision import StarList
 
 MIN_PART_PX = 1_100
-"""A side, at least: fewer pixels have too few catalogue stars for the plate."""
+"""Shortest side of a part: fewer pixels have too few catalogue stars for the plate solution."""
 MIN_SHARE = 0.25
-"""Likewise, of the frame's short side."""
+"""Shortest side of a part as a share of the frame's short side."""
 MAX_SHARE = 0.7
-"""Of the frame's pixels: a larger part is no faster than the whole."""
+"""Largest share of the frame's pixels in a part: a larger part is no faster than the whole."""
 _GRID_PX = 16
 
 
@@ -30,18 +30,18 @@ class FramePart:
     """Width and height."""
 
     def cut(self, frame: Frame) -> Frame:
-        """The frame's part; its pixels are the frame's own."""
+        """Return the frame cut to the part; its pixels are the frame's own."""
         width_px, height_px = self.size_px
         rows = slice(self.y0_px, self.y0_px + height_px)
         columns = slice(self.x0_px, self.x0_px + width_px)
         return replace(frame, pixels=frame.pixels[rows, columns])
 
     def of_part(self, plate: Wcs) -> Wcs:
-        """The frame's plate in the part's pixels."""
+        """Return the frame's plate solution in the part's pixels."""
         return self._shifted(plate, -1)
 
     def of_frame(self, plate: Wcs) -> Wcs:
-        """The part's plate in the frame's pixels."""
+        """Return the part's plate solution in the frame's pixels."""
         return self._shifted(plate, 1)
 
     def _shifted(self, plate: Wcs, sign: int) -> Wcs:
@@ -52,7 +52,7 @@ class FramePart:
         )
 
     def streaks_of_frame(self, found: Detections, frame: Frame) -> Detections:
-        """Streaks that lie wholly in the part, where they are in the whole frame."""
+        """Return the streaks that lie wholly in the part, in the frame's pixels."""
         whole = tuple(self.moved(each) for each in found.detections if not each.is_clipped)
         return replace(
             found,
@@ -63,7 +63,7 @@ class FramePart:
         )
 
     def moved(self, each: Detection) -> Detection:
-        """The part's streak in the frame's pixels."""
+        """Return the part's streak in the frame's pixels."""
         x, y = self.x0_px, self.y0_px
         left, top, right, bottom = each.box_px
         return replace(
@@ -79,7 +79,7 @@ class FramePart:
 
 
 def middle_of(frame: Frame, reach_px: float) -> FramePart | None:
-    """Part of a frame, ``reach_px`` about its centre; None where that is most of the frame."""
+    """Part of a frame ``reach_px`` about its centre; None where that is most of the frame."""
     least_px = max(MIN_PART_PX / 2.0, MIN_SHARE * min(frame.width_px, frame.height_px))
     half_px = max(reach_px, least_px)
     sides = [
@@ -96,9 +96,10 @@ def middle_of(frame: Frame, reach_px: float) -> FramePart | None:
 
 
 def part_between(before: Frame, frame: Frame) -> FramePart | None:
-    """A frame as a part of the one before, where both are of one sensor, joined alike.
+    """Frame as a part of the one before, where both are of one sensor with the same binning.
 
-    Where it is the larger one, its corner lies outside. None where the headers do not tell.
+    Where it is the larger one, its corner lies outside. None where the headers do not give the
+    corners.
     """
     one, other = before.camera, frame.camera
     if one is None or other is None or one.binning is None or one.binning != other.binning:
@@ -114,38 +115,38 @@ def part_between(before: Frame, frame: Frame) -> FramePart | None:
 
 
 MIN_S = 0.2
-"""Less than this of a deadline is not worth another search."""
+"""Shortest rest of a deadline that is worth another search, s."""
 _CLOUD_SHARE = 0.5
-"""Of the stars that the last plate had: with fewer it is cloud that hides the field."""
+"""Share of the last plate's star count below which cloud hides the field."""
 _CLOUD_TURNS = 4
-"""Frames in a row that may be cloud before hints that have held are doubted."""
+"""Number of frames in a row that may be cloudy before hints that have held are doubted."""
 
 
 class GivenPlate:
-    """The plate of a frame as somebody gives it; what finds plates derives from it."""
+    """Plate solution set from outside; classes that find plates derive from it."""
 
     solution: Solution | NotSolved | None = None
-    """None where nobody asks for one."""
+    """Plate solution that ``solve`` returns; None where none is wanted."""
 
     def configure(self, config: Config) -> None:
         """Take new tunables."""
 
     def forget(self) -> None:
-        """Forget what was known of the camera: it has turned."""
+        """Forget the camera's last plate solution: it has turned."""
 
     def solve(self, frame: Frame, stars: StarList) -> Solution | NotSolved | None:
-        """The plate of one frame."""
+        """Return the plate solution of one frame."""
         _ = frame, stars
         return self.solution
 
     def moved(self, frame: Frame, stars: StarList, part: FramePart) -> Solution | None:
-        """The last plate moved onto the stars of a frame's part; None where there is none."""
+        """Last plate moved onto the stars of a frame's part; None where there is none."""
         _ = frame, stars, part
         return None
 
 
 class PlateFinder(GivenPlate):
-    """Remembers the last plate and where the mount said it pointed then."""
+    """Finder of plate solutions, with the last one and the mount's pointing at that time."""
 
     def __init__(self, solver: PlateSolver, config: Config) -> None:
         self._solver = solver
@@ -153,27 +154,27 @@ class PlateFinder(GivenPlate):
         self._last: Solution | None = None
         self._last_frame: Frame | None = None
         self._last_stars = 0
-        """Stars that the frame of the last plate had."""
+        """Star count of the frame of the last plate solution."""
         self._failures = 0
-        """Frames in a row that were not solved."""
+        """Number of frames in a row that were not solved."""
         self._scale_factor = 1.0
-        """The stars' scale over the header's, where that was wrong."""
+        """Ratio of the stars' scale to the header's, where the header's was wrong."""
 
     def configure(self, config: Config) -> None:
         """Take new tunables."""
         self._config = config
 
     def forget(self) -> None:
-        """Forget the last plate: after a flip it says nothing."""
+        """Forget the last plate: after a flip it is of no use."""
         self._last = self._last_frame = None
 
     def solve(self, frame: Frame, stars: StarList) -> Solution | NotSolved:
         """Refit from the last plate, else solve in full with the header's hints.
 
         Without the hints only the first, second, fourth, eighth... frame in a row that fails is
-        tried: a search of the whole sky takes as long as it may, and a cloud lasts. Hints that a
-        plate has borne out are not doubted at once where most of the stars are gone. Frames that
-        tell no position have ``solver.blind_deadline_s`` in these turns, else ``deadline_s``.
+        solved: a search of the whole sky takes as long as it may, and a cloud lasts. Hints that a
+        plate has confirmed are not doubted at once where most of the stars are gone. Frames without
+        a position have ``solver.blind_deadline_s`` in these turns, else ``deadline_s``.
         """
         solution: Solution | NotSolved | None = self._refit(frame, stars)
         if solution is None:
@@ -194,9 +195,9 @@ class PlateFinder(GivenPlate):
         return solution
 
     def moved(self, frame: Frame, stars: StarList, part: FramePart) -> Solution | None:
-        """The last plate moved onto the stars of a frame's part, which stays the last plate.
+        """Last plate moved onto the stars of a frame's part; it remains the last plate.
 
-        ``stars`` in the part's pixels, the solution in the frame's. None where it does not fit.
+        ``stars`` are in the part's pixels, the solution in the frame's. None where it does not fit.
         """
         last = self._last
         if last is None:
@@ -205,7 +206,7 @@ class PlateFinder(GivenPlate):
         return None if here is None else replace(here, wcs=part.of_frame(here.wcs))
 
     def _factor_of(self, frame: Frame, solution: Solution) -> float:
-        """So that a wrong focal length costs one search, not one a frame."""
+        """Correction of the header's scale: a wrong focal length costs one search in all."""
         if frame.scale_arcsec_px is None:
             return 1.0
         factor = solution.scale_arcsec_px / frame.scale_arcsec_px
@@ -214,10 +215,10 @@ class PlateFinder(GivenPlate):
     def solve_in_full(
         self, frame: Frame, stars: StarList, hint: SolveHint, *, is_relaxed: bool = True
     ) -> Solution | NotSolved:
-        """A solution from the hint, and in what is left of the deadline from less of it.
+        """Return a solution from the hint, or within the rest of the deadline from weaker hints.
 
-        ``is_relaxed``: whether it may be tried without what the hint says. Without a position the
-        longer deadline holds for all, but for a frame that may not be relaxed.
+        ``is_relaxed``: whether weaker hints are allowed. Without a position the longer deadline
+        holds for all, but for a frame that may not be relaxed.
         """
         settings = self._config.solver
         started_s = time.monotonic()

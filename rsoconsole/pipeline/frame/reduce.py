@@ -36,7 +36,7 @@ from rsoconsole.words import text
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Glance:
-    """Streaks and plate of the middle of a frame, in the whole frame's pixels."""
+    """Streaks and plate solution of the middle of a frame, in the whole frame's pixels."""
 
     detections: Detections
     solution: Solution
@@ -48,7 +48,7 @@ _BRIGHTEST, _MAX_STARS = slice(80), 600
 
 
 class ZeroPoint:
-    """Compares the stars of solved frames with the catalogue's magnitudes."""
+    """Zero point of solved frames, by their stars and the catalogue's magnitudes."""
 
     def __init__(self) -> None:
         self._is_broken = False
@@ -56,7 +56,7 @@ class ZeroPoint:
     def of(
         self, frame: Frame, stars: StarList, solution: Solution | NotSolved | None
     ) -> float | None:
-        """Magnitude of a star of 1 ADU a second, median over the matched stars.
+        """Return the magnitude of a star of 1 ADU a second, median over the matched stars.
 
         The catalogue's band is not the camera's: compare nights and hours of one camera alone.
         None without a plate or exposure, for trailed stars, and where fewer than
@@ -92,16 +92,16 @@ class Reduction:
 
     detections: Detections
     solution: Solution | NotSolved | None
-    """None when nobody asked for one."""
+    """Plate solution; None where none was wanted."""
     measurements: tuple[Measurement, ...]
     star_count: int
     fwhm_px: float | None
-    """Of the frame's own stars; None where they are too few to tell."""
+    """FWHM of the frame's own stars; None where they are too few."""
     absence: str
-    """Why there is no measurement, when there is none; ``pipeline.absence`` tells what hides it."""
+    """Reason why there is no measurement, if so; ``pipeline.absence`` adds what hides it."""
     stage_ms: dict[str, float] = field(default_factory=dict)
     cautions: tuple[Caution, ...] = ()
-    """What is unusual about frame, camera or hints."""
+    """Cautions about frame, camera or hints."""
 
 
 class FrameReducer:
@@ -117,9 +117,8 @@ class FrameReducer:
         calibration: Calibration | None = None,
         comparison: FixedLight | RecordedComparison | None = None,
     ) -> None:
-        """``calibration``: of the same configuration, where it has been made already;
-        ``comparison``: None for the frame before and the shipped stars.
-        """
+        """``calibration``: that of the same configuration, where it exists already; ``comparison``:
+        None for the frame before and the shipped stars."""
         self._network = network
         self._curve = curve
         self._memory = PsfMemory()
@@ -151,7 +150,7 @@ class FrameReducer:
     def glance(self, frame: Frame, reach_px: float) -> Glance | None:
         """Streaks and plate by the frame's middle alone; the whole is still to be reduced.
 
-        None where that is no smaller, or where its stars do not fit the last plate.
+        None where the middle is no smaller, or where its stars do not fit the last plate.
         """
         middle = middle_of(frame, reach_px)
         if middle is None:
@@ -165,12 +164,12 @@ class FrameReducer:
         return None if solution is None else Glance(detections=found, solution=solution)
 
     def reduce(self, frame: Frame) -> Reduction:
-        """Detections, solution and measurements of one frame.
+        """Return detections, solution and measurements of one frame.
 
-        The plate is solved where something was detected, and also without it where the header
-        tells the direction: that costs little and shows where the telescope really points. With
-        it the streaks are compared with the frame before and the star catalogue. A detection
-        whose frame cannot be solved makes no measurement: the mount's word never poses as one.
+        The plate is solved where something was detected, and also without that where the header
+        gives the direction: it costs little and shows where the telescope really points. With the
+        solution the streaks are compared with the frame before and the star catalogue. A detection
+        in an unsolved frame makes no measurement: the mount's reported position never replaces one.
         """
         stage_ms: dict[str, float] = {}
         with timed(stage_ms, "detect"):
@@ -212,10 +211,10 @@ class FrameReducer:
 
 
 def typical_flux_adu(stars: StarList) -> float | None:
-    """Median flux of the 20th to 60th brightest star; None where there are fewer.
+    """Return the median flux of the 20th to 60th brightest star; None where there are fewer.
 
-    What cloud takes away shows in it before stars disappear; the very brightest are saturated
-    and few, so that each that enters the field would count.
+    Extinction by cloud shows in it before stars disappear; the very brightest are saturated and
+    few, so that each one entering the field would count.
     """
     if len(stars) < BRIGHTEST_STARS.stop:
         return None
@@ -225,7 +224,7 @@ def typical_flux_adu(stars: StarList) -> float | None:
 def plain_absence(
     found: Detections, solution: Solution | NotSolved | None, t_mid_utc_ns: int | None
 ) -> Missed:
-    """Why a frame without a measurement has none, by its own records alone."""
+    """Return the reason why a frame without a measurement has none, by its own records alone."""
     if not found.detections:
         return Missed(kind="no detection")
     if isinstance(solution, NotSolved):
@@ -243,7 +242,7 @@ def timed(stage_ms: dict[str, float], stage: str) -> Iterator[None]:
 
 @contextmanager
 def open_reducer(config: Config) -> Iterator[tuple[FrameReducer, str]]:
-    """A reducer ready to work, and the network's SHA-256.
+    """Open a reducer; yield it with the network's SHA-256.
 
     Raises ModelError when the network cannot be loaded, SolverError without index files.
     """

@@ -1,8 +1,8 @@
-"""A mark made roughly by hand, refined on the light beneath it. Pure.
+"""Refinement of a rough mark by hand on the light beneath it. Pure.
 
-The line is traced near the two marked ends, which may be off by what one square of the picture is;
-a short one is fitted then. What is found has the sigma of that measurement; where nothing is found
-the mark stays as it was made.
+The line is traced near the two marked ends, which may be off by the size of one square of the
+picture; a short one is then fitted. A line that is found has the sigma of that measurement; without
+one the mark stays as it was made.
 """
 
 import math
@@ -26,26 +26,28 @@ from rsoconsole.vision import (
 )
 
 MARGIN_PX = 80.0
-"""Of sky about what is looked at."""
+"""Margin of sky about the mark."""
 LARGEST_SIDE_PX = 2200
-"""Of the piece that is looked at: a mark across more of the frame stays rough."""
+"""Largest side of the examined piece: a mark across more of the frame stays rough."""
 MIN_SNR, MIN_QUARTILE_SNR, MAX_ROUGH = 8.0, 3.0, 0.9
-"""Of a line that is believed; the last as far as neither slow change nor one period explains it."""
+"""Limits for a line that is believed: SNR, its lower quartile, and roughness, the share that
+neither slow change nor one period explains."""
 MIN_SNR_FAR, FAR_SIGMA_PX = 12.0, 8.0
-"""Under a rougher mark than that there is more sky, and more in it that is like a line."""
+"""SNR needed where the mark's sigma exceeds ``FAR_SIGMA_PX``: more sky holds more false lines."""
 OFFS_PX = (4.0, 8.0, 16.0, 32.0, 64.0)
-"""How far off the ends are looked for, the nearest first; none further than the mark is rough."""
+"""Distances, px, by which the line may be off the mark at its middle and ends, the nearest first;
+but for the first none beyond 1.5 of the mark's sigma."""
 ENDS_SIGMAS = 2.5
 TURNS_DEG = (0.0, 30.0, -30.0, 60.0, -60.0, 90.0)
-"""From the marked direction, where the mark is as rough as it is long."""
+"""Turns from the marked direction that are examined where the mark is as rough as it is long."""
 SURE_DIRECTION = 3.0
-"""Lengths over sigma from which on two ends say where the line runs."""
+"""Ratio of length to sigma from which two ends give the direction of the line."""
 LONGEST_FIT_PX = 450.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Piece:
-    """A piece of the frame with what is known of it."""
+    """Piece of the frame with its background and stars."""
 
     pixels: PixelArray
     sky: Background
@@ -56,10 +58,10 @@ class _Piece:
 def refined_mark(
     pixels: PixelArray, mark: Detection, *, star_fwhm_px: float | None = None
 ) -> Detection | None:
-    """The streak under a mark, measured; None where no line stands out there.
+    """Return the streak under a mark, measured; None where no line stands out there.
 
     ``pixels``: (height, width) ADU; ``mark``: as made by hand, its sigma that of its ends;
-    ``star_fwhm_px``: of the frame's stars, where that is known.
+    ``star_fwhm_px``: FWHM of the frame's stars, where it is known.
     """
     sigma = max(mark.sigma_along_px, mark.sigma_across_px)
     piece = _piece_of(pixels, mark, sigma)
@@ -89,7 +91,7 @@ def _offs(sigma: float) -> Iterator[float]:
 
 
 def _proposals(mark: Detection, sigma: float) -> Iterator[Ends]:
-    """The marked line; turned about its middle as far as its ends do not say."""
+    """Yield the marked line, and turned ones where its ends do not fix the direction."""
     is_sure = mark.length_px >= SURE_DIRECTION * sigma
     half = 0.5 * mark.length_px
     angle = math.atan2(mark.y_b_px - mark.y_a_px, mark.x_b_px - mark.x_a_px)
@@ -127,7 +129,7 @@ def _is_believed(trace: Trace, sigma: float) -> bool:
 
 
 def _is_meant(trace: Trace, piece: _Piece, mark: Detection, sigma: float) -> bool:
-    """Whether its ends lie where they were marked, as well as the mark is good for."""
+    """True where the traced ends agree with the marked ones within the mark's sigma."""
     reach = ENDS_SIGMAS * sigma + OFFS_PX[0]
     x0, y0 = piece.place.x0_px, piece.place.y0_px
     a = trace.x_a_px + x0, trace.y_a_px + y0

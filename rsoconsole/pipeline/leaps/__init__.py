@@ -1,1 +1,1 @@
-"""Low satellites: where and when to meet them next, and how long a slew takes. Pure."""
+"""Leaps to low satellites: where and when to meet them next, and how long a slew takes. Pure."""

@@ -1,8 +1,8 @@
-"""A pass that is waited for: where the telescope stares until it comes, and what came. Pure.
+"""An awaited pass: where the telescope stares until it comes, and the streak it draws. Pure.
 
 Elements are off along the orbit more than across it. So the telescope looks at one point of the
-orbit until the object has surely gone through there, early or late; how late it was says the first
-streak, and how far across.
+orbit until the object has surely gone through there, early or late; the first streak gives its
+delay and its offset across.
 """
 
 from collections.abc import Callable, Collection
@@ -42,25 +42,25 @@ from rsoconsole.words import NS_PER_DAY, NS_PER_S
 
 _MOST = 500
 CLOSED_S = 0.05
-"""From the end of an exposure until the shutter has surely closed."""
+"""Time from the end of an exposure until the shutter has surely closed."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class PassPlan:
-    """All leaps of a pass, if each is met."""
+    """Leaps of a pass, if each succeeds."""
 
     leaps: tuple[Leap, ...]
     end: NoLeap
-    """Why there is none after the last."""
+    """Reason why there is no leap after the last."""
 
     @property
     def flips(self) -> int:
-        """How often the mount changes the side of its pier."""
+        """Number of times that the mount changes the side of its pier."""
         return sum(each.flips for each in self.leaps)
 
     @property
     def longest_gap_s(self) -> float:
-        """Between two exposures; 0 with fewer than two."""
+        """Longest time between two mid-exposures; 0 with fewer than two."""
         middles = [each.t_mid_utc_ns for each in self.leaps]
         return float(np.max(np.diff(middles))) / NS_PER_S if len(middles) > 1 else 0.0
 
@@ -74,9 +74,9 @@ def plan_pass(
     first: Leap | None = None,
     sure_from: int | None = None,
 ) -> PassPlan:
-    """Leap after leap until it sets or a limit ends it.
+    """Plan leap after leap until the satellite sets or a limit ends the pass.
 
-    ``first``: the one under way. From the ``sure_from``-th on the next slew is ordered when the
+    ``first``: the leap under way. From the ``sure_from``-th on the next slew is ordered when the
     shutter has closed, before that, or with None, when the frame has been read out.
     """
     leaps: list[Leap] = []
@@ -96,16 +96,16 @@ def plan_pass(
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Stare:
-    """Where to wait for a pass: at a point of its orbit, until it has surely gone by."""
+    """Point of an orbit at which the telescope waits for a pass, until it has surely gone by."""
 
     t_through_utc_ns: int
-    """When it goes through that point, if it keeps its time."""
+    """Instant at which it goes through that point, if it keeps its time."""
     from_utc_ns: int
     until_utc_ns: int
     point_gcrs_km: tuple[float, float, float]
 
     def direction_deg(self, site: Site, t_utc_ns: int) -> tuple[float, float]:
-        """Where that point of the orbit is seen: early or late, it comes through there.
+        """ICRS direction of that point of the orbit, through which it comes early or late.
 
         Light time and aberration (20 arcsec at most) are left out.
         """
@@ -115,24 +115,24 @@ class Stare:
 
 
 def duty(exposure_s: float, latency_s: float, readout_s: float) -> float:
-    """Share of the time for which the shutter is open while exposures follow each other."""
+    """Return the share of time with the shutter open while exposures follow each other."""
     return exposure_s / (exposure_s + latency_s + readout_s)
 
 
 StatesOf = Callable[[IntArray], tuple[FloatArray, FloatArray]]
-"""GCRS positions and velocities (N, 3) at instants (N,): km, km/s."""
+"""Function for GCRS positions and velocities (N, 3) at instants (N,): km, km/s."""
 SIGMAS = 3.0
 _STEP_S = 5.0
 _TURN_DEG, _SPEED = 15.0, 0.2
-"""By how much a streak's direction and speed may differ from the elements' and be its own."""
+"""Largest turn, and relative difference in speed, of a streak from the elements' prediction."""
 _FINE_S = 0.05
 _FARTHEST_DEG = 3.0
-"""Across its way: elements are off by arc minutes there."""
+"""Largest distance across its way: elements are off by arc minutes there."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class AwaitedPass:
-    """A pass that is awaited, and where."""
+    """Awaited pass and the stare for it."""
 
     name: str
     states: StatesOf
@@ -146,7 +146,7 @@ class PassOffset:
 
     late_s: float
     across_arcmin: float
-    """To the left of the motion."""
+    """Offset across the motion, to its left."""
 
 
 def next_awaited_pass(
@@ -160,7 +160,7 @@ def next_awaited_pass(
     lifted: Collection[LimitName] = (),
     errors: ElementErrors = ASSUMED,
 ) -> AwaitedPass | None:
-    """The next pass of a catalogued object within a day on which it is lit where it is met."""
+    """Return the next pass of a catalogued object within a day that is sunlit at its stare."""
     satellite = Satellite(entry)
     span = (now_utc_ns, now_utc_ns + NS_PER_DAY)
     passes = night_passes([entry], site, span, limits, is_low_only=False, errors=errors)
@@ -193,7 +193,7 @@ def awaited_pass(
     now_utc_ns: int,
     lifted: Collection[LimitName] = (),
 ) -> AwaitedPass | None:
-    """The earliest point of a pass that the telescope may look at all the time, and that is lit."""
+    """Earliest point of a pass that is sunlit and within the limits throughout the stare."""
     span_ns = round(SIGMAS * sigma_s * NS_PER_S)
     for t in range(up_utc_ns[0], up_utc_ns[1], round(_STEP_S * NS_PER_S)):
         point = states(np.array([t]))[0]
@@ -215,7 +215,7 @@ def awaited_pass(
 
 
 def is_dark(orbit: KnownOrbit, t_utc_ns: int) -> bool:
-    """Whether the object is wholly in the Earth's shadow."""
+    """True where the object is wholly in the Earth's shadow."""
     at = np.array([t_utc_ns])
     return bool(lit_fraction(orbit.states(at)[0], at)[0] <= 0.0)
 
@@ -229,7 +229,7 @@ def _may_look(
 
 
 def expected_at(awaited: AwaitedPass, site: Site, t_utc_ns: int, late_s: float) -> SkyAhead:
-    """Predicted position at an instant of an object that is late by ``late_s``."""
+    """Return the predicted position at an instant of an object that is late by ``late_s``."""
     moved_ns = round(late_s * NS_PER_S)
 
     def states(t: IntArray) -> tuple[FloatArray, FloatArray]:
@@ -252,8 +252,8 @@ def came(
 ) -> tuple[PassOffset, StreakEnds] | None:
     """Offset of a pass by one whole streak, and the streak in the sense of its motion.
 
-    None for one that is nowhere on its way within the window, or that goes another way or at
-    another speed than it would there.
+    None for a streak that is nowhere on its way within the window, or that has another direction or
+    speed than the pass would have there.
     """
     stare = awaited.stare
     span_s = (stare.until_utc_ns - stare.from_utc_ns) / NS_PER_S

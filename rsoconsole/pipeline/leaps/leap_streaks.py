@@ -1,4 +1,4 @@
-"""What a frame says of low satellites: its streaks by their two ends on the sky. Pure."""
+"""Streaks of low satellites in a frame, by their two ends on the sky. Pure."""
 
 import math
 from dataclasses import dataclass
@@ -19,29 +19,29 @@ from rsoconsole.tracking import TRACKABLE_CLASSES
 from rsoconsole.words import NS_PER_S
 
 MIN_SIGMA_PX = 0.3
-"""Of an end, however well its streak fits."""
+"""Lowest sigma of an end, however well its streak fits."""
 UNKNOWN_BIAS_S = 0.1
-"""What a shutter may be off in all frames together, where nobody has measured it."""
+"""Assumed sigma of a shutter's time bias, where nobody has measured it."""
 MIN_SCATTER_S = 1e-4
 STATED_FRAMES = 2.0
-"""Frames' worth of belief in a scatter of the shutter that stands in the settings alone."""
+"""Weight, in frames, of a timing scatter that stands in the settings alone."""
 RIM_PX = 6.0
-"""So near to the frame's edge an end is not the light's."""
+"""Distance from the frame's edge within which an end is not the light's own."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class FrameStreak:
-    """One streak of a frame."""
+    """Streak of a frame, by its ends on the sky and as detected."""
 
     ends: StreakEnds
     detection: Detection
 
     @property
     def may_begin(self) -> bool:
-        """Whether a track may begin with it: both ends seen, and by its looks a satellite's.
+        """True where a track may begin with it: both ends seen, and a class of satellites.
 
-        What lies where a satellite is expected, runs its way and is as fast, is that one's whatever
-        it looks like: the brightest look like aircraft.
+        A streak at the predicted place, direction and speed of a satellite belongs to it whatever
+        its class: the brightest look like aircraft.
         """
         return self.ends.is_whole and self.detection.object_class in TRACKABLE_CLASSES
 
@@ -52,7 +52,7 @@ def streaks_of(
     frame: Frame | FrameTaken,
     exposure: ExposureConfig,
 ) -> tuple[FrameStreak, ...]:
-    """Streaks, whole or cut at one end; the most confident first."""
+    """Return the streaks, whole or cut at one end; the most confident first."""
     t_mid_ns, exposure_s = shutter_mid_utc_ns(frame, exposure), frame.exposure_s
     if t_mid_ns is None or exposure_s is None:
         return ()
@@ -84,7 +84,7 @@ def streaks_of(
 
 
 def timing_of(frame: Frame | FrameTaken, exposure: ExposureConfig) -> Timing:
-    """Uncertainty of the times of frames like this one."""
+    """Return the uncertainty of the times of frames like this one."""
     shutter = shutter_time(frame, exposure)
     is_gps = frame.camera is not None and frame.camera.time_by == "gps"
     unknown_s = 0.0 if is_gps else UNKNOWN_BIAS_S
@@ -97,7 +97,7 @@ def timing_of(frame: Frame | FrameTaken, exposure: ExposureConfig) -> Timing:
 
 
 def _sigmas(detection: Detection, solution: Solution, exposure_s: float) -> tuple[float, float]:
-    """Arcsec of either end, along and across: both of the midpoint's, by what parts them."""
+    """Sigmas of either end along and across the streak, arcsec, from those of the midpoint."""
     scale = solution.scale_arcsec_px
     # Two ends that err by themselves make a midpoint that errs by a root of two less.
     along_px = max(math.sqrt(2.0) * detection.sigma_along_px, MIN_SIGMA_PX)
@@ -115,7 +115,7 @@ def _sigmas(detection: Detection, solution: Solution, exposure_s: float) -> tupl
 def _is_cut(
     detection: Detection, x: FloatArray, y: FloatArray, size_px: tuple[int, int]
 ) -> npt.NDArray[np.bool_]:
-    """(2,) which ends lie at the rim; of a streak called clipped at least the nearer one."""
+    """True for each end, (2,), at the rim; of a clipped streak at least for the nearer one."""
     room = np.minimum(np.minimum(x, size_px[0] - 1 - x), np.minimum(y, size_px[1] - 1 - y))
     cut = room < RIM_PX
     if detection.is_clipped and not np.any(cut):

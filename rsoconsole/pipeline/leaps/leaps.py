@@ -1,6 +1,6 @@
-"""Where and when to meet a low satellite next, and for how long to expose it. Pure.
+"""Leap to a low satellite: where and when to meet it next, and for how long to expose it. Pure.
 
-The telescope cannot keep up with it: it goes to where it will be, waits there, exposes while it
+The telescope cannot keep up with the satellite: it goes ahead of it, waits, exposes while it
 passes, and goes ahead again. Exposures are so long that the streak is well measured, and so short
 that both its ends are in the field.
 """
@@ -21,24 +21,24 @@ from rsoconsole.sky import LimitName, Limits, PierSide, Pose, Refusal
 from rsoconsole.words import NS_PER_S
 
 USUAL_RAMP_S = 2.0
-"""From rest to full rate, before a slew has been seen."""
+"""Time of a slew from rest to full rate, before a slew has been measured."""
 USUAL_FIXED_S = 0.5
 _BELIEF = np.array([0.3, 0.7, 1.5])
-"""One sigma of the logarithms of rate, ramp and fixed part: none of them falls to nothing."""
+"""One sigma of the logarithms of rate, ramp and fixed part, which keeps them above zero."""
 _SCATTER_S = 0.1
-"""Of a slew's time beside the law, as far as it is believed to go."""
+"""Scatter of a slew's time about the law, as assumed in the fit."""
 _FIT_ROUNDS = 12
 LAST_SLEWS = 60
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MeasuredSlew:
-    """A slew that was made, and the time it took."""
+    """Slew of the mount and the time it took."""
 
     travel_deg: tuple[float, float]
-    """Of the polar and the declination axis."""
+    """Travel of the polar and the declination axis."""
     seconds: float
-    """From the order to the report of rest."""
+    """Time from the order to the report of rest."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -49,12 +49,12 @@ class MountMotion:
     acceleration_deg_s2: float
     fixed_s: float
     scatter_s: float
-    """By how much slews have differed from it, one sigma."""
+    """Scatter of the slews about the model, one sigma."""
     slews: int
-    """From how many it was learned; 0: as configured."""
+    """Number of slews it was fitted to; 0: as configured."""
 
     def slew_s(self, travel_deg: tuple[float, float]) -> float:
-        """Seconds that a slew takes, most likely."""
+        """Return the most likely duration of a slew, s."""
         rate, way = self.rate_deg_s, max(*travel_deg, 0.0)
         ramp = rate / self.acceleration_deg_s2
         if way < rate * ramp:
@@ -62,12 +62,12 @@ class MountMotion:
         return self.fixed_s + way / rate + ramp
 
     def surely_s(self, travel_deg: tuple[float, float]) -> float:
-        """Seconds after which it is over in 98 of 100 cases."""
+        """Return the time after which a slew is over in 98 of 100 cases, s."""
         return self.slew_s(travel_deg) + 2.0 * self.scatter_s
 
 
 def configured(mount: MountConfig) -> MountMotion:
-    """Model of the slews before the first one, as configured."""
+    """Return the model of the slews before the first one, as configured."""
     rate = mount.slew_rate_deg_s
     return MountMotion(
         rate_deg_s=rate,
@@ -79,7 +79,7 @@ def configured(mount: MountConfig) -> MountMotion:
 
 
 def learned(mount: MountConfig, seen: Sequence[MeasuredSlew]) -> MountMotion:
-    """Model that fits the last slews best, near what is configured."""
+    """Return the model that fits the last slews best, near the configured one."""
     start = configured(mount)
     last = [each for each in seen if max(each.travel_deg) > 0.0][-LAST_SLEWS:]
     if not last:
@@ -110,7 +110,7 @@ def learned(mount: MountConfig, seen: Sequence[MeasuredSlew]) -> MountMotion:
 
 
 def _seconds(law: FloatArray, way_deg: FloatArray) -> FloatArray:
-    """Of ways (N,) by rate, ramp and fixed part."""
+    """Return the durations of slews over distances (N,) by rate, ramp and fixed part, s."""
     rate, ramp, fixed = law
     short = 2.0 * np.sqrt(np.maximum(way_deg, 0.0) * ramp / rate)
     return np.asarray(fixed + np.where(way_deg < rate * ramp, short, way_deg / rate + ramp))
@@ -124,39 +124,39 @@ def _slope(law: FloatArray, way_deg: FloatArray, n: int) -> FloatArray:
 
 
 LENGTH_PX = 250.0
-"""Of a streak that is measured well; from 500 px on the detector is less sure."""
+"""Length of a streak that is measured well; from 500 px on the detector is less sure."""
 MIN_LENGTH_PX = 40.0
 BINNED_LENGTH_PX = 100.0
-"""Of a binned camera's streak, at least: with half the pixels it is as long on the sky."""
+"""Shortest length of a binned camera's streak: with half the pixels it is as long on the sky."""
 SHORTEST_S, LONGEST_S = 0.05, 1.0
 BESIDE_ARCSEC = 180.0
-"""What a mount may look beside where it was sent, its offset known."""
+"""Largest distance of the mount's pointing from where it was sent, its offset known."""
 RIM = 0.96
 """Share of the field within which ends count as in it."""
 MIN_WITHIN = 0.2
-"""Less likely to be in the field, a leap is not worth it."""
+"""Least probability to have both ends in the field for which a leap is worth it."""
 _WAITS_S = (0.0, 1.0, 2.0, 4.0, 8.0, 16.0, 32.0, 64.0, 128.0)
 _ROUNDS = 30
 _SAME_S = 0.05
-"""So near to the earliest instant is near enough."""
+"""Tolerance on the earliest possible instant, s."""
 _GAINING = 0.97
-"""Steps that shrink by less lead nowhere in time."""
+"""Ratio of successive steps above which they lead nowhere in time."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LeapTerms:
-    """What camera and mount need beside the slew."""
+    """Times and field of camera and mount, beside the slew."""
 
     field_deg: tuple[float, float]
     scale_arcsec_px: float
     settle_s: float
-    """From the arrival until an exposure may be ordered."""
+    """Time from the arrival until an exposure may be ordered."""
     latency_s: float
-    """From the order of an exposure to its beginning."""
+    """Time from the order of an exposure to its beginning."""
     readout_s: float
-    """From its end until the next order can be given."""
+    """Time from its end until the next order can be given."""
     binning: int = 1
-    """Pixels that are joined on each axis; ``scale_arcsec_px`` is that of the joined ones."""
+    """Binning: pixels joined on each axis; ``scale_arcsec_px`` is that of the joined ones."""
 
     @property
     def length_px(self) -> float:
@@ -170,13 +170,13 @@ class LeapTerms:
 
 
 BINNED_SCALE_ARCSEC_PX = 4.0
-"""Of joined pixels, at most, where nothing else is set: coarser, stars fall into one pixel."""
+"""Coarsest scale of joined pixels, if not set: beyond it stars fall into one pixel."""
 MANY_PX = 6_000_000
-"""Fewer pixels are read out and examined fast enough as they are."""
+"""Number of pixels below which frames are read out and examined fast enough unbinned."""
 
 
 def binning_for(config: Config) -> int:
-    """As many pixels joined as leave a streak well measured, where that saves time."""
+    """Return the binning that leaves a streak well measured, where it saves time."""
     optics = config.optics
     if optics.width_px * optics.height_px < MANY_PX:
         return 1
@@ -204,35 +204,35 @@ class Telescope:
     terms: LeapTerms
     limits: Limits
     lifted: Collection[LimitName] = ()
-    """Limits that are not held."""
+    """Limits that are lifted."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Leap:
-    """One leap: the slew, the wait, the exposure."""
+    """Leap: the slew, the wait, the exposure."""
 
     t_order_utc_ns: int
-    """When the slew is ordered."""
+    """Instant at which the slew is ordered."""
     t_expose_utc_ns: int
-    """When the exposure is ordered, with the mount settled."""
+    """Instant at which the exposure is ordered, with the mount settled."""
     t_mid_utc_ns: int
     exposure_s: float
     place: SkyAhead
-    """Where it then is: the middle of the field."""
+    """Predicted position at mid-exposure: the middle of the field."""
     side: PierSide | None
-    """Of the pier, at arrival."""
+    """Side of the pier at arrival."""
     slew_s: float
     within: float
     """Probability that both ends are in the field."""
     flips: bool
     binning: int = 1
-    """Of the camera."""
+    """Binning of the camera."""
     share: float = 1.0
-    """Of each side of the sensor, what is read out of it."""
+    """Share of each side of the sensor that is read out."""
 
     @property
     def t_close_utc_ns(self) -> int:
-        """When the shutter closes."""
+        """Instant at which the shutter closes."""
         return self.t_mid_utc_ns + round(self.exposure_s / 2.0 * NS_PER_S)
 
     @property
@@ -246,9 +246,9 @@ class Leap:
         return off_arcsec / terms.scale_arcsec_px
 
     def fits_in(self, share: float, terms: LeapTerms) -> bool:
-        """Whether a share of each side surely has both ends, and stars enough for a plate.
+        """True where a part with this share of each side holds both ends, and stars for a plate.
 
-        On the other side of the pier nobody knows where the mount then looks.
+        False on the other side of the pier, where the mount's pointing is not known.
         """
         if self.flips:
             return False
@@ -261,7 +261,7 @@ NoLeapKind = Literal["it sets", "too fast", "too unsure", "limit"]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class NoLeap:
-    """Why there is no next leap."""
+    """Reason why there is no next leap."""
 
     kind: NoLeapKind
     refusal: Refusal | None = None
@@ -273,9 +273,9 @@ def next_leap(
     now_utc_ns: int,
     telescope: Telescope,
 ) -> Leap | NoLeap:
-    """The first place where the mount can be in time, and may be.
+    """Return the first leap for which the mount is in time and within its limits.
 
-    ``start``: where the telescope looks, as of now.
+    ``start``: direction of the telescope at present.
     """
     last: NoLeap = NoLeap(kind="it sets")
     for wait_s in _WAITS_S:
@@ -298,7 +298,7 @@ def next_leap(
 
 
 def exposure_for(place: SkyAhead, terms: LeapTerms) -> float:
-    """Seconds: as long a streak as is measured well, with room for three sigma to either side."""
+    """Exposure, s, for a streak of good length, with room for three sigma to either side."""
     speed = max(place.speed_arcsec_s, 1e-3)
     sigma_arcsec = sqrt(max(place.along_arcsec2, 0.0))
     room_arcsec = 2.0 * (3600.0 * terms.half_short_deg - 3.0 * sigma_arcsec)
@@ -308,7 +308,7 @@ def exposure_for(place: SkyAhead, terms: LeapTerms) -> float:
 
 
 def within_field(place: SkyAhead, exposure_s: float, terms: LeapTerms) -> float:
-    """Probability that both ends are in a field whose middle is the place itself."""
+    """Return the probability that both ends are in a field centred on the place itself."""
     along, across = np.sqrt(np.maximum(np.diag(place.along_across_arcsec2), 1e-6))
     half = 3600.0 * terms.half_short_deg
     room = max(half - place.speed_arcsec_s * exposure_s / 2.0, 0.0)
@@ -322,10 +322,10 @@ def _meeting(
     earliest_ns: int,
     telescope: Telescope,
 ) -> Leap | NoLeap:
-    """Where the mount has arrived and settled just when the satellite comes.
+    """Leap to the place where the mount has arrived and settled just when the satellite comes.
 
-    Near a pole the polar axis gains on it slowly: steps that shrink by a steady factor are summed
-    up at once, and where that leads too far it goes half the way back.
+    Near a pole the polar axis gains on the satellite slowly: steps that shrink by a steady factor
+    are summed up at once, and where that leads too far the search goes half the way back.
     """
     motion, terms, limits = telescope.motion, telescope.terms, telescope.limits
     t_ns = max(earliest_ns, path.from_utc_ns)

@@ -1,1 +1,1 @@
-"""Orbits, names and relative motion of what is followed, frame by frame, as they go on record."""
+"""Orbits, names and relative motion of the tracks, frame by frame, as they go on record."""

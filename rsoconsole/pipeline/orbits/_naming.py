@@ -1,4 +1,4 @@
-"""Which catalogued objects are followed, asked again and again while more of them is seen."""
+"""Identification of the tracks with catalogued objects, repeated as their measurements grow."""
 
 import threading
 from collections.abc import Collection, Iterator, Mapping, Sequence
@@ -25,14 +25,14 @@ from rsoconsole.words import ledger_words
 
 FIRST_AT = 3
 _MORE = 1.5
-"""Growth of the number of directions until it is asked again."""
+"""Growth of the number of directions after which a track is compared again."""
 _MAX_MATCHES = 3
 _MAX_TRACKS = 24
-"""Tracks that are named together, those that were compared last."""
+"""Most tracks that are named together, the latest compared."""
 
 
 class Catalogue:
-    """The element sets of the configuration's files, read beside whatever else is done."""
+    """Element sets of the configuration's files, read in a thread of their own."""
 
     def __init__(self, files: Sequence[Path]) -> None:
         self.files = tuple(files)
@@ -42,7 +42,7 @@ class Catalogue:
         self._reading.start()
 
     def entries(self) -> tuple[CatalogueEntry, ...]:
-        """All of them, as soon as they are read. Raises OrbitError for a file that cannot be."""
+        """All element sets, as soon as they are read. Raises OrbitError for a faulty file."""
         self._reading.join()
         if self._fault is not None:
             raise self._fault
@@ -59,27 +59,27 @@ class Catalogue:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class _Asked:
-    """A track as it was compared with the catalogue last."""
+    """Track as last compared with the catalogue."""
 
     begun_utc_ns: int
     due: int
     """Number of directions with which it is compared again."""
     compared: CatalogueComparison
     said: tuple[str, int | None] = ("", None)
-    """Verdict and best match that are on record."""
+    """Result and best match that are on record."""
 
 
 class Naming:
-    """Names all tracks together; knows with how many directions each is to be compared again."""
+    """Identification of all tracks together; each is compared again as its directions grow."""
 
     def __init__(self, config: Config, past: Past | None = None) -> None:
-        """``past``: what no catalogue knew on earlier nights."""
+        """``past``: uncorrelated tracks of earlier nights."""
         self._config = config
         self._past = past
         self._catalogue = Catalogue(config.catalogue.tle_files)
         self._errors = errors_of(config.catalogue)
         self._asked: dict[int, _Asked] = {}
-        """By track id."""
+        """Last comparison of each track, by track id."""
 
     def configure(self, config: Config) -> None:
         """Take new tunables."""
@@ -93,17 +93,17 @@ class Naming:
         self._asked = {}
 
     def entries(self) -> tuple[CatalogueEntry, ...]:
-        """The catalogue. Raises OrbitError where it cannot be read."""
+        """Return the catalogue. Raises OrbitError where it cannot be read."""
         return self._catalogue.entries()
 
     def ask(
         self, frame_id: int, seen: Mapping[int, Sightings], tracks: Collection[int]
     ) -> tuple[Identified, ...]:
-        """Names where it is time to ask and there is a catalogue.
+        """Identify the tracks that are due, where there is a catalogue.
 
-        ``seen``: what the tracks that took something new have seen, by track id; ``tracks``: all
-        that there have been. Beside the tracks that are due, those whose name changes by it.
-        Raises OrbitError where the catalogue cannot be read.
+        ``seen``: directions of the tracks with a new measurement, by track id; ``tracks``: all
+        tracks so far. Beside the tracks that are due, tracks whose name changes by them are
+        returned. Raises OrbitError where the catalogue cannot be read.
         """
         if not self._catalogue.files:
             return ()
@@ -152,7 +152,7 @@ class Naming:
 
 
 def on_record(frame_id: int, track_id: int, found: Identification, observations: int) -> Identified:
-    """Record of an identification."""
+    """Return the record of an identification."""
     return Identified(
         frame_id=frame_id,
         track_id=track_id,
@@ -168,7 +168,7 @@ def on_record(frame_id: int, track_id: int, found: Identification, observations:
 
 
 def _with_past(name: Identified, past: LedgerName | None) -> Identified:
-    """What it was called before, where no catalogue has a name for it."""
+    """Return an unknown track's identification with its name in the ledger."""
     if past is None or name.verdict != "unknown":
         return name
     return replace(name, ledger=past, reason=f"{ledger_words(past)}: {name.reason}")

@@ -1,8 +1,8 @@
-"""Whose orbit a frame refines: the lead's always, those of a large group in turn. Pure.
+"""Order of orbits to refine: the lead's in each frame, those of a large group in turn. Pure.
 
-An orbit takes some milliseconds, and a member's hardly changes by one more direction. One that has
-just been missed is refined at once, with all that it took, so that its orbit may speak for it while
-it coasts.
+An orbit takes some milliseconds, and a member's hardly changes by one more direction. A track that
+has just been missed is refined at once, with all its measurements, so that its orbit may predict it
+while it coasts.
 """
 
 import math
@@ -19,10 +19,10 @@ from rsoconsole.sky import wrap_180
 from rsoconsole.tracking import MANY
 
 AT_ONCE = 2
-"""Tracks beside the lead whose orbits one frame refines; with no more, none waits. Of a group
-larger than ``MANY`` one."""
+"""Number of tracks beside the lead whose orbits one frame refines; with no more, none waits. In a
+group larger than ``MANY`` it is one."""
 _LATE = 6
-"""Measurements, after which one of a large group waits for no other that was missed."""
+"""Number of new measurements after which a track of a large group waits for no missed one."""
 
 
 def in_turn(
@@ -30,8 +30,8 @@ def in_turn(
 ) -> list[int]:
     """Numbers of the tracks to refine after a frame, in order; the first of all is the lead.
 
-    ``known``: of each track the measurements that its orbit is through. Those that have grown most
-    since, as a share, come first.
+    ``known``: measurements in each track's present orbit. Tracks that have grown most since, as a
+    share, come first.
     """
     if len(tracks) <= 1 + AT_ONCE:
         return list(range(len(tracks)))
@@ -52,13 +52,13 @@ class Predicted:
 
     score: Score
     innovation_arcsec: tuple[float, float]
-    """East, north."""
+    """Innovation east and north."""
     sigma_arcsec: tuple[float, float]
-    """Of the innovation."""
+    """Sigma of the innovation, east and north."""
 
 
 def predicted_by(orbit: Orbit, site: Site, measured: Measurement) -> Predicted | None:
-    """The innovation of a measurement by an orbit; None where the orbit tells nothing there."""
+    """Innovation of a measurement by an orbit; None where the orbit predicts nothing there."""
     ahead = predict(orbit, site, np.array([measured.t_mid_utc_ns]))
     places = ahead.places
     cos_dec = math.cos(math.radians(measured.dec_icrs_deg))

@@ -1,4 +1,4 @@
-"""How the tracks of a field move to each other, frame by frame, as it goes on record."""
+"""Relative motion of the tracks of a field, frame by frame, as it goes on record."""
 
 import math
 from collections.abc import Collection, Mapping, Sequence
@@ -39,15 +39,15 @@ from rsoconsole.words import NS_PER_S, apart_words, clock, closest_words, tracks
 Message = tuple[Literal["info", "warning"], str]
 LIKELY, UNLIKELY = 0.5, 0.2
 CLEAR_SHARE = 1.2
-"""Of the angle: they are clear of each other again from there on."""
+"""Share of the warning's angle from which a pair is clear again."""
 
 
 class Approaches:
-    """Approaches of pairs that are under way."""
+    """Approaches under way."""
 
     def __init__(self) -> None:
         self._open: dict[tuple[int, int], tuple[float, int]] = {}
-        """By pair: the least separation so far, arcsec, and its instant."""
+        """Least separation so far, arcsec, and its instant, by pair."""
 
     def after(
         self,
@@ -56,9 +56,9 @@ class Approaches:
         t_utc_ns: int | None,
         limit_arcsec: float,
     ) -> tuple[Collection[tuple[int, int]], Sequence[Message]]:
-        """The pairs that are warned of after a frame, and words for what is new.
+        """Return the pairs with a warning after a frame, and messages for changes.
 
-        ``alive``: the tracks that are followed; ``t_utc_ns``: the frame's instant.
+        ``alive``: the present tracks; ``t_utc_ns``: the frame's instant.
         """
         words: list[Message] = []
         for pair in [each for each in self._open if not set(alive).issuperset(each)]:
@@ -105,19 +105,19 @@ def _end(pair: PairMotion, nearest: tuple[float, int], limit_arcsec: float) -> s
 
 
 MAX_FRAMES = 400
-"""Last measurements of a track that are compared."""
+"""Most measurements of a track that are compared, the last ones."""
 MAX_PAIRS, PAIRS_OF_MANY = 6, 3
-"""Pairs looked at in each frame, fewer where there are more than ``MANY`` tracks: each
-costs 1 ms, and twelve tracks are 66."""
+"""Most pairs examined in each frame, fewer where there are more than ``MANY`` tracks: each costs 1
+ms, and twelve tracks are 66."""
 _NEAR_SOONER = 4.0
-"""How much sooner than others a near pair comes round."""
+"""Factor by which a near pair comes round sooner than others."""
 _RECENT_FRAMES = 40
-"""Frames whose measurements are kept by their ids: a track begins with one of before."""
+"""Number of frames whose measurements are kept by id: a track may begin with an earlier one."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class _Sight:
-    """What one frame has shown of a track."""
+    """Direction of a track in one frame."""
 
     t_utc_ns: int
     unit: FloatArray
@@ -127,12 +127,12 @@ class _Sight:
 
 @dataclass(slots=True)
 class _TrackSights:
-    """One track."""
+    """Directions of one track."""
 
     sights: dict[int, _Sight] = field(default_factory=dict)
-    """By frame."""
+    """Directions by frame number."""
     together: TrackDirections | None = None
-    """The same as arrays, once they are asked for."""
+    """Directions as arrays, made when first needed."""
 
     def put(self, frame_id: int, sight: _Sight) -> None:
         self.sights[frame_id] = sight
@@ -155,25 +155,25 @@ class _TrackSights:
 
 
 class Pairs:
-    """Relative motion of the tracks; fed with records alone, so that a log gives the same pairs."""
+    """Relative motion of the tracks, from records alone, so that a log gives the same pairs."""
 
     def __init__(self, config: Config) -> None:
         self._config = config
         self._tracks: dict[int, _TrackSights] = {}
         self._measured: dict[str, Measurement] = {}
-        """By id."""
+        """Measurements by id."""
         self._frame_id = 0
         self._t_utc_ns: int | None = None
         """Instant of the frame's tracks."""
         self._alive: list[int] = []
         """Tracks of the frame, in its order."""
         self._paths: dict[tuple[int, int], tuple[int, RelativePath]] = {}
-        """With the last frame that showed both."""
+        """Relative path of each pair, with the last frame that showed both."""
         self._approaches = Approaches()
         self._known: dict[tuple[int, int], PairMotion] = {}
-        """As each was looked at last."""
+        """Motion of each pair as last examined."""
         self.last: tuple[PairMotion, ...] = ()
-        """The same; never changed, other threads look in."""
+        """Motions of ``_known`` in order; replaced, never changed, as other threads read it."""
 
     def configure(self, config: Config) -> None:
         """Take new tunables."""
@@ -187,7 +187,7 @@ class Pairs:
         self._approaches = Approaches()
 
     def receive(self, record: Record) -> None:
-        """One record of the log."""
+        """Process the next record of the log."""
         if isinstance(record, FrameTaken):
             self._begin(record.frame_id)
         elif isinstance(record, FollowedAgain):
@@ -232,7 +232,7 @@ class Pairs:
         return seen is not None and self._frame_id in seen.sights
 
     def refine(self) -> tuple[Record, ...]:
-        """What belongs on record behind a frame: PairMotions, and words on approaches."""
+        """Return the records that follow a frame: PairMotions, and events on approaches."""
         alive = set(self._alive)
         self._tracks = {n: each for n, each in self._tracks.items() if n in alive}
         self._paths = {pair: each for pair, each in self._paths.items() if alive.issuperset(pair)}
@@ -255,7 +255,7 @@ class Pairs:
         return MAX_PAIRS if len(self._alive) <= MANY else PAIRS_OF_MANY
 
     def _looked_at(self, known: Mapping[tuple[int, int], PairMotion]) -> Sequence[PairMotion]:
-        """Of many pairs those of a warning in each frame, the others in turn."""
+        """Motions of the pairs examined in this frame: those of a warning, the others in turn."""
         if self._t_utc_ns is None:
             return ()
         alert = self._config.alert
@@ -279,9 +279,9 @@ class Pairs:
         return sorted(found, key=_ids)
 
     def _in_turn(self, known: Mapping[tuple[int, int], PairMotion]) -> list[tuple[int, int]]:
-        """All pairs: some of a warning, half at most, then by how long ago they were looked at.
+        """All pairs in order: some with a warning, half at most, then by time since examined.
 
-        Each one's nearest come round sooner than the others.
+        Each track's nearest pairs come round sooner than the others.
         """
         last = self._t_utc_ns or 0
         warned = [each for each in known.values() if each.is_close]

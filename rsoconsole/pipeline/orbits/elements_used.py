@@ -1,4 +1,4 @@
-"""Which element files a session is identified by, where nobody names them."""
+"""Element files by which a session is identified, where none are named."""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
@@ -18,17 +18,17 @@ NO_ELEMENTS = (
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ElementsUsed:
-    """The files, and whether they are those of the session."""
+    """Element files, and whether they are those of the session."""
 
     files: tuple[Path, ...]
     is_recorded: bool
-    """They are those that the session was recorded with, not the configuration's."""
+    """True where the session was recorded with them, False for the configuration's."""
 
 
 def elements_used(path: Path, configured: Sequence[Path], option: str) -> ElementsUsed:
     """Element files to identify a session by: the configuration's, else the session's own.
 
-    The session's own come first for a simulated night.
+    For a simulated night the session's own come first.
 
     Raises OrbitError with the remedy, the caller's option or the setting, where there are none.
     """
@@ -43,7 +43,7 @@ def elements_used(path: Path, configured: Sequence[Path], option: str) -> Elemen
 
 
 def _of_session(path: Path) -> tuple[tuple[Path, ...], bool]:
-    """The element files that a session began with, and whether it was simulated."""
+    """Return the element files that a session began with, and whether it was simulated."""
     if not path.is_dir():
         return (), False  # a file of observations
     try:
@@ -55,11 +55,11 @@ def _of_session(path: Path) -> tuple[tuple[Path, ...], bool]:
 
 
 YIELDS_AFTER_NS = 3 * NS_PER_DAY
-"""A source has precedence for an object as long as no later one has elements so much newer."""
+"""Lead of a later source's newest elements from which it takes precedence for an object."""
 
 
 def read_catalogue(files: Sequence[Path]) -> tuple[CatalogueEntry, ...]:
-    """Every element set of the files, of a folder those of the source with precedence.
+    """Read every element set of the files, of a folder those of the source with precedence.
 
     Raises OrbitError naming a file that cannot be read.
     """
@@ -70,7 +70,7 @@ def read_catalogue(files: Sequence[Path]) -> tuple[CatalogueEntry, ...]:
 def by_precedence(
     sources: Iterable[Iterable[CatalogueEntry]],
 ) -> tuple[CatalogueEntry, ...]:
-    """Each object's sets of one source alone: the first that has it and is not outdated."""
+    """Return each object's sets of one source alone: the first that has it and is not outdated."""
     chosen: dict[int, list[CatalogueEntry]] = {}
     for entries in sources:
         of_object: dict[int, list[CatalogueEntry]] = {}

@@ -1,4 +1,4 @@
-"""Which catalogued objects should be in a frame and are not followed, as it goes on record."""
+"""Catalogued objects that should be in a frame and are not tracked, as they go on record."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -51,14 +51,14 @@ _TIMES = 3.0
 
 
 def errors_of(catalogue: CatalogueConfig) -> ElementErrors:
-    """Element errors by the measured factors of the configuration, as assumed where it has none."""
+    """Element errors, scaled by the configuration's measured factors where it has any."""
     return ASSUMED.scaled(factors_of(catalogue))
 
 
 def wide_errors_of(catalogue: CatalogueConfig) -> ElementErrors:
-    """Element errors three times as wide as assumed, or twice as measured: to measure them.
+    """Element errors three times as wide as assumed, or twice as measured, for measuring them.
 
-    Named by narrow errors, tracks could only say that errors are narrow.
+    Tracks identified with narrow errors could only show that errors are narrow.
     """
     known = factors_of(catalogue)
     wide = {}
@@ -73,7 +73,7 @@ def wide_errors_of(catalogue: CatalogueConfig) -> ElementErrors:
 
 
 def factors_of(catalogue: CatalogueConfig) -> dict[Regime, ErrorFactors]:
-    """Measured factors of element errors, by kind of orbit."""
+    """Return the measured factors of element errors, by kind of orbit."""
     return {
         each.regime: ErrorFactors(
             along_at_epoch=each.along_at_epoch,
@@ -85,7 +85,7 @@ def factors_of(catalogue: CatalogueConfig) -> dict[Regime, ErrorFactors]:
 
 
 def errors_report(catalogue: CatalogueConfig) -> list[dict[str, Any]]:
-    """Source of the element errors of each kind of orbit, as JSON carries it."""
+    """Return the source of the element errors of each kind of orbit, for JSON."""
     measured = {each.regime: each for each in catalogue.error_factors}
     return [
         {
@@ -101,33 +101,33 @@ def errors_report(catalogue: CatalogueConfig) -> list[dict[str, Any]]:
 
 
 EVERY = 4
-"""Frames from one look at the catalogue to the next; of long catalogues more."""
+"""Number of frames from one comparison with the catalogue to the next; more for long catalogues."""
 _SETS_A_FRAME = 500
-"""Sets for each frame that a look takes, of longer lists."""
+"""Element sets for each frame of that interval, in longer catalogues."""
 _EDGE_DEG = 0.3
-"""Beside the frame: what light time and aberration move, and more."""
+"""Margin about the frame: the shift by light time and aberration, and more."""
 _MAY_BE = 0.05
-"""Probability from which on a track may be of an object."""
+"""Probability from which a track may be of an object."""
 _SAID_AFTER = 3
-"""Looks in a row that did not find an object before it is said."""
+"""Number of comparisons in a row without an object after which that is reported."""
 _KEPT_NS = 6 * 3_600_000_000_000
-"""For so long the sets nearest in epoch are the same."""
+"""Time for which the sets nearest in epoch stay the same."""
 
 Entries = Callable[[], Sequence[CatalogueEntry]]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SolvedFrame:
-    """A solved frame with its time."""
+    """Solved frame with its time."""
 
     taken: FrameTaken
     solution: Solution
     t_utc_ns: int
-    """Middle of the exposure."""
+    """Mid-exposure."""
 
 
 class Expected:
-    """Expected members that are not followed; fed with the records of the log alone."""
+    """Expected members that are not tracked, from the records of the log alone."""
 
     def __init__(self, config: Config, entries: Entries) -> None:
         """``entries``: the catalogue; raises OrbitError where it cannot be read."""
@@ -138,16 +138,16 @@ class Expected:
         self._taken: FrameTaken | None = None
         self._solution: Solution | None = None
         self._tracks: dict[int, TrackState] = {}
-        """Of the frame."""
+        """States of the frame's tracks, by track id."""
         self._names: dict[int, Identified] = {}
         self._frames = 0
-        """Solved ones since the last look."""
+        """Number of solved frames since the last comparison."""
         self._missing: dict[int, int] = {}
-        """By catalogue number: looks in a row that did not find it."""
+        """Number of comparisons in a row without the object, by catalogue number."""
         self.uncatalogued: tuple[int, ...] = ()
-        """Tracks of the last frame that no catalogued object explains; other threads look in."""
+        """Tracks of the last frame that no catalogued object explains; other threads read it."""
         self.last: ExpectedMembers | None = None
-        """Of the last look; other threads look in."""
+        """Result of the last comparison; other threads read it."""
 
     def configure(self, config: Config, entries: Entries) -> None:
         """Take new tunables."""
@@ -155,7 +155,7 @@ class Expected:
         self._sets, self._sets_utc_ns = (), None
 
     def receive(self, record: Record) -> None:
-        """One record of the log."""
+        """Process the next record of the log."""
         match record:
             case FrameTaken():
                 self._taken, self._solution, self._tracks = record, None, {}
@@ -169,7 +169,7 @@ class Expected:
                 self._names[record.track_id] = record
 
     def refine(self) -> tuple[Record, ...]:
-        """What belongs on record behind a frame. Raises OrbitError for a catalogue not read."""
+        """Return the records that follow a frame. Raises OrbitError for a catalogue not read."""
         self.uncatalogued = tuple(
             n
             for n in sorted(self._tracks)
@@ -226,7 +226,7 @@ class Expected:
         return (members, *words) if is_news else words
 
     def _claimed(self) -> set[int]:
-        """Catalogue numbers that a track of the frame is of, or may be."""
+        """Return the catalogue numbers of objects that a track of the frame is, or may be."""
         found: set[int] = set()
         for number in self._tracks:
             name = self._names.get(number)
@@ -238,7 +238,7 @@ class Expected:
         return found
 
     def _words(self, members: ExpectedMembers) -> tuple[Event, ...]:
-        """Once of each object, when several looks have not found it where it should be whole."""
+        """Report each object once that several comparisons missed where it should be whole."""
         missing = {each.norad_id for each in members.unseen if each.is_usable and each.is_lit}
         for number in [each for each in self._missing if each not in missing]:
             if self._missing[number] < _SAID_AFTER:
@@ -261,7 +261,7 @@ def members_in(
     site: Site,
     errors: ElementErrors = ASSUMED,
 ) -> tuple[UnseenMember, ...]:
-    """Catalogued objects that should be in a frame, the nearest to its middle first."""
+    """Return the catalogued objects that should be in a frame, the nearest to its middle first."""
     taken, wcs = frame.taken, frame.solution.wcs
     width, height = taken.width_px, taken.height_px
     centre = ((width - 1) / 2.0, (height - 1) / 2.0)
@@ -287,7 +287,7 @@ def _within(
     direction_deg: tuple[float, float],
     radius_deg: float,
 ) -> list[CatalogueEntry]:
-    """Those about a direction; elements that SGP4 refuses are left out."""
+    """Return the element sets about a direction; those that SGP4 refuses are left out."""
     t = np.array([t_utc_ns], np.int64)
     line = states_gcrs(sets, t)[0][:, 0] - site_gcrs(site, t)[0]
     ra, dec = np.radians(direction_deg)
@@ -331,7 +331,7 @@ def _member(
 
 
 def _sigma_km(entry: CatalogueEntry, age_days: float, errors: ElementErrors) -> float:
-    """Of its place along its orbit, with the chance that it has been moved."""
+    """Return the sigma of its place along its orbit, with the chance of a manoeuvre."""
     regime = regime_of(entry.revolutions_a_day, entry.eccentricity)
     rate_rad_s = entry.record.no_kozai / 60.0
     kept, moved = (
@@ -343,6 +343,6 @@ def _sigma_km(entry: CatalogueEntry, age_days: float, errors: ElementErrors) -> 
 
 
 def _may_be(member: UnseenMember, direction_deg: tuple[float, float], gate_deg: float) -> bool:
-    """Whether a track that has no name yet may be of it."""
+    """True where a track without a name yet may be of this object."""
     away_deg = separation_deg(member.ra_icrs_deg, member.dec_icrs_deg, *direction_deg)
     return float(away_deg) <= max(gate_deg, 3.0 * member.sigma_arcsec / 3600.0)

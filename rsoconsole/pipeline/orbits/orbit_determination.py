@@ -1,4 +1,4 @@
-"""One orbit from all that was observed of an object, in one arc or over many nights. Pure."""
+"""Orbit of one object from all its directions, in one arc or over many nights. Pure."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -37,13 +37,13 @@ from rsoconsole.words import NS_PER_S, counted
 
 Method = Literal["least squares", "gooding"]
 SAME_OBJECT = 0.9
-"""Probability from which on another track of a session is taken to be of the same object."""
+"""Probability from which another track of a session counts as the same object's."""
 _MAX_TRACKS = 8
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class OrbitArc:
-    """One arc, and whether it is of the same object as those before it."""
+    """Arc, and whether it is of the same object as those before it."""
 
     name: str
     observations: int
@@ -51,7 +51,7 @@ class OrbitArc:
     t_last_utc_ns: int
     is_used: bool
     probability: float | None
-    """None for the first, and where it is too short to be asked."""
+    """Probability that it is; None for the first, and where it is too short to compute."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -64,10 +64,10 @@ class FoundOrbit:
     seen: Sightings
     """All directions that were used."""
     observed: ObservedTrack
-    """Of the longest arc."""
+    """Track with the longest arc."""
     parts: tuple[OrbitArc, ...]
     solutions: tuple[GoodingOrbit, ...] = ()
-    """By Gooding's method: every orbit through the three lines that does not meet the ground."""
+    """Gooding's solutions: every orbit through the three lines that does not meet the ground."""
 
 
 def find_orbit(
@@ -76,7 +76,7 @@ def find_orbit(
     prior: PriorName = "auto",
     others: Sequence[ObservedTrack] = (),
 ) -> FoundOrbit:
-    """The orbit of what was ``observed``: all of it is said to be of one object, and is used.
+    """Determine the orbit of ``observed``, all of which is one object's and is used.
 
     ``others``, such as a session's further tracks, are used where one orbit fits them too.
     """
@@ -107,7 +107,7 @@ def find_orbit(
 
 
 def find_by_gooding(observed: ObservedTrack) -> FoundOrbit:
-    """The orbit through the first, the middlemost and the last direction, without any prior."""
+    """Orbit through the first, the middlemost and the last direction, without any prior."""
     seen = observed.seen
     nothing = FoundOrbit(
         method="gooding",
@@ -142,7 +142,7 @@ def find_by_gooding(observed: ObservedTrack) -> FoundOrbit:
 def _determined(
     seen: Sightings, used: Sequence[Sightings], start: TrackletOrbit | None, prior: PriorName
 ) -> Orbit | None:
-    """Over several arcs refined from that of the longest, arc by arc: no seed finds it at once."""
+    """Determine an orbit over several arcs, from the longest on: no seed finds it at once."""
     if len(used) == 1 or start is None:
         return determine(seen, prior=prior)
     state, epoch, grown = start.state, start.seen.epoch_utc_ns, None
@@ -171,7 +171,7 @@ def _determined(
 
 
 def _loosened(seen: Sightings, by_arcsec: float) -> Sightings:
-    """The same directions with so much more error on each axis."""
+    """Return the same directions with an added error on each axis."""
     whitening = seen.whitening
     covariance = np.linalg.inv(np.swapaxes(whitening, -1, -2) @ whitening)
     wider = covariance + by_arcsec**2 * np.eye(2)
@@ -181,7 +181,7 @@ def _loosened(seen: Sightings, by_arcsec: float) -> Sightings:
 def _probability(
     start: TrackletOrbit | None, used: Sequence[Sightings], arc: Sightings, prior: PriorName
 ) -> float | None:
-    """That an arc is of the object of those used."""
+    """Return the probability that an arc is of the same object as those used."""
     more = tracklet_orbit(arc, prior) if start is not None else None
     if start is None or more is None:
         return None
@@ -210,7 +210,7 @@ def _why_none(seen: Sightings) -> str:
 
 
 def _misfit(seen: Sightings, orbit: Orbit) -> float:
-    """Sum of squares over all directions, in units of variance."""
+    """Return the sum of squares over all directions, in units of variance."""
     since_s = (seen.t_utc_ns - orbit.epoch_utc_ns) / NS_PER_S
     places, _ = propagate(orbit.r_km, orbit.v_km_s, since_s)
     places, _ = propagate(orbit.r_km, orbit.v_km_s, since_s - seen.light_times_s(places))
@@ -218,7 +218,7 @@ def _misfit(seen: Sightings, orbit: Orbit) -> float:
 
 
 def orbit_values(orbit: Orbit) -> dict[str, Any]:
-    """The fields that an orbit has on record and in the ledger alike."""
+    """Return the fields that an orbit has both on record and in the ledger."""
     elements = elements_of(orbit.r_km, orbit.v_km_s)
     return {
         "label": orbit.label,
@@ -236,23 +236,23 @@ def orbit_values(orbit: Orbit) -> dict[str, Any]:
 
 
 WORTH_WRITING = ("free", "constrained by prior")
-"""Others would be taken for better than they are: elements carry no errors."""
+"""Labels of orbits that may be written as elements, which carry no errors."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FittedElements:
-    """The elements, or why there are none."""
+    """Elements, or the reason why there are none."""
 
     mean: MeanElements | None
     tle: tuple[str, str] | None
-    """The two lines; None also where they have no room for the catalogue number."""
+    """Lines of the element set; None also where they have no room for the catalogue number."""
     reason: str
 
 
 def orbit_elements(
     found: FoundOrbit, *, norad_id: int, name: str, cospar: str = ""
 ) -> FittedElements:
-    """Mean elements fitted to the directions and the orbit; raises nothing where SGP4 fails."""
+    """Fit mean elements to the directions and the orbit; raises nothing where SGP4 fails."""
     if found.orbit is None or found.orbit.label not in WORTH_WRITING:
         label = "not observable" if found.orbit is None else found.orbit.label
         return FittedElements(mean=None, tle=None, reason=f"the orbit is labelled {label}")

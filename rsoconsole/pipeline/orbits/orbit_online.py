@@ -1,8 +1,8 @@
-"""The orbits of all tracks, refined with the measurements that the track takes.
+"""Orbits of all tracks, refined with each track's measurements.
 
-Fed with the records of the log and nothing else: the same log gives the same orbits. Tracks that
-follow one another are of one object where one orbit through both is likely enough, so that a lost
-satellite that is found again keeps its orbit.
+Only the records of the log go in: the same log gives the same orbits. Successive tracks are of one
+object where one orbit through both is likely enough, so that a satellite that was lost and found
+again keeps its orbit.
 """
 
 import math
@@ -44,16 +44,17 @@ from rsoconsole.tracking.filters import adaptive, estimator
 from rsoconsole.words import size_words, span
 
 ASKED_AT = (6, 12, 24, 48, 96)
-"""Measurements with which a track is asked whether it is of an object followed before, and its
-orbit whether it knows what no track took."""
+"""Numbers of measurements at which a track is compared with earlier objects, and its orbit with
+unassigned measurements."""
 JOINED_FROM, PARTED_BELOW = 0.99, 0.5
-"""Probabilities: a wrong join makes an orbit of two objects, and what leads the telescope."""
+"""Probabilities above which a track is joined to an earlier object, and below which it is parted
+again: a wrong join makes an orbit of two objects, which leads the telescope."""
 _MAX_EARLIER = 4
 _MORE_TO_SEEK = 1.2
-"""Where no start led to an orbit, all are tried again after this growth of the directions: it
-takes most of a second with some hundreds of them, and one more changes nothing."""
+"""Growth of the number of directions after which all starts are used again, where none led to an
+orbit: that takes most of a second with some hundreds of them, and one more changes nothing."""
 _LEARNT = 0.2
-"""Share by which they must have changed before all is computed again."""
+"""Share by which the learned errors must have changed before all is computed again."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -62,42 +63,42 @@ class Refined:
 
     estimate: OrbitEstimate
     seen: Sightings
-    """The track's own directions."""
+    """Directions of the track itself."""
     events: tuple[Event, ...]
-    """What has changed, for the log of the night."""
+    """Changes, for the log of the night."""
 
 
 @dataclass(slots=True, eq=False)
 class _Target:
-    """One object, by the track that follows it now and those that did before."""
+    """Object, by its present track and earlier ones."""
 
     taken: tuple[Measurement, ...] = ()
-    """By the present track."""
+    """Measurements accepted by the present track."""
     part_errors: PartErrors = field(default_factory=PartErrors)
     own: Sightings | None = None
-    """Of those that the present track took."""
+    """Directions of the present track's measurements."""
     more: tuple[Measurement, ...] = ()
-    """What no track took and the orbit knows as its own."""
+    """Measurements that no track accepted and the orbit claims."""
     seen: Sightings | None = None
-    """Of both."""
+    """Directions of both."""
     before: tuple[Sightings, ...] = ()
-    """Of earlier tracks."""
+    """Directions of earlier tracks."""
     orbit: Orbit | None = None
     sought_from: int = 0
-    """The number of directions with which every start is tried again; 0: none has failed."""
+    """Number of directions with which every start is used again; 0: none has failed."""
     asked: set[int] = field(default_factory=set)
     scores: PredictorScores = field(default_factory=PredictorScores)
     label: str = ""
     first: TrackletOrbit | None = None
-    """Of the first of its tracks, once that was asked for."""
+    """Orbit of the first of its tracks, once it was needed."""
     joined: "_Target | None" = None
-    """What it was before, if it has been followed before."""
+    """Earlier object with which it was joined; None where it is new."""
     learnt: tuple[float, float] = (0.0, 1.0)
     """Scatter (s) and variance_scale of its measurements' errors."""
     is_none_reported: bool = False
-    """Of a measurement that was no direction."""
+    """True where a measurement that is no direction has been reported."""
     words: list[str] = field(default_factory=list)
-    """To be told with the next orbit."""
+    """Messages that go on record with the next orbit."""
 
     @property
     def parts(self) -> tuple[Sightings, ...]:
@@ -105,7 +106,7 @@ class _Target:
 
 
 class OnlineOrbit:
-    """Orbits of the objects that are followed, and of the few that were followed before them."""
+    """Orbits of the tracked objects, and of the few tracked before them."""
 
     def __init__(self, config: Config) -> None:
         self._config = config
@@ -113,21 +114,21 @@ class OnlineOrbit:
         self._tracks = TrackAssignment()
         self._unassigned = UnassignedMeasurements()
         self._exposures_s: dict[int, float] = {}
-        """By frame number."""
+        """Exposures by frame number, s."""
         self._targets: dict[str, _Target] = {}
-        """One a track, by the id of the measurement that the track began with."""
+        """Object of each track, by the id of the track's first measurement."""
         self._lead: _Target | None = None
-        """Other threads look in: it is read once."""
+        """Object of the lead; read it once, as other threads replace it."""
         self._earlier: list[_Target] = []
         self._is_begun = False
-        """A lead has begun that no orbit is of as yet."""
+        """True where a new lead has begun that has no orbit yet."""
 
     def configure(self, config: Config) -> None:
         """Take new tunables."""
         self._config = config
 
     def receive(self, record: Record) -> None:
-        """One record of the log."""
+        """Process the next record of the log."""
         self._tracks.receive(record)
         self._unassigned.receive(record)
         if isinstance(record, FrameTaken) and record.exposure_s is not None:
@@ -147,19 +148,19 @@ class OnlineOrbit:
 
     @property
     def seen(self) -> Sightings | None:
-        """The directions of the lead, or of what was the lead last."""
+        """Directions of the lead, or of the last lead."""
         target = self._lead
         return None if target is None else target.seen
 
     @property
     def orbit(self) -> Orbit | None:
-        """Orbit of the lead, or of what was the lead last."""
+        """Orbit of the lead, or of the last lead."""
         target = self._lead
         return None if target is None else target.orbit
 
     @property
     def is_guide(self) -> bool:
-        """Whether the lead's orbit predicts better than the filter, and may."""
+        """True where the lead's orbit predicts better than the filter, and may guide."""
         target = self._lead
         # The next order goes out before the orbit hears of the frame that began another track.
         if target is None or self._is_begun:
@@ -170,11 +171,12 @@ class OnlineOrbit:
         return may_guide(self._config) and target.scores.is_orbit_ahead
 
     def refine(self) -> tuple[Refined, ...]:
-        """The orbit of each track through all that it took, where it took something new.
+        """Refine the orbit of each track with new measurements, through all of them.
 
-        None of a track of which nothing new was heard, or which tells no orbit, or whose turn has
-        not come (``orbit_turns``). Each is on record as of the last frame that the track took.
-        Nothing is raised for what cannot be fitted.
+        A track is left out where it has no new measurement, where no orbit can be determined, or
+        where its turn has not come (``orbit_turns``). Each orbit is on record as of the last frame
+        whose measurement the track accepted. Nothing is raised for directions that cannot be
+        fitted.
         """
         if not self._config.orbit.online:
             return ()
@@ -223,9 +225,9 @@ class OnlineOrbit:
         return Refined(estimate=estimate, seen=target.seen, events=tuple(events))
 
     def _aimed_at(self, tracks: Sequence[Track]) -> list[_Target]:
-        """What each track follows: known already, or another object until it is found to be one.
+        """Return the object of each track, a known one or a new one until it is joined.
 
-        The first of them is the lead.
+        The first of them is the lead's.
         """
         begun_with = [track.measurements[0].measurement_id for track in tracks]
         for ended in [each for each in self._targets if each not in begun_with]:
@@ -238,7 +240,7 @@ class OnlineOrbit:
         return targets
 
     def _take(self, target: _Target, track: Track) -> bool:
-        """The track's measurements, reduced; False where they are those that were known."""
+        """Take the track's measurements, reduced; False where none is new or a direction."""
         taken, known = tuple(track.measurements), target.taken
         if len(taken) == len(known) and all(map(is_, taken, known)):
             return False
@@ -268,15 +270,15 @@ class OnlineOrbit:
         return seen is not None
 
     def _put_together(self, target: _Target) -> None:
-        """The track's own directions with those that its orbit has claimed."""
+        """Merge the track's own directions with those that its orbit has claimed."""
         more = self._reduced(_with_errors_of(target)) if target.more else None
         parts = [each for each in (target.own, more) if each is not None]
         target.seen = merged_tracklets(parts)[0] if parts else None
 
     def _claim_unassigned(self, target: _Target, before: int) -> None:
-        """Whether what no track took is its own, now that its orbit is known better.
+        """Claim unassigned measurements that fit the orbit, now that it is known better.
 
-        ``before``: the number of measurements that the track had taken when it was refined last.
+        ``before``: the number of the track's measurements when it was last refined.
         """
         now = len(target.taken)
         if target.orbit is None or not any(n == now or before < n < now for n in ASKED_AT):
@@ -292,7 +294,7 @@ class OnlineOrbit:
             self._put_together(target)
 
     def _reduced(self, taken: Sequence[Measurement]) -> Sightings | None:
-        """Without those that are no directions."""
+        """Return the directions of measurements, without those that are no directions."""
         try:
             return sightings_from_measurements(self._site, taken)
         except ValueError:
@@ -302,7 +304,7 @@ class OnlineOrbit:
         return merged_tracklets(parts)[0] if parts else None
 
     def _ask_earlier(self, target: _Target) -> None:
-        """Whether it was followed before; asked again while more of it is seen."""
+        """Compare the object with earlier ones, and again as its measurements grow."""
         assert target.seen is not None
         due = max((n for n in ASKED_AT if n <= len(target.taken)), default=0)
         if not due or due in target.asked or not (self._earlier or target.joined):
@@ -329,7 +331,7 @@ class OnlineOrbit:
                 return
 
     def _same(self, earlier: _Target, now: TrackletOrbit) -> float:
-        """Probability."""
+        """Return the probability that both are the same object."""
         parts = earlier.parts
         if earlier.first is None:
             earlier.first = tracklet_orbit(parts[0], self._config.orbit.prior)
@@ -359,7 +361,7 @@ class OnlineOrbit:
         return found if all(np.all(np.isfinite(each)) for each in numbers) else None
 
     def _by_filter(self, track: Track) -> Score | None:
-        """What the filter had said of the last measurement."""
+        """Return the filter's score for the last measurement; None where it has none."""
         if track.last.nis is None or track.predicted is None:
             return None
         settings, measured = self._config.filter, track.measurements[-1]
@@ -393,7 +395,7 @@ class OnlineOrbit:
 
 
 def _with_errors_of(target: _Target) -> tuple[Measurement, ...]:
-    """What the orbit claims, each with the errors that the track has learnt."""
+    """Return the claimed measurements with the errors that the track has learned."""
     alike = adaptive.with_learned_errors
     # Each moves as to the track's first measurement that is of another instant.
     first = target.taken[0]
@@ -401,7 +403,7 @@ def _with_errors_of(target: _Target) -> tuple[Measurement, ...]:
 
 
 def _learnt(state: TrackState) -> tuple[float, float]:
-    """Scatter (s) and variance_scale, as preset ``adaptive`` has learnt them."""
+    """Return scatter (s) and variance_scale, as preset ``adaptive`` has learned them."""
     said = state.mixture
     return (0.0, 1.0) if said is None else (said.scatter_s, said.variance_scale)
 

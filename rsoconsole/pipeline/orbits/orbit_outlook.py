@@ -1,4 +1,4 @@
-"""Where an orbit leads: places with their sigmas, the site's limit, the Earth's shadow. Pure."""
+"""Outlook of an orbit: places with their sigmas, the site's limit, the Earth's shadow. Pure."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -19,7 +19,7 @@ _STEP_S = 60
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Ahead:
-    """Where the object will be at one instant."""
+    """Predicted position of the object at one instant."""
 
     t_utc_ns: int
     ra_icrs_deg: float
@@ -30,27 +30,27 @@ class Ahead:
     azimuth_deg: float
     range_km: float
     lit: float
-    """Share of the Sun's disc that it sees."""
+    """Visible share of the Sun's disc, as seen by the object."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class OrbitOutlook:
-    """The day after the last direction."""
+    """Outlook for the day after the last direction."""
 
     ahead: tuple[Ahead, ...]
     is_up: bool
-    """Above the telescope's limit at the last direction."""
+    """True where it is above the telescope's limit at the last direction."""
     sets_utc_ns: int | None
-    """When it next sinks below the limit; None: not within a day."""
+    """Instant at which it next sinks below the limit; None: not within a day."""
     rises_utc_ns: int | None
     eclipse_utc_ns: tuple[int, int | None] | None
-    """When it next loses some of the Sun, and has all of it again; None: not within a day."""
+    """Begin and end of the next eclipse, partial phase included; None: not within a day."""
 
 
 def orbit_outlook(
     orbit: KnownOrbit, site: Site, limits: LimitsConfig, from_utc_ns: int, ahead_s: Sequence[int]
 ) -> OrbitOutlook:
-    """Places ``ahead_s`` after an instant, and what happens within a day of it."""
+    """Return the places ``ahead_s`` after an instant, and the events within a day of it."""
     since = np.arange(0, AHEAD_S + _STEP_S, _STEP_S)
     t = from_utc_ns + since * NS_PER_S
     r, v = orbit.states(t)
@@ -95,7 +95,7 @@ def _ahead(orbit: KnownOrbit, site: Site, t_utc_ns: IntArray) -> tuple[Ahead, ..
 
 
 def _first(t: IntArray, crosses: npt.NDArray[np.bool_], value: FloatArray) -> int | None:
-    """When ``value`` first passes 0, where it ``crosses`` between two steps."""
+    """Instant at which ``value`` first passes 0, where it ``crosses`` between two steps."""
     found = np.flatnonzero(crosses)
     if not found.size:
         return None
@@ -105,7 +105,7 @@ def _first(t: IntArray, crosses: npt.NDArray[np.bool_], value: FloatArray) -> in
 
 
 def _eclipse(t: IntArray, lit: FloatArray) -> tuple[int, int | None] | None:
-    """To the minute."""
+    """Return begin and end of the eclipse, to the minute."""
     dimmed = np.flatnonzero(lit < 1.0)
     if not dimmed.size:
         return None

@@ -1,6 +1,6 @@
-"""What is made of a frame's tracks while the mount is on its way, as it goes on record.
+"""Orbits, names and pairs of a frame's tracks, computed while the mount moves.
 
-The orbit and the name of each, how they move to each other, and who should be there beside them.
+They are each track's orbit and name, the relative motion, and the objects expected beside them.
 """
 
 import logging
@@ -19,22 +19,22 @@ log = logging.getLogger(__name__)
 
 
 class Orbits:
-    """Orbits, names and pairs of the tracks, made of the log behind each frame.
+    """Orbits, names and pairs of the tracks, computed from the log after each frame.
 
-    No track depends on whether that succeeds: what fails is said once.
+    No track depends on their success: a failure is reported once.
     """
 
     def __init__(self, config: Config, past: Past | None = None) -> None:
-        """``past``: what no catalogue knew on earlier nights."""
+        """``past``: uncorrelated tracks of earlier nights."""
         self.online = OnlineOrbit(config)
         self._naming = Naming(config, past)
         self.pairs = Pairs(config)
         self.expected = Expected(config, self._naming.entries)
         self._faults: set[str] = set()
         self.last: Mapping[int, OrbitEstimate] = {}
-        """The last one of each track on record, by track id; never changed, frames keep theirs."""
+        """Last orbit on record by track id; replaced, never changed, as frames keep it."""
         self.names: Mapping[int, str] = {}
-        """Of those that are identified, by track id; never changed, other threads look in."""
+        """Names of identified tracks by id; replaced, never changed, as other threads read it."""
 
     def configure(self, config: Config) -> None:
         """Take new tunables."""
@@ -44,7 +44,7 @@ class Orbits:
         self.expected.configure(config, self._naming.entries)
 
     def receive(self, record: Record) -> None:
-        """One record of the log."""
+        """Process the next record of the log."""
         self.online.receive(record)
         self.pairs.receive(record)
         self.expected.receive(record)
@@ -57,9 +57,9 @@ class Orbits:
         self.last = {}
 
     def refine(self) -> tuple[Record, ...]:
-        """What belongs on record behind a frame.
+        """Return the records that follow a frame.
 
-        OrbitEstimate, Identified, PairMotions, ExpectedMembers, and words on them.
+        OrbitEstimate, Identified, PairMotions, ExpectedMembers, and events about them.
         """
         records: list[Record] = []
         try:
@@ -75,7 +75,7 @@ class Orbits:
         return (*records, *self._others())
 
     def _others(self) -> Sequence[Record]:
-        """Of all tracks together."""
+        """Return the records that concern all tracks together."""
         records: list[Record] = []
         try:
             records += self.pairs.refine()
@@ -108,7 +108,7 @@ class Orbits:
         return found
 
     def _complaint(self, words: str) -> tuple[Event, ...]:
-        """Once for each fault."""
+        """Return a warning, once for each fault."""
         if words in self._faults:
             return ()
         self._faults.add(words)

@@ -1,4 +1,4 @@
-"""The directions of one object, from a session's track or from a file of observations."""
+"""Directions of one object, from a session's track or from a file of observations."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -24,16 +24,16 @@ from rsoconsole.tracking import (
 )
 
 _BESIDE, _BESIDE_S = 5, 600.0
-"""Measurements to either side, and seconds, over which a satellite's rate is taken for one."""
+"""Measurements to either side, and seconds, over which a satellite's rate counts as constant."""
 
 
 class PartErrors:
-    """Shared error of part streaks, by the lengths of the streaks that one track has taken."""
+    """Shared error of part streaks, by the lengths of the streaks that one track has accepted."""
 
     def __init__(self) -> None:
         self._excesses: tuple[float, ...] = ()
         self._added_arcsec2: tuple[float, ...] = (0.0, 0.0, 0.0)
-        """To the covariance of the last one."""
+        """Addition to the covariance of the last measurement."""
 
     def widened(
         self,
@@ -42,11 +42,11 @@ class PartErrors:
         track: TrackState,
         exposures_s: Mapping[int, float],
     ) -> tuple[Measurement, ...]:
-        """The track's next measurements, those of parts with the error that they share.
+        """Return the track's next measurements, those of parts with the error that they share.
 
         ``fresh``: the last of ``taken``, with whatever else their covariances hold; ``taken``: all
-        that the track has taken, in order of time; ``track``: its state now; ``exposures_s``: by
-        frame number, without those whose frame did not say.
+        measurements of the track, in order of time; ``track``: its state now; ``exposures_s``: by
+        frame number, without frames that did not state it.
         """
         found, first = [], len(taken) - len(fresh)
         for n, each in enumerate(fresh, start=first):
@@ -62,15 +62,15 @@ class PartErrors:
         return tuple(found)
 
     def last_of(self, measurement: Measurement) -> Measurement:
-        """The last one, whatever else its covariance holds, with the same error."""
+        """Return the last measurement, given with another covariance, with the same error added."""
         ee, en, nn = np.add(measurement.cov_sky_arcsec2, self._added_arcsec2)
         return replace(measurement, cov_sky_arcsec2=(float(ee), float(en), float(nn)))
 
 
 def _motion(taken: Sequence[Measurement], n: int, exposure_s: float) -> Motion | None:
-    """In one exposure, by what was measured beside the n-th; None where nothing was.
+    """Motion in one exposure by the measurements beside the n-th; None where there are none.
 
-    The state's own rate is that of now: of an eccentric orbit it was another an hour ago.
+    The state's own rate is the present one: on an eccentric orbit it was another an hour ago.
     """
     here_ns = taken[n].t_mid_utc_ns
     near = [
@@ -87,7 +87,7 @@ def _motion(taken: Sequence[Measurement], n: int, exposure_s: float) -> Motion |
 _FEWEST = 3
 _SHAPE = 'like {"site": {"lat_deg", "lon_deg", "alt_m"}, "obs": [[time, RA, Dec], ...]}'
 ARC_GAP_S = 3 * 3600.0
-"""A longer silence begins another arc."""
+"""Longest gap within an arc, s."""
 
 
 def sightings_from_measurements(site: Site, taken: Sequence[Measurement]) -> Sightings:
@@ -106,17 +106,17 @@ class ObservedTrack:
     """Measured directions of one object, and where they are from."""
 
     name: str
-    """Of the file or session, and which track of it."""
+    """Name of the file or session, and the number of the track."""
     site: Site
     limits: LimitsConfig | None
-    """Of the session's telescope; None for a file."""
+    """Limits of the session's telescope; None for a file."""
     seen: Sightings
     tracks: int = 1
-    """How many the session holds."""
+    """Number of tracks in the session."""
     number: int = 1
-    """Which of them it is, in order of time."""
+    """Number of this track, in order of time."""
     track_id: int | None = None
-    """As in the session's records; None for a file."""
+    """Track id in the session's records; None for a file."""
 
 
 def read_observed_tracks(
@@ -129,8 +129,8 @@ def read_observed_tracks(
     """Read the tracks of a session, the longest first, or the observations of a file.
 
     ``track`` takes one of a session's tracks alone, counted from 1 in order of time;
-    ``sigma_arcsec`` is that of observations which state none, ``site`` that of a file without one.
-    Raises SessionError or OrbitError saying what is wrong with what.
+    ``sigma_arcsec`` is for observations that state none, ``site`` for a file without one. Raises
+    SessionError or OrbitError with the file and its fault.
     """
     if path.is_dir() or path.name == "session.db":
         return _read_session(path if path.is_dir() else path.parent, track)
@@ -138,14 +138,14 @@ def read_observed_tracks(
 
 
 def arcs(seen: Sightings) -> tuple[Sightings, ...]:
-    """Split into arcs, in order of time: a silence of three hours parts them."""
+    """Split into arcs, in order of time, at each gap of three hours."""
     starts = np.flatnonzero(np.diff(seen.t_s) > ARC_GAP_S) + 1
     groups = np.split(np.arange(len(seen)), starts)
     return tuple(merged_tracklets([seen.of(each)])[0] for each in groups)
 
 
 def longest_arc(seen: Sightings) -> Sightings:
-    """The arc with the most directions."""
+    """Return the arc with the most directions."""
     return max(arcs(seen), key=len)
 
 
@@ -174,7 +174,7 @@ def _of_track(
     track: Track,
     exposures_s: Mapping[int, float],
 ) -> ObservedTrack:
-    """``place``: its number, and how many there are."""
+    """``place``: number of the track, and how many there are."""
     site, (number, count) = config.site.to_site(), place
     measured = tuple(track.measurements)
     taken = PartErrors().widened(measured, measured, track.last, exposures_s)
@@ -196,7 +196,7 @@ def _of_track(
 
 
 def _tracks(reader: SessionReader) -> tuple[list[Track], dict[int, float]]:
-    """Those with enough measurements, else all that have any, in order of time."""
+    """Return the tracks with enough measurements, else all that have any, in order of time."""
     taken, exposures_s = TrackAssignment(), dict[int, float]()
     for _, _, record in reader.records(kinds=(FrameTaken, *TrackAssignment.KINDS)):
         taken.receive(record)
@@ -241,7 +241,7 @@ def _site(table: Any, path: Path) -> Site:
 
 
 def _row(row: Any, where: str, sigma_arcsec: float) -> tuple[int, float, float, float, float]:
-    """Time, RA, Dec and the sigmas east and north, arcsec."""
+    """Return time, RA, Dec and the sigmas east and north, arcsec."""
     if not isinstance(row, list) or not 3 <= len(row) <= 5:
         raise OrbitError(f"{where}: [time, RA, Dec] in degrees is needed, then sigmas in arcsec")
     with raised_as(OrbitError, f"{where}: ", (TypeError, ValueError)):

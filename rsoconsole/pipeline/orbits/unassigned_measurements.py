@@ -1,8 +1,9 @@
-"""Measurements that no track took, and which of them belong to an orbit.
+"""Measurements that no track accepted, and those among them that belong to an orbit.
 
-A track begins with the first two frames that agree, and coasts beside what its gate refuses: what
-was seen before, or refused then, may be the very object. An orbit that has grown since can tell:
-a direction is its own where the density that it gives to it outweighs that of strangers.
+A track begins with the first two frames that agree, and coasts beside measurements that its gate
+excludes: earlier or excluded ones may be of the same object. An orbit that has grown since can
+decide it: a direction belongs to the object where the density that the orbit gives to it outweighs
+that of strangers.
 """
 
 import math
@@ -26,23 +27,23 @@ from rsoconsole.tracking import REFUSED, STRANGERS_ARCSEC2, SURE_ODDS, TRACKABLE
 from rsoconsole.words import NS_PER_S
 
 KEPT_S = 7200.0
-"""Older ones are let go: no track has lasted unseen for longer."""
+"""Age beyond which measurements are dropped, s: no track has lasted unseen for longer."""
 _MOST = 600
 _GATE_NIS = 9.21
-"""Of two numbers; a hundredth of what belongs lies beyond."""
+"""Gate on the NIS of two numbers, which excludes a hundredth of the object's own measurements."""
 
 
 class UnassignedMeasurements:
-    """Measurements of the last two hours that no track took; fed with records in order."""
+    """Measurements of the last two hours that no track accepted, from records in order."""
 
     def __init__(self) -> None:
         self._seen: dict[str, Measurement] = {}
-        """By id, in order of time."""
+        """Measurements by id, in order of time."""
         self._settled: dict[int, set[str]] = {}
-        """By frame: the ids that tracks took there, and those that the operator refused."""
+        """Ids by frame: measurements that tracks accepted, and those that the operator rejected."""
 
     def receive(self, record: Record) -> None:
-        """Process the next record; others than the four kinds that matter pass by."""
+        """Process the next record; kinds without effect on measurements are ignored."""
         if isinstance(record, Measurement):
             self._seen[record.measurement_id] = record
             self._let_go(record.t_mid_utc_ns)
@@ -59,8 +60,8 @@ class UnassignedMeasurements:
     ) -> tuple[Measurement, ...]:
         """Measurements that belong to an orbit, in order of time; at most one of a frame.
 
-        ``without``: frames in which it is known already which streak is its; ``learnt``: scatter
-        along the motion (s) and the scale of variances, as the track has learnt them.
+        ``without``: frames in which the object's streak is known already; ``learnt``: scatter along
+        the motion (s) and the scale of variances, as the track has learned them.
         """
         settled = set(chain.from_iterable(self._settled.values()))
         asked = [
@@ -105,7 +106,7 @@ def _is_direction(m: Measurement) -> bool:
 def _are_own(
     asked: list[Measurement], orbit: KnownOrbit, site: Site, learnt: tuple[float, float]
 ) -> FloatArray:
-    """(N,) whether the orbit gives each a density far above that of strangers."""
+    """True for each measurement, (N,), with a density by the orbit far above that of strangers."""
     ahead = predict(orbit, site, np.array([m.t_mid_utc_ns for m in asked], np.int64))
     places = ahead.places
     cos_dec = np.cos(np.radians(places.dec_icrs_deg))

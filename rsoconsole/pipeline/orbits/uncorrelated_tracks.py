@@ -1,4 +1,4 @@
-"""From tracks that no catalogue explains to the ledger, and from the ledger to names."""
+"""Uncorrelated tracks: from a session to the ledger, and from the ledger to names."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -45,29 +45,29 @@ from rsoconsole.session import (
 from rsoconsole.words import NS_PER_S
 
 MIN_TRACKS = 5
-"""Directions that a track needs to be kept: fewer are as well a satellite's glints."""
+"""Fewest directions of a track that is kept: fewer may as well be a satellite's glints."""
 _MAX_DIRECTIONS = 40
 _TOGETHER = 4
-"""An object's latest tracks that are put into one orbit."""
+"""Most tracks of an object, the latest, that are fitted with one orbit."""
 _SAME_RMS = 3.0
-"""The directions of several nights leave at most this factor times what one night's leave,"""
+"""Largest ratio of the RMS of several nights' directions to that of one night's."""
 _MAX_COMMON_ARCSEC = 10.0
-"""and what forces and stars are off for whole nights, up to this."""
+"""Largest error in common of a whole night, by forces and stars, that is allowed beside it."""
 _KNOWN = ("free", "constrained by prior")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class KeptTrack:
-    """One track as kept in the ledger."""
+    """Track as kept in the ledger."""
 
     track: int
-    """Its number in the session."""
+    """Number of the track in the session."""
     number: int
-    """Of the object."""
+    """Number of the object in the ledger."""
     is_new: bool
-    """The ledger did not have that object."""
+    """True where the ledger did not have that object."""
     recognised: Correlation | None
-    """None where it had been kept before."""
+    """Correlation with the ledger's objects; None where the track had been kept before."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -76,21 +76,21 @@ class KeptSession:
 
     tracks: tuple[KeptTrack, ...] = ()
     taken_back: tuple[int, ...] = ()
-    """Tracks that were in the ledger and have a catalogued name now."""
+    """Tracks withdrawn from the ledger, as they now have a catalogued name."""
     too_short: tuple[int, ...] = ()
     moved_aside: Path | None = None
-    """Where a damaged ledger was moved."""
+    """Path to which a damaged ledger was moved; None where it was sound."""
 
 
 class Past:
-    """Objects that the ledger held when the night began."""
+    """Objects of the ledger when the night began."""
 
     def __init__(self, ledger: Ledger) -> None:
         self._objects = {each.number: each for each in ledger.objects}
         self._before = seen_before(ledger.objects)
 
     def names_of(self, tracks: Mapping[int, Sightings], site: Site) -> dict[int, LedgerName]:
-        """Names, by track id, of tracks that are or may be of an object seen before."""
+        """Return the names, by track id, of tracks that are or may be of an object seen before."""
         if not self._before or not tracks:
             return {}
         found = correlate_tracks(list(tracks.values()), site, self._before)
@@ -113,14 +113,14 @@ class Past:
 
 
 def seen_before(objects: Sequence[LedgerObject]) -> tuple[EarlierTrack, ...]:
-    """Latest tracks of each object, to be recognised by."""
+    """Return the latest tracks of each object, for correlation."""
     return tuple(_seen_before(each.number, track) for each in objects for track in each.tracks[-2:])
 
 
 def keep_night(folder: Path, path: Path | None = None) -> KeptSession:
     """Keep the tracks of a closed session that have no name on record.
 
-    Those that were never compared with a catalogue are left out. Raises SessionError.
+    Tracks never compared with a catalogue are left out. Raises SessionError.
     """
     identified: dict[int, Identified] = {}
     for _, _, record in SessionReader(folder).records(kinds=(Identified,)):
@@ -139,9 +139,9 @@ def keep(
     named: Sequence[ObservedTrack],
     path: Path | None = None,
 ) -> KeptSession:
-    """Keep tracks of a session that no catalogue explains, and take back those that it names now.
+    """Keep tracks of a session that no catalogue explains, and withdraw those identified since.
 
-    The ledger of simulated nights is another. Raises SessionError.
+    Simulated nights have a ledger of their own. Raises SessionError.
     """
     session = folder.resolve().name
     is_simulated = SessionReader(folder).about().get("is_simulated") is True
@@ -188,7 +188,7 @@ def _short(tracks: Sequence[ObservedTrack]) -> tuple[int, ...]:
 def _kept_tracks(
     session: str, ledger: Ledger, ready: Sequence[tuple[ObservedTrack, Sightings]]
 ) -> list[KeptTrack]:
-    """Of which object each is: known by its own entry, recognised, or new."""
+    """Return each track with its object: known by its own entry, recognised, or new."""
     known = [ledger.number_of(session, each.track_id or 0) for each, _ in ready]
     own = {number for number in known if number is not None}
     asked = [n for n, number in enumerate(known) if number is None]
@@ -223,7 +223,7 @@ def _kept_tracks(
 def _of_this_night(
     arc: Sightings, site: Site, new: Sequence[tuple[int, Sightings, Site]]
 ) -> int | None:
-    """The object of an earlier track of this session that had ended, if it is the same."""
+    """Return the object of an earlier track of this session that had ended, if it is the same."""
     at_once = {
         number
         for number, other, _ in new
@@ -249,7 +249,7 @@ def _of_arc(number: int, arc: Sightings, site: Site) -> EarlierTrack:
 
 
 def _determined(arc: Sightings) -> Orbit | None:
-    """An orbit that is worth keeping."""
+    """Return an orbit that is worth keeping; None where there is none."""
     with np.errstate(all="ignore"):
         orbit = determine(arc)
     if orbit is None or orbit.label not in _KNOWN:
@@ -299,7 +299,7 @@ def _ledger_track(
 def _ledger_orbit(
     arc: Sightings, orbit: Orbit | None, before: LedgerObject | None, session: str
 ) -> LedgerOrbit | None:
-    """Through the object's latest tracks where one orbit fits them all, else the track's own."""
+    """Orbit through the object's latest tracks where one fits them all, else the track's own."""
     earlier = [] if before is None else [t for t in before.tracks if t.session != session]
     if earlier and orbit is not None:
         parts = [_sightings_of(each) for each in earlier[-_TOGETHER:]]

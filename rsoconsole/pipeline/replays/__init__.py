@@ -1,1 +1,1 @@
-"""A recorded night once more: as it was, or with other settings."""
+"""Replay of a recorded night: as it was, or with other settings."""

@@ -1,8 +1,8 @@
-"""A session's log as it would have been with other settings. Pure.
+"""Log of a session as it would have been with other settings. Pure.
 
-What was recorded stays, in its order; what the fold had made of it is replaced by what it makes of
-it now. A log rewritten with no changes is the log itself, and a rewritten log replayed with the
-changed configuration gives its own records again (on another processor: to the last digits).
+Inputs stay, in their order; the fold's recorded output is replaced by its output now. A log
+rewritten with no changes is the log itself, and a rewritten log replayed with the changed
+configuration gives its own records again (on another processor: to the last digits).
 """
 
 from collections.abc import Callable, Iterable, Iterator
@@ -41,7 +41,7 @@ from rsoconsole.records import (
 
 
 class LogRewriter:
-    """Rewrites a log record by record: a night may be a long one."""
+    """Rewriter of a log, record by record: a night may be a long one."""
 
     def __init__(
         self,
@@ -53,20 +53,20 @@ class LogRewriter:
         """``on_record``: takes the other log, (t_utc_ns, record), in order; ``on_frame``: each
         frame that was folded, as soon as it is complete."""
         self.config = walk.config
-        """With the changes: the other log begins with it."""
+        """Configuration with the changes, with which the other log begins."""
         self._on_record = on_record
         self._on_frame = on_frame
         self._walk = walk
         self._held: list[tuple[int, Record, RecordRole]] = []
-        """Records since the frame that is open was reduced, or began to be followed again."""
+        """Records since the open frame was reduced, or began to be folded again."""
         self._t_open_ns = 0
         self._is_again = False
         self._is_another_night = False
-        """Whether a frame was followed in another way: the orbits from there on are of no track."""
+        """True once a frame was folded differently: later orbits belong to no track here."""
         self._is_void = False
-        """Behind a frame that is not followed again here: what that had led to is left out."""
+        """True after a frame that is not folded again here: its consequences are left out."""
         self._ruled: tuple[int, Ruling, LoopState, LoopState] | None = None
-        """A decision whose change of state has not been told, and the states before and after."""
+        """Decision whose change of state has not been written, and the states before and after."""
 
     def receive(self, t_utc_ns: int, record: Record) -> None:
         """Process the next record."""
@@ -85,7 +85,7 @@ class LogRewriter:
         self._write_other(t_utc_ns, record, before)
 
     def close(self) -> None:
-        """The open frame is complete."""
+        """Complete the open frame."""
         for each in self._walk.close():
             self._write_frame(each)
         self._is_void = False
@@ -96,7 +96,7 @@ class LogRewriter:
         self._t_open_ns, self._is_again = t_utc_ns, True
 
     def _write_other(self, t_utc_ns: int, record: Record, before: LoopState) -> None:
-        """A record that belongs to no frame that is open."""
+        """Write a record that belongs to no open frame."""
         match record:
             case FollowedAgain():
                 self._write_ruled()
@@ -127,7 +127,7 @@ class LogRewriter:
         self._on_record(t_utc_ns, record)
 
     def _write_change(self, t_utc_ns: int, record: StateChange, before: LoopState) -> None:
-        """A change of state that belongs to no frame that is open."""
+        """Write a change of state that belongs to no open frame."""
         if is_from_outside(record):
             change = _passage(record, before, self._walk.following.state)
             self._on_record(t_utc_ns, change)
@@ -137,7 +137,7 @@ class LogRewriter:
             self._on_record(t_utc_ns, record)
 
     def _write_ruled(self, recorded: StateChange | None = None) -> None:
-        """The change of state that a decision leads to, if it does."""
+        """Write the change of state caused by a decision, if there is one."""
         if self._ruled is None:
             return
         t_utc_ns, decision, before, after = self._ruled
@@ -150,7 +150,7 @@ class LogRewriter:
         self._on_record(t_utc_ns, change)
 
     def _at_instant(self, measurement: Measurement) -> Measurement:
-        """What the operator marked, at its frame's instant."""
+        """Return the operator's mark at its frame's instant."""
         again = self._walk.again.get(measurement.frame_id)
         if again is None:
             return measurement
@@ -161,7 +161,7 @@ class LogRewriter:
         return at_its_row(measurement, t_mid_ns, shutter_time(taken, exposure))
 
     def _write_frame(self, closed: ReducedFrame) -> None:
-        """A complete frame: its inputs, what the fold makes of them, and what came beside."""
+        """Write a complete frame: its inputs, the fold's records, and the others with it."""
         held, self._held = self._held, []
         is_again, self._is_again = self._is_again, False
         inputs = () if is_again else _inputs(closed.observations)
@@ -193,7 +193,7 @@ class LogRewriter:
 def _without_orbits(
     held: Iterable[tuple[int, Record, RecordRole]],
 ) -> Iterator[tuple[int, Record, RecordRole]]:
-    """Without orbits and names, and the words that were said on them."""
+    """Yield the records without orbits and names, and the events about them."""
     is_theirs = False
     for each in held:
         is_theirs = isinstance(each[1], OrbitRecord) or (is_theirs and isinstance(each[1], Event))
@@ -207,7 +207,7 @@ def _inputs(observed: FrameObservations) -> tuple[Record, ...]:
 
 
 def _closes(record: Record) -> bool:
-    """Whether no record behind it belongs to the frame before."""
+    """True where no record after it belongs to the frame before."""
     match record:
         case FrameTaken() | CycleTiming() | Ruling() | FollowedAgain() | ParameterChange():
             return True
@@ -222,7 +222,7 @@ def _closes(record: Record) -> bool:
 
 
 def _passage(change: StateChange, before: LoopState, after: LoopState) -> StateChange:
-    """A change from outside, between the states that there are here."""
+    """Return a change from outside between the states of this replay."""
     if change.before not in FOLDED or before not in FOLDED:
         before = change.before
     if change.after not in FOLDED or after not in FOLDED:
@@ -231,7 +231,7 @@ def _passage(change: StateChange, before: LoopState, after: LoopState) -> StateC
 
 
 def _without_force(change: ParameterChange, config: Config) -> Event:
-    """In the place of a setting that was changed that night, and is tried here throughout."""
+    """Return the event that replaces the change of a setting which is changed here throughout."""
     section, _, key = change.name.partition(".")
     value = getattr(getattr(config, section), key)
     return Event(

@@ -1,9 +1,9 @@
-"""Branches of a session: what-ifs that were given a name.
+"""Branches of a session: what-ifs with a name.
 
 ``SESSION/branches/NAME`` holds a database of the session's own schema, with the whole log as it
-would have been; ``meta`` says of what it is a branch (``branch_of``), what was tried (``changes``),
-and the figures before and after. The session itself is never written to. Pictures and frames stay
-with the session, where the reader looks for what a branch does not hold.
+would have been; ``meta`` holds the session (``branch_of``), the settings changed (``changes``), and
+the figures before and after. The session itself is never written to. Pictures and frames stay with
+the session, where the reader looks for what a branch does not hold.
 """
 
 import re
@@ -20,7 +20,7 @@ from rsoconsole.session import DATABASE, SessionReader, SessionWriter, folders_i
 
 BRANCHES = "branches"
 RESERVED = ("figures", "exports")
-"""Folders of other derived files beside the branches."""
+"""Names of folders for other derived files beside the branches."""
 _NAME = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_.-]{0,63}")
 _OF_THE_SESSION = (
     "model_sha256",
@@ -28,22 +28,22 @@ _OF_THE_SESSION = (
     "is_simulated",
     "t_started_utc_ns",
 )
-"""What holds for a branch as for its session."""
+"""Keys of ``meta`` that a branch shares with its session."""
 _WRITE_S = 120.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Branch:
-    """A named what-if of a session."""
+    """Named what-if of a session."""
 
     name: str
     folder: Path
     changes: dict[str, Any] = field(default_factory=dict)
     figures: dict[str, Any] = field(default_factory=dict)
-    """``recorded`` and ``what_if``, as they were when it was made."""
+    """Figures ``recorded`` and ``what_if`` of the time it was made."""
     t_made_utc_ns: int | None = None
     fault: str | None = None
-    """Why it cannot be read; the other members are then empty."""
+    """Reason why it cannot be read; the other members are then empty."""
 
 
 def branch_folder(session: Path, name: str) -> Path:
@@ -59,7 +59,7 @@ def branch_folder(session: Path, name: str) -> Path:
 
 
 def check_name(session: Path, name: str, *, force: bool = False) -> Path:
-    """Folder for a new branch of that name. Raises SessionError where it cannot."""
+    """Folder for a new branch of that name. Raises SessionError where it cannot be made."""
     folder = branch_folder(session, name)
     if folder.exists() and not force:
         raise SessionError(f"{session} has a branch '{name}' already: --force replaces it")
@@ -71,8 +71,9 @@ def check_name(session: Path, name: str, *, force: bool = False) -> Path:
 def save_branch(what_if: WhatIf, name: str, *, force: bool = False) -> Path:
     """Keep a what-if as a branch of its session; returns its folder.
 
-    It is whole or not there: it is written beside its place and renamed. Raises SessionError for
-    a name that cannot be one or is taken (unless ``force``), and where it cannot be written.
+    The branch is complete or absent: it is written beside its place and renamed. Raises
+    SessionError for a name that cannot be one or is taken (unless ``force``), and where it cannot
+    be written.
     """
     folder = check_name(what_if.session, name, force=force)
     beside = folder.with_name(f".{name}.part")
@@ -92,13 +93,13 @@ def save_branch(what_if: WhatIf, name: str, *, force: bool = False) -> Path:
 
 
 def branches_of(session: Path) -> tuple[Branch, ...]:
-    """A session's branches in order of name. Raises SessionError where they cannot be listed."""
+    """Session's branches in order of name. Raises SessionError where they cannot be listed."""
     folders = sorted(folders_in(session / BRANCHES))
     return tuple(_branch(folder) for folder in folders if _is_branch(folder))
 
 
 def drop_branch(session: Path, name: str) -> Path:
-    """Delete a branch; returns where it was. Raises SessionError where there is none."""
+    """Delete a branch; return its former folder. Raises SessionError where there is none."""
     folder = branch_folder(session, name)
     if not _is_branch(folder):
         names = ", ".join(each.name for each in branches_of(session)) or "none"

@@ -1,4 +1,4 @@
-"""Equality of records but for what another processor's rounding may change. Pure."""
+"""Equality of records but for rounding by another processor. Pure."""
 
 import math
 from collections.abc import Sequence
@@ -8,18 +8,18 @@ from typing import Any
 from rsoconsole.records import TrackState
 
 ROUNDING = 1e-7
-"""Relative; a fold's own digits agree to 1e-12 after a night, a setting changes the third."""
+"""Relative tolerance; a fold agrees to 1e-12 after a night, a setting changes the third digit."""
 _DIRECTION_DEG = 1e-9
-"""Four millionths of an arcsecond, below what any record can mean."""
+"""Tolerance of a direction: four millionths of an arcsecond, below any record's precision."""
 
 
 def are_alike(ours: Sequence[Any], theirs: Sequence[Any]) -> bool:
-    """Whether two lists of records agree, but for what a processor's rounding may change."""
+    """True where two lists of records agree but for a processor's rounding."""
     return len(ours) == len(theirs) and all(map(is_alike, ours, theirs))
 
 
 def is_alike(one: Any, other: Any) -> bool:
-    """Whether two records, or values within them, agree but for rounding."""
+    """True where two records, or values within them, agree but for rounding."""
     if one == other:
         return True
     if type(one) is not type(other):
@@ -35,7 +35,7 @@ def is_alike(one: Any, other: Any) -> bool:
 
 
 def _is_same_track(one: TrackState, other: TrackState) -> bool:
-    """Places to less than anybody can measure, covariances in units of their own diagonal."""
+    """True where places agree beyond what is measurable, covariances in units of their diagonal."""
     plain = (f.name for f in fields(one) if f.name not in {"x", "P", "innovation_arcsec"})
     if not all(is_alike(getattr(one, name), getattr(other, name)) for name in plain):
         return False

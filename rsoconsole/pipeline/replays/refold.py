@@ -4,8 +4,8 @@ What-if, review and tests run this. With the session's own configuration it give
 the fold again, bit for bit. Inputs are, in the order of the log: the frames that were reduced
 (``FrameTaken``, ``Detections``, the plate, the measurements), changes of parameters, and the
 changes of state that came from outside the fold. A frame without ``Detections`` was never reduced
-(its reduction failed, or somebody cut it short) and is no miss; one that was taken while the
-operator had the mount was looked at, not folded.
+(its reduction failed, or somebody cut it short) and is no miss; one taken while the operator had
+control was reduced, not folded.
 """
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
@@ -63,17 +63,17 @@ from rsoconsole.tracking import Following
 def at_instant(
     observed: FrameObservations, t_mid_utc_ns: int, exposure: ExposureConfig
 ) -> FrameObservations:
-    """Put the measurements at the frame's mid-exposure: another where its latency is tried."""
+    """Put the measurements at the frame's mid-exposure, which another header latency changes."""
     shutter = shutter_time(observed.taken, exposure)
     moved = tuple(at_its_row(m, t_mid_utc_ns, shutter) for m in observed.measurements)
     return observed if moved == observed.measurements else replace(observed, measurements=moved)
 
 
 def at_tau(observed: FrameObservations, config: Config) -> FrameObservations:
-    """Observations of the frame at the configured tau, most confident first.
+    """Return the observations of the frame at the configured tau, most confident first.
 
-    The detector keeps what passed its gates and lay below tau, so nothing is guessed; without a
-    plate solution a candidate is detected and not measured, as ever.
+    The detector records candidates that passed its gates below tau, so nothing is guessed; without
+    a plate solution a candidate is detected and not measured, as ever.
     """
     tau = config.detector.tau
     found = observed.detections
@@ -120,38 +120,38 @@ TAU = "detector.tau"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ReplayedFrame(ReducedFrame):
-    """One folded frame, as it is now and as it was recorded.
+    """Folded frame, as it is now and as it was recorded.
 
-    Its observations differ from the record only where another tau or header latency is tried.
+    Its observations differ from the record only where another tau or header latency is set.
     """
 
     after: Following
-    """What is followed after it."""
+    """State after the frame."""
     records: tuple[Record, ...]
-    """What the fold makes of it now: TrackState, NotFollowed, Miss, StateChange, in order."""
+    """Records of the fold now: TrackState, NotFollowed, Miss, StateChange, in order."""
     recorded: tuple[Record, ...]
-    """What it made of it then."""
+    """Records of the fold in the session."""
 
     @property
     def taken(self) -> FrameTaken:
-        """As the camera gave it."""
+        """Record of the frame as the camera gave it."""
         return self.observations.taken
 
     @property
     def is_as_recorded(self) -> bool:
-        """Whether both are the same, bit for bit; a session that was cut off may lack its end."""
+        """True where both are the same, bit for bit; a session cut off may lack its end."""
         return self.records == self.recorded
 
     @property
     def is_alike(self) -> bool:
-        """Whether both are the same but for the rounding of another processor."""
+        """True where both are the same but for the rounding of another processor."""
         return are_alike(self.records, self.recorded)
 
 
 ReduceAgain: TypeAlias = Callable[[FrameObservations, Config], FrameObservations]
-"""What a frame shows when it is reduced once more: its record and the configuration in force."""
+"""Function that reduces a frame again, from its record and the configuration in force."""
 RecordRole: TypeAlias = Literal["input", "folded", "other"]
-"""What a record is to the fold: what goes in, what comes out, neither."""
+"""Role of a record for the fold: input, output (``folded``), or neither."""
 
 
 def replay(
@@ -160,16 +160,16 @@ def replay(
     *,
     changes: Mapping[str, float | str] | None = None,
 ) -> Iterator[ReplayedFrame]:
-    """Every frame that the session folded, in order, each as soon as its records are complete.
+    """Yield every frame that the session folded, in order, each once its records are complete.
 
     ``records``: a session's log in its order, of all kinds. ``config``: that of the session's
     beginning; recorded changes are made as they come. ``changes``: settings by dotted name that
-    hold from the start, whatever the record says of them (what-if); a tried tau admits or leaves
-    out candidates by their recorded confidence, a tried header latency moves all instants;
-    everything else that made the measurements is taken as it was. Where the telescope looked is
-    never another than recorded.
+    hold from the start, whatever the record says of them (what-if); another tau admits or leaves
+    out candidates by their recorded confidence, another header latency moves all instants;
+    everything else behind the measurements stays as recorded. The telescope's pointing is always
+    the recorded one.
 
-    Raises ConfigError for a setting that there is not, or a value that it cannot have.
+    Raises ConfigError for a setting that does not exist, or a value that it cannot have.
     """
     walk = Walk.begin(config, changes)
     for record in records:
@@ -183,36 +183,36 @@ def _folded(closed: Iterable[ReducedFrame]) -> Iterator[ReplayedFrame]:
 
 @dataclass(slots=True, kw_only=True)
 class Walk:
-    """State of a replay: what the log has led to so far."""
+    """State of a replay after the records so far."""
 
     config: Config
     held: frozenset[str]
     reduce_again: ReduceAgain | None = None
     following: Following = field(default_factory=Following)
     kept: Following | None = None
-    """The track that ended last by somebody's word: it may be followed again."""
+    """Track that was last ended by a command: it may be followed again."""
     stars: StarHistory = field(default_factory=StarHistory)
     taken: FrameTaken | None = None
     orbits: Mapping[int, OrbitEstimate] = field(default_factory=dict)
-    """The last one of each track, by track id; never changed, frames keep theirs."""
+    """Last orbit of each track, by track id; replaced, never changed, as frames keep it."""
     is_another_night: bool = False
-    """A frame came out otherwise than recorded: the orbits behind it are of another track."""
+    """True once a frame differs from the record: later recorded orbits are of another track."""
     open: FrameObservations | None = None
-    """A reduced frame whose records still come in."""
+    """Reduced frame whose records still come in."""
     recorded: list[Record] = field(default_factory=list)
-    """What the fold had made of it, so far."""
+    """Recorded output of the fold for it, so far."""
     folds: FollowedFrames = field(default_factory=FollowedFrames)
     hand: HandTrack = field(default_factory=HandTrack)
     is_by_hand: bool = False
-    """The last decision was on a frame that nobody followed."""
+    """True where the last decision was on a frame that no track followed."""
     again: dict[int, FoldedFrame] = field(default_factory=dict)
-    """Frames that a decision has had followed again, by number."""
+    """Frames that a decision has had folded again, by number."""
     open_again: tuple[FoldedFrame, list[Record]] | None = None
-    """One of them whose records still come in."""
+    """Frame of these whose records still come in."""
     is_ruled: bool = False
-    """A decision has come, and none of the frames that it has followed again."""
+    """True after a decision, before any of the frames folded again by it."""
     part: RecordRole = "other"
-    """What the record heard last is to the fold."""
+    """Role of the last record for the fold."""
 
     @classmethod
     def begin(
@@ -221,7 +221,7 @@ class Walk:
         changes: Mapping[str, float | str] | None = None,
         reduce_again: ReduceAgain | None = None,
     ) -> "Walk":
-        """State at the beginning of a log. Raises ConfigError as ``replay`` does."""
+        """Return the state at the beginning of a log. Raises ConfigError as ``replay`` does."""
         changes = changes or {}
         return cls(
             config=with_changes(config, changes),
@@ -230,7 +230,7 @@ class Walk:
         )
 
     def receive(self, record: Record) -> Iterator[ReducedFrame]:  # noqa: PLR0912 -- one case a kind
-        """Process the next record; yields the frame that it shows to be complete."""
+        """Process the next record; yield the frame that it completes."""
         self.part = "other"
         match record:
             case FrameTaken():
@@ -276,7 +276,7 @@ class Walk:
                 assert_never(record)
 
     def _hold(self, begun: OperatorAction) -> None:
-        """A frame is kept to be marked in, or no longer, where nobody can know it by a decision."""
+        """Hold or release a frame for a mark, of which no decision need be on record."""
         frame_id = begun.arguments.get("frame")
         if begun.outcome.kind != "done" or not isinstance(frame_id, int):
             return
@@ -289,7 +289,7 @@ class Walk:
     def _receive_of_frame(
         self, record: FoldRecord | Solution | NotSolved | Measurement
     ) -> RecordRole:
-        """What was seen in a frame, or what the fold made of it."""
+        """Add a record of a frame, input or output of the fold; return its role."""
         is_folds = isinstance(record, FoldRecord) and not self._is_loops_own(record)
         if self.open_again is not None:
             if is_folds:
@@ -313,7 +313,7 @@ class Walk:
         return "input"
 
     def _is_loops_own(self, record: Record) -> bool:
-        """An instrument that failed, or what a decision came to in words: nothing of the fold's."""
+        """True for a failed instrument's miss, or a decision's change of state: not the fold's."""
         if isinstance(record, Miss):
             return is_instruments(record)
         return isinstance(record, StateChange) and self.is_ruled
@@ -363,7 +363,7 @@ class Walk:
         return frame
 
     def _receive_decision(self, record: Ruling | FollowedAgain) -> None:
-        """The operator's word: what is followed is what it leads to."""
+        """Apply the operator's decision to the state."""
         if isinstance(record, FollowedAgain):
             done = self.again.pop(record.frame_id, None)
             self.open_again = None if done is None else (done, [])
@@ -387,7 +387,7 @@ class Walk:
             self.following = replace(self.following, last_track_id=last_track_id)
 
     def _pass(self, change: StateChange) -> None:
-        """The operator, a limit, a fault or the end of the night: what is followed after it."""
+        """Apply a change of state by the operator, a limit, a fault or the end of the night."""
         self.folds.forget()
         self.hand.forget()
         if change.reason.kind == "clock set":

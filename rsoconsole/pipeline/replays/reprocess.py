@@ -1,7 +1,7 @@
-"""A kept frame through the detector once more, with another tau or map, beside what was recorded.
+"""Detection once more in a kept frame, with another tau or map, beside the recorded result.
 
-Only frames whose pixels the session has kept can be: of the others a replay tells what another
-tau would have made of the recorded candidates. Nothing is written anywhere.
+It works only for frames whose pixels the session has kept: for others a replay applies another tau
+to the recorded candidates. Nothing is written anywhere.
 """
 
 import logging
@@ -47,42 +47,42 @@ log = logging.getLogger(__name__)
 
 TAU, MAP_MODE = "detector.tau", "detector.map_mode"
 ROUNDED_NS = 100_000_000
-"""By which a card's instant may differ from the recorded one."""
+"""Largest difference of a header's start from the recorded one, ns."""
 UNWRITTEN = "its pixels are not in the session: not written yet, or removed since"
 SAME_PX, SAME_CONFIDENCE = 0.05, 0.01
-"""Within these a candidate is as recorded: another processor rounds otherwise, and a curve of
-confidence that was fitted again says 0.995 where 0.9999 was on record."""
+"""Differences within which a candidate is as recorded: another processor rounds differently, and a
+confidence curve fitted again may give 0.995 where 0.9999 was on record."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RecordedFrame:
-    """Everything that a session has of one frame."""
+    """Records of one frame in a session."""
 
     taken: FrameTaken
     seen: NightFrame
     config: Config
-    """In force for it."""
+    """Configuration in force for it."""
     path: Path | None
-    """Its pixels; None where they are not there."""
+    """File with its pixels; None where there is none."""
     not_kept_because: str
-    """Empty where they are."""
+    """Reason why its pixels were not kept; empty where they were."""
     model_sha256: str | None
-    """Of the network that looked at it."""
+    """SHA-256 of the network that examined it."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class JudgedCandidate:
-    """A candidate with the detector's decision."""
+    """Candidate with the detector's decision."""
 
     detection: Detection
     is_taken: bool
     reason: str
-    """Why it was not taken; empty where it was."""
+    """Reason why it was rejected; empty where it was accepted."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ComparedCandidate:
-    """One candidate as recorded and now; None where it was not found."""
+    """Candidate as recorded and now; None where it was not found."""
 
     was: JudgedCandidate | None
     now: JudgedCandidate | None
@@ -96,7 +96,7 @@ class ComparedCandidate:
 
     @property
     def is_as_recorded(self) -> bool:
-        """Whether both say the same of the same place."""
+        """True where both have the same decision at the same place."""
         was, now = self.was, self.now
         if was is None or now is None or was.is_taken is not now.is_taken:
             return False
@@ -106,30 +106,30 @@ class ComparedCandidate:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Reprocessed:
-    """One frame as recorded and as seen with the settings that were tried."""
+    """Frame as recorded and as reduced with other settings."""
 
     tau: float
     map_mode: MapMode
     is_solved_again: bool
-    """False: measured by the plate on record."""
+    """True where the plate was solved again, False where that on record was used."""
     is_same_network: bool | None
-    """Whether the network is the recorded one; None where the session does not say."""
+    """True where the network is the recorded one; None where the session does not name it."""
     was: NightFrame
     now: Reduction
     candidates: tuple[ComparedCandidate, ...]
-    """Most confident first."""
+    """Candidates, most confident first."""
     stage_ms: dict[str, float] = field(default_factory=dict)
-    """Of the detector's stages, of ``solve``, and of it all as ``total``."""
+    """Times of the detector's stages, of ``solve``, and of all as ``total``, ms."""
 
 
 def recorded_frame(
     reader: SessionReader, frame_id: int, config: Config | None = None
 ) -> RecordedFrame:
-    """Read what the session has of a frame.
+    """Read the records of a frame.
 
-    ``config``: instead of that with which the session began; recorded changes before the frame
-    are made to either. Raises SessionError where the session has no such frame, or where its
-    configuration is needed and not one that this version knows.
+    ``config``: used instead of the session's first one; recorded changes before the frame are made
+    to either. Raises SessionError where the session has no such frame, or where its configuration
+    is needed and not one that this version knows.
     """
     kinds = (FrameTaken, Detections, Solution, NotSolved, Measurement)
     log = list(reader.records(kinds=kinds, frame_id=frame_id))
@@ -161,7 +161,7 @@ def _in_force(reader: SessionReader, config: Config, seq_of_frame: int) -> Confi
 def read_pixels(recorded: RecordedFrame) -> Frame:
     """Read the frame as the camera gave it.
 
-    Raises FrameError where it was not kept (and says why), where its file is damaged, and where
+    Raises FrameError where it was not kept (with the reason), where its file is damaged, and where
     the file holds another exposure than the recorded one.
     """
     taken = recorded.taken
@@ -185,7 +185,7 @@ def read_pixels(recorded: RecordedFrame) -> Frame:
 
 
 class Reprocessor:
-    """The network and the plate solver, each loaded when first needed. For one thread."""
+    """Network and plate solver, each loaded when first needed. For one thread."""
 
     def __init__(self, recorded: RecordedFrame, frame: Frame) -> None:
         self._recorded = recorded
@@ -214,10 +214,10 @@ class Reprocessor:
         *,
         solves_again: bool = False,
     ) -> Reprocessed:
-        """Reduce the frame with these settings; None: as they were in force for it.
+        """Reduce the frame with these settings; None: those in force for it.
 
-        ``solves_again``: find the plate from this frame's stars alone, instead of taking the one
-        on record. Raises ConfigError for a value that cannot be, ModelError without a network.
+        ``solves_again``: find the plate from this frame's stars alone, instead of taking the one on
+        record. Raises ConfigError for a value that is not allowed, ModelError without a network.
         """
         config, recorded = self._recorded.config, self._recorded
         changes = {TAU: tau, MAP_MODE: map_mode}
@@ -252,7 +252,7 @@ class Reprocessor:
         )
 
     def maps(self, map_mode: MapMode) -> tuple[FrameMap, ...]:
-        """Maps that the network is given of the frame: several where its scale is unknown."""
+        """Return the network's input maps of the frame: several where its scale is unknown."""
         frame, _ = self._calibration.prepare(self._frame)
         blocks = choose_blocks(
             frame.width_px, frame.height_px, frame.scale_arcsec_px, frame.exposure_s
@@ -290,7 +290,7 @@ def compare(was: Detections | None, now: Detections | None) -> tuple[ComparedCan
 
 
 def judged_candidates(found: Detections | None) -> Iterable[JudgedCandidate]:
-    """All candidates of a frame with the detector's decisions."""
+    """Yield all candidates of a frame with the detector's decisions."""
     if found is None:
         return
     for each in found.detections:

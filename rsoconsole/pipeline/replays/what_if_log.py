@@ -1,4 +1,4 @@
-"""A recorded session with other settings: its figures, and the log as it would have been."""
+"""What-if of a recorded session: its figures, and the log as it would have been."""
 
 import logging
 from collections.abc import Callable, Iterable, Iterator, Mapping
@@ -25,7 +25,7 @@ from rsoconsole.vision import ConfidenceCurve, Network
 
 
 def once_each(frames: Iterable[ReplayedFrame]) -> list[ReplayedFrame]:
-    """Frames in order of their numbers; of one that was folded again the last version."""
+    """Return the frames in order of their numbers; of a frame folded again the last version."""
     by_number = {each.taken.frame_id: each for each in frames}
     return [by_number[number] for number in sorted(by_number)]
 
@@ -38,7 +38,7 @@ def add_replayed(found: FigureSum, frame: ReplayedFrame) -> None:
 def figures_of(
     frames: Iterable[ReplayedFrame], last: int | None = None, *, of_lead: bool = False
 ) -> TrackFigures:
-    """Figures of a replayed night."""
+    """Return the figures of a replayed night."""
     found = FigureSum(of_lead=of_lead)
     for each in frames:
         add_replayed(found, each)
@@ -53,8 +53,7 @@ def what_if(
     *,
     of_lead: bool = False,
 ) -> TrackFigures:
-    """Figures of a night with other settings. Raises ConfigError for one that
-    cannot be."""
+    """Figures of a night with other settings. Raises ConfigError for a setting that cannot be."""
     return figures_of(replay(records, config, changes=changes), last, of_lead=of_lead)
 
 
@@ -92,7 +91,7 @@ class Rerun:
         self._said: set[str] = set()
 
     def __call__(self, observed: FrameObservations, config: Config) -> FrameObservations:
-        """What the frame shows now; what was recorded where its pixels are gone."""
+        """Frame's observations when reduced again; the recorded ones where its pixels are gone."""
         self._on_frame()
         frame = self._frame(observed)
         if frame is None:
@@ -173,7 +172,7 @@ def open_rerun(
 def _with_plate(
     observed: FrameObservations, solution: Solution | NotSolved | None, config: Config
 ) -> FrameObservations:
-    """The recorded detections, measured with another plate; what a hand marked stays as it is."""
+    """Recorded detections, measured with another plate; marks by hand stay as they are."""
     measurements = [m for m in observed.measurements if m.source == "operator"]
     if isinstance(solution, Solution):
         measurements += measured(observed.detections, solution, observed.taken, config.exposure)
@@ -192,34 +191,34 @@ OF_THE_FOLD = (
     "optics.pixel_um",
     "site.",
 )
-"""Settings that have a part in what is followed, by how their names begin."""
+"""Prefixes of the settings that affect the tracks."""
 OF_A_PRESET = {"filter.sigma_arcsec": "paper", "filter.q_arcsec2_s3": "tuned"}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class WhatIf:
-    """A session as it was recorded and as it would have been."""
+    """Session as it was recorded and as it would have been."""
 
     session: Path
     changes: Mapping[str, float | str]
     before: Mapping[str, Any]
-    """What the session began with in their places."""
+    """Values of the changed settings at the session's beginning."""
     recorded: TrackFigures
     what_if: TrackFigures
     is_reproduced: bool
-    """Whether the recorded settings give the recorded track again, but for rounding."""
+    """True where the recorded settings give the recorded track again, but for rounding."""
     config: Config
-    """The session's, with what was tried."""
+    """Configuration of the session with the changes."""
     frames: tuple[ReplayedFrame, ...]
-    """With what was tried; empty where they were not kept."""
+    """Frames replayed with the changes; empty where they were not kept."""
     log: tuple[tuple[int, Any], ...]
-    """(t_utc_ns, record) of the whole night, as it would have been; empty where not kept."""
+    """Log of the night as it would have been, (t_utc_ns, record); empty where it was not kept."""
     is_kept: bool
-    """Whether frames and log are here: of a long night they are large."""
+    """True where frames and log are kept here: of a long night they are large."""
     rerun: RerunCounts | None
-    """What of the frames was reduced again; None where that was not asked for."""
+    """Numbers of frames reduced again; None where none was to be."""
     model_sha256: str | None
-    """Of the network that reduced them; None as ``rerun``."""
+    """SHA-256 of the network that reduced them; None as ``rerun``."""
 
 
 def what_if_session(
@@ -231,13 +230,13 @@ def what_if_session(
     keep: bool = True,
     on_frame: Callable[[], None] = lambda: None,
 ) -> WhatIf:
-    """Try other settings on a session, by their dotted names.
+    """Replay a session with other settings, by their dotted names.
 
     ``detector``, ``solver``: run them again over the frames that the session has kept; ``on_frame``
-    is called before each frame then. Without them their settings, but for tau, cannot be tried.
+    is called before each frame then. Without them their settings, but for tau, cannot be changed.
     ``keep``: frames and log too; without them a night takes little memory however long it is.
-    Raises SessionError for a folder that holds no session or one without frames, ConfigError for
-    a setting that there is not, that cannot have that value, or that has no part in the track.
+    Raises SessionError for a folder that holds no session or one without frames, ConfigError for a
+    setting that does not exist, that cannot have that value, or that has no part in the track.
     """
     reader = SessionReader(folder)
     config = reader.config()
@@ -273,7 +272,7 @@ def what_if_session(
 
 
 class _Both:
-    """One way through a log: followed with the recorded settings, and rewritten with others."""
+    """One pass through a log: replayed with the recorded settings, and rewritten with others."""
 
     def __init__(self, config: Config, *, is_kept: bool) -> None:
         self._config, self._is_kept = config, is_kept
@@ -288,7 +287,7 @@ class _Both:
         changes: Mapping[str, float | str],
         reduce_again: ReduceAgain | None,
     ) -> Config:
-        """Each record is read once; the configuration that the other log begins with."""
+        """Read each record once; return the configuration with which the other log begins."""
         walk = Walk.begin(self._config)
         rewriter = LogRewriter(
             Walk.begin(self._config, changes, reduce_again),
@@ -319,9 +318,9 @@ class _Both:
 
 
 def rewritten_log(what_if: WhatIf) -> Iterator[tuple[int, Record]]:
-    """The log of a what-if as it would have been: what was kept, else it is made once more.
+    """Yield the log of a what-if as it would have been, from memory or made once more.
 
-    Raises ValueError where that would mean to reduce all frames once more.
+    Raises ValueError where all frames would have to be reduced once more.
     """
     if what_if.is_kept:
         yield from what_if.log
@@ -345,7 +344,7 @@ def rewritten_log(what_if: WhatIf) -> Iterator[tuple[int, Record]]:
 def check_changes(
     changes: Mapping[str, float | str], config: Config, *, detector: bool, solver: bool
 ) -> None:
-    """Raises ConfigError for what cannot be tried, with the reason."""
+    """Raise ConfigError for changes that cannot be replayed, with the reason."""
     reduced = (("detector.", detector, "--detector"), ("solver.", solver, "--solver"))
     for name, value in changes.items():
         with_setting(config, name, value)

@@ -1,8 +1,9 @@
-"""Other settings tried on a night in a process of their own: the console stays small and quick.
+"""What-if of a night in a process of its own: the console stays small and quick.
 
 Filter and orbits bring libraries of tens of megabytes with them, and would hold up a screen while
-they compute. The process is started ahead of the first question or by it, keeps what it has read of
-the log, and ends when nobody has asked for a while, or with its parent: its socket closes then.
+they compute. The process is started ahead of the first question or by it, keeps the records that it
+has read, and ends when no question has come for a while, or with its parent: its socket closes
+then.
 """
 
 import contextlib
@@ -29,28 +30,28 @@ if TYPE_CHECKING:
 log = logging.getLogger(__name__)
 
 IDLE_S = 60.0
-"""Without a question the process ends."""
+"""Time without a question after which the process ends, s."""
 MAX_KEPT = 60_000
-"""Records that are kept for the next question: a night of some 8,000 frames, 100 MB."""
+"""Most records kept for the next question: a night of some 8,000 frames, 100 MB."""
 STEP_BACK = 10
-"""Added to its niceness: it stands behind an engine that observes on the same computer."""
+"""Increment of its niceness: it yields to an engine that observes on the same computer."""
 _MODULE = "rsoconsole.pipeline.replays.what_if_process"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Question:
-    """A what-if: which settings to try on which part of a session."""
+    """What-if question: which settings to change for which part of a session."""
 
     folder: Path
     config: Config
-    """That of the session's beginning."""
+    """Configuration at the session's beginning."""
     changes: Mapping[str, float | str]
     until_seq: int | None = None
-    """As of that place of the log; None: its end."""
+    """Last sequence number of the log to include; None: its end."""
     last: int | None = None
     """Number of last frames; None: all."""
     of_lead: bool = False
-    """Of the lead alone."""
+    """True for the figures of the lead alone."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -62,10 +63,10 @@ class Unexpected:
 
 
 class LogOfOneSession:
-    """Records of the last session asked for; only what is new is read again.
+    """Records of the session last asked for; only new ones are read again.
 
-    Of a long one the first are kept, and the others read for each question: they would fill the
-    memory of a small computer.
+    Of a long session the first records are kept, and the others read for each question: they would
+    fill the memory of a small computer.
     """
 
     def __init__(self, most_kept: int = MAX_KEPT) -> None:
@@ -75,7 +76,7 @@ class LogOfOneSession:
         self._seqs: list[int] = []
 
     def until(self, folder: Path, seq: int | None) -> Iterator[Record]:
-        """Records up to a sequence number, or all with None. Raises SessionError."""
+        """Yield the records up to a sequence number, or all with None. Raises SessionError."""
         if folder != self._folder:
             self._folder, self._records, self._seqs = folder, [], []
         yield from self._records if seq is None else self._records[: bisect_right(self._seqs, seq)]
@@ -92,10 +93,10 @@ class LogOfOneSession:
 
 
 class WhatIfProcess:
-    """The parent's end. One thread asks; any may close."""
+    """Parent's end of the process. One thread asks; any may close."""
 
     def __init__(self, idle_s: float = IDLE_S) -> None:
-        """``idle_s``: without a question for so long the process ends; the next one starts it."""
+        """``idle_s``: time from the last question to the process's end; the next one starts it."""
         self._idle_s = idle_s
         self._child = ChildProcess(_MODULE, is_group_of_its_own=True)
         self._idle: threading.Timer | None = None
@@ -104,7 +105,7 @@ class WhatIfProcess:
 
     @property
     def pid(self) -> int | None:
-        """Of the process while there is one."""
+        """Process id while there is one, else None."""
         return self._child.pid
 
     def start(self) -> None:
@@ -114,7 +115,7 @@ class WhatIfProcess:
             self._end_when_idle()
 
     def ask(self, question: Question) -> "TrackFigures":
-        """Wait for the answer; raises RsoconsoleError where there is none, with the reason."""
+        """Wait for the answer; raises RsoconsoleError with the reason where there is none."""
         with self._lock:
             if self._idle is not None:
                 self._idle.cancel()

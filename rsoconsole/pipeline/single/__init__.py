@@ -1,1 +1,1 @@
-"""One frame by itself, without a track: what ``detect`` and ``solve`` do."""
+"""Single frames without a track, as ``detect`` and ``solve`` process them."""

@@ -1,4 +1,4 @@
-"""The plates of single frames, as one configuration finds them."""
+"""Plate solutions of single frames under one configuration."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -14,24 +14,24 @@ from rsoconsole.records import Detections, Frame, NotSolved, Solution
 from rsoconsole.vision import ConfidenceCurve, Network, StreakDetector, find_stars
 
 MAX_MASKED = 0.2
-"""Of a frame's pixels that may be masked: its stars are still found."""
+"""Largest share of a frame's pixels that may be masked: its stars are still found."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Solved:
-    """A frame's plate, or why it has none."""
+    """Plate solution of a frame, or the reason why it has none."""
 
     solution: Solution | NotSolved
     wrong: tuple[WrongHint, ...]
     """Hints that the stars contradict."""
     index_missing: tuple[str, ...]
-    """Index files that a field of the hinted scale wants and that are not there."""
+    """Index files needed for a field of the hinted scale that are missing."""
     notes: tuple[str, ...]
-    """What is to be known of the frame, a sentence each."""
+    """Cautions about the frame, a sentence each."""
 
 
 class FrameSolver:
-    """Solves frames in full, each by itself; ``open`` starts its process."""
+    """Solver of single frames in full; ``open`` starts its process."""
 
     def __init__(self, solver: PlateSolver, config: Config) -> None:
         self._solver = solver
@@ -57,7 +57,7 @@ class FrameSolver:
     ) -> Solved:
         """Solve a frame by its header's hints; what is given here overrides them.
 
-        What fails with its hints is tried without them, within the same deadline.
+        A frame that fails with its hints is solved without them, within the same deadline.
         """
         prepared, calibrated = self._calibration.prepare(frame)
         stars = find_stars(prepared.pixels, saturation_adu=prepared.saturation_adu)
@@ -81,10 +81,10 @@ class FrameSolver:
 
 
 class FrameDetector:
-    """Calibrates a frame and looks for streaks in it; each frame by itself."""
+    """Detector of streaks in single frames, which it calibrates first."""
 
     def __init__(self, config: Config) -> None:
-        """Raises ModelError when the network cannot be loaded."""
+        """Raise ModelError when the network cannot be loaded."""
         settings = config.detector
         network = Network.load(settings.model, settings.threads)
         self._config = config
@@ -92,7 +92,7 @@ class FrameDetector:
         self._calibration = Calibration(config)
 
     def detect(self, frame: Frame) -> tuple[Detections, tuple[str, ...]]:
-        """Detections of a frame, and what is to be known of it, a sentence each."""
+        """Return the detections of a frame, and its cautions, a sentence each."""
         prepared, noted = self._calibration.prepare(frame)
         found = self._detector.analyse(prepared).detections
         notes = (*noted, *cautions(frame, None, self._config))

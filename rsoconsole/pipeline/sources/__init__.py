@@ -1,4 +1,4 @@
-"""Elements from those who publish them: fetched when asked, kept with their age, in an order.
+"""Elements from their publishers, fetched on request, with their age, in order of precedence.
 
-``update`` is not among these: it loads what speaks to web servers, which readers never need.
+``update`` is not among these: it loads the client for web servers, which readers never need.
 """

@@ -1,7 +1,7 @@
-"""One answer of a web server, within bounds: once, never again by itself.
+"""One answer of a web server, within bounds: asked for once, never again by itself.
 
-A server may be slow, end in the middle, send a page, a bomb or go round in circles: each is one
-sentence. Nothing secret that an address carries is ever in that.
+A server may be slow, end in the middle, send a page, a bomb or redirect in circles: each fault is
+one sentence, which never holds a secret of the address.
 """
 
 import base64
@@ -29,7 +29,7 @@ from rsoconsole.base import OrbitError
 from rsoconsole.config import shown
 
 MAX_BYTES = 64 << 20
-"""Of one answer, unpacked: the whole catalogue is a third of that."""
+"""Largest size of one answer, unpacked: the whole catalogue is a third of that."""
 MAX_REDIRECTS = 5
 DEADLINE_S = 180.0
 SILENT_S = 30.0
@@ -41,18 +41,18 @@ FaultKind = Literal["refused", "unreachable", "failed"]
 
 
 class FetchError(OrbitError):
-    """A server gave no usable answer. ``kind``: "refused" must not be asked again by itself;
-    "unreachable" was never asked at all."""
+    """No usable answer from a server. ``kind``: a "refused" request must not be repeated by itself;
+    an "unreachable" server never received it."""
 
     def __init__(self, words: str, kind: FaultKind, is_answer: bool = False) -> None:
-        """``is_answer``: the words are a verb behind the server's name."""
+        """``is_answer``: the words are a verb that follows the server's name."""
         super().__init__(words)
         self.kind: FaultKind = kind
         self.is_answer = is_answer
 
 
 class _Redirects(urllib.request.HTTPRedirectHandler):
-    """A few, never from https to http, and with an account to no other host."""
+    """Handler of redirects: a few, never from https to http, with an account to no other host."""
 
     max_redirections = MAX_REDIRECTS
     max_repeats = 2
@@ -139,7 +139,7 @@ class Fetcher:
 
 
 def _without_login(url: str) -> tuple[str, str | None]:
-    """The address, and user and password of it as HTTP takes them."""
+    """Return the address without its login, and the login encoded for HTTP."""
     parts = urlsplit(url)
     login, at, host = parts.netloc.rpartition("@")
     if not at:
@@ -174,7 +174,7 @@ def _body(answer: Any, deadline: float) -> bytes:
 
 
 def gunzipped(content: bytes) -> bytes:
-    """All members of a gzip, one byte more than ``MAX_BYTES`` at most.
+    """Return all members of a gzip, one byte more than ``MAX_BYTES`` at most.
 
     Raises EOFError where it ends too early, OSError or zlib.error where it is none.
     """
@@ -214,9 +214,9 @@ def _answer_fault(status: int, why: str) -> tuple[str, FaultKind, bool]:
 
 
 def _first_line(error: urllib.error.HTTPError, secrets: frozenset[str]) -> str:
-    """Why a server says no: the first line of what it sends, or the title of its page.
+    """Server's reason for a refusal: the first line of its answer, or the title of its page.
 
-    Empty where it says nothing; nothing secret and no control character is in it.
+    Empty where the answer holds none; it contains no secret and no control character.
     """
     try:
         with contextlib.closing(error):
@@ -236,7 +236,7 @@ def _first_line(error: urllib.error.HTTPError, secrets: frozenset[str]) -> str:
 
 
 def _secrets(url: str, form: Mapping[str, str] | None) -> frozenset[str]:
-    """What an address and a form carry that a server may say again, plain and quoted."""
+    """Return the secrets of an address and a form that a server may repeat, plain and quoted."""
     parts = urlsplit(url)
     pairs = parse_qsl(parts.query, keep_blank_values=True)
     plain = [parts.username, parts.password, parts.query, *(form or {}).values()]
@@ -266,7 +266,7 @@ def text_of(content: bytes) -> str:
 
 
 def reject_web_page(text: str) -> None:
-    """Raises OrbitError, with its first words, where a web page or a remark stands in for data."""
+    """Raise OrbitError, with its first words, where a web page or a remark stands in for data."""
     start = text.lstrip()[:400]
     lower = start.lower()
     if lower.startswith(("<!doctype html", "<html")) or ("<html" in lower and "<ndm" not in lower):

@@ -1,4 +1,4 @@
-"""The cache: one file for each source as it came, and an index of when, how many, in which order.
+"""Cache of elements: one file for each source as it came, and an index of times and counts.
 
 The index is written whole or not at all and may be lost: then the files are read in the order of
 their names, and every source may be asked again two hours later.
@@ -36,12 +36,12 @@ _SPACE_TRACK = {
     "geo": "class/gp/decay_date/null-val/epoch/>now-30/mean_motion/0.95--1.05/eccentricity/<0.05"
     "/orderby/norad_cat_id/format/json",
 }
-"""Queries with a name of their own; the newest set of each object (class ``gp``)."""
+"""Named queries; the newest set of each object (class ``gp``)."""
 
 
 @dataclass(frozen=True, slots=True)
 class Source:
-    """One source as the configuration names it."""
+    """Source as the configuration names it."""
 
     text: str
     kind: SourceKind
@@ -55,16 +55,16 @@ class Source:
 
     @property
     def words(self) -> str:
-        """For people: nothing secret in it."""
+        """Name for messages, without any secret."""
         return shown(self.text)
 
     @property
     def file(self) -> Path | None:
-        """Path of a local source; None of others."""
+        """Path of a local source; None for others."""
         return home_path(self.what) if self.kind == "file" else None
 
     def url(self, *, celestrak_url: str, space_track_url: str) -> str:
-        """Address of the source; empty of a local one."""
+        """Return the address of the source; empty for a local one."""
         base = celestrak_url.rstrip("/")
         if self.kind == "celestrak":
             return f"{base}/NORAD/elements/gp.php?{self._query('GROUP')}"
@@ -76,7 +76,7 @@ class Source:
         return self.what if self.kind == "url" else ""
 
     def host(self, *, celestrak_url: str, space_track_url: str) -> str:
-        """Host of the source; empty of a local one."""
+        """Return the host of the source; empty for a local one."""
         url = self.url(celestrak_url=celestrak_url, space_track_url=space_track_url)
         return urlsplit(url).netloc.rpartition("@")[2].lower()
 
@@ -93,7 +93,7 @@ def parse_source(text: str) -> Source:
 
 
 MIN_NS = 2 * 3600 * NS_PER_S
-"""A source is asked at most once in so long, whatever came of it."""
+"""Shortest time between two requests to a source, whatever came of the first, ns."""
 INDEX = "sources.json"
 LOCK = ".lock"
 FORMAT = 1
@@ -102,62 +102,63 @@ _WAIT_S = 20.0
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SourceStatus:
-    """What is known of one source; None: not yet."""
+    """State of one source in the cache; None: not known yet."""
 
     source: str
     file: str | None = None
-    """Its name in the cache."""
+    """Name of its file in the cache."""
     asked_utc_ns: int | None = None
-    """When it was asked last, whatever came of it."""
+    """Time of the last request, whatever came of it."""
     fetched_utc_ns: int | None = None
-    """When what is kept came."""
+    """Time at which the kept elements came."""
     refused_utc_ns: int | None = None
-    """It refused: it is not asked again until it is added again."""
+    """Time of its refusal: it is not asked again until it is added again."""
     fault: str | None = None
-    """What was wrong when it was asked last; what is kept is older then."""
+    """Fault of the last request; the kept elements are older then."""
     objects: int = 0
     sets: int = 0
     newest_epoch_utc_ns: int | None = None
     middle_epoch_utc_ns: int | None = None
-    """Half of its objects have newer elements."""
+    """Median epoch: half of its objects have newer elements."""
 
     def due_utc_ns(self, now_utc_ns: int) -> int:
-        """When it may be asked again. A stamp of the future, by a clock since set right, is now."""
+        """Return the time of the next permitted request. A stamp of the future, by a clock since
+        set right, counts as now."""
         if self.asked_utc_ns is None:
             return now_utc_ns
         return min(self.asked_utc_ns, now_utc_ns) + MIN_NS
 
 
 def default_folder() -> Path:
-    """Folder of the cache in the user's data folder."""
+    """Return the folder of the cache in the user's data folder."""
     return data_dir() / "catalogue"
 
 
 def is_store(folder: Path) -> bool:
-    """Whether that folder is a cache of elements."""
+    """True where that folder is a cache of elements."""
     return (folder / INDEX).is_file()
 
 
 class ElementStore:
-    """One cache. Raises OrbitError, here and in every method, where its folder cannot be used."""
+    """Cache of elements. Every method raises OrbitError where its folder cannot be used."""
 
     def __init__(self, folder: Path | None = None) -> None:
         self.folder = folder or default_folder()
 
     def kept(self) -> dict[str, SourceStatus]:
-        """Status by source, in order of precedence; empty where there is no cache."""
+        """Return the status by source, in order of precedence; empty where there is no cache."""
         indexed = self._indexed()
         return self._of_files() if indexed is None else indexed
 
     def files(self) -> tuple[Path, ...]:
-        """Files of elements, the source with precedence first."""
+        """Return the files of elements, the source with precedence first."""
         named = [self.folder / each.file for each in self.kept().values() if each.file]
         return tuple(path for path in named if path.is_file())
 
     def keep(
         self, source: Source, text: str, entries: Sequence[CatalogueEntry], now_utc_ns: int
     ) -> SourceStatus:
-        """Put what came in place of what was; the time of asking stays."""
+        """Replace a source's elements; the time of the request stays."""
         name = f"{source.slug}.txt"
         with self._writing():
             self._write(name, text.encode())
@@ -171,13 +172,13 @@ class ElementStore:
             )
 
     def note(self, source: Source, **values: Any) -> SourceStatus:
-        """Change what is known of a source, by the fields of ``SourceStatus``."""
+        """Change the status of a source, by the fields of ``SourceStatus``."""
         with self._writing():
             return self._changed(source, **values)
 
     def current(self, source: Source, now_utc_ns: int) -> SourceStatus:
-        """Status of a source; one asked in the future, by a clock since set right, counts
-        as asked now, and that is written."""
+        """Return the status of a source; one asked in the future, by a clock since set right,
+        counts as asked now, and that is written."""
         kept = self.kept().get(source.text, SourceStatus(source=source.text))
         if kept.asked_utc_ns is not None and kept.asked_utc_ns > now_utc_ns:
             return self.note(source, asked_utc_ns=now_utc_ns)
@@ -186,7 +187,7 @@ class ElementStore:
     def claim(self, source: Source, now_utc_ns: int) -> tuple[SourceStatus, bool]:
         """Status of a source, and whether it may be asked: then it counts as asked now.
 
-        One step: of two updates at a time one asks.
+        Both happen in one step: of two simultaneous updates one asks.
         """
         with self._writing():
             kept = self.kept().get(source.text, SourceStatus(source=source.text))
@@ -196,9 +197,9 @@ class ElementStore:
             return kept, True
 
     def arrange(self, order: Sequence[Source]) -> None:
-        """Keep these sources alone, in this order of precedence; what others left is removed.
+        """Keep these sources alone, in this order of precedence; others' files are removed.
 
-        Behind a damaged or lost index nothing is removed: each source has its file again.
+        With a damaged or lost index nothing is removed: each source has its file again.
         """
         with self._writing():
             indexed = self._indexed()
@@ -225,7 +226,7 @@ class ElementStore:
         return changed
 
     def _adopted(self, source: Source, kept: SourceStatus, is_damaged: bool) -> SourceStatus:
-        """With the file that lies there under its name; asked just now as far as anybody knows."""
+        """Status with the file under the source's name; counted as asked now where unknown."""
         path = self.folder / f"{source.slug}.txt"
         if kept.file is None and path.is_file():
             now_ns = time.time_ns()
@@ -235,7 +236,7 @@ class ElementStore:
         return kept
 
     def _indexed(self) -> dict[str, SourceStatus] | None:
-        """As the index says; None where it is damaged or lost."""
+        """Return the status by source from the index; None where it is damaged or lost."""
         try:
             rows = json_of(read_foreign(self.folder / INDEX))["sources"]
             found = TypeAdapter(list[SourceStatus]).validate_python(rows)
@@ -246,7 +247,7 @@ class ElementStore:
         return {each.source: each for each in found}
 
     def _of_files(self) -> dict[str, SourceStatus]:
-        """Without an index: what lies there, asked just now as far as anybody knows."""
+        """Status of the files without an index; counted as asked now, as nothing else is known."""
         now_ns = time.time_ns()
         return {
             (key := f"file:{path}"): SourceStatus(source=key, file=path.name, asked_utc_ns=now_ns)
@@ -264,7 +265,7 @@ class ElementStore:
 
     @contextlib.contextmanager
     def _writing(self) -> Iterator[None]:
-        """One writer at a time: a timer's and the operator's."""
+        """Lock the cache for one writer at a time: a timer's or the operator's."""
         with said_as(OrbitError, f"{self.folder} cannot be made (", "): set its permissions"):
             self.folder.mkdir(mode=0o700, parents=True, exist_ok=True)
             try:
@@ -283,7 +284,7 @@ class ElementStore:
 
 
 def element_figures(entries: Sequence[CatalogueEntry]) -> dict[str, int]:
-    """Numbers of sets and objects, and their age, by the fields of ``SourceStatus``."""
+    """Return the numbers of sets and objects, and their age, by the fields of ``SourceStatus``."""
     newest: dict[int, int] = {}
     for each in entries:
         newest[each.norad_id] = max(each.epoch_utc_ns, newest.get(each.norad_id, 0))
@@ -297,7 +298,7 @@ def element_figures(entries: Sequence[CatalogueEntry]) -> dict[str, int]:
 
 
 def _figures_of(path: Path) -> dict[str, Any]:
-    """Figures of a cached file, as ``SourceStatus`` has them; empty where it has no elements."""
+    """Figures of a cached file, as fields of ``SourceStatus``; empty where it has no elements."""
     try:
         entries = parse_catalogue(path.read_text(errors="replace"), path.name)
         fetched_ns = path.stat().st_mtime_ns

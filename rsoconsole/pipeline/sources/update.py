@@ -1,4 +1,4 @@
-"""One update: each source in turn, at most once in two hours, a refusal never asked again."""
+"""Update of the sources in turn: at most once in two hours, and never after a refusal."""
 
 import contextlib
 import time
@@ -26,7 +26,7 @@ NEEDED = (
 
 
 def read_login(path: Path | None) -> tuple[str, str]:
-    """Read user name and password. Raises OrbitError with what to do; neither is ever in it."""
+    """Read user name and password. Raises OrbitError with the remedy, but without either."""
     if path is None:
         raise OrbitError(f"Space-Track wants an account: {NEEDED}")
     lines = read_private(path, OrbitError, NEEDED)
@@ -60,7 +60,7 @@ class SourceUpdate:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SourceUpdater:
-    """Updates sources in turn. ``wait`` is called before each, and raises where it must not be."""
+    """Updater of sources in turn. ``wait`` is called before each, and raises if it must not be."""
 
     store: ElementStore
     celestrak_url: str
@@ -117,7 +117,7 @@ class SourceUpdater:
     def _not_now(
         self, source: Source, kept: SourceStatus, refusing: dict[str, str], now_utc_ns: int
     ) -> str | None:
-        """Why it is not asked; None where it is."""
+        """Return the reason why a source is not asked now; None where it is."""
         if source.file is not None:
             return None
         again = f"'rsoconsole catalogue add {source.words}' asks it again"
@@ -160,7 +160,7 @@ class SourceUpdater:
 
 
 def _read(content: bytes, where: str) -> tuple[str, tuple[CatalogueEntry, ...]]:
-    """Raises OrbitError where that is no catalogue."""
+    """Decode and parse elements. Raises OrbitError where the content is no catalogue."""
     with raised_as(OrbitError, f"{where}: ", OrbitError):
         text = text_of(content)
         reject_web_page(text)

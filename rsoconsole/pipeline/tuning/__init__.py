@@ -1,1 +1,1 @@
-"""A proposal of Q and R from recorded innovations, with its evidence."""
+"""Proposal of Q and R from recorded innovations, with its evidence."""

@@ -1,4 +1,4 @@
-"""How likely a filter's settings make the measurements that a session's tracks took. Pure.
+"""Likelihood of a filter's settings, given the measurements of a session's tracks. Pure.
 
 Prediction-error decomposition: the density of a night's measurements is the product of those of
 its innovations, each given the ones before it, so
@@ -28,22 +28,21 @@ LOG_2PI = math.log(2.0 * math.pi)
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Step:
-    """A frame in which something was followed."""
+    """Frame in which a track was followed."""
 
     frame_id: int
     t_utc_ns: int
     measurement: Measurement | None
-    """None where it was missed: the filter predicts through it all the same."""
+    """Accepted measurement; None for a miss, through which the filter predicts all the same."""
     settings: FilterConfig
-    """In force that night."""
+    """Settings in force that night."""
     by_orbit: TrackState | None = None
-    """The prediction from which the filter was begun again; what it had predicted is no
-    evidence."""
+    """Prediction by the orbit that restarted the filter; the filter's own is no evidence then."""
 
 
 @dataclass(slots=True, kw_only=True)
 class Arc:
-    """One track: the two measurements that began it, and what came after."""
+    """Track: the two measurements that began it, and its later frames."""
 
     first: Measurement
     second: Measurement
@@ -59,20 +58,20 @@ class Arc:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Innovations:
-    """What a filter says of the arcs' measurements, in order; (N,) each."""
+    """Innovations of the arcs' measurements by a filter, in order; (N,) each."""
 
     log_likelihood: FloatArray
-    """Of each, in natural logarithms; innovations in arcsec."""
+    """Log-likelihood of each, natural logarithm; innovations in arcsec."""
     nis: FloatArray
     east: FloatArray
-    """In units of its own sigma; likewise north."""
+    """Innovation in units of its own sigma, as ``north``."""
     north: FloatArray
     follows: FloatArray
-    """1 where the one before is of the frame before, in the same track; 0 elsewhere."""
+    """1 where the previous measurement is of the frame before, in the same track; 0 elsewhere."""
 
     @property
     def total(self) -> float:
-        """Log-likelihood of all."""
+        """Log-likelihood of all measurements."""
         return float(np.sum(self.log_likelihood))
 
     @property
@@ -87,7 +86,7 @@ class Innovations:
 
 
 def arcs_of(frames: Iterable[ReplayedFrame]) -> list[Arc]:
-    """The tracks of a replayed session, and which measurements they took."""
+    """Return the tracks of a replayed session with their measurements."""
     arcs: list[Arc] = []
     candidates: tuple[Measurement, ...] = ()
     for each in once_each(frames):
@@ -119,7 +118,7 @@ def _first_of(
     second: Measurement,
     settings: FilterConfig,
 ) -> Measurement | None:
-    """The candidate from which, with the second one, the track was begun."""
+    """Return the candidate with which, beside the second measurement, the track was begun."""
     earlier = (m for m in candidates if m.t_mid_utc_ns < second.t_mid_utc_ns)
     return next((m for m in earlier if lqe.initialise(m, second, settings) == state), None)
 
@@ -127,7 +126,7 @@ def _first_of(
 def innovations(arcs: Sequence[Arc], settings: Mapping[str, float]) -> Innovations | None:
     """Run the filter over the arcs; None where its matrices are singular.
 
-    ``settings``: fields of FilterConfig that hold throughout, in the place of those in force.
+    ``settings``: fields of FilterConfig that hold throughout, in place of the recorded ones.
     """
     try:
         with np.errstate(over="raise", invalid="raise", divide="raise"):

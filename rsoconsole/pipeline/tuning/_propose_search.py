@@ -1,4 +1,4 @@
-"""The search for the likeliest settings, and how wide the likelihood is about them. Pure."""
+"""Search for the likeliest settings, and the width of the likelihood about them. Pure."""
 
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -9,18 +9,18 @@ import numpy as np
 from rsoconsole.records import FloatArray
 
 HALF_WIDTH = 0.5
-"""By how much log L falls to the ends of a 68 % interval of one parameter (Wilks 1938)."""
+"""Fall of log L at the ends of a 68 % interval of one parameter (Wilks 1938)."""
 _WORST = -1e12
 _FINE = {"xatol": 0.02, "fatol": 0.01}
 _COARSE = {"xatol": 0.1, "fatol": 0.05}
 _CORNER = 0.5
 _STRIDE = 0.2
-"""Of a parabola's three points, in natural logarithms."""
+"""Spacing of a parabola's three points, in natural logarithms."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Parameter:
-    """One number that is sought: a setting, or several that are moved together."""
+    """Parameter of the search: one setting, or several that share its value."""
 
     label: str
     names: tuple[str, ...]
@@ -29,32 +29,32 @@ class Parameter:
     low: float
     high: float
     scan: tuple[float, ...]
-    """Where to look first, in units of what was recorded."""
+    """Values at which the search begins, in units of the recorded one."""
 
     def held_at(self, value: float) -> "Parameter":
-        """The parameter held at one value."""
+        """Return the parameter held at one value."""
         return replace(self, low=value, high=value, scan=())
 
     def clipped(self, log_value: float) -> float:
-        """The logarithm within the bounds."""
+        """Return the logarithm within the bounds."""
         return min(max(log_value, math.log(self.low)), math.log(self.high))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Fit:
-    """The likeliest values of some parameters, the others as recorded."""
+    """Likeliest values of some parameters, the others as recorded."""
 
     parameters: tuple[Parameter, ...]
     values: tuple[float, ...]
     log_likelihood: float
 
     def settings(self) -> dict[str, float]:
-        """Settings by dotted name."""
+        """Return the settings by dotted name."""
         pairs = zip(self.parameters, self.values, strict=True)
         return {name: value for parameter, value in pairs for name in parameter.names}
 
     def value(self, parameter: Parameter) -> float:
-        """Value of one parameter; as recorded where it was not sought."""
+        """Return the value of one parameter; as recorded where it was not sought."""
         pairs = zip(self.parameters, self.values, strict=True)
         found = (value for each, value in pairs if each.names == parameter.names)
         return next(found, parameter.recorded)
@@ -62,16 +62,16 @@ class Fit:
 
 @dataclass(slots=True)
 class Search:
-    """Maximises a likelihood over the logarithms of parameters."""
+    """Maximisation of a likelihood over the logarithms of parameters."""
 
     log_likelihood: Callable[[Mapping[str, float]], float]
-    """Of settings by dotted name; not finite where the filter breaks down."""
+    """Log-likelihood of settings by dotted name; not finite where the filter breaks down."""
     on_evaluation: Callable[[], None] = lambda: None
     evaluations: int = 0
     _known: dict[tuple[tuple[str, float], ...], float] = field(default_factory=dict)
 
     def at(self, parameters: Sequence[Parameter], logs: Iterable[float]) -> float:
-        """Log-likelihood at these logarithms of the parameters' values."""
+        """Return the log-likelihood at these logarithms of the parameters' values."""
         pairs = zip(parameters, logs, strict=True)
         settings = {
             name: parameter.low
@@ -95,7 +95,7 @@ class Search:
         *,
         is_coarse: bool = False,
     ) -> Fit:
-        """The likeliest values; ``start``: a fit that is near, in the place of a scan."""
+        """Return the likeliest values; ``start``: a fit near them, instead of a scan."""
         if not parameters:
             return Fit(parameters=(), values=(), log_likelihood=self.at((), ()))
         if start is None:
@@ -109,14 +109,14 @@ class Search:
     ) -> tuple[float, float]:
         """Profile interval of one of a fit's parameters; a bound where it is that wide.
 
-        ``fall``: of log L to its ends; 68 % with the default.
+        ``fall``: fall of log L at its ends; 68 % with the default.
         """
         place = best.parameters.index(parameter)
         ends = tuple(self._end(place, best, sense, fall) for sense in (-1.0, 1.0))
         return math.exp(ends[0]), math.exp(ends[1])
 
     def gain_along(self, parameter: Parameter, best: Fit) -> float:
-        """By how much one parameter more raises log L at least: the others stay where they are."""
+        """Return the least gain in log L by one more parameter: the others stay as they are."""
         logs = [math.log(parameter.recorded), *np.log(best.values)]
         heights = [best.log_likelihood]
         for factor in parameter.scan:
@@ -125,7 +125,7 @@ class Search:
         return max(heights) - best.log_likelihood
 
     def open_ends(self, parameter: Parameter, best: Fit) -> tuple[bool, bool]:
-        """Whether the likelihood stays as good as the best down to the search's edge, and up."""
+        """(lower, upper): True where the likelihood at that edge is as good as the best."""
         place = next(n for n, p in enumerate(best.parameters) if p.names == parameter.names)
         others = [each for each in best.parameters if each.names != parameter.names]
         logs = np.log([value for n, value in enumerate(best.values) if n != place])
@@ -137,7 +137,7 @@ class Search:
         return is_open_below, is_open_above
 
     def _scanned(self, parameters: tuple[Parameter, ...]) -> FloatArray:
-        """The best of a grid: one parameter after another, each with the best of those before."""
+        """Best of a grid: one parameter after another, each with the best of those before."""
         logs = np.log([parameter.recorded for parameter in parameters])
         for _ in range(2 if len(parameters) > 1 else 1):
             for place, parameter in enumerate(parameters):
@@ -178,7 +178,7 @@ class Search:
         )
 
     def _end(self, place: int, best: Fit, sense: float, most: float) -> float:
-        """Where the profile has fallen by so much at most, as a logarithm."""
+        """Logarithm at which the profile has fallen by ``most``, or the bound before that."""
         parameter = best.parameters[place]
         at = math.log(best.values[place])
         bound = math.log(parameter.high if sense > 0.0 else parameter.low)
@@ -211,7 +211,7 @@ class Search:
         logs: FloatArray,
         best: Fit,
     ) -> tuple[float, FloatArray]:
-        """(by how much the profile lies below the best, where the others are then)."""
+        """Return (fall of the profile below the best, logarithms of the other parameters there)."""
         together = (parameter, *others)
         logs, height = np.array(logs, float), self.at(together, (log_value, *logs))
         for place in [*range(len(others))] * min(len(others), 2):
@@ -226,7 +226,7 @@ class Search:
         height: float,
         place: int,
     ) -> tuple[FloatArray, float]:
-        """To the top of the parabola through three points along one of the others."""
+        """Move to the top of the parabola through three points along one of the others."""
         heights = []
         for side in (-_STRIDE, _STRIDE):
             beside = logs.copy()
@@ -244,7 +244,7 @@ class Search:
 
 
 def _simplex(start: FloatArray, bounds: Sequence[tuple[float, float]]) -> FloatArray:
-    """Corners about a start, inside the bounds."""
+    """Return corners about a start, inside the bounds."""
     corners = [start]
     for place, (_, high) in enumerate(bounds):
         corner = start.copy()
@@ -254,7 +254,7 @@ def _simplex(start: FloatArray, bounds: Sequence[tuple[float, float]]) -> FloatA
 
 
 def _between(inside: tuple[float, float], outside: tuple[float, float], fall: float) -> float:
-    """Where a parabola through both has fallen so far."""
+    """Return the distance at which a parabola through both has fallen by ``fall``."""
     (w0, f0), (w1, f1) = inside, outside
     r0, r1 = math.sqrt(max(f0, 0.0)), math.sqrt(f1)
     share = (math.sqrt(fall) - r0) / max(r1 - r0, 1e-9)

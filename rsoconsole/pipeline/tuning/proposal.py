@@ -1,10 +1,10 @@
-"""A proposal of Q and R from the innovations of recorded sessions, with its evidence.
+"""Proposal of Q and R from the innovations of recorded sessions, with its evidence.
 
-Maximum likelihood of the innovations (``propose_likelihood``) over Q and R, then over those of
-their terms that the data tell. Nothing is proposed that the data do not ask for: a change counts
-only where the likelihood ratio would exceed it by chance in one night of twenty, a term of its own
-in one of a hundred. Which measurements belong to a track depends on Q and R too, through the gate;
-so what is found is replayed, and sought again with what the tracks take then, until both agree.
+The likelihood of the innovations (``propose_likelihood``) is maximised over Q and R, then over
+those of their terms that the data determine. A change is proposed only where its likelihood ratio
+would be exceeded by chance in one night of twenty, a term of its own in one of a hundred. The
+measurements of a track depend on Q and R too, through the gate; so the result is replayed, and the
+search repeated with the tracks' measurements then, until both agree.
 """
 
 from collections import deque
@@ -22,7 +22,8 @@ from rsoconsole.session import SessionReader
 from rsoconsole.tracking import scatter_words
 
 FIRST_GATE_NIS, GATE_NIS = 50.0, 25.0
-"""The gate at first and later: wide, so that an R too small cuts off none that show it."""
+"""NIS gates of the first and later rounds: wide, so that an R too small excludes no measurement
+that shows it."""
 MAX_ROUNDS = 3
 
 
@@ -36,9 +37,9 @@ class _Session:
 def propose(
     folders: Sequence[Path], *, on_evaluation: Callable[[], None] = lambda: None
 ) -> Proposal:
-    """Q and R that make the innovations of one or several sessions likeliest.
+    """Propose the Q and R that make the innovations of one or several sessions likeliest.
 
-    The sessions are judged together and must have one filter preset. ``on_evaluation`` is called
+    The sessions are fitted together and must have one filter preset. ``on_evaluation`` is called
     each time the filter is run over all of them. Raises SessionError for a folder without a
     session, ConfigError where their presets differ.
     """
@@ -69,7 +70,7 @@ def propose(
 
 
 def _nothing_to_propose(sessions: Sequence[_Session]) -> str:
-    """What preset ``adaptive`` has learnt of each night by itself, and what may be made of it."""
+    """Reason why preset ``adaptive`` needs no proposal, with what it has learned of each night."""
     lines = []
     for session in sessions:
         states = (r for r in session.records if isinstance(r, TrackState) and r.mixture is not None)
@@ -87,7 +88,7 @@ def _nothing_to_propose(sessions: Sequence[_Session]) -> str:
 
 
 def _arcs(sessions: Sequence[_Session], changes: Mapping[str, float] | None) -> list[Arc]:
-    """Tracks as they would be with what is tried; None: with what was recorded."""
+    """Return the tracks replayed with the changes; None: with the recorded settings."""
     arcs: list[Arc] = []
     wide = FIRST_GATE_NIS if changes is None else GATE_NIS
     for session in sessions:

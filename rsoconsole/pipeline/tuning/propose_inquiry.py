@@ -1,4 +1,4 @@
-"""What one set of tracks says of Q and R: models compared, and their evidence. Pure."""
+"""Evidence of one set of tracks on Q and R: models compared. Pure."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -16,30 +16,30 @@ Verdict: TypeAlias = Literal["not enough to say", "no change is called for", "ch
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Proposed:
-    """One parameter and what the data say of it."""
+    """Parameter with the evidence of the data."""
 
     label: str
     names: tuple[str, ...]
-    """Settings that take its value."""
+    """Names of the settings that take its value."""
     recorded: float
     proposed: float
-    """As recorded where no change of it is called for."""
+    """Value to set; the recorded one where no change of it is called for."""
     likeliest: float
     interval_68: tuple[float, float]
-    """Within which the profile of log L falls by 0.5 at most; by 2 for preset tuned, whose log L is
-    too sharp (``propose_inquiry.WIDENED``)."""
+    """Interval within which the profile of log L falls by 0.5 at most; by 2 for preset tuned, whose
+    log L is too sharp (``propose_inquiry.WIDENED``)."""
     is_on_bound: bool
-    """The likeliest value lies where the search ended."""
+    """True where the likeliest value lies at the edge of the search."""
     is_flat: bool
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Term:
-    """A term of its own that was tried beside Q and R as wholes."""
+    """Term with a value of its own, compared with Q and R as wholes."""
 
     label: str
     gain: float
-    """In log L."""
+    """Gain in log L."""
     needed: float
     is_taken: bool
 
@@ -57,12 +57,12 @@ class Soundness:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class HoldOut:
-    """Fitted to the first half of the innovations, held against the second."""
+    """Cross-check: fitted to the first half of the innovations, compared with the second."""
 
     innovations: int
-    """In the second half."""
+    """Number of innovations in the second half."""
     gain: float
-    """In log L of the second half, over the recorded settings; below 0 it does not carry over."""
+    """Gain in log L of the second half over the recorded settings; below 0: not carried over."""
     nis_mean_before: float
     nis_mean_after: float
     nis_band: tuple[float, float]
@@ -70,27 +70,27 @@ class HoldOut:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Proposal:
-    """Q and R by maximum likelihood, and why."""
+    """Proposal of Q and R by maximum likelihood, with its reasons."""
 
     sessions: tuple[Path, ...]
     preset: str
     verdict: Verdict
     words: str
-    """The verdict in a sentence."""
+    """Result in a sentence."""
     changes: Mapping[str, float] = field(default_factory=dict)
-    """Settings that are proposed, by dotted name; empty where none is."""
+    """Proposed settings, by dotted name; empty where none is proposed."""
     innovations: int
     tracks: int
     gain: float | None = None
-    """In log L, of the likeliest Q and R over the recorded ones; None where none were sought."""
+    """Gain in log L of the likeliest Q and R over the recorded ones; None where not sought."""
     needed: float | None = None
     parameters: tuple[Proposed, ...] = ()
     terms: tuple[Term, ...] = ()
     before: Soundness | None = None
     after: Soundness | None = None
-    """As ``before`` where no change is called for."""
+    """Consistency of the proposed filter; as ``before`` where no change is called for."""
     autocorrelation_bound: float | None = None
-    """Within which that of white innovations lies, 95 times in 100."""
+    """Bound within which the autocorrelation of white innovations lies, 95 times in 100."""
     hold_out: HoldOut | None = None
     rounds: int = 0
     evaluations: int = 0
@@ -98,20 +98,20 @@ class Proposal:
 
 
 LEAST = 15
-"""Fewer innovations say nothing of Q and R."""
+"""Fewest innovations for a statement on Q and R."""
 CHANCE, CHANCE_OF_A_TERM = 0.05, 0.01
-"""How often idle parameters may gain as much as is asked for."""
+"""Probabilities of the needed gain without any effect, for Q and R and for a further term."""
 WIDENED = {"paper": 1.0, "tuned": 2.0}
-"""By how much intervals are widened, and the roots of gains asked for, beyond what log L says.
+"""Factor on intervals, and on the roots of needed gains, beyond log L itself, by preset.
 
-The tuned filter hears each innovation twice, in S and in its process noise. Over simulated nights
-of 60 frames and known noise the likeliest R scattered by 0.18 in its logarithm, where the profile
-of log L said 0.09, and the sandwich of its scores no more.
+The tuned filter uses each innovation twice, in S and in its process noise. Over simulated nights of
+60 frames and known noise the likeliest R scattered by 0.18 in its logarithm, where the profile of
+log L gave 0.09, and the sandwich of its scores no more.
 """
 WORTH_A_FIT = 0.3
-"""Share of the gain that is needed which a term must show alone, before all is sought with it."""
+"""Share of the needed gain that a term must reach alone before all is fitted with it."""
 _ABOUT = (0.01, 0.1, 0.5, 2.0, 10.0, 100.0)
-"""Where a parameter is looked for first, in units of what was recorded."""
+"""Values at which a parameter is looked for first, in units of the recorded one."""
 FLAT_DECADES = 4.0
 """Width of a 68 % interval, in powers of ten, from which the likelihood counts as flat."""
 
@@ -128,12 +128,12 @@ class Inquiry:
         self._half = self.count // 2
         self.warnings: list[str] = []
         self._limited: set[str] = set()
-        """Labels of what the data give no more than a limit of."""
+        """Labels of the parameters to which the data set a limit only."""
         if self.count:
             self._q, self._r, self._others = self._parameters()
 
     def run(self) -> dict[str, float]:
-        """Seek; returns the settings that are proposed."""
+        """Run the search; return the proposed settings."""
         search = self.search
         self._recorded = search.fit(())
         both = search.fit((self._q, self._r))
@@ -151,10 +151,10 @@ class Inquiry:
         return self._chosen.settings()
 
     def _fewest(self, both: Fit) -> Fit:
-        """R or Q alone where the other adds nothing that chance would not.
+        """Return the fit of R or Q alone where the other adds no more than chance would.
 
-        Once something is to be changed the bar is the plain one: Q and R answer to each other, and
-        one that is held where it was pulls the other along.
+        Once a change is called for, the plain threshold holds: Q and R depend on each other, and
+        one held at its recorded value pulls the other along.
         """
         for alone in (self._r, self._q):
             fit = self.search.fit((alone,), start=both)
@@ -166,10 +166,10 @@ class Inquiry:
         return _needed(chance, parameters) * self._widened**2
 
     def _heed_limits(self) -> None:
-        """Where the data give a parameter no more than a limit, the limit is proposed.
+        """Propose the limit of each parameter to which the data set a limit only.
 
-        A calm half an hour is likeliest with no process noise at all; a night in which the
-        satellite turns is lost with it.
+        A calm half hour is likeliest with no process noise at all; a night in which the satellite
+        turns is lost with it.
         """
         for parameter in self._likeliest.parameters:
             is_open = self.search.open_ends(parameter, self._likeliest)
@@ -190,7 +190,7 @@ class Inquiry:
             )
 
     def _rounded(self, fit: Fit) -> Fit:
-        """To three digits: no night tells more."""
+        """Return the fit rounded to three digits: no night determines more."""
         rounded = replace(fit, values=tuple(float(f"{value:.3g}") for value in fit.values))
         return replace(rounded, log_likelihood=_total(self._run(rounded.settings())))
 
@@ -207,7 +207,7 @@ class Inquiry:
             self._chosen = fit
 
     def proposal(self, folders: tuple[Path, ...], rounds: int, evaluations: int) -> Proposal:
-        """Proposal with its evidence."""
+        """Return the proposal with its evidence."""
         is_change = bool(self._chosen.parameters)
         parameters = self._evidence()
         self._warn(parameters)
@@ -248,7 +248,7 @@ class Inquiry:
         return innovations(self._arcs, {n.removeprefix("filter."): v for n, v in settings.items()})
 
     def _evidence(self) -> tuple[Proposed, ...]:
-        """Q, R and the terms taken, each with its profile about the likeliest values."""
+        """Return Q, R and the accepted terms, each with its profile about the likeliest values."""
         taken = [p for p in self._likeliest.parameters if p not in (self._q, self._r)]
         best = self._both
         if taken:
@@ -314,7 +314,7 @@ class Inquiry:
         return [step.settings for arc in self._arcs for step in arc.steps]
 
     def _parameters(self) -> tuple[Parameter, Parameter, tuple[Parameter, ...]]:
-        """Q, R, and the terms that may have a value of their own."""
+        """Return Q, R, and the terms that may have a value of their own."""
 
         def parameter(
             label: str,
@@ -352,7 +352,7 @@ def _total(found: Innovations | None) -> float:
 
 
 def _needed(chance: float, parameters: int) -> float:
-    """Gain in log L that idle parameters reach by chance with a given probability (Wilks 1938)."""
+    """Gain in log L that parameters without effect reach with this probability (Wilks 1938)."""
     from scipy.special import chdtri
 
     return float(chdtri(parameters, chance)) / 2.0
@@ -363,7 +363,7 @@ def _field(parameter: Parameter) -> str:
 
 
 def _in_force(configs: Sequence[Any], name: str) -> float:
-    """The value that most steps had."""
+    """Return the value in force at most steps."""
     values = [float(getattr(config, name)) for config in configs]
     return max(set(values), key=values.count)
 

@@ -1,1 +1,1 @@
-"""What the next hours bring over a site: limits, darkness, passes. Pure."""
+"""Hours ahead over a site: limits, darkness, passes. Pure."""

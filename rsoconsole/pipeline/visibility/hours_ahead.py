@@ -1,4 +1,4 @@
-"""What the next hours bring: limits, darkness, the Moon, the Earth's shadow. Pure."""
+"""Hours ahead over a site: limits, darkness, the Moon, the Earth's shadow. Pure."""
 
 import math
 from dataclasses import dataclass
@@ -35,36 +35,36 @@ _STEP_S = 600
 _TO_S = 5
 WAY_STEPS = 12
 SEEN_DEG = 82.0
-"""No slot further off in longitude is above anybody's horizon."""
+"""Largest distance of a visible slot in longitude: none beyond is above anybody's horizon."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Outlook:
-    """The sky at one instant, and what it leads to; directions in degrees."""
+    """Sky at one instant, with the next limits and eclipses; directions in degrees."""
 
     t_utc_ns: int
     sun_altitude_deg: float
     sun_azimuth_deg: float
     dark_utc_ns: tuple[int, int] | None
-    """The present dark time or the next, dusk and dawn; None where it does not get dark."""
+    """Dusk and dawn of the present dark time or the next; None where it does not get dark."""
     moon_altitude_deg: float
     moon_azimuth_deg: float
     moon_lit: float
-    """Share of its disc."""
+    """Lit share of the Moon's disc."""
     moon_away_deg: float | None = None
-    """From where the telescope looks."""
+    """Separation of the Moon from the telescope's direction."""
     margins_deg: tuple[tuple[LimitName, float], ...] = ()
-    """How far each limit is from there, the nearest first; negative beyond it."""
+    """Distance of each limit from the telescope's direction, nearest first; negative beyond it."""
     target_limit: tuple[int, Refusal] | None = None
-    """When what is followed meets a limit, and which; None when not before dawn."""
+    """Instant at which the track meets a limit, and the limit; None where not before dawn."""
     eclipse_utc_ns: int | None = None
-    """When what is followed next loses some of the Sun, if it is geostationary."""
+    """Begin of the next eclipse of the track, if it is geostationary."""
     here_altaz_deg: tuple[float, float] | None = None
-    """Where the telescope looks."""
+    """Altitude and azimuth of the telescope's direction."""
     way_altaz_deg: tuple[tuple[float, float], ...] = ()
-    """Where what is followed will be, now and every ten minutes for two hours."""
+    """Predicted path of the track, now and every ten minutes for two hours."""
     belt_altaz_deg: tuple[tuple[float, float], ...] = ()
-    """The geostationary belt above the horizon, slot by slot."""
+    """Geostationary belt above the horizon, slot by slot."""
 
 
 def outlook(
@@ -73,9 +73,9 @@ def outlook(
     direction_icrs_deg: tuple[float, float] | None = None,
     track: TrackState | None = None,
 ) -> Outlook:
-    """The sky over the configured site; about 50 ms.
+    """Compute the sky over the configured site; about 50 ms.
 
-    ``direction_icrs_deg``: where the telescope looks; ``track``: what is followed.
+    ``direction_icrs_deg``: direction of the telescope; ``track``: the track followed.
     """
     site = config.site.to_site()
     limits = Limits(site, config.limits, config.mount)
@@ -117,7 +117,7 @@ def _way_of(track: TrackState, site: Site, t_utc_ns: int) -> tuple[tuple[float, 
 
 @lru_cache(maxsize=4)
 def _belt_places(site: Site) -> tuple[tuple[float, float], ...]:
-    """Altitude and azimuth of every fifth degree of the belt; they stand still over the site."""
+    """Altitude and azimuth of every fifth degree of the visible belt, fixed over the site."""
     places: list[tuple[float, float]] = []
     for slot in range(-180, 180, 5):
         hour_angle_deg, dec_deg = slot_direction(site, float(slot))
@@ -132,7 +132,7 @@ def _belt_places(site: Site) -> tuple[tuple[float, float], ...]:
 def _limit_of(
     track: TrackState, limits: Limits, t_utc_ns: int, ahead_s: int
 ) -> tuple[int, Refusal] | None:
-    """When the track, at its constant rates, first meets a limit; to some seconds."""
+    """Instant at which the track, at its constant rates, first meets a limit; to some seconds."""
 
     def refusal(since_s: int) -> Refusal | None:
         at_ns = t_utc_ns + since_s * NS_PER_S

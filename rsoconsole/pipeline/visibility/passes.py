@@ -1,7 +1,7 @@
-"""When catalogued objects pass over a site in a night. Pure.
+"""Passes of catalogued objects over a site in a night. Pure.
 
-Objects are looked at once a minute; between two looks a place is that of the cubic through both
-places and velocities, which is good to a metre for the lowest orbit.
+Objects are computed once a minute; in between the place is that of the cubic through both places
+and velocities, which is good to a metre for the lowest orbit.
 """
 
 from collections.abc import Iterator, Sequence
@@ -53,18 +53,18 @@ class Standing:
         limits: LimitsConfig,
     ) -> None:
         self.r_km, _ = states_gcrs(entries, t_utc_ns)
-        """(M, N, 3), GCRS."""
+        """Position, (M, N, 3), GCRS."""
         self.line_km = self.r_km - site_gcrs(site, t_utc_ns)[0]
-        """(M, N, 3), from the site."""
+        """Line from the site, (M, N, 3)."""
         self.alt_deg, az_deg = directions(self.line_km, axes_of(site, t_utc_ns))
-        """(M, N); NaN where an object has no place, as the azimuth."""
+        """Altitude, (M, N); NaN where an object has no place, as is the azimuth."""
         self.az_deg = az_deg
         self.margin_deg = margin_deg(self.alt_deg, az_deg, limits)
-        """(M, N), above the limit; far below it where an object has no place."""
+        """Altitude above the limit, (M, N); far below it where an object has no place."""
 
 
 def axes_of(site: Site, t_utc_ns: IntArray) -> Axes:
-    """The vertical and the north of the site as the ground there lies, and its east."""
+    """Return the vertical and the north of the site as the ground there lies, and its east."""
     site_km = site_gcrs(site, t_utc_ns)[0]
     up = zenith_gcrs(site, t_utc_ns)
     toward_deg = 0.01 if site.latitude_deg < 89.0 else -0.01
@@ -74,7 +74,7 @@ def axes_of(site: Site, t_utc_ns: IntArray) -> Axes:
 
 
 def directions(line_km: FloatArray, axes: Axes) -> tuple[FloatArray, FloatArray]:
-    """Altitude and azimuth (deg) of lines (..., 3); ``axes`` (..., 3) up, north and east."""
+    """Return altitude and azimuth (deg) of lines (..., 3); ``axes`` (..., 3) up, north and east."""
     line = unit(line_km)
     up, north, east = (np.sum(line * axis, axis=-1) for axis in axes)
     alt_deg = np.degrees(np.arcsin(np.clip(up, -1.0, 1.0)))
@@ -90,35 +90,36 @@ def margin_deg(alt_deg: FloatArray, az_deg: FloatArray, limits: LimitsConfig) ->
 
 
 def unit(vectors: FloatArray) -> FloatArray:
-    """Unit vectors (..., 3)."""
+    """Return unit vectors (..., 3)."""
     return np.asarray(vectors / np.linalg.norm(vectors, axis=-1, keepdims=True))
 
 
 STEP_S = 60
 LOW_REVOLUTIONS = 9.0
-"""A day, from which an orbit counts as low."""
+"""Revolutions a day from which an orbit counts as low."""
 _OBJECTS_AT_ONCE = 400
 _NEAR_LIMIT_DEG, _NEARER = 4.0, 0.5
-"""What is highest so far below the limit at a look may be above it between two: the lowest orbits
-turn the faster in altitude the higher they stand, so by that share of the limit more."""
+"""Margin below the limit, deg, and share of the limit added to it, within which an object may be
+above the limit between two instants: the lowest orbits turn the faster in altitude the higher they
+stand."""
 _PARTS = 60
-"""Of the time between two looks."""
+"""Number of parts of the time between two instants."""
 _FLATTENING_KM = 22.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Corner:
-    """Where an object stands at one instant of its pass."""
+    """Place of an object at one instant of its pass."""
 
     t_utc_ns: int
     alt_deg: float
-    """Geometric, without refraction."""
+    """Altitude, geometric, without refraction."""
     az_deg: float
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class NightPass:
-    """One pass above the limit, as far as it lies in the span."""
+    """Pass above the limit, as far as it lies in the span."""
 
     norad_id: int
     name: str
@@ -126,15 +127,15 @@ class NightPass:
     top: Corner
     set: Corner
     lit_from_utc_ns: int | None
-    """Where the Sun shines on it, to a minute; None: nowhere on its pass."""
+    """Begin of the sunlit part, to a minute; None: no part of its pass."""
     lit_until_utc_ns: int | None
     range_km: float
-    """At the top, as the next."""
+    """Distance at the top of the pass."""
     rate_arcsec_s: float
-    """Over the stars."""
+    """Rate over the stars at the top of the pass."""
     tle_age_days: float
     sigma_s: float
-    """How early or late it may be by the age of its elements, one sigma; where nobody steers it."""
+    """Sigma of its time by the age of its elements, if it does not manoeuvre."""
 
 
 def night_passes(
@@ -146,10 +147,10 @@ def night_passes(
     is_low_only: bool = True,
     errors: ElementErrors = ASSUMED,
 ) -> Iterator[tuple[int, tuple[NightPass, ...]]]:
-    """Passes within a span, by some objects after another, each time with how many were looked at.
+    """Yield the passes within a span, some objects at a time, with the number of objects done.
 
-    Of each object the set nearest in epoch counts. ``is_low_only``: of low orbits alone, else what
-    never sets has one pass, the whole span. Elements that SGP4 refuses are left out.
+    For each object the set nearest in epoch counts. ``is_low_only``: low orbits alone; without it
+    an object that never sets has one pass, the whole span. Elements that SGP4 refuses are left out.
     """
     nearest = nearest_in_epoch_of_each(entries, span_utc_ns[0])
     looked_at = [e for e in nearest if _may_rise(e, site, limits, is_low_only=is_low_only)]
@@ -171,7 +172,7 @@ def night_passes(
 def _may_rise(
     entry: CatalogueEntry, site: Site, limits: LimitsConfig, *, is_low_only: bool
 ) -> bool:
-    """Whether its orbit ever comes above the limit, as seen from that latitude."""
+    """True where its orbit ever comes above the limit, as seen from that latitude."""
     if is_low_only and entry.revolutions_a_day < LOW_REVOLUTIONS:
         return False
     highest_km = entry.record.alta * entry.record.radiusearthkm + EARTH_RADIUS_KM + _FLATTENING_KM
@@ -187,7 +188,7 @@ def _may_rise(
 
 
 class _Looks:
-    """The site at each look, one before the span and one behind it among them."""
+    """Site at each instant, of which one lies before the span and one after it."""
 
     def __init__(self, site: Site, span_utc_ns: tuple[int, int]) -> None:
         step_ns = STEP_S * NS_PER_S
@@ -197,12 +198,12 @@ class _Looks:
         self.axes = axes_of(site, t)
         self.sun_km = sun_gcrs_km(t)
         self.to_gcrs = teme_to_gcrs_rotation(t)
-        """(N, 3, 3) from TEME, as SGP4 has it."""
+        """Rotation from TEME, SGP4's frame, (N, 3, 3)."""
 
     def near_the_limit(
         self, entries: Sequence[CatalogueEntry], limits: LimitsConfig
     ) -> Iterator[tuple[CatalogueEntry, "_Path"]]:
-        """Each object over each run of looks at which it is not far below the limit."""
+        """Yield each object with each run of instants at which it is not far below the limit."""
         jd_1, jd_2 = jd_utc(self.t_utc_ns)
         failed, r_teme, v_teme = SatrecArray([each.record for each in entries]).sgp4(
             np.ascontiguousarray(jd_1), np.ascontiguousarray(jd_2)
@@ -239,10 +240,10 @@ class _Looks:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class _Path:
-    """One object at L looks, and anywhere between them."""
+    """Path of one object at L instants, and anywhere between them."""
 
     t_utc_ns: IntArray
-    """(L,)"""
+    """Instants, (L,)."""
     r_km: FloatArray
     line_km: FloatArray
     line_km_s: FloatArray
@@ -250,7 +251,7 @@ class _Path:
     sun_km: FloatArray
 
     def fine(self) -> tuple[IntArray, FloatArray, FloatArray, FloatArray]:
-        """Instants, lines from the site (km), altitudes and azimuths, a second apart."""
+        """Return instants, lines from the site (km), altitudes and azimuths, a second apart."""
         u = (np.arange(_PARTS) / _PARTS)[:, None]
         a, b = self.line_km[:-1, None], self.line_km[1:, None]
         slope_a, slope_b = (
@@ -278,7 +279,7 @@ def _pass(
     limits: LimitsConfig,
     errors: ElementErrors,
 ) -> NightPass | None:
-    """The one of a run of looks; None where it is not above the limit in the span."""
+    """Return the pass of a run of instants; None where it is not above the limit in the span."""
     t, lines, alt, az = path.fine()
     is_up = margin_deg(alt, az, limits) > 0.0
     is_up &= (t >= span_utc_ns[0]) & (t <= span_utc_ns[1])
@@ -321,33 +322,33 @@ def _pass(
 
 
 MINUTES = (*range(21), *range(25, 60, 5), *range(60, 721, 15))
-"""When it is looked at: close together at first, as a low satellite is up for minutes."""
+"""Minutes at which satellites are computed: close at first, as a low one is up for minutes."""
 RATE_STEP_S = 2
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class VisibleSatellite:
-    """One satellite above the limit."""
+    """Satellite above the limit."""
 
     norad_id: int
     name: str
     ra_icrs_deg: float
     dec_icrs_deg: float
-    """Geometric, to some arcseconds: a go-to asks for the place again."""
+    """Declination; both geometric, to some arcseconds: a go-to computes the place again."""
     alt_deg: float
     az_deg: float
     is_lit: bool
-    """By the Sun: in the Earth's shadow there is nothing to see."""
+    """True where it is sunlit: in the Earth's shadow there is nothing to see."""
     rate_arcsec_s: float
-    """How fast it moves over the stars."""
+    """Rate over the stars."""
     minutes_left: float | None
-    """Until it sinks to the limit; None: not within 12 hours."""
+    """Minutes until it sinks to the limit; None: not within 12 hours."""
 
 
 def visible_now(
     entries: Sequence[CatalogueEntry], site: Site, t_utc_ns: int, limits: LimitsConfig
 ) -> tuple[VisibleSatellite, ...]:
-    """Satellites above altitude limit and horizon mask, the highest first.
+    """Return the satellites above altitude limit and horizon mask, the highest first.
 
     Elements that SGP4 refuses are left out.
     """
@@ -383,7 +384,7 @@ def visible_now(
 def _minutes_left(
     entries: Sequence[CatalogueEntry], site: Site, t_utc_ns: int, limits: LimitsConfig
 ) -> FloatArray:
-    """Minutes until the margin of each is used up; infinite where it is not."""
+    """Return the minutes until each satellite sinks to the limit; infinite where it does not."""
     minutes = np.array(MINUTES)
     t = t_utc_ns + minutes.astype(np.int64) * 60 * NS_PER_S
     margin = Standing(entries, site, t, limits).margin_deg

@@ -1,8 +1,8 @@
-"""Parser of the directions that people type for a telescope.
+"""Parser of directions that people type for a telescope.
 
-Two coordinates in any usual notation (equatorial, ICRS or of date; altitude and azimuth; hour
-angle and declination), a satellite of a loaded element file by name or number, a bright star, an
-object of Messier's list, the Moon, a planet. Nothing is guessed: an angle that may be hours or
+It reads two coordinates in any usual notation (equatorial, ICRS or of date; altitude and azimuth;
+hour angle and declination), a satellite of a loaded element file by name or number, a bright star,
+an object of Messier's list, the Moon, a planet. Nothing is guessed: an angle that may be hours or
 degrees is refused with both readings.
 """
 
@@ -42,18 +42,18 @@ _DECIMAL_COMMA = re.compile(r"[+-]?\d+,\d+")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class WrittenAngle:
-    """One angle, not read yet."""
+    """Angle as written, not yet parsed."""
 
     text: str
     kind: str
-    """ra, dec, alt, az or ha; empty where the text does not say."""
+    """Kind of the angle: ra, dec, alt, az or ha; empty where the text does not state it."""
 
 
 def two_angles(text: str) -> tuple[WrittenAngle, WrittenAngle]:
-    """The two angles of a text.
+    """Return the two angles of a text.
 
-    They are parted by the name of the second one; else by a comma; else by the second one's sign,
-    or its h, d or °; else in halves. Raises ValueError where that does not give two.
+    They are separated by the name of the second one; else by a comma; else by the second one's
+    sign, or its h, d or °; else in halves. Raises ValueError where that does not give two.
     """
     labels = list(_LABEL.finditer(text))
     kinds = [_kind(match) for match in labels]
@@ -74,12 +74,12 @@ def two_angles(text: str) -> tuple[WrittenAngle, WrittenAngle]:
 
 
 def is_marked(angle: str, *marks: str) -> bool:
-    """Whether an angle is marked with one of these letters or signs."""
+    """True where an angle is marked with one of these letters or signs."""
     return any(mark in angle.lower() for mark in marks)
 
 
 def number_of_fields(angle: str) -> int:
-    """Number of numbers an angle is written with."""
+    """Return the number of numbers that an angle is written with."""
     return len(_FIELD.findall(angle))
 
 
@@ -124,18 +124,18 @@ _LETTERS = re.compile(r"[^\W\d_]")
 _UNITS = "hdms°'\"′″: ,\t°ᵈʰᵐˢ+-−."
 MANY_NAMES = 4
 OLD_DAYS = 14.0
-"""Elements so old place a satellite outside a field of one degree, as a rule."""
+"""Age of elements, days, beyond which a satellite is usually outside a field of one degree."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ParsedDirection:
-    """A direction and how it was understood."""
+    """Direction and the reading of the text that gave it."""
 
     words: str
     ra_icrs_deg: float
     dec_icrs_deg: float
     caution: str = ""
-    """What speaks against trusting it; empty as a rule."""
+    """Reason not to trust it; empty as a rule."""
 
 
 class TargetNames:
@@ -217,7 +217,7 @@ def parse_direction(
 def _place_of(
     first: WrittenAngle, second: WrittenAngle, site: Site, t_utc_ns: int, *, is_of_date: bool
 ) -> tuple[str, tuple[float, float]]:
-    """How two angles are read, and the direction that they give, ICRS."""
+    """Return the reading of two angles, and the direction that they give, ICRS."""
     kinds = {first.kind, second.kind} - {""}
     if kinds <= {"alt", "az"} and kinds:
         return _horizontal(first, second, site, t_utc_ns)
@@ -256,7 +256,7 @@ def _horizontal(
 
 
 def _refuse_ambiguous(text: str) -> None:
-    """Raises ValueError for one bare number that may be hours or degrees, with both readings."""
+    """Raise ValueError for one bare number that may be hours or degrees, with both readings."""
     if number_of_fields(text) != 1 or is_marked(text, "°", "d", "h", "ʰ"):
         return
     value = parse_sexagesimal(text)
@@ -277,7 +277,7 @@ def _ra_of_degrees(text: str) -> float:
 
 
 def _hour_angle_deg(text: str) -> float:
-    """An hour angle: in hours, unless it is marked as degrees."""
+    """Parse an hour angle: in hours, unless it is marked as degrees."""
     value = parse_sexagesimal(text)
     degrees = value if is_marked(text, "°", "d") else 15.0 * value
     if abs(degrees) > 180.0:
@@ -301,5 +301,5 @@ def _satellite(elements: CatalogueEntry, site: Site, t_utc_ns: int) -> ParsedDir
 
 
 def _plain(name: str) -> str:
-    """Letters and digits alone: how a name is compared."""
+    """Return the letters and digits alone, by which names are compared."""
     return "".join(c for c in name.lower() if c.isalnum())

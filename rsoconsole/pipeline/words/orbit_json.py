@@ -1,4 +1,4 @@
-"""What the verbs orbit and identify print as JSON: an interface others script against."""
+"""JSON objects of the verbs orbit and identify: an interface that others script against."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -39,7 +39,7 @@ _OF_MATCH = (
 def orbit_report(
     found: FoundOrbit, outlook: OrbitOutlook | None, tle: tuple[str, str] | None = None
 ) -> dict[str, Any]:
-    """The object of ``rsoconsole orbit``.
+    """Return the object of ``rsoconsole orbit``.
 
     Elements are osculating, on GCRS axes. ``tle``: mean elements as two lines, where there are any.
     """
@@ -67,7 +67,7 @@ def orbit_report(
 
 
 def identification_report(name: str, found: Identification, arc_s: float) -> dict[str, Any]:
-    """The object of ``rsoconsole identify``."""
+    """Return the object of ``rsoconsole identify``."""
     matches = [_match_report(each) for each in found.matches]
     return {
         "name": name,
@@ -87,7 +87,7 @@ def identification_report(name: str, found: Identification, arc_s: float) -> dic
 
 
 def named_track_report(number: int, found: Identification, seen: Sightings) -> dict[str, Any]:
-    """One of the ``tracks`` of ``rsoconsole identify``: its name among all of the night."""
+    """Return one of the ``tracks`` of ``rsoconsole identify``: its name among all of the night."""
     candidates = [each for each in found.matches if each.probability >= 1.0 - SURE]
     best = found.matches[0] if found.matches and found.verdict == "identified" else None
     return {
@@ -109,9 +109,9 @@ def named_track_report(number: int, found: Identification, seen: Sightings) -> d
 
 
 def element_sigmas(orbit: KnownOrbit) -> dict[str, float | None]:
-    """One-sigma errors of the elements; None where the orbit does not fix one at all.
+    """Return the one-sigma errors of the elements; None where the orbit does not fix one at all.
 
-    The node of an orbit in the reference plane and the perigee of a circle are such.
+    Examples are the node of an orbit in the reference plane and the perigee of a circle.
     """
     states = np.concatenate([orbit.r_km, orbit.v_km_s])
     around = states + np.concatenate([np.diag(_STEP), -np.diag(_STEP)])
@@ -146,7 +146,7 @@ def _orbit_values(orbit: Orbit) -> dict[str, Any]:
 
 
 def elements_by_name(r_km: FloatArray, v_km_s: FloatArray) -> dict[str, float]:
-    """Osculating elements of a state, on its own axes."""
+    """Return the osculating elements of a state, on its own axes."""
     found = elements_of(r_km, v_km_s)
     return {key: float(getattr(found, key)) for key in _ELEMENTS}
 
@@ -192,5 +192,5 @@ def _match_report(match: Match) -> dict[str, Any]:
 
 
 def _values(record: object, names: Sequence[str]) -> dict[str, Any]:
-    """What a record has under these names, each its own key."""
+    """Return the values of a record by these names, each its own key."""
     return {name: getattr(record, name) for name in names}

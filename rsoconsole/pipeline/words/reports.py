@@ -30,7 +30,7 @@ _OF_DETECTION = (
     *("modulation_period_s", "modulation_depth"),
     *("angle_deg", "sigma_angle_deg", "sigma_across_px"),
 )
-"""Keys that are the detection's own."""
+"""Keys with the names of the detection's own fields."""
 _OF_PLATE = {
     "ra": "ra_icrs_deg",
     "dec": "dec_icrs_deg",
@@ -40,11 +40,11 @@ _OF_PLATE = {
     "matched": "matched",
     "rms_arcsec": "rms_arcsec",
 }
-"""Keys of a plate, and the fields of a solution that they show."""
+"""Keys of a plate solution, and the fields of a solution that they show."""
 
 
 def detection_report(detection: Detection) -> dict[str, Any]:
-    """One candidate streak."""
+    """Return the object of one candidate streak."""
     return {
         "x": detection.x_px,
         "y": detection.y_px,
@@ -68,7 +68,7 @@ def detections_report(
     extension: str | None = None,
     notes: Sequence[str] = (),
 ) -> dict[str, Any]:
-    """The object of ``rsoconsole detect``; ``extension``: which image of the file, of several."""
+    """Object of ``rsoconsole detect``; ``extension``: which image of the file, of several."""
     return {
         "frame": name,
         "extension": extension,
@@ -92,9 +92,9 @@ def solved_report(
     index_missing: Sequence[str] = (),
     notes: Sequence[str] = (),
 ) -> dict[str, Any]:
-    """The object of ``rsoconsole solve``.
+    """Return the object of ``rsoconsole solve``.
 
-    ``index_missing``: index files that a field of the hinted scale wants and that are not there.
+    ``index_missing``: index files needed for a field of the hinted scale that are missing.
     """
     return {
         **solution_report(name, solution, frame.width_px, frame.height_px),
@@ -108,7 +108,7 @@ def solved_report(
 def solution_report(
     name: str, solution: Solution | NotSolved, width_px: int, height_px: int
 ) -> dict[str, Any]:
-    """A plate, or why there is none."""
+    """Return the object of a plate solution, or of the reason why there is none."""
     plate = solution if isinstance(solution, Solution) else None
     values = {key: getattr(plate, field, None) for key, field in _OF_PLATE.items()}
     return {
@@ -122,7 +122,7 @@ def solution_report(
 
 
 def measurement_report(measurement: Measurement) -> dict[str, Any]:
-    """One direction on the sky."""
+    """Return the object of one measurement."""
     east, _, north = measurement.cov_sky_arcsec2
     return {
         "ra": measurement.ra_icrs_deg,
@@ -137,7 +137,7 @@ def measurement_report(measurement: Measurement) -> dict[str, Any]:
 
 
 def prediction_report(track: TrackState) -> dict[str, Any]:
-    """Where the filter expected the object in this frame."""
+    """Return the object of the filter's prediction for this frame."""
     east_arcsec, north_arcsec = predicted_sigma_arcsec(track)
     return {
         "t_utc": utc_ns_to_iso(track.t_utc_ns),
@@ -149,7 +149,7 @@ def prediction_report(track: TrackState) -> dict[str, Any]:
 
 
 def process_report(name: str, processed: Processed) -> dict[str, Any]:
-    """The object of ``rsoconsole process``: one cycle of Algorithm 1."""
+    """Return the object of ``rsoconsole process``: one cycle of Algorithm 1."""
     frame, reduction, after = processed.frame, processed.reduction, processed.after
     found = detections_report(name, reduction.detections)
     states = [r for r in processed.records if isinstance(r, TrackState)]
@@ -177,7 +177,7 @@ def process_report(name: str, processed: Processed) -> dict[str, Any]:
 
 
 def _followed(reduction: Reduction, after: Following) -> Measurement | None:
-    """The one the track took, or the most confident before lock."""
+    """Return the accepted measurement, or the most confident before lock."""
     if after.state == "TRACK":
         return after.taken
     if after.state == "COAST" or not reduction.measurements:
