@@ -1,7 +1,7 @@
 """One cycle: a frame, its reduction, the tracks after it, and its records.
 
 The engine, ``process`` and every replay run this, so that the same frames give the same track;
-``pipeline.fold`` is the half of it that needs no pixels.
+``cycle.frame_fold`` is the half of it that needs no pixels.
 """
 
 from collections.abc import Mapping

@@ -98,7 +98,7 @@ class Reduction:
     fwhm_px: float | None
     """FWHM of the frame's own stars; None where they are too few."""
     absence: str
-    """Reason why there is no measurement, if so; ``pipeline.absence`` adds what hides it."""
+    """Reason why there is no measurement, if so; ``cycle.miss_reasons`` adds what hides it."""
     stage_ms: dict[str, float] = field(default_factory=dict)
     cautions: tuple[Caution, ...] = ()
     """Cautions about frame, camera or hints."""
