@@ -77,7 +77,9 @@ def sky_electrons(sensor: SensorModel, rng: np.random.Generator) -> float:
     sky_e = log_uniform(rng, 25.0, 700.0)
     if rng.random() < 0.1:
         sky_e *= log_uniform(rng, *_MOONLIGHT)
-    full_e = min(sensor.full_well_e, (sensor.adc_max - sensor.offset_adu12) * sensor.e_per_adu12)
+    full_e = min(
+        sensor.full_well_e, (2**sensor.adc_bits - 1 - sensor.offset_adu12) * sensor.e_per_adu12
+    )
     return min(sky_e, _MAX_OF_WELL * full_e)
 
 

@@ -741,10 +741,10 @@ def test_news_does_not_pile_up_before_a_screen_that_is_busy(wire):
         app.live.watch(app.live, "night", lambda: seen.append(app.live.night), init=False)
         nights = [dataclasses.replace(app.live.night, log=()) for _ in range(50)]
         for each in nights:
-            app._post_night(each, app.live.picture)
+            app._night_seen(each, app.live.picture)
         await until(pilot, lambda: app.live.night is nights[-1])
         assert len(seen) <= 2
-        app._post_night(nights[0], app.live.picture)
+        app._night_seen(nights[0], app.live.picture)
         await until(pilot, lambda: app.live.night is nights[0])
 
     play(wire, scene)

@@ -197,7 +197,7 @@ def test_every_track_has_an_orbit_that_is_the_one_it_would_have_alone(two):
 def test_the_log_says_whose_orbit_it_is_and_who_guides_of_the_lead_alone(two):
     words: dict[int, list[str]] = {1: [], 2: []}
     for refined in refined_of(two):
-        words[refined.estimate.track_id] += refined.words
+        words[refined.estimate.track_id] += [event.text for event in refined.events]
     assert any("aims by" in each for each in words[1])
     assert not any(each.startswith("track") for each in words[1])
     assert words[2]

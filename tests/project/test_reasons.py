@@ -119,7 +119,8 @@ def decided(folder: Path) -> dict[str, Any]:
     records = [record for _, record in log]
     return {
         "replay": [
-            (f.taken.frame_id, f.state, f.after, f.is_as_recorded) for f in replay(records, CONFIG)
+            (f.taken.frame_id, f.after.state, f.after, f.is_as_recorded)
+            for f in replay(records, CONFIG)
         ],
         "recorded": [
             (f.frame_id, f.fold.state, len(f.fold.records)) for f in frames_of(records) if f.fold

@@ -226,9 +226,9 @@ def check_indi_server(config: Config) -> Check:
         return well(f"not used: mount by {others.mount}, camera by {others.camera}")
     try:
         found = doctor_indi.devices_there(indi.host, indi.port, wanted, config.waits.quiet_s)
-    except InstrumentError as error:
+    except OSError as error:
         return bad(
-            f"nothing answers at {address}: {error.__cause__}",
+            f"nothing answers at {address}: {error}",
             f"start indiserver{indi_port_option(indi.port)} with your mount's and camera's"
             " drivers, or set indi.host and indi.port; 'rsoconsole demo' brings its own",
         )

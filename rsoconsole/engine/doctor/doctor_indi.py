@@ -3,14 +3,16 @@
 They cover the server's devices, the mount's site and what its driver offers.
 """
 
-import contextlib
+import html
 import json
+import re
+import socket
 import subprocess
 import sys
+import time
 from collections.abc import Sequence
 from contextlib import closing
 
-from rsoconsole.base import InstrumentError
 from rsoconsole.config import Config
 from rsoconsole.engine.doctor.checks import Check, bad, well
 from rsoconsole.engine.doctor.mount_lacks import PROPERTIES
@@ -56,6 +58,7 @@ def import_faults(names: Sequence[str]) -> dict[str, str]:
 
 _COORDINATES = "EQUATORIAL_EOD_COORD"
 _ALL_OF_MOUNT = {_COORDINATES, *PROPERTIES.values()}
+_DEVICE = re.compile(rb"""device=(?:"([^"]+)"|'([^']+)')""")
 
 
 def check_client(config: Config) -> Check:
@@ -82,17 +85,27 @@ def check_client(config: Config) -> Check:
 def devices_there(host: str, port: int, wanted: set[str], quiet_s: float) -> set[str]:
     """Return the devices that the server announces, until those wanted are there.
 
-    Ends also when it has announced nothing new for ``quiet_s``, or hangs up. Raises InstrumentError
-    where no server listens.
+    Ends also when it has announced nothing new for ``quiet_s``. Raises OSError.
     """
+    received = b""
     found: set[str] = set()
-    with closing(IndiWire(host, port, quiet_s)) as wire, contextlib.suppress(InstrumentError):
-        wire.ask_all()
-        while not wanted <= found:
-            vector = wire.wait(lambda vector: vector.device not in found, quiet_s)
-            if vector is None:
+    news_s = time.monotonic()
+    with socket.create_connection((host, port), timeout=quiet_s) as wire:
+        wire.sendall(b'<getProperties version="1.7"/>\n')
+        while not wanted <= found and (left_s := news_s + quiet_s - time.monotonic()) > 0:
+            wire.settimeout(left_s)
+            try:
+                chunk = wire.recv(65536)
+            except TimeoutError:
                 break
-            found.add(vector.device)
+            if not chunk:
+                break
+            received += chunk
+            names = found | {html.unescape((a or b).decode()) for a, b in _DEVICE.findall(received)}
+            if names != found:
+                found, news_s = names, time.monotonic()
+            # The beginning of the next name may be in this one's end.
+            received = received[received.rfind(b"<") :]
     return found
 
 
