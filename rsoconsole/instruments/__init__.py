@@ -1,4 +1,4 @@
-"""Clock, mount and camera as the engine uses them, whichever driver is behind them."""
+"""Clock, mount and camera, with one interface whatever the driver."""
 
 from lazy_loader import attach_stub
 

@@ -1,8 +1,8 @@
 """Faults of a machine's clocks, found by comparing them; pure, the readings are arguments.
 
-UTC can be set, monotonic time cannot, and time since boot goes on while the machine sleeps: what
-one does and the other does not tells a clock that is set from one that runs wrong and from a
-machine that slept. Nobody looking for a while tells a process that stood still.
+UTC can be set, monotonic time cannot, and time since boot goes on while the machine sleeps: their
+differences distinguish a clock that is set from one that runs wrong and from a machine that slept.
+A pause between two looks shows a process that stood still.
 """
 
 import datetime
@@ -12,24 +12,25 @@ from rsoconsole.instruments.ports import ClockFault
 
 _NS = 1_000_000_000
 MIN_STEP_S = 0.1
-"""1.5 arcsec of a geostationary satellite."""
+"""Least step of UTC that counts: 1.5 arcsec of a geostationary satellite."""
 MAX_DRIFT = 1e-3
-"""Time services draw a clock in by half of that."""
+"""Largest drift of a sound clock, seconds a second: time services slew a clock by half of that."""
 DRIFT_WINDOW_S = 60.0
-"""Drift is added up over this time before the reference is renewed."""
+"""Time over which drift is added up before the reference is renewed."""
 REPEAT_WITHIN_S = 2.0
-"""Steps of one size that follow each other within this time are a clock that runs wrong."""
+"""Longest time between steps of one size that count as a clock that runs wrong."""
 MIN_APART_S = 0.02
 """Least time between two looks from which a clock's rate is computed."""
 MAX_PACE = 10.0
-"""A clock that moves by more than this, in seconds a second, is set, however often."""
+"""Largest drift, in seconds a second, of a clock that runs wrong; beyond it the clock is set,
+however often."""
 STEADY_S = 10.0
 """Time that a clock must run right before it is believed again."""
 MIN_SLEEP_S = 0.5
 MIN_PAUSE_S = 5.0
 """Pause between two looks that counts as a process that stood still."""
 _READ_S = 0.01
-"""Between the readings of two clocks."""
+"""Longest time between the readings of two clocks."""
 _MIDNIGHT_S = 5.0
 _LEAP_S = 1.0
 _LEAP_MONTHS = (1, 7)
@@ -46,22 +47,23 @@ class ClockReadings:
 
 
 class ClockWatch:
-    """Looked at a few times a second; says once what has happened since."""
+    """Detector of clock faults, which compares readings a few times a second."""
 
     def __init__(self, first: ClockReadings) -> None:
         self._last = self._reference = first
         self._paced: tuple[ClockReadings, float] | None = None
-        """When the clock was last found to be off, and by how many seconds a second it moved."""
+        """Readings when the clock was last found to be off, and its drift then, in seconds a
+        second."""
         self._unsteady_since: ClockReadings | None = None
         self._steady_since = first
 
     @property
     def is_steady(self) -> bool:
-        """Whether a second of this clock is one: False while it runs wrong."""
+        """True while the clock runs at the right rate; False while it runs wrong."""
         return self._unsteady_since is None
 
     def look(self, now: ClockReadings) -> tuple[ClockFault, ...]:
-        """The faults since the last look, in order."""
+        """Return the faults since the last look, in order."""
         last, self._last = self._last, now
         found = [self._time_fault(last, now)]
         stood_s = (now.monotonic_ns - last.monotonic_ns) / _NS
@@ -84,7 +86,7 @@ class ClockWatch:
         return None
 
     def _moved(self, last: ClockReadings, now: ClockReadings, off_s: float) -> ClockFault:
-        """It is elsewhere than it was: by one step, or little by little."""
+        """Classify an offset: by one step, or little by little."""
         start, self._reference = self._reference, now
         step_s = _offset_s(now) - _offset_s(last)
         pace = step_s / max(_since_s(last, now), MIN_APART_S)
@@ -123,7 +125,7 @@ def _since_s(before: ClockReadings, now: ClockReadings) -> float:
 
 
 def _is_leap_instant(last: ClockReadings, now: ClockReadings) -> bool:
-    """Whether one of the two was just beside the first midnight of a half year."""
+    """True where one of the two is just beside the first midnight of a half year."""
     for utc_ns in (last.utc_ns, now.utc_ns):
         near = datetime.datetime.fromtimestamp(utc_ns / _NS + _MIDNIGHT_S, datetime.UTC)
         seconds = near.hour * 3600 + near.minute * 60 + near.second

@@ -1,4 +1,4 @@
-"""The motion of a mount, measured from the directions that it reports and from nothing else.
+"""Motion of a mount, measured from the directions that it reports and from nothing else.
 
 A driver's Idle, parked or tracking is a claim. What counts are the coordinates over a span of time,
 as rates of the two coordinates, right ascension and declination of date: a mount that tracks keeps
@@ -16,24 +16,26 @@ MotionKind = Literal["stands", "tracks", "moves", "unknown"]
 SIDEREAL_ARCSEC_S = 15.041067
 """Rate of the right ascension of a mount that stands still."""
 STEPS_ARCSEC: tuple[float, ...] = (1.5, 15.0, 90.0)
-"""In which right ascensions are told: INDI's base class tells changes of 1.5; drivers that read
-seconds, or tenths of a minute, know no finer ones."""
+"""Steps of reported right ascensions: INDI's base class reports changes of 1.5; drivers that read
+seconds, or tenths of a minute, have no finer ones."""
 MIN_SPAN_S, MIN_HOST_SPAN_S = 2.0, 1.5
 MIN_REPORTS = 3
 MAX_WIDTH_ARCSEC_S = 10.0
-"""Largest width of the interval of possible rates from which a motion is named."""
+"""Largest width of the interval of possible rates at which a motion is named."""
 REST_TOLERANCE_ARCSEC_S = 2.5
-"""A rate this near to a rest counts as one: a lunar rate, a drift of a bad alignment."""
+"""Largest difference of a rate from a rest that counts as one: a lunar rate, a drift of a bad
+alignment."""
 REPORT_DELAY_S = 0.1
-"""Delay that one report may have against another."""
+"""Largest delay of one report against another."""
 HOST_DELAY_S = 1.0
-"""Delay of a report on a busy machine: what only that explains is no motion, and no rest."""
+"""Delay of a report on a busy machine: a change that this alone explains is no motion, and no
+rest."""
 UNKNOWN_PERIOD_S = 2.0
-"""Polling period that is assumed of a driver that does not report it."""
+"""Polling period assumed of a driver that does not report it."""
 DRIFT_SPANS = 3.0
-"""Spans over which a slow drift is looked at before it is named."""
+"""Number of spans over which a slow drift is measured before it is named."""
 FAST_DEG_S = 0.02
-"""Above it a motion is a slew, below it a drift."""
+"""Rate above which a motion is a slew, below which a drift."""
 _MIN_APART_S = 0.2
 _ON_GRID_ARCSEC = 0.06
 _MAX_REPORTS = 600
@@ -73,35 +75,36 @@ class DirectionReport:
     t_s: float
     """Time by the clock in which the mount moves."""
     host_s: float
-    """Time by the host's clock: another one where the observatory is simulated."""
+    """Time by the host's clock, which differs where the observatory is simulated."""
     ra_deg: float
     dec_deg: float
 
 
 class MotionMeter:
-    """Reports in, motion out; pure: its clocks are arguments. Not safe for several threads."""
+    """Measures motion from reports; pure: its clocks are arguments. Not safe for several
+    threads."""
 
     def __init__(self, period_s: float = UNKNOWN_PERIOD_S) -> None:
-        """``period_s``: of the driver's looks at its mount."""
+        """``period_s``: the driver's polling period."""
         self.period_s = period_s
         self._reports: deque[DirectionReport] = deque(maxlen=_MAX_REPORTS)
         self._since_s = -math.inf
         self._step_arcsec = STEPS_ARCSEC[-1]
         self._known: Motion | None = None
-        """By these reports; None: not computed yet."""
+        """Motion by the present reports; None: not computed yet."""
 
     @property
     def span_s(self) -> float:
-        """Span of reports, in seconds, that a motion is named from."""
+        """Span of reports, in seconds, from which a motion is named."""
         return max(MIN_SPAN_S, 3.0 * self.period_s, _min_span_s(self._step_arcsec))
 
     @property
     def last(self) -> DirectionReport | None:
-        """The report that came last."""
+        """Latest report."""
         return self._reports[-1] if self._reports else None
 
     def begin_at(self, t_s: float) -> None:
-        """An order went out: what was reported before it tells nothing of what is now."""
+        """Note that an order goes out: earlier reports no longer show the present motion."""
         self._since_s, self._known = t_s, None
 
     def forget(self) -> None:
@@ -110,7 +113,7 @@ class MotionMeter:
         self._known = None
 
     def add(self, report: DirectionReport) -> None:
-        """Take the next report."""
+        """Add the next report."""
         if not (math.isfinite(report.ra_deg) and math.isfinite(report.dec_deg)):
             return
         if self._reports and report.t_s <= self._reports[-1].t_s:
@@ -124,9 +127,10 @@ class MotionMeter:
         self._known = None
 
     def hold(self, t_s: float, host_s: float) -> None:
-        """The driver has answered at ``t_s``, and nothing has changed since its last report.
+        """Note that the driver has answered at ``t_s``, and nothing has changed since its last
+        report.
 
-        What it knows may be as old as its last look at the mount.
+        Its values may be as old as its last poll of the mount.
         """
         last, held_s = self.last, t_s - self.period_s
         if last is not None and held_s > last.t_s:
@@ -137,7 +141,7 @@ class MotionMeter:
             self.add(same)
 
     def motion(self, t_s: float) -> Motion:
-        """The motion at ``t_s``; unknown where the reports since the last order do not tell.
+        """Motion at ``t_s``; unknown where the reports since the last order do not determine it.
 
         A rest is named where, of all constant rates, those that pass every report of the span
         within half its step are so few that there is no room for another motion (set membership:
@@ -195,7 +199,7 @@ class _Path:
             self._ra.append(ra_deg * 3600.0)
 
     def last(self, span_s: float, host_span_s: float = MIN_HOST_SPAN_S) -> "_Path":
-        """The shortest end of it that lasts so long; empty where it is shorter."""
+        """Shortest end of the path that lasts so long; empty where the path is shorter."""
         for index in range(len(self._t_s) - MIN_REPORTS, -1, -1):
             host_s = self._reports[-1].host_s - self._reports[index].host_s
             if self._t_s[-1] - self._t_s[index] >= span_s - 1e-6 and host_s >= host_span_s:
@@ -203,7 +207,7 @@ class _Path:
         return _Path(())
 
     def fast(self, step_arcsec: float) -> Motion | None:
-        """A slew shows in two reports."""
+        """Slew, which shows in two reports; None for none."""
         last = len(self._t_s) - 1
         for index in range(last - 1, -1, -1):
             span_s = self._t_s[last] - self._t_s[index]
@@ -223,7 +227,7 @@ class _Path:
         return None
 
     def named(self, step_arcsec: float) -> Motion | None:
-        """The motion at a constant rate; None where no rate passes, or too many do."""
+        """Motion at a constant rate; None where no rate passes, or too many do."""
         if not self._t_s:
             return None
         room = step_arcsec + REPORT_DELAY_S * SIDEREAL_ARCSEC_S
@@ -241,7 +245,7 @@ class _Path:
         return Motion(kind=kind, ra_rate_arcsec_s=sum(ra) / 2.0, dec_rate_arcsec_s=sum(dec) / 2.0)
 
     def wandering(self, step_arcsec: float) -> Motion:
-        """A motion at no constant rate, where neither rest explains it; else unknown."""
+        """Motion at no constant rate, where neither rest explains it; else unknown."""
         if not self._t_s:
             return Motion()
         standing = [ra - SIDEREAL_ARCSEC_S * t for t, ra in zip(self._t_s, self._ra, strict=True)]
@@ -260,7 +264,7 @@ class _Path:
 
 
 def _rate_bounds(t_s: Sequence[float], x: Sequence[float], room: float) -> tuple[float, float]:
-    """The least and the largest rate of lines that pass all places within half of ``room``."""
+    """Least and largest rate of lines that pass all places within half of ``room``."""
     low, high = -math.inf, math.inf
     for j in range(1, len(t_s)):
         for i in range(j):
@@ -271,7 +275,7 @@ def _rate_bounds(t_s: Sequence[float], x: Sequence[float], room: float) -> tuple
 
 
 def _is_rate_allowed(rates: tuple[float, float], rate: float) -> bool:
-    """Whether a rate passes, or lies beside the middle of those that do."""
+    """True where a rate passes, or lies beside the middle of the rates that do."""
     is_within = rates[0] <= rate <= rates[1]
     return is_within or abs(sum(rates) / 2.0 - rate) <= REST_TOLERANCE_ARCSEC_S
 
@@ -281,12 +285,12 @@ def _spread(x: Sequence[float]) -> float:
 
 
 def _min_span_s(step_arcsec: float) -> float:
-    """How long reports in such steps must be looked at."""
+    """Least span of reports in such steps, seconds."""
     return 2.0 * step_arcsec / (MAX_WIDTH_ARCSEC_S / 2.0)
 
 
 def _report_step_arcsec(ra_deg: float) -> float:
-    """The coarsest step whose multiple this right ascension is."""
+    """Coarsest step of which this right ascension is a multiple."""
     arcsec = ra_deg * 3600.0
     for step in reversed(STEPS_ARCSEC[1:]):
         if abs(arcsec - round(arcsec / step) * step) < _ON_GRID_ARCSEC:
@@ -305,10 +309,10 @@ def tracking_after_stop(
     was_tracking: bool,
     is_parked: bool,
 ) -> bool | None:
-    """Whether tracking is to be on; None: leave it as it is.
+    """Tracking state to order; None: leave it as it is.
 
-    A slew goes where the mount is then to track, so that one that was cut short counts as
-    tracking, though drivers say "not tracking" meanwhile. The way to the park position does not.
+    A slew ends in tracking, so that one that was cut short counts as tracking, though drivers
+    report "not tracking" meanwhile. A slew to the park position does not.
     """
     if is_parked:
         return None
@@ -320,9 +324,9 @@ def tracking_after_stop(
 
 
 MOVES_AFTER_S = 4.5
-"""Before that a motion that goes on may be the way that a mount needs to stop."""
+"""Time after a STOP before which a motion that goes on may be the mount's braking."""
 BRAKES_FOR_S = 2.5
-"""A mount slows down for so long: reports of then show no motion of now."""
+"""Time in which a mount slows down: reports of it do not show the present motion."""
 UNKNOWN_AFTER_S = 10.0
 REPEAT_S = 1.0
 REPEATS_FOR_S = 30.0
@@ -330,13 +334,13 @@ REPEATS_FOR_S = 30.0
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StopStep:
-    """What one look at a STOP asks for: ABORT again, news, or its end."""
+    """Result of one look at a STOP: send ABORT again, report news, or end."""
 
     sends_abort: bool = False
     news: Motion | None = None
-    """Told when its kind has changed."""
+    """Motion to report, when its kind has changed."""
     is_over: bool = False
-    """At rest, or ABORT has been repeated long enough: the alarm stays."""
+    """True at rest, or when ABORT has been repeated long enough: the alarm stays."""
 
 
 class StopMeasure:
@@ -350,7 +354,7 @@ class StopMeasure:
         self.is_over = False
 
     def step(self, now_s: float, motion: Motion, *, is_answered: bool) -> StopStep:
-        """One look; ``is_answered``: the driver has taken ABORT."""
+        """Look once; ``is_answered``: the driver has accepted ABORT."""
         since_s = now_s - self.began_s
         is_braking = motion.kind == "moves" and motion.host_since_s < self.began_s + BRAKES_FOR_S
         news = self._news(since_s, Motion() if is_braking else motion)

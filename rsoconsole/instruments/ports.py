@@ -14,7 +14,8 @@ from rsoconsole.records import Frame, Site
 
 PierSide = Literal["east", "west"]
 StopPath = Literal["mount", "indi"]
-"""Through the mount's own process, or by a second plain connection to the INDI server."""
+"""Path of a STOP: through the mount's own process, or by a second plain connection to the INDI
+server."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -29,14 +30,14 @@ class MountReport:
     is_parked: bool
     is_tracking: bool
     pier_side: PierSide | None
-    """Side of the pier the telescope is on; None when the mount does not tell."""
+    """Side of the pier the telescope is on; None when the mount does not report it."""
     age_s: float = 0.0
     """Age of the driver's report, wall clock; 0 in the simulated observatory. A mount that only
     tracks may be silent for long."""
     is_parking: bool = False
-    """On its way to its park position, by the driver's word."""
+    """True on the way to its park position, as the driver reports."""
     motion: Motion = field(default_factory=Motion)
-    """Measured from the directions that it reported; all else here is the driver's word."""
+    """Motion measured from the reported directions; all else here is the driver's report."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -44,24 +45,25 @@ class StopResult:
     """The result of a STOP so far: ordered, answered by the driver, and measured."""
 
     is_answered: bool
-    """The driver has taken ABORT and claims no motion any more: no proof that it stands."""
+    """True where the driver has accepted ABORT and claims no motion any more: no proof that it
+    stands."""
     ms: float
     """Wall time from the request until this was known, or given up."""
     path: StopPath
     ordered_ms: float | None = None
-    """Wall time from the request until ABORT was on its way to the mount; None: it never was, or
-    nobody knows."""
+    """Wall time from the request until ABORT was on its way to the mount; None: it never was, or it
+    is unknown."""
     is_tracking: bool | None = None
-    """Whether tracking is on, by the driver's word; None where it does not tell."""
+    """True where tracking is on, as the driver reports; None where it does not."""
     motion: Motion | None = None
     """The motion measured since: it stands, tracks, still moves, or is not known. None while it
     is being measured."""
     measured_ms: float | None = None
-    """Wall time from the request until that was known, or given up."""
+    """Wall time from the request until the motion was known, or given up."""
     detail: str = ""
-    """Why it is not answered, or not known."""
+    """Reason why it is not answered, or not known."""
     is_superseded: bool = False
-    """True when another order came and ended the measurement."""
+    """True when another order ended the measurement."""
 
     @property
     def rate_deg_s(self) -> float | None:
@@ -71,7 +73,7 @@ class StopResult:
 
     @property
     def is_at_rest(self) -> bool:
-        """Measured to stand or to track."""
+        """True where measured to stand or to track."""
         return self.motion is not None and self.motion.is_at_rest
 
 
@@ -80,10 +82,11 @@ class MountAbilities:
     """The abilities of the mount's driver, as found when it was connected."""
 
     can_abort: bool = True
-    """Without it nothing but the power switch ends a slew."""
+    """True where motion can be ended; without it nothing but the power switch ends a slew."""
     can_park: bool = True
     can_set_tracking: bool = True
-    """Without it tracking cannot be ended at a limit, and nobody tells whether it is on."""
+    """True where tracking can be set; without it tracking cannot be ended at a limit, and its state
+    is unknown."""
     has_pier_side: bool = True
     has_site: bool = True
     has_time: bool = True
@@ -91,12 +94,12 @@ class MountAbilities:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SlewEnd:
-    """The mount's own process has ended a slew that nobody watched."""
+    """End of an unwatched slew by the mount's own process."""
 
     unwatched_s: float
-    """For so long it had heard of nobody."""
+    """Time without any order, seconds."""
     lease_s: float
-    """For so long it may."""
+    """Longest allowed time without any order, seconds."""
 
 
 def unheard(_result: StopResult) -> None:
@@ -105,11 +108,11 @@ def unheard(_result: StopResult) -> None:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SiteCheck:
-    """The site the instruments believe in against the configured one."""
+    """Site as the mount reports it against the configured one."""
 
     is_consistent: bool
     reported: Site | None
-    """None when the mount does not tell its site."""
+    """Site as the mount reports it; None when it does not."""
     detail: str
 
 
@@ -118,20 +121,21 @@ class SkyReport:
     """Weather and dome as their drivers report them, at one instant."""
 
     weather: Literal["ok", "warning", "alert", "silent"] | None
-    """None where no station is configured; "silent" where it is and does not answer."""
+    """State of the weather; None where no station is configured; "silent" where it is and does not
+    answer."""
     dome: Literal["open", "closed", "moving", "silent"] | None
     detail: str = ""
-    """In the driver's words, or why it is silent."""
+    """Message of the driver, or why it is silent."""
 
 
 class SafetyMonitorPort(Protocol):
     """A monitor of weather and dome."""
 
     def look(self) -> SkyReport:
-        """The latest word, at once; never raises."""
+        """Return the latest report, at once; never raises."""
 
     def close(self) -> None:
-        """Hang up."""
+        """Close the connection."""
 
 
 ClockFaultKind = Literal["set", "leap second", "runs wrong", "runs right", "slept", "stood still"]
@@ -142,25 +146,25 @@ class ClockFault:
     """A fault of the machine's clock."""
 
     kind: ClockFaultKind
-    """"set": UTC was stepped, by somebody or a time service; "leap second": by one; "runs wrong":
-    its seconds are none, until "runs right"; "slept": the whole machine; "stood still": this
-    process was not run."""
+    """Kind of fault. "set": UTC was stepped, by somebody or a time service; "leap second": by one;
+    "runs wrong": its seconds are none, until "runs right"; "slept": the whole machine; "stood
+    still": this process was not run."""
     seconds: float
-    """Size of the step of UTC, or how long nothing ran."""
+    """Size of the step of UTC, or time in which nothing ran."""
     rate: float = 1.0
     """Seconds of UTC in a second, of the kind "runs wrong"."""
 
 
 class Clock(Protocol):
-    """The one source of time for the engine."""
+    """Source of time for the engine, the only one."""
 
     @property
     def is_simulated(self) -> bool:
-        """True when time stands still unless this clock is asked to wait."""
+        """True when time stands still except during a wait of this clock."""
 
     @property
     def speed(self) -> float:
-        """Its seconds in a second of wall time; 0: as many as possible."""
+        """Seconds of this clock in a second of wall time; 0: as many as possible."""
 
     def now_utc_ns(self) -> int:
         """The present instant."""
@@ -182,7 +186,7 @@ class Clock(Protocol):
 
     @property
     def is_steady(self) -> bool:
-        """False while a second of this clock is none: what is measured has no time."""
+        """False while a second of this clock is none: measurements then have no time."""
 
 
 class MountPort(Protocol):
@@ -192,14 +196,16 @@ class MountPort(Protocol):
         """Connect. Raises InstrumentError when the mount cannot be reached."""
 
     def slew(self, ra_icrs_deg: float, dec_icrs_deg: float, now_utc_ns: int) -> None:
-        """Go there and track at the sidereal rate; returns once the mount has taken the order.
+        """Slew to a direction and track at the sidereal rate; returns once the mount has accepted
+        the order.
 
         ``now_utc_ns`` fixes the epoch of date. Raises InstrumentError when the mount refuses
         (parked, below its limits) or is silent.
         """
 
     def report(self, not_before_utc_ns: int | None = None, timeout_s: float = 10.0) -> MountReport:
-        """The latest report, waiting (wall clock) for one at least as late as asked.
+        """Return the latest report, waiting (wall clock) for one at least as late as
+        ``not_before_utc_ns``.
 
         Raises InstrumentError when none comes in time.
         """
@@ -207,35 +213,36 @@ class MountPort(Protocol):
     def abort(
         self, timeout_s: float = 2.0, *, on_news: Callable[[StopResult], None] = unheard
     ) -> StopResult:
-        """End motion at once; returns when the driver has answered, never raises for a deaf mount.
+        """End motion at once; returns when the driver has answered, never raises for a mount that
+        does not respond.
 
         Goes through the mount's process and, where the driver does not answer within 100 ms, beside
         it by a second plain connection to the INDI server. Returns when tracking is then ordered as
-        it is to be. ``on_news`` hears when ABORT is on its way, when it is answered, and, after
-        this has returned, how the mount is measured to move: each time that this changes, for 30 s
-        at most, or until the next order.
+        required. ``on_news`` is called when ABORT is on its way, when it is answered, and, after
+        this has returned, with the measured motion: each time that it changes, for 30 s at most, or
+        until the next order.
         """
 
     def park(self) -> None:
-        """Order the mount to its park position; ``report().is_parked`` tells the arrival."""
+        """Order the mount to its park position; ``report().is_parked`` shows the arrival."""
 
     def unpark(self) -> None:
-        """Release a parked mount: parked, it takes no other order."""
+        """Release a parked mount: parked, it accepts no other order."""
 
     def set_tracking(self, is_on: bool) -> None:
-        """Sidereal tracking on or off."""
+        """Turn sidereal tracking on or off."""
 
     def set_site(self, site: Site) -> None:
-        """Tell the mount where it stands."""
+        """Send the mount its site."""
 
     def check_site(self, site: Site) -> SiteCheck:
         """Compare the mount's site with the configured one."""
 
     def abilities(self) -> MountAbilities:
-        """The abilities of its driver. Raises InstrumentError where it is not connected."""
+        """Return the abilities of its driver. Raises InstrumentError where it is not connected."""
 
     def keep(self, lease_s: float, track_until_utc_ns: int | None) -> None:
-        """Renew the lease on motion: somebody watches the mount.
+        """Renew the lease on motion: the engine watches the mount.
 
         Without another call within ``lease_s`` (wall clock) a slew is ended and the mount goes
         back to sidereal tracking; at ``track_until_utc_ns`` (the instant of the next limit, by
@@ -246,10 +253,10 @@ class MountPort(Protocol):
         """The end of the last slew by the mount's process, once; None where it ended none."""
 
     def utc_offset_s(self) -> float | None:
-        """The mount's own clock minus the engine's; None when it does not tell the time."""
+        """The mount's own clock minus the engine's; None when it reports no time."""
 
     def restart(self) -> None:
-        """A fresh process and a fresh connection."""
+        """Start a fresh process and a fresh connection."""
 
     def close(self) -> None:
         """End the process; the mount is left tracking at the sidereal rate, not slewing."""
@@ -262,15 +269,16 @@ class CameraPort(Protocol):
         """Connect. Raises InstrumentError when the camera cannot be reached."""
 
     def start_exposure(self, exposure_s: float, frame_id: int) -> None:
-        """Open the shutter; returns once the camera has taken the order.
+        """Open the shutter; returns once the camera has accepted the order.
 
         Raises InstrumentError when the camera refuses or is silent.
         """
 
     def set_binning(self, binning: int) -> int:
-        """Join a number of pixels on each axis, of those that the camera was set to join before.
+        """Join a number of pixels on each axis, as a multiple of the binning that the camera was
+        set to.
 
-        1: as it was. Between exposures. Returns what holds from now on. Raises InstrumentError
+        1: as it was. Between exposures. Returns the binning from now on. Raises InstrumentError
         where the camera cannot or is silent.
         """
 
@@ -282,21 +290,21 @@ class CameraPort(Protocol):
         """
 
     def wait_frame(self, timeout_s: float) -> Frame:
-        """The frame of the exposure under way, within ``timeout_s`` of wall time.
+        """Return the frame of the exposure under way, within ``timeout_s`` of wall time.
 
-        Under a simulated clock the clock must first have been led past the end of the exposure
-        (order + start latency + exposure). The pixels are the caller's own copy. Raises
-        InstrumentError when no frame comes; the camera's process is then started again.
+        A simulated clock must first have been advanced past the end of the exposure (order + start
+        latency + exposure). The pixels are the caller's own copy. Raises InstrumentError when no
+        frame comes; the camera's process is then started again.
         """
 
     def take_messages(self) -> tuple[str, ...]:
-        """The driver's messages since the last call, in its own words."""
+        """Return the driver's messages since the last call, in its own words."""
 
     def abort(self) -> None:
-        """Give up the exposure under way; its frame never comes."""
+        """Abort the exposure under way; its frame never comes."""
 
     def restart(self) -> None:
-        """A fresh process and a fresh connection."""
+        """Start a fresh process and a fresh connection."""
 
     def close(self) -> None:
         """End the process and release the shared memory."""
@@ -314,4 +322,4 @@ class Instruments:
     mount_name: str
     camera_name: str
     safety_monitor: SafetyMonitorPort | None = None
-    """None where neither weather station nor dome is configured."""
+    """Monitor of weather and dome; None where neither is configured."""

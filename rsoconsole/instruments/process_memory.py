@@ -1,6 +1,6 @@
-"""Memory of this process that the system may have back.
+"""Release of this process's free memory to the system.
 
-The GNU C library learns from whatever is freed: after a few frames of 33 MB it takes the next ones
+The GNU C library adapts to freed blocks: after a few frames of 33 MB it allocates the next ones
 from heaps that it never shrinks, one for each thread that held one.
 """
 
@@ -14,9 +14,9 @@ _DONTNEED = 4
 
 
 def return_what_is_freed() -> bool:
-    """Have every large block come from the system and go back to it as soon as it is freed.
+    """Have every large block come from the system and return to it as soon as it is freed.
 
-    False where the C library does not know how: then nothing has changed.
+    Returns False where the C library cannot: then nothing has changed.
     """
     return bool(
         _call("mallopt", _MMAP_THRESHOLD, _LARGE_BYTES)
@@ -25,18 +25,18 @@ def return_what_is_freed() -> bool:
 
 
 def return_free_pages() -> bool:
-    """Give back, once, what lies free between blocks in use; takes some milliseconds.
+    """Release, once, the pages that lie free between blocks in use; takes some milliseconds.
 
-    False where the C library does not know how, or had nothing to give.
+    Returns False where the C library cannot, or had nothing to release.
     """
     return bool(_call("malloc_trim", 0))
 
 
 def forget_contents(address: int, size: int) -> bool:
-    """Give back the pages that lie wholly in a range of memory that stays allocated.
+    """Release the pages that lie wholly in a range of memory that stays allocated.
 
-    What was written there is lost: it reads as zeros, and is there again as soon as it is written.
-    False where the system does not do it: then the contents are as they were.
+    Their contents are lost: they read as zeros, and are there again as soon as they are written.
+    Returns False where the system does not do it: then the contents are as they were.
     """
     first = -(-address // mmap.PAGESIZE) * mmap.PAGESIZE
     length = (address + size) // mmap.PAGESIZE * mmap.PAGESIZE - first
@@ -46,7 +46,7 @@ def forget_contents(address: int, size: int) -> bool:
 
 
 def _call(function: str, *arguments: Any) -> int | None:
-    """What a function of the C library returns; None where the library has no such function."""
+    """Result of a function of the C library; None where the library has no such function."""
     try:
         return int(getattr(ctypes.CDLL(None), function)(*arguments))
     except (OSError, AttributeError):

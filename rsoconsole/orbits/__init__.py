@@ -1,4 +1,4 @@
-"""Pure: element sets and directions in, orbits and places out."""
+"""Orbit computation: element sets and directions in, orbits and places out. Pure."""
 
 from lazy_loader import attach_stub
 

@@ -1,1 +1,1 @@
-"""The camera, by a process of its own; frames come through shared memory."""
+"""The camera, in a process of its own; frames come through shared memory."""

@@ -1,8 +1,8 @@
-"""The part of its sensor that a camera reads: CCD_FRAME of INDI, in single pixels of the sensor.
+"""Part of the sensor that a camera reads: CCD_FRAME of INDI, in single pixels of the sensor.
 
-A driver answers an order twice as a rule: with what it made of it, in the state it was in before,
-then in the state it is in now. One that cannot read parts may say nothing at all. Drivers round
-places and sides as they like, some again when pixels are joined.
+A driver answers an order twice as a rule: both times with its window, first in its state before,
+then in its present state. One that cannot read parts may send no answer. Drivers round places and
+sides, some again when pixels are joined.
 """
 
 import contextlib
@@ -16,17 +16,17 @@ from rsoconsole.instruments.indi.indi_client import IndiClient, Vector
 _FRAME, _BINNING, _INFO = "CCD_FRAME", "CCD_BINNING", "CCD_INFO"
 _SIDES = ("X", "Y", "WIDTH", "HEIGHT")
 _GRID_PX = 16
-"""Places and sides of a part are multiples of this, in joined pixels."""
+"""Grid of places and sides of a part, in joined pixels."""
 _ROUNDED_PX = 64
 """Largest rounding of a place or side by a driver, in pixels."""
 _ANSWER_S, _SECOND_WORD_S = 3.0, 1.0
 
 Window = list[int]
-"""x, y, width, height."""
+"""Part of the sensor: x, y, width, height."""
 
 
 class SensorWindow:
-    """Orders parts of one camera's sensor, and gives back what was read before."""
+    """Sets the part of one camera's sensor that is read, and restores the one before."""
 
     def __init__(self, client: IndiClient, answer_s: float) -> None:
         """``answer_s``: how long the driver may take over an answer, at most."""
@@ -54,7 +54,7 @@ class SensorWindow:
         return {"own": own, "share": share, "window": now}
 
     def restore_whole(self, size_px: Sequence[int]) -> None:
-        """Read all of the sensor again where a killed engine has left a part of it.
+        """Read all of the sensor again where a killed engine has left a part of it set.
 
         ``size_px``: the configured width and height; nothing is done where these are a part, too.
         """
@@ -78,7 +78,7 @@ class SensorWindow:
                 self._set_window(before)
 
     def _own_of(self, now: Window, joined: int, size_px: Sequence[int]) -> Window:
-        """The window that the operator has set in the driver."""
+        """Window that the operator has set in the driver."""
         whole = whole_sensor(self._client.get(_INFO), size_px)
         if whole is not None:
             return whole
@@ -92,7 +92,8 @@ class SensorWindow:
         return now
 
     def _set_window(self, wanted: Window) -> Window:
-        """Order a window; returns what the driver has made of it. Raises InstrumentError."""
+        """Order a window; return the driver's answer, which may be rounded. Raises
+        InstrumentError."""
         before = self._client.send_numbers(
             _FRAME, dict(zip(_SIDES, map(float, wanted), strict=True))
         )
@@ -116,7 +117,7 @@ class SensorWindow:
 
 
 def central_window(window: Window, share: float, grid_px: int) -> Window:
-    """A share of each side about the middle; 1 is the window itself."""
+    """Central part of a window by a share of each side; 1 is the window itself."""
     if share >= 1.0:
         return list(window)
     x, y, width, height = window
@@ -129,7 +130,8 @@ def central_window(window: Window, share: float, grid_px: int) -> Window:
 
 
 def whole_sensor(info: Vector | None, size_px: Sequence[int]) -> Window | None:
-    """The whole sensor, where the configured size is that, joined or not; None otherwise."""
+    """Window of the whole sensor, where the configured size is that, joined or not; None for a
+    part."""
     if info is None:
         return None
     sensor = [int(float(info.values.get(key, 0.0))) for key in ("CCD_MAX_X", "CCD_MAX_Y")]
@@ -149,7 +151,7 @@ def _window_of(vector: Vector | None) -> Window | None:
 
 
 def _joined(vector: Vector | None) -> int:
-    """Pixels joined on each axis by now."""
+    """Number of pixels joined on each axis at present."""
     return 1 if vector is None else max(int(float(vector.values.get("HOR_BIN", 1.0))), 1)
 
 
@@ -158,7 +160,7 @@ def _off_px(window: Window, wanted: Window) -> int:
 
 
 def _is_about_its_middle(window: Window, whole: Window) -> bool:
-    """Whether it is a part as this program has them read."""
+    """True for a centred part, as this program orders it."""
     return window[2] < whole[2] and all(
         abs((whole[n + 2] - window[n + 2]) // 2 - window[n]) <= _ROUNDED_PX for n in (0, 1)
     )

@@ -14,7 +14,7 @@ from rsoconsole.instruments.indi.indi_process import IndiProcess, device_setting
 from rsoconsole.records import Frame
 
 ARRIVED_KEY = "ARRIVED_MONOTONIC_S"
-"""Key under which a frame's header says when its last byte had come, by ``time.monotonic()``.
+"""Key of a frame's header for the instant at which its last byte had come, by ``time.monotonic()``.
 
 That clock is one for all processes of a machine. libindi has by then read the whole BLOB and
 decoded its base64; the bytes are not yet unpacked. No FITS keyword: sessions do not keep it.
@@ -33,7 +33,7 @@ class IndiCamera:
         log_path: Path,
         waits: WaitsConfig | None = None,
     ) -> None:
-        """Describe the camera; ``start`` connects. ``waits`` None: as by default."""
+        """Describe the camera; ``start`` connects. ``waits`` None: the defaults."""
         waits = waits or WaitsConfig()
         self._order_s = waits.order_s
         # Room for float32, though cameras give uint16: untouched pages cost nothing.
@@ -42,15 +42,15 @@ class IndiCamera:
         self._awaited: int | None = None
         self._outcome: dict[str, Any] | None = None
         self._driver_binning: int | None = None
-        """Of the driver, before this program has set another."""
+        """Binning of the driver, before this program has set another."""
         self._binning = 1
-        """How many of those are joined."""
+        """Binning on each axis, in units of the driver's own."""
         self._own_window: list[int] | None = None
-        """What the driver read of the sensor before: x, y, width, height in its pixels."""
+        """Window that the driver read before: x, y, width, height in the sensor's pixels."""
         self._share = 1.0
-        """Of each side of that, what is read now."""
+        """Share of each side of ``_own_window`` that is read now."""
         self._window: list[int] = []
-        """That, likewise."""
+        """Window that is read now, in the sensor's pixels."""
         self._messages: deque[str] = deque(maxlen=_MAX_MESSAGES)
         self.process = IndiProcess(
             name="camera",
@@ -68,11 +68,11 @@ class IndiCamera:
         )
 
     def start(self) -> None:
-        """Make the process and connect. Raises InstrumentError."""
+        """Start the process and connect. Raises InstrumentError."""
         self.process.start()
 
     def start_exposure(self, exposure_s: float, frame_id: int) -> None:
-        """Open the shutter; returns once the camera has taken the order."""
+        """Open the shutter; returns once the camera has accepted the order."""
         self._outcome, self._awaited = None, frame_id
         self.process.request(
             "expose",
@@ -83,7 +83,7 @@ class IndiCamera:
         )
 
     def set_binning(self, binning: int) -> int:
-        """Join a number of pixels on each axis, of those that the driver was set to join before."""
+        """Join a number of pixels on each axis, as a multiple of the driver's own binning."""
         answer = self.process.request(
             "bin",
             self._order_s,
@@ -111,10 +111,10 @@ class IndiCamera:
         return self._share
 
     def wait_frame(self, timeout_s: float) -> Frame:
-        """The frame of the exposure under way, within ``timeout_s`` of wall time.
+        """Return the frame of the exposure under way, within ``timeout_s`` of wall time.
 
-        Its pixels are not to be changed: they lie where the camera's process has written them,
-        and hold that place as long as anybody holds them.
+        Its pixels are not to be changed: they lie where the camera's process has written them, and
+        hold that place as long as they are in use.
         """
         if self._awaited is None:
             raise InstrumentError("no exposure is under way: start one first")
@@ -165,19 +165,19 @@ class IndiCamera:
             )
 
     def abort(self) -> None:
-        """Give up the exposure under way; its frame never comes."""
+        """Abort the exposure under way; its frame never comes."""
         self._awaited = None
         self.process.request("abort", self._order_s)
 
     def take_messages(self) -> tuple[str, ...]:
-        """The driver's messages since the last call, at most the last 100.
+        """Return the driver's messages since the last call, at most the last 100.
 
-        What it said before a frame is there when ``wait_frame`` returns it. From any thread.
+        Its messages before a frame are there when ``wait_frame`` returns it. From any thread.
         """
         return drain_messages(self._messages)
 
     def restart(self) -> None:
-        """A fresh process and a fresh connection."""
+        """Start a fresh process and a fresh connection."""
         self._awaited = None
         self.process.restart()
 

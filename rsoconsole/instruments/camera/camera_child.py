@@ -1,8 +1,8 @@
-"""The camera's process: takes FITS BLOBs from INDI and lays their pixels into shared memory.
+"""Process of the camera: receives FITS BLOBs from INDI and writes their pixels into shared memory.
 
 Run as ``python -m rsoconsole.instruments.camera.camera_child``. A plain FITS file of 16 bits a
 pixel is read where the client has decoded it, straight into the slot that the parent has named with
-its order; whatever takes longer to understand is copied and understood on a thread of its own.
+its order; a frame that takes longer to decode is copied and decoded on a thread of its own.
 """
 
 import os
@@ -30,8 +30,8 @@ _EXPOSURE = "CCD_EXPOSURE"
 _IMAGE = "CCD1"
 _BINNING = "CCD_BINNING"
 _SENT_FIELDS = tuple(each.name for each in fields(Frame) if each.name not in ("pixels", "camera"))
-"""Fields of a frame that go by message: its pixels lie in the ring, ``camera`` follows from the
-header."""
+"""Fields of a frame that are sent by message: its pixels lie in the ring, ``camera`` follows from
+the header."""
 
 
 class CameraChild:
@@ -43,9 +43,9 @@ class CameraChild:
         self._ring: FrameRing | None = None
         self._frame_id = 0
         self._ordered = 0
-        """The last update before the exposure under way was ordered."""
+        """Number of the last update before the exposure under way was ordered."""
         self._slot: int | None = None
-        """Where the frame of the exposure under way goes; None once it has come."""
+        """Slot for the frame of the exposure under way; None once the frame has come."""
         self._blobs: queue.SimpleQueue[tuple[int, int, bytes, float]] = queue.SimpleQueue()
         self._answer_s = 0.0
         self._window: SensorWindow | None = None
@@ -73,7 +73,7 @@ class CameraChild:
         return {"client": library.title}
 
     def expose(self, order: dict[str, Any]) -> dict[str, Any]:
-        """Open the shutter; answers when the camera has taken the order."""
+        """Open the shutter; answers when the camera has accepted the order."""
         client = self._ready()
         self._frame_id, self._slot = int(order["frame_id"]), int(order["slot"])
         self._ordered = client.serial()
@@ -127,7 +127,7 @@ class CameraChild:
         )
 
     def abort(self, _order: dict[str, Any]) -> dict[str, Any]:
-        """Give up the exposure under way."""
+        """Abort the exposure under way."""
         client = self._ready()
         self._frame_id, self._slot = 0, None
         exposure = client.get(_EXPOSURE)
@@ -171,7 +171,7 @@ class CameraChild:
     def _take(
         self, frame_id: int, slot: int, content: bytes | memoryview, arrived_s: float
     ) -> None:
-        """Understand a frame, lay its pixels into their slot and tell the parent."""
+        """Decode a frame, write its pixels into their slot and notify the parent."""
         ring = self._ring
         assert ring is not None
         is_plain = isinstance(content, memoryview)
@@ -210,7 +210,7 @@ class CameraChild:
 
 
 def _driver_binning(info: Vector | None, order: dict[str, Any]) -> int:
-    """As many pixels joined on each axis as give the configured width; 0 where none does."""
+    """Binning of the driver's own, which gives the configured width; 0 where none does."""
     sensor_px = 0.0 if info is None else float(info.values.get("CCD_MAX_X", 0.0))
     width_px = int(order.get("width_px", 0))
     if sensor_px <= 0.0 or width_px <= 0:
@@ -220,7 +220,7 @@ def _driver_binning(info: Vector | None, order: dict[str, Any]) -> int:
 
 
 def main() -> None:
-    """Obey until the parent goes away."""
+    """Serve orders until the parent goes away."""
     return_what_is_freed()
     writer = ReplyWriter()
     child = CameraChild(writer)

@@ -3,7 +3,7 @@
 The memory has no name, only a descriptor that the child inherits: it cannot be left behind, no
 matter which side dies. The parent names the slot for each frame that it orders, and the child
 writes there and nowhere else. So a frame need not be copied out of the ring: its slot is lent to
-what holds the frame, and none is ordered into it until the last holder has let go.
+the holders of the frame, and no other is ordered into it until the last holder has released it.
 """
 
 import contextlib
@@ -35,7 +35,7 @@ class FrameRing:
 
     @classmethod
     def create(cls, frame_bytes: int) -> "FrameRing":
-        """A new ring whose slots hold at least ``frame_bytes``."""
+        """Create a ring whose slots hold at least ``frame_bytes``."""
         slot_bytes = -(-max(frame_bytes, 1) // _PAGE) * _PAGE
         if hasattr(os, "memfd_create"):
             descriptor = os.memfd_create("rsoconsole-frames")
@@ -46,7 +46,8 @@ class FrameRing:
         return cls(descriptor, slot_bytes)
 
     def free_slot(self) -> int:
-        """A slot that nobody's frame lies in; the same again and again while frames are let go.
+        """Number of a slot without a frame in use; the same again and again while frames are
+        released.
 
         So a night of one frame at a time touches the memory of two slots: the frame's, and that of
         the one before, with which it is compared.
@@ -54,7 +55,8 @@ class FrameRing:
         return next(slot for slot in range(SLOTS) if slot not in self._lent)
 
     def room(self, slot: int, shape: tuple[int, ...], dtype: npt.DTypeLike) -> npt.NDArray[Any]:
-        """A slot's memory as an array to be written. Raises FrameError when it is too small."""
+        """Return a slot's memory as an array to be written. Raises FrameError when it is too
+        small."""
         if int(np.prod(shape)) * np.dtype(dtype).itemsize > self.slot_bytes:
             raise FrameError(
                 f"a frame of {shape[1]} x {shape[0]} pixels is larger than the "
@@ -63,7 +65,7 @@ class FrameRing:
         return self._view(slot, dtype, shape)
 
     def take(self, slot: int, dtype: npt.DTypeLike, shape: tuple[int, ...]) -> PixelArray:
-        """What lies in a slot, not to be changed; the slot is lent as long as anybody holds it.
+        """Return a slot's content, not to be changed; the slot is lent as long as anybody holds it.
 
         A copy where lending would leave no slot for the next frame.
         """
@@ -79,7 +81,8 @@ class FrameRing:
         return pixels
 
     def close(self) -> None:
-        """Give the memory back; it is gone when the other process and every frame has, too."""
+        """Release the memory; it is freed when the other process and every frame has released it,
+        too."""
         with contextlib.suppress(BufferError):
             self._memory.close()
         os.close(self.descriptor)

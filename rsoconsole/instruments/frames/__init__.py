@@ -1,1 +1,1 @@
-"""Frames from files: FITS, TIFF, PNG, with what their headers promise."""
+"""Frames from files: FITS, TIFF, PNG, and the values of their headers."""

@@ -1,4 +1,4 @@
-"""The process that decodes pictures, and FITS files that are not plain: a file may crash it.
+"""Process that decodes pictures, and FITS files that are not plain: a file may crash it.
 
 Started with ``python -c``, ends with its parent's end of the socket.
 """
@@ -26,12 +26,12 @@ class DecodeRequest:
     extension: str | None = None
     min_side_px: int = 1
     is_picture: bool = False
-    """TIFF or PNG: then the two above say nothing."""
+    """True for TIFF or PNG: then ``extension`` and ``min_side_px`` mean nothing."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DecodeReply:
-    """The decoded image without its pixels, which follow as bytes; or why there is none."""
+    """Decoded image without its pixels, which follow as bytes; or the reason why there is none."""
 
     fault: str = ""
     dtype: str = ""
@@ -62,7 +62,7 @@ def main(socket_fd: int) -> None:
 
 
 def _limit_memory() -> None:
-    """What a file asks for beyond it fails here, in words."""
+    """Limit this process's memory: a file that needs more fails here, with a message."""
     with contextlib.suppress(OSError, ValueError, IndexError):
         said = Path("/proc/self/statm").read_text(encoding="ascii")
         most = int(said.split()[0]) * resource.getpagesize() + SPARE_BYTES

@@ -1,4 +1,4 @@
-"""The images of a FITS file that is not a plain one, by astropy: which there are, and one of them.
+"""Images of a FITS file that is not a plain one, by astropy: their list, and one of them.
 
 Observatories keep the parts of a mosaic, the masks of an image or several summaries of one video
 in the extensions of one file. Only the decoding process reads them: a hostile file may hang or
@@ -17,7 +17,7 @@ from rsoconsole.base import FrameError
 from rsoconsole.instruments.frames.plain_fits import Content, FitsImage
 
 MAX_PIXELS = 400_000_000
-"""Largest image that is read: no camera has more pixels."""
+"""Largest image that is read, in pixels: no camera has more."""
 _BLOCK, _CARD, _MAX_BLOCKS, _MAX_UNITS = 2880, 80, 1000, 2000
 _WHOLE = re.compile(rb"= +([+-]?[0-9]+)(?:\.0*)? *(?:/.*)?$")
 _BITS = (8, 16, 32, 64, -32, -64)
@@ -25,9 +25,9 @@ _MAX_AXES, _MAX_ITEMS = 999, 16 * MAX_PIXELS
 
 
 def structure_fault(content: Content) -> str | None:
-    """The keyword that cannot be, with its value; None where nothing speaks against the file.
+    """Impossible keyword of a file, with its value; None where nothing is wrong.
 
-    Looks as far as headers can be read: what breaks off half-way is for the decoder to say.
+    Looks as far as headers can be read: the decoder reports files that break off half-way.
     """
     for header in _headers(content):
         fault = _fault_of(header)
@@ -37,7 +37,7 @@ def structure_fault(content: Content) -> str | None:
 
 
 def _headers(content: Content) -> Iterator[dict[str, int]]:
-    """The whole numbers of each unit's header, in order."""
+    """Yield the whole numbers of each unit's header, in order."""
     offset = 0
     for _ in range(_MAX_UNITS):
         header, end = _header(content, offset)
@@ -70,12 +70,12 @@ def _header(content: Content, offset: int) -> tuple[dict[str, int], int | None]:
 
 
 def _number(digits: bytes) -> int:
-    """As it is, or one that no file can have where it has more digits than any."""
+    """Number of a header, or an impossible one where it has more digits than any file can have."""
     return int(digits) if len(digits) < 20 else (-1 if digits.startswith(b"-") else 10**20)
 
 
 def data_bytes(header: Mapping[str, int]) -> int:
-    """Bytes that a unit's header promises, without the padding to a full block."""
+    """Number of bytes by a unit's header, without the padding to a full block."""
     axes = [header.get(f"NAXIS{n + 1}", 0) for n in range(header.get("NAXIS", 0))]
     items = math.prod(axes) if axes else 0
     groups = header.get("GCOUNT", 1)
@@ -110,7 +110,7 @@ def _fault_of(header: dict[str, int]) -> str | None:
 
 
 ALL = "all"
-"""In place of an extension's name: every image of the file, one after another."""
+"""Value for all images of the file, one after another, in place of an extension's name."""
 _NAMELESS = ("", "PRIMARY", "COMPRESSED_IMAGE")
 # What astropy raises for a damaged file; AttributeError where a header breaks off half-way.
 _BROKEN = (OSError, ValueError, TypeError, KeyError, IndexError, AttributeError, zlib.error)
@@ -131,14 +131,14 @@ class _Unit:
 
     @property
     def side_px(self) -> int:
-        """The shorter one."""
+        """Length of the shorter side."""
         return int(min(self.hdu.shape[-2:]))
 
 
 def image_by_astropy(
     content: bytes, name: str, extension: str | None = None, min_side_px: int = 1
 ) -> FitsImage:
-    """The image asked for, as ``fits_images.fits_image`` has it, in this very process."""
+    """Read the requested image, as ``fits_images.fits_image``, in this very process."""
     from astropy.io import fits
 
     truncated = FrameError(f"{name} is truncated or damaged: copy it again or leave it out")
@@ -173,7 +173,7 @@ def image_by_astropy(
 
 
 def _chosen(found: dict[str, _Unit], extension: str | None, name: str) -> str:
-    """Label of the image asked for."""
+    """Label of the requested image."""
     if not found:
         raise FrameError(f"{name} holds no two-dimensional image: name a file with a frame in it")
     if extension is None:
@@ -228,7 +228,8 @@ def _images(hdus: Any, name: str, min_side_px: int) -> list[_Unit]:
 
 
 def _readable(hdus: Any) -> Iterator[Any]:
-    """Units up to where the file is damaged; raises what astropy does where none can be read."""
+    """Yield units up to where the file is damaged; raises astropy's error where none can be
+    read."""
     units, count = iter(hdus), 0
     while True:
         try:
@@ -244,7 +245,7 @@ def _readable(hdus: Any) -> Iterator[Any]:
 
 
 def _merged_header(primary: Any, own: Any) -> dict[str, Any]:
-    """Cards as plain values; an image's own cards win over the primary header's."""
+    """Merge cards as plain values; an image's own cards win over the primary header's."""
     merged: dict[str, Any] = {}
     for header in (primary, own):
         for card in header.cards:

@@ -1,4 +1,5 @@
-"""Decodes pictures, and FITS files that are not plain, in a process with limits of time and memory.
+"""Decoding of pictures, and of FITS files that are not plain, in a process with limits of time and
+memory.
 
 Decoders of compressed images are native code: a damaged tile may corrupt their memory, a false
 length may keep them busy for ever. The process is started with the first such file, kept for the
@@ -18,8 +19,8 @@ from rsoconsole.instruments.frames.plain_fits import Content, FitsImage
 
 START_S = 60.0
 MIN_S, BYTES_A_S = 15.0, 8_000_000
-"""A file is given this, and more by its length. A compressed frame of 8 MB takes 0.5 s on an idle
-core, 2 s beside six busy processes, and a Pi is slower than that machine."""
+"""Least time limit of a file, and the speed that adds to it by length. A compressed frame of 8 MB
+takes 0.5 s on an idle core, 2 s beside six busy processes, and a Pi is slower than that machine."""
 
 
 class FrameDecoder:
@@ -86,7 +87,7 @@ class FrameDecoder:
 
 
 _decoders: dict[int, FrameDecoder] = {}
-"""By process: what a fork inherits is its parent's."""
+"""Decoders by process: a fork inherits its parent's."""
 
 
 def decoder() -> FrameDecoder:

@@ -1,4 +1,5 @@
-"""A file's stored numbers as a frame's pixels: uint16 or float32, and where they saturate."""
+"""Conversion of a file's stored numbers to a frame's pixels: uint16 or float32, with their
+saturation."""
 
 import math
 from collections.abc import Callable, Mapping
@@ -11,7 +12,7 @@ from rsoconsole.base import FrameError
 from rsoconsole.records import PixelArray
 
 Room: TypeAlias = Callable[[tuple[int, ...]], npt.NDArray[np.uint16] | None]
-"""May give an array (height, width) into which pixels of 16 bits are written."""
+"""Function that may give an array (height, width) for writing pixels of 16 bits."""
 
 EIGHT_BIT_ADU = 255.0
 _CONVERTER_BITS = (8, 10, 12, 14)
@@ -19,11 +20,11 @@ _FILL_BLOCK_PX = 64
 
 
 def one_plane(raw: npt.NDArray[Any], name: str) -> tuple[npt.NDArray[Any], float | None, bool]:
-    """A picture in colours as one plane: (pixels, where they saturate, whether it had colours).
+    """Convert a colour picture to one plane: (pixels, saturation, whether it had colours).
 
-    The colours are added up, so that the steps of 8 bits do not grow; what is grey in every pixel
-    keeps its values. ``raw``: (height, width) or (height, width, 3 or 4), the fourth is opacity.
-    Raises FrameError for other shapes.
+    The colours are added up, so that the steps of 8 bits do not grow; a picture that is grey in
+    every pixel keeps its values. ``raw``: (height, width) or (height, width, 3 or 4), the fourth is
+    opacity. Raises FrameError for other shapes.
     """
     if raw.ndim == 2:
         return raw, None, False
@@ -50,7 +51,7 @@ def to_pixels(
     name: str,
     room: Room,
 ) -> PixelArray:
-    """uint16 where the file holds that, else float32; never the file's own memory."""
+    """Convert to uint16 where the file holds that, else float32; never the file's own memory."""
     bzero, bscale = _scaling(header)
     if raw.dtype.kind == "u" and raw.dtype.itemsize == 1 and (bzero, bscale) == (0.0, 1.0):
         return raw.astype(np.uint16)
@@ -85,7 +86,7 @@ def _scaling(header: Mapping[str, Any]) -> tuple[float, float]:
 
 
 def _shift_bits(raw: npt.NDArray[Any], bzero: float, bscale: float) -> int | None:
-    """By how much a camera's values were shifted down before coding; None when they were not.
+    """Bits by which a camera's values were shifted down before coding; None when they were not.
 
     Sessions keep 12 bits in 16 that way, and say so with BSCALE: the same frame comes back.
     """
@@ -99,7 +100,7 @@ def _shift_bits(raw: npt.NDArray[Any], bzero: float, bscale: float) -> int | Non
 
 
 def fill_nonfinite(pixels: npt.NDArray[Any], name: str, max_fraction: float) -> str | None:
-    """Fill masked pixels in place with the median of their block; returns what to note."""
+    """Fill masked pixels in place with the median of their block; return a note for the user."""
     bad = ~np.isfinite(pixels)
     count = int(np.count_nonzero(bad))
     if count == 0:
@@ -119,7 +120,7 @@ def fill_nonfinite(pixels: npt.NDArray[Any], name: str, max_fraction: float) -> 
 
 
 def saturation_adu(raw: npt.NDArray[Any], pixels: PixelArray, header: Mapping[str, Any]) -> float:
-    """Highest value a pixel can take; a 12-bit converter in 16 bits stops at 65520, or at 4095."""
+    """Highest value of a pixel; a 12-bit converter in 16 bits stops at 65520, or at 4095."""
     stated = header.get("SATURATE")
     if isinstance(stated, int | float) and not isinstance(stated, bool) and stated > 0:
         return float(stated)

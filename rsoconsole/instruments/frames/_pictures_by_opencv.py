@@ -15,7 +15,7 @@ os.environ.setdefault("OPENCV_IO_MAX_IMAGE_PIXELS", str(MAX_PIXELS))
 
 
 def picture_by_opencv(content: Content, name: str) -> npt.NDArray[Any]:
-    """Pixels as stored, (height, width) or (height, width, colours). Raises FrameError."""
+    """Read pixels as stored, (height, width) or (height, width, colours). Raises FrameError."""
     import cv2
 
     try:

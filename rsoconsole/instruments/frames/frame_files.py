@@ -1,6 +1,6 @@
 """Frames from files: FITS as cameras and archives write it, TIFF and PNG.
 
-The kind of a file is told by its first bytes, not by its name. A file is held in memory once as
+The kind of a file is known by its first bytes, not by its name. A file is held in memory once as
 bytes and once as pixels, never a third time.
 """
 
@@ -48,11 +48,11 @@ MAGIC = (b"\x89PNG", b"II*\0", b"MM\0*", b"II+\0", b"MM\0+")
 def fits_image(
     content: Content, name: str, extension: str | None = None, min_side_px: int = 1
 ) -> FitsImage:
-    """The image asked for; with None the file's first.
+    """Read the requested image of a FITS file; with None the file's first.
 
-    ``extension`` is a number (0 is the primary unit), a name (EXTNAME) or ``NAME,VERSION``.
-    Images with a side below ``min_side_px`` count only where there are no others. What is no
-    plain file is decoded in another process. Raises FrameError.
+    ``extension`` is a number (0 is the primary unit), a name (EXTNAME) or ``NAME,VERSION``. Images
+    with a side below ``min_side_px`` count only where there are no others. Any but a plain file is
+    decoded in another process. Raises FrameError.
     """
     fault = structure_fault(content)
     if fault is not None:
@@ -68,13 +68,13 @@ MIN_SIDE_PX = 64
 MAX_BYTES = 400_000_000
 """Largest file that is read, packed or not: 200 million pixels of 16 bits."""
 MAX_NONFINITE_FRACTION = 0.0
-"""A camera gives numbers: a frame with anything else is not what it saw."""
+"""Largest share of pixels that are no numbers: a camera's frame has none."""
 _FITS_MAGIC = b"SIMPLE  ="
 _MAX_NAMED = 8
 _SCALING = ("BZERO", "BSCALE", "BLANK")
 log = logging.getLogger(__name__)
 OTHERS_KEY = "OTHER_IMAGES"
-"""Key under which a frame's header names the other images of its file, a tuple of labels."""
+"""Key of a frame's header for the other images of its file, a tuple of labels."""
 EIGHT_BIT = "8 bits a pixel: faint streaks are lost in its steps; give the camera's 16-bit frames"
 COLOURS = "a colour picture: its colours are added up; give the camera's raw frames"
 
@@ -234,7 +234,8 @@ def _frame_of(
     max_nonfinite_fraction: float,
     room: Room,
 ) -> Frame:
-    """``full_adu``: where its pixels saturate, None where the numbers have to tell it."""
+    """Make a frame of an image; ``full_adu``: its saturation, None where the pixels have to show
+    it."""
     raw, header = image.raw, dict(image.header)
     _check_shape(raw, name)
     if bits == 8:
@@ -313,7 +314,7 @@ def _decompress(content: Content, name: str) -> Content:
 
 
 def _unpacked(file: bz2.BZ2File | gzip.GzipFile, name: str) -> bytes:
-    """The whole of a compressed file, as long as it is no longer than any frame."""
+    """Decompress a whole file, unless it is longer than any frame."""
     with file:
         content = file.read(MAX_BYTES + 1)
     if len(content) > MAX_BYTES:

@@ -11,7 +11,8 @@ from rsoconsole.words import NS_PER_S
 
 LOCKED = 3
 _FARTHEST_S = 900.0
-"""From DATE-OBS: a receiver that says another quarter of an hour is not believed."""
+"""Largest difference of the receiver's time from DATE-OBS; beyond a quarter of an hour it is not
+believed."""
 _SAME_SHARE, _SAME_S = 0.05, 0.01
 """Largest differences of the receiver's exposure time from the header's, as share and seconds."""
 
@@ -19,7 +20,8 @@ _SAME_SHARE, _SAME_S = 0.05, 0.01
 def gps_time(
     header: Mapping[str, Any], header_start_utc_ns: int | None, exposure_s: float | None
 ) -> tuple[int | None, str | None]:
-    """Start of the exposure (UTC ns) by the camera's GPS receiver, or None and why it is not used.
+    """Start of the exposure (UTC ns) by the camera's GPS receiver, or None and the reason why it is
+    not used.
 
     The start is such that the middle of the exposure is the receiver's. (None, None) where there is
     no receiver.
@@ -49,7 +51,7 @@ def _not_used(why: str) -> tuple[None, str]:
 
 
 def _instant(header: Mapping[str, Any], whole: str, second: str, micro: str) -> int | None:
-    """An instant as one of the two ways of writing it says."""
+    """Instant in one of the two notations."""
     stated = header.get(whole)
     if isinstance(stated, str):
         return _iso(stated)
@@ -73,20 +75,21 @@ def _iso(text: str) -> int | None:
 
 
 NOTES_KEY = "NOTES"
-"""Key under which a frame's header carries what its reader has to say, a tuple of sentences."""
+"""Key of a frame's header for its reader's notes, a tuple of sentences."""
 
 EXTENSION_KEY = "EXTENSION"
-"""Key under which it carries which of its file's images it is; absent where there is only one."""
+"""Key of a frame's header for the image of its file; absent where there is only one."""
 ABSOLUTE_ZERO_C = -273.15
 POSSIBLE_ARCSEC_PX = (0.01, 3600.0)
-"""Finer than any telescope's, coarser than any lens's: a scale beyond is a slip of the header."""
+"""Possible plate scales: finer than any telescope's, coarser than any lens's; a scale beyond is an
+error of the header."""
 
 
 def start(header: Mapping[str, Any]) -> tuple[int | None, str | None]:
     """Start of the exposure (UTC ns), or None and the reason why it is not known.
 
-    By the camera's own GPS receiver where it has one and that was locked, else by DATE-OBS, else
-    by DATE-BEG or DATE-AVG. A word also where the receiver's time is not used.
+    By the camera's own GPS receiver where it has one and that was locked, else by DATE-OBS, else by
+    DATE-BEG or DATE-AVG. A reason also where the receiver's time is not used.
     """
     stated_ns, note = header_start(header)
     gps_ns, why_not = gps_time(header, stated_ns, exposure_s(header))
@@ -130,7 +133,8 @@ def header_start(header: Mapping[str, Any]) -> tuple[int | None, str | None]:
 
 
 def _standard_start(header: Mapping[str, Any]) -> tuple[int | None, str | None]:
-    """By the FITS standard's DATE-BEG, else DATE-AVG; (None, None) without either."""
+    """Start of the exposure by the FITS standard's DATE-BEG, else DATE-AVG; (None, None) without
+    either."""
     system = str(header.get("TIMESYS", "UTC")).strip().upper()
     length_s = exposure_s(header)
     for key, earlier_s in (("DATE-BEG", 0.0), ("DATE-AVG", length_s and length_s / 2.0)):
@@ -147,7 +151,7 @@ def _standard_start(header: Mapping[str, Any]) -> tuple[int | None, str | None]:
 
 
 def exposure_s(header: Mapping[str, Any]) -> float | None:
-    """Length of the exposure, from EXPTIME or EXPOSURE."""
+    """Exposure time, from EXPTIME or EXPOSURE."""
     for key in ("EXPTIME", "EXPOSURE"):
         value = _number(header.get(key))
         if value is not None and value > 0:
@@ -156,7 +160,7 @@ def exposure_s(header: Mapping[str, Any]) -> float | None:
 
 
 def sensor_temperature_c(header: Mapping[str, Any]) -> float | None:
-    """Temperature of the sensor in degrees Celsius; None where the header does not tell it."""
+    """Temperature of the sensor in degrees Celsius; None where the header has none."""
     for key in ("CCD-TEMP", "DET-TEMP", "CCDTEMP", "SET-TEMP"):
         value = _number(header.get(key))
         if value is not None and ABSOLUTE_ZERO_C < value < 100.0:
@@ -167,8 +171,8 @@ def sensor_temperature_c(header: Mapping[str, Any]) -> float | None:
 def scale(header: Mapping[str, Any]) -> float | None:
     """Plate scale in arcsec/px from focal length (mm) and pixel size (um), binning counted.
 
-    XPIXSZ is the size after binning by the FITS convention of MaxIm DL and INDI. None where it is
-    not told, and where it cannot be (``absurd_scale``).
+    XPIXSZ is the size after binning by the FITS convention of MaxIm DL and INDI. None where the
+    header has none, and where it is impossible (``absurd_scale``).
     """
     stated = _stated_scale(header)
     if stated is None or not POSSIBLE_ARCSEC_PX[0] <= stated <= POSSIBLE_ARCSEC_PX[1]:

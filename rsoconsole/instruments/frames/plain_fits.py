@@ -1,8 +1,9 @@
-"""FITS as cameras write it, without astropy: one image in the first unit, cards of one line each.
+"""Reader of FITS as cameras write it, without astropy: one image in the first unit, cards of one
+line each.
 
-Astropy costs a process 30 MiB and half a second at its first frame. Whatever is not as plain as
-this module expects is left to it, so that nothing is understood in two ways.
-Source: FITS standard 4.0, chapters 3 and 4.
+Astropy costs a process 30 MiB and half a second at its first frame. Files that are less plain than
+this module expects are left to it, so that nothing is interpreted in two ways. Source: FITS
+standard 4.0, chapters 3 and 4.
 """
 
 import re
@@ -34,7 +35,7 @@ class FitsImage:
     """One two-dimensional image of a file."""
 
     raw: npt.NDArray[Any]
-    """(height, width) as stored: not scaled by BZERO and BSCALE."""
+    """Pixels (height, width) as stored: not scaled by BZERO and BSCALE."""
     header: dict[str, Any]
     """Values of the primary header and of the image's own, which win."""
     label: str = ""
@@ -44,7 +45,8 @@ class FitsImage:
 
 
 def read_plain(content: Content) -> tuple[npt.NDArray[Any], dict[str, Any]] | None:
-    """The image as it is stored (height, width), a view of ``content``, and the header's values.
+    """Read the image as it is stored (height, width), a view of ``content``, and the header's
+    values.
 
     None where the file is anything else than a plain one: compressed, damaged, with its image in
     an extension, with further units behind it, with cards of several lines; also where it is
@@ -72,13 +74,13 @@ def read_plain(content: Content) -> tuple[npt.NDArray[Any], dict[str, Any]] | No
 
 
 def _whole(header: dict[str, Any], keyword: str) -> int:
-    """A whole number of the header; 0 where it has none of that name."""
+    """Whole number of the header; 0 where it has none of that name."""
     value = header.get(keyword)
     return value if type(value) is int else 0
 
 
 def _header(content: Content) -> tuple[dict[str, Any], int] | None:
-    """The first header's values and where its data begin; None where a card is not plain."""
+    """Values of the first header, and the offset of its data; None where a card is not plain."""
     header: dict[str, Any] = {}
     for block in range(_MAX_BLOCKS):
         piece = bytes(content[block * _BLOCK : (block + 1) * _BLOCK])
@@ -101,7 +103,7 @@ def _header(content: Content) -> tuple[dict[str, Any], int] | None:
 
 
 def _take(card: str, keyword: str, header: dict[str, Any]) -> bool:
-    """Put a card's value into ``header``; False where it is not plain."""
+    """Put a card's value into ``header``; return False where it is not plain."""
     if keyword in _LEFT_TO_ASTROPY or not _KEYWORD.fullmatch(keyword) or card[8:10] != "= ":
         return False
     value = _VALUE.fullmatch(card[10:])

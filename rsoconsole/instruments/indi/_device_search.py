@@ -15,7 +15,7 @@ _READ_S = 2.0
 
 
 class DeviceSearch:
-    """One device that is waited for, and what the server announces meanwhile."""
+    """Search for one device that is waited for, with the server's other announcements meanwhile."""
 
     def __init__(
         self,
@@ -23,7 +23,7 @@ class DeviceSearch:
         order: Mapping[str, Any],
         now_s: Callable[[], float] = time.monotonic,
     ) -> None:
-        """``order``: host, port, the setting that names the device, device_s, quiet_s."""
+        """``order``: host, port, name of the device's setting, device_s, quiet_s."""
         self._device, self._order, self._now_s = device, order, now_s
         self._began_s = now_s()
         self._news_s = self._began_s
@@ -32,14 +32,15 @@ class DeviceSearch:
 
     @property
     def others(self) -> tuple[str, ...]:
-        """Other devices that have been announced, by name."""
+        """Names of other devices that have been announced."""
         return tuple(sorted(self._names - {self._device}))
 
     def look(self) -> None:
-        """The device is not there yet. Raises InstrumentError when it will not come.
+        """Look once while the device is not there yet. Raises InstrumentError when it will not
+        come.
 
         It will not when the whole wait is over, nor when the server has announced others and has
-        been quiet since. What waits unread is read first: a machine that is held up, this process
+        been quiet since. Unread data is read first: a machine that is held up, this process
         included, is slow and not quiet.
         """
         self._listen()
@@ -57,7 +58,7 @@ class DeviceSearch:
         )
 
     def close(self) -> None:
-        """Hang up."""
+        """Close the connection."""
         if self._wire is not None:
             self._wire.close()
 

@@ -1,8 +1,8 @@
 """INDI by indipyclient: pure Python, on an asyncio loop of its own on a thread of its own.
 
-What the library does by itself is kept from it: it connects once, asks once for one device, sends
-BLOBs' enabling as it is told to, and times nothing out. Its loop ends this process, as PyIndi's
-would, when the server hangs up, which the library alone does not notice.
+The library's automatic actions are suppressed: it connects once, requests one device once, enables
+BLOBs on order only, and times nothing out. Its loop ends this process, as PyIndi's would, when the
+server hangs up, which the library alone does not notice.
 """
 
 import asyncio
@@ -21,7 +21,7 @@ from rsoconsole.instruments.indi.indi_client import IndiClient, Vector
 
 
 class IndiStream(asyncio.Protocol):
-    """Hands a connection's bytes, mended, on to another protocol."""
+    """Passes a connection's bytes, mended, on to another protocol."""
 
     def __init__(self, reader: asyncio.Protocol, on_end: Callable[[], None]) -> None:
         """``on_end`` is called when the server hangs up."""
@@ -29,7 +29,7 @@ class IndiStream(asyncio.Protocol):
         self.mender = StreamMender()
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
-        """The connection is there."""
+        """Note the connection."""
         self._reader.connection_made(transport)
 
     def data_received(self, data: bytes) -> None:
@@ -38,21 +38,21 @@ class IndiStream(asyncio.Protocol):
             self._reader.data_received(cleaned)
 
     def eof_received(self) -> bool | None:
-        """The server sends no more."""
+        """Note that the server sends no more."""
         self._on_end()
         return self._reader.eof_received()
 
     def connection_lost(self, exc: Exception | None) -> None:
-        """The connection is gone."""
+        """Note that the connection is gone."""
         self._on_end()
         self._reader.connection_lost(exc)
 
     def pause_writing(self) -> None:
-        """The server reads too slowly."""
+        """Note that the server reads too slowly."""
         self._reader.pause_writing()
 
     def resume_writing(self) -> None:
-        """The server reads again."""
+        """Note that the server reads again."""
         self._reader.resume_writing()
 
 
@@ -71,12 +71,12 @@ class IndipyClient(IndiClient):
         on_vector: Callable[[Vector], None],
         on_message: Callable[[str], None] | None = None,
     ) -> None:
-        """As of every client."""
+        """Create the client; arguments as for ``IndiClient``."""
         super().__init__(device, on_vector, on_message)
         self._loop: _Loop | None = None
         self._library: _Library | None = None
         self._defined: set[str] = set()
-        """What the driver has defined and not taken away."""
+        """Names of the properties that the driver has defined and not removed."""
 
     def _connect(self, host: str, port: int) -> bool:
         self._loop = _Loop(self._server_gone)
@@ -109,7 +109,7 @@ class IndipyClient(IndiClient):
         self._send(enable)
 
     def _let_go(self, content: memoryview) -> None:
-        """Nobody else holds it."""
+        """Do nothing: nobody else holds the memory."""
 
     def _send_numbers(self, name: str, values: Mapping[str, float]) -> None:
         self._send_new("Number", name, {each: repr(float(value)) for each, value in values.items()})
@@ -125,7 +125,8 @@ class IndipyClient(IndiClient):
         self._send(vector)
 
     def _send(self, element: ET.Element) -> None:
-        """Hand over to the system, in order. Raises InstrumentError when it takes no more."""
+        """Pass an element to the system, in order. Raises InstrumentError when it accepts no
+        more."""
         assert self._loop is not None
         assert self._library is not None
         sent = asyncio.run_coroutine_threadsafe(self._library.send(element), self._loop)
@@ -153,13 +154,13 @@ class IndipyClient(IndiClient):
             self._store(self._vector(event, arrived_s))
 
     def _blob(self, ticket: bytes) -> memoryview:
-        """What came in the place of a ticket; read only."""
+        """Content in the place of a ticket; read only."""
         assert self._loop is not None
         assert self._loop.stream is not None
         return memoryview(self._loop.stream.mender.content_of(ticket)).toreadonly()
 
     def _take_deletion(self, event: Any) -> None:
-        """Of one property, which is forgotten; or of all: the driver ended, and may come back."""
+        """Remove one property, or all: the driver ended, and may come back."""
         if event.vectorname:
             self._defined.discard(event.vectorname)
             self._forget(event.vectorname)
@@ -167,7 +168,8 @@ class IndipyClient(IndiClient):
             self._defined.clear()
 
     def _is_new_definition(self, event: Any) -> bool:
-        """As libindi sees it: what is defined already stays as it is."""
+        """True for a new definition, as in libindi: a property that is defined already stays as it
+        is."""
         is_new = event.eventtype in _DEFINITIONS and event.vectorname not in self._defined
         if is_new:
             self._defined.add(event.vectorname)
@@ -200,19 +202,19 @@ class IndipyClient(IndiClient):
 
 
 class _Library(indipyclient.IPyClient):  # type: ignore[misc]
-    """The library's client without what it would do by itself."""
+    """The library's client without its automatic actions."""
 
     def __init__(self, host: str, port: int, device: str, take: Callable[[Any], None]) -> None:
         super().__init__(indihost=host, indiport=port)
         self._own_device, self._hand_on = device, take
         self.is_connected = threading.Event()
-        """Or it never will be: the loop knows."""
+        """Set when connected, or when it never will be: ``has_failed`` of the loop says which."""
         self.enable_reports = False
         self.resend_enableBLOB_on_def = False
         self.set_vector_timeouts(timeout_enable=False)
 
     async def rxevent(self, event: Any) -> None:
-        """Everything that happens."""
+        """Handle an event of the library."""
         if event.eventtype == "ConnectionMade":
             await super().send_getProperties(self._own_device)
             self.is_connected.set()
@@ -222,24 +224,27 @@ class _Library(indipyclient.IPyClient):  # type: ignore[misc]
     async def send_getProperties(  # noqa: N802 - the library's name
         self, devicename: str | None = None, vectorname: str | None = None
     ) -> None:
-        """Not of all devices, nor again and again: what is asked twice is defined twice."""
+        """Do nothing, so that the library requests no properties by itself: one requested twice is
+        defined twice."""
 
 
 class _Loop(asyncio.SelectorEventLoop):
-    """A loop whose connections are cleaned on their way to the library, and end with the server."""
+    """Event loop whose connections are mended on their way to the library, and end with the
+    server."""
 
     def __init__(self, on_end: Callable[[], None]) -> None:
         super().__init__()
         self._on_end = on_end
         self.has_failed = False
         self.stream: IndiStream | None = None
-        """Of the only connection that is made."""
+        """Stream of the only connection."""
         self.on_failure: Callable[[], None] = lambda: None
 
     async def create_connection(  # type: ignore[override]
         self, protocol_factory: Callable[[], asyncio.Protocol], *arguments: Any, **options: Any
     ) -> tuple[asyncio.Transport, asyncio.Protocol]:
-        """As of every loop, with a stream between the socket and who asked."""
+        """Create a connection as every loop does, with a stream between the socket and the
+        caller."""
         stream = self.stream = IndiStream(protocol_factory(), self._on_end)
         try:
             return await super().create_connection(lambda: stream, *arguments, **options)

@@ -32,33 +32,33 @@ class PyIndiClient(PyIndi.BaseClient, IndiClient):  # type: ignore[misc]
         on_vector: Callable[[Vector], None],
         on_message: Callable[[str], None] | None = None,
     ) -> None:
-        """As of every client."""
+        """Create the client; arguments as for ``IndiClient``."""
         PyIndi.BaseClient.__init__(self)
         IndiClient.__init__(self, device, on_vector, on_message)
 
     # Callbacks of PyIndi, on its thread.
 
     def newDevice(self, device: Any) -> None:  # noqa: N802 - PyIndi's name and argument
-        """A device appeared."""
+        """Note that a device appeared."""
 
     def newProperty(self, prop: Any) -> None:  # noqa: N802 - PyIndi's name
-        """A property was defined."""
+        """Note that a property was defined."""
         self._run_safely(self._take, prop, True)
 
     def updateProperty(self, prop: Any) -> None:  # noqa: N802 - PyIndi's name
-        """A property changed."""
+        """Note that a property changed."""
         self._run_safely(self._take, prop, False)
 
     def removeProperty(self, prop: Any) -> None:  # noqa: N802 - PyIndi's name
-        """A property went away."""
+        """Note that a property was removed."""
         self._run_safely(lambda gone: self._forget(gone.getName()), prop)
 
     def newMessage(self, device: Any, number: int) -> None:  # noqa: N802 - PyIndi's name
-        """The driver said something."""
+        """Note a message of the driver."""
         self._run_safely(self._read_message, device, number)
 
     def serverDisconnected(self, code: int) -> None:  # noqa: N802, ARG002 - PyIndi's name
-        """The server died or hung up."""
+        """Note that the server died or hung up."""
         self._server_gone()
 
     # What is asked of every client.
@@ -134,7 +134,7 @@ class PyIndiClient(PyIndi.BaseClient, IndiClient):  # type: ignore[misc]
             self._note_message(str(device.messageQueue(number)))
 
     def _let_go(self, content: memoryview) -> None:
-        """Give the system the pages of a BLOB that has been handed on.
+        """Return the pages of a BLOB that has been passed on to the system.
 
         libindi keeps the memory of each camera's last frame until the next one comes.
         """
@@ -143,6 +143,6 @@ class PyIndiClient(PyIndi.BaseClient, IndiClient):  # type: ignore[misc]
 
 
 def _in_place(blob: Any) -> memoryview:
-    """A BLOB's bytes where libindi has decoded them; read only."""
+    """Bytes of a BLOB where libindi has decoded them; read only."""
     memory = (ctypes.c_ubyte * int(blob.getBlobLen())).from_address(int(blob.getBlob()))
     return memoryview(memory).cast("B").toreadonly()

@@ -1,4 +1,4 @@
-"""An INDI server's bytes, mended for an XML parser that is strict about its input."""
+"""Mender of an INDI server's bytes, for an XML parser that is strict about its input."""
 
 import binascii
 import codecs
@@ -26,32 +26,34 @@ codecs.register_error(_LATIN_1, _as_latin_1)
 
 
 class StreamMender:
-    """Hands on a server's bytes piece by piece.
+    """Passes on a server's bytes piece by piece.
 
     BLOBs do not go through the parser: their base64 is decoded as it comes, which costs less and
-    ends with the last byte, and a ticket stands in its place (``content_of``). Whatever libindi
-    lets pass and a strict parser ends at is mended: control characters, ampersands that stand for
-    themselves, and what is no UTF-8, which is read as Latin-1.
+    ends with the last byte, and a ticket stands in its place (``content_of``). Errors that libindi
+    accepts and a strict parser fails on are mended: control characters, ampersands that stand for
+    themselves, and bytes that are no UTF-8, which are read as Latin-1.
     """
 
     def __init__(self) -> None:
         self._decoder = codecs.getincrementaldecoder("utf-8")(_LATIN_1)
         self._cut = b""
-        """The beginning of what may be an entity or a BLOB's tag."""
+        """Beginning of an incomplete entity or BLOB tag."""
         self._blob: _Blob | None = None
-        """The BLOB that is coming."""
+        """BLOB that is being received."""
         self._blobs: OrderedDict[int, bytearray] = OrderedDict()
         self._tickets = 0
 
     def content_of(self, ticket: bytes) -> bytearray:
-        """A BLOB's content, once, for what the parser found in its place; empty: it was none."""
+        """Return a BLOB's content, once, for the ticket that the parser found; empty where it was
+        none."""
         try:
             return self._blobs.pop(_TICKET.unpack(ticket)[0], bytearray())
         except struct.error:
             return bytearray()
 
     def cleaned(self, data: bytes) -> bytes:
-        """A piece of the stream as the parser takes it; what is cut off comes with the next."""
+        """Return a piece of the stream as the parser accepts it; an incomplete end comes with the
+        next."""
         data, self._cut = self._cut + data, b""
         done = []
         while data:
@@ -87,7 +89,7 @@ class StreamMender:
 
 
 class _Blob:
-    """Base64 that comes in pieces."""
+    """Decoder of base64 that comes in pieces."""
 
     def __init__(self) -> None:
         self._content = bytearray()
@@ -95,7 +97,7 @@ class _Blob:
         self._is_sound = True
 
     def add(self, text: bytes) -> None:
-        """The next piece, cut anywhere."""
+        """Add the next piece, cut anywhere."""
         text = self._left + text.translate(None, _SPACES)
         whole = len(text) // 4 * 4
         self._left = text[whole:]
@@ -105,12 +107,12 @@ class _Blob:
             self._is_sound = False
 
     def content(self) -> bytearray:
-        """All of it; nothing where it is no base64."""
+        """Return all of it; nothing where it is no base64."""
         return self._content if self._is_sound and not self._left else bytearray()
 
 
 def _cut_place(data: bytes) -> int:
-    """Where to cut, so that neither an entity nor a BLOB's tag comes in two pieces."""
+    """Place to cut, so that neither an entity nor a BLOB's tag comes in two pieces."""
     last = data.rfind(b"<")
     tail = data[last:] if last >= 0 else b""
     if tail and b">" not in tail and (_BLOB.startswith(tail) or tail.startswith(_BLOB)):

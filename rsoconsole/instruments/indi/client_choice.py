@@ -53,11 +53,11 @@ LIBRARIES = (
         install="pip install indipyclient",
     ),
 )
-"""In the order in which ``auto`` takes them."""
+"""Libraries in the order in which ``auto`` tries them."""
 
 
 def client_library(setting: str) -> ClientLibrary:
-    """The library that ``indi.client`` means here. Raises InstrumentError where it is missing."""
+    """Library that ``indi.client`` selects here. Raises InstrumentError where it is missing."""
     for library in allowed_libraries(setting):
         if library.is_there:
             return library
@@ -70,7 +70,8 @@ def open_client(
     on_vector: "Callable[[Vector], None]",
     on_message: Callable[[str], None] | None = None,
 ) -> "tuple[IndiClient, ClientLibrary]":
-    """A client by the first meant library that loads. Raises InstrumentError where none does."""
+    """Open a client by the first allowed library that loads. Raises InstrumentError where none
+    does."""
     fault: ImportError | None = None
     for library in allowed_libraries(setting):
         try:
@@ -81,7 +82,7 @@ def open_client(
 
 
 def allowed_libraries(setting: str) -> tuple[ClientLibrary, ...]:
-    """The libraries that the setting ``indi.client`` allows, the first choice first."""
+    """Libraries that the setting ``indi.client`` allows, the first choice first."""
     return LIBRARIES if setting == "auto" else tuple(x for x in LIBRARIES if x.name == setting)
 
 

@@ -1,4 +1,4 @@
-"""The command loop and the reply writer that the mount's and the camera's processes share.
+"""Command loop and reply writer of the mount's and the camera's processes.
 
 Runs only in a child process.
 """
@@ -21,9 +21,9 @@ _UNREAD_LINES = 2000
 
 
 class ReplyWriter:
-    """Writes JSON lines to the parent; keeps everybody else's prints off that pipe.
+    """Writes JSON lines to the parent, and keeps all other output off that pipe.
 
-    A parent that hangs and reads nothing holds nobody up: the oldest lines are dropped.
+    A parent that hangs and reads nothing blocks nothing: the oldest lines are dropped.
     """
 
     def __init__(self) -> None:
@@ -34,7 +34,7 @@ class ReplyWriter:
         threading.Thread(target=self._write_all, daemon=True, name="reply writer").start()
 
     def say(self, message: Mapping[str, Any]) -> None:
-        """One line, at once; a parent that is gone ends this process by its closed stdin."""
+        """Write one line, at once; a parent that is gone ends this process by its closed stdin."""
         self._unsaid.append(json.dumps(message).encode() + b"\n")
         self._has_more.release()
 
@@ -59,11 +59,12 @@ def run_child(
     urgent: Mapping[str, Handler],
     on_order: Callable[[dict[str, Any]], None] = lambda _order: None,
 ) -> bool:
-    """Obey JSON lines from stdin; True when the parent took its leave, False when it just went.
+    """Serve JSON lines from stdin; return True after an orderly end, False when the parent just
+    went.
 
     ``slow`` orders are carried out one after another, ``urgent`` ones at once beside them.
-    ``on_order`` is called with each as it arrives. Signals meant for the parent are left to it: it
-    may need this process to come to a safe end.
+    ``on_order`` is called with each as it arrives. Signals meant for the parent are left to the
+    parent, which may need this process for a safe end.
     """
     for number in (signal.SIGTERM, signal.SIGHUP):
         signal.signal(number, signal.SIG_IGN)

@@ -1,7 +1,7 @@
-"""One device's properties as plain values, whichever client library reads them from the server.
+"""Properties of one device as plain values, whichever client library reads them from the server.
 
-Runs only in a child process. The library's news come on a thread of its own; what it calls here
-is guarded and does no more than copy values out.
+Runs only in a child process. The library's updates come on a thread of its own; its callbacks here
+catch errors and only copy values out.
 """
 
 import contextlib
@@ -25,13 +25,13 @@ _LOOK_S = 0.5
 _SAID = 100
 _LATE_WORD_S = 0.2
 _STAMP = re.compile(r"^\d{4}-\d\d-\d\dT[\d:.]+Z?: ")
-"""The time stamp that a library puts before a driver's words."""
+"""Time stamp that a library puts before a driver's message."""
 _GRAVEST = ("[ERROR]", "[WARNING]")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Vector:
-    """One property as last heard of; numbers as float, switches as bool, texts as str."""
+    """Latest state of one property; numbers as float, switches as bool, texts as str."""
 
     name: str
     state: str
@@ -39,12 +39,12 @@ class Vector:
     serial: int
     """Number of the update, counted over all properties."""
     is_definition: bool
-    """The answer to what there is, however old the values are by then."""
+    """True for a definition, whose values may be old by then."""
     arrived_monotonic_s: float
-    """Instant at which the library handed it over, by ``time.monotonic()``: that is the same in all
+    """Instant at which the library delivered it, by ``time.monotonic()``: that is the same in all
     processes of a machine."""
     blobs: Mapping[str, memoryview] = field(default_factory=dict)
-    """Contents of a BLOB vector, in the library's memory: there only while ``on_vector`` runs."""
+    """Contents of a BLOB vector, in the library's memory: valid only while ``on_vector`` runs."""
 
 
 class IndiClient(ABC):
@@ -58,7 +58,7 @@ class IndiClient(ABC):
     ) -> None:
         """``on_vector`` and ``on_message`` are called on the library's thread, must return soon.
 
-        Nothing of a BLOB is kept beyond the call: ``on_vector`` takes what it wants of it.
+        Nothing of a BLOB is kept beyond the call: ``on_vector`` copies what it needs.
         """
         self.device = device
         self._on_vector = on_vector
@@ -71,15 +71,15 @@ class IndiClient(ABC):
         self._ready = False
         self._is_open = False
         self._said: deque[tuple[int, str]] = deque(maxlen=_SAID)
-        """What the driver has said, each with the number that it has among the updates."""
+        """Messages of the driver, each with its number among the updates."""
         self.has_connected_device = False
-        """Whether this client switched the device's connection on: all it tells is new."""
+        """True where this client switched the device's connection on: all its values are new."""
 
     # What a library does.
 
     @abstractmethod
     def _connect(self, host: str, port: int) -> bool:
-        """Connect to the server and ask for the device; False when nobody answers."""
+        """Connect to the server and request the device; False when the server does not answer."""
 
     @abstractmethod
     def _connect_device(self) -> None:
@@ -87,11 +87,11 @@ class IndiClient(ABC):
 
     @abstractmethod
     def _send_numbers(self, name: str, values: Mapping[str, float]) -> None:
-        """Ask for new numbers."""
+        """Request new numbers."""
 
     @abstractmethod
     def _send_switch(self, name: str, member: str) -> None:
-        """Ask for one switch to be on."""
+        """Request that one switch be on."""
 
     @abstractmethod
     def take_blobs(self, name: str) -> None:
@@ -99,12 +99,12 @@ class IndiClient(ABC):
 
     @abstractmethod
     def _let_go(self, content: memoryview) -> None:
-        """A BLOB has been handed on: its memory may go."""
+        """Release the memory of a BLOB that has been passed on."""
 
     # For the library's thread.
 
     def _store(self, vector: Vector) -> None:
-        """A property was defined or changed."""
+        """Store a property that was defined or changed."""
         with self._changed:
             self._vectors[vector.name] = replace(vector, blobs={})
         # The parent hears of a change before the order that brought it about is answered.
@@ -120,11 +120,11 @@ class IndiClient(ABC):
             self._changed.notify_all()
 
     def _forget(self, name: str) -> None:
-        """A property went away."""
+        """Remove a property."""
         self._vectors.pop(name, None)
 
     def _note_message(self, text: str) -> None:
-        """The driver said something."""
+        """Store a message of the driver."""
         words = text.strip()
         with self._changed:
             self._said.append((self._next_serial(), words))
@@ -137,13 +137,13 @@ class IndiClient(ABC):
         return self._serial
 
     def _server_gone(self) -> None:
-        """The server died or hung up: only a fresh process can connect again."""
+        """Note that the server died or hung up: only a fresh process can connect again."""
         if self._ready:
             print("the INDI server went away", file=sys.stderr, flush=True)
             os._exit(SERVER_LOST)
 
     def _device_gone(self) -> None:
-        """Nothing is connected behind the driver: a fresh process connects it again."""
+        """Note that nothing is connected behind the driver: a fresh process connects it again."""
         if self._is_open:
             words = f"{self.device} is not connected any more: its driver was started again, or"
             print(f"{words} another program disconnected it", file=sys.stderr, flush=True)
@@ -210,7 +210,7 @@ class IndiClient(ABC):
                     writer.say({"event": WAITING, "what": what})
 
     def get(self, name: str) -> Vector | None:
-        """A property as last heard of."""
+        """Latest state of a property."""
         with self._changed:
             return self._vectors.get(name)
 
@@ -222,7 +222,8 @@ class IndiClient(ABC):
     def wait(
         self, name: str, is_wanted: Callable[[Vector], bool], timeout_s: float, after: int = -1
     ) -> Vector | None:
-        """The first state of a property later than update ``after`` that is wanted, or None."""
+        """Wait for a state of a property later than update ``after`` that is wanted; None where
+        none came."""
         deadline_s = time.monotonic() + timeout_s
         with self._changed:
             while True:
@@ -236,9 +237,9 @@ class IndiClient(ABC):
                 self._changed.wait(left_s)
 
     def words_since(self, after: int, wait_s: float = 0.0) -> str:
-        """The driver's last message after update ``after``, that of an order; empty for none.
+        """Last message of the driver after update ``after``, that of an order; empty for none.
 
-        Its errors come before its warnings, those before all else; they are waited for so long.
+        Its errors come before its warnings, those before all else; it waits ``wait_s`` for them.
         """
         deadline_s = time.monotonic() + wait_s
         with self._changed:
@@ -254,18 +255,18 @@ class IndiClient(ABC):
         return without_timestamp(said[-1])
 
     def reason_since(self, after: int) -> str:
-        """Why the driver did not do what it was told then, in its own words where it has any."""
+        """Reason why the driver did not follow an order, in its own words where it has any."""
         return self.words_since(after, _LATE_WORD_S) or "no reason given"
 
     def send_numbers(self, name: str, values: Mapping[str, float]) -> int:
-        """Ask for new numbers; returns the number of the last update before."""
+        """Request new numbers; return the number of the last update before."""
         with self._sending:
             before = self.serial()
             self._send_numbers(name, values)
         return before
 
     def send_switch(self, name: str, member: str) -> int:
-        """Turn one switch on; returns the number of the last update before."""
+        """Turn one switch on; return the number of the last update before."""
         with self._sending:
             before = self.serial()
             self._send_switch(name, member)
@@ -273,5 +274,5 @@ class IndiClient(ABC):
 
 
 def without_timestamp(words: str) -> str:
-    """A driver's words without the instant that a library puts before them."""
+    """Message of a driver without the instant that a library puts before it."""
     return _STAMP.sub("", words)

@@ -1,4 +1,4 @@
-"""A child process that speaks INDI: JSON lines in, JSON lines out, a deadline on everything.
+"""Child process that speaks INDI: JSON lines in, JSON lines out, a deadline on everything.
 
 The child ends when its stdin closes, so it never outlives this process. What it prints goes to
 a log file, because libindi writes to the terminal.
@@ -27,23 +27,25 @@ log = logging.getLogger(__name__)
 SERVER_LOST = 3
 """Exit status of a child whose INDI server went away."""
 DEVICE_LOST = 4
-"""Exit status of a child whose driver came back unconnected, or was disconnected by somebody."""
+"""Exit status of a child whose driver came back unconnected, or was disconnected by another
+client."""
 _START_S = 150.0
-"""Unless told otherwise: the configuration's ``waits`` know better."""
+"""Default time for a start: the configuration's ``waits`` are more precise."""
 _END_S = 3.0
 _LEAVE_S = 10.0
-"""A mount's process stops the mount before it goes, which takes its time on a slow machine."""
+"""Time for an orderly end: a mount's process first stops the mount, which takes long on a slow
+machine."""
 _STATUS_S = 1.0
 _SEND_S = 0.1
 _HUNG_S = 3.0
 _LOOK_S = 0.5
 ARE_YOU_THERE = "are you there"
 WAITING = "waiting"
-"""The event by which a child says what it waits for at its start."""
+"""Event by which a child says what it waits for at its start."""
 AT_ONCE = frozenset(("abort",))
-"""Orders that do not wait for a child that is only starting: there is another way."""
+"""Orders that do not wait for a child that is only starting: there is another path."""
 END = "end"
-"""The order with which a parent takes its leave; one that merely goes away gives none."""
+"""Order for an orderly end; a parent that merely goes away sends none."""
 
 
 def device_settings(
@@ -63,7 +65,7 @@ def device_settings(
 
 
 def drain_messages(messages: deque[str]) -> tuple[str, ...]:
-    """Take out all messages; others may be put in meanwhile."""
+    """Remove and return all messages; others may be added meanwhile."""
     taken = []
     while messages:
         taken.append(messages.popleft())
@@ -71,11 +73,11 @@ def drain_messages(messages: deque[str]) -> tuple[str, ...]:
 
 
 class _LateError(InstrumentError):
-    """No answer came in time."""
+    """Raised where no answer came in time."""
 
 
 class IndiProcess:
-    """One child, restarted on the next request after it died; safe for several threads."""
+    """One child process, restarted on the next request after it died; safe for several threads."""
 
     def __init__(
         self,
@@ -92,7 +94,7 @@ class IndiProcess:
         """Describe the child (``python -m module``); ``start`` makes it and waits ``start_s``.
 
         ``on_event`` gets every line that answers no request, on the reader's thread. ``on_start``
-        gives what else a child must know that is started now.
+        returns further settings for a child that is started now.
         """
         self._start_s, self._on_start = start_s, on_start
         self._awaits = ""
@@ -100,7 +102,7 @@ class IndiProcess:
         self._log_path, self._on_event, self._descriptors = log_path, on_event, descriptors
         self._process: subprocess.Popen[bytes] | None = None
         self._open: set[int] = set()
-        """Requests that somebody waits for; an answer to any other is forgotten."""
+        """Numbers of the requests with a waiting caller; an answer to any other is dropped."""
         self._answers: dict[int, dict[str, Any]] = {}
         self._changed = threading.Condition()
         self._starting = threading.RLock()
@@ -115,7 +117,7 @@ class IndiProcess:
         return process.pid if process is not None and process.poll() is None else None
 
     def start(self) -> None:
-        """Make the child and wait for its greeting. Raises InstrumentError."""
+        """Start the child and wait for its greeting. Raises InstrumentError."""
         with self._starting:
             if self.pid is not None:
                 return
@@ -163,7 +165,7 @@ class IndiProcess:
             log.info("the %s speaks INDI by %s", self.name, answer["client"])
 
     def restart(self) -> None:
-        """A fresh child in place of this one, dead or alive. Raises InstrumentError."""
+        """Start a fresh child in place of this one, dead or alive. Raises InstrumentError."""
         with self._starting:
             if self._process is not None:
                 self._process.kill()
@@ -172,7 +174,7 @@ class IndiProcess:
             self.start()
 
     def request(self, verb: str, timeout_s: float, **arguments: Any) -> dict[str, Any]:
-        """Have the child do something and return its answer.
+        """Send a request to the child and return its answer.
 
         Starts the child first where it has died since the last request. Raises InstrumentError
         when the child refuses, dies, is still being started or does not answer in time.
@@ -193,7 +195,7 @@ class IndiProcess:
             raise
 
     def end_if_hung(self, process: "subprocess.Popen[bytes] | None" = None) -> None:
-        """Kill a child that hears nothing any more; the next order starts another one."""
+        """Kill a child that no longer responds; the next order starts another one."""
         process = process or self._process
         if process is None:
             return
@@ -209,7 +211,7 @@ class IndiProcess:
             return
 
     def send(self, verb: str, **arguments: Any) -> bool:
-        """Have the child hear something now or never; False when it cannot.
+        """Send the child an order now or never; return False when that is not possible.
 
         Waits for no answer, starts no child, and never hangs on one that reads nothing.
         """
@@ -236,7 +238,7 @@ class IndiProcess:
     def wait(
         self, is_done: Callable[[], bool], timeout_s: float, *, starts_again: bool = True
     ) -> bool:
-        """Wait for something that ``on_event`` brings about; False when it did not.
+        """Wait for a condition that ``on_event`` brings about; return False when it did not.
 
         A child that is dead already is started again, unless what is waited for died with it.
         Raises InstrumentError when the child dies meanwhile.
@@ -258,7 +260,7 @@ class IndiProcess:
         return True
 
     def close(self) -> None:
-        """Take leave of the child and close its stdin; kill it where that does not help."""
+        """End the child in order and close its stdin; kill it where that does not help."""
         with self._starting:
             self._is_closed = True
             if self._process is not None:
@@ -273,9 +275,10 @@ class IndiProcess:
         arguments: Mapping[str, Any],
         wait: LongWait | None = None,
     ) -> dict[str, Any]:
-        """The child's answer. Raises _LateError, and InstrumentError when it refuses or dies first.
+        """Answer of the child. Raises _LateError, and InstrumentError when it refuses or dies
+        first.
 
-        ``wait`` says what for, as the child itself tells it.
+        ``wait`` states the reason of the wait, as the child reports it.
         """
         number = self._send(process, verb, arguments)
         deadline_s = time.monotonic() + timeout_s
@@ -305,7 +308,7 @@ class IndiProcess:
     def _send(
         self, process: "subprocess.Popen[bytes]", verb: str, arguments: Mapping[str, Any]
     ) -> int:
-        """The number of the request."""
+        """Send a request; return its number."""
         with self._writing:
             number, line = self._line(verb, arguments)
             self._open.add(number)
@@ -319,13 +322,13 @@ class IndiProcess:
         return number
 
     def _line(self, verb: str, arguments: Mapping[str, Any]) -> tuple[int, bytes]:
-        """A request's number and its line; under the lock of writing."""
+        """Number and line of a request; under the lock of writing."""
         self._next_id += 1
         order = {"id": self._next_id, "verb": verb, **arguments}
         return self._next_id, json.dumps(order).encode() + b"\n"
 
     def _read(self, process: "subprocess.Popen[bytes]") -> None:
-        """Hand out what the child says until it can say no more; then it counts as dead."""
+        """Distribute the child's lines until it can send no more; then it counts as dead."""
         stdout = process.stdout
         assert stdout is not None
         try:
@@ -340,7 +343,7 @@ class IndiProcess:
                 self._changed.notify_all()
 
     def _take(self, line: bytes) -> None:
-        """One line of the child; a line that is none (a killed child's last) is passed over."""
+        """Handle one line of the child; an invalid one (a killed child's last) is skipped."""
         try:
             message = json.loads(line)
             if not isinstance(message, dict):

@@ -1,4 +1,4 @@
-"""INDI by plain TCP: the second way to STOP, the mount's measured motion, the simulated clock.
+"""INDI by plain TCP: the second path to STOP, the mount's measured motion, the simulated clock.
 
 A stream of XML elements without a root. Nothing here depends on a client library or
 on another process.
@@ -37,7 +37,7 @@ class IndiWire:
     """One TCP connection to an INDI server that is never sent BLOBs; not thread-safe."""
 
     def __init__(self, host: str, port: int, timeout_s: float = 5.0) -> None:
-        """Connect. Raises InstrumentError when nobody listens there."""
+        """Connect. Raises InstrumentError when no server listens there."""
         try:
             self._socket = socket.create_connection((host, port), timeout_s)
         except OSError as error:
@@ -51,30 +51,30 @@ class IndiWire:
         self._parser: Any = ET.XMLPullParser(events=("start", "end"))
         self._parser.feed(b"<indi>")
         self._mender = StreamMender()
-        """Mends what a strict parser ends at."""
+        """Mender of what a strict parser fails on."""
         self._root: ET.Element | None = None
         self._depth = 0
         self._waiting: list[IndiVector] = []
         self.last_message = ""
-        """The latest words of any device."""
+        """Latest message of any device."""
         self.deleted: list[tuple[str, str]] = []
-        """Devices and properties that went away, for a reader to empty; name "": all."""
+        """Devices and properties that were removed, for a reader to empty; name "": all."""
 
     def close(self) -> None:
-        """Hang up."""
+        """Close the connection."""
         self._socket.close()
 
     def ask(self, device: str, name: str | None = None) -> None:
-        """Ask for the definitions of a device's properties, or of one."""
+        """Request the definitions of a device's properties, or of one."""
         which = f" name={quoteattr(name)}" if name else ""
         self._send(f'<getProperties version="1.7" device={quoteattr(device)}{which}/>')
 
     def ask_all(self) -> None:
-        """Ask for the definitions of all properties of all devices."""
+        """Request the definitions of all properties of all devices."""
         self._send('<getProperties version="1.7"/>')
 
     def new(self, kind: str, device: str, name: str, values: Mapping[str, str]) -> None:
-        """Ask for new values: ``kind`` is Number, Switch or Text."""
+        """Request new values: ``kind`` is Number, Switch or Text."""
         one = _MEMBER[kind]
         members = "".join(
             f"<{one} name={quoteattr(key)}>{escape(value)}</{one}>" for key, value in values.items()
@@ -85,7 +85,7 @@ class IndiWire:
         )
 
     def wait(self, is_wanted: Callable[[IndiVector], bool], timeout_s: float) -> IndiVector | None:
-        """The next vector that is wanted, None when none came in time; others are dropped.
+        """Wait for the next vector that is wanted; None when none came in time. Others are dropped.
 
         Raises InstrumentError when the server hangs up.
         """

@@ -1,7 +1,7 @@
-"""A mount's motion measured from what its driver says on a plain connection.
+"""Motion of a mount measured from its driver's reports on a plain connection.
 
-INDI's base class tells coordinates only where they have changed: a mount that tracks is silent.
-So its silence is filled by asking, and counts only where the driver answers and shows no Alert.
+INDI's base class reports coordinates only where they have changed: a mount that tracks is silent.
+So its silence is filled by requests, and counts only where the driver answers and shows no Alert.
 """
 
 import math
@@ -26,10 +26,12 @@ TRACKING = "TELESCOPE_TRACK_STATE"
 POLLING = "POLLING_PERIOD"
 SIM_TIME = "SIM_TIME"
 POLLING_MS = 500.0
-"""In which a driver looks at its mount while its motion is measured, where it takes that."""
+"""Polling period of a driver while its mount's motion is measured, ms, where the driver accepts
+it."""
 _ASK_EVERY_S = 0.5
 _HUNG_S = 1.0
-"""A driver that needs so long to answer was held up, and has not looked at its mount meanwhile."""
+"""Longest delay of an answer; a driver that needs longer was held up, and has not polled its mount
+meanwhile."""
 _PERIODS_S = (0.05, 30.0)
 _INTERVALS = 9
 _INTERVAL_S = (0.2, 10.0)
@@ -37,9 +39,10 @@ _NS = 1e9
 
 
 class ReportedMotion:
-    """The motion of one mount from its INDI vectors; safe for several threads.
+    """Motion of one mount from its INDI vectors; safe for several threads.
 
-    In a simulated observatory, known by SIM_TIME, that is its time, told before the coordinates.
+    In a simulated observatory, recognised by SIM_TIME, that is its time, reported before the
+    coordinates.
     """
 
     def __init__(self, now_s: Callable[[], float] = time.monotonic) -> None:
@@ -49,20 +52,21 @@ class ReportedMotion:
         self._sim_s: float | None = None
         self._last_message_s = self._asked_s = self._reported_s = self._changed_s = -math.inf
         self._apart_s: deque[float] = deque(maxlen=_INTERVALS)
-        """Between changes that the driver told by itself."""
+        """Intervals between changes that the driver reported by itself."""
         self._is_base_defined = False
-        """The only report is what was defined at first."""
+        """True while the only report is the first definition."""
         self._unanswered_s: float | None = None
-        """Since when it has not answered; None: it has."""
+        """Time since which a request is unanswered; None: none is."""
         self._knows_period = False
-        """Until then silence tells nothing: nobody knows how old it is."""
+        """True once the polling period is known; until then silence proves nothing, as its age is
+        unknown."""
         self.state = ""
-        """Of the coordinates, as told last."""
+        """State of the coordinates as last reported."""
         self.polling_ms: float | None = None
-        """What the driver says of its looks; None where it says nothing."""
+        """Polling period that the driver reports; None where it reports none."""
 
     def take(self, vector: "Vector | IndiVector") -> None:
-        """Take a vector of the mount's driver."""
+        """Add a vector of the mount's driver."""
         with self._lock:
             now_s = self._now_s()
             if vector.name == POLLING:
@@ -73,17 +77,17 @@ class ReportedMotion:
                 self._take_coordinates(vector, now_s)
 
     def begin(self) -> None:
-        """An order goes out: reports before it tell nothing."""
+        """Note that an order goes out: reports before it no longer count."""
         with self._lock:
             self._meter.begin_at(self._now_s() if self._sim_s is None else self._sim_s)
 
     def reset_after_delay(self) -> None:
-        """Begin again after a pause of the reader: what comes next may have come long ago."""
+        """Begin again after a pause of the reader: the next reports may have come long ago."""
         if self._sim_s is None:
             self.begin()
 
     def motion(self) -> Motion:
-        """The motion as measured up to now."""
+        """Motion as measured up to now."""
         with self._lock:
             if self.state == "Alert":
                 return Motion()
@@ -91,12 +95,13 @@ class ReportedMotion:
 
     @property
     def is_fresh(self) -> bool:
-        """Whether the driver has told coordinates by itself within the span that is measured."""
+        """True where the driver has reported coordinates by itself within the measured span."""
         with self._lock:
             return self._now_s() - self._reported_s <= self._meter.span_s + self._meter.period_s
 
     def wants_word(self) -> bool:
-        """True when the silent driver is to be asked for its coordinates now; counts as asked."""
+        """True when the silent driver's coordinates are to be requested now; counts as
+        requested."""
         with self._lock:
             now_s = self._now_s()
             if (
@@ -176,7 +181,7 @@ class ReportedMotion:
 
 
 def _number(text: Any) -> float | None:
-    """A number as INDI writes it, decimal or sexagesimal; None where it is none."""
+    """Number in INDI's notation, decimal or sexagesimal; None where it is none."""
     try:
         return float(text)
     except (TypeError, ValueError):

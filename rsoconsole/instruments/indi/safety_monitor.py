@@ -21,10 +21,10 @@ _WEATHER: dict[str, Weather] = {"Ok": "ok", "Busy": "warning", "Alert": "alert"}
 
 
 class IndiSafetyMonitor:
-    """The monitor of weather station and dome, as far as they are configured.
+    """Monitor of weather station and dome, as far as they are configured.
 
-    A device counts as silent when it has never said how things stand, when it has gone, and when
-    it has said nothing for a minute although it is asked four times in that.
+    A device counts as silent when it has never reported its state, when it has gone, and when it
+    has reported nothing for a minute despite four requests.
     """
 
     def __init__(
@@ -34,7 +34,8 @@ class IndiSafetyMonitor:
         silence_s: float = SILENCE_S,
         first_word_s: float = WaitsConfig().quiet_s,
     ) -> None:
-        """Describe what is to be watched; ``start`` begins, and waits that long for a word."""
+        """Describe the devices to watch; ``start`` begins, and waits that long for a first
+        report."""
         self._first_word_s = first_word_s
         self._config, self._silence_s = config, silence_s
         self._ask_every_s = min(_ASK_EVERY_S, silence_s / 4)
@@ -47,7 +48,7 @@ class IndiSafetyMonitor:
         self._thread = threading.Thread(target=self._run, daemon=True, name="safety monitor")
 
     def start(self) -> None:
-        """Begin to watch; waits a while for a first word of every device."""
+        """Begin to watch; waits a while for a first report of every device."""
         self._thread.start()
         wait = LongWait(f"a first word of {' and '.join(self._devices)}")
         with self._changed:
@@ -56,7 +57,7 @@ class IndiSafetyMonitor:
                 self._changed.wait(_LOOK_S)
 
     def look(self) -> SkyReport:
-        """The latest word, at once; never raises."""
+        """Return the latest report, at once; never raises."""
         with self._changed:
             weather = dome = None
             details = []
@@ -71,7 +72,7 @@ class IndiSafetyMonitor:
             )
 
     def close(self) -> None:
-        """Hang up."""
+        """Close the connection."""
         self._is_over.set()
         if self._thread.is_alive():
             self._thread.join(_CONNECT_S + _POLL_S)
@@ -108,7 +109,7 @@ class IndiSafetyMonitor:
         return "silent", f"{device} offers neither DOME_SHUTTER nor DOME_PARK"
 
     def _why_silent(self, device: str) -> str:
-        """Empty where the device has been heard of lately."""
+        """Reason why a device is silent; empty where it has reported lately."""
         received_s = self._received_s.get(device)
         where = f"the INDI server at {self._config.host}:{self._config.port}"
         if received_s is None:
@@ -138,7 +139,7 @@ class IndiSafetyMonitor:
             self._is_over.wait(_POLL_S)
 
     def _listen(self, wire: IndiWire) -> None:
-        """Hear one connection out. Raises InstrumentError when the server hangs up."""
+        """Read one connection to its end. Raises InstrumentError when the server hangs up."""
         self._note("")
         next_ask_s = time.monotonic()
         asked_to_connect: set[str] = set()
@@ -162,7 +163,7 @@ class IndiSafetyMonitor:
                 wire.new("Switch", vector.device, "CONNECTION", {"CONNECT": "On"})
 
     def _forget(self, wire: IndiWire) -> None:
-        """A device that the server took away has said nothing any more."""
+        """Remove the reports of a device that the server removed."""
         while wire.deleted:
             device, name = wire.deleted.pop(0)
             with self._changed:

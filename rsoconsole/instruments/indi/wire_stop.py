@@ -1,7 +1,7 @@
-"""STOP by a plain connection of its own to the INDI server: the second way to the mount.
+"""STOP by a plain connection of its own to the INDI server: the second path to the mount.
 
 ABORT goes out at once, before anything is known of the mount; then the driver's answer is read,
-tracking is turned on or off as it is to be, and the mount's motion is measured.
+tracking is turned on or off as required, and the mount's motion is measured.
 """
 
 import time
@@ -27,7 +27,7 @@ _REPEAT_ABORT_S = 0.5
 _LOOK_S = 0.05
 _TRACKING_S = 2.0
 _SETTLE_S = 1.2
-"""A driver may go back to its own idea of tracking at its next look at the mount."""
+"""Time in which a driver may return to its own tracking state, at its next poll of the mount."""
 _UNTOLD = f"{NO_ANSWER}: look at its driver and its cable, and at the telescope"
 
 
@@ -36,10 +36,10 @@ class WatchedStop:
     """Callbacks of a STOP under way, which may also end it."""
 
     on_ordered: Callable[[], None] = lambda: None
-    """ABORT has been handed to the system for the server."""
+    """Called when ABORT has been passed to the system for the server."""
     on_answered: Callable[[], None] = lambda: None
     is_over: Callable[[], bool] = lambda: False
-    """True: nothing more is to be sent to the mount, nobody waits any longer."""
+    """True when nothing more is to be sent to the mount and nobody waits any longer."""
 
 
 def stop_mount(
@@ -54,14 +54,14 @@ def stop_mount(
     on_result: Callable[[StopResult], None] = lambda _result: None,
     measures: bool = True,
 ) -> StopResult:
-    """ABORT, the driver's answer, tracking as ``after_stop`` says, and how the mount then moves.
+    """Send ABORT, read the driver's answer, set tracking by ``after_stop``, and measure the motion.
 
     ``had_tracking``: whether there was any to restore, where the caller knows better than the
-    mount, which may have been aborted by another way meanwhile. ``on_result`` hears what came of
-    ABORT within ``timeout_s`` and a little for tracking, then each word of the measurement, which
-    takes some seconds, half a minute where the mount moves on; without ``measures`` it ends before
-    that, with ``watched`` when that says so. Never raises: a server that cannot be reached is a
-    result that is not answered.
+    mount, which may have been aborted by another path meanwhile. ``on_result`` is called with the
+    result of ABORT within ``timeout_s`` and a little for tracking, then with each news of the
+    measurement, which takes some seconds, half a minute where the mount moves on; without
+    ``measures`` it ends before that, and in any case when ``watched.is_over``. Never raises: a
+    server that cannot be reached is a result that is not answered.
     """
     begun_s = time.monotonic()
     result = StopResult(is_answered=False, ms=0.0, path="indi")
@@ -82,13 +82,13 @@ def stop_mount(
 
 
 class _WireStop:
-    """One STOP by plain connection: what the mount said before and after."""
+    """One STOP by plain connection, with the mount's reports before and after."""
 
     def __init__(self, wire: IndiWire, device: str, watched: WatchedStop, begun_s: float) -> None:
         self._wire, self._device, self._watched = wire, device, watched
         self._begun_s = begun_s
         self.vectors: dict[str, IndiVector] = {}
-        """The latest of each property."""
+        """Latest vector of each property."""
         self._first: dict[str, IndiVector] = {}
         self._motion = ReportedMotion()
         self._is_answered = False
@@ -96,7 +96,7 @@ class _WireStop:
     def abort(
         self, timeout_s: float, after_stop: AfterStop, had_tracking: bool | None
     ) -> StopResult:
-        """ABORT until the driver has answered; then tracking."""
+        """Send ABORT until the driver has answered; then set tracking."""
         result = StopResult(is_answered=False, ms=0.0, path="indi")
         aborts = self._abort_until(self._begun_s + timeout_s)
         if not self._is_answered:
@@ -109,7 +109,7 @@ class _WireStop:
         return replace(result, is_tracking=self._settle_tracking(after_stop, had_tracking))
 
     def measure(self, result: StopResult, on_result: Callable[[StopResult], None]) -> StopResult:
-        """How the mount moves since; ABORT again as long as it does."""
+        """Measure the motion since ABORT; send ABORT again as long as the mount moves."""
         measure = StopMeasure(self._begun_s)
         self._wire.ask(self._device, POLLING)
         self._wire.ask(self._device, COORDINATES)
@@ -143,7 +143,7 @@ class _WireStop:
         return result
 
     def _abort_until(self, deadline_s: float) -> int:
-        """How often ABORT was sent until it was answered, or until the time was out."""
+        """Send ABORT until it was answered, or until the time was out; return how often."""
         aborts = 0
         if self._watched.is_over():
             return 0
@@ -175,7 +175,8 @@ class _WireStop:
         return f"its driver says that it still moves after {aborts} aborts in {timeout_s:.1f} s"
 
     def _settle_tracking(self, after_stop: AfterStop, had_tracking: bool | None) -> bool | None:
-        """Turn tracking on or off as it is to be; whether it is then, None where untold."""
+        """Turn tracking on or off as required; return its state then, None where it is not
+        reported."""
         was_parking = self._was_busy(PARK)
         wanted = tracking_after_stop(
             after_stop,
@@ -210,7 +211,7 @@ class _WireStop:
             self._read_next(left_s)
 
     def _hold_tracking(self, member: str, ends_s: float) -> None:
-        """Say again what is wanted of tracking whenever the driver thinks otherwise."""
+        """Repeat the tracking order whenever the driver reports the other state."""
         before = self.vectors.get(TRACKING)
         while (left_s := ends_s - time.monotonic()) > 0 and not self._watched.is_over():
             self._read_next(min(left_s, _LOOK_S))

@@ -1,1 +1,1 @@
-"""The mount, by a process of its own, with a watch and a second way to STOP."""
+"""The mount, in a process of its own, with a watch and a second path to STOP."""

@@ -20,7 +20,7 @@ _TRACKING_S = 2.0
 
 
 class Halt:
-    """Ends the motion of one mount, as often as it is asked to."""
+    """Ends the motion of one mount, as often as requested."""
 
     def __init__(
         self,
@@ -34,8 +34,8 @@ class Halt:
         say: Callable[[dict[str, Any]], None],
         monotonic_s: Callable[[], float],
     ) -> None:
-        """``track`` turns tracking on or off, and tells which it is; ``await_report`` is called
-        behind an update of that number; ``say`` hears what is measured."""
+        """``track`` turns tracking on or off, and returns its state; ``await_report`` is called
+        behind an update of that number; ``say`` is called with the measured motion."""
         self._client, self._mirror, self._motion, self._watch = client, mirror, motion, watch
         self._track, self._await_report = track, await_report
         self._say, self._monotonic_s = say, monotonic_s
@@ -47,11 +47,11 @@ class Halt:
         had_tracking: bool = False,
         on_progress: Callable[[str], None] = lambda _what: None,
     ) -> dict[str, Any]:
-        """ABORT, again while its driver says that it moves; then tracking as wanted.
+        """Send ABORT, again while its driver reports motion; then set tracking as required.
 
-        From then on it is measured how the mount moves. ``had_tracking``: there was some when STOP
-        was called for, whatever came meanwhile; ``on_progress`` hears at once of the order and of
-        the driver's answer.
+        From then on the motion is measured. ``had_tracking``: the mount tracked when STOP was
+        requested, whatever came meanwhile; ``on_progress`` is called at once with the order and
+        with the driver's answer.
         """
         client, mirror = self._client, self._mirror
         was_moving = mirror.says_moving or client.get(COORDINATES) is None
@@ -112,7 +112,7 @@ class Halt:
         return f"its driver has not answered {aborts} aborts in {_STOP_S:g} s"
 
     def _settled(self, is_on: bool) -> bool | None:
-        """Whether it tracks; again where the driver goes back to its own idea at its next look."""
+        """Tracking state; ordered again where the driver returns to its own at its next poll."""
         ends_s = self._monotonic_s() + _TRACKING_S
         is_tracking: bool | None = None
         # A driver that refuses has stopped all the same.

@@ -1,7 +1,7 @@
-"""The claim of a process to watch over a mount: a file in the user's own runtime folder.
+"""Claim of a process to watch over a mount: a file in the user's own runtime folder.
 
 A mount's process that outlives its engine keeps watching until another one claims the mount.
-Processes of other users, or on other machines, are not heard of.
+Processes of other users, or on other machines, are unknown to it.
 """
 
 import contextlib
@@ -15,7 +15,7 @@ from rsoconsole.config import runtime_dir
 
 
 class MountOwner:
-    """One process's claim to one mount."""
+    """Claim of one process to one mount."""
 
     def __init__(self, host: str, port: int, device: str, folder: Path | None = None) -> None:
         """Describe the mount; ``folder`` None: the user's runtime folder."""
@@ -26,11 +26,11 @@ class MountOwner:
 
     @property
     def has_claimed(self) -> bool:
-        """Whether a claim has been written."""
+        """True once a claim has been written."""
         return self._path is not None
 
     def claim(self) -> None:
-        """Write down that this process watches; once, and only where a folder can be had."""
+        """Write the claim of this process; once, and only where there is a folder for it."""
         if self._path is not None:
             return
         with contextlib.suppress(OSError, ConfigError):
@@ -50,7 +50,7 @@ class MountOwner:
             return True
 
     def release(self) -> None:
-        """Take the claim back."""
+        """Remove the claim."""
         if self._path is not None and self.is_ours():
             self._path.unlink(missing_ok=True)
         self._path = None

@@ -1,7 +1,7 @@
-"""One STOP on two ways to the mount: ordered, answered by the driver, measured.
+"""One STOP on two paths to the mount: ordered, answered by the driver, measured.
 
-Whichever way is first counts. What becomes of tracking is settled by the way that was answered; how
-the mount moves since is heard for half a minute, or until the next order.
+The path that is first counts. Tracking is settled by the path that was answered; the motion since
+is reported for half a minute, or until the next order.
 """
 
 import logging
@@ -20,12 +20,13 @@ WAYS: dict[StopPath, str] = {"mount": "the mount's process", "indi": "a second I
 
 
 class MountStop:
-    """The state of one STOP; its ways report from threads of their own."""
+    """State of one STOP; its paths report from threads of their own."""
 
     def __init__(self, on_news: Callable[[StopResult], None]) -> None:
-        """``on_news`` hears when it is first ordered, when it is first answered, what is measured.
+        """``on_news`` is called when it is first ordered, when first answered, and with the
+        measured motion.
 
-        Called with what is known by then, from the threads of the ways.
+        Called with the result so far, from the threads of the paths.
         """
         self._on_news = on_news
         self._began_s = time.monotonic()
@@ -34,20 +35,20 @@ class MountStop:
         self._answered: StopResult | None = None
         self._ends: list[StopResult] = []
         self._failed: StopResult | None = None
-        """Of a way that has failed, what tells most."""
+        """Most informative result of the paths that have failed."""
         self._ways = 0
         self._is_settled = False
         self._last: StopResult | None = None
-        """What ``on_news`` heard last of how the mount moves."""
+        """Latest motion that ``on_news`` was called with."""
         self.is_over = False
-        """Nobody waits any more: nothing more is sent to the mount for it."""
+        """True when nobody waits any more: nothing more is sent to the mount for it."""
 
     def leaves_to(self, path: StopPath) -> bool:
-        """Whether the other way need not go on: that one has come to its end and measures."""
+        """True where the other path need not go on: this one has come to its end and measures."""
         return self.is_over or (self._is_settled and any(each.path == path for each in self._ends))
 
     def ordered(self, path: StopPath, at_s: float | None = None) -> None:
-        """ABORT has left for the mount; ``at_s``: monotonic time, None: now."""
+        """Note that ABORT has left for the mount; ``at_s``: monotonic time, None: now."""
         with self._changed:
             if self._ordered_ms is not None or self._is_settled:
                 return
@@ -56,7 +57,7 @@ class MountStop:
         self._on_news(news)
 
     def answered(self, path: StopPath, at_s: float | None = None) -> None:
-        """The driver has taken ABORT and claims no motion."""
+        """Note that the driver has accepted ABORT and claims no motion."""
         with self._changed:
             if self._answered is not None or self._is_settled:
                 return
@@ -65,7 +66,7 @@ class MountStop:
         self._on_news(news)
 
     def measured(self, path: StopPath, motion: Motion, at_s: float | None = None) -> None:
-        """Take a measured motion; it is news where its kind is another than before."""
+        """Add a measured motion; it is news where its kind is another than before."""
         with self._changed:
             last = None if self._last is None or self._last.motion is None else self._last.motion
             if self.is_over or (last is not None and last.kind == motion.kind):
@@ -92,7 +93,7 @@ class MountStop:
         self.is_over = True
 
     def begin(self, path: StopPath, act: Callable[[], StopResult]) -> threading.Thread:
-        """Go one way; ``act`` may raise, which is a way that has failed."""
+        """Start one path; ``act`` may raise, which is a path that has failed."""
 
         def go() -> None:
             try:
@@ -118,7 +119,8 @@ class MountStop:
         return thread
 
     def wait_answered(self, timeout_s: float) -> bool:
-        """Whether the driver has answered before the time is out, or every way has failed."""
+        """Wait for the driver's answer, or until every path has failed; True where it has
+        answered."""
         with self._changed:
             self._changed.wait_for(
                 lambda: self._answered is not None or len(self._ends) == self._ways, timeout_s
@@ -126,7 +128,7 @@ class MountStop:
             return self._answered is not None
 
     def wait_end(self, deadline_s: float) -> StopResult:
-        """The result so far, by the way that ended well first or by the last one."""
+        """Wait for the result, by the path that ended well first or by the last one."""
         with self._changed:
             self._changed.wait_for(self._is_decided, max(0.0, deadline_s - time.monotonic()))
             self._is_settled = True

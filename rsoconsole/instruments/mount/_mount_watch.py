@@ -1,4 +1,4 @@
-"""The watch that the mount's process keeps while nobody else does.
+"""Watch over the mount by its own process, while nobody else watches.
 
 Runs on a thread of its own: a parent that hangs, or an order that waits for its answer, does not
 hold it up.
@@ -23,7 +23,7 @@ _HOLD_S = 3.0
 
 
 class MountWatch:
-    """Ends a slew that nobody watches, and tracking at the limit that was named."""
+    """Ends a slew that nobody watches, and tracking at the given limit."""
 
     def __init__(
         self,
@@ -40,9 +40,9 @@ class MountWatch:
     ) -> None:
         """``stop`` ends motion and restores tracking, ``track`` turns that on or off.
 
-        ``park`` is what a mount whose tracking cannot be turned off is given at a limit.
-        ``on_ended`` hears, before a slew is ended, for how long nobody was heard of, and how
-        long that may be.
+        ``park`` is called at a limit for a mount whose tracking cannot be turned off. ``on_ended``
+        is called, before a slew is ended, with the time without any order, and the longest allowed
+        one.
         """
         self.lease, self.owner = lease, owner
         self._mirror, self._stop, self._track, self._park = mirror, stop, track, park
@@ -59,7 +59,7 @@ class MountWatch:
 
     @property
     def is_taken_over(self) -> bool:
-        """Another process has claimed the mount since this one did."""
+        """True where another process has claimed the mount since this one did."""
         return self.owner.has_claimed and not self.owner.is_ours()
 
     def start(self) -> None:
@@ -67,39 +67,39 @@ class MountWatch:
         self._thread.start()
 
     def keep(self, lease_s: float, track_until_utc_ns: int | None) -> None:
-        """Renew the lease: somebody watches."""
+        """Renew the lease: the engine watches."""
         self.lease.begin(self._monotonic_s(), lease_s)
         self.lease.set_limit(track_until_utc_ns)
         self.owner.claim()
         self._wake.set()
 
     def hold_tracking(self, is_on: bool | None) -> None:
-        """Tracking was set behind a STOP: see that it stays so; None: a new order decides of it.
+        """Keep the tracking state that was set behind a STOP; None: a new order decides.
 
-        A driver may go back to its own idea of it at its next look at the mount.
+        A driver may return to its own tracking state at its next poll of the mount.
         """
         self._held = None if is_on is None else (is_on, self._monotonic_s() + _HOLD_S)
 
     def measure_stop(self, measurement: StopMeasurement | None) -> None:
-        """Look how the mount moves since a STOP, in place of the one before; None: no more."""
+        """Measure the motion since a STOP, in place of the one before; None: no more."""
         before, self._measurement = self._measurement, measurement
         if before is not None:
             before.end()
         self._wake.set()
 
     def slew_begins(self) -> None:
-        """A slew is about to be ordered."""
+        """Note that a slew is about to be ordered."""
         self.lease.begin(self._monotonic_s())
         self.owner.claim()
 
     def look(self, *, is_moving: bool) -> None:
-        """The mount has said something; returns at once."""
+        """Note a report of the mount; returns at once."""
         if self._is_unattended and is_moving:
             self._is_moved_by_others = True
         self._wake.set()
 
     def end(self) -> None:
-        """Watch no longer; returns when no act of this watch is under way any more."""
+        """End the watch; returns when none of its actions is under way any more."""
         self._is_over.set()
         self._wake.set()
         self._thread.join()
@@ -133,7 +133,7 @@ class MountWatch:
                 self.watch()
 
     def watch(self) -> None:
-        """One look at all that it watches."""
+        """Check once everything that it watches."""
         self._look_at_stop()
         self._look_at_tracking()
         self._look_at_slew()

@@ -17,7 +17,7 @@ from rsoconsole.instruments.motion import Motion, StopMeasure
 
 
 class StopMeasurement:
-    """From an ABORT to the rest that is measured; looked at several times a second."""
+    """Measurement from an ABORT to the measured rest; looks several times a second."""
 
     def __init__(
         self,
@@ -28,7 +28,8 @@ class StopMeasurement:
         hold_tracking: Callable[[], None],
         monotonic_s: Callable[[], float] = time.monotonic,
     ) -> None:
-        """``say`` hears each change; ``hold_tracking`` is called behind every further ABORT."""
+        """``say`` is called with each change; ``hold_tracking`` is called behind every further
+        ABORT."""
         self._client, self._motion, self._say = client, motion, say
         self._hold_tracking, self._monotonic_s = hold_tracking, monotonic_s
         self._measure = StopMeasure(monotonic_s())
@@ -36,7 +37,7 @@ class StopMeasurement:
         self.is_over = False
 
     def look(self) -> None:
-        """One look: ABORT again where it moves, and what is news."""
+        """Look once: send ABORT again where the mount moves, and report news."""
         if self.is_over:
             return
         if self._polling_ms is None and (self._motion.polling_ms or 0.0) > POLLING_MS:
@@ -54,7 +55,7 @@ class StopMeasurement:
             self.end()
 
     def end(self) -> None:
-        """Measured, or another order is given: the driver looks as often as it did."""
+        """End the measurement or give way to another order: the driver polls as often as before."""
         if not self.is_over and self._polling_ms is not None:
             self._client.send_numbers(POLLING, {"PERIOD_MS": self._polling_ms})
         self.is_over = True
@@ -71,7 +72,7 @@ class StopMeasurement:
 
 
 def is_answered(client: IndiClient) -> bool:
-    """Whether the driver has taken ABORT, by its word: neither refused nor busy."""
+    """True where the driver reports that it has accepted ABORT: neither refused nor busy."""
     abort, coordinates = client.get(ABORT), client.get(COORDINATES)
     is_refused = abort is not None and abort.state == "Alert" and not abort.is_definition
     return not is_refused and coordinates is not None and coordinates.state != "Busy"

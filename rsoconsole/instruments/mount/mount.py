@@ -1,4 +1,4 @@
-"""The mount port over a child process, with a second way to STOP beside it."""
+"""The mount port over a child process, with a second path to STOP beside it."""
 
 import dataclasses
 import itertools
@@ -34,10 +34,10 @@ log = logging.getLogger(__name__)
 _MAX_MESSAGES = 100
 _ABORT_ANSWER_S = 0.1
 _SETTLED_S = 2.5
-"""For so long, after the driver has answered, tracking is waited for."""
+"""Longest wait for the tracking state, after the driver has answered."""
 _PAST_S = 10.0
 _MEASURED_S = REPEATS_FOR_S + 1.0
-"""After that a STOP is measured no longer, whatever has become of who measured it."""
+"""Longest measurement of a STOP, whatever has become of the process that measures it."""
 _KM_PER_DEG = 111.19
 _SITE_TOLERANCE_KM = 1.0
 _STAMP_NS = 1_000
@@ -53,7 +53,7 @@ class IndiMount:
         mount: MountConfig | None = None,
         waits: WaitsConfig | None = None,
     ) -> None:
-        """Describe the mount; ``start`` connects. ``mount``, ``waits`` None: as by default."""
+        """Describe the mount; ``start`` connects. ``mount``, ``waits`` None: the defaults."""
         waits = waits or WaitsConfig()
         self._order_s = waits.order_s
         self._config, self._mount = config, mount or MountConfig()
@@ -62,11 +62,11 @@ class IndiMount:
         self._messages: deque[str] = deque(maxlen=_MAX_MESSAGES)
         self._slew_end: SlewEnd | None = None
         self._stops: dict[int, MountStop] = {}
-        """Those under way, by their numbers."""
+        """STOPs under way, by their numbers."""
         self._stop_numbers = itertools.count(1)
         self._has_order = False
-        """Something was ordered and the mount has not been measured to be at rest since: a driver
-        that comes back is told to stop first."""
+        """True when something was ordered and the mount has not been measured to be at rest since:
+        a driver that comes back is ordered to stop first."""
         self.process = IndiProcess(
             name="mount",
             module="rsoconsole.instruments.mount.mount_child",
@@ -83,11 +83,11 @@ class IndiMount:
         )
 
     def start(self) -> None:
-        """Make the process and connect. Raises InstrumentError."""
+        """Start the process and connect. Raises InstrumentError."""
         self.process.start()
 
     def slew(self, ra_icrs_deg: float, dec_icrs_deg: float, now_utc_ns: int) -> None:
-        """Go there and track; returns once the mount has taken the order."""
+        """Slew to a direction and track; returns once the mount has accepted the order."""
         self._slew_end = None
         self._new_order()
         self.process.request(
@@ -99,7 +99,8 @@ class IndiMount:
         )
 
     def report(self, not_before_utc_ns: int | None = None, timeout_s: float = 10.0) -> MountReport:
-        """The latest report, waiting (wall clock) for one at least as late as asked."""
+        """Return the latest report, waiting (wall clock) for one at least as late as
+        ``not_before_utc_ns``."""
         if not self._config.simulated:
             answer = self.process.request("report", timeout_s)
             return self._take_report(_to_report(answer["report"]))
@@ -121,10 +122,10 @@ class IndiMount:
     def abort(
         self, timeout_s: float = 2.0, *, on_news: Callable[[StopResult], None] = unheard
     ) -> StopResult:
-        """End motion at once, and have it measured how the mount then moves; never raises.
+        """End motion at once, and measure how the mount then moves; never raises.
 
-        Whether tracking is then on is ``mount.after_stop``'s affair; "track" restores it only
-        where the mount tracked, or slewed to where it would.
+        ``mount.after_stop`` decides whether tracking is then on; "track" restores it only where the
+        mount tracked, or slewed to a place to track.
         """
         deadline_s = time.monotonic() + timeout_s
         had_tracking = self._tracks_after_stop
@@ -157,7 +158,8 @@ class IndiMount:
     def _past_the_process(
         self, stop: MountStop, deadline_s: float, had_tracking: bool | None
     ) -> Callable[[], StopResult]:
-        """STOP by a second plain connection; ends where it is answered, and measures on."""
+        """Return a STOP by a second plain connection, which ends where it is answered, and measures
+        on."""
 
         def act() -> StopResult:
             first: queue.SimpleQueue[StopResult] = queue.SimpleQueue()
@@ -196,7 +198,7 @@ class IndiMount:
             stop.end(why, is_superseded=is_superseded)
 
     def _new_order(self) -> None:
-        """What STOPs before it have left to be measured is over."""
+        """End the measurement of earlier STOPs for a new order."""
         self._has_order = True
         for number in tuple(self._stops):
             why = "another order came before it was measured"
@@ -213,15 +215,15 @@ class IndiMount:
         self.process.request("unpark", self._order_s)
 
     def set_tracking(self, is_on: bool) -> None:
-        """Sidereal tracking on or off."""
+        """Turn sidereal tracking on or off."""
         self.process.request("set_tracking", self._order_s, is_on=is_on)
 
     def abilities(self) -> MountAbilities:
-        """The abilities of its driver."""
+        """Abilities of its driver."""
         return MountAbilities(**self.process.request("abilities", self._order_s)["abilities"])
 
     def set_site(self, site: Site) -> None:
-        """Tell the mount where it stands."""
+        """Send the mount its site."""
         self.process.request("set_site", self._order_s, **dataclasses.asdict(site))
 
     def check_site(self, site: Site) -> SiteCheck:
@@ -248,12 +250,12 @@ class IndiMount:
             log.debug("the mount's process did not hear that the mount is watched")
 
     def utc_offset_s(self) -> float | None:
-        """The mount's own clock minus the engine's; None when it does not tell the time."""
+        """The mount's own clock minus the engine's; None when it reports no time."""
         offset = self.process.request("utc_offset", self._order_s)["offset_s"]
         return None if offset is None else float(offset)
 
     def take_messages(self) -> tuple[str, ...]:
-        """Messages of the mount's process on what it did by itself, since the last call."""
+        """Messages of the mount's process on its own actions, since the last call."""
         return drain_messages(self._messages)
 
     def take_slew_end(self) -> SlewEnd | None:
@@ -262,7 +264,7 @@ class IndiMount:
         return taken
 
     def restart(self) -> None:
-        """A fresh process and a fresh connection."""
+        """Start a fresh process and a fresh connection."""
         self.process.restart()
 
     def close(self) -> None:
@@ -291,7 +293,7 @@ class IndiMount:
             self._say(str(message["text"]))
 
     def _measured(self, message: dict[str, Any]) -> None:
-        """How the mount moves since the STOPs that are open."""
+        """Handle a measured motion since the open STOPs."""
         motion = None if message["motion"] is None else Motion(**message["motion"])
         if motion is not None:
             self._has_order &= not motion.is_at_rest

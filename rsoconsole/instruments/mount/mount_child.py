@@ -66,7 +66,7 @@ class MountChild:
         self._halt: Halt | None = None
         self._motion = ReportedMotion(monotonic_s)
         self._stops = 0
-        """How many STOPs have come: an order from before one is not carried out behind it."""
+        """Number of STOPs received: an order from before one is not executed behind it."""
 
     def start(self, order: dict[str, Any]) -> dict[str, Any]:
         """Connect to server and mount."""
@@ -88,7 +88,7 @@ class MountChild:
         return {"client": library.title}
 
     def attach(self, client: IndiClient, order: dict[str, Any], owner: MountOwner) -> MountWatch:
-        """Take a client that is connected; the watch that is then to be started."""
+        """Use a client that is connected; return the watch that is then to be started."""
         self._is_simulated, self._after_stop = bool(order["simulated"]), order["after_stop"]
         self._answer_s = float(order["answer_s"])
         self._client = client
@@ -129,7 +129,7 @@ class MountChild:
         return {"abilities": dataclasses.asdict(self._ready()[1].abilities)}
 
     def on_order(self, order: dict[str, Any]) -> None:
-        """An order has come: somebody is there."""
+        """Note an order: the parent is alive."""
         if order["verb"] == "abort":
             self._stops += 1
         order["stops"] = self._stops
@@ -143,7 +143,7 @@ class MountChild:
         return {}
 
     def slew(self, order: dict[str, Any]) -> dict[str, Any]:
-        """Go to an ICRS direction and track; answers when the mount has taken the order."""
+        """Slew to an ICRS direction and track; answers when the mount has accepted the order."""
         client, mirror = self._ready()
         self._refuse_if_parked()
         if mirror.is_parking:
@@ -185,7 +185,7 @@ class MountChild:
         return {}
 
     def abort(self, order: dict[str, Any]) -> dict[str, Any]:
-        """End motion; answers when the driver has, or has not for 2 s."""
+        """End motion; answers when the driver has answered, or has not for 2 s."""
         return self._ready_halt().end_motion(
             self._after_stop,
             had_tracking=bool(order.get("had_tracking")),
@@ -221,7 +221,7 @@ class MountChild:
         return {}
 
     def set_tracking(self, order: dict[str, Any]) -> dict[str, Any]:
-        """Sidereal tracking on or off; a slew under way takes it at its arrival."""
+        """Turn sidereal tracking on or off; a slew under way does so at its arrival."""
         wanted = bool(order["is_on"])
         if wanted:  # a mount that says that it is parked may track all the same
             self._refuse_if_parked()
@@ -234,7 +234,7 @@ class MountChild:
         return {}
 
     def set_site(self, order: dict[str, Any]) -> dict[str, Any]:
-        """Tell the mount where it stands; INDI's longitude runs from 0 to 360 east."""
+        """Send the mount its site; INDI's longitude runs from 0 to 360 east."""
         client, _ = self._ready()
         latitude_deg = float(order["latitude_deg"])
         before = client.send_numbers(
@@ -256,7 +256,7 @@ class MountChild:
         return {}
 
     def site(self, _order: dict[str, Any]) -> dict[str, Any]:
-        """The site as the mount has it."""
+        """Site as reported by the mount."""
         return {"site": self._ready()[1].site()}
 
     def utc_offset(self, _order: dict[str, Any]) -> dict[str, Any]:
@@ -271,14 +271,14 @@ class MountChild:
         return {"offset_s": mirror.utc_offset_s()}
 
     def report(self, _order: dict[str, Any]) -> dict[str, Any]:
-        """The mount's state."""
+        """State of the mount."""
         return {"report": self._ready()[1].fresh_report()}
 
     def leave(self, *, is_orderly: bool) -> None:
         """End motion and restore sidereal tracking; then watch on where the parent just went.
 
-        A mount on its way to its park position is let go there, and one that stands still
-        stays still: both are safe.
+        A mount on its way to its park position continues, and one that stands still stays still:
+        both are safe.
         """
         if self._watch is None or self._mirror is None:
             return
@@ -297,7 +297,8 @@ class MountChild:
         return self._halt
 
     def _track(self, is_on: bool) -> bool | None:
-        """Tracking on or off, and whether it is then; None for a mount that does not tell."""
+        """Turn tracking on or off; return its state then, None for a mount that does not report
+        it."""
         client, mirror = self._ready()
         if client.get(TRACKING) is None:
             return None
@@ -313,9 +314,9 @@ class MountChild:
         return mirror.says_tracking
 
     def _new_order(self, order: dict[str, Any]) -> None:
-        """What was wanted before is over: a STOP's measurement, tracking that was to be held.
+        """End earlier orders: a STOP's measurement, tracking that was to be held.
 
-        Raises InstrumentError where STOP has come since it was given.
+        Raises InstrumentError where STOP has come since the order was sent.
         """
         self._refuse_if_overtaken(order)
         self._ready()[1].order_begins()
@@ -362,7 +363,8 @@ class MountChild:
         return self._expect(name, f"set {name}", before)
 
     def _await_report(self, answered: int) -> None:
-        """The simulated mount reports behind every answer: wait, so that nobody sees it older."""
+        """Wait for the report that the simulated mount sends behind every answer, so that nobody
+        sees it older."""
         if self._is_simulated:
             self._ready()[0].wait(COORDINATES, lambda _: True, self._answer_s, answered)
 
@@ -373,7 +375,8 @@ class MountChild:
         before: int,
         is_answer: Callable[[Vector], bool] = lambda _: True,
     ) -> Vector:
-        """The property with which the driver answers an order; raises InstrumentError for none.
+        """Return the property with which the driver answers an order; raises InstrumentError for
+        none.
 
         ``before``: the number of the last update before the order.
         """
@@ -395,7 +398,7 @@ class MountChild:
 
 
 def main() -> None:
-    """Obey until the parent goes away."""
+    """Serve orders until the parent goes away."""
     child = MountChild(ReplyWriter())
     orders = [child.start, child.slew, child.park, child.unpark, child.set_tracking]
     others = [child.set_site, child.site, child.utc_offset]

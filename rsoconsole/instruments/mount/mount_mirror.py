@@ -1,6 +1,6 @@
-"""The state of an INDI mount: its properties, and its measured motion where the two differ.
+"""State of an INDI mount: its properties, and its measured motion where the two differ.
 
-A driver's state is a claim. Where the reported directions tell how the mount moves, that counts.
+A driver's state is a claim. Where the reported directions determine the motion, that counts.
 """
 
 import contextlib
@@ -32,15 +32,15 @@ SITE = "GEOGRAPHIC_COORD"
 OFFERED = (ABORT, TRACKING, PARK, SIDE, SITE, TIME)
 """Properties that not every driver has."""
 SILENT_SLEW_S = 10.0
-"""A driver that slews speaks several times a second."""
+"""Longest silence of a driver that slews; it reports several times a second."""
 BUSY_AT_REST_S = 10.0
-"""A mount that was told to go somewhere so long ago and is measured to be at rest has arrived,
-whatever its driver says: none takes so long to begin."""
+"""Time after which a mount that was ordered to move and is measured to be at rest has arrived,
+whatever its driver reports: none takes so long to begin."""
 _NS = 1_000_000_000
 
 
 class MountMirror:
-    """The mount by the last values of its properties, and by its measured motion."""
+    """State of the mount by the last values of its properties, and by its measured motion."""
 
     def __init__(
         self,
@@ -51,23 +51,23 @@ class MountMirror:
         monotonic_s: Callable[[], float] = time.monotonic,
         time_ns: Callable[[], int] = time.time_ns,
     ) -> None:
-        """``reported`` None: nobody measures it."""
+        """``reported`` None: the motion is not measured."""
         self._client, self._is_simulated = client, is_simulated
         self._reported = reported or ReportedMotion(monotonic_s)
         self._monotonic_s, self._time_ns = monotonic_s, time_ns
         self._ordered_s = -math.inf
 
     def order_begins(self) -> None:
-        """An order goes out: what was measured before it tells nothing."""
+        """Note that an order goes out: earlier measurements no longer count."""
         self._ordered_s = self._monotonic_s()
         self._reported.begin()
 
     @property
     def motion(self) -> Motion:
-        """The motion as measured.
+        """Motion as measured.
 
-        A driver that no longer looks at a parked mount leaves its coordinates as they are: those
-        would look as if it tracked.
+        A driver that no longer polls a parked mount leaves its coordinates as they are: those would
+        look like tracking.
         """
         motion = self._reported.motion()
         if motion.kind == "tracks" and self.says_parked and not self._reported.is_fresh:
@@ -84,30 +84,30 @@ class MountMirror:
 
     @property
     def says_parked(self) -> bool:
-        """True when the driver says that the mount is parked."""
+        """True when the driver reports that the mount is parked."""
         park = self._client.get(PARK)
         return park is not None and park.state != "Busy" and bool(park.values.get("PARK"))
 
     @property
     def is_parked(self) -> bool:
-        """True when the driver says so and the mount is not measured to slew."""
+        """True when the driver reports so and the mount is not measured to slew."""
         return self.says_parked and not self.motion.is_fast
 
     @property
     def is_parking(self) -> bool:
-        """True while the driver says that the mount is on its way to its park position."""
+        """True while the driver reports that the mount is on its way to its park position."""
         park = self._client.get(PARK)
         return park is not None and park.state == "Busy"
 
     @property
     def says_moving(self) -> bool:
-        """True while the driver says that the mount slews or parks."""
+        """True while the driver reports that the mount slews or parks."""
         coordinates = self._client.get(COORDINATES)
         return self.is_parking or (coordinates is not None and coordinates.state == "Busy")
 
     @property
     def is_moving(self) -> bool:
-        """True while the mount slews or parks: as measured, or else by the driver's word."""
+        """True while the mount slews or parks: as measured, or else as reported."""
         motion = self.motion
         if motion.is_fast:
             return True
@@ -121,25 +121,26 @@ class MountMirror:
 
     @property
     def says_tracking(self) -> bool:
-        """True when the driver says that the mount tracks, and where it says nothing of that."""
+        """True when the driver reports that the mount tracks, and where it reports nothing of
+        that."""
         tracking = self._client.get(TRACKING)
         return not self.says_parked and (tracking is None or bool(tracking.values.get("TRACK_ON")))
 
     @property
     def is_tracking(self) -> bool:
-        """True when the mount is measured to track, or else says so."""
+        """True when the mount is measured to track, or else reported to."""
         motion = self.motion
         return motion.kind == "tracks" if motion.is_at_rest else self.says_tracking
 
     def now_utc_ns(self) -> int:
-        """The machine's clock; in the simulated observatory the instant last reported."""
+        """Time by the machine's clock; in the simulated observatory the instant last reported."""
         if not self._is_simulated:
             return self._time_ns()
         sim_time = self._client.get("SIM_TIME")
         return int(sim_time.values["UTC_NS"]) if sim_time is not None else 0
 
     def tracking_after(self, after_stop: AfterStop) -> bool | None:
-        """Whether tracking is to be on after a STOP now; None: left as it is."""
+        """Tracking state to order after a STOP now; None: left as it is."""
         return tracking_after_stop(
             after_stop,
             was_slewing=self.is_slewing,
@@ -174,9 +175,10 @@ class MountMirror:
         }
 
     def fresh_report(self) -> dict[str, Any]:
-        """The state as it is now: INDI speaks only of changes, so the last word still holds.
+        """Fields of the state as it is now: INDI sends only changes, so the last report still
+        holds.
 
-        Raises InstrumentError when that word is a slew and has grown old.
+        Raises InstrumentError when that report is a slew and has grown old.
         """
         coordinates = self._client.get(COORDINATES)
         assert coordinates is not None
@@ -192,8 +194,8 @@ class MountMirror:
     def utc_offset_s(self) -> float | None:
         """The mount's clock minus the machine's (simulated: minus the observatory's); or None.
 
-        Drivers repeat an old time to later clients: what was told before this process
-        connected bounds the mount's clock from below only.
+        Drivers repeat an old time to later clients: a time reported before this process connected
+        bounds the mount's clock from below only.
         """
         vector = self._client.get(TIME)
         mount_utc_ns = None if vector is None else _utc_ns(str(vector.values.get("UTC") or ""))
@@ -207,7 +209,7 @@ class MountMirror:
         return offset_s if is_fresh or offset_s > 0.0 else None
 
     def site(self) -> dict[str, float] | None:
-        """The fields of the Site it believes in; INDI's longitude runs from 0 to 360 east."""
+        """Fields of the site as the mount reports it; INDI's longitude runs from 0 to 360 east."""
         vector = self._client.get(SITE)
         if vector is None:
             return None
@@ -231,7 +233,7 @@ def abilities_by(properties: Collection[str]) -> MountAbilities:
 
 
 def _utc_ns(text: str) -> int | None:
-    """ISO 8601 as INDI writes it, without a zone; None where it is none."""
+    """Instant of ISO 8601 as INDI writes it, without a zone; None where it is none."""
     try:
         return iso_to_utc_ns(text)
     except ValueError:
@@ -244,14 +246,14 @@ _AGAIN_S = 2.0
 
 
 class CoordinatePoller:
-    """Asks a silent driver for the mount's coordinates, on a thread of its own."""
+    """Requests a silent driver's coordinates, on a thread of its own."""
 
     def __init__(self, host: str, port: int, device: str, motion: ReportedMotion) -> None:
-        """``motion`` hears the answers; what the driver tells by itself comes another way."""
+        """``motion`` receives the answers; the driver's own reports come another way."""
         self._host, self._port, self._device, self._motion = host, port, device, motion
 
     def start(self) -> None:
-        """Begin to listen."""
+        """Begin to read."""
         threading.Thread(target=self._run, daemon=True, name="coordinate poller").start()
 
     def _run(self) -> None:
@@ -265,7 +267,7 @@ class CoordinatePoller:
             time.sleep(_AGAIN_S)
 
     def _listen(self, wire: IndiWire) -> None:
-        """Until the server hangs up: then InstrumentError."""
+        """Read until the server hangs up: then InstrumentError."""
         self._motion.begin()
         wire.ask(self._device, POLLING)
         looked_s = time.monotonic()

@@ -1,4 +1,4 @@
-"""STOP where the engine does not answer: by a connection of its own, from any seat."""
+"""STOP where the engine does not answer: by a connection of its own, from any console."""
 
 from collections.abc import Callable, Mapping
 from pathlib import Path
@@ -18,12 +18,12 @@ def stop_past_engine(
 ) -> None:
     """Stop the mount by a connection of its own to the INDI server.
 
-    ``on_found`` hears what comes of it, as an engine answers a STOP: that the driver has answered,
-    then how the mount is measured to move. Returns when nothing more comes: it is at rest, or half
-    a minute has passed, in which ABORT is repeated as long as it moves.
+    ``on_found`` is called with the result, as an engine answers a STOP: that the driver has
+    answered, then the measured motion. Returns when nothing more comes: the mount is at rest, or
+    half a minute has passed, in which ABORT is repeated as long as it moves.
 
     ``indi`` as the session has it; None: as configured. A configuration that cannot be read
-    prevents nothing: ``on_fault`` is told, and the standard mount is stopped.
+    prevents nothing: ``on_fault`` is called, and the standard mount is stopped.
     """
     from rsoconsole.instruments.indi.wire_stop import stop_mount
 

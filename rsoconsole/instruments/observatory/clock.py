@@ -1,4 +1,4 @@
-"""Two clocks: the machine's own, and the simulated observatory's."""
+"""Clocks: the machine's own, and the simulated observatory's."""
 
 import threading
 import time
@@ -38,22 +38,23 @@ def read_clocks() -> ClockReadings:
 
 
 def _boottime_ns() -> int:
-    """Where the system has no such clock a machine that slept is one whose clock was set."""
+    """Time since boot; where the system has no such clock, a machine that slept counts as one whose
+    clock was set."""
     if not hasattr(time, "CLOCK_BOOTTIME"):
         return time.monotonic_ns()
     return time.clock_gettime_ns(time.CLOCK_BOOTTIME)
 
 
 def utc_now_ns() -> int:
-    """The machine's present, for what reads it once and watches nothing."""
+    """Present time of the machine, for code that reads it once and watches nothing."""
     return time.time_ns()
 
 
 class SystemClock:
     """The machine's clock; a wait really waits.
 
-    A thread of its own holds it against the clocks that nobody can set, a few times a second: a
-    step that is set back before anybody asks is found, too.
+    A thread of its own compares it with the clocks that cannot be set, a few times a second: a step
+    that is set back before the next call is found, too.
     """
 
     is_simulated = False
@@ -89,14 +90,15 @@ class SystemClock:
                 self._wake.set()
 
     def _look(self) -> bool:
-        """Whether something has happened."""
+        """Look once; return True where there is a fault."""
         with self._looking:
             found = self._watch.look(read_clocks())
             self._faults += found
         return bool(found)
 
     def wait_until(self, t_utc_ns: int) -> bool:
-        """Sleep until then; False when ``wake`` or a fault of the clock cut it short."""
+        """Sleep until an instant; return False when ``wake`` or a fault of the clock cut it
+        short."""
         left_s = (t_utc_ns - time.time_ns()) / _NS
         was_woken = self._wake.wait(max(0.0, left_s))
         self._wake.clear()
@@ -107,12 +109,12 @@ class SystemClock:
         self._wake.set()
 
     def close(self) -> None:
-        """Look no more."""
+        """Stop watching."""
         self._is_over.set()
 
 
 class SimulatedClock:
-    """The simulated observatory's clock: time passes there only while somebody waits here.
+    """The simulated observatory's clock: time passes there only during a wait here.
 
     One thread waits, any thread may wake it, which a paced wait notices within 50 ms.
     """
@@ -120,7 +122,7 @@ class SimulatedClock:
     is_simulated = True
 
     def __init__(self, host: str, port: int, waits: WaitsConfig | None = None) -> None:
-        """Connect. ``waits`` None: as by default.
+        """Connect. ``waits`` None: the defaults.
 
         Raises InstrumentError when the server has no simulated clock.
         """
@@ -142,18 +144,18 @@ class SimulatedClock:
         self._wall_s_per_ns = 0.0 if speed == 0 else 1.0 / speed / _NS
 
     def now_utc_ns(self) -> int:
-        """The instant the observatory stands at (while waiting: stood at)."""
+        """Instant of the observatory (while waiting: its instant before)."""
         return self._now_utc_ns
 
     is_steady = True
 
     @staticmethod
     def take_faults() -> tuple[ClockFault, ...]:
-        """No faults: nobody sets this clock."""
+        """Return no faults: nobody sets this clock."""
         return ()
 
     def wait_until(self, t_utc_ns: int) -> bool:
-        """Have the observatory live until then; False when ``wake`` cut it short."""
+        """Let the observatory's time pass until then; return False when ``wake`` cut it short."""
         if self._wake.is_set():
             self._wake.clear()
             return False
@@ -182,7 +184,7 @@ class SimulatedClock:
         self._wake.set()
 
     def close(self) -> None:
-        """Hang up; the observatory's time stands still from now on."""
+        """Close the connection; the observatory's time stands still from now on."""
         self._wire.close()
 
     def _first_word(self, timeout_s: float) -> IndiVector | None:
@@ -262,5 +264,5 @@ def connect_instruments(
 
 
 def _named(protocol: str, indi_name: str) -> str:
-    """A device as words for people have it: by its INDI name, else by the protocol's."""
+    """Name of a device in messages: its INDI name, else the protocol's."""
     return indi_name if protocol == "indi" else protocol

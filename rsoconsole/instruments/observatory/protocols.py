@@ -1,8 +1,8 @@
 """Protocols of mount and camera: INDI, or that of an installed package.
 
 A package brings a protocol as an entry point of group ``rsoconsole.mounts`` or
-``rsoconsole.cameras``: a callable that is given a ``ProtocolContext`` and returns something with
-the methods of ``MountPort`` or ``CameraPort`` (``instruments/ports.py``). Its settings are
+``rsoconsole.cameras``: a callable that accepts a ``ProtocolContext`` and returns an object with the
+methods of ``MountPort`` or ``CameraPort`` (``instruments/ports.py``). Its settings are
 ``[instruments.options]``.
 """
 
@@ -27,7 +27,7 @@ class ProtocolContext:
 
     config: Config
     log_dir: Path
-    """Folder for what a library prints in a process of its own."""
+    """Folder for a library's output in a process of its own."""
 
 
 def mount_by(context: ProtocolContext) -> MountPort:
@@ -57,7 +57,7 @@ def camera_by(context: ProtocolContext) -> CameraPort:
 
 
 def missing_protocol(config: Config) -> str | None:
-    """The fault of a configured protocol's name, in words; None where both are installed."""
+    """Fault of a configured protocol's name, in words; None where both are installed."""
     named = (
         ("mount", MOUNTS, config.instruments.mount),
         ("camera", CAMERAS, config.instruments.camera),

@@ -27,11 +27,11 @@ class Table:
     """One byte table of an index file."""
 
     name: str
-    """Its only column, e.g. ``kdtree_data_stars``."""
+    """Name of its only column, e.g. ``kdtree_data_stars``."""
     row_bytes: int
     rows: int
     offset: int
-    """Place of the first data byte in the file."""
+    """Offset of the first data byte in the file."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,7 +45,7 @@ class IndexHeader:
     """Length in bytes of the complete file; a shorter one is truncated."""
 
     def table(self, name: str) -> Table:
-        """The table of that name; raises SolverError when there is none."""
+        """Return the table of that name; raises SolverError when there is none."""
         for table in self.tables:
             if table.name == name:
                 return table

@@ -1,4 +1,4 @@
-"""The parent's side of the solver process: start, ask with a deadline, kill, start again."""
+"""Parent's side of the solver process: start, request with a deadline, kill, start again."""
 
 import logging
 import threading
@@ -19,7 +19,7 @@ class SolverChild:
     """One solver process at a time; thread-safe; replaced whenever it dies or overruns."""
 
     def __init__(self, start_s: float = WaitsConfig().process_s) -> None:
-        """``start_s``: how long a process is waited for until it can search."""
+        """``start_s``: longest wait until a process can search."""
         self._start_s = start_s
         self._lock = threading.Lock()
         self._child = ChildProcess("rsoconsole.instruments.solver._solver_process")
@@ -39,7 +39,8 @@ class SolverChild:
             self._running()
 
     def ask(self, request: MatchRequest, deadline_s: float) -> MatchReply:
-        """The reply within ``deadline_s`` seconds of wall time, or one that says what went wrong.
+        """Return the reply within ``deadline_s`` seconds of wall time, or one that says what went
+        wrong.
 
         The deadline runs from the moment the process is ready: one that is only just being
         replaced is waited for, or short deadlines would kill it again and again. Where the deadline
@@ -68,7 +69,7 @@ class SolverChild:
             self._child.end(_GRACE_S)
 
     def _send(self, request: MatchRequest) -> Connection:
-        """Hand the request over to a process that is ready; one that died idle is replaced."""
+        """Send the request to a process that is ready; one that died idle is replaced."""
         for _ in range(2):
             connection = self._running()
             try:
@@ -105,6 +106,6 @@ class SolverChild:
             return self._child.start()
 
     def _end_dead(self) -> None:
-        """Clear away a process that ended without being told to, and say so."""
+        """Clear away a process that ended without an order to, and log that."""
         status = self._child.end()
         log.warning("the plate solver's process ended (status %s): another one starts", status)

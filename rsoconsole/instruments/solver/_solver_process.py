@@ -21,17 +21,18 @@ MAX_SOLVERS = 4
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MatchRequest:
-    """One search."""
+    """Request for one search."""
 
     request_id: int
     index_files: tuple[str, ...]
     stars_xy_px: tuple[tuple[float, float], ...]
-    """Brightest first, 0-based."""
+    """Stars, brightest first, 0-based pixels."""
     scale_arcsec_px: tuple[float, float]
     position_deg: tuple[float, float, float] | None
-    """RA, Dec, radius; None searches the whole sky."""
+    """RA, Dec, radius of the search; None searches the whole sky."""
     depths: tuple[int, ...]
-    """Quads are built of the first depths[0] stars, then with stars up to depths[1], and so on."""
+    """Numbers of stars of successive searches: quads are built of the first depths[0] stars, then
+    with stars up to depths[1], and so on."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -77,7 +78,8 @@ def main(socket_fd: int) -> None:
 
 
 def _say(connection: Connection, word: str | MatchReply) -> None:
-    """A reply, or as the first word why the process never will search; empty where it can."""
+    """Send a reply, or as the first message why the process never will search; empty where it
+    can."""
     try:
         connection.send(word)
     except OSError:
@@ -91,7 +93,7 @@ class Searcher:
         self._solvers: dict[tuple[str, ...], Any] = {}
 
     def search(self, request: MatchRequest) -> MatchReply:
-        """Stop at the first plate beyond doubt (odds of a billion to one)."""
+        """Search, and stop at the first plate beyond doubt (odds of a billion to one)."""
         import astrometry
 
         position = None

@@ -1,4 +1,4 @@
-"""Index files of the plate solver: which are there, which a field needs, how they get installed.
+"""Index files of the plate solver: their list, the choice for a field, and their installation.
 
 Files of the 4100 series (Tycho-2): number n holds star quads of ``QUAD_ARCMIN[n]`` to
 ``QUAD_ARCMIN[n + 1]`` arcmin. They come from Debian (``astrometry-data-tycho2-*``), from
@@ -42,7 +42,7 @@ class IndexFile:
     """Declinations of its stars."""
     size_bytes: int = 0
     fault: str = ""
-    """Empty when the file is complete."""
+    """Fault of the file; empty when it is complete."""
 
     @property
     def is_healthy(self) -> bool:
@@ -56,11 +56,11 @@ class IndexFile:
 
     @property
     def is_whole_sky(self) -> bool:
-        """True when it reaches from pole to pole."""
+        """True when its stars reach from pole to pole."""
         return self.dec_span_deg > 150.0
 
     def covers(self, dec_icrs_deg: float, radius_deg: float = 0.0) -> bool:
-        """Whether fields around that declination may lie on its sky, whole or in part."""
+        """True where fields around that declination may lie on its sky, whole or in part."""
         margin = 0.2  # the limits are those of a sample of the stars
         return (
             self.dec_deg[0] - margin <= dec_icrs_deg + radius_deg
@@ -74,12 +74,12 @@ def user_index_dir() -> Path:
 
 
 def shipped_index_dir() -> Path:
-    """The cut to |dec| <= 12 deg that comes with the program."""
+    """Folder of the cut to |dec| <= 12 deg that comes with the program."""
     return resource("instruments", "data", "index")
 
 
 def search_dirs(configured: Sequence[Path] = ()) -> tuple[Path, ...]:
-    """Folders looked through, first served: configured, the user's, the system's, the shipped."""
+    """Folders to search, first match first: configured, the user's, the system's, the shipped."""
     return (
         *(d.expanduser() for d in configured),
         user_index_dir(),
@@ -89,7 +89,7 @@ def search_dirs(configured: Sequence[Path] = ()) -> tuple[Path, ...]:
 
 
 def list_index_files(dirs: Iterable[Path]) -> tuple[IndexFile, ...]:
-    """Every file of these folders that calls itself an index file, in order, faulty ones too."""
+    """List the index files of these folders in order, faulty ones too."""
     found: list[IndexFile] = []
     for folder in dirs:
         if folder.is_dir():
@@ -144,7 +144,7 @@ def missing_numbers(
     dec_icrs_deg: float | None,
     radius_deg: float,
 ) -> tuple[int, ...]:
-    """Numbers that a field of that shorter side wants and none of ``files`` has, finest first."""
+    """Numbers that a field of that shorter side needs and none of ``files`` has, finest first."""
     present = {
         file.scale
         for file in files
@@ -193,7 +193,7 @@ def choose_index_files(
 
 
 def examine(path: Path) -> IndexFile:
-    """One file, faulty or not."""
+    """Examine one file, faulty or not."""
     try:
         state = path.stat()
     except OSError as error:
@@ -233,7 +233,7 @@ def _scale_number(quad_low_deg: float) -> int | None:
 
 
 Progress = Callable[[str, int, int], None]
-"""Called with a file's name, bytes done and bytes in all."""
+"""Callback with a file's name, bytes done and bytes in all."""
 
 _COPY_CHUNK = 4 << 20
 _POLL_S = 0.5
@@ -246,11 +246,11 @@ def install(
     into: Path | None = None,
     progress: Progress = lambda _name, _done, _total: None,
 ) -> tuple[IndexFile, ...]:
-    """Install the index files of these numbers; gives back what now lies in ``into``.
+    """Install the index files of these numbers; return those now in ``into``.
 
-    ``from_dir`` is searched recursively, so that a folder of Debian packages unpacked with
-    ``dpkg -x`` will do; without it the files are downloaded. A complete file that is already
-    there is kept. Raises SolverError when any of them could not be had.
+    ``from_dir`` is searched recursively, so that a folder of Debian packages unpacked with ``dpkg
+    -x`` will do; without it the files are downloaded. A complete file that is already there is
+    kept. Raises SolverError when any of them could not be installed.
     """
     target = into or user_index_dir()
     with said_as(SolverError, f"{target} cannot be made: "):
@@ -291,7 +291,7 @@ def _copy(scales: list[int], source: Path, target: Path, report: Progress) -> No
 
 
 def _place(source: Path, home: Path, report: Progress) -> None:
-    """Copy, check and rename; nothing appears under the final name before it is whole."""
+    """Copy, check and rename a file; nothing appears under the final name before it is whole."""
     total = source.stat().st_size
     handle, name = tempfile.mkstemp(prefix=".install-", dir=home.parent)
     try:
@@ -329,7 +329,8 @@ def _download(scales: list[int], target: Path, report: Progress) -> None:
 
 
 def _fetch(scale: int, cache: Path, total: int, report: Progress) -> Path:
-    """One file of the series into the cache; a broken download is taken up where it ended."""
+    """Download one file of the series into the cache; a broken download is continued where it
+    ended."""
     import astrometry
     import requests
 

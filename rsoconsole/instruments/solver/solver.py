@@ -1,4 +1,4 @@
-"""The plate solver: star centroids in, the frame's tie to the sky out.
+"""Plate solver: star centroids in, the frame's plate solution out.
 
 A full solution matches quads of stars in a process of its own (``solver_process``) and then fits
 the plate to every catalogue star in the field, at its place on the day of the frame; the fast path
@@ -58,20 +58,20 @@ class SolveHint:
     ra_icrs_deg: float | None = None
     dec_icrs_deg: float | None = None
     radius_deg: float = 3.0
-    """Largest distance of the field's centre from there."""
+    """Largest distance of the field's centre from that position."""
     scale_low_arcsec_px: float | None = None
     scale_high_arcsec_px: float | None = None
 
     @property
     def position_deg(self) -> tuple[float, float, float] | None:
-        """RA, Dec, radius, or None when the position is not known."""
+        """RA, Dec, radius; None when the position is not known."""
         if self.ra_icrs_deg is None or self.dec_icrs_deg is None:
             return None
         return self.ra_icrs_deg % 360.0, self.dec_icrs_deg, self.radius_deg
 
     @property
     def scale_arcsec_px(self) -> tuple[float, float]:
-        """Least and greatest scale to be tried."""
+        """Least and greatest scale to try."""
         low = self.scale_low_arcsec_px or _BLIND_SCALE_ARCSEC_PX[0]
         high = self.scale_high_arcsec_px or _BLIND_SCALE_ARCSEC_PX[1]
         return low, max(low, high)
@@ -104,7 +104,7 @@ class PlateSolver:
         self._child.start()
 
     def __enter__(self) -> "PlateSolver":
-        """Itself; the process is already starting."""
+        """Return itself; the process is already starting."""
         return self
 
     def __exit__(self, *exception: object) -> None:
@@ -165,13 +165,12 @@ class PlateSolver:
         t_utc_ns: int | None = None,
         may_be_few: bool = False,
     ) -> Solution | None:
-        """The fast path: the previous plate moved onto this frame's stars, a few milliseconds.
+        """Move the previous plate onto this frame's stars, the fast path of a few milliseconds.
 
-        ``shift_deg``: (RA, Dec) the mount was told to move since, as differences in degrees; what
-        is left of it may be up to ``search_arcsec``. ``t_utc_ns`` as for ``solve``. None when it
-        does not fit, e.g. because the field is another one: then call ``solve``. ``may_be_few``:
-        where the stars are too few for a plate of their own, it may be the previous one shifted
-        onto a few of them.
+        ``shift_deg``: (RA, Dec) of the ordered move since, as differences in degrees; its error may
+        be up to ``search_arcsec``. ``t_utc_ns`` as for ``solve``. None when it does not fit, e.g.
+        because the field is another one: then call ``solve``. ``may_be_few``: where the stars are
+        too few for a plate of their own, it may be the previous one shifted onto a few of them.
         """
         started = time.monotonic()
         rows = as_star_rows(stars)
@@ -222,7 +221,7 @@ class PlateSolver:
     def _search(
         self, rows: FloatArray, size_px: tuple[int, int], hint: SolveHint, deadline_s: float
     ) -> MatchReply | str:
-        """A match, or in words why there is none."""
+        """Search for a match; return it, or in words why there is none."""
         if len(rows) < MIN_STARS:
             return f"{len(rows)} stars, {MIN_STARS} needed"
         files = self._files_for(hint, *size_px)
@@ -243,7 +242,7 @@ class PlateSolver:
         return reply.error or f"no match for {len(rows)} stars{_search_words(hint, files)}{finer}"
 
     def missing_index(self, hint: SolveHint, width_px: int, height_px: int) -> tuple[int, ...]:
-        """Numbers of index files that a field of the hinted scale wants and that are not there.
+        """Numbers of index files that a field of the hinted scale needs and that are missing.
 
         Finest first; none where the scale is not known.
         """
@@ -258,7 +257,7 @@ class PlateSolver:
         )
 
     def _missing_index_words(self, hint: SolveHint, width_px: int, height_px: int) -> str:
-        """Which index files the field wants that are not there; for the end of a sentence."""
+        """Missing index files for a field, in words for the end of a sentence."""
         low, high = hint.scale_arcsec_px
         if high > _KNOWN_SCALE * low:
             finest = min((f for f in self._files if f.is_healthy), key=lambda f: f.quad_deg)
@@ -304,7 +303,7 @@ class PlateSolver:
         size_px: tuple[int, int],
         epoch_jyear: float,
     ) -> PlateFit | None:
-        """The plate of a match, fitted to all stars."""
+        """Fit the plate of a match to all stars."""
         width_px, height_px = size_px
         try:
             start = wcs_from_cards(reply.wcs_cards or {})
@@ -327,7 +326,7 @@ class PlateSolver:
     def _cone(
         self, ra_deg: float, dec_deg: float, radius_deg: float, epoch_jyear: float
     ) -> FloatArray:
-        """(N, 2) RA, Dec at that epoch, brightest first."""
+        """Catalogue stars (N, 2): RA, Dec at that epoch, brightest first."""
         catalogue = self._catalogue
         if not catalogue.covers(dec_deg, radius_deg):
             catalogue = StarCatalogue.load_whole_sky()
@@ -340,7 +339,7 @@ def _epoch_of(t_utc_ns: int | None) -> float:
 
 
 def as_star_rows(stars: FloatArray | StarList) -> FloatArray:
-    """(N, 3) of x, y, flux, brightest first, finite only."""
+    """Stars (N, 3) as x, y, flux, brightest first, finite only."""
     if isinstance(stars, StarList):
         rows = np.stack([stars.x_px, stars.y_px, stars.flux], axis=1)
     else:
@@ -350,7 +349,7 @@ def as_star_rows(stars: FloatArray | StarList) -> FloatArray:
 
 
 def _search_words(hint: SolveHint, files: tuple[IndexFile, ...]) -> str:
-    """Where it was looked, for the operator to see what to widen."""
+    """Searched range in words, for the operator to see what to widen."""
     low, high = hint.scale_arcsec_px
     numbers = ", ".join(str(f.scale if f.scale is not None else f.path.name) for f in files)
     where = f" at {low:.4g} to {high:.4g} arcsec/px with index {numbers}"

@@ -1,1 +1,1 @@
-"""From directions to an orbit that says how much of it is known."""
+"""Orbit determination: from directions to an orbit with its covariance."""

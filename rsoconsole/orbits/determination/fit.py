@@ -1,4 +1,4 @@
-"""An orbit fitted to all directions: least squares with a stated prior. Pure.
+"""Orbit fit to all directions: least squares with a stated prior. Pure.
 
 The unknowns are what a telescope sees: direction, its rates, the logarithm of the range and the
 range's relative rate at the epoch. Short arcs give the first four sharply and the last two hardly,
@@ -6,9 +6,9 @@ so the problem is well scaled whatever the arc, and the range stays positive. So
 Tapley, Schutz & Born 2004, Statistical Orbit Determination, 4; Levenberg's damping; Huber's weights
 against outliers.
 
-Forces beside the point mass enter as the way that they lead off its orbit (Encke's deviation): it
-is computed once, kept while the unknowns move a little, and computed again where they moved far.
-Slopes are those of the point mass all the same.
+Forces beside the point mass enter as the deviation from its orbit (Encke): it is computed once,
+kept while the unknowns move a little, and computed again where they moved far. Slopes are those of
+the point mass all the same.
 """
 
 from collections.abc import Iterator
@@ -34,12 +34,12 @@ _MAX_STEPS = 40
 _MAX_DAMPINGS = 8
 _HUBER = 2.0
 _OUTLIER = 16.0
-"""A squared residual in units of its variance from which on a direction is left out."""
+"""Squared residual, in units of its variance, from which on a direction is left out."""
 _MEDIAN_SQUARE = 1.386
-"""Of two normal residuals."""
+"""Median of the sum of squares of two standard normal residuals."""
 _MAX_DEVIATIONS = 8
 _STALE = 0.01
-"""Of a direction's sigma: so much a deviation may be wrong, seen from the site."""
+"""Largest error of a kept deviation, seen from the site, as a share of a direction's sigma."""
 _NO_NUMBERS = np.linalg.LinAlgError
 
 
@@ -57,30 +57,30 @@ class Prior:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Fit:
-    """The orbit that fits best, at the epoch of its sightings."""
+    """Best fitting orbit, at the epoch of its sightings."""
 
     r_km: FloatArray
-    """(3,) GCRS"""
+    """Position (3,), GCRS."""
     v_km_s: FloatArray
     covariance: FloatArray
-    """(6, 6) km and km/s"""
+    """Covariance (6, 6), km and km/s."""
     residuals_arcsec: FloatArray
-    """(N, 2) measured minus predicted on the sky, also of those left out."""
+    """Residuals (N, 2), measured minus predicted on the sky, of left out directions also."""
     is_used: BoolArray
-    """(N,) bool: False for outliers."""
+    """Mask (N,), False for outliers."""
     cost: float
     """Sum of squares in units of variance, prior included, each outlier counted at its bound."""
     chi2: float
-    """Of the used directions alone."""
+    """Sum of squares of the used directions alone."""
     prior_chi2: float
-    """Sum of squares of the prior alone: how much the orbit contradicts what was believed."""
+    """Sum of squares of the prior alone: how much the orbit contradicts it."""
     degrees_of_freedom: int
     is_converged: bool
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class _Rows:
-    """What one set of unknowns comes to."""
+    """Residuals and their slopes for one set of unknowns."""
 
     unknowns: FloatArray
     deviation: tuple[FloatArray, FloatArray] | None
@@ -91,13 +91,13 @@ class _Rows:
 
 @dataclass(slots=True, kw_only=True, eq=False)
 class _Problem:
-    """What stays the same from step to step."""
+    """Directions, prior and line of sight of one fit, and its latest rows."""
 
     seen: Sightings
     prior: Prior
     view: LineOfSight
     deviation: tuple[FloatArray, FloatArray] | None = None
-    """(N, 3) off the point mass's orbit, and its rate: km, km/s."""
+    """Difference (N, 3) from the point mass's orbit, and its rate: km, km/s."""
     _last: "_Rows | None" = None
 
     def rows(self, unknowns: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -106,11 +106,12 @@ class _Problem:
         return rows.value, rows.slopes
 
     def residuals_arcsec(self, unknowns: FloatArray) -> FloatArray:
-        """(N, 2) measured minus predicted on the sky."""
+        """Residuals (N, 2), measured minus predicted on the sky, arcsec."""
         return self._rows(unknowns).residuals_arcsec
 
     def _rows(self, unknowns: FloatArray) -> "_Rows":
-        """The last ones are kept: a step begins where the one before it ended."""
+        """Compute the rows, or return the last ones: a step begins where the one before it
+        ended."""
         last = self._last
         is_known = last is not None and last.deviation is self.deviation
         if last is not None and is_known and np.array_equal(last.unknowns, unknowns):
@@ -134,7 +135,7 @@ class _Problem:
         return self._last
 
     def _beliefs(self, r: FloatArray, v: FloatArray) -> Iterator[tuple[FloatArray, FloatArray]]:
-        """What the prior adds: rows (n,) and their slopes (n, 6) by the state."""
+        """Yield the prior's rows (n,) and their slopes (n, 6) by the state."""
         if self.prior.sigma_e is not None:
             e, slopes = eccentricity_vector(r, v)
             sigma = self.prior.sigma_e / np.sqrt(2.0)
@@ -156,7 +157,7 @@ class _Problem:
         return places - velocities * tau_s[:, None], slopes
 
     def deviate(self, motion: Motion, unknowns: FloatArray) -> float:
-        """Compute the deviation at these unknowns; by how many arcsec it was wrong."""
+        """Compute the deviation at these unknowns; return by how many arcsec it was wrong."""
         r, v = self.view.state(unknowns)
         true = motion.states(r, v, self.seen.t_s)
         plain = propagate(r, v, self.seen.t_s)
@@ -185,7 +186,7 @@ def fit(
     prior: Prior | None = None,
     motion: Motion | None = None,
 ) -> Fit:
-    """The orbit near ``start`` (a state at the epoch) that fits all directions best.
+    """Fit the orbit near ``start`` (a state at the epoch) to all directions.
 
     ``motion`` other than about a point mass moves the object. Directions that fit with no orbit
     are left out, never more than a third.
@@ -227,7 +228,7 @@ def _problem(seen: Sightings, start: State, prior: Prior) -> _Problem:
 def _descend_with(
     problem: _Problem, motion: Motion, unknowns: FloatArray
 ) -> tuple[FloatArray, bool]:
-    """With the forces' deviation computed again until it stays."""
+    """Descend, computing the forces' deviation again until it no longer changes."""
     stale_arcsec = _STALE * float(np.median(1.0 / np.abs(problem.seen.whitening[:, 0, 0])))
     is_converged = False
     for _ in range(_MAX_DEVIATIONS):
@@ -245,7 +246,7 @@ def _descend_with(
 
 
 def _descend(problem: _Problem, unknowns: FloatArray) -> tuple[FloatArray, bool]:
-    """Levenberg and Marquardt with Huber's weights."""
+    """Descend by Levenberg and Marquardt, with Huber's weights."""
     damping = 1e-3
     value, slopes = problem.rows(unknowns)
     cost = _cost(problem, value)
@@ -277,12 +278,12 @@ def _descend(problem: _Problem, unknowns: FloatArray) -> tuple[FloatArray, bool]
 
 
 def _squares(problem: _Problem, value: FloatArray) -> FloatArray:
-    """(N,) squared residuals in units of variance."""
+    """Squared residuals (N,) in units of variance."""
     return np.asarray(np.sum(value[: 2 * len(problem.seen)].reshape(-1, 2) ** 2, axis=-1))
 
 
 def _cost(problem: _Problem, value: FloatArray) -> float:
-    """Huber's: quadratic near, linear far; a prior always quadratic."""
+    """Huber's cost: quadratic near, linear far; a prior always quadratic."""
     size = np.sqrt(_squares(problem, value))
     far = size > _HUBER
     loss = np.where(far, 2.0 * _HUBER * size - _HUBER**2, size**2)
@@ -297,7 +298,8 @@ def _weights(problem: _Problem, value: FloatArray) -> FloatArray:
 
 
 def _finished(problem: _Problem, unknowns: FloatArray, is_converged: bool) -> Fit:
-    """Outliers out, last steps without them, and the covariance that belongs to it."""
+    """Final fit: outliers left out, last steps without them, and the covariance that belongs to
+    it."""
     value, slopes = problem.rows(unknowns)
     is_used = _used(_squares(problem, value))
     for _ in range(5):
@@ -336,7 +338,7 @@ def _finished(problem: _Problem, unknowns: FloatArray, is_converged: bool) -> Fi
 
 
 def _kept(value: FloatArray, is_used: BoolArray) -> BoolArray:
-    """Which rows count: both of a used direction, and the prior's."""
+    """True for the rows that count: both of a used direction, and the prior's."""
     return np.concatenate([np.repeat(is_used, 2), np.ones(len(value) - 2 * len(is_used), bool)])
 
 
@@ -349,17 +351,15 @@ def _step(slopes: FloatArray, value: FloatArray) -> FloatArray | None:
 
 
 def _used(squares: FloatArray) -> BoolArray:
-    """Which directions are no outliers; the worst third at most is.
-
-    Where most scatter more than they claim to, it is their claims that are wrong.
-    """
+    """True for directions that are no outliers; the worst third at most is left out. Where most
+    scatter more than their sigmas allow, the sigmas are wrong."""
     scatter = max(1.0, float(np.median(squares)) / _MEDIAN_SQUARE)
     bound = max(_OUTLIER * scatter, float(np.quantile(squares, 2.0 / 3.0)))
     return np.asarray(squares <= bound)
 
 
 def inverse_of_normal(normal: FloatArray) -> FloatArray:
-    """Inverse of a normal matrix, scaled first: what is not determined comes out huge."""
+    """Inverse of a normal matrix, scaled first: undetermined parts come out huge."""
     if not np.all(np.isfinite(normal)):
         return np.full_like(normal, np.nan)
     scale = 1.0 / np.sqrt(np.maximum(np.diag(normal), 1e-300))

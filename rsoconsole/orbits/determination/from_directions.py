@@ -1,11 +1,11 @@
-"""From directions to an orbit that says how much of it is known. Pure.
+"""Orbit determination from directions, with a statement of how well the orbit is known. Pure.
 
-A short arc tells a direction and its rates, hardly the range: a free fit then follows the noise.
-What is known of a regime (geostationary orbits are nearly circular) may be stated as a prior, and
-the answer says so. Labels: ``free`` where the directions alone give the semi-major axis to 100 km,
-and no prior would halve that; ``constrained by prior`` where a stated prior gives it to 3 %;
+A short arc determines a direction and its rates, hardly the range: a free fit then follows the
+noise. Knowledge of a regime (geostationary orbits are nearly circular) may be stated as a prior,
+and the answer says so. Labels: ``free`` where the directions alone give the semi-major axis to 100
+km, and no prior would halve that; ``constrained by prior`` where a stated prior gives it to 3 %;
 ``weak geometry`` where there is an orbit but not that well, or nothing to check it with; ``not
-observable`` where the directions do not tell one range from another.
+observable`` where the directions do not distinguish one range from another.
 """
 
 from collections.abc import Iterable
@@ -44,30 +44,30 @@ _HELPED = 2.0
 """Factor by which a prior must narrow axis or eccentricity to be used."""
 _MAX_STARTS = 4
 _NEAR_A_REGIME = 1.4
-"""Starts whose semi-major axes miss a regime by this factor do not belong to it."""
+"""Factor by which the semi-major axes of starts may miss a regime and still belong to it."""
 _ASTRAY = 9.0
-"""A mean square residual from which on a start has led nowhere."""
+"""Mean square residual from which on a start has led nowhere."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Orbit(KnownOrbit):
-    """An orbit that was determined, and how well it is known."""
+    """Orbit from a determination, with its label and accuracy."""
 
     label: Label
     prior: PriorName
-    """The one in use: none for a free orbit."""
+    """Prior in use; ``none`` for a free orbit."""
     reason: str
-    """Why it is labelled so, in words."""
+    """Reason for the label, in words."""
     sigma_a_km: float
     rms_arcsec: float
-    """Of the used directions, per axis."""
+    """RMS residual of the used directions, per axis, arcsec."""
     observations: int
     outliers: int
     fit: Fit
     rivals: int
-    """Other orbits that fit as well."""
+    """Number of other orbits that fit as well."""
     is_astray: bool = False
-    """Its directions lie so far off it that no start leads to an orbit through them."""
+    """True where its directions lie so far off it that no start leads to an orbit through them."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -98,12 +98,13 @@ def determine(
     start: State | None = None,
     tries_seeds: bool = True,
 ) -> Orbit | None:
-    """The best orbit through ``seen``; None where too few directions, or no orbit, tell one.
+    """Determine the best orbit through ``seen``; None where the directions are too few, or no orbit
+    fits.
 
     ``start``: a state at the epoch of ``seen`` of an earlier orbit of the same object
     (`Orbit.states`), from which refining is quick; without one (or where it leads nowhere) every
-    seed is tried, which takes a hundred times as long, unless ``tries_seeds`` is False: what the
-    start leads to is then all there is. ``auto`` takes no prior where none is needed, else that of
+    seed is tried, which takes a hundred times as long, unless ``tries_seeds`` is False: the orbit
+    from the start is then the only one. ``auto`` takes no prior where none is needed, else that of
     the regime in which the orbit lies.
     """
     if len(seen) < MIN_SIGHTINGS or seen.t_s[-1] <= seen.t_s[0]:
@@ -118,7 +119,8 @@ def determine(
 
 
 def _from_nothing(seen: Sightings, asked: _Asked) -> _Found | None:
-    """From the longest pass to all of them, the nearest in time first."""
+    """Determine without a start: from the longest pass to all of them, the nearest in time
+    first."""
     known, *others = passes(seen)
     found = _first_pass(seen.of(known), asked)
     while others and found is not None:
@@ -148,13 +150,14 @@ def _sifted(seen: Sightings, starts: tuple[State, ...], prior: Prior) -> tuple[S
 
 
 def _is_apart(found: Fit, others: Iterable[Fit]) -> bool:
-    """Whether it is another orbit than any of those."""
+    """True where the orbit differs from each of the others, by 5 % of its distance."""
     size = 0.05 * float(np.linalg.norm(found.r_km))
     return all(float(np.linalg.norm(found.r_km - each.r_km)) > size for each in others)
 
 
 def _first_pass(seen: Sightings, asked: _Asked) -> _Found | None:
-    """From seeds through other directions where those of the ends lead astray."""
+    """Orbit through the longest pass; seeds through inner directions where the outer ones lead
+    astray."""
     best: _Found | None = None
     for inward in INWARD:
         found = _settled(seen, seeds(seen, inward), asked)
@@ -166,7 +169,8 @@ def _first_pass(seen: Sightings, asked: _Asked) -> _Found | None:
 
 
 def _settled(seen: Sightings, starts: tuple[State, ...], asked: _Asked) -> _Found | None:
-    """With a prior where it is asked for or needed, without where the directions suffice."""
+    """Best fit: with a prior where one is requested or needed, without where the directions
+    suffice."""
     if asked.prior in REGIMES:
         return _best(seen, starts, asked.prior, asked)
     is_refining = len(starts) == 1
@@ -196,7 +200,8 @@ def _is_near(regime: Regime, starts: tuple[State, ...]) -> bool:
 
 
 def _needs_no_prior(seen: Sightings, state: State) -> bool:
-    """Whether the directions alone give axis and eccentricity, and hardly worse than a prior."""
+    """True where the directions alone give axis and eccentricity, hardly worse than with a
+    prior."""
     near = [each.prior for each in REGIMES.values() if each.holds(state)]
     constrained, free = formal_covariances(seen, state, near[0] if near else Prior())
     sigma_a_km, sigma_e = sigma_of_a_km(state, free), sigma_of_e(state, free)

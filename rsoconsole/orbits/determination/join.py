@@ -1,4 +1,4 @@
-"""Tracklets of one object: one orbit through all, against one for each. Pure.
+"""Joining of tracklets: one orbit through all of them, against one for each. Pure.
 
 The answer is a ratio of evidences (MacKay 2003, Information Theory, Inference, and Learning
 Algorithms, 28): how well one orbit explains the directions of both, with what is left uncertain,
@@ -23,12 +23,12 @@ from rsoconsole.words import NS_PER_S
 STARS_ARCSEC = 0.3
 """Common error of a tracklet's plate solutions."""
 FORCES_ARCSEC_A_DAY = 4.0
-"""What an area to mass off by all of the usual one does to a geostationary satellite (2.4), and
-what else is left out; SGP4 and these forces part by as much."""
+"""Error of unmodelled forces: 2.4 for a geostationary satellite whose area to mass is off by all of
+the usual one, and what else is left out; SGP4 and these forces differ by as much."""
 _STEPS = 8
 _SETTLED = 1e-3
 _STEP = np.array([1e-1, 1e-1, 1e-1, 1e-5, 1e-5, 1e-5])
-"""km and km/s, for the slopes."""
+"""Steps of the state for numerical slopes: km and km/s."""
 _HOPELESS = 2000.0
 """Excess of the sum of squares from which on no further step is worth its time."""
 
@@ -39,7 +39,7 @@ class TrackletOrbit:
 
     seen: Sightings
     state: State
-    """At the epoch of ``seen``."""
+    """State at the epoch of ``seen``."""
     population: Population
     log_evidence: float
     chi2: float
@@ -50,16 +50,16 @@ class JointOrbit:
     """One orbit through several tracklets, with its evidence."""
 
     state: State
-    """At ``epoch_utc_ns``."""
+    """State at ``epoch_utc_ns``."""
     covariance: FloatArray
-    """(6, 6) km and km/s, with the common errors of whole tracklets in it."""
+    """Covariance (6, 6), km and km/s, with the common errors of whole tracklets in it."""
     epoch_utc_ns: int
     log_evidence: float
     chi2: float
 
 
 def tracklet_orbit(seen: Sightings, prior: PriorName = "auto") -> TrackletOrbit | None:
-    """A tracklet by itself; None where no orbit passes through it."""
+    """Fit an orbit to one tracklet by itself; None where no orbit passes through it."""
     orbit = determine(seen, prior=prior)
     if orbit is None:
         return None
@@ -146,7 +146,7 @@ def merged_tracklets(parts: Sequence[Sightings]) -> tuple[Sightings, FloatArray]
 
 
 def common_error_arcsec(seen: Sightings) -> float:
-    """One sigma of what all directions of a tracklet are off together, by the span of all."""
+    """One sigma of the error that all directions of a tracklet have in common, by its time span."""
     return float(np.hypot(STARS_ARCSEC, FORCES_ARCSEC_A_DAY * _span_s(seen) / 86_400.0))
 
 
@@ -242,7 +242,7 @@ def _rows(
 
 
 def _eccentricity(states: FloatArray) -> FloatArray:
-    """(K, 3) vectors towards perigee."""
+    """Eccentricity vectors (K, 3), towards perigee."""
     r, v = states[:, :3], states[:, 3:]
     radius = np.linalg.norm(r, axis=-1, keepdims=True)
     speed_2 = np.sum(v * v, axis=-1, keepdims=True)

@@ -1,4 +1,4 @@
-"""Kinds of orbits, and what may be believed of them before one is seen. Pure.
+"""Kinds of orbits, and their priors. Pure.
 
 Figures of the catalogue of 2023-06-22, at noon of that day. Of 364 geostationary satellites held
 over the equator (inclination below 0.35 deg on GCRS axes, axis within 15 km of 42,166) the
@@ -36,12 +36,12 @@ class Regime:
     """A kind of orbit: its range of semi-major axes, and the prior for it."""
 
     words: str
-    """The belief."""
+    """Words for the prior."""
     prior: Prior
     lowest_a_km: float
     highest_a_km: float
     highest_i_deg: float = 180.0
-    """Along GCRS axes, from whose equator that of date is 0.15 deg off."""
+    """Largest inclination, along GCRS axes, from whose equator that of date is 0.15 deg off."""
 
     @property
     def dimensions(self) -> int:
@@ -49,7 +49,7 @@ class Regime:
         return 2 if self.prior.a_km is None else 3
 
     def holds(self, state: State) -> bool:
-        """Whether an orbit is of this kind."""
+        """True where an orbit is of this kind."""
         a_km, i_deg = axis_and_inclination(*state)
         return self.lowest_a_km <= a_km <= self.highest_a_km and i_deg <= self.highest_i_deg
 
@@ -89,11 +89,12 @@ WIDEST_RANGE = 0.3
 _SURPRISE = {2: 11.83, 3: 14.16}
 """Chi-square above which a prior of that dimension is contradicted: three sigma."""
 _MUCH = 2.5
-"""Scatter over claimed sigma from which on it is worth a word."""
+"""Ratio of scatter to claimed sigma from which on the reason mentions it."""
 
 
 def widened_covariance(found: Fit) -> FloatArray:
-    """(6, 6), widened where directions scatter more than they claim to; never narrowed."""
+    """Covariance (6, 6), widened where directions scatter more than their sigmas; never
+    narrowed."""
     from scipy.special import chdtri
 
     dof = found.degrees_of_freedom
@@ -116,7 +117,7 @@ def label_of(seen: Sightings, found: Fit, prior: PriorName, rivals: int) -> tupl
 
 
 def is_of_its_regime(found: Fit, regime: Regime) -> bool:
-    """Whether the orbit is where its prior applies, and does not contradict it."""
+    """True where the orbit is where its prior applies, and does not contradict it."""
     limit = _SURPRISE[regime.dimensions]
     return regime.holds((found.r_km, found.v_km_s)) and found.prior_chi2 < limit
 
@@ -157,7 +158,7 @@ def sigma_of_a_km(state: State, covariance: FloatArray) -> float:
 
 
 def sigma_of_e(state: State, covariance: FloatArray) -> float:
-    """Formal sigma of the eccentricity's vector, all its components together."""
+    """Formal sigma of the eccentricity vector, all its components together."""
     _, slopes = eccentricity_vector(*state)
     return float(np.sqrt(max(float(np.trace(slopes @ covariance @ slopes.T)), 0.0)))
 
@@ -165,9 +166,11 @@ def sigma_of_e(state: State, covariance: FloatArray) -> float:
 GAP_S = 1800.0
 """Pause between directions that ends a pass."""
 _SURE = 0.02
-"""Sigma of a place over its distance from the Earth's centre: so sure, no turn is miscounted."""
+"""Largest sigma of a place over its distance from the Earth's centre at which revolutions are
+counted without error."""
 _STEP = 0.3
-"""Between two starts, of the distance from the Earth's centre, where they lead."""
+"""Largest distance between two starts at the other pass, over its distance from the Earth's
+centre."""
 _MAX_STEPS = 20
 _SIGMAS = 3.0
 
@@ -184,7 +187,7 @@ def passes(seen: Sightings) -> tuple[IntArray, ...]:
 
 
 def is_as_predicted(state: State, covariance: FloatArray, later: Sightings) -> bool:
-    """Whether an orbit puts the object near its way through another pass."""
+    """True where an orbit predicts the other pass well enough that no revolution is miscounted."""
     distance, _, sigma_km = _weakest(state, covariance, later)
     return sigma_km < _SURE * distance
 
@@ -207,7 +210,8 @@ def starts_towards(state: State, covariance: FloatArray, later: Sightings) -> tu
 def _weakest(
     state: State, covariance: FloatArray, later: Sightings
 ) -> tuple[float, FloatArray, float]:
-    """Distance (km) at the other pass, the state's step (6,) to one sigma there, and that (km)."""
+    """Distance (km) at the other pass, the step (6,) of the state to one sigma there, and that
+    sigma (km)."""
     with np.errstate(all="ignore"):
         r, _, slopes = propagate_with_slopes(*state, later.t_s[:1])
         spread = slopes[0] @ covariance @ slopes[0].T

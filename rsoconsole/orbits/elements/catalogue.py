@@ -1,4 +1,4 @@
-"""Catalogues as people publish them: two-line elements, or OMM as XML, JSON or CSV. Pure.
+"""Catalogues as published: two-line elements, or OMM as XML, JSON or CSV. Pure.
 
 Source of OMM: CCSDS 502.0-B-3, as CelesTrak and Space-Track write it; its fields are read by the
 package sgp4. An OMM may carry catalogue numbers that two lines have no room for.
@@ -38,10 +38,11 @@ _OF_TWO_LINES = {
     "REV_AT_EPOCH": "0",
     "MEAN_MOTION_DDOT": "0",
 }
-"""What an OMM may leave out, and SGP4 does without."""
+"""Fields that an OMM may omit, with the values that SGP4 gets instead."""
 _MAX_ALPHA_5 = 339_999
 MAX_SETS = 200_000
-"""Most element sets of one text: three times all ever catalogued; more would take minutes."""
+"""Largest number of element sets in one text: three times all ever catalogued; more take
+minutes."""
 _SGP4_THEORIES = {"SGP4", "SGP/SGP4", "SGP"}
 
 
@@ -66,7 +67,7 @@ class CatalogueEntry:
 
 
 def parse_catalogue(text: str, source: str = "catalogue") -> tuple[CatalogueEntry, ...]:
-    """Every element set of a text, whichever of the formats it is in.
+    """Parse every element set of a text, whatever its format.
 
     Raises OrbitError, naming ``source`` and the line or the object, for a text that cannot be read
     and for one without any element set.
@@ -119,14 +120,16 @@ def states_gcrs(
 def _in_gcrs(
     t_utc_ns: IntArray, failed: IntArray, r_teme: FloatArray, v_teme: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """What SGP4 gives (..., N, 3) along GCRS axes; NaN where it failed (..., N)."""
+    """Rotate SGP4's positions and velocities (..., N, 3) to GCRS axes; NaN where it failed (...,
+    N)."""
     rotation, is_good = teme_to_gcrs_rotation(t_utc_ns), (failed == 0)[..., None]
     r, v = (np.einsum("nij,...nj->...ni", rotation, each) for each in (r_teme, v_teme))
     return np.where(is_good, r, np.nan), np.where(is_good, v, np.nan)
 
 
 def places_of(entry: CatalogueEntry, site: Site, t_utc_ns: IntArray) -> Places:
-    """Where one object is seen at instants (N,), as a plate solution measures it; NaN as above."""
+    """Places of one object at instants (N,), as a plate solution measures them; NaN where SGP4
+    fails."""
 
     def position_of(at: IntArray) -> tuple[FloatArray, FloatArray]:
         r, v = states_gcrs((entry,), at)
@@ -136,7 +139,7 @@ def places_of(entry: CatalogueEntry, site: Site, t_utc_ns: IntArray) -> Places:
 
 
 def _expect_so_many(start: str, source: str) -> None:
-    """Raises OrbitError before the work where there are too many sets; nothing is parsed yet."""
+    """Raise OrbitError before the work where there are too many sets; nothing is parsed yet."""
     if start.startswith(("<", "[", "{")):
         mark = "<NORAD_CAT_ID" if start.startswith("<") else '"NORAD_CAT_ID"'
         found = start.count(mark)
@@ -219,15 +222,15 @@ def _of_message(message: Mapping[str, Any], where: str) -> CatalogueEntry:
 
 
 LISTED = 8
-"""Number of candidates that an error names."""
+"""Number of candidates that an error lists."""
 
 
 def find_object(entries: Sequence[CatalogueEntry], wanted: str) -> tuple[CatalogueEntry, ...]:
-    """Every element set of the one object that is meant.
+    """Find every element set of one object by its number or name.
 
-    A number is a catalogue number; a name may be a part of the catalogued one, upper case and
-    punctuation aside, if it fits one object only. Raises OrbitError that lists the candidates of
-    an ambiguous name, and the nearest names to an unknown one.
+    A number is a catalogue number; a name may be a part of the catalogued one, case and punctuation
+    ignored, if it fits one object only. Raises OrbitError that lists the candidates of an ambiguous
+    name, and the nearest names to an unknown one.
     """
     text = wanted.strip()
     if text.isdecimal():
@@ -248,7 +251,7 @@ def find_object(entries: Sequence[CatalogueEntry], wanted: str) -> tuple[Catalog
 
 
 def _plain(name: str) -> str:
-    """Letters and digits alone, words apart: INTELSAT-14 and Intelsat 14 are one."""
+    """Name as letters and digits alone, words apart: INTELSAT-14 and Intelsat 14 are one."""
     return re.sub(r"[^a-z0-9]+", " ", name.casefold()).strip()
 
 
@@ -283,7 +286,7 @@ class Satellite:
     def __init__(
         self, element_set: ElementSet | CatalogueEntry, standard_magnitude: float = 11.0
     ) -> None:
-        """``standard_magnitude``: fully lit, at 36,000 km."""
+        """``standard_magnitude``: of the object fully lit, at 36,000 km."""
         self.element_set = element_set
         self.standard_magnitude = standard_magnitude
         if isinstance(element_set, ElementSet):
@@ -305,11 +308,11 @@ class Satellite:
         return _in_gcrs(t, failed, r_teme, v_teme)
 
     def astrometric_place(self, site: Site, t_utc_ns: IntArray) -> Places:
-        """Places, ranges and rates at instants (N,): what measured directions are compared to."""
+        """Places, ranges and rates at instants (N,): the predictions for measured directions."""
         return astrometric_places(self.position_gcrs, site, t_utc_ns)
 
     def magnitude(self, places: Places) -> FloatArray:
-        """Brightness (N,) of a diffuse sphere at the places; inf in the umbra."""
+        """Magnitudes (N,) of a diffuse sphere at the places; inf in the umbra."""
         lit = lit_fraction(places.position_gcrs_km, places.t_utc_ns)
         phase = phase_angle_deg(places.position_gcrs_km, places.site_gcrs_km, places.t_utc_ns)
         return magnitude(self.standard_magnitude, places.range_km, phase, lit)

@@ -18,7 +18,7 @@ ALPHA_5 = "ABCDEFGHJKLMNPQRSTUVWXYZ"
 _WORTH = bytes(
     "0123456789".find(chr(c)) if c in b"0123456789" else c == ord("-") for c in range(256)
 )
-"""What each character adds to a checksum; a table, for catalogues are long."""
+"""Value of each character in a checksum; a table, because catalogues are long."""
 _EPOCH = re.compile(r"([ \d]\d)([ \d]{3}\.[ \d]{8})")
 
 
@@ -27,7 +27,7 @@ class ElementSet:
     """One element set as published; SGP4 reads the two lines themselves."""
 
     name: str
-    """From the line above, else empty."""
+    """Name from the line above; empty without one."""
     norad_id: int
     epoch_utc_ns: int
     line_1: str
@@ -35,7 +35,7 @@ class ElementSet:
 
 
 def parse_elements(text: str, source: str = "element sets") -> tuple[ElementSet, ...]:
-    """Every element set of a text with or without name lines, in order.
+    """Parse every element set of a text with or without name lines, in order.
 
     Blank lines and lines that start with '#' are passed over. Raises OrbitError naming
     ``source`` and the line for a wrong checksum, a lone line or an unreadable field.
@@ -71,7 +71,8 @@ def _numbered(text: str) -> Iterator[tuple[int, str]]:
 
 
 def _is_line(line: str, kind: str) -> bool:
-    """A name may start with a digit too, so a whole line's worth of columns is asked for."""
+    """True for a whole line of elements; a name may start with a digit too, so its columns
+    count."""
     return line.startswith(kind + " ") and len(line) > 40
 
 

@@ -17,7 +17,7 @@ Form = Literal["kvn", "xml", "json"]
 
 
 def omm(elements: MeanElements, *, created_utc_ns: int, form: Form = "kvn") -> str:
-    """One message."""
+    """Write one message."""
     header = {"CREATION_DATE": _time(created_utc_ns), "ORIGINATOR": ORIGINATOR}
     comment = f"SGP4 elements fitted to directions, {elements.rms_arcsec:.2f} arcsec rms"
     parts = {
@@ -69,7 +69,7 @@ _UNITS = {
     "MEAN_MOTION_DOT": "rev/day**2",
     "MEAN_MOTION_DDOT": "rev/day**3",
 }
-"""In XML an attribute; KVN and JSON do without."""
+"""Units, which are attributes in XML; KVN and JSON have none."""
 
 
 def _kvn(header: dict[str, str], comment: str, parts: dict[str, dict[str, str]]) -> str:
@@ -99,7 +99,7 @@ def _xml(header: dict[str, str], comment: str, parts: dict[str, dict[str, str]])
 
 
 def _plain(value: str) -> str | float | int:
-    """A number where it is one."""
+    """Value as a number where it is one."""
     for kind in (int, float):
         try:
             return kind(value)

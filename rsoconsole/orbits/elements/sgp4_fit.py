@@ -1,11 +1,11 @@
-"""SGP4 elements of an orbit that was seen: what catalogues and other programs read. Pure.
+"""SGP4 elements fitted to an orbit and its directions, for catalogues and other programs. Pure.
 
 Two-line elements are no orbit at an instant but the constants of a theory, so they are fitted as
 such: to the directions, so that what SGP4 leaves out is spread over the nights that were seen, and
 lightly to the orbit found from them over one revolution at least, which holds the elements where
-directions do not reach (two short passes at one hour of the night tell little of the eccentricity).
-Drag is fitted where the directions tell it. Source: Vallado & Crawford 2008, SGP4 orbit
-determination, AIAA 2008-6770; equinoctial elements, which no circle and no equator spoils.
+directions do not reach (two short passes at one hour of the night determine the eccentricity
+poorly). Drag is fitted where the directions determine it. Source: Vallado & Crawford 2008, SGP4
+orbit determination, AIAA 2008-6770; equinoctial elements, which no circle and no equator spoils.
 """
 
 from collections.abc import Callable
@@ -24,22 +24,22 @@ from rsoconsole.sky import IntArray, jd_utc, teme_to_gcrs_rotation
 from rsoconsole.words import NS_PER_DAY, NS_PER_S
 
 ANALYST_NUMBERS = range(80_000, 90_000)
-"""Catalogue numbers that the catalogue itself leaves to objects without a name."""
+"""Catalogue numbers that the catalogue itself reserves for objects without a name."""
 TLE_STEP_NS = 864_000
-"""A hundred millionth of a day, as fine as two lines tell an epoch: an OMM tells it exactly too."""
+"""Step of an epoch in two lines, a hundred millionth of a day; an OMM gives it as exactly."""
 MU_WGS72_KM3_S2 = 398_600.8
 _SGP4_EPOCH_DAYS = 7_306
-"""From 1949-12-31 to 1970-01-01."""
+"""Days from 1949-12-31 to 1970-01-01."""
 _SAMPLES = 145
 _HOLD = float(np.sqrt(6 / (3 * _SAMPLES)) / 5.0)
-"""The orbit counts as six measurements to 5 arcsec, which is what SGP4 is good to."""
+"""Weight of the orbit in the fit: six measurements to 5 arcsec, SGP4's own accuracy."""
 _DRAG_PERIOD_S = 225.0 * 60.0
-"""Longer ones are deep space to SGP4, where it knows no drag."""
+"""Longest period with drag: beyond it SGP4 uses its deep-space theory, without drag."""
 _DRAG_SPAN_S = 43_200.0
 _DRAG_UNIT = 1e-4
 _HUBER = 3.0
 _KNOWN_DRAG = 3.0
-"""Sigmas from 0 at which it counts as known."""
+"""Least distance of the drag from 0, in sigmas, at which it counts as known."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -56,14 +56,15 @@ class MeanElements:
     argp_deg: float
     m_deg: float
     bstar: float
-    """Per Earth radius; 0 where nothing is known of it."""
+    """Drag term, per Earth radius; 0 where it is unknown."""
     rms_arcsec: float = 0.0
-    """Of the used directions, per axis."""
+    """RMS residual of the used directions, per axis, arcsec."""
     cospar: str = ""
-    """International designator, as ``2009-064A``; empty where nobody knows it."""
+    """International designator, as ``2009-064A``; empty where it is unknown."""
 
     def record(self) -> Any:
-        """For SGP4. Raises OrbitError where SGP4 refuses."""
+        """Return the record that SGP4 propagates. Raises OrbitError where SGP4 refuses the
+        elements."""
         from sgp4.api import WGS72, Satrec
 
         record = Satrec()
@@ -80,7 +81,8 @@ class MeanElements:
         return record
 
     def rounded(self) -> "MeanElements":
-        """The elements to the digits of two lines; the mean anomaly makes up for the angles."""
+        """Round the elements to the digits of two lines; the mean anomaly makes up for the
+        angles."""
         raan, argp = round(self.raan_deg, 4) % 360.0, round(self.argp_deg, 4) % 360.0
         anomaly = self.raan_deg + self.argp_deg + self.m_deg - raan - argp
         return replace(
@@ -94,7 +96,7 @@ class MeanElements:
         )
 
     def element_set(self) -> ElementSet:
-        """The two lines, and the name above them.
+        """Return the two lines, and the name above them.
 
         Raises OrbitError for a catalogue number that they have no room for.
         """
@@ -116,9 +118,9 @@ def mean_elements(
     norad_id: int = ANALYST_NUMBERS.start,
     name: str = "UNKNOWN",
 ) -> MeanElements:
-    """Elements of an orbit and the directions that it was found from, at the last of these.
+    """Fit elements to an orbit and the directions that it was found from, at the last of these.
 
-    ``norad_id``: of an object without a name one of `ANALYST_NUMBERS`. Raises OrbitError where
+    ``norad_id``: one of `ANALYST_NUMBERS` for an object without a name. Raises OrbitError where
     SGP4 knows no such orbit (unbound, or come down).
     """
     epoch = int(seen.t_utc_ns[-1]) // TLE_STEP_NS * TLE_STEP_NS
@@ -145,7 +147,7 @@ def mean_elements(
 
 
 def _five_columns(norad_id: int) -> str:
-    """A catalogue number as Space-Track writes it: from 100,000 on the first digit is a letter."""
+    """Catalogue number as Space-Track writes it: from 100,000 on the first digit is a letter."""
     tens_of_thousands, rest = divmod(norad_id, 10_000)
     if tens_of_thousands < 10:
         return f"{norad_id:05d}"
@@ -162,7 +164,7 @@ class _Frame:
     """Unknowns about which the problem is well scaled.
 
     Relative change of the mean motion; e cos and e sin of the perigee's longitude; tan i/2 by cos
-    and sin of the node; mean longitude (rad); drag in 1e-4 where it is asked for.
+    and sin of the node; mean longitude (rad); drag in 1e-4 where it is fitted.
     """
 
     epoch_utc_ns: int
@@ -222,7 +224,7 @@ class _Frame:
 
 
 def _to_orbit(orbit: Orbit, seen: Sightings, frame: _Frame) -> Residuals:
-    """Arcsec from the Earth's centre, (3 N,)."""
+    """Residuals (3 N,) against the orbit, as arcsec from the Earth's centre."""
     first, last = int(seen.t_utc_ns[0]), int(seen.t_utc_ns[-1])
     around_ns = int(86_400 / frame.revolutions_a_day * NS_PER_S)
     t = np.linspace(first, max(last, first + around_ns), _SAMPLES).astype(np.int64)
@@ -238,7 +240,7 @@ def _to_orbit(orbit: Orbit, seen: Sightings, frame: _Frame) -> Residuals:
 
 
 def _to_directions(seen: Sightings, frame: _Frame) -> Residuals:
-    """Arcsec, (2 N,)."""
+    """Residuals (2 N,) against the directions, arcsec."""
     to_gcrs = teme_to_gcrs_rotation(seen.t_utc_ns)
 
     def residuals(unknowns: FloatArray) -> FloatArray:
@@ -256,7 +258,7 @@ def _solved(
     is_robust: bool = False,
     known: float | None = None,
 ) -> FloatArray | None:
-    """Least squares; ``known``: sigmas by which the last unknown must differ from 0."""
+    """Solve by least squares; ``known``: sigmas by which the last unknown must differ from 0."""
     from scipy.optimize import least_squares
 
     if not np.all(np.isfinite(residuals(start))):

@@ -19,14 +19,14 @@ class ObjectPlaces:
     """M objects at L leads; arrays (M, L, ...), NaN where SGP4 fails."""
 
     u: FloatArray
-    """(M, L, 3) unit vectors."""
+    """Unit vectors (M, L, 3) from the site."""
     by_lead: FloatArray
-    """(M, L, 3) change of u by a second of lead, rad/s."""
+    """Change (M, L, 3) of u by a second of lead, rad/s."""
     by_time: FloatArray
-    """(M, L, 3) change of u in a second, rad/s."""
+    """Change (M, L, 3) of u in a second, rad/s."""
     range_km: FloatArray
     r_km: FloatArray
-    """(M, L, 3), GCRS."""
+    """Positions (M, L, 3), GCRS."""
     v_km_s: FloatArray
 
 
@@ -43,7 +43,7 @@ class Observer:
         self._rotation = teme_to_gcrs_rotation(at)[0]
 
     def seen(self, satellites: SatrecArray, lead_s: FloatArray) -> ObjectPlaces:
-        """Objects at leads (L,)."""
+        """Places of objects at leads (L,)."""
         t = self._t_utc_ns + np.rint(np.asarray(lead_s) * NS_PER_S).astype(np.int64)
         jd_1, jd_2 = jd_utc(t)
         failed, r_teme, v_teme = satellites.sgp4(
@@ -80,7 +80,7 @@ class Exposure:
     def three(
         self, satellites: SatrecArray, lead_s: FloatArray
     ) -> tuple[ObjectPlaces, ObjectPlaces, ObjectPlaces]:
-        """Objects at leads (L,): opening, middle, closing."""
+        """Places of objects at leads (L,): opening, middle, closing."""
         opening, middle, closing = (
             each.seen(satellites, lead_s) for each in (self.opening, self.middle, self.closing)
         )

@@ -1,4 +1,4 @@
-"""Directions of one object, reduced to what an orbit is fitted to. Pure.
+"""Directions of one object, reduced for the fit of an orbit. Pure.
 
 A plate solution measures astrometric places: relative to stars whose annual aberration is taken
 out. The satellite rides with the Earth, so u = r(t - tau) - r_site(t) - v_earth tau points where
@@ -34,33 +34,35 @@ class Sightings:
 
     t_utc_ns: IntArray
     t_s: FloatArray
-    """Seconds since the epoch."""
+    """Times (N,) since the epoch, seconds."""
     epoch_utc_ns: int
-    """Of the orbit: the instant of the sighting nearest to the middle of them."""
+    """Epoch of the orbit: the instant of the sighting nearest to the middle of them."""
     ra_icrs_deg: FloatArray
     dec_icrs_deg: FloatArray
     whitening: FloatArray
-    """(N, 2, 2): turns a residual (d alpha cos delta, d delta) in arcsec into unit variances."""
+    """Whitening matrices (N, 2, 2): a residual (d alpha cos delta, d delta) in arcsec to unit
+    variances."""
     sites_km: FloatArray
-    """(N, 3) GCRS"""
+    """Positions (N, 3) of the sites, GCRS."""
     sites_km_s: FloatArray
     earth_km_s: FloatArray
-    """(N, 3) velocity of the Earth's centre about the barycentre."""
+    """Velocities (N, 3) of the Earth's centre about the barycentre."""
     lines: FloatArray
-    """(N, 3) unit vectors from site to object, freed of the Earth's motion."""
+    """Unit vectors (N, 3) from site to object, freed of the Earth's motion."""
     east: FloatArray
-    """(N, 3) on the sky, at the measured direction."""
+    """Unit vectors (N, 3) to the east on the sky, at the measured direction."""
     north: FloatArray
     towards: FloatArray
-    """(N, 3) the measured direction itself."""
+    """Unit vectors (N, 3) of the measured directions."""
 
     def __len__(self) -> int:
         return len(self.t_s)
 
     def residuals_arcsec(self, positions_km: FloatArray) -> FloatArray:
-        """Measured minus predicted (..., N, 2) on the sky, for places (..., N, 3) at t - tau.
+        """Residuals (..., N, 2), measured minus predicted on the sky, for places (..., N, 3) at t -
+        tau.
 
-        On the tangent plane of the measured direction; far off it is far off.
+        On the tangent plane of the measured direction.
         """
         u = positions_km - self.sites_km
         tau_s = np.sqrt(np.sum(u * u, axis=-1, keepdims=True)) / LIGHT_KM_S
@@ -72,7 +74,8 @@ class Sightings:
         return np.asarray(-off / depth[..., None] / ARCSEC_RAD)
 
     def residual_slopes(self, positions_km: FloatArray) -> FloatArray:
-        """(N, 2, 3) arcsec/km: residuals by the places (N, 3), but for the Earth's motion."""
+        """Slopes (N, 2, 3) of residuals by the places (N, 3), arcsec/km, without the Earth's
+        motion."""
         u = positions_km - self.sites_km
         ahead = np.sum(u * self.towards, axis=-1)
         depth = np.maximum(ahead, 0.05 * np.sqrt(np.sum(u * u, axis=-1)))[:, None]
@@ -96,7 +99,7 @@ class Sightings:
         return np.asarray(np.einsum("nij,...nj->...ni", self.whitening, residuals_arcsec))
 
     def light_times_s(self, positions_km: FloatArray) -> FloatArray:
-        """(..., N) from places (..., N, 3) to the site."""
+        """Light times (..., N) from places (..., N, 3) to the site."""
         return np.asarray(np.linalg.norm(positions_km - self.sites_km, axis=-1) / LIGHT_KM_S)
 
 
@@ -140,7 +143,7 @@ def sightings(
 
 
 def _whitening(cov: FloatArray) -> FloatArray:
-    """(N, 2, 2) inverse Cholesky factors of the covariances (N, 3)."""
+    """Inverse Cholesky factors (N, 2, 2) of the covariances (N, 3)."""
     ee, en, nn = cov.T
     if not (np.all(ee > 0.0) and np.all(ee * nn - en * en > 0.0)):
         raise ValueError("a covariance on the sky must be positive definite")
@@ -156,7 +159,7 @@ _RADII_KM = np.geomspace(6_500.0, 400_000.0, 160)
 
 
 INWARD = (0.0, 0.1, 0.2)
-"""Shares of the directions to leave out at either end: a wild one spoils what it takes part in."""
+"""Shares of the directions to leave out at either end: a wild one spoils the orbits through it."""
 
 
 def seeds(seen: Sightings, inward: float = 0.0) -> tuple[State, ...]:
@@ -168,7 +171,8 @@ def seeds(seen: Sightings, inward: float = 0.0) -> tuple[State, ...]:
 
 
 def three_lines(seen: Sightings, inward: float = 0.0) -> Lines:
-    """Lines of sight far apart, at the time of the light; of the middle ones another each time."""
+    """Three lines of sight far apart, at the time of the light; several choices of the middle
+    one."""
     first, last = _ends(seen, inward)
     span_s = seen.t_s[last] - seen.t_s[first]
     middle = int(np.argmin(np.abs(seen.t_s - seen.t_s[first] - (0.5 + inward / 2.0) * span_s)))
@@ -179,7 +183,7 @@ def three_lines(seen: Sightings, inward: float = 0.0) -> Lines:
 
 
 def _ends(seen: Sightings, inward: float) -> tuple[int, int]:
-    """The first and the last that count, with one at least between them if there is any."""
+    """First and last direction that count, with one at least between them if there is any."""
     left_out = min(int(inward * len(seen)), max(len(seen) - 3, 0) // 2)
     return left_out, len(seen) - 1 - left_out
 
@@ -224,14 +228,14 @@ def _circles(seen: Sightings, inward: float) -> Iterator[State]:
 
 
 def _on_sphere(site: FloatArray, line: FloatArray, radii_km: FloatArray) -> FloatArray:
-    """Where a line leaves spheres about the centre: (M, 3)."""
+    """Positions (M, 3) where a line leaves spheres about the Earth's centre."""
     along = site @ line
     reach = -along + np.sqrt(np.maximum(along * along - site @ site + radii_km**2, 0.0))
     return np.asarray(site + reach[:, None] * line)
 
 
 def is_plausible(r: FloatArray, v: FloatArray) -> bool:
-    """Bound, and above the air all the way round."""
+    """True for a bound orbit that is above the air all the way round."""
     radius = float(np.linalg.norm(r))
     energy = float(v @ v) / 2.0 - MU_EARTH_KM3_S2 / radius
     if energy >= 0.0:
@@ -247,7 +251,7 @@ class LineOfSight:
     """A moving line of sight, and the six unknowns of an orbit fit relative to it."""
 
     site_km: FloatArray
-    """(3,)"""
+    """Position (3,) of the site."""
     site_km_s: FloatArray
     towards: FloatArray
     east: FloatArray
@@ -255,7 +259,7 @@ class LineOfSight:
 
     @classmethod
     def through(cls, state: State, site_km: FloatArray, site_km_s: FloatArray) -> "LineOfSight":
-        """The one on which the state lies."""
+        """Line of sight from a site through a state."""
         towards = state[0] - site_km
         towards = towards / np.linalg.norm(towards)
         east = np.cross([0.0, 0.0, 1.0] if abs(towards[2]) < 0.999 else [1.0, 0.0, 0.0], towards)
@@ -269,7 +273,7 @@ class LineOfSight:
         )
 
     def unknowns(self, state: State) -> FloatArray:
-        """(6,) of a state on the line itself."""
+        """Unknowns (6,) of a state on the line itself."""
         u = state[0] - self.site_km
         distance = float(np.linalg.norm(u))
         rates = (state[1] - self.site_km_s) / distance
@@ -287,7 +291,7 @@ class LineOfSight:
         )
 
     def slopes(self, unknowns: FloatArray) -> FloatArray:
-        """(6, 6): position and velocity by the unknowns."""
+        """Slopes (6, 6) of position and velocity by the unknowns."""
         line, size = self._line(unknowns)
         turn = unknowns[2] * self.east + unknowns[3] * self.north
         distance, rate = np.exp(unknowns[4]), unknowns[5]

@@ -21,18 +21,18 @@ BoolArray = npt.NDArray[np.bool_]
 
 _MAX_STEPS = 30
 _STEP = 1e-6
-"""Of a range, for the slopes."""
+"""Step of a range for numerical slopes, as a share of it."""
 _LONGEST = 0.6
 """Share of a range that one step may take."""
 _SHARES = 0.5 ** np.arange(1, 8)
-"""Of a step that was too long, the longest first."""
+"""Shares of a step to try when it was too long, the longest first."""
 _STANDS_STILL = 1e-13
-"""So small a share of the range is no step."""
+"""Largest share of the range that counts as no step."""
 _HOPEFUL = (5.0, 0.6)
-"""A search whose miss after n steps is not below the first times the second to the n leads nowhere:
-of those that arrive, one in a hundred is slower."""
+"""Bound of a search's miss: after n steps the first times the second to the n; beyond it the search
+leads nowhere. Of those that arrive, one in a hundred is slower."""
 _ACCEPTED = 1e-10
-"""A miss of so much of the range is none."""
+"""Largest miss of an accepted orbit, as a share of the range."""
 _SAME = 1e-6
 _STARTS_KM = tuple(float(x) for x in np.geomspace(6_600.0, 90_000.0, 9))
 """Distances from the Earth's centre at which a search begins."""
@@ -43,11 +43,11 @@ class Lines:
     """Three lines of sight at three instants, in order of time."""
 
     t_s: FloatArray
-    """(3,) since any epoch."""
+    """Times (3,) since any epoch."""
     sites_km: FloatArray
-    """(3, 3)"""
+    """Positions (3, 3) of the sites."""
     directions: FloatArray
-    """(3, 3) unit vectors from the site to the object."""
+    """Unit vectors (3, 3) from the sites to the object."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -55,10 +55,10 @@ class GoodingOrbit:
     """One orbit through the three lines."""
 
     r_km: FloatArray
-    """(3,) at the middle instant."""
+    """Position (3,) at the middle instant."""
     v_km_s: FloatArray
     ranges_km: FloatArray
-    """(3,) from the sites."""
+    """Ranges (3,) from the sites."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -67,10 +67,10 @@ class _Searches:
 
     lines: Lines
     axes: FloatArray
-    """(3, 3), in columns: two across the middle line of sight, and that line."""
+    """Axes (3, 3), in columns: two across the middle line of sight, and that line."""
     mu: float
     is_retrograde: BoolArray
-    """(N,): against the third axis."""
+    """True (N,) where the motion turns against the third axis."""
 
     def of(self, chosen: npt.NDArray[Any]) -> "_Searches":
         """The chosen searches."""
@@ -91,7 +91,7 @@ class _Searches:
         return propagate(first, v_first, lines.t_s[1] - lines.t_s[0], self.mu)
 
     def miss(self, ranges: FloatArray) -> FloatArray:
-        """(N, 2) how far the middle place lies off the middle line, on its tangent plane.
+        """Miss (N, 2): how far the middle place lies off the middle line, on its tangent plane.
 
         In units of its distance; behind the observer it grows on. NaN where no conic is.
         """
@@ -115,12 +115,12 @@ class _Searches:
         return at, np.stack([by_first, by_last], axis=-1)
 
     def times(self, copies: int) -> "_Searches":
-        """All of them, repeated one behind the other."""
+        """All searches, repeated one behind the other."""
         return self.of(np.tile(np.arange(len(self.is_retrograde)), copies))
 
 
 def gooding(lines: Lines, *, mu: float = MU_EARTH_KM3_S2) -> tuple[GoodingOrbit, ...]:
-    """Every orbit found through the three lines; none where there is none.
+    """Find the orbits through the three lines; none where there is none.
 
     Both directions of motion are tried, less than a revolution from the first line to the last,
     from each distance in ``_STARTS_KM``. Orbits that dive below the Earth's surface between the
@@ -151,7 +151,7 @@ def _ranges_at(lines: Lines, radius_km: float) -> list[float]:
 
 
 def _search(searches: _Searches, ranges: FloatArray) -> FloatArray:
-    """Newton's method with shortened steps: where each search (N, 2) ends."""
+    """Run Newton's method with shortened steps; return where each search (N, 2) ends."""
     ranges = ranges.copy()
     open_ = np.arange(len(ranges))
     miss, slopes = searches.misses_about(ranges)
@@ -189,7 +189,7 @@ def _newton_step(slopes: FloatArray, miss: FloatArray, ranges: FloatArray) -> Fl
 def _shortened(
     searches: _Searches, at: FloatArray, miss: FloatArray, step: FloatArray
 ) -> FloatArray:
-    """The ranges after the longest share of a step that lessens the miss; unmoved if none does."""
+    """Ranges after the longest share of a step that lessens the miss; unmoved if none does."""
     trial = at + _SHARES[:, None, None] * step
     count = len(at)
     misses = searches.times(len(_SHARES)).miss(trial.reshape(-1, 2)).reshape(-1, count, 2)
@@ -212,7 +212,7 @@ def _axes(direction: FloatArray) -> FloatArray:
 
 
 def _accepted(searches: _Searches, ranges: FloatArray) -> tuple[GoodingOrbit, ...]:
-    """The orbits on which a search came to rest, each once."""
+    """Orbits on which a search came to rest, each once."""
     off = np.linalg.norm(searches.miss(ranges), axis=-1)
     r, v = searches.middle(ranges)
     middle = np.sqrt(np.sum((r - searches.lines.sites_km[1]) ** 2, axis=-1))

@@ -13,9 +13,10 @@ from rsoconsole.records import FloatArray
 
 _MAX_STEPS = 16
 _ENOUGH = 1e-6
-"""A step so small leaves an error of its fourth power."""
+"""Largest step after which the iteration ends; its error is of the step's fourth power."""
 _SERIES_WITHIN = 0.1
-"""So near to the parabola (x = 1) the time is summed as a series: no cancellation."""
+"""Distance from the parabola (x = 1) within which the time is summed as a series: no
+cancellation."""
 _SERIES_TERMS = 24
 
 

@@ -20,15 +20,15 @@ class Population:
     """A regime, as mixtures of normal distributions."""
 
     a_km: tuple[tuple[float, float, float], ...]
-    """(share, mean, sigma)"""
+    """Semi-major axis: (share, mean, sigma)"""
     sigma_e: float
-    """Of each component of the eccentricity vector."""
+    """One sigma of each component of the eccentricity vector."""
     inclination_deg: tuple[tuple[float, float], ...]
-    """(share, sigma of each component of the inclination vector)"""
+    """Inclination: (share, sigma of each component of the inclination vector)"""
     objects: float
-    """Above the horizon of one site."""
+    """Number of objects above the horizon of one site."""
     visible_rad: float = 2.2
-    """Of mean longitude, from one site."""
+    """Span of mean longitude that is visible from one site."""
 
 
 POPULATIONS: dict[str, Population] = {
@@ -127,7 +127,7 @@ def equinoctial(state: FloatArray) -> FloatArray:
 
 
 def _slopes(state: FloatArray) -> FloatArray:
-    """(6, 6) of the elements by the state."""
+    """Slopes (6, 6) of the elements by the state."""
     around = equinoctial(state + np.concatenate([np.diag(_STEP), -np.diag(_STEP)]))
     change = around[:6] - around[6:]
     change[:, 5] = np.radians([wrap_180(float(np.degrees(each))) for each in change[:, 5]])
@@ -148,7 +148,7 @@ def bending(
     direction_icrs_deg: tuple[float, float],
     rate_arcsec_s: tuple[float, float],
 ) -> tuple[FloatArray, FloatArray] | None:
-    """How the path of any orbit through a direction with a rate (east, north) bends.
+    """Bending of the path of any orbit through a direction with a rate (east, north).
 
     Mean (2,) and covariance (2, 2) of change of speed (arcsec/s^2) and of turn for each length of
     path; None: no orbit passes.
@@ -182,7 +182,7 @@ def bending(
 
 
 def _weight(r_km: FloatArray, v_km_s: FloatArray) -> FloatArray:
-    """Of states (N, 3) km, km/s: 0 for what is no orbit above the air."""
+    """Weights of states (N, 3) km, km/s: 0 for one that is no orbit above the air."""
     distance = np.linalg.norm(r_km, axis=1)
     energy = 0.5 * np.sum(v_km_s**2, axis=1) - MU_EARTH_KM3_S2 / distance
     momentum = np.sum(np.cross(r_km, v_km_s) ** 2, axis=1)

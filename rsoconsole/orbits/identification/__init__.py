@@ -1,1 +1,1 @@
-"""Which catalogued object was seen, and how far objects may be from their elements."""
+"""Identification of catalogued objects, and the errors of their elements."""

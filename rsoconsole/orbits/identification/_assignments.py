@@ -1,4 +1,4 @@
-"""Which rows take which columns, all together: the most probable ways of it, best first. Pure."""
+"""Assignment of rows to columns, all together: the most probable assignments, best first. Pure."""
 
 import heapq
 import itertools
@@ -11,16 +11,18 @@ import numpy.typing as npt
 from rsoconsole.records import FloatArray
 
 Assignment = tuple[int, ...]
-"""For each row the column that it takes; the last column of all means none."""
+"""Column of each row; the last column of all means none."""
 _MAX_STEPS = 4000
-"""Of the search, after which what was found by then is the answer."""
+"""Largest number of steps of the search, after which the assignments found so far are the
+answer."""
 _NO_CHOICE = -1e9
 
 
 def best_assignments(
     scores: FloatArray, rivals: npt.NDArray[np.bool_], most: int, within: float = np.inf
 ) -> list[Assignment]:
-    """The ``most`` assignments with the largest sums of scores, best first, and never none at all.
+    """Find the ``most`` assignments with the largest sums of scores, best first, and never none at
+    all.
 
     Where every two rows are rivals, none further below the best than ``within``.
 
@@ -36,7 +38,8 @@ def best_assignments(
 
 
 def _by_murty(scores: FloatArray, most: int, within: float) -> list[Assignment]:
-    """Each answer parts the others by the number of first rows in which they agree with it.
+    """Best assignments by Murty's method: each answer parts the others by the number of first rows
+    in which they agree with it.
 
     A part is solved once nothing that is left can be better than its bound: that each row takes
     the best that it may (Cox & Miller 1995, IEEE Trans. AES 31, 486).
@@ -79,7 +82,7 @@ def _by_murty(scores: FloatArray, most: int, within: float) -> list[Assignment]:
 
 
 def _solved(whole: FloatArray) -> tuple[float, tuple[int, ...]] | None:
-    """Sum and columns of the best; None where a row is left without a choice."""
+    """Sum and columns of the best assignment; None where a row is left without a choice."""
     from scipy.optimize import linear_sum_assignment
 
     rows, columns = linear_sum_assignment(whole, maximize=True)
@@ -90,7 +93,8 @@ def _solved(whole: FloatArray) -> tuple[float, tuple[int, ...]] | None:
 
 
 def _searched(scores: FloatArray, rivals: npt.NDArray[np.bool_], most: int) -> list[Assignment]:
-    """Best first (A*): what is left can be no better than the best of each row by itself."""
+    """Best assignments first (A*): what is left can be no better than the best of each row by
+    itself."""
     count, none = len(scores), scores.shape[1] - 1
     choices: Sequence[list[tuple[float, int]]] = [
         sorted(((float(s), n) for n, s in enumerate(row) if np.isfinite(s)), reverse=True)

@@ -1,4 +1,4 @@
-"""Directions against where many element sets put their objects, all at once. Pure.
+"""Residuals of directions against many element sets, all at once. Pure.
 
 Offsets are taken along and across each object's own predicted apparent motion. Along the track
 they are counted in time, across it in kilometres, and only then fitted by an offset and a rate: an
@@ -20,7 +20,7 @@ from rsoconsole.sky import ARCSEC_RAD, LIGHT_KM_S, IntArray, earth_velocity_km_s
 from rsoconsole.words import NS_PER_S
 
 _BESIDE_S = 1.0
-"""From the middle, for slopes."""
+"""Offset from the middle at which slopes are computed, seconds."""
 _SLOWEST_RAD_S = 1e-9
 
 
@@ -33,22 +33,23 @@ class Comparison:
 
     entries: tuple[CatalogueEntry, ...]
     offsets: FloatArray
-    """(M, D) measured minus predicted."""
+    """Offsets (M, D), measured minus predicted."""
     covariance: FloatArray
-    """(M, D, D) of the measurement, widened where even the best object leaves more scatter."""
+    """Covariance (M, D, D) of the measurement, widened where even the best object leaves more
+    scatter."""
     by_errors: FloatArray
-    """(M, D, 6) slopes by the errors of the elements, as ``element_errors`` counts them."""
+    """Slopes (M, D, 6) by the errors of the elements, as ``element_errors`` counts them."""
     rate_arcsec_s: FloatArray
-    """(M,) predicted apparent motion."""
+    """Predicted apparent motion (M,)."""
     range_km: FloatArray
     mean_motion_rad_s: FloatArray
     errors: ElementErrors = ASSUMED
-    """By which offsets are to be weighed."""
+    """Errors of elements by which offsets are weighed."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class _ExpectedPlaces:
-    """M objects as they should be seen at N instants; unit vectors and rates (M, N, ...)."""
+    """Expected places of M objects at N instants; unit vectors and rates (M, N, ...)."""
 
     towards: FloatArray
     along: FloatArray
@@ -65,7 +66,7 @@ def compare(
     entries: Sequence[CatalogueEntry],
     errors: ElementErrors = ASSUMED,
 ) -> Comparison:
-    """Compare every entry with the directions; entries at which SGP4 fails are left out."""
+    """Compare every entry with the directions, leaving out entries at which SGP4 fails."""
     beside_ns = round(_BESIDE_S * NS_PER_S)
     about = seen.epoch_utc_ns + np.array([-beside_ns, 0, beside_ns])
     expected = _expected(entries, site, np.concatenate([seen.t_utc_ns, about]))
@@ -88,7 +89,8 @@ def compare(
 
 
 def _expected(entries: Sequence[CatalogueEntry], site: Site, t_utc_ns: IntArray) -> _ExpectedPlaces:
-    """As ``sky.places.astrometric_places``; in the light's time the motion is straight to a mm."""
+    """Expected places as in ``sky.places.astrometric_places``; in the light's time the motion is
+    straight to a mm."""
     r, v = states_gcrs(entries, t_utc_ns)
     site_km, site_km_s = site_gcrs(site, t_utc_ns)
     v_earth = earth_velocity_km_s(t_utc_ns)
@@ -150,7 +152,8 @@ def _offsets(
 
 
 def _arc(start: FloatArray, end: FloatArray) -> FloatArray:
-    """From one direction to another, as a vector in the tangent plane as long as the angle, rad."""
+    """Arc from one direction to another, as a vector in the tangent plane as long as the angle,
+    rad."""
     cosine = np.sum(start * end, axis=-1, keepdims=True)
     aside = end - cosine * start
     sine = np.linalg.norm(aside, axis=-1, keepdims=True)
@@ -158,7 +161,8 @@ def _arc(start: FloatArray, end: FloatArray) -> FloatArray:
 
 
 def _by_errors(expected: _ExpectedPlaces, count: int) -> FloatArray:
-    """(M, 4, 6) what errors (radial, along, across; their rates) of the state do to the offsets."""
+    """Slopes (M, 4, 6) of the offsets by errors (radial, along, across; their rates) of the
+    state."""
     before, at, after = (
         _moved_by(expected, count + n, since_s)
         for n, since_s in enumerate((-_BESIDE_S, 0.0, _BESIDE_S))
@@ -171,7 +175,7 @@ def _by_errors(expected: _ExpectedPlaces, count: int) -> FloatArray:
 
 
 def _moved_by(expected: _ExpectedPlaces, place: int, since_s: float) -> FloatArray:
-    """(M, 2, 6) along and across in arcsec at one instant, so long after the middle."""
+    """Changes (M, 2, 6) along and across in arcsec at one instant, ``since_s`` after the middle."""
     r, v = expected.r_km[:, place], expected.v_km_s[:, place]
     radial = r / np.linalg.norm(r, axis=-1, keepdims=True)
     pole = np.cross(r, v)

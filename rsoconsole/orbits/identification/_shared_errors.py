@@ -1,11 +1,11 @@
-"""How likely an assignment of tracks to catalogued objects is, where their elements may be off
-together. Pure.
+"""Likelihood of an assignment of tracks to catalogued objects whose elements may have errors in
+common. Pure.
 
 Satellites of one slot have elements of one epoch by one network, and are held there by one
-operator: much of what their elements are off is the same for all, and takes nothing from where
-they stand to each other. How much is shared nobody publishes. So three cases are weighed, and the
-offsets themselves decide between them: nothing is shared; most of what undisturbed elements are
-off is; what manoeuvres do to elements is. The common error, six numbers in the frame of the orbit
+operator: much of their elements' errors is common to all, and leaves their relative places correct.
+How much is common is not published. So three cases are weighed, and the offsets themselves decide
+between them: no error is common; most of the errors of undisturbed elements are; the errors by
+manoeuvres are. The common error, six numbers in the frame of the orbit
 (``element_errors.covariance_rtn``), is integrated out about its most probable value.
 """
 
@@ -30,7 +30,7 @@ _LEAST = 1e-300
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Case:
-    """How errors of elements are shared: factors of the variances of ``element_errors``."""
+    """One case of shared errors of elements: factors of the variances of ``element_errors``."""
 
     probability: float
     shared_undisturbed: float = 0.0
@@ -51,13 +51,13 @@ class Pair:
     """One track against one catalogued object."""
 
     offset: FloatArray
-    """(D,) measured minus predicted."""
+    """Offset (D,), measured minus predicted."""
     measured: FloatArray
-    """(D, D) covariance of the measurement."""
+    """Covariance (D, D) of the measurement."""
     slopes: FloatArray
-    """(D, 6) by the errors of the elements."""
+    """Slopes (D, 6) by the errors of the elements."""
     undisturbed: FloatArray
-    """(6, 6) of the elements."""
+    """Covariance (6, 6) of the elements of an undisturbed object."""
     moved: FloatArray
     moved_probability: float
 
@@ -122,13 +122,13 @@ class SharedErrors:
             self._stiffness[t, n, k] = slopes.T @ inverse @ slopes
 
     def scores(self, common: FloatArray) -> FloatArray:
-        """(T, N + 1) logarithms of each pair's density, given the common error (6,), in sigmas."""
+        """Logarithms (T, N + 1) of each pair's density, given the common error (6,), in sigmas."""
         parts = self._level + self._pull @ common
         parts = parts - np.einsum("...ij,i,j->...", self._stiffness, common, common) / 2.0
         return np.asarray(np.logaddexp(parts[..., 0], parts[..., 1]))
 
     def proposals(self, tracks: Sequence[int]) -> list[FloatArray]:
-        """Common errors worth trying: none, and what one pair of these tracks asks for."""
+        """Common errors worth trying: none, and those that one pair of these tracks suggests."""
         found = [np.zeros(6)]
         if not self._is_shared:
             return found
@@ -138,7 +138,8 @@ class SharedErrors:
         return found
 
     def log_evidence(self, assignments: Sequence[Assignment]) -> tuple[FloatArray, FloatArray]:
-        """(K,) of each assignment, the common error integrated out; (K, 6) its probable value."""
+        """Log evidence (K,) of each assignment, the common error integrated out; (K, 6) its
+        probable value."""
         chosen = np.array(assignments)
         rows = np.arange(chosen.shape[1])
         level, pull = self._level[rows, chosen], self._pull[rows, chosen]
@@ -158,7 +159,7 @@ class SharedErrors:
 
 
 def _root(case: Case, known: Sequence[Pair]) -> FloatArray:
-    """(6, 6) of the common error's covariance: by the middlemost of the objects."""
+    """Root (6, 6) of the common error's covariance: by the middlemost of the objects."""
     if not known or case.shared_undisturbed + case.shared_moved == 0.0:
         return np.zeros((6, 6))
     middle = sorted(known, key=lambda each: float(each.undisturbed[1, 1]))[len(known) // 2]
@@ -175,7 +176,7 @@ def _settled(pull: FloatArray, stiffness: FloatArray) -> FloatArray:
 def _densities(
     level: FloatArray, pull: FloatArray, stiffness: FloatArray, common: FloatArray
 ) -> FloatArray:
-    """(K, T, 2) logarithms."""
+    """Logarithms (K, T, 2) of the densities of the offsets."""
     linear = np.einsum("ktci,ki->ktc", pull, common)
     return np.asarray(
         level + linear - np.einsum("ktcij,ki,kj->ktc", stiffness, common, common) / 2.0
@@ -185,7 +186,7 @@ def _densities(
 def _shares(
     level: FloatArray, pull: FloatArray, stiffness: FloatArray, common: FloatArray
 ) -> FloatArray:
-    """(K, T, 2) which of the two errors each offset is of."""
+    """Probabilities (K, T, 2) that an offset is of the one or the other error."""
     parts = _densities(level, pull, stiffness, common)
     total = np.logaddexp(parts[..., 0], parts[..., 1])
     return np.asarray(np.exp(parts - total[..., None]))
@@ -194,7 +195,8 @@ def _shares(
 def _summit(
     level: FloatArray, pull: FloatArray, stiffness: FloatArray, shares: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """(K,) logarithms of the integrals by Laplace's method, and (K, 6) where the summits are."""
+    """Logarithms (K,) of the integrals by Laplace's method, and the places (K, 6) of the
+    summits."""
     for _ in range(_ROUNDS):
         whole = np.einsum("ktc,ktcij->kij", shares, stiffness)
         common = _settled(np.einsum("ktc,ktci->ki", shares, pull), whole)

@@ -1,4 +1,4 @@
-"""How far an object may be from where its published elements put it. Pure.
+"""Errors of published elements: how far an object may be from its predicted place. Pure.
 
 Elements carry no covariance, so one is assumed by kind of orbit and age, in two cases: the object
 has kept to its orbit (``undisturbed``), or its operator has moved it since (``manoeuvred``).
@@ -34,7 +34,7 @@ from rsoconsole.records import FloatArray
 Regime = Literal["GEO", "MEO", "LEO", "HEO"]
 ERROR_REGIMES: tuple[Regime, ...] = ("GEO", "MEO", "LEO", "HEO")
 _Terms = tuple[float, ...]
-"""At the epoch, by the day and by the day squared."""
+"""Terms at the epoch, by the day and by the day squared."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -43,9 +43,10 @@ class Spread:
 
     along: _Terms
     across: _Terms
-    """Of the plane: the amplitude of a swing once a revolution, over the root of 2."""
+    """Amplitude of the swing out of the plane, once a revolution, over the root of 2."""
     shape: _Terms
-    """Of the radius, by an eccentricity that is off: its swing along the track is twice that."""
+    """Amplitude of the swing of the radius, by an error of the eccentricity; along the track it is
+    twice that."""
 
 
 UNDISTURBED: dict[Regime, Spread] = {
@@ -68,7 +69,7 @@ class ErrorFactors:
 
     along_at_epoch: float = 1.0
     along_by_age: float = 1.0
-    """Of both terms that grow."""
+    """Factor of both terms that grow."""
     across: float = 1.0
 
 
@@ -84,10 +85,10 @@ class ElementErrors:
         return (self.manoeuvred if is_moved else self.undisturbed)[regime]
 
     def scaled(self, factors: Mapping[Regime, ErrorFactors]) -> "ElementErrors":
-        """The errors with their spreads scaled where there are factors.
+        """Errors with their spreads scaled where there are factors.
 
-        Those of manoeuvred objects stay, but that a manoeuvre takes no error away: they are nowhere
-        narrower than the others.
+        Spreads of manoeuvred objects stay, but are nowhere narrower than the others, as a manoeuvre
+        removes no error.
         """
         if not factors:
             return self
@@ -102,7 +103,7 @@ class ElementErrors:
 
 
 def _by_terms(of: Callable[[float, float], float], a: Spread, b: Spread) -> Spread:
-    """Each term of two spreads made into one."""
+    """Combine two spreads term by term."""
     along, across = map(of, a.along, b.along), map(of, a.across, b.across)
     return Spread(along=tuple(along), across=tuple(across), shape=tuple(map(of, a.shape, b.shape)))
 
@@ -110,7 +111,7 @@ def _by_terms(of: Callable[[float, float], float], a: Spread, b: Spread) -> Spre
 ASSUMED = ElementErrors(undisturbed=UNDISTURBED, manoeuvred=MANOEUVRED)
 """Errors assumed without any measurement."""
 _CONTROLLED: dict[Regime, float] = {"GEO": 0.35, "MEO": 0.1, "LEO": 0.3, "HEO": 0.03}
-"""Share of the catalogued objects that somebody steers."""
+"""Share of the catalogued objects that are under control."""
 _BETWEEN_MANOEUVRES_DAYS: dict[Regime, float] = {"GEO": 5.0, "MEO": 180.0, "LEO": 14.0, "HEO": 60.0}
 
 
@@ -140,11 +141,11 @@ def manoeuvred_probabilities(regime: Regime, age_days: FloatArray) -> FloatArray
 
 
 def covariance_rtn(spread: Spread, age_days: float, mean_motion_rad_s: float) -> FloatArray:
-    """(6, 6) of errors (radial, along, across) and their rates in that turning frame; km, km/s.
+    """Covariance (6, 6) of errors (radial, along, across) and their rates in that turning frame;
+    km, km/s.
 
-    An orbit a little off swings about its elements once a revolution: R = A cos(nt),
-    T = -2A sin(nt), N = B cos(nt), at any phase, beside what it is ahead or behind (Clohessy &
-    Wiltshire 1960).
+    An orbit a little off swings about its elements once a revolution: R = A cos(nt), T = -2A
+    sin(nt), N = B cos(nt), at any phase, beside its lead or lag (Clohessy & Wiltshire 1960).
     """
     along, across, shape = (
         float(grown(each, age_days)) for each in (spread.along, spread.across, spread.shape)

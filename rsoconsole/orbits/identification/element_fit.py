@@ -2,10 +2,10 @@
 
 Three factors of a kind of orbit (``ErrorFactors``), by maximum a posteriori: each row is of an
 undisturbed object, of a manoeuvred one, or of neither (a wrong name, a storm), which a wide tail
-takes. How wide the last two are is assumed: what was moved far is not surely named, so that
-rows cannot tell; for the same reason fewer of them were moved than of all objects of that age, and
-that share is found with the factors. Before any row a factor is 1, within a factor of 2
-(log-normal).
+takes. The widths of the last two are assumed: an object that was moved far is not surely
+identified, so that rows cannot determine them; for the same reason fewer of them were moved than of
+all objects of that age, and that share is found with the factors. Before any row a factor is 1,
+within a factor of 2 (log-normal).
 """
 
 import math
@@ -31,16 +31,17 @@ _ALIKE = 0.3
 """Correlation of the errors of one object in different nights, by different elements: some
 objects are steered often, some low ones meet more air. Assumed."""
 _MOVED_LOG, _MOVED_LOG_SIGMA = math.log(0.5), 1.0
-"""Of the share of moved ones among surely named rows, over that among all objects."""
+"""Mean and sigma of the logarithm of a ratio: the share of moved objects among surely named rows,
+over that among all objects."""
 _LEAST = 1e-300
 _TAIL = 0.03
 _TAIL_TIMES = 2.0
-"""So much wider than a manoeuvre, as it is assumed."""
+"""Width of the tail over that of a manoeuvre; assumed."""
 _MOST = math.log(50.0)
 _STARTS = (0.0, 0.8, -0.8)
 _STEP = 0.25
-"""Of the curvature: far enough to see that errors which are small against others could be smaller
-still."""
+"""Step for the curvature: far enough to see that errors which are small against others could be
+smaller still."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -50,17 +51,17 @@ class FittedFactors:
     regime: Regime
     factors: ErrorFactors
     sigmas: ErrorFactors
-    """One sigma of each."""
+    """One sigma of each factor."""
     rows: int
     objects: int
     counted: float
-    """Number of independent rows as which they were weighed."""
+    """Number of independent rows that they are weighed as."""
     oldest_days: float
     t_last_utc_ns: int
 
 
 def fit_factors(rows: Sequence[ElementRow]) -> tuple[FittedFactors, ...]:
-    """Fit the factors of each kind of orbit that there are rows of."""
+    """Fit the factors of each kind of orbit that has rows."""
     regimes = dict.fromkeys(each.regime for each in rows)
     return tuple(
         _fitted(regime, [each for each in rows if each.regime == regime])
@@ -69,7 +70,7 @@ def fit_factors(rows: Sequence[ElementRow]) -> tuple[FittedFactors, ...]:
 
 
 def weights_of(rows: Sequence[ElementRow]) -> FloatArray:
-    """(N,) how much each row counts.
+    """Weights (N,) of the rows.
 
     Rows of one object in one night, or by the same elements, count as one together; G such groups
     of one object as G / (1 + 0.3 (G - 1)), at most 3.3.
@@ -125,7 +126,8 @@ def _factors(values: FloatArray) -> ErrorFactors:
 
 @dataclass(eq=False)
 class _Posterior:
-    """Minus its logarithm, by the logarithms of the factors and of the share of the moved."""
+    """Posterior: minus its logarithm, by the logarithms of the factors and of the share of the
+    moved."""
 
     regime: Regime
     rows: Sequence[ElementRow]
@@ -160,7 +162,7 @@ class _Posterior:
         return float(prior / 2.0 - fit)
 
     def curvature(self, logs: FloatArray) -> FloatArray:
-        """(4, 4) second derivatives."""
+        """Second derivatives (4, 4)."""
         steps = _STEP * np.eye(4)
         found = np.zeros((4, 4))
         for a in range(4):
@@ -174,14 +176,14 @@ class _Posterior:
         return found
 
     def _covariance(self, spread: Spread) -> FloatArray:
-        """(N, 2, 2) of along and across: elements and measurement."""
+        """Covariances (N, 2, 2) of along and across: elements and measurement."""
         sigmas = np.stack(position_sigmas_km(spread, self._age), axis=-1)
         return np.asarray(
             self._measured + np.einsum("nik,nk,njk->nij", self._by, sigmas**2, self._by)
         )
 
     def _distance(self, covariance: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """(N,) squared Mahalanobis distances, and logarithms of the size of a normal density."""
+        """Squared Mahalanobis distances (N,), and logarithms of the size of a normal density."""
         along, both, across = covariance[:, 0, 0], covariance[:, 0, 1], covariance[:, 1, 1]
         x, y = self._off.T
         size = along * across - both**2

@@ -13,11 +13,12 @@ from rsoconsole.sky import ARCSEC_RAD
 from rsoconsole.words import NS_PER_S
 
 SURE_NAMED = 0.95
-"""Probability from which on a name counts."""
+"""Least probability of an identification that counts."""
 _NIGHT_NS = 8 * 3600 * NS_PER_S
-"""A longer silence of one object begins another night."""
+"""Pause of one object after which another night begins."""
 _MIN_SEEN = 0.1
-"""What is seen along its line of sight shows too little of where along its orbit it is."""
+"""Least share of the orbital motion across the line of sight; below it the place along the orbit is
+hardly measured."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -25,36 +26,36 @@ class ElementRow:
     """One track of one night against the elements of its object."""
 
     session: str
-    """Or frame."""
+    """Name of the session, or of the frame."""
     track: str
     norad_id: int
     name: str
     t_utc_ns: int
-    """Of its middle."""
+    """Middle of the track."""
     tle_epoch_utc_ns: int
     age_days: float
-    """Negative: the elements are younger."""
+    """Age of the elements, days; negative where they are younger than the track."""
     regime: Regime
     along_s: float
-    """Observed minus computed, as time in its orbit; positive: ahead of its elements."""
+    """Observed minus computed along the orbit, as time; positive: ahead of its elements."""
     sigma_along_s: float
-    """Of the measurement, as the others."""
+    """One sigma of the measurement, as the other sigmas."""
     along_km: float
-    """Along the orbit."""
+    """Observed minus computed along the orbit."""
     sigma_along_km: float
     across_arcsec: float
-    """Positive: north of a motion to the east."""
+    """Observed minus computed across the motion; positive: north of a motion to the east."""
     sigma_across_arcsec: float
     across_km: float
-    """As seen, at the object's distance."""
+    """Observed minus computed across the motion, at the object's distance."""
     sigma_across_km: float
     along_by: tuple[float, float, float]
-    """What a kilometre off (radial, along, across the orbit) does to ``along_km``."""
+    """Change of ``along_km`` by an error of a kilometre (radial, along, across the orbit)."""
     across_by: tuple[float, float, float]
-    """And to ``across_km``."""
+    """Change of ``across_km`` by an error of a kilometre, likewise."""
     observations: int
     probability: float
-    """Of its name."""
+    """Probability of the identification."""
 
     @property
     def key(self) -> tuple[str, str]:
@@ -109,7 +110,7 @@ def _three(values: FloatArray) -> tuple[float, float, float]:
 
 
 def groups_of(rows: Sequence[ElementRow]) -> list[list[int]]:
-    """Places of rows that share an error: of one object, in one night or by the same elements."""
+    """Indices of rows that share an error: of one object, in one night or by the same elements."""
     order = sorted(range(len(rows)), key=lambda n: (rows[n].norad_id, rows[n].t_utc_ns))
     groups: list[list[int]] = []
     by_elements: dict[tuple[int, int], list[int]] = {}

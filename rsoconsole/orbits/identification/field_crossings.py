@@ -1,4 +1,4 @@
-"""Which catalogued objects can have crossed a field during an exposure. Pure.
+"""Catalogued objects that can have crossed a field during an exposure. Pure.
 
 An object is a candidate where its path, within the exposure and the seconds by which it may be
 ahead of its elements or behind them, comes into the field or as near it as it may be off across its
@@ -34,9 +34,9 @@ LOW_GATE_S = 60.0
 MAX_GATE_S = 600.0
 _STRANGE_SHARE = 0.03
 _STRANGE_TIMES = 2.0
-"""What no model knows is so much wider than a manoeuvre."""
+"""Width of errors that no model describes, over that of a manoeuvre."""
 _STRANGE_LOW_KM = 200.0
-"""27 s along the path of a low orbit."""
+"""Along-track error of a low object that no model describes: 27 s along its orbit."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -45,11 +45,11 @@ class ElementSpread:
 
     share: FloatArray
     radial_km: FloatArray
-    """One sigma, as the others."""
+    """One sigma, as the other errors."""
     along_km: FloatArray
     across_km: FloatArray
     gate_along_km: FloatArray
-    """(M,)"""
+    """Gates (M,) along the path."""
 
     def of(self, chosen: npt.NDArray[np.intp]) -> "ElementSpread":
         """Errors of the chosen objects."""
@@ -97,15 +97,15 @@ def element_spread(
 
 _STEP_S = 10.0
 _LEADS = (41, 801)
-"""Of the window in which a candidate is near the field, fewest and most."""
+"""Fewest and most leads of the window in which a candidate is near the field."""
 _PARTS = (5, 81)
-"""Of an exposure's path, likewise."""
+"""Fewest and most parts of an exposure's path."""
 _FINE = 0.4
-"""Of the field's radius: steps along a path are shorter."""
+"""Longest step along a path, as a share of the field's radius."""
 _SAME_SETS_NS = NS_PER_DAY // 4
-"""For so long the sets nearest in epoch are the same."""
+"""Longest time for which the sets nearest in epoch are kept."""
 _ACROSS_NODES = ((-np.sqrt(3.0), 1.0 / 6.0), (0.0, 2.0 / 3.0), (np.sqrt(3.0), 1.0 / 6.0))
-"""Of a normal distribution, in sigma, with their weights (Gauss and Hermite)."""
+"""Nodes of a normal distribution, in sigma, with their weights (Gauss and Hermite)."""
 IndexArray = npt.NDArray[np.intp]
 
 
@@ -117,12 +117,12 @@ class FieldOfView:
     t_mid_utc_ns: int
     exposure_s: float
     centre: FloatArray
-    """(3,) unit vector."""
+    """Unit vector (3,) of the centre."""
     radius_rad: float
-    """From the centre to the farthest corner."""
+    """Angle from the centre to the farthest corner."""
     area_rad2: float
     contains: Callable[[FloatArray], npt.NDArray[np.bool_]]
-    """Unit vectors (..., 3) -> (...,)."""
+    """Test of unit vectors (..., 3) for being in the frame: (...,)."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -131,35 +131,35 @@ class Candidate:
 
     entry: CatalogueEntry
     satellite: SatrecArray
-    """Of it alone."""
+    """SGP4 record of this object alone."""
     spread: ElementSpread
-    """Of it alone."""
+    """Errors of this object's elements alone."""
     age_days: float
-    """Of its elements; below 0 where their epoch is later."""
+    """Age of its elements; below 0 where their epoch is later."""
     gate_s: float
-    """So far ahead or behind it is sought."""
+    """Largest lead or lag that is searched."""
     gate_across_rad: float
-    """So far off its path, where it is nearest to the field."""
+    """Largest angle off its path, where it is nearest to the field."""
     chance: float
-    """That any of it was in the frame during the exposure."""
+    """Probability that any of it was in the frame during the exposure."""
     lead_s: FloatArray
-    """(L,) leads at which it is near the field."""
+    """Leads (L,) at which it is near the field."""
     u: FloatArray
-    """(L, 3) where it is at the middle of the exposure."""
+    """Unit vectors (L, 3) at the middle of the exposure."""
     nominal: FloatArray
-    """(3, 3): opening, middle and closing by the elements as they are."""
+    """Unit vectors (3, 3) at opening, middle and closing by the elements as they are."""
     r_km: FloatArray
-    """(3,) at the middle by the elements as they are, GCRS."""
+    """Position (3,) at the middle by the elements as they are, GCRS."""
     range_km: float
     rate: FloatArray
-    """(3,) change of its direction in a second, rad/s, likewise."""
+    """Change (3,) of its direction in a second by the elements as they are, rad/s."""
 
 
 class FieldCatalogue:
-    """Element sets ready to be asked of one frame after another."""
+    """Element sets prepared for the search of one frame after another."""
 
     def __init__(self, entries: Sequence[CatalogueEntry], errors: ElementErrors = ASSUMED) -> None:
-        """``errors``: how far elements may be off."""
+        """``errors``: of the elements."""
         self._entries = entries
         self._errors = errors
         self._at_utc_ns: int | None = None
@@ -168,12 +168,12 @@ class FieldCatalogue:
 
     @property
     def compared(self) -> int:
-        """Objects of the last frame that were compared."""
+        """Number of objects compared with the last frame."""
         return len(self._sets)
 
     @property
     def too_old(self) -> int:
-        """Objects whose elements were too old, likewise."""
+        """Number of objects left out for the last frame because their elements were too old."""
         return self._too_old
 
     def _choose(self, t_utc_ns: int) -> None:
@@ -208,7 +208,8 @@ class FieldCatalogue:
         return tuple(sorted(found, key=lambda each: each.entry.norad_id))
 
     def _reachable(self, view: FieldOfView, exposure: Exposure) -> tuple[IndexArray, ElementSpread]:
-        """Places in the sets of those that a ball about where they are now lets come near."""
+        """Indices of the sets whose objects can come near, by a ball about where they are now;
+        their errors."""
         seen = exposure.middle.seen(self._satellites, np.zeros(1))
         speed = np.linalg.norm(seen.v_km_s[:, 0], axis=-1)
         is_there = np.isfinite(speed)
@@ -324,7 +325,7 @@ class FieldCatalogue:
 def _leads(
     view: FieldOfView, exposure: Exposure, satellite: SatrecArray, window: tuple[float, float]
 ) -> FloatArray:
-    """So close together that none steps over the field."""
+    """Leads so close together that none steps over the field."""
     seen = exposure.middle.seen(satellite, np.linspace(*window, 5))
     pace = float(np.nan_to_num(np.linalg.norm(seen.by_lead[0], axis=-1)).max())
     path = pace * (window[1] - window[0])
@@ -353,7 +354,8 @@ def across_parts(seen: ObjectPlaces) -> tuple[FloatArray, FloatArray, FloatArray
 
 
 def _nearest_rad(a: FloatArray, b: FloatArray, to: FloatArray) -> FloatArray:
-    """How near (...,) the arcs between unit vectors (..., 3) come to one (3,); NaN as infinity."""
+    """Smallest angles (...,) between arcs of unit vectors (..., 3) and one (3,); NaN as
+    infinity."""
     along = b - a
     size = np.maximum(np.sum(along * along, axis=-1), 1e-30)
     at = np.clip(np.sum((to - a) * along, axis=-1) / size, 0.0, 1.0)

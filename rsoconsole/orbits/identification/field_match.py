@@ -1,10 +1,10 @@
-"""Which of the objects that can have crossed a field drew which of its lines. Pure.
+"""Match of the lines of a frame with the objects that can have crossed its field. Pure.
 
 A line fits an object where it lies near the object's path, runs along it and is as long as rate and
 exposure make it; how far along it lies is the object's lead in seconds. Every fit is a likelihood
 ratio against a line that no catalogue knows; the assignments of all lines to objects, one to one,
-are weighed against each other (``assignments``), and what else a line may be with a share of
-one twentieth or more makes it ambiguous.
+are weighed against each other (``assignments``), and another choice with a probability of one
+twentieth or more makes a line ambiguous.
 """
 
 from collections.abc import Sequence
@@ -32,25 +32,27 @@ SURE = 20.0 / 21.0
 WORTH_SAYING = 0.05
 _MAX_ASSIGNMENTS = 60
 _SEEN = 0.8
-"""Of the objects that cross a frame, those that are bright enough, roughly."""
+"""Rough share of the objects crossing a frame that are bright enough."""
 _LOG_LENGTHS = 4.0
-"""Range of the logarithm of lengths that those may have."""
+"""Range of the logarithm of lengths of lines that are in no catalogue."""
 _DIRECTION_DEG, _LENGTH_SHARE = 0.1, 0.01
-"""What the path and its rate differ by from the elements', beside what the line's errors are."""
+"""Errors of the predicted direction and rate, beside the line's own errors."""
 _FADED, _FADED_LOG = 0.05, 2.5
-"""Share of the lines that do not shine, or are not seen, all along, and how much shorter they may
-be, as a logarithm."""
+"""Share of the lines that are not visible all along, and how much shorter they may be, as a
+logarithm."""
 _MAX_LENGTH_SIGMAS = 5.0
 Shape = Literal["placed", "faded", "open"]
-"""An end or both tell where it was and when; a part of it is missing; the rim cuts both ends."""
+"""Kind of a line: placed (one or both ends give place and instant), faded (a part of it is
+missing), open (the rim cuts both ends)."""
 _TOO_LONG = 1.05
 _MAX_TURN_SIGMAS = 5.0
 _NEWTON = 3
 _WIDER = 1.1
-"""A lead as measured may be beyond the gate by so much."""
+"""Factor by which a measured lead may exceed the gate."""
 _MIN_ROOM_S = 0.1
 _MIN_PACE = 1e-3 * ARCSEC_RAD
-"""rad/s: what comes straight at the telescope has no path."""
+"""Least angular speed by a second of lead, rad/s: what comes straight at the telescope has no
+path."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -58,27 +60,28 @@ class Line:
     """A streak of one exposure."""
 
     a: FloatArray
-    """(3,) unit vector of one end."""
+    """Unit vector (3,) of one end."""
     b: FloatArray
     middle: FloatArray
-    """(3,) where it was at the middle of the exposure, if both ends are in the frame."""
+    """Unit vector (3,) at the middle of the exposure, if both ends are in the frame."""
     is_end_a: bool
-    """Whether the object was there when the shutter moved; else the frame's rim cut it there."""
+    """True where this end is the object's place when the shutter moved; False where the rim cut
+    it."""
     is_end_b: bool
     is_ordered: bool
-    """Whether it is known to have gone from a to b."""
+    """True where the object is known to have gone from a to b."""
     after_s: float
-    """Its row was exposed so much after the frame's first."""
+    """Delay of the exposure of its row after the frame's first row."""
     cov_sky_rad2: tuple[float, float, float]
-    """Of its middle: east-east, east-north, north-north."""
+    """Covariance of its midpoint: east-east, east-north, north-north."""
     sigma_direction_rad: float
     sigma_length_rad: float
     strangers: float = 0.3
-    """Lines like it in a frame that are in no catalogue, on average."""
+    """Mean number of lines like it in a frame that are in no catalogue."""
 
     @property
     def length_rad(self) -> float:
-        """Between its ends."""
+        """Angle between its ends."""
         return _angle_rad(self.a, self.b)
 
 
@@ -87,28 +90,28 @@ class Fit:
     """Offsets of a line from a candidate's path, and the likelihood of the match."""
 
     along_s: float
-    """How far ahead of its elements the object was; below 0: behind."""
+    """Lead of the object over its elements; below 0: behind."""
     sigma_along_s: float
-    """As measured."""
+    """One sigma of ``along_s``, of the measurement."""
     across_rad: float
-    """North of eastward."""
+    """Offset across the path, positive north of eastward."""
     sigma_across_rad: float
-    """As measured."""
+    """One sigma of ``across_rad``, of the measurement."""
     range_km: float
     speed_km_s: float
     across_by: tuple[float, float]
-    """What a kilometre off along the radius, and off the plane, moves it across its path, km."""
+    """Change across its path by an error of a kilometre along the radius, and off the plane, km."""
     direction_deg: float
-    """Measured minus predicted."""
+    """Direction of the line, measured minus predicted."""
     length_ratio: float | None
-    """Measured over predicted; None where an end is outside the frame."""
+    """Length of the line, measured over predicted; None where an end is outside the frame."""
     log_ratio: float
     """Logarithm of the likelihood over that of a line in no catalogue."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Choice:
-    """What a line may be: a place among the candidates, or None for no catalogue."""
+    """One choice for a line: an index of a candidate, or None for no catalogue."""
 
     candidate: int | None
     probability: float
@@ -117,26 +120,26 @@ class Choice:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LineMatch:
-    """One line's answer."""
+    """Result for one line."""
 
     verdict: Verdict
     choices: tuple[Choice, ...]
-    """From a probability of 5 % on, the likeliest first; at least one."""
+    """Choices with a probability of 5 % at least, the likeliest first; never empty."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FieldMatch:
-    """All lines of an exposure and all candidates."""
+    """Results for all lines of an exposure and all candidates."""
 
     lines: tuple[LineMatch, ...]
     taken: tuple[float, ...]
-    """Of each candidate, the probability that one of the lines is it."""
+    """Probability that one of the lines is this object, for each candidate."""
 
 
 def match_field(
     view: FieldOfView, candidates: Sequence[Candidate], lines: Sequence[Line]
 ) -> FieldMatch:
-    """One line is one object and one object one line."""
+    """Match lines and candidates, one to one."""
     if not lines:
         return FieldMatch(lines=(), taken=(0.0,) * len(candidates))
     exposure = Exposure(view.site, view.t_mid_utc_ns, view.exposure_s)
@@ -152,7 +155,7 @@ def match_field(
 
 
 def _shares(scores: FloatArray) -> FloatArray:
-    """(T, N + 1) probabilities over the best assignments."""
+    """Probabilities (T, N + 1) over the best assignments."""
     used = np.flatnonzero(np.isfinite(scores).any(axis=0))
     small = scores[:, used]
     rivals = np.ones((len(scores), len(scores)), bool)
@@ -188,7 +191,7 @@ def _matched(shares: FloatArray, fits: Sequence[Fit | None]) -> LineMatch:
 
 
 def _fitted(view: FieldOfView, exposure: Exposure, candidate: Candidate, line: Line) -> Fit | None:
-    """None where it lies outside the gates."""
+    """Fit of a line to a candidate's path; None where it lies outside the gates."""
     met = _met(view, exposure, candidate, line)
     if met is None:
         return None
@@ -230,27 +233,27 @@ def _fitted(view: FieldOfView, exposure: Exposure, candidate: Candidate, line: L
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class _PathAtLine:
-    """A path at the lead that brings it nearest to a line."""
+    """Path of a candidate at the lead that brings it nearest to a line."""
 
     three: tuple[FloatArray, ObjectPlaces, FloatArray]
-    """Unit vectors at opening and closing, and all of the middle."""
+    """Unit vectors at opening and closing, and all places at the middle."""
     seen: ObjectPlaces
-    """At the instant at which a place of the line is known."""
+    """Places at the instant at which a place of the line is known."""
     lead_s: float
     sigma_along_s: float
     pace: float
-    """By a second of lead, rad."""
+    """Angular speed by a second of lead, rad."""
     across_rad: float
     sigma_across_rad: float
     across_by: tuple[float, float]
     across_sigmas: FloatArray
-    """By case, the line's own error in them."""
+    """One sigma across the path by case, the line's own error included."""
 
 
 def _met(
     view: FieldOfView, exposure: Exposure, candidate: Candidate, line: Line
 ) -> _PathAtLine | None:
-    """None where the line is outside the gates along and across."""
+    """Path at the line's lead; None where the line is outside the gates along and across."""
     start = int(np.argmax(candidate.u @ line.middle))
     if candidate.u[start] @ line.middle < np.cos(4.0 * view.radius_rad + candidate.gate_across_rad):
         return None
@@ -290,9 +293,10 @@ def _met(
 
 
 def _known_place(line: Line, by_time: FloatArray) -> tuple[FloatArray, int]:
-    """A place of a line whose instant is known, and that: 0 opening, 1 middle, 2 closing.
+    """Place of a line whose instant is known, and which that is: 0 opening, 1 middle, 2 closing.
 
-    Of a line that the rim cuts the end in the frame, by which way the object goes.
+    For a line that the rim cuts: the end in the frame, opening or closing by the direction of
+    motion.
     """
     if line.is_end_a == line.is_end_b:
         return line.middle, 1
@@ -301,7 +305,8 @@ def _known_place(line: Line, by_time: FloatArray) -> tuple[FloatArray, int]:
 
 
 def _direction_rad(line: Line, by_time: FloatArray, u: FloatArray) -> float:
-    """Measured minus predicted, north of eastward; of a line of unknown sense the smaller one."""
+    """Direction, measured minus predicted, north of eastward; for a line of unknown sense the
+    smaller one."""
     way = line.b - line.a
     side = np.cross(u, by_time)
     angle = float(np.arctan2(way @ side, way @ by_time))
@@ -311,8 +316,8 @@ def _direction_rad(line: Line, by_time: FloatArray, u: FloatArray) -> float:
 
 
 def _log_lengths(line: Line, predicted_rad: float) -> dict[Shape, float]:
-    """Logarithms of the densities of its length over that of a line in no catalogue, by how it may
-    have come about; empty where its length does not fit."""
+    """Logarithms of the densities of a line's length over that of a line in no catalogue, by kind;
+    empty where its length does not fit."""
     length = max(line.length_rad, 1e-12)
     if not (line.is_end_a and line.is_end_b):
         if length > predicted_rad * _TOO_LONG + 5.0 * line.sigma_length_rad:
@@ -338,8 +343,8 @@ def _log_place(
 ) -> float:
     """Logarithm of the density of its place over that of a line that lies anywhere in the frame.
 
-    ``shape_and_room_s``: how far either way the lead may be without being seen to be, where the
-    line is not placed along the path.
+    ``shape_and_room_s``: the kind of the line, and the unmeasurable part of the lead either way
+    where the line is not placed along the path.
     """
     shape, room_s = shape_and_room_s
     off = met.across_rad / met.across_sigmas
@@ -360,7 +365,7 @@ def _log_place(
 
 
 def _angle_rad(a: FloatArray, b: FloatArray) -> float:
-    """Between unit vectors, small ones too."""
+    """Angle between unit vectors, exact for small ones too."""
     return float(2.0 * np.arcsin(min(float(np.linalg.norm(a - b)) / 2.0, 1.0)))
 
 

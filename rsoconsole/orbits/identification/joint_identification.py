@@ -1,10 +1,11 @@
-"""Names for all tracks of a field together: one catalogued object is one of them. Pure.
+"""Identification of all tracks of a field together: each catalogued object is at most one of them.
+Pure.
 
-Tracks that were seen at the same time are different objects, so that what fits two of them is one
-of the two. The assignments of all tracks to objects, or to what no catalogue knows, are weighed
-against each other (``assignments``), each with the error that its elements may have in common
-(``shared_errors``): where a whole slot is off its elements, where its members stand to each other
-tells them apart. A track's probabilities are sums over the assignments.
+Tracks that were seen at the same time are different objects, so that a catalogued object that fits
+two of them is one of the two. The assignments of all tracks to objects, or to what no catalogue
+knows, are weighed against each other (``assignments``), each with the error that its elements may
+have in common (``shared_errors``): where all members of a slot are off their elements, their
+relative places distinguish them. A track's probabilities are sums over the assignments.
 """
 
 from collections.abc import Sequence
@@ -37,7 +38,7 @@ GAP_S = 600.0
 
 
 def seen_at_once(tracks: Sequence[Sightings]) -> npt.NDArray[np.bool_]:
-    """(T, T) whether any two stretches of two tracks overlap, a gap being in neither."""
+    """True (T, T) where any two stretches of two tracks overlap, a gap being in neither."""
     stretches = [_stretches(each) for each in tracks]
     found = np.zeros((len(tracks), len(tracks)), bool)
     for one, (begins, ends) in enumerate(stretches):
@@ -49,25 +50,25 @@ def seen_at_once(tracks: Sequence[Sightings]) -> npt.NDArray[np.bool_]:
 
 
 def _stretches(seen: Sightings) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]:
-    """First and last instants of each."""
+    """First and last instants of each stretch."""
     t = np.asarray(seen.t_utc_ns, np.int64)
     cuts = np.flatnonzero(np.diff(t) > GAP_S * NS_PER_S)
     return np.concatenate([t[:1], t[cuts + 1]]), np.concatenate([t[cuts], t[-1:]])
 
 
 _CREDIBLE = 36.0
-"""Squared Mahalanobis distance up to which an object is one that a track could be of."""
+"""Squared Mahalanobis distance up to which an object is a candidate for a track."""
 _MAX_OBJECTS = 12
-"""Most of those for each track, the nearest first."""
+"""Most candidates for each track, the nearest first."""
 _ANCHORS = 2
-"""Tracks, those with the most directions, from which the common error of elements is found."""
+"""Number of tracks, those with the most directions, from which the common error of elements is
+found."""
 _EACH = 12
-"""Assignments of each such guess that are weighed."""
+"""Number of assignments weighed for each such guess."""
 _WITHIN = 30.0
-"""Less likely than the best of a guess by that power of e, one is worth it by another guess or by
-none."""
+"""Range of log likelihood below the best assignment of a guess within which others are weighed."""
 _LIKELIEST = 3
-"""Of those weighed, how many refine the common error of elements."""
+"""Number of the weighed assignments that refine the common error of elements."""
 
 
 def identify_jointly(
@@ -78,9 +79,9 @@ def identify_jointly(
     gate_deg: float = GATE_DEG,
     errors: ElementErrors = ASSUMED,
 ) -> tuple[Identification, ...]:
-    """One answer for each track, in their order.
+    """Identify all tracks: one answer for each, in their order.
 
-    Of each object the set nearest in epoch counts. ``errors``: how far elements may be off.
+    For each object the set nearest in epoch is used. ``errors``: of the elements.
     """
     compared = [
         compare_with_catalogue(each, site, entries, gate_deg=gate_deg, errors=errors)
@@ -92,7 +93,7 @@ def identify_jointly(
 def name_together(
     compared: Sequence[CatalogueComparison], *, gate_deg: float = GATE_DEG
 ) -> tuple[Identification, ...]:
-    """Names of tracks that were compared with the catalogue before: one answer for each."""
+    """Identify tracks that were compared with the catalogue before: one answer for each."""
     found: dict[int, Identification] = {}
     for group in _groups(compared):
         members = [compared[n] for n in group]
@@ -102,7 +103,8 @@ def name_together(
 
 
 def _groups(compared: Sequence[CatalogueComparison]) -> list[list[int]]:
-    """Tracks that compete for an object, directly or by others; a track alone is a group."""
+    """Groups of tracks that compete for an object, directly or by others; a track alone is a
+    group."""
     candidates = [{each.norad_id for each in _candidates(one)} for one in compared]
     groups: list[tuple[set[int], list[int]]] = []
     for n, own in enumerate(candidates):
@@ -154,7 +156,7 @@ def _named(members: Sequence[CatalogueComparison], gate_deg: float) -> list[Iden
 
 
 def _taken_by_others(answer: Identification) -> Identification:
-    """What is near is another track's."""
+    """Answer "unknown", because the nearest object is another track's."""
     if answer.verdict == "unknown":
         return answer
     near = min(answer.matches, key=lambda each: each.score)
@@ -166,8 +168,8 @@ def _taken_by_others(answer: Identification) -> Identification:
 def _weighed(
     members: Sequence[CatalogueComparison], objects: Sequence[int]
 ) -> tuple[list[Assignment], FloatArray]:
-    """All assignments worth it, by every case of shared errors: the likeliest first, and how likely
-    they are."""
+    """Assignments worth weighing, by every case of shared errors, the likeliest first, and their
+    probabilities."""
     pairs = [_pairs(one, objects) for one in members]
     unknown = np.array([np.log(UNCATALOGUED[one.found.offsets.shape[1]]) for one in members])
     rivals = seen_at_once([one.seen for one in members])

@@ -1,4 +1,4 @@
-"""Which catalogued object was seen: directions against where element sets put everything. Pure.
+"""Identification of one track: its directions against the places predicted by element sets. Pure.
 
 Each object's offset from the directions is split along and across its own predicted motion, with
 the rates at which the offset grows, and weighed with the covariance of the measurement and of
@@ -41,15 +41,16 @@ _CREDIBLE = 23.5
 _OFF_ELEMENTS = 16.0
 """Squared Mahalanobis distance from which on elements no longer describe an undisturbed object."""
 _WIDE_DEG = 2.0
-"""As far along its track a lone object may be suspected to have been moved."""
+"""Largest distance along its track at which a lone object is suspected to have been moved."""
 _CLOSE_LOOK_DEG = 3.0
 _MAX_MATCHES = 5
-"""Of which an answer tells."""
+"""Largest number of matches in an answer."""
 _AT_LEAST = 24
 """Nearest candidates compared in full, however far: there is always a runner-up."""
 UNCATALOGUED = {4: 2.4e-10, 2: 3.9e-9}
 """Density of objects that no public catalogue knows: 0.05 a square degree, their rates over 4 by
-4 arcsec/s; in arcsec and arcsec/s, with and without rates. A fifth of what is catalogued there."""
+4 arcsec/s; in arcsec and arcsec/s, with and without rates. A fifth of the catalogued density
+there."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -61,26 +62,27 @@ class Match:
     regime: Regime
     separation_arcsec: float
     along_track_arcsec: float
-    """Positive: ahead of its elements."""
+    """Offset along the track; positive: ahead of its elements."""
     cross_track_arcsec: float
-    """Positive: north of a motion to the east."""
+    """Offset across the track; positive: north of a motion to the east."""
     along_track_s: float
-    """How long its apparent motion takes for that; positive: early."""
+    """``along_track_arcsec`` as time at its apparent motion; positive: early."""
     rate_difference_percent: float | None
-    """None where one direction alone tells no rate."""
+    """Difference of the angular speed; None where one direction alone gives no rate."""
     rate_direction_deg: float | None
-    """By how much the motion is turned, positive as ``cross_track_arcsec``."""
+    """Angle by which the motion is turned, positive as ``cross_track_arcsec``; None without a
+    rate."""
     tle_epoch_utc_ns: int
     tle_age_days: float
-    """Negative: the elements are younger than the directions."""
+    """Age of the elements; negative: they are younger than the directions."""
     score: float
-    """How many sigma off: Mahalanobis distance, raised where the elements are so vague that much
-    would fit. Smaller is better, and matches are ranked by it."""
+    """Mahalanobis distance in sigmas, raised where the elements are so vague that much would fit.
+    Smaller is better, and matches are ranked by it."""
     probability: float
-    """That it is this one, among all that was compared and what no catalogue knows."""
+    """Probability of this object, among all that were compared and what no catalogue knows."""
     is_within_gate: bool
     sigma_along_arcsec: float
-    """Of the elements, for an undisturbed object of that age."""
+    """One sigma along the track of the elements, for an undisturbed object of that age."""
     sigma_cross_arcsec: float
     undisturbed_sigma: float
     """Mahalanobis distance if it was not moved."""
@@ -89,24 +91,24 @@ class Match:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Identification:
-    """The verdict and what it rests on."""
+    """Result of an identification, with its grounds."""
 
     verdict: Verdict
     reason: str
     hint: str
-    """Of a manoeuvre; empty as a rule."""
+    """Hint at a manoeuvre; empty as a rule."""
     matches: tuple[Match, ...]
-    """Best first; the second is the runner-up, within the gate or not."""
+    """Matches, best first; the second is the runner-up, within the gate or not."""
     t_utc_ns: int
     gate_deg: float
     catalogued: int
-    """Objects looked at."""
+    """Number of catalogued objects compared."""
     failed: int
-    """Objects that SGP4 could not carry to that instant."""
+    """Number of objects that SGP4 could not carry to that instant."""
     not_catalogued: float = 0.0
     """Probability that no catalogue knows it."""
     named_with: int = 0
-    """Other tracks that it was named together with (``identify_jointly``)."""
+    """Number of other tracks identified together with it (``identify_jointly``)."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -116,9 +118,9 @@ class CatalogueComparison:
     seen: Sightings
     found: Comparison
     scored: tuple[Match, ...]
-    """Best first; their probabilities are weights as yet."""
+    """Matches, best first; their probabilities are weights as yet."""
     unknown_weight: float
-    """Of what no catalogue knows, in the same unit."""
+    """Weight of objects that no catalogue knows, in the unit of the matches' weights."""
     catalogued: int
     failed: int
 
@@ -131,7 +133,7 @@ def compare_with_catalogue(
     gate_deg: float = GATE_DEG,
     errors: ElementErrors = ASSUMED,
 ) -> CatalogueComparison:
-    """``seen``, one arc of one night, beside every object."""
+    """Compare ``seen``, one arc of one night, with every object."""
     nearest = nearest_in_epoch_of_each(entries, seen.epoch_utc_ns)
     close, failed = _close_by(seen, nearest)
     found = compare(seen, site, close, errors)
@@ -148,7 +150,7 @@ def compare_with_catalogue(
 
 
 def identification_alone(compared: CatalogueComparison, gate_deg: float) -> Identification:
-    """The answer for one track by itself."""
+    """Identify one track by itself."""
     total = sum(each.probability for each in compared.scored) + compared.unknown_weight
     unknown = compared.unknown_weight / total if total > 0.0 else 1.0
     shares = tuple(
@@ -164,7 +166,7 @@ def identification(
     not_catalogued: float,
     gate_deg: float,
 ) -> Identification:
-    """The verdict on matches, best first, that have their probabilities."""
+    """Identify a track by matches, best first, that have their probabilities."""
     verdict, reason = _verdict(matches, gate_deg)
     return Identification(
         verdict=verdict,
@@ -182,7 +184,8 @@ def identification(
 def _close_by(
     seen: Sightings, entries: Sequence[CatalogueEntry]
 ) -> tuple[list[CatalogueEntry], int]:
-    """Those worth a closer look, and how many have no place at all at the middlemost direction."""
+    """Entries worth a closer look, and the number that have no place at the middlemost
+    direction."""
     middle = int(np.argmin(np.abs(seen.t_s)))
     r, _ = states_gcrs(entries, seen.t_utc_ns[middle : middle + 1])
     u = r[:, 0] - seen.sites_km[middle]
@@ -195,7 +198,7 @@ def _close_by(
 
 
 def _match(seen: Sightings, found: Comparison, n: int, gate_deg: float) -> Match:
-    """``probability`` is a weight as yet."""
+    """Compute one match, whose ``probability`` is a weight as yet."""
     entry, offset = found.entries[n], found.offsets[n]
     age_days = (seen.epoch_utc_ns - entry.epoch_utc_ns) / NS_PER_DAY
     regime = regime_of(entry.revolutions_a_day, entry.eccentricity)
@@ -240,7 +243,7 @@ def _match(seen: Sightings, found: Comparison, n: int, gate_deg: float) -> Match
 
 
 def _covariance(found: Comparison, n: int, age_days: float, *, is_moved: bool) -> FloatArray:
-    """(D, D) of the offsets of one object: measurement and elements."""
+    """Covariance (D, D) of the offsets of one object: measurement and elements."""
     entry = found.entries[n]
     regime = regime_of(entry.revolutions_a_day, entry.eccentricity)
     spread = found.errors.of(regime, is_moved=is_moved)
@@ -255,7 +258,7 @@ def _log_size(covariance: FloatArray) -> float:
 
 
 def _unknown_weight(found: Comparison, scored: Sequence[Match]) -> float:
-    """Of what no catalogue knows, in the unit of the matches' weights."""
+    """Weight of objects that no catalogue knows, in the unit of the matches' weights."""
     if not scored:
         return 1.0
     n = next(i for i, each in enumerate(found.entries) if each.norad_id == scored[0].norad_id)
@@ -314,7 +317,8 @@ def _motion_words(match: Match) -> str:
 
 
 def _hint(matches: Sequence[Match], verdict: Verdict, gate_deg: float) -> str:
-    """Of a manoeuvre: a known object, the right motion, off its elements, nothing else near."""
+    """Hint at a manoeuvre: a known object, the right motion, off its elements, nothing else
+    near."""
     if verdict == "identified" and matches[0].undisturbed_sigma ** 2 > _OFF_ELEMENTS:
         return _moved_words(matches[0])
     if verdict != "unknown":

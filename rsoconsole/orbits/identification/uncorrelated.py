@@ -1,11 +1,11 @@
-"""Uncorrelated tracks: whether one is of an uncatalogued object seen before. Pure.
+"""Correlation of uncorrelated tracks with uncatalogued objects seen before. Pure.
 
-What was seen before says where the object should be, and how it should move, with an error that
-grows with time. Of an orbit that keeps to itself that is its own covariance and what its forces
-leave out; of one that was moved meanwhile, what manoeuvres do to elements of that age. What stays
-over its place, as a geostationary satellite held in its slot does, is expected where it was at the
-same sidereal time, whatever a short arc made of its orbit's size: so is a track without an orbit.
-The answer is a probability against another uncatalogued object's being there by chance.
+Earlier tracks predict where the object should be, and how it should move, with an error that grows
+with time. For an undisturbed orbit that is its own covariance and the forces left out; for an
+object that was moved meanwhile, the errors by manoeuvres of elements of that age. An object that
+stays over its place, as a geostationary satellite held in its slot, is expected where it was at the
+same sidereal time, whatever size a short arc gave its orbit: so is a track without an orbit. The
+answer is a probability against another uncatalogued object's being there by chance.
 """
 
 from collections.abc import Sequence
@@ -44,26 +44,26 @@ _TURN_RAD_S = 7.2921e-5
 BELT_ARCSEC_S = 0.3
 """Rate over the ground below which an object counts as geostationary: a swing of 1.1 degrees."""
 _BOX_ARCSEC = 220.0
-"""One sigma of where in its slot a satellite stands: slots are 0.1 deg to either side."""
+"""One sigma of a satellite's place in its slot: slots are 0.1 deg to either side."""
 _SWING_ARCSEC, _SWING_ARCSEC_A_DAY = 60.0, 8.0
-"""One sigma of how its daily swings about that place change: inclination and eccentricity."""
+"""One sigma of the change of its daily swings about that place: inclination and eccentricity."""
 _SIDEREAL_DAY_NS = round(86_164.0905 * NS_PER_S)
 _STRANGERS = {True: 1.4e-5, False: 3.6e-10}
 """Density of objects that no public catalogue knows, a square arcsec and square arcsec/s: in the
 belt, where a fifth of 500 objects stand in 360 by 0.2 deg with rates within 0.05 arcsec/s, and
 elsewhere (``identify.UNCATALOGUED``)."""
 _FORCES_KM_A_DAY = 0.7
-"""What the forces of an undisturbed orbit leave out: 4 arcsec a day in the belt."""
+"""Error by forces that the model of an undisturbed orbit leaves out: 4 arcsec a day in the belt."""
 _VAGUE_ARCSEC = 5400.0
-"""Predictions with a larger sigma say nothing."""
+"""Largest sigma of a prediction that is used."""
 _FAR_DEG = 4.0
 _MAX_DIRECTIONS = 24
 _MIDDLE_S = 900.0
-"""So far to either side of its middle a track is compared."""
+"""Time to either side of its middle within which a track is compared."""
 _GATE_DEG, _GATE_DEG_A_DAY = 4.0, 0.2
-"""How far off the two-body motion may be for a closer look."""
+"""Gate of the two-body prediction for a closer look: at once, and for each day."""
 _THERE_DEG, _ELSEWHERE_DEG = 3.0, 20.0
-"""The same above the ground, from the same site and by the parallax of another."""
+"""Gate of the place above the ground: from one site, and with the parallax of another."""
 _EACH = 24
 
 
@@ -72,33 +72,33 @@ class EarlierTrack:
     """One earlier track of an uncatalogued object."""
 
     number: int
-    """Of the object."""
+    """Number of the object."""
     site: Site
     t_utc_ns: int
-    """Of the direction, the middle of its track."""
+    """Instant of the direction, the middle of its track."""
     ra_icrs_deg: float
     dec_icrs_deg: float
     rate_arcsec_s: tuple[float, float]
-    """East and north, against the stars."""
+    """Rate east and north, against the stars."""
     orbit: KnownOrbit | None
-    """None where the track hardly told one."""
+    """Orbit of the track; None where the track hardly gave one."""
     is_held: bool = False
-    """Its orbit rests on the belief that it is held in its slot."""
+    """True where its orbit rests on the belief that it is held in its slot."""
 
     @property
     def is_in_belt(self) -> bool:
-        """Whether it stayed over its place on the ground while it was seen."""
+        """True where it stayed over its place on the ground while it was seen."""
         return _over_ground(self.rate_arcsec_s, self.dec_icrs_deg) < BELT_ARCSEC_S
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Correlation:
-    """An answer for one track."""
+    """Result for one track."""
 
     number: int | None
-    """Of the object that it is of; None: of none that was seen before, or not surely of one."""
+    """Number of the object; None where it is of none that was seen before, or not surely of one."""
     separation_arcsec: float | None
-    """Measured minus predicted, of the likeliest."""
+    """Distance between the measured and the predicted place, of the likeliest object."""
     candidates: tuple[tuple[int, float], ...]
     """Objects with their probabilities, where above 5 %, the likeliest first."""
 
@@ -141,9 +141,9 @@ def correlate_tracks(
 
 
 def log_density(before: EarlierTrack, seen: Sightings, site: Site) -> tuple[float, float] | None:
-    """Logarithm of the density of a track's offset, and how far off it is in arcsec.
+    """Logarithm of the density of a track's offset, and the size of the offset in arcsec.
 
-    None where it is beyond the gate, or where what was seen before says nothing of that instant.
+    None where it is beyond the gate, or where the earlier track predicts nothing for that instant.
     """
     track = _middle_of(seen)
     days = abs(track.epoch_utc_ns - before.t_utc_ns) / NS_PER_DAY
@@ -203,14 +203,14 @@ def _answer(numbers: Sequence[int], shares: FloatArray, off: FloatArray) -> Corr
 
 
 def _middle_of(seen: Sightings) -> Sightings:
-    """A few directions about its middle, evenly chosen."""
+    """Sightings of a few directions about the middle, evenly chosen."""
     near = np.flatnonzero(np.abs(seen.t_s) <= _MIDDLE_S)
     step = max(1, -(-len(near) // _MAX_DIRECTIONS))
     return seen.of(near[::step])
 
 
 def _over_ground(rate_arcsec_s: tuple[float, float], dec_deg: float) -> float:
-    """arcsec/s against what stands still above the ground."""
+    """Rate against a place that stands still above the ground, arcsec/s."""
     return float(
         np.hypot(
             rate_arcsec_s[0] - _SIDEREAL_ARCSEC_S * np.cos(np.radians(dec_deg)), rate_arcsec_s[1]
@@ -219,7 +219,7 @@ def _over_ground(rate_arcsec_s: tuple[float, float], dec_deg: float) -> float:
 
 
 def _is_slow(track: Sightings) -> bool:
-    """Whether its rate is nearer to that of the ground than to that of the stars."""
+    """True where its rate is nearer to that of the ground than to that of the stars."""
     span_s = float(track.t_s[-1] - track.t_s[0])
     if span_s <= 0.0:
         return False
@@ -228,7 +228,7 @@ def _is_slow(track: Sightings) -> bool:
 
 
 def _moved_share(before: EarlierTrack, days: float) -> float:
-    """Probability that it has been moved since."""
+    """Probability that the object has been moved since."""
     if before.is_held or (before.orbit is None and before.is_in_belt):
         return 0.9 * (1.0 - float(np.exp(-days / 5.0)))
     if before.orbit is None:
@@ -238,12 +238,12 @@ def _moved_share(before: EarlierTrack, days: float) -> float:
 
 
 def _revolutions(a_km: float) -> float:
-    """A day."""
+    """Revolutions a day."""
     return float(np.sqrt(MU_EARTH_KM3_S2 / a_km**3) * 86_400.0 / (2.0 * np.pi))
 
 
 def _is_near(orbit: KnownOrbit, track: Sightings) -> bool:
-    """By the two-body motion, which costs nothing."""
+    """True where the two-body prediction is within its gate, which costs nothing."""
     middle = int(np.argmin(np.abs(track.t_s)))
     since_s = np.array([(int(track.t_utc_ns[middle]) - orbit.epoch_utc_ns) / NS_PER_S])
     r, _ = propagate(orbit.r_km, orbit.v_km_s, since_s)
@@ -254,7 +254,7 @@ def _is_near(orbit: KnownOrbit, track: Sightings) -> bool:
 
 
 def _is_over_there(before: EarlierTrack, track: Sightings, site: Site) -> bool:
-    """Whether it is about where that stood above the ground, which costs nothing to ask."""
+    """True where it is near the earlier place above the ground, which costs nothing to compute."""
     middle = int(np.argmin(np.abs(track.t_s)))
     instant = track.t_utc_ns[middle : middle + 1]
     ra_deg = before.ra_icrs_deg + float(_sidereal_deg(before.t_utc_ns, instant)[0])
@@ -266,7 +266,7 @@ def _is_over_there(before: EarlierTrack, track: Sightings, site: Site) -> bool:
 def _by_orbit(
     before: EarlierTrack, track: Sightings, site: Site, days: float, share: float
 ) -> list[tuple[float, _Offset]]:
-    """Where its orbit puts it, undisturbed and moved."""
+    """Offsets from its orbit, undisturbed and moved, with their weights."""
     orbit = before.orbit
     assert orbit is not None
     found = _predicted(orbit, track, site)
@@ -294,9 +294,10 @@ def _by_orbit(
 def _predicted(
     orbit: KnownOrbit, track: Sightings, site: Site, back_ns: int = 0
 ) -> tuple[SkyMotion, _Offset, float] | None:
-    """Where an orbit puts it, so much earlier: motion, what was measured of it, and km away.
+    """Prediction of an orbit, ``back_ns`` earlier: motion, offset of the track from it, and
+    distance in km.
 
-    None where that is not known to a degree or so.
+    None where the prediction is worse than a degree or so.
     """
     with np.errstate(all="ignore"):
         motion = predict_motion(orbit, site, track.epoch_utc_ns - back_ns)
@@ -311,9 +312,9 @@ def _predicted(
 
 
 def _held(before: EarlierTrack, track: Sightings, site: Site, days: float) -> list[_Offset]:
-    """Where its orbit had it at the same sidereal time within half a day: held in its slot.
+    """Offset from its orbit at the same sidereal time within half a day: held in its slot.
 
-    It may stand anywhere in the slot, and its swings about that place change by the week.
+    The object may stand anywhere in the slot, and its swings about that place change by the week.
     """
     assert before.orbit is not None
     since_ns = track.epoch_utc_ns - before.orbit.epoch_utc_ns
@@ -333,7 +334,8 @@ def _held(before: EarlierTrack, track: Sightings, site: Site, days: float) -> li
 
 
 def _over_its_place(before: EarlierTrack, track: Sightings, site: Site) -> _Offset:
-    """Where it stood above the ground, by another site's parallax where it is another."""
+    """Offset from its earlier place above the ground, with the parallax of another site where it is
+    another."""
     turned = _sidereal_deg(before.t_utc_ns, track.t_utc_ns)
     ra, dec = before.ra_icrs_deg + turned, np.full(len(track), before.dec_icrs_deg)
     if site != before.site:
@@ -350,7 +352,7 @@ def _over_its_place(before: EarlierTrack, track: Sightings, site: Site) -> _Offs
 def _from_there(
     before: EarlierTrack, track: Sightings, ra_deg: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Directions from the track's site to what stands in the belt, seen from the other one."""
+    """Directions from the track's site to an object in the belt, seen from the other one."""
     instants = np.asarray(track.t_utc_ns, np.int64)
     there, _ = site_gcrs(before.site, instants)
     a, d = np.radians(ra_deg), np.radians(before.dec_icrs_deg)
@@ -369,7 +371,7 @@ def _sidereal_deg(from_utc_ns: int, to_utc_ns: IntArray) -> FloatArray:
 def _fitted(
     track: Sightings, ra_deg: FloatArray, dec_deg: FloatArray, cos_dec: FloatArray
 ) -> _Offset:
-    """Measured minus these places, as an offset and a rate."""
+    """Offset and rate of the track, measured minus these places."""
     off = np.stack(
         [wrap_180(track.ra_icrs_deg - ra_deg) * cos_dec, track.dec_icrs_deg - dec_deg], axis=-1
     )
@@ -393,7 +395,8 @@ def _fitted(
 def _on_sky(
     motion: SkyMotion, sizes_km: tuple[float, float], range_km: float, n_rad_s: float
 ) -> FloatArray:
-    """(4, 4) of sizes along and across the motion, and of the swing that goes with them."""
+    """Covariance (4, 4) of sizes along and across the motion, and of the swing that goes with
+    them."""
     towards = np.array(motion.rate_arcsec_s)
     along = towards / max(float(np.linalg.norm(towards)), 1e-9)
     turn = np.stack([along, np.array([-along[1], along[0]])], axis=-1)

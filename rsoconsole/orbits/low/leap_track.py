@@ -1,8 +1,8 @@
-"""A low satellite that is followed from streak to streak: what each streak says of its orbit. Pure.
+"""Track of a low satellite from streak to streak, and the orbit that the streaks determine. Pure.
 
 One streak leaves the sense open, so a track begins as two hypotheses, each with all low orbits that
-pass through it (`low_cloud`). A second streak where one of them has put it makes an orbit
-(`low_fit`), which from then on says where the next one is, and refuses what is no streak of its.
+pass through it (`low_cloud`). A second streak in the place predicted by one of them gives an orbit
+(`low_fit`), which from then on predicts the next one, and rejects other streaks.
 """
 
 from collections.abc import Sequence
@@ -20,50 +20,53 @@ from rsoconsole.sky import IntArray, position_angle_deg, separation_deg, wrap_18
 from rsoconsole.words import NS_PER_S
 
 GATE = 30.0
-"""Squared residual of a streak's four numbers beyond which it is none of this object's: 5e-6."""
+"""Largest squared residual of a streak's four numbers for this object: chance of more 5e-6."""
 MIN_PROBABILITY = 1e-4
 MAX_SCATTER_S = 1.0
-"""A streak that lies on the track, runs along it and is as fast may be so early or late as no more
-than a shutter makes it, one sigma, where nobody has measured that."""
+"""Largest scatter of the shutter, one sigma, where it has not been measured: so early or late may a
+streak be that lies on the track, runs along it and is as fast."""
 _STRAIGHT_S = 0.1
 _OF_MOTION = 4
-"""Numbers of an orbit that say where along its way something is."""
+"""Number of unknowns of an orbit that give the place along its path."""
 _SAME_SCATTER = 1.15
 _MAX_SHAKE_ARCSEC, _SAME_SHAKE_ARCSEC = 6.0, 0.3
 _SHAKE_FRAMES = 3.0
-"""Frames' worth of belief that nothing shakes."""
+"""Weight of the belief that nothing shakes, in frames."""
 _OF_PLANE = 3
-"""Numbers that say where beside the middle of its way something is."""
+"""Number of unknowns that give the place across the path."""
 _WHOLE_SIGMAS, _RATE_ERROR = 3.0, 0.01
-"""So far off, in errors of its ends and of the rate (share of it), a length is not trusted."""
+"""Largest deviation of a trusted length, in errors of its ends and of the rate; error of the rate,
+as a share of it."""
 _MAX_MISSING = 0.5
-"""Of a streak's length: what a mount that goes on before the shutter has closed hides of it."""
+"""Largest share of a streak's length hidden by a mount that goes on before the shutter has
+closed."""
 _MAX_FITS = 3
 _DETECTED = 0.9
-"""How surely a streak that was in the frame is found, where nothing else is known."""
+"""Probability of detecting a streak that was in the frame, where nothing else is known."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Hypothesis:
-    """One sense of the first streak, and all that was measured since."""
+    """Hypothesis of one sense of the first streak, and all that was measured since."""
 
     streaks: tuple[StreakEnds, ...]
-    """In order of time, each in the sense of this hypothesis."""
+    """Streaks in order of time, each in the sense of this hypothesis."""
     cloud: Cloud
-    """Of the first streak."""
+    """Low orbits through the first streak."""
     orbit: LowOrbit | None
-    """From the second streak on."""
+    """Orbit, from the second streak on."""
     probability: float
     scatter_s: float
-    """Of the shutter, one sigma: as stated at first, then as the streaks have told."""
+    """Timing scatter of the shutter, one sigma: as stated at first, then as found from the
+    streaks."""
     shake_arcsec: float = 0.0
-    """By which each end lies off beyond what its streak tells, one sigma: wind, a mount that
-    settles. The streaks tell it by how far they lie beside their orbit."""
+    """Error of each end beyond its stated sigma, one sigma: wind, a mount that settles. It is found
+    from how far the streaks lie beside their orbit."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class LeapTrack:
-    """Hypotheses of what drew the streaks, the likeliest first; probabilities add up to 1."""
+    """Hypotheses of the object of the streaks, the likeliest first; probabilities add up to 1."""
 
     site: Site
     timing: Timing
@@ -71,7 +74,7 @@ class LeapTrack:
 
     @property
     def best(self) -> Hypothesis:
-        """The likeliest."""
+        """Likeliest hypothesis."""
         return self.hypotheses[0]
 
     def ahead(self, t_utc_ns: int, number: int = 0) -> SkyAhead | None:
@@ -95,7 +98,7 @@ class LeapTrack:
     ) -> SkyPath | None:
         """Path by the n-th hypothesis, as the shutter will find it.
 
-        None where it sets within two steps. Covariances hold what the shutter scatters.
+        None where it sets within two steps. Covariances include the shutter's timing scatter.
         """
         each, steps = self.hypotheses[number], int(np.ceil(span_s / step_s)) + 1
         t = from_utc_ns + (np.arange(steps) * step_s * NS_PER_S).astype(np.int64)
@@ -111,7 +114,7 @@ def path_of_orbit(
 ) -> SkyPath | None:
     """Path of an orbit on the sky, at instants in order; None where it has come down.
 
-    ``scatter_s`` of the shutter that will look: along the way, in the covariances.
+    ``scatter_s`` of the shutter enters the covariances, along the path.
     """
     found = predict(orbit, site, t_utc_ns)
     places = found.places
@@ -144,7 +147,7 @@ def path_of_orbit(
 def begin_leap_track(
     site: Site, streak: StreakEnds, timing: Timing, *, is_turned: bool = False
 ) -> LeapTrack | None:
-    """A track from one streak with both ends; None where no low orbit passes through it.
+    """Begin a track from one streak with both ends; None where no low orbit passes through it.
 
     ``is_turned``: the streak is known to be in the sense in which it was drawn.
     """
@@ -173,10 +176,10 @@ def begin_leap_track(
 
 
 def update_leap_track(track: LeapTrack, streak: StreakEnds) -> LeapTrack | None:
-    """The track with one more streak, a later one; None where it fits no hypothesis.
+    """Update the track with one more streak, a later one; None where it fits no hypothesis.
 
-    What the shutter scatters, as far as nobody has measured it, and what shakes the image are
-    learned on the way.
+    The shutter's timing scatter, where it has not been measured, and the shaking of the image are
+    estimated from the streaks.
     """
     found = []
     for number, each in enumerate(track.hypotheses):
@@ -215,7 +218,7 @@ def update_leap_track(track: LeapTrack, streak: StreakEnds) -> LeapTrack | None:
 def leap_track_after_miss(
     track: LeapTrack, t_utc_ns: int, centre_deg: tuple[float, float], radius_deg: float
 ) -> LeapTrack:
-    """After a frame in which nothing was found, within a radius about its centre."""
+    """Update the track after a frame without a detection within a radius about its centre."""
     changed = []
     for number, each in enumerate(track.hypotheses):
         place = track.ahead(t_utc_ns, number)
@@ -225,7 +228,7 @@ def leap_track_after_miss(
 
 
 def in_sense_of(streak: StreakEnds, place: SkyAhead) -> StreakEnds:
-    """The streak run through as the motion at this place says."""
+    """Streak in the sense of the motion at this place."""
     s = np.radians(wrap_180(float(streak.ra_icrs_deg[1] - streak.ra_icrs_deg[0])))
     east = s * np.cos(np.radians(float(np.mean(streak.dec_icrs_deg))))
     north = np.radians(float(streak.dec_icrs_deg[1] - streak.dec_icrs_deg[0]))
@@ -242,7 +245,8 @@ def _track(site: Site, timing: Timing, hypotheses: Sequence[Hypothesis]) -> Leap
 
 
 def _with_streak(track: LeapTrack, each: Hypothesis, streak: StreakEnds) -> Hypothesis | None:
-    """With the orbit through all, weighed by what that itself says of the shutter's scatter."""
+    """Hypothesis with the orbit through all streaks, weighed by the shutter's scatter that the
+    orbit shows."""
     streaks, scatter_s = (*each.streaks, streak), each.scatter_s
     shake_arcsec = each.shake_arcsec
     if each.orbit is None:
@@ -267,10 +271,11 @@ def _with_streak(track: LeapTrack, each: Hypothesis, streak: StreakEnds) -> Hypo
 
 
 def _scatter_s(timing: Timing, streaks: Sequence[StreakEnds], orbit: LowOrbit) -> float:
-    """Of the shutter: what was stated, and how early and late the streaks lie on their orbit.
+    """Timing scatter of the shutter: as stated, and as the streaks lie early and late on their
+    orbit.
 
-    Scale of a scaled inverse chi-square law (Gelman et al. 2013, 2.6), less what the motion along
-    its way takes.
+    Scale of a scaled inverse chi-square law (Gelman et al. 2013, 2.6), less the degrees of freedom
+    of the motion along the path.
     """
     if not np.isfinite(timing.scatter_frames):
         return timing.scatter_s
@@ -285,7 +290,7 @@ def _scatter_s(timing: Timing, streaks: Sequence[StreakEnds], orbit: LowOrbit) -
 
 
 def _shake_arcsec(streaks: Sequence[StreakEnds], orbit: LowOrbit) -> float:
-    """Of each end, beyond what the streaks say themselves: by how far they lie beside the orbit."""
+    """Error of each end beyond its stated sigma, from how far the streaks lie beside the orbit."""
     off = orbit.residuals_arcsec[..., 1]
     own = np.stack([each.sigma_across_arcsec for each in streaks])
     spare = max(off.size - _OF_PLANE, 0)
@@ -297,9 +302,9 @@ def _shake_arcsec(streaks: Sequence[StreakEnds], orbit: LowOrbit) -> float:
 def _as_it_fits(
     timing: Timing, each: Hypothesis, place: SkyAhead, streak: StreakEnds
 ) -> tuple[StreakEnds, float] | None:
-    """The streak, as sure of its ends as it can be, and its likelihood; None where it is another's.
+    """Streak with its trusted ends, and its log likelihood; None where it is another object's.
 
-    First as learned so far, then as late as a frame may be, last in a gust.
+    First with the errors estimated so far, then as late as a frame may be, last in a gust.
     """
     streak = _of_sure_length(place, streak, each.shake_arcsec)
     is_measured = not np.isfinite(timing.scatter_frames)
@@ -317,9 +322,9 @@ def _as_it_fits(
 
 
 def _of_sure_length(place: SkyAhead, streak: StreakEnds, shake_arcsec: float) -> StreakEnds:
-    """The streak, no surer of its ends along it than its length agrees with the rate.
+    """Streak whose ends along it are no surer than its length agrees with the rate.
 
-    A mount that goes on before the shutter has closed hides one of them.
+    A mount that slews on before the shutter has closed hides one of them.
     """
     if not streak.is_whole:
         return streak
@@ -337,7 +342,7 @@ def _of_sure_length(place: SkyAhead, streak: StreakEnds, shake_arcsec: float) ->
 
 
 def _log_likelihood(place: SkyAhead, streak: StreakEnds, scatter_s: float) -> float | None:
-    """Of the middle of a streak by place, and of its rate; None beyond the gate.
+    """Log likelihood of the middle of a streak by place, and of its rate; None beyond the gate.
 
     ``place`` at the middle of the frame, or when the light seems to have been there.
     """
@@ -360,14 +365,14 @@ def _log_likelihood(place: SkyAhead, streak: StreakEnds, scatter_s: float) -> fl
 
 
 def _late_s(place: SkyAhead, streak: StreakEnds) -> float:
-    """By how much later than the frame says the light seems to have been there."""
+    """Delay of the light after the frame's time, along the motion, seconds."""
     off = 0.5 * (_offset(place, streak, 0) + _offset(place, streak, 1))
     since_s = float(np.mean(streak.t_utc_ns - place.t_utc_ns)) / NS_PER_S
     return float(off @ place.rate_arcsec_s) / place.speed_arcsec_s**2 - since_s
 
 
 def _offset(place: SkyAhead, streak: StreakEnds, end: int) -> FloatArray:
-    """(2,) arcsec east and north of the place; nearer than a few degrees."""
+    """Offset (2,) in arcsec east and north of the place; for less than a few degrees."""
     ra, dec = float(streak.ra_icrs_deg[end]), float(streak.dec_icrs_deg[end])
     away = 3600.0 * separation_deg(place.ra_icrs_deg, place.dec_icrs_deg, ra, dec)
     towards = np.radians(position_angle_deg(place.ra_icrs_deg, place.dec_icrs_deg, ra, dec))
@@ -375,7 +380,7 @@ def _offset(place: SkyAhead, streak: StreakEnds, end: int) -> FloatArray:
 
 
 def _share_within(place: SkyAhead, centre_deg: tuple[float, float], radius_deg: float) -> float:
-    """Probability of being so near to a direction: by the distance along the line to it."""
+    """Probability of lying within a radius of a direction: by the distance along the line to it."""
     away = separation_deg(place.ra_icrs_deg, place.dec_icrs_deg, *centre_deg)
     sigma = max(place.sigma_arcsec / 3600.0, 1e-6)
     near, far = (side / sigma / np.sqrt(2.0) for side in (radius_deg - away, -radius_deg - away))

@@ -40,15 +40,16 @@ from rsoconsole.sky import (
 from rsoconsole.words import NS_PER_S
 
 LOWEST_KM, HIGHEST_KM = 150.0, 6_000.0
-"""Heights of the orbits that are looked for."""
+"""Lowest and highest orbits that are searched."""
 LOWEST_PERIGEE_KM = 120.0
 _RANGES, _FALLS = 400, 81
 _STEEPEST = 0.25
-"""Radial speed over that of a circle."""
+"""Largest radial speed over the speed of a circular orbit."""
 _ROUNDNESS = ((0.70, 0.008), (0.25, 0.04), (0.05, 0.15))
-"""(share, sigma of each component of the eccentricity vector)"""
+"""Prior of the eccentricity: (share, sigma of each component of the eccentricity vector)"""
 _HEIGHTS_KM = (300.0, 1_500.0)
-"""Between them objects are about as many in each kilometre; below few last, above there are few."""
+"""Heights between which objects are about as many in each kilometre; below few last, above there
+are few."""
 _RETROGRADE_DEG, _RETROGRADE = 101.0, 0.02
 """Inclination from which on orbits are rare, and how rare."""
 _MIN_WEIGHT = 1e-4
@@ -61,17 +62,17 @@ class Cloud:
 
     epoch_utc_ns: int
     r_km: FloatArray
-    """(N, 3) GCRS at the epoch"""
+    """Positions (N, 3), GCRS, at the epoch."""
     v_km_s: FloatArray
     weight: FloatArray
-    """(N,)"""
+    """Weights (N,) of the states."""
     log_evidence: float
-    """How likely the streak is in this sense, against the other one."""
+    """Log probability of the streak in this sense, against the other one."""
     streak: StreakEnds
 
 
 def cloud_through(site: Site, streak: StreakEnds) -> Cloud | None:
-    """Low orbits through a whole streak; None where there is none."""
+    """Find low orbits through a whole streak; None where there is none."""
     t = streak.t_utc_ns
     lines = line_of_sight_gcrs(streak.ra_icrs_deg, streak.dec_icrs_deg, t)
     middle = lines.sum(axis=0)
@@ -100,7 +101,8 @@ def cloud_through(site: Site, streak: StreakEnds) -> Cloud | None:
 
 
 def cloud_ahead(cloud: Cloud, site: Site, t_utc_ns: int, timing_sigma_s: float) -> SkyAhead | None:
-    """Mean place at an instant and the spread of all of them, with what the streak's ends add.
+    """Predict the mean place at an instant and the spread of all orbits, with the errors of the
+    streak's ends.
 
     None where most of it is below the ground.
     """
@@ -131,7 +133,7 @@ def cloud_ahead(cloud: Cloud, site: Site, t_utc_ns: int, timing_sigma_s: float) 
 
 
 def nearest_state(cloud: Cloud, site: Site, streak: StreakEnds) -> tuple[FloatArray, FloatArray]:
-    """State (3,), (3,) at the cloud's epoch of the orbit that comes nearest to another streak."""
+    """State (3,), (3,) at the cloud's epoch of the orbit nearest to another streak."""
     t = streak.t_utc_ns
     t_mid_ns = int(t[0] + (t[1] - t[0]) // 2)
     since_s = (t_mid_ns - cloud.epoch_utc_ns) / NS_PER_S
@@ -189,7 +191,7 @@ def _region(
 
 
 def _weight(r: FloatArray, v: FloatArray, circular: FloatArray, fall: FloatArray) -> FloatArray:
-    """(N,) density of orbits: by how round they are, their height, and the way they go round."""
+    """Density (N,) of orbits: by eccentricity, height and direction of motion."""
     radius = np.linalg.norm(r, axis=-1)
     momentum = cross(r, v)
     across = np.linalg.norm(momentum, axis=-1) / radius / circular
@@ -212,11 +214,11 @@ def _weight(r: FloatArray, v: FloatArray, circular: FloatArray, fall: FloatArray
 
 STEP_S = 15.0
 _LOOKED_AT = 400
-"""Instants at a time."""
+"""Number of instants computed at a time."""
 _LONGEST_S = 7_200.0
-"""A pass that lasts longer is cut there."""
+"""Longest pass; a longer one is cut there."""
 _LEFT_OUT_KM = (0.3, 0.1)
-"""Along and across the orbit, for each revolution: what the Earth's unevenness does."""
+"""Errors by the Earth's unevenness for each revolution, along and across the orbit."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -227,15 +229,16 @@ class ExpectedPass:
     set_utc_ns: int
     top_altitude_deg: float
     sigma_s: float
-    """Of all three instants: how early or late it may be, one sigma."""
+    """One sigma of all three instants."""
     sigma_across_deg: float
-    """Seen from the site when it is highest, one sigma."""
+    """One sigma across the path, seen from the site when it is highest."""
 
 
 def passes_above(
     orbit: KnownOrbit, site: Site, from_utc_ns: int, until_utc_ns: int, least_altitude_deg: float
 ) -> Iterator[ExpectedPass]:
-    """Passes that begin within a span, one after another; one under way at its start is none."""
+    """Yield passes that begin within a span, one after another; one under way at its start is left
+    out."""
     last_ns = from_utc_ns
     while last_ns < until_utc_ns:
         t = last_ns + (np.arange(_LOOKED_AT) * STEP_S * NS_PER_S).astype(np.int64)
@@ -270,7 +273,7 @@ def errors_at(orbit: KnownOrbit, site: Site, t_utc_ns: int) -> tuple[float, floa
 
 
 def _altitudes(orbit: KnownOrbit, site: Site, t: IntArray) -> FloatArray:
-    """(N,) degrees above the ellipsoid's horizon."""
+    """Altitudes (N,) above the ellipsoid's horizon, degrees."""
     r, _ = orbit.states(t)
     places, _ = site_gcrs(site, t)
     line = r - places

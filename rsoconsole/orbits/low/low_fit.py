@@ -1,11 +1,11 @@
-"""The orbit of a low satellite through streaks: least squares on their ends. Pure.
+"""Orbit fit of a low satellite through streaks: least squares on their ends. Pure.
 
-What a shutter does to the time of a frame moves both ends of its streak along the way alike: they
-tell the rate free of it, and not the place, so each streak's four numbers have one covariance. What
-the clock is off in common is an unknown of its own; the others are those of `line_of_sight`. Forces
-enter by Encke's deviation from the motion about a point mass, as in `fit`. Where the streaks do not
-tell how round the orbit is, a wide prior does (stated in the result). Source: Tapley, Schutz & Born
-2004, 4.6, for errors that several measurements share.
+A timing error of the shutter moves both ends of a streak along the path alike: the rate is free of
+it, the place is not, so each streak's four numbers have one covariance. The common error of the
+clock is an unknown of its own; the others are those of `line_of_sight`. Forces enter by Encke's
+deviation from the motion about a point mass, as in `fit`. Where the streaks do not determine the
+eccentricity, a wide prior does (stated in the result). Source: Tapley, Schutz & Born 2004, 4.6, for
+errors that several measurements share.
 """
 
 from collections.abc import Sequence
@@ -38,13 +38,14 @@ class StreakEnds:
     t_open_utc_ns: int
     t_close_utc_ns: int
     ra_icrs_deg: FloatArray
-    """(2,) at the opening and at the closing."""
+    """Right ascensions (2,) at the opening and at the closing."""
     dec_icrs_deg: FloatArray
     sigma_along_arcsec: FloatArray
-    """(2,) of each end; ``UNSEEN_ARCSEC`` where it is not in the frame."""
+    """One sigma (2,) of each end along the streak; ``UNSEEN_ARCSEC`` where it is not in the
+    frame."""
     sigma_across_arcsec: FloatArray
     delay_s: FloatArray = field(default_factory=lambda: np.zeros(2))
-    """(2,) how much later than the frame's first row the rows of these places were exposed."""
+    """Delays (2,) of the exposure of these places' rows after the frame's first row."""
 
     @property
     def exposure_s(self) -> float:
@@ -53,18 +54,18 @@ class StreakEnds:
 
     @property
     def t_mid_utc_ns(self) -> int:
-        """Halfway between opening and closing, as the frame has it."""
+        """Midpoint of opening and closing, by the frame's times."""
         return (self.t_open_utc_ns + self.t_close_utc_ns) // 2
 
     @property
     def t_utc_ns(self) -> IntArray:
-        """(2,) at which the light was at the two places."""
+        """Instants (2,) at which the light was at the two places."""
         late_ns = np.rint(self.delay_s * NS_PER_S).astype(np.int64)
         return np.array([self.t_open_utc_ns, self.t_close_utc_ns]) + late_ns
 
     @property
     def is_whole(self) -> bool:
-        """Whether both ends are in the frame."""
+        """True where both ends are in the frame."""
         return bool(np.all(self.sigma_along_arcsec < UNSEEN_ARCSEC))
 
     @property
@@ -79,13 +80,13 @@ class StreakEnds:
 
     @property
     def rate_arcsec_s(self) -> FloatArray:
-        """(2,) east and north, of a whole streak."""
+        """Rates (2,) east and north, of a whole streak."""
         towards = np.radians(position_angle_deg(*self._first, *self._last))
         return self.speed_arcsec_s * np.array([np.sin(towards), np.cos(towards)])
 
     @property
     def covariances_arcsec2(self) -> FloatArray:
-        """(2, 2, 2) east and north, of either end."""
+        """Covariances (2, 2, 2) east and north, of either end."""
         towards = np.radians(position_angle_deg(*self._first, *self._last))
         s, c = np.sin(towards), np.cos(towards)
         along, across = self.sigma_along_arcsec**2, self.sigma_across_arcsec**2
@@ -94,7 +95,7 @@ class StreakEnds:
         return np.stack(parts, axis=-1).reshape(2, 2, 2)
 
     def shaken(self, arcsec: float) -> "StreakEnds":
-        """Each end by itself less sure by so much, in any direction."""
+        """Streak with a further error of each end, independent and in any direction."""
         return replace(
             self,
             sigma_along_arcsec=np.hypot(self.sigma_along_arcsec, arcsec),
@@ -102,12 +103,12 @@ class StreakEnds:
         )
 
     def of_unsure_length(self, arcsec: float) -> "StreakEnds":
-        """The streak with ends that may be wrong by a length either way."""
+        """Streak with a further error of each end along it."""
         return replace(self, sigma_along_arcsec=np.hypot(self.sigma_along_arcsec, arcsec))
 
     @property
     def reversed(self) -> "StreakEnds":
-        """The same streak, run through the other way."""
+        """Streak with its ends exchanged."""
         names = ("ra_icrs_deg", "dec_icrs_deg", "sigma_along_arcsec", "sigma_across_arcsec")
         turned = {name: getattr(self, name)[::-1] for name in (*names, "delay_s")}
         return replace(self, **turned)
@@ -122,16 +123,17 @@ class StreakEnds:
 
 
 SIGMA_E = 0.03
-"""Root mean square eccentricity that is believed until the streaks tell it themselves."""
+"""Prior root mean square eccentricity, used until the streaks determine it themselves."""
 _WELL_KNOWN = 0.3
-"""Once the streaks alone tell it to so much of ``SIGMA_E``, that is left out."""
+"""Sigma of the eccentricity, as a share of ``SIGMA_E``, below which the prior is left out."""
 LEFT_OUT_KM_S2 = 5e-8
-"""One sigma of each component of what pulls beside `zonal.Zonal`: the Earth's unevenness along its
-equator, which pulls with up to 1.4e-7 at 400 km. Over a pass it stands for a steady pull."""
+"""One sigma of each component of the acceleration left out by `zonal.Zonal`: the Earth's
+unevenness along its equator, which pulls with up to 1.4e-7 at 400 km. Over a pass it stands for
+a steady pull."""
 _NO_BIAS_S = 1e-9
 _MAX_STEPS = 25
 _STEADY = 1e-3
-"""What a step would take from the sum of squares, at most, when the search ends."""
+"""Largest gain of a step in the sum of squares at which the search ends."""
 _NO_NUMBERS = np.linalg.LinAlgError
 
 
@@ -140,11 +142,11 @@ class Timing:
     """Errors of the times of frames, in seconds."""
 
     scatter_s: float
-    """Of each frame by itself, one sigma."""
+    """Scatter of each frame by itself, one sigma."""
     bias_sigma_s: float = 0.0
-    """Common to all of them."""
+    """Bias common to all frames, one sigma."""
     scatter_frames: float = np.inf
-    """By how many frames ``scatter_s`` is known; where by few, streaks themselves tell it."""
+    """Number of frames from which ``scatter_s`` is known; where few, the streaks correct it."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -152,9 +154,9 @@ class LowOrbit(KnownOrbit):
     """An orbit through streaks, at the instant of one in their middle."""
 
     residuals_arcsec: FloatArray
-    """(K, 2, 2) of each end, along and across the way: measured minus computed."""
+    """Residuals (K, 2, 2) of each end, along and across the path: measured minus computed."""
     believes_round: bool
-    """Whether the prior on the eccentricity was needed."""
+    """True where the prior on the eccentricity was needed."""
     is_converged: bool
 
 
@@ -164,15 +166,16 @@ class _Problem:
     view: LineOfSight
     motion: Zonal
     whitening: FloatArray
-    """(4K, 4K)"""
+    """Whitening matrix (4K, 4K) of the residuals."""
     sigma_e: float | None
     bias_sigma_s: float
     deviation: tuple[FloatArray, FloatArray]
 
     def rows(self, unknowns: FloatArray) -> tuple[FloatArray, FloatArray, int]:
-        """Whitened residuals, their slopes by the unknowns (rows, 7), and how many are measured.
+        """Compute whitened residuals, their slopes by the unknowns (rows, 7), and how many are
+        measured.
 
-        The last unknown: seconds after the frame's word at which the light was there.
+        The last unknown: seconds after the frame's time at which the light was there.
         """
         r, v = self.view.state(unknowns[:6])
         places, velocities, slopes = self.places(r, v, unknowns[6])
@@ -196,7 +199,7 @@ class _Problem:
         return value, by_unknown, measured
 
     def later(self, bias_s: float) -> Sightings:
-        """The directions as of ``bias_s`` later: the site has moved on."""
+        """Directions as of ``bias_s`` later: the site has moved on."""
         sites_km = self.seen.sites_km + self.seen.sites_km_s * bias_s
         return replace(self.seen, t_s=self.seen.t_s + bias_s, sites_km=sites_km)
 
@@ -222,7 +225,7 @@ class _Problem:
 def fit_streaks(
     site: Site, streaks: Sequence[StreakEnds], start: State, t_start_utc_ns: int, timing: Timing
 ) -> LowOrbit | None:
-    """The orbit near a state (at an instant) that fits all streaks, each in its sense.
+    """Fit the orbit near a state (at an instant) to all streaks, each in its sense.
 
     None where there is none. ``streaks`` in order of time, at least two.
     """
@@ -264,7 +267,7 @@ def fit_streaks(
 
 
 def _rates(problem: _Problem, unknowns: FloatArray) -> FloatArray:
-    """(N, 2) arcsec/s east and north at each end."""
+    """Rates (N, 2) in arcsec/s east and north at each end."""
     r, v = problem.view.state(unknowns[:6])
     seen = problem.seen
     places, velocities = problem.motion.states(r, v, seen.t_s)
@@ -278,7 +281,7 @@ def _rates(problem: _Problem, unknowns: FloatArray) -> FloatArray:
 def _whitening(
     problem: _Problem, unknowns: FloatArray, streaks: Sequence[StreakEnds], timing: Timing
 ) -> FloatArray:
-    """(4K, 4K): what turns all residuals into unit variances without correlation."""
+    """Whitening matrix (4K, 4K): all residuals to unit variances without correlation."""
     size = 4 * len(streaks)
     covariance = np.zeros((size, size))
     shared = _rates(problem, unknowns).reshape(-1, 4)
@@ -294,7 +297,8 @@ def _whitening(
 
 
 def _pulled(problem: _Problem, unknowns: FloatArray) -> FloatArray:
-    """(3, 4K) arcsec, by one sigma of a steady pull outward, ahead and aside since the epoch."""
+    """Displacements (3, 4K) in arcsec, by one sigma of a steady pull outward, ahead and aside since
+    the epoch."""
     r, v = problem.view.state(unknowns[:6])
     seen = problem.seen
     outward = r / np.linalg.norm(r)
@@ -308,7 +312,8 @@ def _pulled(problem: _Problem, unknowns: FloatArray) -> FloatArray:
 
 
 def _descend(problem: _Problem, unknowns: FloatArray) -> tuple[FloatArray, bool]:
-    """Levenberg and Marquardt; what the flattened Earth adds again after each step."""
+    """Descend by Levenberg and Marquardt; the deviation by the flattened Earth is computed again
+    after each step."""
     damping = 1e-9
     value, slopes, _ = problem.rows(unknowns)
     for _ in range(_MAX_STEPS):
@@ -337,7 +342,7 @@ def _descend(problem: _Problem, unknowns: FloatArray) -> tuple[FloatArray, bool]
 
 
 def _is_eccentricity_known(problem: _Problem, unknowns: FloatArray) -> bool:
-    """Whether the streaks alone tell how round the orbit is."""
+    """True where the streaks alone determine the eccentricity."""
     _, slopes, measured = problem.rows(unknowns)
     if measured < 8:
         return False

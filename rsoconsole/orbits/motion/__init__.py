@@ -1,1 +1,1 @@
-"""Motion about the Earth: closed or by forces, and where it puts an object on the sky."""
+"""Motion about the Earth, closed or by forces, and the places of an object on the sky."""

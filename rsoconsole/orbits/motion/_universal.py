@@ -11,7 +11,7 @@ from rsoconsole.records import FloatArray
 
 _MAX_STEPS = 60
 _ENOUGH = 1e-8
-"""A step so small leaves an error of its third power."""
+"""Largest step after which the iteration ends; its error is of the step's third power."""
 _LAGUERRE_DEGREE = 5.0
 _SERIES_BELOW = 0.01
 _HIGHER_SERIES_BELOW = 0.3
@@ -19,7 +19,7 @@ _HIGHER_TERMS = 8
 
 
 def within_period(dt: FloatArray, alpha: FloatArray, mu: float) -> FloatArray:
-    """The same place on a closed orbit, at most half a revolution away."""
+    """Time to the same place on a closed orbit, at most half a revolution away."""
     period = 2.0 * np.pi / np.sqrt(mu * np.maximum(alpha, 0.0) ** 3)
     reduced = dt - period * np.rint(dt / period)
     return np.where((alpha > 0.0) & np.isfinite(period), reduced, dt)
@@ -28,7 +28,8 @@ def within_period(dt: FloatArray, alpha: FloatArray, mu: float) -> FloatArray:
 def universal_anomaly(
     radius: FloatArray, sigma: FloatArray, alpha: FloatArray, h_2: FloatArray, time: FloatArray
 ) -> FloatArray:
-    """chi such that r u1 + sigma u2 + u3 = sqrt(mu) dt; all (N,). NaN where none is reached."""
+    """Solve for chi such that r u1 + sigma u2 + u3 = sqrt(mu) dt; all (N,). NaN where none is
+    reached."""
     found = _start(radius, sigma, alpha, h_2, time)
     open_ = np.flatnonzero(np.isfinite(found))
     chi = found[open_]
@@ -62,7 +63,8 @@ def universal_anomaly(
 def _start(
     radius: FloatArray, sigma: FloatArray, alpha: FloatArray, h_2: FloatArray, time: FloatArray
 ) -> FloatArray:
-    """A first chi: of an ellipse the mean motion's, of a hyperbola Kepler's equation's.
+    """First chi of the iteration: for an ellipse from the mean motion, for a hyperbola from
+    Kepler's equation.
 
     That equation is e sinh F - F = M with sqrt(-alpha) chi = F - F0; two rounds of
     F = asinh((M + F) / e) come near from anywhere.
@@ -88,7 +90,7 @@ def _start(
 def universal_functions(
     chi: FloatArray, alpha: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-    """u0 to u3 of Battin: d u(n+1) / d chi = u(n)."""
+    """Functions u0 to u3 of Battin: d u(n+1) / d chi = u(n)."""
     z = alpha * chi * chi
     c2, c3 = _stumpff(z)
     u2 = chi * chi * c2
@@ -97,7 +99,8 @@ def universal_functions(
 
 
 def _stumpff(z: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """(1 - cos s) / s2 and (s - sin s) / s3 with s2 = z; z < 0 by hyperbolic functions."""
+    """Functions (1 - cos s) / s2 and (s - sin s) / s3 with s2 = z; z < 0 by hyperbolic
+    functions."""
     is_small = np.abs(z) < _SERIES_BELOW
     if np.all(is_small):
         return _stumpff_by_series(z)
@@ -125,7 +128,7 @@ def _stumpff_by_series(z: FloatArray) -> tuple[FloatArray, FloatArray]:
 
 
 def higher_functions(chi: FloatArray, alpha: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """u4 and u5, which slopes of the motion ask for; ``chi`` with all its revolutions."""
+    """Functions u4 and u5, needed for slopes of the motion; ``chi`` with all its revolutions."""
     z = alpha * chi * chi
     c2, c3 = _stumpff(z)
     is_small = np.abs(z) < _HIGHER_SERIES_BELOW

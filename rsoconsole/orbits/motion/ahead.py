@@ -18,9 +18,9 @@ class SkyAhead:
     ra_icrs_deg: float
     dec_icrs_deg: float
     rate_arcsec_s: FloatArray
-    """(2,) east and north."""
+    """Rate (2,), east and north."""
     covariance_arcsec2: FloatArray
-    """(2, 2) of the place, east and north."""
+    """Covariance (2, 2) of the place, east and north."""
 
     @property
     def direction_deg(self) -> tuple[float, float]:
@@ -44,7 +44,7 @@ class SkyAhead:
 
     @property
     def along_across_arcsec2(self) -> FloatArray:
-        """(2, 2) covariance along the motion and to its left."""
+        """Covariance (2, 2) along the motion and to its left."""
         speed = max(self.speed_arcsec_s, 1e-9)
         e, n = (each / speed for each in self.rate_arcsec_s.tolist())
         (ee, en), (_, nn) = self.covariance_arcsec2.tolist()
@@ -59,11 +59,11 @@ class SkyPath:
 
     t_utc_ns: IntArray
     lines: FloatArray
-    """(N, 3) unit vectors."""
+    """Unit vectors (N, 3) to the places."""
     rates: FloatArray
-    """(N, 3) radians a second, across them."""
+    """Changes (N, 3) of the unit vectors, radians a second, across them."""
     along_across_arcsec2: FloatArray
-    """(N, 2, 2)"""
+    """Covariances (N, 2, 2) along the motion and to its left."""
 
     @property
     def from_utc_ns(self) -> int:
@@ -76,7 +76,7 @@ class SkyPath:
         return int(self.t_utc_ns[-1])
 
     def at(self, t_utc_ns: int) -> SkyAhead | None:
-        """The place at an instant; None before the first and after the last."""
+        """Predict the place at an instant; None before the first and after the last."""
         if not self.from_utc_ns <= t_utc_ns <= self.until_utc_ns:
             return None
         # Plain numbers: a leap asks for some forty places, and arrays of three are slow.
@@ -120,7 +120,7 @@ def _combined(by: _Four, values: _Four) -> float:
 
 
 def path_of(places: list[SkyAhead]) -> SkyPath:
-    """Through places in order of time, at least two."""
+    """Path through places in order of time, at least two."""
     ra, dec = (np.array([each.direction_deg[n] for each in places]) for n in (0, 1))
     lines = direction_to_unit(ra, dec)
     a = np.radians(ra)

@@ -44,7 +44,8 @@ _KNOT_S = 3600
 _BLOCK_S = 6 * _KNOT_S
 _TOLERANCE = 1e-10
 _FIRST_STEP = 0.1
-"""Of a radian of a circular orbit; scipy's own guess takes three steps to grow as long."""
+"""First step, as a share of a radian of a circular orbit; scipy's own guess takes three steps to
+grow as long."""
 _NEAR_SHADOW_KM_2 = (1.2 * EARTH_RADIUS_KM) ** 2
 
 Vector = tuple[float, float, float]
@@ -65,9 +66,9 @@ class Forces:
     """Propagation with zonal harmonics, Moon, Sun and radiation pressure."""
 
     epoch_utc_ns: int
-    """Instant to which times are counted."""
+    """Instant from which times are counted."""
     area_to_mass_m2_kg: float = AREA_TO_MASS_M2_KG
-    """Times the reflectivity; 0: sunlight does not push."""
+    """Area over mass times the reflectivity; 0: no radiation pressure."""
     _fields: list["_Field"] = field(default_factory=list, repr=False, compare=False)
 
     def states(
@@ -85,7 +86,7 @@ class Forces:
         return out[:, :3], out[:, 3:]
 
     def _field(self, first_s: float, last_s: float) -> "_Field":
-        """One that covers the span, at best one that has been computed before."""
+        """Field that covers the span, at best one that has been computed before."""
         for known in self._fields:
             if known.first_s <= first_s and known.last_s >= last_s:
                 return known
@@ -121,7 +122,7 @@ def _carried(field_: "_Field", start: FloatArray, times: FloatArray) -> FloatArr
 
 @lru_cache(maxsize=8)
 def _bodies(first_block: int, last_block: int) -> tuple[float, list[list[list[float]]]]:
-    """Moon and Sun over whole blocks of time, of all objects alike.
+    """Coefficients of Moon and Sun over whole blocks of time, for all objects alike.
 
     The first knot, seconds of UTC since 1970, and per interval and coordinate the four
     coefficients of a cubic, the highest first.
@@ -154,7 +155,7 @@ class _Field:
         self._turned_rad = float(erfa.era00(*jd_ut1(forces.epoch_utc_ns)))
 
     def __call__(self, t_s: float, state: FloatArray) -> list[float]:
-        """Velocity and acceleration, as an integrator wants them."""
+        """Velocity and acceleration, for an integrator."""
         x, y, z, vx, vy, vz = state.tolist()
         r = (x, y, z)
         moon, sun = self._bodies(t_s)
@@ -168,7 +169,8 @@ class _Field:
         return [vx, vy, vz, ax, ay, az]
 
     def _earth(self, r: Vector, t_s: float) -> Vector:
-        """The point mass, J2 to J4 about the axis, and degree and order 2 along the equator."""
+        """Acceleration by the Earth: the point mass, J2 to J4 about the axis, and degree and order
+        2 along the equator."""
         d2 = _dot(r, r)
         d = sqrt(d2)
         pole = self._pole
@@ -219,7 +221,7 @@ def _dot(one: Sequence[float], other: Sequence[float]) -> float:
 
 
 def _lit(r: Vector, sun: Vector) -> float:
-    """Share of the Sun's disc that is seen past the Earth: `lit_fraction` of one place."""
+    """Share of the Sun's disc seen past the Earth: `lit_fraction` of one place."""
     along = _dot(r, sun)
     if along > 0.0 or _dot(r, r) - along * along / _dot(sun, sun) > _NEAR_SHADOW_KM_2:
         return 1.0
@@ -239,7 +241,8 @@ def _lit(r: Vector, sun: Vector) -> float:
 
 
 def _pull(mu: float, body: Vector, r: Vector) -> Vector:
-    """Of a far body on the object, less that on the Earth; without loss of digits (Battin 8.61)."""
+    """Attraction of a far body on the object, less that on the Earth; without loss of digits
+    (Battin 8.61)."""
     x, y, z = r
     bx, by, bz = body
     ax, ay, az = x - bx, y - by, z - bz
@@ -257,7 +260,8 @@ _come_down.terminal = True  # type: ignore[attr-defined]
 
 
 STEP_S = 20.0
-"""Step of the zonal integration: at 400 km a tenth of a millimetre wrong, and between two some."""
+"""Step of the zonal integration, whose error is a tenth of a millimetre at 400 km, and between two
+steps some."""
 _State = tuple[float, float, float, float, float, float]
 
 
@@ -270,10 +274,10 @@ def _pole(day: int) -> Vector:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Zonal:
-    """A `forces.Motion`: what moves the object is the Earth alone, alike all round its axis."""
+    """Propagation (a `forces.Motion`) by the Earth alone, symmetric about its axis."""
 
     epoch_utc_ns: int
-    """Instant to which times are counted."""
+    """Instant from which times are counted."""
 
     def states(
         self, r_km: FloatArray, v_km_s: FloatArray, t_s: FloatArray
@@ -292,7 +296,7 @@ class Zonal:
 
 
 def _carried_zonal(start: FloatArray, times: FloatArray, step_s: float, pole: Vector) -> FloatArray:
-    """States (N, 6) on one side of the epoch: between whole steps by Hermite's cubic."""
+    """Propagated states (N, 6) on one side of the epoch: between whole steps by Hermite's cubic."""
     steps = max(1, ceil(float(np.max(np.abs(times))) / abs(step_s)))
     states = np.full((steps + 1, 6), np.nan)
     slopes = np.full((steps + 1, 6), np.nan)
@@ -330,7 +334,7 @@ def _moved(y: _State, slope: _State, step_s: float) -> _State:
 
 
 def _slope(y: _State, pole: Vector) -> _State:
-    """Velocity and acceleration. Source: Montenbruck & Gill 2000, 3.2; as `forces` has it."""
+    """Velocity and acceleration. Source: Montenbruck & Gill 2000, 3.2; as in `forces`."""
     x, y_, z, vx, vy, vz = y
     px, py, pz = pole
     d2 = x * x + y_ * y_ + z * z

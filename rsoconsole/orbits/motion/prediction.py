@@ -25,12 +25,12 @@ class KnownOrbit:
 
     epoch_utc_ns: int
     r_km: FloatArray
-    """(3,) GCRS at the epoch"""
+    """Position (3,), GCRS, at the epoch."""
     v_km_s: FloatArray
     covariance: FloatArray
-    """(6, 6) km and km/s"""
+    """Covariance (6, 6), km and km/s."""
     forces: Motion
-    """What carries it through time from its epoch."""
+    """Propagator of the state."""
 
     def states(self, t_utc_ns: IntArray) -> tuple[FloatArray, FloatArray]:
         """GCRS positions and velocities (N, 3) at instants (N,): km, km/s."""
@@ -39,7 +39,7 @@ class KnownOrbit:
 
 
 def orbit_from_record(estimate: OrbitEstimate) -> KnownOrbit:
-    """The orbit that is on record."""
+    """Orbit from a record."""
     return KnownOrbit(
         epoch_utc_ns=estimate.epoch_utc_ns,
         r_km=np.array(estimate.r_gcrs_km),
@@ -50,11 +50,13 @@ def orbit_from_record(estimate: OrbitEstimate) -> KnownOrbit:
 
 
 _ENDS = 3.0**0.5
-"""Sigmas, at which two points tell a normal error's second order (Julier & Uhlmann 2004)."""
+"""Distance in sigmas at which two points give a normal error's second order (Julier & Uhlmann
+2004)."""
 _MOMENT_S = 5
-"""Within which the slopes of a place change in proportion to time."""
+"""Time within which the slopes of a place change in proportion to time."""
 _TAIL = 0.5
-"""A third has the variance of a squared error, whose tails are longer than a normal one's."""
+"""Factor on the squared bend: a third gives the variance of a squared error, whose tails are longer
+than a normal error's."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -63,18 +65,18 @@ class Prediction:
 
     places: Places
     cov_sky_arcsec2: FloatArray
-    """(N, 3): east-east, east-north, north-north."""
+    """Covariances (N, 3): east-east, east-north, north-north."""
 
     @property
     def sigma_arcsec(self) -> FloatArray:
-        """(N,) half the longer axis of the one-sigma ellipse."""
+        """Half the longer axis (N,) of the one-sigma ellipse."""
         ee, en, nn = self.cov_sky_arcsec2.T
         middle, half = (ee + nn) / 2.0, np.hypot((ee - nn) / 2.0, en)
         return np.asarray(np.sqrt(np.maximum(middle + half, 0.0)))
 
 
 def predict(orbit: KnownOrbit, site: Site, t_utc_ns: IntArray) -> Prediction:
-    """Astrometric places (ICRS) seen from a site at instants (N,), with their covariance.
+    """Predict astrometric places (ICRS) seen from a site at instants (N,), with their covariance.
 
     The orbit's covariance is carried by the two-body motion, along the line of the largest error
     to the second order. NaN where the object has come down.
@@ -105,13 +107,13 @@ class SkyMotion:
     ra_icrs_deg: float
     dec_icrs_deg: float
     rate_arcsec_s: tuple[float, float]
-    """East and north."""
+    """Rate east and north."""
     covariance: FloatArray
-    """(4, 4) of east, its rate, north, its rate: arcsec and arcsec/s."""
+    """Covariance (4, 4) of east, its rate, north, its rate: arcsec and arcsec/s."""
 
 
 def predict_motion(orbit: KnownOrbit, site: Site, t_utc_ns: int) -> SkyMotion | None:
-    """Place, rates and their covariance, as a filter needs them; None where there is no place."""
+    """Predict place, rates and their covariance, for a filter; None where there is no place."""
     instants = t_utc_ns + _MOMENT_S * NS_PER_S * np.array([-1, 0, 1])
     ahead = predict(orbit, site, instants)
     places = ahead.places
@@ -135,7 +137,7 @@ def predict_motion(orbit: KnownOrbit, site: Site, t_utc_ns: int) -> SkyMotion | 
 
 
 def _carried(orbit: KnownOrbit, places: Places) -> tuple[FloatArray, FloatArray]:
-    """(N, 3) km where the two-body motion leads, and (N, 2, 6) the slopes of the places by it.
+    """Positions (N, 3) km by the two-body motion, and the slopes (N, 2, 6) of the places.
 
     East and north in arcsec, by the state at the epoch.
     """
@@ -151,9 +153,9 @@ def _bend_arcsec(
     since_s: FloatArray,
     linear: tuple[FloatArray, FloatArray, FloatArray],
 ) -> FloatArray:
-    """(N, 2) how far the ends of a long error stand off its chord, east and north.
+    """Distances (N, 2) of the ends of a long error from its chord, east and north.
 
-    The way across the sky is bent, and what is known of it after a day is long and thin.
+    The path across the sky is bent, and its error after a day is long and thin.
     """
     plain, on_sky, cov = linear
     is_known = np.all(np.isfinite(cov), axis=(-2, -1))

@@ -26,15 +26,15 @@ class Elements:
     """Osculating elements of a bound or unbound orbit; angles in degrees, 0 to 360."""
 
     a_km: float
-    """Negative for a hyperbola."""
+    """Semi-major axis; negative for a hyperbola."""
     e: float
     i_deg: float
     raan_deg: float
-    """0 where the orbit lies in the reference plane."""
+    """Right ascension of the ascending node; 0 where the orbit lies in the reference plane."""
     argp_deg: float
-    """0 for a circle: the anomaly then counts from the node."""
+    """Argument of perigee; 0 for a circle, whose anomaly counts from the node."""
     m_deg: float
-    """Mean anomaly; of a hyperbola 0 to infinity either way."""
+    """Mean anomaly; for a hyperbola 0 to infinity either way."""
 
 
 def propagate(
@@ -43,9 +43,9 @@ def propagate(
     dt_s: npt.ArrayLike,
     mu: float = MU_EARTH_KM3_S2,
 ) -> tuple[FloatArray, FloatArray]:
-    """Position and velocity (..., 3) after ``dt_s`` (...), of states (..., 3); all broadcast.
+    """Propagate states (..., 3) by ``dt_s`` (...) to position and velocity (..., 3); all broadcast.
 
-    Any conic, forwards and backwards. What has no solution in numbers comes out as NaN.
+    Any conic, forwards and backwards. NaN where there is no numerical solution.
     """
     with np.errstate(all="ignore"):
         moved = _moved(r_km, v_km_s, dt_s, mu)
@@ -81,14 +81,14 @@ def propagate_with_slopes(
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class _Moved:
-    """A motion from one state to another, with what it was found by."""
+    """Motion from one state to another, with the quantities of its solution."""
 
     r0_km: FloatArray
     v0_km_s: FloatArray
     r_km: FloatArray
     v_km_s: FloatArray
     dt_s: FloatArray
-    """At most half a revolution, to the same place."""
+    """Time to the same place, at most half a revolution away."""
     alpha: FloatArray
     chi: FloatArray
     u2: FloatArray
@@ -137,7 +137,7 @@ def _outer(one: FloatArray, other: FloatArray) -> FloatArray:
 def elements_of(
     r_km: npt.ArrayLike, v_km_s: npt.ArrayLike, mu: float = MU_EARTH_KM3_S2
 ) -> Elements:
-    """Osculating elements of one state, on the axes that it is given on."""
+    """Compute osculating elements of one state, on the axes of the state."""
     r, v = np.asarray(r_km, float), np.asarray(v_km_s, float)
     radius = float(np.linalg.norm(r))
     h = _cross_of_one(r, v)
@@ -164,7 +164,7 @@ def elements_of(
 def axis_and_inclination(
     r_km: npt.ArrayLike, v_km_s: npt.ArrayLike, mu: float = MU_EARTH_KM3_S2
 ) -> tuple[float, float]:
-    """Semi-major axis (km) and inclination (degrees) alone, for less than ``elements_of``."""
+    """Semi-major axis (km) and inclination (degrees) alone, quicker than by ``elements_of``."""
     r, v = np.asarray(r_km, float), np.asarray(v_km_s, float)
     axis_km = _axis_km(float(np.linalg.norm(r)), v, mu)
     return axis_km, _inclination_deg(_cross_of_one(r, v))
@@ -181,7 +181,7 @@ def _inclination_deg(h: FloatArray) -> float:
 def eccentricity_vector(
     r: FloatArray, v: FloatArray, mu: float = MU_EARTH_KM3_S2
 ) -> tuple[FloatArray, FloatArray]:
-    """(3,) towards the perigee, as long as the eccentricity; and its slopes (3, 6) by the state."""
+    """Eccentricity vector (3,), towards the perigee; and its slopes (3, 6) by the state."""
     radius = float(np.sqrt(r @ r))
     near, along = float(v @ v) - mu / radius, float(r @ v)
     by_r = near * np.eye(3) + mu / radius**3 * np.outer(r, r) - np.outer(v, v)
@@ -204,7 +204,7 @@ def period_s(a_km: float, mu: float = MU_EARTH_KM3_S2) -> float:
 
 
 def _angle(start: FloatArray, end: FloatArray, pole: FloatArray) -> float:
-    """From one direction to another, turning about the pole."""
+    """Angle from one direction to another, turning about the pole."""
     return float(np.arctan2(_cross_of_one(start, end) @ pole, start @ end))
 
 
@@ -221,26 +221,27 @@ def _mean_anomaly_deg(true_rad: float, e: float) -> float:
 
 
 def dot(one: FloatArray, other: FloatArray) -> FloatArray:
-    """(...) of vectors (..., 3)."""
+    """Dot products (...) of vectors (..., 3)."""
     return np.asarray(np.einsum("...i,...i->...", one, other))
 
 
 def cross(one: FloatArray, other: FloatArray) -> FloatArray:
-    """(..., 3), in a third of the time that numpy's own takes for few vectors."""
+    """Cross products (..., 3), in a third of the time that numpy's own takes for few vectors."""
     ax, ay, az = one[..., 0], one[..., 1], one[..., 2]
     bx, by, bz = other[..., 0], other[..., 1], other[..., 2]
     return np.stack([ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx], axis=-1)
 
 
 def _cross_of_one(one: FloatArray, other: FloatArray) -> FloatArray:
-    """(3,) of two vectors (3,): plain floats, for numpy takes ten times as long."""
+    """Cross product (3,) of two vectors (3,): plain floats, because numpy takes ten times as
+    long."""
     (ax, ay, az), (bx, by, bz) = one.tolist(), other.tolist()
     return np.array([ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx])
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PointMass:
-    """A `forces.Motion` without forces but the Earth's attraction from its centre."""
+    """Propagation (a `forces.Motion`) by the Earth's attraction from its centre alone."""
 
     def states(
         self, r_km: FloatArray, v_km_s: FloatArray, t_s: FloatArray

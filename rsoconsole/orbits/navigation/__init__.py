@@ -1,1 +1,1 @@
-"""Navigation satellites' published orbits, and the shutter's timing by them."""
+"""Published orbits of navigation satellites, and the shutter's timing by them."""

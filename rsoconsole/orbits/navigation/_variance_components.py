@@ -1,6 +1,6 @@
-"""Linear unknowns together with the variances of several kinds of errors. Pure.
+"""Estimation of linear unknowns together with the variances of several kinds of errors. Pure.
 
-Restricted maximum likelihood (Patterson & Thompson 1971) by Fisher's scoring. Errors hang together
+Restricted maximum likelihood (Patterson & Thompson 1971) by Fisher's scoring. Errors are correlated
 within blocks alone, so that thousands of measurements cost little.
 """
 
@@ -15,25 +15,26 @@ _STEPS = 40
 _CLOSE = 1e-4
 _MIN_BLOCKS = 8
 _FACTOR = 5.0
-"""By which a variance may change in a step."""
+"""Factor by which a variance may change in a step."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Block:
-    """N measurements whose errors hang together."""
+    """Block of N measurements with correlated errors."""
 
     z: FloatArray
-    """(N,)"""
+    """Measurements (N,)"""
     x: FloatArray
-    """(N, unknowns)"""
+    """Slopes (N, unknowns) of the measurements."""
     parts: Mapping[int, FloatArray]
-    """By number of a variance (N, N), by which it contributes to their covariance; else nothing."""
+    """Contributions (N, N) to their covariance, by number of a variance; a missing one contributes
+    nothing."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Known:
-    """What is known before: precisions of the unknowns (about 0), and of each variance its start,
-    least value, and mean and sigma of a belief in it (infinite: none)."""
+    """Prior knowledge: precisions of the unknowns (about 0), and of each variance its start, least
+    value, and mean and sigma of a belief in it (infinite: none)."""
 
     precisions: FloatArray
     start: FloatArray
@@ -41,24 +42,25 @@ class Known:
     means: FloatArray
     sigmas: FloatArray
     is_widened: FloatArray
-    """1 where the unknowns' errors count one sigma more of a variance: few tell it badly."""
+    """Mask, 1 where the unknowns' errors count one sigma more of a variance that few measurements
+    determine."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Fit:
-    """Unknowns and variances that are likeliest together."""
+    """Likeliest unknowns and variances together."""
 
     unknowns: FloatArray
     covariance: FloatArray
     variances: FloatArray
     variance_sigmas: FloatArray
     covariance_by_blocks: FloatArray | None
-    """As the blocks differ from one another, whatever their own errors say (the jackknife: Efron
-    1982); None where they are too few."""
+    """Covariance by how the blocks differ from one another, whatever their own errors (the
+    jackknife: Efron 1982); None where they are too few."""
 
 
 def fit(blocks: Sequence[Block], known: Known) -> Fit:
-    """Unknowns and variances that are likeliest together."""
+    """Fit the likeliest unknowns and variances together."""
     belief = known.sigmas**-2.0
     variances = known.start
     for _ in range(_STEPS):
@@ -87,7 +89,7 @@ def fit(blocks: Sequence[Block], known: Known) -> Fit:
 def _by_blocks(
     blocks: Sequence[Block], variances: FloatArray, prior: FloatArray
 ) -> FloatArray | None:
-    """Covariance of the unknowns from what each would be without one of the blocks."""
+    """Covariance of the unknowns by leaving out each block in turn."""
     if len(blocks) < _MIN_BLOCKS:
         return None
     normals, rights = [], []

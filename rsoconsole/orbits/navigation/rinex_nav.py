@@ -34,7 +34,7 @@ _HALF_S = 0.5
 _MIN_ROOT_A, _MAX_ROOT_A, _MAX_E = 4_500.0, 7_000.0, 0.5
 _GEOSTATIONARY_RAD = 0.2
 _MESSAGES = {"LNAV", "INAV", "FNAV", "D1", "D2"}
-"""Of RINEX 4; the newer ones (CNAV) have other parameters."""
+"""Message types of RINEX 4; the newer ones (CNAV) have other parameters."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -44,9 +44,9 @@ class Ephemeris:
     system: str
     toe_gps_ns: int
     toe_s: float
-    """Second of the system's week."""
+    """Time of ephemeris, second of the system's week."""
     root_a: float
-    """Root of metres."""
+    """Root of the semi-major axis, root of metres."""
     e: float
     m0: float
     delta_n: float
@@ -63,7 +63,7 @@ class Ephemeris:
     cis: float
 
     def position_km(self, t_gps_ns: IntArray, after_s: float = 0.0) -> FloatArray:
-        """(N, 3) Earth-fixed, so much after the instants."""
+        """Positions (N, 3), Earth-fixed, ``after_s`` after the instants."""
         t_s = (t_gps_ns - self.toe_gps_ns) / NS_PER_S + after_s
         a_km = self.root_a**2 / 1000.0
         mean = self.m0 + (np.sqrt(_MU_KM3_S2[self.system] / a_km**3) + self.delta_n) * t_s
@@ -94,13 +94,13 @@ class Ephemeris:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class BroadcastOrbit:
-    """One satellite by its messages, each as long as it holds."""
+    """Orbit of one satellite by its messages, each as long as it is valid."""
 
     messages: tuple[Ephemeris, ...]
-    """In order of ``toe``."""
+    """Messages in order of ``toe``."""
 
     def position(self, t_gps_ns: IntArray) -> tuple[FloatArray, FloatArray]:
-        """See ``navigation.EarthFixedOrbit``: by the message nearest in time."""
+        """Positions as in ``navigation.EarthFixedOrbit``, by the message nearest in time."""
         t = np.atleast_1d(np.asarray(t_gps_ns, np.int64))
         toe = np.array([each.toe_gps_ns for each in self.messages], np.int64)
         nearest = np.argmin(np.abs(t[:, None] - toe), axis=1)
@@ -119,7 +119,7 @@ class BroadcastOrbit:
 def parse_rinex_nav(texts: dict[str, str]) -> NavigationFile:
     """Read RINEX texts, by the names of their files, as one.
 
-    Raises OrbitError naming file and line for what is no navigation file, and for damage. A last
+    Raises OrbitError naming file and line for any other kind of file, and for damage. A last
     message that breaks off (the file was still being written) is left out.
     """
     found: dict[str, dict[int, Ephemeris]] = defaultdict(dict)
@@ -173,7 +173,7 @@ def _messages(text: str, source: str, skipped: Counter[str]) -> Iterator[tuple[s
 
 
 def _header(lines: list[str], source: str) -> tuple[float, str, int]:
-    """Version, the system where the file is of one, and how many lines it has."""
+    """Version, the system of a file that has only one, and the number of header lines."""
     refusal = OrbitError(
         f"{source} is no RINEX navigation file: its first line ends with RINEX VERSION / TYPE and"
         " says N or NAVIGATION"
@@ -198,7 +198,7 @@ def _header(lines: list[str], source: str) -> tuple[float, str, int]:
 def _blocks(
     lines: list[str], start: int, version: float, system: str, skipped: Counter[str]
 ) -> Iterator[tuple[int, str, list[str]]]:
-    """(number of its first line, satellite, lines) of each message."""
+    """Yield (number of its first line, satellite, lines) of each message."""
     block: list[str] = []
     begin, name, is_wanted = 0, "", True
     for number, line in enumerate(lines[start:], start=start + 1):
@@ -223,7 +223,7 @@ def _blocks(
 
 
 def _ephemeris(system: str, block: list[str], version: float) -> tuple[Ephemeris, bool]:
-    """A message, and whether its satellite calls itself healthy."""
+    """Read a message, and whether its satellite calls itself healthy."""
     indent = 3 if version < 3.0 else 4
     rows = [_numbers(line, indent) for line in block[1:_KEPLER_LINES]]
     toc_s = _clock_s(block[0], version)
@@ -261,7 +261,7 @@ def _ephemeris(system: str, block: list[str], version: float) -> tuple[Ephemeris
 
 
 def _clock_s(line: str, version: float) -> float:
-    """The message's time of clock, seconds of its system since 1980-01-06."""
+    """Time of clock of the message, seconds of its system since 1980-01-06."""
     text = line[3:22] if version < 3.0 else line[4:23]
     year, month, day, hour, minute, second = (float(part) for part in text.split()[:6])
     if version < 3.0:
@@ -271,7 +271,7 @@ def _clock_s(line: str, version: float) -> float:
 
 
 def _numbers(line: str, indent: int) -> list[float]:
-    """Up to four numbers of 19 columns; what is left out is 0."""
+    """Read up to four numbers of 19 columns; a blank one is 0."""
     fields = [line[indent + 19 * n : indent + 19 * (n + 1)].strip() for n in range(4)]
     values = [float(text.replace("D", "E").replace("d", "e")) if text else 0.0 for text in fields]
     if not all(np.isfinite(values)):

@@ -33,8 +33,8 @@ TAI_MINUS_GPS_S = 19
 Kind = Literal["broadcast", "sp3", "tle"]
 
 SIGMA_KM: Mapping[Kind, float] = {"broadcast": 0.002, "sp3": 0.0005, "tle": 1.0}
-"""One sigma of a place across the line of sight, stated: what broadcast ephemerides and the
-satellite's middle against its antenna come to (metres), and elements (a kilometre)."""
+"""One sigma of a place across the line of sight, stated: metres for broadcast ephemerides and the
+satellite's middle against its antenna, a kilometre for elements."""
 SYSTEMS = {"G": "GPS", "E": "Galileo", "C": "BeiDou", "J": "QZSS", "R": "GLONASS"}
 
 
@@ -54,10 +54,10 @@ class NavigationSatellite:
     """One satellite of a file."""
 
     name: str
-    """System and number, as ``G04``; of elements the name there."""
+    """Name, system and number, as ``G04``; for elements their name."""
     kind: Kind
     position_gcrs: PositionOf
-    """NaN where the file does not reach."""
+    """Position by instant, GCRS; NaN where the file does not reach."""
     norad_id: int | None = None
 
     @property
@@ -79,7 +79,7 @@ class NavigationFile:
     first_utc_ns: int
     last_utc_ns: int
     skipped: Mapping[str, int]
-    """What was not used, by reason, and how often."""
+    """Number of records not used, by reason."""
 
 
 def gps_ns_of_utc(t_utc_ns: TimeLike) -> IntArray:
@@ -96,7 +96,7 @@ def utc_ns_of_gps(t_gps_ns: TimeLike) -> IntArray:
 
 
 def satellite(name: str, kind: Kind, orbit: EarthFixedOrbit) -> NavigationSatellite:
-    """One whose orbit is known along Earth-fixed axes."""
+    """Satellite with a known orbit along Earth-fixed axes."""
 
     def position_gcrs(t_utc_ns: IntArray) -> tuple[FloatArray, FloatArray]:
         r, v = orbit.position(gps_ns_of_utc(t_utc_ns))
@@ -127,7 +127,7 @@ def navigation_file(
 
 
 def expect_covered(found: NavigationFile, t_utc_ns: Sequence[int], source: str) -> None:
-    """Raises OrbitError where the file is of other days than every one of the instants."""
+    """Raise OrbitError where the file is of other days than every one of the instants."""
     inside = [t for t in t_utc_ns if found.first_utc_ns <= t <= found.last_utc_ns]
     if t_utc_ns and not inside:
         first, last = (utc_ns_to_iso(t, 0) for t in (found.first_utc_ns, found.last_utc_ns))
@@ -139,7 +139,7 @@ def expect_covered(found: NavigationFile, t_utc_ns: Sequence[int], source: str) 
 
 
 NODES, MIN_NODES = 10, 6
-"""Epochs of a polynomial, and least number of them: then a metre at steps of 15 min."""
+"""Epochs of a polynomial, and least number of them, which gives a metre at steps of 15 min."""
 _HALF_S = 0.5
 _NEAREST_KM, _FARTHEST_KM = 6_400.0, 60_000.0
 _EPOCH = datetime(1970, 1, 1)  # noqa: DTZ001 -- a calendar, which of the time systems the file says
@@ -152,12 +152,13 @@ class SampledOrbit:
     """One satellite at the epochs of a file."""
 
     t_gps_ns: IntArray
-    """(M,) rising."""
+    """Epochs (M,), rising."""
     r_km: FloatArray
-    """(M, 3) Earth-fixed."""
+    """Positions (M, 3), Earth-fixed."""
 
     def position(self, t_gps_ns: IntArray) -> tuple[FloatArray, FloatArray]:
-        """See ``navigation.EarthFixedOrbit``; nothing beyond its epochs nor across a gap."""
+        """Positions as in ``navigation.EarthFixedOrbit``; NaN beyond its epochs nor across a
+        gap."""
         t = np.atleast_1d(np.asarray(t_gps_ns, np.int64))
         nodes, is_known = self._nodes(t)
         since_s = (self.t_gps_ns[nodes] - t[:, None]) / NS_PER_S
@@ -176,7 +177,8 @@ class SampledOrbit:
         )
 
     def _nodes(self, t: IntArray) -> tuple[IntArray, npt.NDArray[np.bool_]]:
-        """(N, NODES) the epochs around each instant, and whether they reach around it."""
+        """Indices (N, NODES) of the epochs around each instant, and whether they reach around
+        it."""
         count = min(NODES, len(self.t_gps_ns))
         after = np.searchsorted(self.t_gps_ns, t)
         first = np.clip(after - count // 2, 0, len(self.t_gps_ns) - count)
@@ -189,7 +191,7 @@ class SampledOrbit:
 
 
 def _weights(since_s: FloatArray, at_s: float) -> FloatArray:
-    """(N, K) of Lagrange's polynomial at an instant, for nodes (N, K)."""
+    """Weights (N, K) of Lagrange's polynomial at an instant, for nodes (N, K)."""
     apart = since_s[:, :, None] - since_s[:, None, :]
     ahead = at_s - since_s[:, None, :]
     same = np.eye(since_s.shape[1], dtype=bool)
@@ -199,7 +201,7 @@ def _weights(since_s: FloatArray, at_s: float) -> FloatArray:
 def parse_sp3(texts: dict[str, str]) -> NavigationFile:
     """Read SP3 texts, by the names of their files, as one: several days are one arc.
 
-    Raises OrbitError naming file and line for what is no SP3-c or SP3-d, and for damage.
+    Raises OrbitError naming file and line for any other format than SP3-c or SP3-d, and for damage.
     """
     samples: dict[str, dict[int, tuple[float, float, float]]] = defaultdict(dict)
     skipped: Counter[str] = Counter()

@@ -1,4 +1,4 @@
-"""Timing of a shutter, from satellites whose orbits are known better than any clock here. Pure.
+"""Timing of a shutter, from satellites with precisely known orbits. Pure.
 
 A satellite seen d arcsec ahead of its place along its motion was seen d / rate late. Each measured
 direction minus its orbit, at the instant that the frame's header names, is
@@ -6,12 +6,12 @@ direction minus its orbit, at the instant that the frame's header names, is
     rate x (bias + scatter of the frame + row x line time) + drift of the night + place of the track
     + the measurement's own error,
 
-where drift is what all catalogue stars of a night are off together, and the place of a track what
-one orbit and its field's stars are off. Drift is told from time by satellites that go in several
-directions. Scatter, the places, the scale of the measurements' own errors and what ends are found
-worse than that are variances, found with the unknowns (``variance_components``). Wind at one end is
-not that at the other, so that it shows in the lengths of streaks; the shutter moves a streak as a
-whole: that tells the two apart.
+where drift is the common error of all catalogue stars of a night, and the place of a track the
+error of one orbit and its field's stars. Drift is separated from time by satellites that move in
+several directions. Scatter, the places, the scale of the measurements' own errors and what ends are
+found worse than that are variances, found with the unknowns (``variance_components``). Wind at one
+end is not that at the other, so that it shows in the lengths of streaks; the shutter moves a streak
+as a whole: that tells the two apart.
 """
 
 import math
@@ -29,8 +29,8 @@ Index = npt.NDArray[np.int64]
 Mask = npt.NDArray[np.bool_]
 
 DRIFT_PRIOR_ARCSEC = 0.5
-"""One sigma of what all stars of a night may be off together, stated: proper motions that are old
-or not known."""
+"""One sigma of the common error of all stars of a night, stated: proper motions that are old or not
+known."""
 LINE_TIME_PRIOR_S = 300e-6
 """One sigma of the line time before any measurement: no camera reads a row in a millisecond."""
 LINE_TIME_KNOWN_S = 10e-6
@@ -40,56 +40,58 @@ PLACE_PRIOR_ARCSEC = 0.05
 PLACE_WIDTH = 2.0
 """One sigma of a track's own offset over its stated size."""
 SCALE_PRIOR = 0.5
-"""One sigma of how far off the scale of the measurements' own variances may be."""
+"""One sigma of the scale of the measurements' own variances."""
 MIN_MEASUREMENTS = 6
 """Least number of measurements of a calibrated camera mode."""
 _TOO_FAR = 13.8
-"""Of a measurement with two degrees of freedom: one good one in a thousand is farther."""
+"""Largest squared distance of a measurement with two degrees of freedom: one good one in a thousand
+is farther."""
 _TAILS, _AS_GAUSSIAN = 4.0, 7.2
-"""Degrees of freedom, and from what on less is believed: errors without tails are as they were."""
+"""Degrees of freedom of Student's tails, and the divisor of these plus the squared distance that
+gives the factor on the variances: errors without tails keep theirs."""
 _ROUNDS = 10
 _ROUGHLY = 4.5 * 1.4826
-"""Times the median of what is off: 4.5 sigma."""
+"""Gate as a multiple of the median deviation: 4.5 sigma."""
 _ENDS_UNKNOWN_ARCSEC = 0.1
-"""One sigma of what ends may be off beyond what they say, where no lengths tell it."""
+"""One sigma of the errors of ends beyond their stated sigma, where no lengths give it."""
 _MIN_SCATTER_S = 1e-4
 _SURELY_SOME = 3.0
-"""Sigma of a variance below which there may be none."""
+"""Ratio of a variance to its sigma below which it may be zero."""
 _PARALLEL = 0.5
-"""Of the drift's prior: what is left of it where the satellites tell hardly anything of it."""
+"""Share of the drift's prior that is left where the satellites hardly determine the drift."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class TimedDirections:
-    """N measured directions of satellites with known orbits; every array starts with N."""
+    """Measured directions of satellites with known orbits; every array starts with N."""
 
     offset_arcsec: FloatArray
-    """(N, 2) measured minus predicted for the header's mid-exposure, east and north."""
+    """Offsets (N, 2), measured minus predicted for the header's mid-exposure, east and north."""
     rate_arcsec_s: FloatArray
-    """(N, 2) of the satellite, east and north."""
+    """Rates (N, 2) of the satellite, east and north."""
     covariance_arcsec2: FloatArray
-    """(N, 2, 2) of the measurement, without any error of its time."""
+    """Covariances (N, 2, 2) of the measurement, without any error of its time."""
     row_px: FloatArray
-    """The streak's middle row."""
+    """Row of the streak's middle."""
     mode: Index
-    """Place of its camera mode."""
+    """Index of its camera mode."""
     frame: Index
     """Number of its frame, unique over nights."""
     track: Index
     """Number of satellite and night together."""
     night: Index
     length_off_arcsec: FloatArray
-    """By how much the streak is longer than those of its track; NaN where they are too few."""
+    """Excess of the streak's length over those of its track; NaN where they are too few."""
     length_sigma_arcsec: FloatArray
-    """Stated, one sigma."""
+    """One sigma of the length, as stated."""
     is_by_ends: Mask
-    """Whether the middle is that between two ends alone, which may be worse than they say."""
+    """True where the middle is that between two ends alone, which may be worse than stated."""
     tail: FloatArray
-    """Factor on all variances of its own, of what lies far off; found in the adjustment."""
+    """Factor on the variances of a direction that lies far off; found in the adjustment."""
 
     @property
     def ahead(self) -> FloatArray:
-        """(N, 2) where the satellites go, unit vectors."""
+        """Unit vectors (N, 2) along the satellites' motion."""
         return np.asarray(self.rate_arcsec_s / np.hypot(*self.rate_arcsec_s.T)[:, None])
 
     def __len__(self) -> int:
@@ -115,42 +117,44 @@ class ShutterTiming:
     bias_s: Estimate
     """True mid-exposure of the first row minus the header's."""
     scatter_s: Estimate
-    """From frame to frame, one sigma."""
+    """Timing scatter from frame to frame, one sigma."""
     line_time_s: Estimate
     is_line_time_found: bool
-    """Else it is what was configured, and the bias holds with that alone."""
+    """True where the line time was found; if not, it is the configured one, and the bias holds with
+    that alone."""
     middle_row_px: float
     bias_at_middle_s: Estimate
-    """At the rows where the streaks lie, where it is known best."""
+    """Bias at the rows where the streaks lie, where it is known best."""
     measurements: int
     frames: int
     tracks: int
     rejected: int
     night_spread_s: float = 0.0
-    """By which the nights' biases differ more than their errors explain; in the bias's sigma."""
+    """Spread of the nights' biases beyond their errors; included in the bias's sigma."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TimeCalibration:
-    """The whole adjustment."""
+    """Result of the whole adjustment."""
 
     modes: tuple[ShutterTiming | None, ...]
-    """None where a mode has too few measurements."""
+    """Timing by camera mode; None where a mode has too few measurements."""
     drift_arcsec: tuple[tuple[Estimate, Estimate], ...]
-    """Of each night, east and north: measured minus orbit."""
+    """Drift of each night, east and north: measured minus orbit."""
     is_separated: tuple[bool, ...]
-    """Of each night: whether its satellites tell drift from time; else the prior does."""
+    """True for each night whose satellites separate drift from time; if not, the prior does."""
     place_arcsec: float
-    """One sigma of what a track is off by itself."""
+    """One sigma of a track's own offset."""
     error_scale: float
-    """Of the measurements' own sigmas."""
+    """Factor on the measurements' own sigmas."""
     is_used: tuple[bool, ...]
-    """Of each direction; False: it does not fit."""
+    """True for each direction that fits and is used."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Before:
-    """What is known before: (value, sigma) of each mode's line time, and of a track's place."""
+    """Prior knowledge: (value, sigma) of each mode's line time, and one sigma of a track's own
+    offset."""
 
     modes: int
     nights: int
@@ -171,10 +175,10 @@ def calibrate(
     line_time_s: Sequence[float],
     place_arcsec: float = PLACE_PRIOR_ARCSEC,
 ) -> TimeCalibration:
-    """Bias, scatter and line time of each mode, and the drift of each night.
+    """Calibrate bias, scatter and line time of each mode, and the drift of each night.
 
-    ``line_time_s``: of each mode as configured, for where it cannot be found. ``place_arcsec``:
-    what the orbits are good to, one sigma. Raises OrbitError where no mode has enough measurements.
+    ``line_time_s``: of each mode as configured, used where it cannot be found. ``place_arcsec``:
+    accuracy of the orbits, one sigma. Raises OrbitError where no mode has enough measurements.
     """
     counts = [int(np.sum(seen.mode == mode)) for mode in range(modes)]
     if max(counts, default=0) < MIN_MEASUREMENTS:
@@ -200,7 +204,8 @@ def calibrate(
 
 
 def _lines(fit: Fit, modes: int, configured_s: Sequence[float]) -> tuple[tuple[float, float], ...]:
-    """Those that are found stay open, the others are as configured."""
+    """Prior (value, sigma) of each line time: open where it was found, fixed as configured
+    elsewhere."""
     sigma = np.sqrt(np.diag(fit.covariance))[modes : 2 * modes]
     return tuple(
         (0.0, LINE_TIME_PRIOR_S) if sigma[mode] <= LINE_TIME_KNOWN_S else (configured_s[mode], 1e-9)
@@ -209,7 +214,7 @@ def _lines(fit: Fit, modes: int, configured_s: Sequence[float]) -> tuple[tuple[f
 
 
 def _roughly(seen: TimedDirections, modes: int) -> Mask:
-    """What is not far off the middle of its mode, by medians."""
+    """True for measurements near the middle of their mode, by medians."""
     speed = np.hypot(*seen.rate_arcsec_s.T)
     late_s = np.sum(seen.offset_arcsec * seen.rate_arcsec_s, axis=1) / speed**2
     good = np.ones(len(seen), bool)
@@ -225,7 +230,7 @@ def _roughly(seen: TimedDirections, modes: int) -> Mask:
 
 
 def _rounds(seen: TimedDirections, is_used: Mask, before: _Before) -> tuple[Fit, Mask]:
-    """Fit, leave out what does not fit, believe less what hardly does, and again."""
+    """Fit, leave out misfits, down-weight doubtful ones, and repeat."""
     could = is_used.copy()
     fit = _fit(seen.of(is_used), before)
     for _ in range(_ROUNDS):
@@ -243,7 +248,7 @@ def _rounds(seen: TimedDirections, is_used: Mask, before: _Before) -> tuple[Fit,
 
 
 def _distance(seen: TimedDirections, fit: Fit, before: _Before) -> FloatArray:
-    """(N,) squared, of each direction from the fit, in its own sigmas."""
+    """Squared distances (N,) of each direction from the fit, in its own sigmas."""
     z, x = _rows(seen, before)
     off = z - np.einsum("nij,j->ni", x, fit.unknowns)
     scale, place = fit.variances[:2]
@@ -259,7 +264,7 @@ def _distance(seen: TimedDirections, fit: Fit, before: _Before) -> FloatArray:
 
 
 def _rows(seen: TimedDirections, before: _Before) -> tuple[FloatArray, FloatArray]:
-    """(N, 2) offsets without the lines' known times, and (N, 2, unknowns) their slopes."""
+    """Offsets (N, 2) without the lines' known times, and their slopes (N, 2, unknowns)."""
     known_s = np.array([value for value, _ in before.lines])[seen.mode]
     z = seen.offset_arcsec - seen.rate_arcsec_s * (known_s * seen.row_px)[:, None]
     x, modes = np.zeros((len(seen), 2, before.unknowns)), before.modes
@@ -272,7 +277,7 @@ def _rows(seen: TimedDirections, before: _Before) -> tuple[FloatArray, FloatArra
 
 
 def _blocks(seen: TimedDirections, before: _Before) -> Iterator[Block]:
-    """Directions, two rows each, then lengths of streaks, by what hangs together."""
+    """Yield blocks of correlated rows: directions, two rows each, then lengths of streaks."""
     z, x = _rows(seen, before)
     for members in _connected(seen.frame, seen.track):
         chosen = np.sort(members)
@@ -307,7 +312,7 @@ def _blocks(seen: TimedDirections, before: _Before) -> Iterator[Block]:
 
 
 def _connected(frame: Index, track: Index) -> Iterator[Index]:
-    """Numbers of directions that share frames or tracks, by whatever way."""
+    """Yield the indices of directions connected by shared frames or tracks, however indirectly."""
     import scipy.sparse
     from scipy.sparse.csgraph import connected_components
 
@@ -423,7 +428,8 @@ def _mode(
 
 
 def _larger(fit: Fit, at: Index) -> FloatArray:
-    """Covariance of a mode's unknowns: by their errors, or as tracks differ, if that is more."""
+    """Covariance of a mode's unknowns: by their errors, or by how tracks differ, if that is
+    larger."""
     stated = fit.covariance[np.ix_(at, at)]
     if fit.covariance_by_blocks is None:
         return stated
@@ -433,7 +439,7 @@ def _larger(fit: Fit, at: Index) -> FloatArray:
 
 
 def _root(variance: float, sigma: float) -> Estimate:
-    """The root of a variance and its error; as many sigma from nothing as the variance is."""
+    """Root of a variance and its error; as many sigma from zero as the variance is."""
     value = math.sqrt(variance)
     error = sigma / (2.0 * max(value, math.sqrt(sigma)))
     if variance < _SURELY_SOME * sigma:

@@ -1,1 +1,1 @@
-"""The files of a session, their hashes, and what was done to it later."""
+"""Files of a session, their hashes, and notes on its upkeep."""

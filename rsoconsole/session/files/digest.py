@@ -1,4 +1,4 @@
-"""Integrity of a session: hashes of its files, the digest of its log, and what a check found.
+"""Integrity of a session: hashes of its files, the digest of its log, and the findings of a check.
 
 The digest is SHA-256 over one line a record, in order of ``seq``, each ended by a line feed:
 ``seq|t_utc_ns|kind|frame_id|body`` in UTF-8, integers in decimal, ``frame_id`` empty where it is
@@ -22,24 +22,24 @@ from rsoconsole.session.log.liveness import is_being_written
 META_KEY = "log_digest"
 
 Row: TypeAlias = tuple[int, int, str, int | None, str]
-"""seq, t_utc_ns, kind, frame_id, body."""
+"""Row of the log: seq, t_utc_ns, kind, frame_id, body."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LogDigest:
-    """The fingerprint of a session's log."""
+    """Fingerprint of a session's log."""
 
     sha256: str
-    """64 hexadecimal digits."""
+    """Hash of the log, 64 hexadecimal digits."""
     records: int
 
     def to_json(self) -> str:
-        """JSON for the table ``meta``."""
+        """Return JSON for the table ``meta``."""
         return json.dumps({"sha256": self.sha256, "records": self.records})
 
     @classmethod
     def from_meta(cls, meta: Mapping[str, Any]) -> "LogDigest | None":
-        """The digest in a session's table ``meta``; None where it is not closed."""
+        """Return the digest in a session's table ``meta``; None where it is not closed."""
         found = meta.get(META_KEY)
         if not isinstance(found, dict):
             return None
@@ -47,14 +47,14 @@ class LogDigest:
 
 
 class Digester:
-    """The digest, row by row."""
+    """Computes the digest, row by row."""
 
     def __init__(self) -> None:
         self._hash = hashlib.sha256()
         self._records = 0
 
     def add(self, row: Row) -> None:
-        """Take the next row of the log, in order."""
+        """Add the next row of the log, in order."""
         seq, t_utc_ns, kind, frame_id, body = row
         frame = "" if frame_id is None else frame_id
         self._hash.update(f"{seq}|{t_utc_ns}|{kind}|{frame}|{body}\n".encode())
@@ -74,7 +74,7 @@ def digest_rows(rows: Iterable[Row]) -> LogDigest:
 
 
 def digest_log(connection: sqlite3.Connection) -> LogDigest:
-    """Digest of the log as the database has it now. Raises sqlite3.Error."""
+    """Compute the digest of the log as the database has it now. Raises sqlite3.Error."""
     return digest_rows(connection.execute(LOG_ROWS))
 
 
@@ -92,22 +92,22 @@ def mark_closed(connection: sqlite3.Connection) -> None:
 
 
 def sha256_of(content: bytes) -> str:
-    """64 hexadecimal digits."""
+    """Hash of these bytes, 64 hexadecimal digits."""
     return hashlib.sha256(content).hexdigest()
 
 
 _PNG_MAGIC = b"\x89PNG\r\n\x1a\n"
 _CHUNK_BYTES_BESIDE_DATA = 12
-"""Length, type and CRC. Source: PNG specification (ISO/IEC 15948), 5.3."""
+"""Bytes of a chunk's length, type and CRC. Source: PNG specification (ISO/IEC 15948), 5.3."""
 
 
 def stray_file_row(path: str, role: str, frame_id: int, content: bytes) -> tuple[object, ...]:
-    """The row of the table ``files`` for a file that was found without one."""
+    """Row of the table ``files`` for a file that was found without one."""
     return frame_id, role, path, len(content), None, None, sha256_of(content)
 
 
 def content_fault(name: str, content: bytes) -> str | None:
-    """Why a FITS or PNG file cannot be read whole; None when it can, and for other files."""
+    """Reason why a FITS or PNG file cannot be read whole; None when it can, and for other files."""
     suffixes = {suffix.lower() for suffix in PurePosixPath(name).suffixes}
     if ".png" in suffixes:
         return _png_fault(content)
@@ -117,7 +117,7 @@ def content_fault(name: str, content: bytes) -> str | None:
 
 
 def _png_fault(content: bytes) -> str | None:
-    """Every chunk carries its own checksum: no decoder is needed, and none may complain."""
+    """Fault of a PNG file by its chunks' own checksums, without a decoder; None for a sound one."""
     if not content.startswith(_PNG_MAGIC):
         return "it is no PNG picture"
     place = len(_PNG_MAGIC)
@@ -151,7 +151,8 @@ def _fits_fault(content: bytes) -> str | None:
 
 
 Severity: TypeAlias = Literal["damage", "leftover", "remark"]
-"""Something of the record is lost or changed · something waits to be repaired · good to know."""
+"""Severity of a finding: part of the record is lost or changed · something waits to be repaired ·
+good to know."""
 State: TypeAlias = Literal["closed", "live", "cut off", "other version", "unreadable"]
 Digest: TypeAlias = Literal["confirmed", "differs", "none"]
 
@@ -162,18 +163,18 @@ NOTHING_TO_DO = "nothing to do"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Finding:
-    """One thing that is not as the session says."""
+    """Difference between a session's files and its record."""
 
     severity: Severity
     place: str
-    """A file by its path in the session's folder, or a part of the log."""
+    """Path of a file in the session's folder, or a part of the log."""
     what: str
     remedy: str
 
 
 @dataclass(slots=True, kw_only=True)
 class Verification:
-    """The result of checking one session."""
+    """Result of checking one session."""
 
     session: Path
     state: State = "unreadable"
@@ -181,7 +182,7 @@ class Verification:
     records: int = 0
     frames: int = 0
     files: int = 0
-    """Files whose bytes were read."""
+    """Number of files whose bytes were read."""
     bytes: int = 0
     digest: Digest = "none"
     """Result for the log; none: it is not closed."""
@@ -189,7 +190,7 @@ class Verification:
 
     @property
     def is_sound(self) -> bool:
-        """Whether nothing is damaged; a session that waits for its repair is sound."""
+        """True where nothing is damaged; a session that waits for its repair is sound."""
         return all(found.severity != "damage" for found in self.findings)
 
     def damage(self, place: str, what: str, remedy: str = FROM_COPY) -> None:
@@ -209,7 +210,7 @@ class Verification:
 
 
 def state_of(about: Mapping[str, Any]) -> State:
-    """Whether a session is closed, live or cut off, by its table ``meta``."""
+    """State of a session (closed, live or cut off), by its table ``meta``."""
     if about.get("is_closed") is True:
         return "closed"
     return "live" if is_being_written(about) else "cut off"

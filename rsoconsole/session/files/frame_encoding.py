@@ -28,7 +28,7 @@ _KEYWORD = re.compile("[A-Z0-9_-]{1,8}")
 
 
 def compress_frame(frame: Frame) -> bytes:
-    """The frame as a FITS file with a Rice-coded image in its first extension.
+    """Encode a frame as a FITS file with a Rice-coded image in its first extension.
 
     Real-valued pixels are coded without loss by GZIP.
     """
@@ -55,7 +55,7 @@ def compress_frame(frame: Frame) -> bytes:
 
 
 def encode_preview(picture: npt.NDArray[np.uint8]) -> bytes:
-    """A small picture, (height, width) or (height, width, 3) in RGB, as PNG."""
+    """Encode a small picture, (height, width) or (height, width, 3) in RGB, as PNG."""
     import cv2
 
     ordered = picture[..., ::-1] if picture.ndim == 3 else picture
@@ -66,7 +66,7 @@ def encode_preview(picture: npt.NDArray[np.uint8]) -> bytes:
 
 
 def _shift_down(pixels: npt.NDArray[Any]) -> tuple[npt.NDArray[Any], int]:
-    """(pixels without their empty low bits, number of those bits)."""
+    """Shift down: (pixels without their empty low bits, number of those bits)."""
     if pixels.dtype != np.uint16:
         return pixels, 0
     used_bits = int(np.bitwise_or.reduce(pixels, axis=None))
@@ -79,7 +79,7 @@ def _shift_down(pixels: npt.NDArray[Any]) -> tuple[npt.NDArray[Any], int]:
 
 
 def _cards(header: Mapping[str, Any]) -> Iterator[tuple[str, bool | int | float | str]]:
-    """The cards that FITS can carry as they are."""
+    """Yield the cards that FITS can carry as they are."""
     for key, value in header.items():
         if key in _STRUCTURE or not _KEYWORD.fullmatch(key):
             continue

@@ -1,4 +1,4 @@
-"""The files of a session, in its folder or in an archive."""
+"""Files of a session, in its folder or in an archive."""
 
 import contextlib
 import hashlib
@@ -19,20 +19,20 @@ from rsoconsole.session.log.schema import DATABASE
 
 PIECE_BYTES = 1 << 20
 MANIFEST = "MANIFEST.sha256"
-"""Hashes of an archive's files, as ``sha256sum`` writes and checks them."""
+"""Name of the list of an archive's hashes, as ``sha256sum`` writes and checks them."""
 
 
 @dataclass(frozen=True, slots=True)
 class FolderFiles:
-    """A session as a folder."""
+    """Session as a folder."""
 
     place: Path
 
     def sizes(self) -> Mapping[str, int]:
-        """Bytes of every regular file by its path in the session.
+        """Sizes of all regular files, bytes by path in the session.
 
-        What vanishes meanwhile is none, and what a link points at is not the session's: a
-        stranger's may point anywhere, and repairing or packing it would reach there.
+        Files that vanish meanwhile are left out, and so are links: one in a stranger's session may
+        point anywhere, and repairing or packing it would reach there.
         """
         found: dict[str, int] = {}
         for top, _, names in os.walk(self.place, onerror=_raise):
@@ -47,18 +47,18 @@ class FolderFiles:
         return found
 
     def open(self, path: str) -> IO[bytes]:
-        """The file's bytes. Raises OSError."""
+        """Open a file for its bytes. Raises OSError."""
         # A pipe would be waited for, and what a link names is not the session's.
         flags = os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC
         return os.fdopen(os.open(self.place / path, flags), "rb")
 
     def folder(self) -> Path:
-        """The session's own folder."""
+        """Folder of the session."""
         return self.place
 
 
 class ArchiveFiles:
-    """A session as a tar file with one folder in it, not compressed as a whole."""
+    """Session as a tar file with one folder in it, not compressed as a whole."""
 
     def __init__(self, place: Path, tar: tarfile.TarFile, scratch: Path) -> None:
         self._tar = tar
@@ -77,21 +77,21 @@ class ArchiveFiles:
                 stream.write(piece)
 
     def sizes(self) -> Mapping[str, int]:
-        """Bytes of every file by its path in the session."""
+        """Sizes of all files, bytes by path in the session."""
         return {path: member.size for path, member in self._members.items()}
 
     def open(self, path: str) -> IO[bytes]:
-        """The file's bytes. Raises OSError."""
+        """Open a file for its bytes. Raises OSError."""
         stream = self._tar.extractfile(self._members[path])
         return io.BytesIO() if stream is None else stream
 
     def folder(self) -> Path:
-        """A scratch folder with the database alone."""
+        """Scratch folder with the database alone."""
         return self._scratch
 
 
 SessionFiles: TypeAlias = FolderFiles | ArchiveFiles
-"""The files of a session, its database as one that SQLite can open."""
+"""Files of a session, its database as one that SQLite can open."""
 
 
 @contextmanager
@@ -127,13 +127,13 @@ def hash_of(
 
 
 def parse_manifest(text: str) -> dict[str, str]:
-    """Hash by path, from lines as ``sha256sum`` writes them; other lines are passed over."""
+    """Parse hashes by path, from lines as ``sha256sum`` writes them; other lines are skipped."""
     pairs = (line.partition("  ") for line in text.splitlines())
     return {path: digest for digest, _, path in pairs if path}
 
 
 def _has_end(tar: tarfile.TarFile) -> bool:
-    """Whether two empty blocks stand behind the last file: one that breaks off has none."""
+    """True where two empty blocks stand behind the last file: one that breaks off has none."""
     assert tar.fileobj is not None
     tar.fileobj.seek(tar.offset)
     return tar.fileobj.read(2 * tarfile.BLOCKSIZE) == bytes(2 * tarfile.BLOCKSIZE)
@@ -159,7 +159,7 @@ def written_ns(folder: Path) -> int:
 
 
 def put_in_place(beside: Path, folder: Path) -> None:
-    """Rename ``beside`` to ``folder``; what was there is gone only when the new one stands.
+    """Rename ``beside`` to ``folder``; an earlier folder is removed only when the new one stands.
 
     Raises OSError.
     """

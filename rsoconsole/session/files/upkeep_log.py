@@ -1,9 +1,8 @@
 """Notes on a session's upkeep after its night, beside it: ``upkeep.jsonl``, and KEEP.
 
-The database is the night's own and is not written for the house's sake. Anyone who repairs, prunes
-or archives a session adds a line to ``upkeep.jsonl``: a JSON object with ``t_utc``, ``verb`` and
-what was done. A file named ``KEEP`` says that nothing of the session may be pruned; its text says
-why.
+The database is the night's own and is not written for upkeep. Anyone who repairs, prunes or
+archives a session adds a line to ``upkeep.jsonl``: a JSON object with ``t_utc``, ``verb`` and what
+was done. A file named ``KEEP`` says that nothing of the session may be pruned; its text says why.
 """
 
 import json
@@ -21,7 +20,7 @@ Note = Mapping[str, Any]
 
 
 def read_notes(folder: Path) -> list[Note]:
-    """Every line that can be read, the oldest first; empty where nothing was ever done.
+    """Read every readable line, the oldest first; empty where nothing was ever done.
 
     Raises SessionError when the file is there and cannot be read.
     """
@@ -33,7 +32,7 @@ def read_notes(folder: Path) -> list[Note]:
 
 
 def parse_notes(content: bytes) -> list[Note]:
-    """The notes in such a file; lines that are none are passed over."""
+    """Parse the notes in such a file; lines that are none are skipped."""
     notes: list[Note] = []
     for line in content.decode("utf-8", errors="replace").splitlines():
         try:
@@ -46,7 +45,7 @@ def parse_notes(content: bytes) -> list[Note]:
 
 
 def add_note(folder: Path, verb: str, t_utc_ns: int, details: Mapping[str, Any]) -> None:
-    """Add a line; the file is put in place as a whole, and the disk has it on return.
+    """Add a line; the file is replaced as a whole, and is on the disk on return.
 
     Raises OSError.
     """
@@ -59,7 +58,8 @@ def add_note(folder: Path, verb: str, t_utc_ns: int, details: Mapping[str, Any])
 
 
 def pruned_on(notes: Iterable[Note]) -> dict[str, str]:
-    """Instant at which each pruned file went, ISO 8601 UTC, by its path in the session's folder."""
+    """Instant at which each pruned file was removed, ISO 8601 UTC, by its path in the session's
+    folder."""
     return {
         str(path): str(note.get("t_utc"))
         for note in notes
@@ -69,7 +69,7 @@ def pruned_on(notes: Iterable[Note]) -> dict[str, str]:
 
 
 def is_kept(folder: Path) -> bool:
-    """Whether nothing of the session may be pruned."""
+    """True where nothing of the session may be pruned."""
     return (folder / KEEP).exists()
 
 
@@ -80,7 +80,7 @@ def keep(folder: Path, why: str) -> None:
 
 
 def release(folder: Path) -> None:
-    """Take the mark away again. Raises SessionError."""
+    """Remove the mark. Raises SessionError."""
     with said_as(SessionError, f"{folder} cannot be released: "):
         (folder / KEEP).unlink(missing_ok=True)
         sync_folder(folder)

@@ -1,7 +1,7 @@
-"""The ledger of what elements were off, kept across nights in the user's state folder.
+"""Ledger of the errors of elements, kept across nights in the user's state folder.
 
 A file of lines (``line_file``): each a row, a track of a night against its object's elements. A row
-of the same track takes the place of the one before.
+of the same track replaces the earlier one.
 """
 
 from collections.abc import Mapping, Sequence
@@ -19,10 +19,10 @@ FORMAT = 1
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ElementLedger:
-    """The rows that hold."""
+    """Ledger of the valid rows."""
 
     rows: tuple[ElementRow, ...] = ()
-    """In order of time."""
+    """Rows in order of time."""
     unreadable: tuple[int, ...] = ()
     """Numbers of the lines that cannot be read."""
 
@@ -33,7 +33,7 @@ def element_ledger_path(*, is_simulated: bool = False) -> Path:
 
 
 def read_element_ledger(path: Path) -> ElementLedger:
-    """All rows; none where there is no file. Raises SessionError."""
+    """Read all rows; none where there is no file. Raises SessionError."""
     file = _file(path)
     return _folded(file, file.lines())
 
@@ -41,9 +41,9 @@ def read_element_ledger(path: Path) -> ElementLedger:
 def keep_rows(
     sessions: Sequence[str], rows: Sequence[ElementRow], path: Path
 ) -> tuple[ElementLedger, Path | None]:
-    """Put rows in the place of all that there are of these sessions, on the disk when this returns.
+    """Replace all rows of these sessions, on the disk when this returns.
 
-    Returns the ledger, and where a damaged file was moved. Raises SessionError where the file
+    Returns the ledger, and the new path of a damaged file. Raises SessionError where the file
     cannot be written, and where another writer takes too long.
     """
 
@@ -64,7 +64,7 @@ def _file(path: Path) -> LineFile:
 
 
 def _folded(file: LineFile, lines: Lines) -> ElementLedger:
-    """Raises SessionError for a ledger that a later version has written."""
+    """Add up the lines. Raises SessionError for a ledger that a later version has written."""
     rows: dict[tuple[str, str], ElementRow] = {}
 
     def take(said: Mapping[str, Any]) -> None:
@@ -85,7 +85,7 @@ def _folded(file: LineFile, lines: Lines) -> ElementLedger:
 
 
 def _row(said: object) -> ElementRow:
-    """Raises ValueError, KeyError or TypeError for what nothing could be computed with."""
+    """Read a row. Raises ValueError, KeyError or TypeError for values unfit for computation."""
     row: ElementRow = from_json_value(ElementRow, said)
     sigmas = (row.sigma_along_s, row.sigma_along_km, row.sigma_across_arcsec, row.sigma_across_km)
     if min(sigmas) <= 0.0:

@@ -1,8 +1,8 @@
-"""The ledger: tracks that no catalogue explains, kept across nights in the user's state folder.
+"""Ledger of tracks that no catalogue explains, kept across nights in the user's state folder.
 
-One file of lines that is only ever added to (``line_file``): a track that was kept, a name that was
-given, an object that was forgotten; what holds is a fold over them. A track that is kept again (by
-session and track id) takes its own place.
+One file of lines that is only ever added to (``line_file``): an added track, a new name, a
+forgotten object; the present state is a fold over them. A track that is added again (by session and
+track id) replaces itself.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -29,7 +29,7 @@ class LedgerOrbit:
     r_gcrs_km: tuple[float, ...]
     v_gcrs_km_s: tuple[float, ...]
     covariance: tuple[tuple[float, ...], ...]
-    """(6, 6), km and km/s."""
+    """Covariance (6, 6), km and km/s."""
     a_km: float
     e: float
     i_deg: float
@@ -41,12 +41,12 @@ class LedgerOrbit:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LedgerTrack:
-    """A track as it is kept."""
+    """Track in the ledger."""
 
     session: str
-    """Name of its folder."""
+    """Name of the session's folder."""
     folder: str
-    """Path of that folder."""
+    """Path of the session's folder."""
     track_id: int
     latitude_deg: float
     longitude_deg: float
@@ -61,48 +61,50 @@ class LedgerTrack:
     rate_east_arcsec_s: float
     rate_north_arcsec_s: float
     covariance: tuple[tuple[float, ...], ...]
-    """(4, 4) of east, its rate, north, its rate: arcsec and arcsec/s."""
+    """Covariance (4, 4) of east, its rate, north, its rate: arcsec and arcsec/s."""
     orbit: LedgerOrbit | None
-    """None where the track tells too little of one."""
+    """Orbit of the track; None where the track determines too little of one."""
     directions: tuple[tuple[float, ...], ...]
-    """Some of them: seconds since ``t_utc_ns``, RA and Dec (deg), covariance ee, en, nn."""
+    """Some of its directions: seconds since ``t_utc_ns``, RA and Dec (deg), covariance ee, en,
+    nn."""
     is_simulated: bool = False
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LedgerObject:
-    """An uncatalogued object, by all its tracks."""
+    """Uncatalogued object, with all its tracks."""
 
     number: int
     name: str
-    """Given by the operator; empty: none."""
+    """Name by the operator; empty: none."""
     tracks: tuple[LedgerTrack, ...]
-    """In order of time."""
+    """Tracks in order of time."""
 
     @property
     def called(self) -> str:
-        """Name as it is shown."""
+        """Name for display."""
         return self.name or f"UCT {self.number}"
 
     @property
     def last(self) -> LedgerTrack:
-        """The latest track."""
+        """Latest track."""
         return self.tracks[-1]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Ledger:
-    """The uncatalogued objects that hold."""
+    """Ledger of uncatalogued objects."""
 
     objects: tuple[LedgerObject, ...] = ()
-    """By number."""
+    """Objects in order of number."""
     next_number: int = 1
-    """No number is given twice, also where its object was forgotten."""
+    """Number of the next new object: none is used twice, even where its object was forgotten."""
     unreadable: tuple[int, ...] = ()
     """Numbers of the lines that cannot be read."""
 
     def named(self, number: int) -> LedgerObject:
-        """Raises SessionError where the ledger has no such object."""
+        """Return an object by its number. Raises SessionError where the ledger has no such
+        object."""
         for each in self.objects:
             if each.number == number:
                 return each
@@ -110,7 +112,7 @@ class Ledger:
         raise SessionError(f"the ledger has no UCT {number}; there are: {known}")
 
     def without(self, session: str) -> "Ledger":
-        """The ledger without the tracks of a session."""
+        """Return the ledger without the tracks of a session."""
         objects = []
         for each in self.objects:
             tracks = tuple(track for track in each.tracks if track.session != session)
@@ -132,29 +134,30 @@ def ledger_path(*, is_simulated: bool = False) -> Path:
 
 
 def keep_change(number: int, track: LedgerTrack) -> Change:
-    """Change: a track is kept, of an object that is new or known."""
+    """Change: a track is added to an object that is new or known."""
     return {"did": "kept", "number": number, "track": asdict(track)}
 
 
 def rename_change(number: int, name: str) -> Change:
-    """Change: an object gets a name. Raises SessionError for one that cannot be shown."""
+    """Change: an object gets a name. Raises SessionError for one that cannot be displayed."""
     if len(name) > _MAX_NAME or not name.isprintable():
         raise SessionError(f"a name has at most {_MAX_NAME} characters, all of them printable")
     return {"did": "renamed", "number": number, "name": name.strip()}
 
 
 def forget_change(number: int) -> Change:
-    """Change: an object is listed and matched no more; its lines stay in the file."""
+    """Change: an object is no longer listed or matched; its lines stay in the file."""
     return {"did": "forgotten", "number": number}
 
 
 def withdraw_change(session: str, track_id: int) -> Change:
-    """Change: a track is taken back, because it has got a catalogued name since."""
+    """Change: a track is withdrawn, because it has been identified with a catalogued object
+    since."""
     return {"did": "taken back", "session": session, "track_id": track_id}
 
 
 def read_ledger(path: Path | None = None) -> Ledger:
-    """The ledger as it is; an empty one where there is none. Raises SessionError."""
+    """Read the ledger; an empty one where there is none. Raises SessionError."""
     file = _file(path or ledger_path())
     return _folded(file, file.lines())
 
@@ -162,9 +165,9 @@ def read_ledger(path: Path | None = None) -> Ledger:
 def change_ledger(
     change: Callable[[Ledger], Sequence[Change]], path: Path | None = None
 ) -> tuple[Ledger, Path | None]:
-    """Add what ``change`` makes of the ledger, on the disk when this returns.
+    """Add the changes that ``change`` returns for the ledger, on the disk when this returns.
 
-    Nobody else writes meanwhile. Returns the ledger, and where a damaged file was moved. Raises
+    Nobody else writes meanwhile. Returns the ledger, and the new path of a damaged file. Raises
     SessionError where another writer takes too long, and where the file cannot be written.
     """
     return _file(path or ledger_path()).change(_folded, change)
@@ -175,7 +178,7 @@ def _file(path: Path) -> LineFile:
 
 
 def _folded(file: LineFile, lines: Lines) -> Ledger:
-    """Raises SessionError for a ledger that a later version has written."""
+    """Add up the lines. Raises SessionError for a ledger that a later version has written."""
     tracks: dict[tuple[str, int], tuple[int, LedgerTrack]] = {}
     names: dict[int, str] = {}
     gone: set[int] = set()
@@ -220,7 +223,7 @@ def _whole(value: object) -> int:
 
 
 def _track(said: object) -> LedgerTrack:
-    """Raises ValueError, KeyError or TypeError for what nothing could be computed with."""
+    """Read a track. Raises ValueError, KeyError or TypeError for values unfit for computation."""
     track: LedgerTrack = from_json_value(LedgerTrack, said)
     _expect_square(track.covariance, 4)
     if track.orbit is not None:

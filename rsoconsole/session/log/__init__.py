@@ -1,1 +1,1 @@
-"""The session's database: how it is laid out, written to and read without SQLite."""
+"""Database of a session: its layout, writing, and reading without SQLite."""

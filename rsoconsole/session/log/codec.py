@@ -1,8 +1,8 @@
-"""Records to JSON and back, exactly.
+"""Conversion of records to JSON and back, exactly.
 
 Floats go through their shortest round-trip form, tuples become arrays and come back as tuples,
-records inside records come back as themselves. NaN and infinities are refused: a missing value
-is None. Keys that are no field, as a reason's text, are passed over.
+records inside records come back as themselves. NaN and infinities are refused: a missing value is
+None. Keys that are no field, as a reason's text, are skipped.
 """
 
 import json
@@ -22,15 +22,15 @@ from rsoconsole.words import text
 KINDS: Mapping[str, type] = types.MappingProxyType(
     {record.__name__: record for record in get_args(Record)}
 )
-"""Record types by the name the log's column ``kind`` carries."""
+"""Record types by their name in the log's column ``kind``."""
 
 _Decoder: TypeAlias = Callable[[Any], Any]
 
 
 def encode(record: Record) -> tuple[str, int | None, str]:
-    """(kind, frame_id or None, JSON body) of one record.
+    """Encode one record: (kind, frame_id or None, JSON body).
 
-    Raises SessionError for what is no record of the log, for NaN and infinities, and for values
+    Raises SessionError for anything but a record of the log, for NaN and infinities, and for values
     that JSON cannot carry.
     """
     kind = type(record).__name__
@@ -41,7 +41,7 @@ def encode(record: Record) -> tuple[str, int | None, str]:
 
 
 def decode(kind: str, body: str) -> Record:
-    """The record that ``encode`` was given.
+    """Decode a record that ``encode`` has encoded.
 
     Raises SessionError when the kind is unknown or the body is not such a record.
     """
@@ -56,9 +56,9 @@ def decode(kind: str, body: str) -> Record:
 
 
 def from_json_value(hint: Any, value: Any) -> Any:
-    """A value of the type ``hint`` from the JSON that ``to_json_value`` made of it.
+    """Read a value of the type ``hint`` from the JSON of ``to_json_value``.
 
-    Raises ValueError, TypeError or KeyError for what is none.
+    Raises ValueError, TypeError or KeyError where that fails.
     """
     return _decoder(hint)(value)
 
@@ -66,9 +66,9 @@ def from_json_value(hint: Any, value: Any) -> Any:
 def to_json_value(  # noqa: PLR0911 -- one case a type
     value: Any, where: str = "value"
 ) -> Any:
-    """``value`` as JSON carries it: dicts, lists, strings, finite numbers, None.
+    """Convert ``value`` to JSON values: dicts, lists, strings, finite numbers, None.
 
-    Raises SessionError naming the place of what does not fit.
+    Raises SessionError naming the place of a value that does not fit.
     """
     if value is None or isinstance(value, (bool, str)):
         return value
@@ -163,7 +163,7 @@ def _union_decoder(arguments: tuple[Any, ...]) -> _Decoder:
 
 
 def _required(record_type: Any) -> frozenset[str]:
-    """The members that a record cannot do without; none of what is no record."""
+    """Members that a record must have; empty for a type that is no record."""
     if not is_dataclass(record_type):
         return frozenset()
     return frozenset(

@@ -1,4 +1,4 @@
-"""The session's SQLite file: how it is made, opened to be written, and left as one file."""
+"""SQLite file of a session: its creation, opening for writing, and closing as one file."""
 
 import contextlib
 import json
@@ -25,12 +25,14 @@ from rsoconsole.session.log.schema import (
 )
 
 MAX_ROW_BYTES = 64_000_000
-"""The largest records have some ten thousand bytes."""
+"""Largest row; the largest records have some ten thousand bytes."""
 STEPS_A_CALL = 100_000
 MIN_CALLS = 500
-"""Fifty million steps: seconds on a slow machine."""
+"""Least number of calls before a statement is ended: fifty million steps, seconds on a slow
+machine."""
 BYTES_A_CALL = 10_000
-"""Ten steps a byte; all that the program asks of a session takes a thirtieth of a step."""
+"""Bytes of the file for one more call: ten steps a byte; the program's own statements need a
+thirtieth of a step."""
 _TABLES = ("log", "meta", "files")
 _COMPUTED = re.compile(r"\b(check|generated|as|virtual)\b", re.IGNORECASE)
 _GENERATED = (2, 3)
@@ -46,7 +48,7 @@ _INDEXES = (
 
 
 def limit_work(connection: sqlite3.Connection, path: Path) -> None:
-    """End whatever asks for more than a file of this size explains, and refuse huge rows.
+    """Limit statements by the file's size, and refuse huge rows.
 
     SQLite then raises OperationalError with the code SQLITE_INTERRUPT, or DataError.
     """
@@ -62,12 +64,13 @@ def limit_work(connection: sqlite3.Connection, path: Path) -> None:
 
 
 def is_interrupted(error: BaseException) -> bool:
-    """Whether a statement was ended because it asked for too much."""
+    """True where a statement was ended because it needed too many steps."""
     return getattr(error, "sqlite_errorcode", None) == sqlite3.SQLITE_INTERRUPT
 
 
 def computed_part(connection: sqlite3.Connection) -> str | None:
-    """Why the tables cannot be trusted: one is missing or computes values; None where all is plain.
+    """Reason why the tables cannot be trusted: one is missing or computes values; None where all is
+    plain.
 
     Raises sqlite3.Error.
     """
@@ -96,9 +99,9 @@ def _bytes(path: Path) -> int:
 
 
 class Database(sqlite3.Connection):
-    """A connection whose errors are sqlite3.Error, whatever bytes SQLite's message quotes.
+    """Connection whose errors are sqlite3.Error, whatever bytes SQLite's message quotes.
 
-    Of a damaged schema it quotes what is damaged, and Python fails to decode that.
+    Its message on a damaged schema quotes the damaged bytes, which Python fails to decode.
     """
 
     def execute(self, sql: str, parameters: Any = (), /) -> sqlite3.Cursor:
@@ -110,7 +113,8 @@ class Database(sqlite3.Connection):
 
 
 def connect_to_write(path: Path) -> sqlite3.Connection:
-    """A connection in autocommit mode whose commits wait for the disk. Raises sqlite3.Error."""
+    """Open a connection in autocommit mode whose commits wait for the disk. Raises
+    sqlite3.Error."""
     # mode=rw: a database that has vanished is a fault, never silently a new empty one.
     connection = sqlite3.connect(
         f"{path.resolve().as_uri()}?mode=rw",
@@ -129,17 +133,18 @@ def connect_to_write(path: Path) -> sqlite3.Connection:
 
 @contextmanager
 def transaction(connection: sqlite3.Connection) -> Iterator[None]:
-    """All that is written within, on the disk behind it or undone; in autocommit mode."""
+    """Run one transaction: all writes within are on the disk behind it or undone; in autocommit
+    mode."""
     connection.execute("BEGIN IMMEDIATE")
     with connection:
         yield
 
 
 def connect_to_read(path: Path, *, is_immutable: bool = False) -> sqlite3.Connection:
-    """A connection that cannot write, to a database that SQLite can read as it stands.
+    """Open a connection that cannot write, to a database that SQLite can read as it stands.
 
-    ``is_immutable`` promises that nobody writes. What asks for more than the file's size explains
-    is ended (``session/log/database.py``). Raises sqlite3.Error.
+    ``is_immutable`` promises that nobody writes. A statement with more steps than the file's size
+    explains is ended (``session/log/database.py``). Raises sqlite3.Error.
     """
     mode = "mode=ro&immutable=1" if is_immutable else "mode=ro"
     connection = sqlite3.connect(
@@ -155,7 +160,7 @@ def connect_to_read(path: Path, *, is_immutable: bool = False) -> sqlite3.Connec
 
 
 def finish_copy(folder: Path, scratch: Path) -> Path:
-    """Copy the session's database into ``scratch`` and have SQLite finish what was cut off.
+    """Copy the session's database into ``scratch`` and have SQLite complete an interrupted write.
 
     Returns the copy, one file. Raises OSError or sqlite3.Error.
     """
@@ -167,7 +172,7 @@ def finish_copy(folder: Path, scratch: Path) -> Path:
 
 
 def create_database(path: Path, facts: Mapping[str, Any]) -> None:
-    """Make the database beside its place and rename it, so that no reader meets half of one."""
+    """Create the database beside its place and rename it, so that no reader meets half of one."""
     beside = path.with_name(path.name + PART)
     beside.unlink(missing_ok=True)
     connection = sqlite3.connect(beside, isolation_level=None)
@@ -193,7 +198,7 @@ def create_database(path: Path, facts: Mapping[str, Any]) -> None:
 
 
 def lay_out_session(folder: Path, config_toml: bytes, facts: Mapping[str, Any]) -> None:
-    """Fill a session's folder, which is there: its sub-folders, configuration and database.
+    """Fill an existing session folder: its sub-folders, configuration and database.
 
     Raises OSError, ValueError or sqlite3.Error.
     """
@@ -230,7 +235,8 @@ _MAGIC = b"SQLite format 3\x00"
 
 
 class LogFileWatch:
-    """Watch over the database and its write-ahead log: removed, replaced, cut, overwritten."""
+    """Watch for damage to the database and its write-ahead log: removed, replaced, cut,
+    overwritten."""
 
     def __init__(self, database: Path) -> None:
         self._paths = {"log": database, "write-ahead log": database.with_name(WAL)}
@@ -241,22 +247,22 @@ class LogFileWatch:
         self.damage(lambda: True)
 
     def close(self) -> None:
-        """Only behind the last connection: to close any descriptor of a file lets go of SQLite's
-        own lock of it, and another program would believe that nobody writes.
-        """
+        """Close, only behind the last connection: to close any descriptor of a file releases
+        SQLite's own lock of it, and another program would believe that nobody writes."""
         if self._descriptor is not None:
             os.close(self._descriptor)
             self._descriptor = None
 
     def forget_wal(self) -> None:
-        """The connection is closed: SQLite removes the write-ahead log itself then."""
+        """Stop watching the write-ahead log: the connection is closed, and SQLite removes it
+        itself."""
         self._before.pop("write-ahead log", None)
 
     def damage(self, has_all: Callable[[], bool]) -> str | None:
-        """The damage to the files since the first look, in words; None where there is none.
+        """Damage to the files since the first look, in words; None where there is none.
 
-        ``has_all``: whether a reader finds every record; asked where the write-ahead log is
-        shorter, which is so after somebody has had SQLite fold it into the database, too.
+        ``has_all``: whether a reader finds every record; called where the write-ahead log is
+        shorter, which is so after another program has had SQLite fold it into the database, too.
         """
         for name, path in self._paths.items():
             try:
@@ -295,4 +301,4 @@ FILE_ROW = f"{FILE_ROWS} WHERE frame_id = ? AND role = ?"
 # OR IGNORE: a commit that reported an error may have reached the disk all the same.
 INSERT_RECORD = f"INSERT OR IGNORE INTO log ({LOG_COLUMNS}) VALUES (?, ?, ?, ?, ?)"
 INSERT_FILE = f"INSERT OR REPLACE INTO files ({FILE_COLUMNS}) VALUES (?, ?, ?, ?, ?, ?, ?)"
-"""The news of a file that came last holds."""
+"""Statement that inserts a row of ``files``; the latest row of a file counts."""

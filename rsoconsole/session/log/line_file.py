@@ -1,7 +1,7 @@
-"""A file of lines that is only ever added to, each a JSON object that reads by itself.
+"""File of lines that is only ever appended to, each a JSON object that can be read by itself.
 
-Damage costs no more than the lines that it befell: who writes next moves the damaged file aside,
-as it is, and goes on with the lines that can be read. The first line says the format.
+Damage costs no more than the damaged lines: the next writer moves the damaged file aside, as it is,
+and continues with the readable lines. The first line states the format.
 """
 
 import contextlib
@@ -15,16 +15,16 @@ from typing import Any, Protocol, TypeVar
 from rsoconsole.base import SessionError, json_of, lock_file, said_as, sync_folder, write_durably
 
 _WAIT_S = 20.0
-"""For another writer."""
+"""Longest wait for another writer."""
 _MAX_BYTES = 200_000_000
 
 Lines = Sequence[bytes]
 Change = Mapping[str, Any]
-"""A line to be added: ``did`` names the change."""
+"""Line to be added: ``did`` names the change."""
 
 
 class Folded(Protocol):
-    """The state that all lines of a file add up to."""
+    """State that all lines of a file add up to."""
 
     @property
     def unreadable(self) -> tuple[int, ...]:
@@ -36,15 +36,15 @@ F = TypeVar("F", bound=Folded)
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LineFile:
-    """One file of lines, which need not exist yet."""
+    """File of lines, which need not exist yet."""
 
     path: Path
     called: str
-    """For people: the ledger."""
+    """Name in messages: the ledger."""
     format: int
 
     def lines(self) -> list[bytes]:
-        """All lines; none where there is no file. Raises SessionError."""
+        """Read all lines; none where there is no file. Raises SessionError."""
         with said_as(SessionError, f"{self.called} {self.path} cannot be read: "):
             try:
                 if self.path.stat().st_size > _MAX_BYTES:
@@ -56,9 +56,10 @@ class LineFile:
     def change(
         self, fold: Callable[["LineFile", Lines], F], step: Callable[[F], Sequence[Change]]
     ) -> tuple[F, Path | None]:
-        """Add what ``step`` makes of what holds, on the disk when this returns.
+        """Add the changes that ``step`` returns for the present state, on the disk when this
+        returns.
 
-        Nobody else writes meanwhile. Returns what holds then, and where a damaged file was moved.
+        Nobody else writes meanwhile. Returns the new state, and the new path of a damaged file.
         Raises SessionError where another writer takes too long, and where the file cannot be
         written.
         """
@@ -79,11 +80,11 @@ class LineFile:
                 return fold(self, self.lines()), aside
 
     def read(self, lines: Lines, take: Callable[[Mapping[str, Any]], None]) -> tuple[int, ...]:
-        """Give each line but the first to ``take`` as an object.
+        """Pass each line but the first to ``take`` as an object.
 
         Returns the numbers of those that cannot be read: ``take`` raises ValueError, KeyError or
-        TypeError for one that says nothing that it knows. Raises SessionError for a file that a
-        later version has written.
+        TypeError for a line that it does not know. Raises SessionError for a file that a later
+        version has written.
         """
         bad = []
         for place, line in enumerate(lines, start=1):
@@ -106,7 +107,7 @@ class LineFile:
         return json.dumps({"did": "begun", "format": self.format})
 
     def _append(self, added: Sequence[str]) -> None:
-        """On the disk, behind a line's end whatever the last writer left."""
+        """Append to the file, on the disk, behind a line's end whatever the last writer left."""
         is_new = not self.path.exists()
         head = f"{self._begun}\n" if is_new else ""
         with self.path.open("ab") as file:
@@ -119,7 +120,8 @@ class LineFile:
             sync_folder(self.path.parent)
 
     def _moved_aside(self, lines: Lines, unreadable: Sequence[int]) -> Path:
-        """A copy of the damaged file, byte by byte; the lines that can be read take its place."""
+        """Copy the damaged file, byte by byte, and replace it by its readable lines; return the
+        copy."""
         number = 1
         while (aside := self.path.with_name(f"{self.path.name}.damaged-{number}")).exists():
             number += 1
@@ -131,7 +133,7 @@ class LineFile:
 
 
 def damage_words(unreadable: Sequence[int], path: Path) -> str:
-    """The damage to a file of lines in words, and what comes of it; empty for a whole one."""
+    """Damage to a file of lines in words, and its consequences; empty for a whole one."""
     if not unreadable:
         return ""
     first, count = unreadable[0], len(unreadable)
@@ -144,7 +146,7 @@ def damage_words(unreadable: Sequence[int], path: Path) -> str:
 
 @contextlib.contextmanager
 def _locked(path: Path) -> Iterator[None]:
-    """A file of its own: that of the lines is replaced where it is damaged."""
+    """Lock by a file of its own: the file of lines is replaced where it is damaged."""
     try:
         lock = lock_file(path.with_suffix(".lock"), wait_s=_WAIT_S)
     except BlockingIOError as error:

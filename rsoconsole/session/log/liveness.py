@@ -1,4 +1,4 @@
-"""Whether the process that writes a session still lives: its mark in the table ``meta``."""
+"""Test whether the process that writes a session still lives, by its mark in the table ``meta``."""
 
 import os
 from collections.abc import Mapping
@@ -12,15 +12,15 @@ _START_FIELD = 19
 
 
 def writer_mark() -> dict[str, Any]:
-    """This process, so that it is told apart from every other one, as JSON carries it."""
+    """Mark of this process, unique among all processes, as JSON values."""
     pid = os.getpid()
     return {"pid": pid, "boot_id": _boot_id(), "start_ticks": _start_ticks(pid)}
 
 
 def is_being_written(about: Mapping[str, Any]) -> bool:
-    """Whether somebody still writes the session: it is not closed, and its process lives.
+    """True while a process still writes the session: it is not closed, and its process lives.
 
-    ``about`` is the session's table ``meta``. A session that names no process counts as left.
+    ``about`` is the session's table ``meta``. A session that names no process counts as abandoned.
     """
     if about.get("is_closed") is True:
         return False

@@ -26,10 +26,10 @@ _WAL_HEADER_BYTES, _FRAME_HEADER_BYTES = 32, 24
 
 
 class Pages:
-    """A database with its write-ahead log, as pages by their number from 1."""
+    """Database with its write-ahead log, as pages by their number from 1."""
 
     def __init__(self, database: Path, wal: Path) -> None:
-        """Raises OSError."""
+        """Read both files. Raises OSError."""
         content = database.read_bytes()
         self._page_bytes = DEFAULT_PAGE_BYTES
         reserved = 0
@@ -48,7 +48,8 @@ class Pages:
             self._images.append(image)
 
     def rows(self) -> Iterator[tuple[int | None, Fields]]:
-        """(rowid, fields) of everything that looks like a row; rowid None in a WITHOUT ROWID table.
+        """Yield (rowid, fields) of everything that looks like a row; rowid None in a WITHOUT ROWID
+        table.
 
         A field that stands for the rowid is None.
         """
@@ -58,7 +59,7 @@ class Pages:
                 yield from self._cells(image, start)
 
     def _frames(self, wal: bytes) -> Iterator[tuple[int, bytes]]:
-        """(page number, image) of the log's own frames; those of an earlier round are passed by."""
+        """Yield (page number, image) of the log's own frames, without those of an earlier round."""
         salts = wal[16:24]
         step = _FRAME_HEADER_BYTES + self._page_bytes
         for place in range(_WAL_HEADER_BYTES, len(wal) - step + 1, step):
@@ -91,7 +92,7 @@ class Pages:
         return rowid, _fields(self._payload(image, place, size, kind))
 
     def _payload(self, image: bytes, place: int, size: int, kind: int) -> bytes:
-        """A row's bytes, those on overflow pages included. Source: fileformat2.html, 1.6."""
+        """Bytes of a row, those on overflow pages included. Source: fileformat2.html, 1.6."""
         if size > MAX_ROW_BYTES:
             raise ValueError("no row is that long")
         usable = self._usable
@@ -115,7 +116,7 @@ class Pages:
 
 
 def _varint(content: bytes, place: int) -> tuple[int, int]:
-    """(integer, place behind it)."""
+    """Read a variable-length integer: (integer, place behind it)."""
     value = 0
     for i in range(9):
         byte = content[place + i]

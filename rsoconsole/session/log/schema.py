@@ -1,8 +1,8 @@
-"""The session's database: a public interface with a version.
+"""Schema of the session's database: a public interface with a version.
 
 ``log`` is the truth: every record in the order in which the engine made it, as JSON. The views
-spread the records into columns for SQL; SQLite may round their decimals in the last digit, the
-JSON is exact. What would make a session of before unreadable takes the next number; a session of
+spread the records into columns for SQL; SQLite may round their decimals in the last digit, the JSON
+is exact. A change that would make earlier sessions unreadable takes the next number; a session of
 another number is refused.
 """
 
@@ -19,9 +19,9 @@ BESIDE_DATABASE = (WAL, JOURNAL, f"{DATABASE}-shm")
 """Files that SQLite keeps beside the database while it is written, or after it was cut off."""
 CONFIG = "config.toml"
 WORLD = "world.toml"
-"""Settings of the simulated observatory of a simulated night."""
+"""Name of the file with the settings of a simulated night's observatory."""
 BRANCHES = "branches"
-"""Folder of what others derive from the session: never part of its record."""
+"""Folder of branches derived from the session: never part of its record."""
 
 FOLDERS: Mapping[str, str] = MappingProxyType(
     {"frame": "frames", "preview": "previews", "closeup": "closeups"}
@@ -32,7 +32,7 @@ _NUMBERED = re.compile(r"(?P<folder>[a-z]+)/(?P<frame_id>\d{6,})(?P<ending>(\.[a
 
 SCHEMA_VERSION = 1
 APPLICATION_ID = 0x52534F43
-"""``RSOC`` in the database's header: tells a session from any other SQLite file."""
+"""``RSOC`` in the database's header, which marks a session among SQLite files."""
 
 _TABLES_SQL = """
 CREATE TABLE meta (key TEXT PRIMARY KEY, value TEXT NOT NULL) WITHOUT ROWID;
@@ -72,7 +72,8 @@ _SUPERSEDED = (
     "EXISTS (SELECT 1 FROM log AS later WHERE later.kind = 'FollowedAgain'"
     " AND later.frame_id = log.frame_id AND later.seq > log.seq)"
 )
-"""Whether the operator's word has had the frame followed again: the row counts no more."""
+"""Condition in SQL that is true where the frame was processed again after the operator's decision:
+the row no longer counts."""
 VIEWS = tuple(TABLES)
 """Names of the public views."""
 
@@ -83,7 +84,8 @@ def file_name(role: str, frame_id: int) -> str:
 
 
 def role_of(path: str) -> tuple[str, int] | None:
-    """(role, frame_id) of a file by its place in the session's folder; None for any other file."""
+    """Parse (role, frame_id) of a file from its place in the session's folder; None for any other
+    file."""
     match = _NUMBERED.fullmatch(path)
     if match is None:
         return None

@@ -1,1 +1,1 @@
-"""The one reader of sessions."""
+"""Reading of sessions."""

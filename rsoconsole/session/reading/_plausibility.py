@@ -1,21 +1,21 @@
-"""Records that no night can have given: their numbers are no times, directions or covariances.
+"""Check for implausible records: numbers that are no times, directions or covariances.
 
-JSON that is shaped like a record may say anything; what computes with it must not meet that.
+JSON in the shape of a record may hold any values; computations must not meet those.
 """
 
 from rsoconsole.records import FrameTaken, Measurement, NotFollowed, Record, Ruling, TrackState
 
 LAST_UTC_NS = 7_258_118_400 * 10**9
-"""The year 2200."""
+"""Latest plausible instant, the year 2200."""
 _LONGEST_S = 1e6
 _WIDEST_ARCSEC2 = 1e20
 _LARGEST_DEG = 1e6
 _NUMBERS = 4
-"""Of a state."""
+"""Length of a state."""
 
 
 def expect_plausible(record: Record) -> None:
-    """Raises ValueError, naming what is none."""
+    """Raise ValueError, naming the implausible value."""
     match record:
         case Measurement():
             _expect_measurement(record)

@@ -1,7 +1,7 @@
-"""The one reader of sessions, live or closed.
+"""Reader of sessions, live or closed.
 
-Each call opens the database read-only and lets go of it again: no transaction is held, the
-writer is never kept from anything, and a session that ends can leave its write-ahead log.
+Each call opens the database read-only and closes it again: no transaction is held, the writer is
+never blocked, and a session that ends can fold its write-ahead log.
 
 A session of another schema is refused. A branch (``meta`` names in ``branch_of`` what it branches
 from) is read as a session; files that it does not hold itself are that session's.
@@ -48,7 +48,7 @@ from rsoconsole.words import utc_ns_to_iso
 
 PAGE_RECORDS = 500
 MAX_BRANCH_DEPTH = 8
-"""Branches of branches that are followed to a file: more are a circle."""
+"""Largest depth of branches of branches on the way to a file: more are a circle."""
 _SELECT = "SELECT seq, t_utc_ns, kind, body FROM log WHERE seq > ?"
 
 
@@ -59,11 +59,11 @@ _GOOD_TIME = (
 
 
 class OtherSchemaError(SessionError):
-    """Another version wrote the session: nothing is wrong with it."""
+    """Error for a session that another version wrote: nothing is wrong with it."""
 
 
 def expect_schema(folder: Path, version: int) -> None:
-    """Raise OtherSchemaError for a session whose records are others than those of this version."""
+    """Raise OtherSchemaError for a session whose schema is not this version's."""
     if version != SCHEMA_VERSION:
         how = "update rsoconsole" if version > SCHEMA_VERSION else "open it with that one"
         raise OtherSchemaError(
@@ -83,7 +83,8 @@ class Counts:
 
 
 class SessionReader:
-    """A session's records, facts and files. Cheap to make; safe to use from one thread at a time.
+    """Reader of a session's records, facts and files. Cheap to make; safe to use from one thread at
+    a time.
 
     Raises SessionError, here and in every method, when the folder holds no session, when the
     session is damaged, or when a version with another schema wrote it.
@@ -105,10 +106,10 @@ class SessionReader:
         expect_schema(self.folder, version)
 
     def connect(self) -> sqlite3.Connection:
-        """A connection of your own for SQL, read-only. Close it soon.
+        """Open a read-only connection for SQL statements of the caller. Close it soon.
 
-        As long as it reads, a live session cannot fold its log. It is ended where it asks for more
-        than the database's size explains.
+        As long as it reads, a live session cannot fold its log. A statement is ended where it takes
+        more steps than the database's size explains.
         """
         connection = self._opened()
         try:
@@ -125,7 +126,7 @@ class SessionReader:
         return connection
 
     def about(self) -> dict[str, Any]:
-        """The session's table ``meta``: config, model_sha256, versions and so on.
+        """Read the session's table ``meta``: config, model_sha256, versions and so on.
 
         ``is_closed`` is False for a session that is live or was cut off. Raises SessionError where
         that cannot be read.
@@ -140,7 +141,7 @@ class SessionReader:
             ) from error
 
     def config(self) -> Config:
-        """The configuration the session began with; settings that are not known are left out."""
+        """Read the configuration the session began with; unknown settings are left out."""
         table = self.about().get("config")
         try:
             return Config.model_validate(_known(table))
@@ -151,12 +152,12 @@ class SessionReader:
             ) from error
 
     def last_seq(self) -> int:
-        """Place of the newest record; 0 before the first."""
+        """Sequence number of the newest record; 0 before the first."""
         ((seq,),) = self._fetch("SELECT coalesce(max(seq), 0) FROM log")
         return int(seq)
 
     def counts(self) -> Counts:
-        """Records, frames, and the instants between which they lie."""
+        """Count records and frames, with the first and last instant."""
         ((records, frames, t_first, t_last),) = self._fetch(
             "SELECT count(*), count(CASE kind WHEN 'FrameTaken' THEN 1 END), "
             f"min({_GOOD_TIME}), max({_GOOD_TIME}) FROM log"
@@ -170,12 +171,11 @@ class SessionReader:
         *,
         frame_id: int | None = None,
     ) -> Iterator[tuple[int, int, Record]]:
-        """(seq, t_utc_ns, record) in the order of the log, after ``since_seq``, to its end.
+        """Yield (seq, t_utc_ns, record) in the order of the log, after ``since_seq``, to its end.
 
         ``kinds`` are record types, e.g. ``(Measurement, TrackState)``; None means all. With
         ``frame_id`` only the records of that frame. Kinds that this version does not know are
-        passed over; in the place of a record that cannot be read, or whose time is none, stands an
-        alarm that says so.
+        skipped; a record that cannot be read, or has no valid time, is replaced by an alarm.
         """
         names = [kind.__name__ for kind in kinds] if kinds is not None else list(KINDS)
         places = ", ".join("?" * len(names))
@@ -196,11 +196,12 @@ class SessionReader:
             since_seq = page[-1][0]
 
     def outline(self) -> list[tuple[int, int, str, int | None]]:
-        """(seq, t_utc_ns, kind, frame_id or None) of every record, in order; none is decoded."""
+        """List (seq, t_utc_ns, kind, frame_id or None) of every record, in order; none is
+        decoded."""
         return self._fetch("SELECT seq, t_utc_ns, kind, frame_id FROM log ORDER BY seq")
 
     def view(self, name: str) -> list[dict[str, Any]]:
-        """The rows of one of the public views, in order of the log."""
+        """Read the rows of one of the public views, in order of the log."""
         if name not in VIEWS:
             raise SessionError(f"a session has no view {name!r}; it has {', '.join(VIEWS)}")
         with closing(self.connect()) as connection:
@@ -212,11 +213,11 @@ class SessionReader:
                 raise self._damaged(error) from error
 
     def frame_path(self, frame_id: int) -> Path | None:
-        """The frame's FITS file; None when it was not kept or is not written yet."""
+        """Path of the frame's FITS file; None when it was not kept or is not written yet."""
         return self._file(frame_id, "frame")
 
     def frames_with_pixels(self) -> frozenset[int]:
-        """Numbers of the frames whose pixels are there; of a branch, also its origin's."""
+        """Numbers of the frames with pixels; of a branch, also its origin's."""
         sql = "SELECT frame_id, path FROM files WHERE role = 'frame' AND path IS NOT NULL"
         there = {p.name for p in (self.folder / FOLDERS["frame"]).glob("*")}
         own = {int(number) for number, path in self._fetch(sql) if Path(path).name in there}
@@ -224,9 +225,10 @@ class SessionReader:
         return before | own
 
     def not_kept_because(self, frame_id: int) -> str | None:
-        """Why the frame's pixels are not there; None when they are, or nothing is said of it.
+        """Reason why the frame's pixels are missing; None when they are there, or no reason is
+        recorded.
 
-        Those that were pruned later were kept once: when they went stands in ``upkeep.jsonl``.
+        For a frame that was pruned later it is the time of pruning, from ``upkeep.jsonl``.
         """
         sql = "SELECT reason, path FROM files WHERE frame_id = ? AND role = 'frame'"
         rows = self._fetch(sql, (frame_id,))
@@ -239,19 +241,19 @@ class SessionReader:
         return None if pruned is None else f"pruned on {pruned}"
 
     def preview_path(self, frame_id: int) -> Path | None:
-        """The frame's small picture; None when there is none."""
+        """Path of the frame's small picture; None when there is none."""
         return self._file(frame_id, "preview")
 
     def closeup_path(self, frame_id: int) -> Path | None:
-        """The picture of a piece of the frame at full resolution; None when there is none.
+        """Path of the picture of a piece of the frame at full resolution; None when there is none.
 
-        Which piece, its record ``Closeup`` says.
+        Its record ``Closeup`` says which piece.
         """
         return self._file(frame_id, "closeup")
 
     @cached_property
     def branch_of(self) -> Path | None:
-        """The folder of the session that this one is a branch of; None for a session by itself.
+        """Folder of the session that this one is a branch of; None for a session by itself.
 
         The folder need not exist: branches may be carried away from their session.
         """
@@ -271,7 +273,7 @@ class SessionReader:
 
     @cached_property
     def _origin(self) -> "SessionReader | None":
-        """The reader of the session this one branches from, where it can be read."""
+        """Reader of the session this one branches from, where it can be read."""
         if self.branch_of is None:
             return None
         try:
@@ -298,7 +300,7 @@ class SessionReader:
         return self._inside(rows[0][0]) if rows else None
 
     def _inside(self, named: object) -> Path | None:
-        """The regular file of the session that a row names; None where it names none."""
+        """Path of the regular file of the session in a row; None where the row names none."""
         if not isinstance(named, str) or "\0" in named:
             return None
         if Path(named).is_absolute() or ".." in Path(named).parts:
@@ -338,12 +340,13 @@ class SessionReader:
             raise self._damaged(error) from error
 
     def _is_unfinished(self) -> bool:
-        """Whether part of the database lies in a file beside it, where a cut has left it."""
+        """True where part of the database lies in a file beside it, where a cut has left it."""
         beside = (self.folder / WAL, self.folder / JOURNAL)
         return any(path.exists() and path.stat().st_size > 0 for path in beside)
 
     def _is_left(self) -> bool:
-        """Whether what is unfinished will stay so: nobody can write here, or a journal was left."""
+        """True where the unfinished part will stay: nobody can write here, or a journal was
+        left."""
         return not os.access(self.folder, os.W_OK) or (self.folder / JOURNAL).exists()
 
     def _damaged(self, error: sqlite3.Error | OSError) -> SessionError:
@@ -369,7 +372,7 @@ class SessionReader:
 
 
 def _decoded(kind: str, body: str) -> Record:
-    """The record, or an alarm in its place."""
+    """Decode a record; an alarm takes its place where that fails."""
     try:
         found = decode(kind, body)
         expect_plausible(found)
@@ -385,7 +388,7 @@ def _is_busy(error: sqlite3.OperationalError) -> bool:
 
 
 def _known(table: Any) -> Any:
-    """A configuration without the sections and settings that this version does not know."""
+    """Return a configuration without the sections and settings that this version does not know."""
     if not isinstance(table, dict):
         return table
     known: dict[str, Any] = {}
@@ -399,7 +402,7 @@ def _known(table: Any) -> Any:
 
 
 def clock_notes(reader: SessionReader) -> tuple[str, ...]:
-    """Faults of the machine's clock: the instant and what happened, a line each, in order.
+    """Faults of the machine's clock: the instant and the fault, a line each, in order.
 
     Empty for a night of one steady clock.
 

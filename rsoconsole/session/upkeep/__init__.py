@@ -1,1 +1,1 @@
-"""Sessions kept well: archived, verified, repaired, recovered, merged, pruned."""
+"""Upkeep of sessions: archiving, verification, repair, recovery, merging, pruning."""

@@ -56,25 +56,25 @@ MAX_DEAD_ROWS = 20_000
 MAX_GROWTH = 1000
 """Factor by which a header may state more than there is; beyond it the header is damaged itself."""
 _HEADER = struct.Struct(">16sH10xI")
-"""Magic, page size, pages. Source: sqlite.org/fileformat.html, 1.3."""
+"""Layout of the header: magic, page size, pages. Source: sqlite.org/fileformat.html, 1.3."""
 _LOG_FIELDS, _META_FIELDS, _FILES_FIELDS = 5, 2, 7
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Recovered:
-    """A session made of what could be saved of a damaged one."""
+    """Session made from the readable parts of a damaged one."""
 
     folder: Path
     records: int
     files: int
     missing: int
-    """Places in the order of the log, up to the last saved record, that hold nothing."""
+    """Number of empty places in the order of the log, up to the last saved record."""
     is_new: bool
-    """False: it was there already, from a repair before."""
+    """True where made now; False where an earlier repair made it."""
 
 
 def recover_session(folder: Path, now_utc_ns: int) -> Recovered:
-    """Save what can be read into ``NAME.recovered`` beside the damaged session.
+    """Save the readable parts into ``NAME.recovered`` beside the damaged session.
 
     Frames and pictures are shared with the damaged one by hard links where the disk has them, else
     copied. Raises SessionError when nothing can be saved or the disk refuses.
@@ -121,7 +121,7 @@ def _as_it_is(target: Path) -> Recovered:
 
 
 def _save_log(folder: Path, target: Path) -> tuple[int, int]:
-    """Make the new database; returns (records saved, places in the log that stay empty)."""
+    """Make the new database; return (records saved, places in the log that stay empty)."""
     with TemporaryDirectory(prefix="rsoconsole-", dir=target) as scratch:
         copy = Path(scratch) / DATABASE
         # The shared-memory file is only an index of the log beside it: SQLite makes it again.
@@ -147,7 +147,7 @@ def _save_log(folder: Path, target: Path) -> tuple[int, int]:
 
 @dataclass(slots=True)
 class _Read:
-    """Rows that were read and make sense."""
+    """Rows that were read and are valid."""
 
     log: dict[int, Row]
     meta: dict[str, str]
@@ -155,7 +155,7 @@ class _Read:
 
 
 def _walk(database: Path, read: _Read) -> None:
-    """The rows that SQLite still reads, one by one around those it does not."""
+    """Read the rows that SQLite still reads, one by one around the unreadable ones."""
     with (
         suppress(sqlite3.Error),
         closing(sqlite3.connect(database, factory=Database)) as connection,
@@ -186,7 +186,7 @@ def _log_around_damage(connection: sqlite3.Connection) -> Iterator[tuple[Any, ..
 
 
 def _scan(pages: Pages, read: _Read) -> None:
-    """The rows that still stand on some page, told apart by their shape."""
+    """Read the rows that still stand on some page, distinguished by their shape."""
     for rowid, fields in pages.rows():
         if rowid is not None and len(fields) == _LOG_FIELDS:
             _take_log(read, (rowid, *fields[1:]))
@@ -197,7 +197,7 @@ def _scan(pages: Pages, read: _Read) -> None:
 
 
 def _take_log(read: _Read, row: tuple[Any, ...]) -> None:
-    """Keep a record that is one; what the damage has made of others is none."""
+    """Keep a valid record; damaged ones are dropped."""
     seq, t_utc_ns, kind, frame_id, body = row
     is_shaped = (
         isinstance(seq, int)
@@ -234,7 +234,7 @@ def _take_fact(read: _Read, row: Fields) -> None:
 
 
 def _take_file(read: _Read, row: Fields) -> None:
-    """Keep a row of ``files`` that is one."""
+    """Keep a valid row of ``files``."""
     frame_id, role, path, size, ms, reason, sha256 = row
     is_shaped = (
         isinstance(frame_id, int)
@@ -250,7 +250,7 @@ def _take_file(read: _Read, row: Fields) -> None:
 
 
 def _facts(meta: dict[str, str], folder: Path) -> dict[str, Any]:
-    """What the session said of itself; its configuration from the file beside where need be."""
+    """Facts of the session about itself; its configuration from the file beside where need be."""
     facts = {key: json_of(value) for key, value in meta.items()}
     if not isinstance(facts.get("config"), dict):
         with suppress(OSError, ValueError):
@@ -264,7 +264,7 @@ def _facts(meta: dict[str, str], folder: Path) -> dict[str, Any]:
 
 
 def _save_files(folder: Path, target: Path) -> int:
-    """Bring the frames and pictures over, with rows for those that the table lost."""
+    """Copy the frames and pictures, with rows for those that the table lost."""
     saved: dict[str, tuple[str, int]] = {}
     for path in sorted(FolderFiles(folder).sizes()):
         if path in (DATABASE, *BESIDE_DATABASE) or path.endswith(PART):
@@ -288,7 +288,7 @@ def _save_files(folder: Path, target: Path) -> int:
 
 
 def _copy_readable(source: Path, target: Path) -> None:
-    """Copy a file; what the disk cannot read any more becomes zeros, which SQLite knows as bad."""
+    """Copy a file; unreadable parts become zeros, which SQLite knows as bad."""
     with source.open("rb", buffering=0) as bad, target.open("wb") as good:
         for place in range(0, source.stat().st_size, PAGE_BYTES):
             try:
@@ -300,7 +300,7 @@ def _copy_readable(source: Path, target: Path) -> None:
 
 
 def _fill_up(copy: Path) -> None:
-    """Give a database that breaks off its length back: SQLite reads none that is too short."""
+    """Extend a truncated database to its full length: SQLite reads none that is too short."""
     with copy.open("r+b") as stream:
         header = stream.read(_HEADER.size)
         if len(header) < _HEADER.size:

@@ -1,7 +1,7 @@
-"""A session as one file to be carried away: a plain tar with the hash of everything in it.
+"""Archive of a session, one file: a plain tar with the hash of everything in it.
 
-Plain, because what is large in it is compressed already: any tool unpacks it, and one frame is
-read without unpacking the others. The database is one file without free pages. The original is not
+Plain, because its large files are compressed already: any tool unpacks it, and one frame is read
+without unpacking the others. The database is one file without free pages. The original is not
 touched.
 """
 
@@ -27,23 +27,23 @@ from rsoconsole.session.upkeep.store import remove_folder
 from rsoconsole.session.upkeep.verify import verify_session
 
 OnBytes: TypeAlias = Callable[[str, int, int], None]
-"""Is told (what is being done, bytes so far, bytes in all)."""
+"""Callback for progress: (the present step, bytes so far, bytes in all)."""
 ROOM = 1.02
-"""An archive takes what its files take and a little more."""
+"""Free disk needed over the size of its files."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Archive:
-    """An archive that was written and read back."""
+    """Archive that was written and read back."""
 
     session: Path
     path: Path
     files: int
     bytes: int
     verification: Verification
-    """The check of the archive, as it lies on its disk."""
+    """Result of checking the archive, as it lies on its disk."""
     is_removed: bool
-    """Whether the original was removed."""
+    """True where the original was removed."""
 
 
 def archive_session(
@@ -56,9 +56,9 @@ def archive_session(
 ) -> Archive:
     """Pack a closed, sound session into ``out/NAME.tar`` and read the archive back.
 
-    ``remove`` removes the original once the archive is verified. ``on_bytes`` is told (what is
-    done, bytes so far, bytes in all). Raises SessionError when the session is not fit for it, when
-    there is an archive of that name, or when the disk refuses; nothing half is left then.
+    ``remove`` removes the original once the archive is verified. ``on_bytes`` is called with (the
+    present step, bytes so far, bytes in all). Raises SessionError when the session is not fit for
+    it, when there is an archive of that name, or when the disk refuses; nothing half is left then.
     """
     folder, out = Path(folder).resolve(), Path(out)
     target = out / f"{folder.name}.tar"
@@ -126,7 +126,7 @@ def _check_room(folder: Path, out: Path) -> None:
 
 @contextmanager
 def _scratch_beside(beside: Path) -> Iterator[Path]:
-    """A folder on the archive's own disk; one that a cut has left is swept."""
+    """Create a folder on the archive's own disk; one that a cut has left is removed."""
     scratch = beside.with_name(beside.name + "-files")
     shutil.rmtree(scratch, ignore_errors=True)
     try:
@@ -137,7 +137,7 @@ def _scratch_beside(beside: Path) -> Iterator[Path]:
 
 
 def _stage(folder: Path, scratch: Path, now_utc_ns: int) -> dict[str, Path]:
-    """Where each file of the archive is taken from."""
+    """Collect the source of each file of the archive."""
     sources = {path: folder / path for path in FolderFiles(folder).sizes()}
     for name in (*BESIDE_DATABASE, MANIFEST):
         sources.pop(name, None)
@@ -170,7 +170,7 @@ def _pack(name: str, beside: Path, sources: Mapping[str, Path], report: OnBytes)
 
 
 def _add(tar: tarfile.TarFile, name: str, content: IO[bytes], mtime_s: float) -> int:
-    """Add a file under ``name``, of nobody in particular; returns its bytes."""
+    """Add a file under ``name``, without an owner; return its bytes."""
     member = tarfile.TarInfo(name)
     member.size = content.seek(0, os.SEEK_END)
     content.seek(0)

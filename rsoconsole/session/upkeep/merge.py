@@ -1,4 +1,4 @@
-"""Brings what a rescue session holds back into the session whose place it took.
+"""Merging of a rescue session into the session whose place it took.
 
 The rescue is removed only when all of it has been read back from there; whatever goes wrong before,
 both are as they were.
@@ -40,7 +40,7 @@ LEAVE_WAL_S = 3.0
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Merged:
-    """The result of merging a rescue session into its session; the rescue is gone."""
+    """Result of merging a rescue session into its session; the rescue is gone."""
 
     rescue: Path
     session: Path
@@ -49,7 +49,7 @@ class Merged:
 
 
 def rescued_session(folder: Path) -> Path | None:
-    """The session that this one is a rescue of; None where it is none, or cannot be read."""
+    """Session that this one is a rescue of; None where it is none, or cannot be read."""
     try:
         named = SessionReader(folder).about().get("rescues")
     except SessionError:
@@ -59,7 +59,7 @@ def rescued_session(folder: Path) -> Path | None:
 
 
 def find_rescues() -> tuple[Path, ...]:
-    """Every rescue session of this user, in all places where one may be."""
+    """Find every rescue session of this user, in all places where one may be."""
     found: dict[Path, None] = {}
     for place in rescue_places():
         try:
@@ -71,7 +71,7 @@ def find_rescues() -> tuple[Path, ...]:
 
 
 def rescues_of(session: Path) -> tuple[Path, ...]:
-    """The rescue sessions of a session."""
+    """Find the rescue sessions of a session."""
     own = session.resolve()
     return tuple(
         rescue
@@ -81,10 +81,11 @@ def rescues_of(session: Path) -> tuple[Path, ...]:
 
 
 def merge_rescue(rescue: Path, now_utc_ns: int) -> Merged:
-    """Take what the rescue has and its session lacks into the session, verify that, remove it.
+    """Copy the records and files that only the rescue has into the session, verify that, and remove
+    the rescue.
 
     No record is changed: where both have one and they differ, nothing is done. Raises SessionError
-    with why not; the rescue is kept then.
+    with the reason; the rescue is kept then.
     """
     session = rescued_session(rescue)
     if session is None:
@@ -113,7 +114,7 @@ def merge_rescue(rescue: Path, now_utc_ns: int) -> Merged:
 
 
 def _expect_sound_digest(target: SessionReader) -> None:
-    """A log that is not what was closed is not continued."""
+    """Raise SessionError where the log is not the log that was closed: it is not continued."""
     recorded = LogDigest.from_meta(target.about())
     with closing(target.connect()) as connection:
         if recorded is not None and digest_log(connection) != recorded:
@@ -121,7 +122,7 @@ def _expect_sound_digest(target: SessionReader) -> None:
 
 
 def _insert(source: SessionReader, database: Path) -> tuple[int, int]:
-    """Numbers of records and rows of files that came, in one commit; then the end is marked."""
+    """Insert records and rows of files in one commit, then mark the end; return their numbers."""
     free_bytes = shutil.disk_usage(database.parent).free
     needed_bytes = (source.folder / DATABASE).stat().st_size
     if free_bytes < 2 * needed_bytes:
@@ -150,7 +151,7 @@ def _take_record(connection: sqlite3.Connection, row: tuple[Any, ...]) -> bool:
 
 
 def _take_file(connection: sqlite3.Connection, row: tuple[Any, ...]) -> bool:
-    """The rescue's row holds: it was written when the session took no more."""
+    """Insert the rescue's row, which counts: it was written when the session accepted no more."""
     is_new = bool(connection.execute(FILE_ROW, row[:2]).fetchone() != row)
     if is_new:
         connection.execute(INSERT_FILE, row)

@@ -1,6 +1,6 @@
-"""Sets a session right that was cut off; what cannot be read is saved into a new one beside it.
+"""Repair of a session that was cut off or damaged; a damaged one is saved into a new one beside it.
 
-No record is ever changed. Of the folder only what was half written is removed.
+No record is ever changed. Only half-written files are removed from the folder.
 """
 
 import sqlite3
@@ -31,37 +31,37 @@ from rsoconsole.session.upkeep.verify import page_faults
 
 @dataclass(slots=True, kw_only=True)
 class Repair:
-    """The result of repairing one session."""
+    """Result of repairing one session."""
 
     session: Path
     closed: bool = False
     """True when a session that was cut off now has its end marked, with the digest of its log."""
     folded: bool = False
-    """The write-ahead log went into the database."""
+    """True where the write-ahead log was folded into the database."""
     adopted: list[str] = field(default_factory=list)
-    """Files that were whole on the disk and not yet in the log."""
+    """Files that were whole on the disk and missing in the log."""
     removed: list[str] = field(default_factory=list)
     """Half-written files that were removed."""
     left: dict[str, str] = field(default_factory=dict)
-    """Files that were not adopted, and why not."""
+    """Files that were not adopted, with the reasons."""
     merged: list[Merged] = field(default_factory=list)
-    """Rescue sessions that went back into their session, and are gone."""
+    """Rescue sessions that were merged into their session, and are gone."""
     unmerged: dict[Path, str] = field(default_factory=dict)
-    """Rescue sessions that were not merged, and why not."""
+    """Rescue sessions that were not merged, with the reasons."""
     recovered: Recovered | None = None
-    """The new session with what could be saved of a damaged database; None where it was sound."""
+    """New session with the readable parts of a damaged database; None where it was sound."""
 
     @property
     def has_changes(self) -> bool:
-        """False where there was nothing to do."""
+        """True where something was done."""
         done = self.closed or self.folded or bool(self.adopted or self.removed or self.merged)
         return done or (self.recovered is not None and self.recovered.is_new)
 
 
 def repair_session(folder: Path, now_utc_ns: int) -> Repair:
-    """Set a session right; a second time there is nothing left to do.
+    """Repair a session; a second time there is nothing left to do.
 
-    A rescue session goes back into its session where that can be read, whichever of the two is
+    A rescue session is merged into its session where that can be read, whichever of the two is
     named. ``now_utc_ns`` dates the note in ``upkeep.jsonl``. Raises SessionError when there is no
     session, when its engine still lives, when somebody has it open, or when the disk refuses.
     """
@@ -94,7 +94,7 @@ def _merge(rescues: Sequence[Path], done: Repair, now_utc_ns: int) -> None:
 
 
 def _readable_about(folder: Path) -> dict[str, Any]:
-    """What the session says of itself; nothing where it is too damaged to say anything.
+    """Facts of the session about itself; empty where it is too damaged.
 
     Raises SessionError where there is no session, or one that this version must not touch.
     """
@@ -109,7 +109,7 @@ def _readable_about(folder: Path) -> dict[str, Any]:
 
 
 def _is_damaged(folder: Path) -> bool:
-    """Whether SQLite cannot read the database whole."""
+    """True where SQLite cannot read the database whole."""
     try:
         with closing(SessionReader(folder).connect()) as connection:
             return bool(page_faults(connection))
@@ -148,7 +148,7 @@ def _repair(reader: SessionReader, about: dict[str, Any], now_utc_ns: int) -> Re
 
 
 def _stray_rows(reader: SessionReader, done: Repair) -> dict[str, tuple[object, ...]]:
-    """Rows for whole frames and pictures that the table ``files`` does not know, by their path."""
+    """Rows for whole frames and pictures that are missing in the table ``files``, by their path."""
     with closing(reader.connect()) as connection:
         known = {tuple(row) for row in connection.execute("SELECT role, frame_id FROM files")}
     found: dict[str, tuple[object, ...]] = {}

@@ -1,4 +1,4 @@
-"""Sessions under one root: their names, what is in each, how much disk they take."""
+"""Sessions under one root: their names, contents and disk usage."""
 
 import re
 import shutil
@@ -31,7 +31,7 @@ SELECT count(DISTINCT frame_id) FROM track WHERE step != 'predicted' AND NOT is_
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SessionSummary:
-    """One session at a glance."""
+    """Summary of one session."""
 
     folder: Path
     title: str | None = None
@@ -41,37 +41,38 @@ class SessionSummary:
     records: int = 0
     size_bytes: int
     is_closed: bool = False
-    """False: live, or cut off before its end; every committed record is there all the same."""
+    """True where closed; False: live, or cut off before its end, with every committed record there
+    all the same."""
     fault: str | None = None
-    """Why the session cannot be read; the other members are then empty."""
+    """Reason why the session cannot be read; the other members are then empty."""
     state: State = "unreadable"
     schema: int | None = None
     is_simulated: bool | None = None
-    """None: the session does not say, such as one made of recorded frames."""
+    """True where simulated; None: not recorded, as in a session made of recorded frames."""
     followed_frames: int = 0
-    """Frames in which the object followed was measured, and the track took it."""
+    """Number of frames with a measurement of the lead track that the track accepted."""
     branches: tuple[str, ...] = ()
-    """What-if branches by name."""
+    """Names of the what-if branches."""
     is_kept: bool = False
-    """Marked as never to be pruned."""
+    """True where marked as never to be pruned."""
     rescues: Path | None = None
-    """The session whose place it took while that could not be written; None of any other."""
+    """Session whose place it took while that could not be written; None of any other."""
 
     @property
     def duration_s(self) -> float | None:
-        """From the first record to the last."""
+        """Time from the first record to the last."""
         if self.t_first_utc_ns is None or self.t_last_utc_ns is None:
             return None
         return (self.t_last_utc_ns - self.t_first_utc_ns) / 1e9
 
     @property
     def followed_share(self) -> float | None:
-        """Share of the frames in which the object followed was measured, 0 to 1."""
+        """Share of the frames with an accepted measurement of the lead track, 0 to 1."""
         return self.followed_frames / self.frames if self.frames else None
 
 
 def new_session_folder(root: Path, title: str, t_utc_ns: int) -> Path:
-    """A folder name that is free: the UTC instant, then the title. Nothing is made yet."""
+    """Choose a folder name that is free: the UTC instant, then the title. Nothing is made yet."""
     instant = datetime.fromtimestamp(t_utc_ns // 1_000_000_000, tz=UTC)
     plain = unicodedata.normalize("NFKD", title).encode("ascii", "ignore").decode().lower()
     words = re.sub(r"[^a-z0-9]+", "-", plain).strip("-")[:_MAX_TITLE].strip("-")
@@ -84,7 +85,7 @@ def new_session_folder(root: Path, title: str, t_utc_ns: int) -> Path:
 
 
 def list_sessions(root: Path) -> tuple[SessionSummary, ...]:
-    """Every session directly under ``root``, in order of name; empty when there is no root.
+    """List every session directly under ``root``, in order of name; empty when there is no root.
 
     Raises SessionError when the root cannot be looked into.
     """
@@ -92,10 +93,10 @@ def list_sessions(root: Path) -> tuple[SessionSummary, ...]:
 
 
 def cut_off_session(root: Path, *, is_simulated: bool) -> Path | None:
-    """The newest session under ``root`` if its engine died before it could close it.
+    """Newest session under ``root`` if its engine died before it could close it.
 
-    Sessions of simulated and of real nights are told apart; one whose engine still lives is not
-    cut off. Raises SessionError when the root cannot be looked into.
+    Simulated and real nights are kept apart; a session whose engine still lives is not cut off.
+    Raises SessionError when the root cannot be looked into.
     """
     folders = filter(_is_session, folders_in(root))
     for folder in sorted(folders, key=written_ns, reverse=True)[:MAX_SEARCHED]:
@@ -110,7 +111,7 @@ def cut_off_session(root: Path, *, is_simulated: bool) -> Path | None:
 
 
 def summarise(folder: Path) -> SessionSummary:
-    """One session at a glance; a session that cannot be read says why."""
+    """Summarise one session; for one that cannot be read, with the reason."""
     try:
         reader = SessionReader(folder)
         counts = reader.counts()
@@ -155,7 +156,7 @@ def branches_of(folder: Path) -> tuple[str, ...]:
 
 
 def remove_folder(folder: Path) -> None:
-    """Remove a session whole: it is gone from the list at once, and its files follow.
+    """Remove a session whole: it leaves the list at once, and its files follow.
 
     Raises SessionError.
     """
@@ -167,20 +168,20 @@ def remove_folder(folder: Path) -> None:
 
 
 def sweep_removed(root: Path) -> None:
-    """Finish what a removal that was cut off has left."""
+    """Finish removals that were cut off."""
     for path in root.glob(f"{REMOVED}*"):
         shutil.rmtree(path, ignore_errors=True)
 
 
 def _is_session(folder: Path) -> bool:
-    """Whether a session lies there; one that is being made or removed is none."""
+    """True for a session's folder; one that is being made or removed is none."""
     if folder.name.startswith(REMOVED) or folder.name.endswith(PART):
         return False
     return (folder / DATABASE).exists()
 
 
 def _followed_frames(reader: SessionReader) -> int:
-    """Frames whose measurement the track took, as it stood in the end."""
+    """Number of frames whose measurement the track accepted, by the final state."""
     with closing(reader.connect()) as connection:
         try:
             ((frames,),) = connection.execute(_FOLLOWED)
@@ -190,7 +191,7 @@ def _followed_frames(reader: SessionReader) -> int:
 
 
 def size_bytes(folder: Path) -> int:
-    """Disk taken by everything in the folder; files that vanish meanwhile count nothing."""
+    """Disk usage of everything in the folder; files that vanish meanwhile count nothing."""
     total = 0
     for path in folder.rglob("*"):
         try:
@@ -204,9 +205,9 @@ SAMPLE_NAME = "sample-intelsat-14"
 
 
 def sample_copy(root: Path) -> Path:
-    """The sample session's copy among the sessions under ``root``, made where there is none yet.
+    """Copy of the sample session among the sessions under ``root``, made where there is none yet.
 
-    A copy, because what is derived from a session lies beside it. Raises SessionError.
+    A copy, because branches derived from a session lie beside it. Raises SessionError.
     """
     folder = root / SAMPLE_NAME
     if (folder / "session.db").exists():
@@ -226,7 +227,8 @@ def sample_copy(root: Path) -> Path:
 
 
 What: TypeAlias = Literal["frames", "previews", "all"]
-"""The frames · the small pictures and closeups · the session whole, its log included."""
+"""Files to prune: the frames · the small pictures and closeups · the session whole, its log
+included."""
 _ROLES = {"frames": ("frame",), "previews": ("preview", "closeup")}
 NS_PER_DAY = 86_400_000_000_000
 
@@ -236,32 +238,32 @@ class PruningPolicy:
     """Rules of pruning; a session goes only where every rule that is set allows it."""
 
     keep_days: float | None = None
-    """Sessions younger than this are not touched."""
+    """Age in days below which sessions are not touched."""
     keep_last: int | None = None
     """Number of newest sessions that are not touched."""
     free_bytes: int | None = None
-    """The oldest go first, and no more than it takes until so much disk is free."""
+    """Free disk to reach: the oldest go first, and no more than needed."""
     what: What = "frames"
     with_branches: bool = False
-    """Also sessions on which a what-if branch stands."""
+    """True: prune also sessions with a what-if branch."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PruningStep:
-    """The plan for one session."""
+    """Plan for one session."""
 
     session: Path
     goes: bool
     why: str
-    """Why it goes, or why it stays."""
+    """Reason why it goes, or why it stays."""
     files: tuple[str, ...] = ()
-    """Files that go, by their path in the session; empty for a session that goes whole."""
+    """Files to remove, by their path in the session; empty for a session that goes whole."""
     bytes: int = 0
-    """Disk that is given back."""
+    """Disk that becomes free."""
 
 
 def plan_pruning(root: Path, policy: PruningPolicy, now_utc_ns: int) -> tuple[PruningStep, ...]:
-    """Plan what a policy does with every session under ``root``, the oldest first.
+    """Plan the pruning of every session under ``root`` by a policy, the oldest first.
 
     Nothing is changed. A session is as old as its last record or its file, whichever is younger:
     the clock of a simulated night may stand years ago. Raises SessionError when the root cannot be
@@ -294,7 +296,7 @@ def plan_pruning(root: Path, policy: PruningPolicy, now_utc_ns: int) -> tuple[Pr
 
 
 def prune(steps: Iterable[PruningStep], policy: PruningPolicy, now_utc_ns: int) -> None:
-    """Do what was planned. Each session's note is on the disk before its files go.
+    """Carry out a plan. Each session's note is on the disk before its files go.
 
     Raises SessionError, naming the session, when the disk refuses; those before it are done.
     """
@@ -348,7 +350,7 @@ def _pruning_step(session: SessionSummary, policy: PruningPolicy, why: str) -> P
 
 
 def _files_there(folder: Path, roles: tuple[str, ...]) -> dict[str, int]:
-    """Bytes of the session's own files of these roles that are still there, by their path."""
+    """Sizes of the session's own files of these roles that are still there, bytes by path."""
     places = ", ".join("?" * len(roles))
     sql = f"SELECT path FROM files WHERE role IN ({places}) AND path IS NOT NULL ORDER BY path"
     try:

@@ -1,4 +1,4 @@
-"""Whether a session, or its archive, is still what was written; what is not, and what to do.
+"""Verification of a session or its archive against its hashes, with findings and remedies.
 
 Nothing is changed. A session that was cut off is not damaged: every acknowledged record is there.
 """
@@ -38,11 +38,11 @@ _KNOWN = {DATABASE, *BESIDE_DATABASE, CONFIG, WORLD, UPKEEP, KEEP, MANIFEST}
 
 
 FileRow: TypeAlias = tuple[str, int | None, str | None]
-"""Path, bytes and SHA-256 of a row of the table ``files`` that names a file."""
+"""Row of the table ``files`` that names a file: path, bytes and SHA-256."""
 
 
 class FilesCheck:
-    """One walk over a session's files."""
+    """Check of all files of a session, in one walk."""
 
     def __init__(
         self,
@@ -51,7 +51,7 @@ class FilesCheck:
         rows: Iterable[FileRow],
         on_bytes: Callable[[int, int], None] | None,
     ) -> None:
-        """Raises OSError when the files cannot be listed."""
+        """Prepare the check. Raises OSError when the files cannot be listed."""
         self._session_files = session_files
         self._found = found
         self._rows = tuple(rows)
@@ -60,7 +60,7 @@ class FilesCheck:
         self._total = sum(self._sizes.get(path, 0) for path, _, _ in self._rows)
 
     def run(self) -> None:
-        """Judge every file that the session names, and those it does not. Raises OSError."""
+        """Check every file that the session names, and those it does not. Raises OSError."""
         pruned = pruned_on(parse_notes(self._read(UPKEEP)))
         gone: dict[str, int] = {}
         for path, size_bytes, sha256 in self._rows:
@@ -110,9 +110,9 @@ class FilesCheck:
             )
 
     def _judge_manifest(self, manifest: dict[str, str], judged: set[str]) -> None:
-        """Hold an archive's own list against what is there; frames and pictures were judged.
+        """Compare an archive's own list with its files; frames and pictures were checked before.
 
-        An unpacked session lives on: notes and branches may have changed since, its log not.
+        An unpacked session lives on: notes and branches may have changed since, but not its log.
         """
         is_archive = not isinstance(self._session_files, FolderFiles)
         for path in sorted(set(manifest) - judged):
@@ -144,10 +144,10 @@ SELECT path, bytes, sha256 FROM files WHERE path IS NOT NULL ORDER BY role = 'fr
 
 
 def verify_session(place: Path, on_bytes: Callable[[int, int], None] | None = None) -> Verification:
-    """Look at everything in a session's folder or in its archive (.tar).
+    """Check everything in a session's folder or in its archive (.tar).
 
-    ``on_bytes`` is told (bytes read so far, bytes in all) of the files. Raises SessionError when
-    there is no session at all, or one that another version wrote; a damaged one is a result.
+    ``on_bytes`` is called with (bytes read so far, bytes in all) of the files. Raises SessionError
+    when there is no session at all, or one that another version wrote; a damaged one is a result.
     """
     place = Path(place)
     if not (place.is_file() or (place / DATABASE).is_file()):
@@ -173,7 +173,7 @@ def page_faults(connection: sqlite3.Connection) -> list[str]:
 
 
 def _verify_database(session_files: SessionFiles, found: Verification) -> list[FileRow] | None:
-    """Judge the database; returns what files it names, None when it cannot be read."""
+    """Check the database; return the files that it names, None when it cannot be read."""
     try:
         reader = SessionReader(session_files.folder())
         about = reader.about()

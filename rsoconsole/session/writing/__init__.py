@@ -1,1 +1,1 @@
-"""A session as it is written, and where it goes when its disk fails."""
+"""Writing of a session, and its rescue session when its disk fails."""

@@ -1,4 +1,4 @@
-"""The thread that owns a live session's database."""
+"""Thread that owns a live session's database."""
 
 import contextlib
 import itertools
@@ -32,13 +32,13 @@ from rsoconsole.session.writing.worker import Faults
 
 Statement = tuple[str, tuple[object, ...]]
 MIN_BYTES = 200_000_000
-"""Free on a disk that a rescue is begun on: many nights' logs."""
+"""Least free disk for a rescue session: many nights' logs."""
 _ROWS_PER_BATCH = 1000
 _TABLES = ((LOG_ROWS, INSERT_RECORD), (FILE_ROWS, INSERT_FILE))
 
 
 def rescue_places() -> Iterator[Path]:
-    """Folders to try, in order; a system whose every disk is full may not even have these."""
+    """Yield folders to try, in order; a system whose every disk is full may not even have these."""
     yield state_dir() / "rescue"
     with contextlib.suppress(OSError):  # it tries to write there
         yield Path(tempfile.gettempdir()) / "rsoconsole-rescue"
@@ -47,7 +47,7 @@ def rescue_places() -> Iterator[Path]:
 
 
 class Rescue:
-    """The session that takes over; nothing of it is made before it is needed."""
+    """Rescue session that takes over; nothing of it is made before it is needed."""
 
     def __init__(
         self,
@@ -56,17 +56,17 @@ class Rescue:
         config: bytes,
         places: Callable[[], Iterable[Path]] = rescue_places,
     ) -> None:
-        """``session``: whose place may fail; ``facts`` and ``config`` are a copy's, too."""
+        """``session``: the folder that may fail; ``facts`` and ``config`` are the rescue's, too."""
         self._session = session
         self._facts = {**facts, "rescues": str(session.absolute())}
         self._config = config
         self._places = places
         self._connection: sqlite3.Connection | None = None
         self.folder: Path | None = None
-        """Where it is; None before it is begun."""
+        """Folder of the rescue session; None before it is begun."""
 
     def begin(self) -> bool:
-        """Make the rescue session; False where no place can be had."""
+        """Make the rescue session; return False where no folder can be used."""
         if self._connection is not None:
             return True
         for place in self._places():
@@ -88,9 +88,9 @@ class Rescue:
         return False
 
     def copy(self, source: sqlite3.Connection | None, newest: Sequence[Statement]) -> bool:
-        """Take all that ``source`` can still read, although its file may have no name any more.
+        """Copy all that ``source`` can still read, although its file may have no name any more.
 
-        Then ``newest``, which it may have lost. False where this disk does not take them.
+        Then ``newest``, which it may have lost. Returns False where this disk refuses them.
         """
         if source is not None:
             with contextlib.suppress(sqlite3.Error, MemoryError):
@@ -106,7 +106,7 @@ class Rescue:
                 self._connection.executemany(table[1], some)
 
     def write(self, statements: Sequence[Statement]) -> bool:
-        """Commit them; False where this disk does not take them either."""
+        """Commit statements; return False where this disk refuses them, too."""
         assert self._connection is not None
         try:
             with transaction(self._connection):
@@ -133,7 +133,7 @@ class Rescue:
 
 
 def _remove_if_empty(place: Path) -> None:
-    """No empty folder stays behind in somebody's home."""
+    """Remove a folder that is empty, so that none stays behind in a user's home."""
     with contextlib.suppress(OSError):  # it holds other rescues, or was never made
         place.rmdir()
 
@@ -143,12 +143,13 @@ RETRY_S = 1.0
 MAX_BATCH = 2000
 _MAX_RECENT = 2000
 MAX_WAITING = 500_000
-"""Records kept in memory while the disk refuses them: many nights' worth."""
+"""Largest number of records kept in memory while the disk refuses them: many nights' worth."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class KeptFile:
-    """A file beside the log, or why it is not there: a row of ``files``, its columns in order."""
+    """File beside the log, or the reason why it is missing: a row of ``files``, its columns in
+    order."""
 
     frame_id: int
     role: str
@@ -163,10 +164,10 @@ _Entry = tuple[int, int, Record] | KeptFile
 
 
 class LogWriter:
-    """Takes entries at once and commits them in batches.
+    """Accepts entries at once and commits them in batches.
 
     While the disk refuses them it keeps them, in memory and in a rescue session elsewhere; where
-    somebody has removed or damaged the log it goes on in that one.
+    the log was removed or damaged it continues in that one.
     """
 
     def __init__(self, path: Path, faults: Faults, rescue: Rescue) -> None:
@@ -174,14 +175,14 @@ class LogWriter:
         self._place = LogFileWatch(path)
         self._rescue = rescue
         self._rescued = 0
-        """Of the unwritten ones, the oldest: in the rescue session already."""
+        """Number of the oldest unwritten statements that are in the rescue session already."""
         self._is_lost = False
-        """The log's own place is given up."""
+        """True once the log's own place is given up."""
         self._damage = ""
         self._has_taken_over = False
-        """The rescue session has what could still be read of the lost log."""
+        """True once the rescue session has all that could still be read of the lost log."""
         self._recent: deque[Statement] = deque(maxlen=_MAX_RECENT)
-        """What was committed last: some of it may be lost with the log."""
+        """Latest committed statements: some of them may be lost with the log."""
         self._faults = faults
         self._waiting: deque[_Entry] = deque()
         self._unwritten: deque[Statement] = deque()
@@ -198,12 +199,13 @@ class LogWriter:
 
     @property
     def path(self) -> Path:
-        """The database that has the whole night: the rescue session's where the own one is lost."""
+        """Path of the database that has the whole night: the rescue session's where the own one is
+        lost."""
         folder = self._rescue.folder if self._has_taken_over else None
         return self._path if folder is None else folder / DATABASE
 
     def put(self, record: Record, t_utc_ns: int) -> int:
-        """Take a record; returns its place in the order of the log."""
+        """Accept a record; return its place in the order of the log."""
         with self._lock:
             seq = self._next_seq
             self._next_seq += 1
@@ -211,7 +213,7 @@ class LogWriter:
         return seq
 
     def put_file(self, file: KeptFile) -> None:
-        """Take the news of a file."""
+        """Accept a row for a file."""
         with self._lock:
             self._take(file)
 
@@ -225,9 +227,9 @@ class LogWriter:
             self._taken += 1
 
     def flush(self, timeout_s: float) -> bool:
-        """Commit all that was taken so far; False when this session's log has not all of it.
+        """Commit all accepted entries; return False when this session's log has not all of them.
 
-        What the rescue session has is on a disk, but a reader of this one does not find it.
+        Entries in the rescue session are on a disk, but a reader of this one does not find them.
         """
         if not self._is_durable(timeout_s) or self._is_lost:
             return False
@@ -236,7 +238,7 @@ class LogWriter:
             return self._progress.wait_for(lambda: not self._rescued, min(timeout_s, 1.5 * RETRY_S))
 
     def _is_durable(self, timeout_s: float) -> bool:
-        """Whether all that was taken so far is on some disk within that time."""
+        """Wait until all accepted entries are on some disk; return False where the time is out."""
         with self._lock:
             goal = self._taken
         self._wake.set()
@@ -244,7 +246,7 @@ class LogWriter:
             return self._progress.wait_for(lambda: self._committed >= goal, timeout_s)
 
     def close(self, timeout_s: float) -> bool:
-        """Commit the rest and let go of the database; False when that did not succeed."""
+        """Commit the rest and close the database; return False when that did not succeed."""
         is_flushed = self._is_durable(timeout_s)
         with self._lock:
             self._is_closing = True
@@ -279,7 +281,8 @@ class LogWriter:
                 self._wake.wait(RETRY_S)
 
     def _write(self) -> bool:
-        """Commit what is unwritten, oldest first; False as soon as the disk refuses."""
+        """Commit the unwritten statements, oldest first; return False as soon as the disk
+        refuses."""
         if not self._is_lost and self._connection is not None:
             self._check_log_file()
         if self._is_lost:
@@ -318,13 +321,13 @@ class LogWriter:
         return True
 
     def _advance(self, count: int) -> None:
-        """Count records that are on the disk."""
+        """Count records that are now on the disk."""
         with self._progress:
             self._committed += count
             self._progress.notify_all()
 
     def _write_to_rescue(self) -> bool:
-        """Put into the rescue session what is unwritten; False where that cannot be."""
+        """Write the unwritten statements into the rescue session; return False where that fails."""
         rescue = self._rescue
         if not (self._take_over() if self._is_lost else rescue.begin()):
             return False
@@ -340,7 +343,7 @@ class LogWriter:
         return True
 
     def _check_log_file(self) -> bool:
-        """Whether the log is still where it was; SQLite does not notice when it is not."""
+        """Check that the log is still in its place; SQLite does not notice when it is not."""
         damage = self._place.damage(self._has_all)
         if damage is None:
             return True
@@ -350,7 +353,7 @@ class LogWriter:
         return False
 
     def _take_over(self) -> bool:
-        """Whether the rescue session has what the lost log had; False where that cannot be yet.
+        """Have the rescue session take over; return False while that is not yet possible.
 
         As long as the connection lives, most of it can still be read.
         """
@@ -366,7 +369,7 @@ class LogWriter:
         return True
 
     def _has_all(self) -> bool:
-        """Whether a reader finds the newest record that was committed."""
+        """True where a reader finds the newest record that was committed."""
         newest = next((v[0] for sql, v in reversed(self._recent) if sql == INSERT_RECORD), None)
         if newest is None:
             return True

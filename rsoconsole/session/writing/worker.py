@@ -1,4 +1,4 @@
-"""Slow work on a thread of its own, with a bound on what may wait for it."""
+"""Slow work on a thread of its own, with a bound on the waiting jobs."""
 
 import logging
 import threading
@@ -13,9 +13,9 @@ OnError: TypeAlias = Callable[[BaseException], None]
 
 
 class BoundedWorker:
-    """A thread that runs jobs one after another.
+    """Thread that runs jobs one after another.
 
-    It takes at most ``max_jobs`` at a time, the running one included.
+    It accepts at most ``max_jobs`` at a time, the running one included.
     """
 
     def __init__(self, name: str, max_jobs: int) -> None:
@@ -28,9 +28,9 @@ class BoundedWorker:
         self._thread.start()
 
     def submit(self, job: Job, on_error: OnError) -> bool:
-        """Take a job; False when there is no room for it.
+        """Accept a job; return False when there is no room for it.
 
-        ``on_error`` is given, on the worker's thread, whatever the job raises; the next job
+        ``on_error`` is called, on the worker's thread, with any error of the job; the next job
         follows in any case.
         """
         with self._changed:
@@ -41,14 +41,15 @@ class BoundedWorker:
         return True
 
     def drain(self, timeout_s: float) -> bool:
-        """Wait until nothing is left to do; False when that takes longer."""
+        """Wait until nothing is left to do; return False when that takes longer."""
         with self._changed:
             return self._changed.wait_for(
                 lambda: not self._jobs and not self._is_running_job, timeout_s
             )
 
     def close(self, timeout_s: float) -> bool:
-        """Finish what was taken and end the thread; False when it would not end in time."""
+        """Finish the accepted jobs and end the thread; return False when it would not end in
+        time."""
         with self._changed:
             self._is_closing = True
             self._changed.notify_all()
@@ -72,7 +73,7 @@ class BoundedWorker:
 
 
 def _do(job: Job, on_error: OnError) -> None:
-    """Nothing that a job raises may end the thread: all later jobs would wait for ever."""
+    """Run a job; none of its errors may end the thread, or all later jobs would wait for ever."""
     try:
         job()
     except BaseException as error:
@@ -83,7 +84,7 @@ def _do(job: Job, on_error: OnError) -> None:
 
 
 _GIVEN_UP = ("frame", "closeup", "preview")
-"""Places of what is lost without harm to the night, the gravest first."""
+"""Places of losses without harm to the night, the gravest first."""
 
 
 class Faults:
@@ -112,7 +113,8 @@ class Faults:
             self._texts.pop(place, None)
 
     def texts(self) -> tuple[str, ...]:
-        """Every present fault; pictures that are given up come after what harms the night."""
+        """Texts of all present faults; pictures that are given up come after faults that harm the
+        night."""
         with self._lock:
             present = dict(self._texts)
         return tuple(present[place] for place in sorted(present, key=_rank))

@@ -1,7 +1,7 @@
-"""The writer of a live session: records, frames and previews.
+"""Writer of a live session: records, frames and previews.
 
-Nothing here waits for a disk or raises because of one: the telescope goes on, and ``faults``
-says what the record lacks.
+Nothing here waits for a disk or raises because of one: the telescope goes on, and ``faults`` states
+the gaps of the record.
 """
 
 import contextlib
@@ -32,16 +32,17 @@ from rsoconsole.session.writing.worker import BoundedWorker, Faults
 
 MAX_FRAMES_WAITING = 3
 MAX_PREVIEWS_WAITING = 64
-"""Pictures of 0.3 MB: the disk is waited for with each, and they come in bursts."""
+"""Largest number of waiting pictures of 0.3 MB: the writer waits for the disk with each, and they
+come in bursts."""
 LAST_KEPT = 12
-"""Frames whose pixels ``session.keep_frames = last`` keeps: 0.2 GB of a 16 Mpx camera."""
+"""Number of frames whose pixels ``session.keep_frames = last`` keeps: 0.2 GB of a 16 Mpx camera."""
 NOT_AMONG_LAST = f"of the last {LAST_KEPT} frames alone the pixels are kept (session.keep_frames)"
 RESERVE_BYTES = 200_000_000
-"""Frames are given up below this much free disk: the log must have room."""
+"""Free disk below which frames are given up: the log must have room."""
 
 
 class SessionWriter:
-    """The one writer of a session. Its methods may be called from any thread."""
+    """Writer of a session, the only one. Its methods may be called from any thread."""
 
     @classmethod
     def create(
@@ -56,8 +57,8 @@ class SessionWriter:
         """Begin a session in a new or empty folder.
 
         ``about`` goes into the table ``meta``: title, model_sha256, versions, clock_offset_s and
-        whatever else JSON can carry. ``on_fault`` is called, from another thread, with each new
-        fault in words. Raises SessionError when the folder cannot be used.
+        other JSON values. ``on_fault`` is called, from another thread, with each new fault in
+        words. Raises SessionError when the folder cannot be used.
         """
         if (folder / DATABASE).exists():
             raise SessionError(f"{folder} already holds a session: name another folder")
@@ -92,9 +93,9 @@ class SessionWriter:
         self.folder = folder
         self._keeps_last = keeps_last
         self._kept_frames: deque[int] = deque()
-        """Frames whose pixels are there, where only the last ones are kept."""
+        """Numbers of the frames with pixels, where only the last ones are kept."""
         self._going: list[Path] = []
-        """Files that no row names any more."""
+        """Files without a row, to be removed."""
         self._reserve_bytes = reserve_bytes
         self._faults = Faults(on_fault)
         self._is_closed = False
@@ -108,7 +109,7 @@ class SessionWriter:
         return self._faults.texts()
 
     def append(self, record: Record, t_utc_ns: int) -> int:
-        """Record what happened at ``t_utc_ns``; returns its place in the log, at once.
+        """Record an event at ``t_utc_ns``; return its place in the log, at once.
 
         Mappings inside the record must not be changed afterwards.
         """
@@ -117,8 +118,8 @@ class SessionWriter:
     def save_frame(self, frame: Frame) -> bool:
         """Keep a frame's pixels, compressed without loss on another thread.
 
-        The pixels must not be changed afterwards.
-        False when the frame is given up because too many wait; the session says so too.
+        The pixels must not be changed afterwards. False when the frame is given up because too many
+        wait; the session records that, too.
         """
         return self._save(self._frames, frame.frame_id, "frame", lambda: compress_frame(frame))
 
@@ -131,9 +132,9 @@ class SessionWriter:
         return self._save(self._previews, frame_id, "closeup", lambda: encode_preview(picture))
 
     def flush(self, timeout_s: float = 5.0) -> bool:
-        """Wait until the disk has every record appended so far; False when it has not.
+        """Wait until the disk has every record appended so far; return False when it has not.
 
-        What is said to be there survives a loss of power: every commit waits for the disk.
+        Acknowledged records survive a loss of power: every commit waits for the disk.
         """
         return self._log.flush(timeout_s)
 
@@ -192,7 +193,8 @@ class SessionWriter:
             self._let_go(frame_id, self._keeps_last)
 
     def _let_go(self, frame_id: int, keeps: int) -> None:
-        """The oldest frame beyond those that are kept: its row first, its file with the next."""
+        """Drop the oldest frame beyond the number to keep: its row first, its file with the
+        next."""
         for path in self._going:
             path.unlink(missing_ok=True)
         self._going.clear()
@@ -212,14 +214,14 @@ class SessionWriter:
 
 
 def _reason(error: BaseException) -> str:
-    """What happened, in words; a failed disk speaks for itself, other errors by their kind too."""
+    """Reason in words; a failed disk speaks for itself, other errors by their kind too."""
     if isinstance(error, OSError):
         return error.strerror or str(error)
     return f"{type(error).__name__}: {error}".removesuffix(": ")
 
 
 def _make_folder(folder: Path) -> None:
-    """The folder with those above it, so that the disk has their names."""
+    """Make a folder with those above it, so that the disk has their names."""
     if folder.exists():
         folder.mkdir(exist_ok=True)  # says so where it is a file
         return
@@ -229,12 +231,12 @@ def _make_folder(folder: Path) -> None:
 
 
 class BatchRecording:
-    """Writes what ``process`` found into a new session; does nothing without a folder."""
+    """Writes the records of ``process`` into a new session; does nothing without a folder."""
 
     def __init__(
         self, folder: Path | None, config: Config, model_sha256: str, **about: Any
     ) -> None:
-        """``about``: what else the session is to say of itself, or another title."""
+        """``about``: further facts for the session's table ``meta``, or another title."""
         self._writer: SessionWriter | None = None
         self._last_utc_ns = 0
         if folder is not None:
@@ -247,7 +249,8 @@ class BatchRecording:
         return () if self._writer is None else self._writer.faults
 
     def append(self, records: Iterable[Record], t_utc_ns: int | None) -> None:
-        """All records of one frame, in order; a frame without a time keeps the last one's."""
+        """Append all records of one frame, in order; a frame without a time keeps the last
+        one's."""
         self._last_utc_ns = t_utc_ns if t_utc_ns is not None else self._last_utc_ns
         if self._writer is not None:
             for record in records:
