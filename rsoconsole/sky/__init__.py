@@ -1,4 +1,4 @@
-"""Angles, times, frames and places. Imports nothing above the records."""
+"""Angles, times, reference frames and places. Imports nothing above the records."""
 
 from lazy_loader import attach_stub
 

@@ -1,7 +1,7 @@
-"""Angles on a circle and on a sphere, and the way people write them down.
+"""Angles on a circle and on a sphere, and their written forms.
 
-Degrees everywhere; hours only where an operator or INDI wants them. Functions take floats or
-numpy arrays and give back the same kind.
+Degrees everywhere; hours only where an operator or INDI wants them. Functions take floats or numpy
+arrays and give back the same kind.
 """
 
 import math
@@ -20,14 +20,14 @@ _MARKS = re.compile(r"[\s:hdms°'\"′″]+", re.IGNORECASE)
 
 
 def wrap_180(angle_deg: Angle) -> Angle:
-    """The angle in -180 <= angle < 180."""
+    """Wrap the angle to -180 <= angle < 180."""
     if isinstance(angle_deg, np.ndarray):
         return np.asarray(np.mod(angle_deg + 180.0, 360.0) - 180.0)
     return wrap_360(float(angle_deg) + 180.0) - 180.0
 
 
 def wrap_360(angle_deg: Angle) -> Angle:
-    """The angle in 0 <= angle < 360."""
+    """Wrap the angle to 0 <= angle < 360."""
     if isinstance(angle_deg, np.ndarray):
         wrapped = np.mod(angle_deg, 360.0)
         return np.where(wrapped >= 360.0, 0.0, wrapped)
@@ -42,12 +42,12 @@ def turn_deg(one_deg: float, other_deg: float) -> float:
 
 
 def hours_to_deg(hours: Angle) -> Angle:
-    """Hours of right ascension or hour angle as degrees; not wrapped."""
+    """Convert hours of right ascension or hour angle to degrees; not wrapped."""
     return hours * 15.0
 
 
 def deg_to_hours(angle_deg: Angle) -> Angle:
-    """Degrees as hours; not wrapped."""
+    """Convert degrees to hours; not wrapped."""
     return angle_deg / 15.0
 
 
@@ -123,7 +123,7 @@ def position_angle_deg(
 
 
 def parse_sexagesimal(text: str) -> float:
-    """Value of 'a', 'a b' or 'a b c' with any usual separators, in units of the first field.
+    """Parse 'a', 'a b' or 'a b c' with any usual separators, in units of the first field.
 
     Raises ValueError for anything else.
     """
@@ -141,10 +141,10 @@ def parse_sexagesimal(text: str) -> float:
 
 
 def parse_ra_deg(text: str) -> float:
-    """Right ascension written in hours ('hh mm ss', 'h:m:s', '12h34m56s') as degrees, 0 to 360.
+    """Parse a right ascension in hours ('hh mm ss', 'h:m:s', '12h34m56s') to degrees, 0 to 360.
 
-    A single number is degrees, as in FITS headers, unless it is marked with an h. Raises
-    ValueError for anything else or out of range.
+    A single number is degrees, as in FITS headers, unless it is marked with an h. Raises ValueError
+    for anything else or out of range.
     """
     plain = text.strip().lower()
     is_single = len([part for part in _MARKS.split(plain.lstrip("+-")) if part]) == 1
@@ -157,7 +157,7 @@ def parse_ra_deg(text: str) -> float:
 
 
 def parse_dec_deg(text: str) -> float:
-    """Declination written in degrees ('+dd mm ss', '-d:m:s', decimal) as degrees.
+    """Parse a declination written in degrees ('+dd mm ss', '-d:m:s', decimal) to degrees.
 
     Raises ValueError for anything else or beyond 90 deg.
     """

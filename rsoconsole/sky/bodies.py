@@ -1,4 +1,4 @@
-"""Sun, Moon and planets: where they are, when it is dark, what light reaches a satellite."""
+"""Sun, Moon and planets: their places, dark time, and sunlight on a satellite."""
 
 from collections.abc import Callable
 from types import MappingProxyType
@@ -97,7 +97,7 @@ def moon_lit_fraction(t_utc_ns: int) -> float:
 PLANETS = MappingProxyType(
     {"Mercury": 1, "Venus": 2, "Mars": 4, "Jupiter": 5, "Saturn": 6, "Uranus": 7, "Neptune": 8}
 )
-"""Number in the theory by name; the third is the Earth."""
+"""Number of each planet in the theory by its name; the third is the Earth."""
 
 
 def planet_icrs(name: str, t_utc_ns: int) -> tuple[float, float]:
@@ -118,16 +118,17 @@ def planet_icrs(name: str, t_utc_ns: int) -> tuple[float, float]:
 
 
 SCAN_STEP_NS = 600 * NS_PER_S
-"""Fine enough for nights of a quarter of an hour, as they are at the edge of a polar summer."""
+"""Step of the search, ns: fine enough for nights of a quarter of an hour at the edge of a polar
+summer."""
 CROSSING_NS = NS_PER_S // 10
 
 
 def night_span(site: Site, now_utc_ns: int, twilight_deg: float) -> tuple[int, int] | None:
-    """The present dark time, or the next that begins within a day: (dusk, dawn) in UTC ns.
+    """Find the present dark time, or the next that begins within a day: (dusk, dawn) in UTC ns.
 
-    Dark is a Sun at ``twilight_deg`` or lower, refraction left out. None when it does not get
-    dark within a day. Where the Sun stays down longer, the span is cut a day before and after
-    now: in a polar night it is two days long.
+    Dark is a Sun at ``twilight_deg`` or lower, refraction left out. None when it does not get dark
+    within a day. Where the Sun stays down longer, the span is cut a day before and after now: in a
+    polar night it is two days long.
     """
 
     def is_dark(t_utc_ns: int) -> bool:
@@ -145,9 +146,9 @@ def night_span(site: Site, now_utc_ns: int, twilight_deg: float) -> tuple[int, i
 
 
 def _first(is_dark: Callable[[int], bool], wanted: bool, from_ns: int, to_ns: int) -> int | None:
-    """The instant nearest to ``from_ns``, on the way to ``to_ns``, at which darkness is ``wanted``.
+    """Find the instant nearest to ``from_ns``, towards ``to_ns``, at which darkness is ``wanted``.
 
-    Darkness at ``from_ns`` may be taken for the other way round. None when it never comes.
+    Darkness at ``from_ns`` is not checked. None when it never comes.
     """
     step_ns = SCAN_STEP_NS if to_ns > from_ns else -SCAN_STEP_NS
     before_ns = from_ns

@@ -1,8 +1,8 @@
-"""The sky of one hour: apparent places, sidereal time and the Sun, for questions asked often.
+"""Sky of one hour: apparent places, sidereal time and the Sun, for frequent queries.
 
 Within half an hour aberration, precession and nutation move a place by less than 0.02 arcsec, so
-that what takes long is computed once an hour. The Sun's place runs on a straight
-line: good to an arcsecond for hours.
+that slow quantities are computed once an hour. The Sun's place runs on a straight line: good to an
+arcsecond for hours.
 """
 
 from dataclasses import dataclass
@@ -28,13 +28,13 @@ class Epoch:
     """True equator and equinox of one hour; good to a tenth of an arcsecond for hours around."""
 
     t_utc_ns: int
-    """The middle of the hour."""
+    """Middle of the hour, UTC ns."""
     astrom: Any
     """Parameters of erfa (``apci13``) for many places at one instant."""
     equation_of_origins_deg: float
     gast_deg: float
     sun_ra_deg: float
-    """Apparent place of the Sun's centre, of date."""
+    """Apparent right ascension of the Sun's centre, of date."""
     sun_dec_deg: float
     sun_ra_rate_deg_s: float
     sun_dec_rate_deg_s: float
@@ -63,7 +63,7 @@ class Epoch:
 
 
 def epoch_at(t_utc_ns: int) -> Epoch:
-    """The epoch of the hour in which an instant lies; kept, so that asking again costs nothing."""
+    """Return the epoch of the hour in which an instant lies; cached."""
     return _epoch(t_utc_ns // HOUR_NS)
 
 

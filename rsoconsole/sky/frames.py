@@ -2,8 +2,8 @@
 
 Directions are floats or arrays; array instants need arrays of directions. "JNow" is the apparent
 place: true equator and equinox of date with annual aberration, which is what INDI's
-EQUATORIAL_EOD_COORD means. All degrees. Diurnal aberration (0.3 arcsec) and polar motion
-(0.3 arcsec) are left out: nothing that points a mount can tell. Source: IAU SOFA by erfa.
+EQUATORIAL_EOD_COORD means. All degrees. Diurnal aberration (0.3 arcsec) and polar motion (0.3
+arcsec) are left out: too small to matter for pointing a mount. Source: IAU SOFA by erfa.
 """
 
 from typing import Literal
@@ -22,7 +22,7 @@ PierSide = Literal["east", "west"]
 def icrs_to_jnow(
     ra_icrs_deg: Angle, dec_icrs_deg: Angle, t_utc_ns: TimeLike
 ) -> tuple[Angle, Angle]:
-    """Apparent place of date of a catalogue direction; floats in, floats out."""
+    """Convert a catalogue direction to its apparent place of date; floats in, floats out."""
     ra, dec, eo = erfa.atci13(
         np.radians(ra_icrs_deg), np.radians(dec_icrs_deg), 0.0, 0.0, 0.0, 0.0, *jd_tt(t_utc_ns)
     )
@@ -32,7 +32,7 @@ def icrs_to_jnow(
 def jnow_to_icrs(
     ra_jnow_deg: Angle, dec_jnow_deg: Angle, t_utc_ns: TimeLike
 ) -> tuple[Angle, Angle]:
-    """Catalogue direction of an apparent place of date; undoes ``icrs_to_jnow``."""
+    """Convert an apparent place of date to its catalogue direction; undoes ``icrs_to_jnow``."""
     tt = jd_tt(t_utc_ns)
     ra_cirs = np.radians(ra_jnow_deg) + erfa.eo06a(*tt)
     ra, dec, _ = erfa.atic13(ra_cirs, np.radians(dec_jnow_deg), *tt)
@@ -56,7 +56,7 @@ def hour_angle_icrs_deg(
 def icrs_of_hour_angle(
     site: Site, hour_angle_deg: Angle, dec_jnow_deg: Angle, t_utc_ns: TimeLike
 ) -> tuple[Angle, Angle]:
-    """Catalogue direction that stands at an hour angle and declination of date."""
+    """Catalogue direction at an hour angle and declination of date."""
     ra = (lst_deg(site.longitude_deg, t_utc_ns) - np.asarray(hour_angle_deg)) % 360.0
     return jnow_to_icrs(_like(hour_angle_deg, ra), dec_jnow_deg, t_utc_ns)
 
@@ -80,7 +80,7 @@ def icrs_to_altaz(
     *,
     is_refracted: bool = False,
 ) -> tuple[Angle, Angle]:
-    """Altitude and azimuth of a catalogue direction; refracted by a standard air if asked."""
+    """Convert a catalogue direction to altitude and azimuth, on request refracted."""
     ra_jnow_deg, dec_jnow_deg = icrs_to_jnow(ra_icrs_deg, dec_icrs_deg, t_utc_ns)
     ha = hour_angle_jnow_deg(site, ra_jnow_deg, t_utc_ns)
     altitude_deg, azimuth_deg = altaz_of_hour_angle(site, ha, dec_jnow_deg)
@@ -92,7 +92,7 @@ def icrs_to_altaz(
 def altaz_to_icrs(
     site: Site, altitude_deg: Angle, azimuth_deg: Angle, t_utc_ns: TimeLike
 ) -> tuple[Angle, Angle]:
-    """Catalogue direction of an altitude and azimuth without refraction."""
+    """Convert an altitude and azimuth without refraction to a catalogue direction."""
     ha, dec = erfa.ae2hd(
         np.radians(azimuth_deg), np.radians(altitude_deg), np.radians(site.latitude_deg)
     )
@@ -116,7 +116,7 @@ def pier_side(hour_angle_deg: float) -> PierSide:
 
 
 def _like(model: Angle, value: FloatArray) -> Angle:
-    """A float where the question was a float."""
+    """Return a float where the model value is a float."""
     if isinstance(model, np.ndarray):
         return np.asarray(value)
     return float(value)
@@ -125,7 +125,7 @@ def _like(model: Angle, value: FloatArray) -> Angle:
 def chart_to_icrs(
     ra_deg: FloatArray, dec_deg: FloatArray, equinox_year: int | None, t_utc_ns: IntArray
 ) -> tuple[FloatArray, FloatArray]:
-    """(N,) degrees of directions seen at (N,) instants, on charts of one equinox.
+    """Convert chart directions of one equinox, seen at (N,) instants, to ICRS degrees, (N,) each.
 
     ``equinox_year``: 2000 and later of FK5, before 1984 of FK4; None: that of date.
     """

@@ -1,4 +1,4 @@
-"""Objects that an operator calls by name: bright stars, and Messier's list."""
+"""Objects with names that an operator may enter: bright stars, and Messier's list."""
 
 from types import MappingProxyType
 
@@ -92,7 +92,7 @@ Zubeneschamali 15 17 00.4 -09 22 59
 
 
 def _places(table: str) -> dict[str, tuple[float, float]]:
-    """(RA, Dec) by name, of rows of a name and both coordinates, each in as many fields."""
+    """Places (RA, Dec) by name, from rows of a name and both coordinates, in equal fields."""
     places: dict[str, tuple[float, float]] = {}
     for row in table.replace("|", "\n").strip().splitlines():
         name, *fields = row.split()

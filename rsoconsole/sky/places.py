@@ -1,4 +1,4 @@
-"""Where site, Earth and satellite are in GCRS, and the place that a plate solution measures.
+"""Places of site, Earth and satellite in GCRS, and the direction that a plate solution measures.
 
 Kilometres and km/s along ICRS axes. Source of the Earth's motion and rotation: IAU SOFA by erfa
 (IAU 2006/2000A, with UT1 and polar motion from the IERS table).
@@ -38,17 +38,17 @@ class Places:
     dec_icrs_deg: FloatArray
     range_km: FloatArray
     ra_rate_deg_s: FloatArray
-    """Rate of the coordinate: multiply by cos dec for the rate on the sky."""
+    """Rate of the right ascension: multiply by cos dec for the rate on the sky."""
     dec_rate_deg_s: FloatArray
     position_gcrs_km: FloatArray
-    """(N, 3) when the light left."""
+    """(N, 3) position of the object when the light left, km."""
     site_gcrs_km: FloatArray
-    """(N, 3) when the light arrived."""
+    """(N, 3) position of the site when the light arrived, km."""
 
 
 @lru_cache(maxsize=512)
 def _pole_knot(hour: int) -> tuple[float, float, float]:
-    """X, Y of the celestial pole and the locator s at a whole hour, radians."""
+    """Coordinates X, Y of the celestial pole and the locator s at a whole hour, radians."""
     x, y, s = erfa.xys06a(*jd_tt(hour * _KNOT_NS))
     return float(x), float(y), float(s)
 
@@ -122,15 +122,15 @@ def _about_pole(angle: FloatArray) -> FloatArray:
 
 
 _FEW, _MAX_REMEMBERED = 256, 4096
-"""Most instants of one call that are remembered, and most remembered in all."""
+"""Largest number of instants of one call that are cached, and largest number cached in all."""
 _remembered: dict[int, FloatArray] = {}
-"""Velocity of the Earth, km/s, by its instant."""
+"""Velocity of the Earth by instant, km/s."""
 
 
 def earth_velocity_km_s(t_utc_ns: TimeLike) -> FloatArray:
     """Velocity (..., 3) of the Earth's centre about the barycentre of the solar system.
 
-    The tracks of a field are of the same instants, frame after frame: those are remembered.
+    The tracks of a field share the same instants, frame after frame: those are cached.
     """
     t = np.asarray(t_utc_ns, np.int64)
     if t.size > _FEW:
@@ -237,7 +237,7 @@ def slot_direction(site: Site, slot_longitude_deg: float) -> tuple[float, float]
     """Topocentric hour angle (west positive, -180 to 180) and declination of a belt slot.
 
     ``slot_longitude_deg`` is east positive. Where the Earth is in the way the direction points
-    below the horizon: that is for the limits to refuse.
+    below the horizon, which the limits refuse.
     """
     axis_km, height_km = _site_km(site)
     west = math.radians(site.longitude_deg - slot_longitude_deg)

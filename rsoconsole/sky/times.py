@@ -36,12 +36,12 @@ _ISO = re.compile(
 
 
 def day_of(t_utc_ns: int) -> date:
-    """The day (UTC) of an instant."""
+    """Day (UTC) of an instant."""
     return date(1970, 1, 1) + timedelta(days=t_utc_ns // NS_PER_DAY)
 
 
 def iso_to_utc_ns(text: str) -> int:
-    """UTC nanoseconds of an ISO 8601 instant; without an offset it is taken as UTC.
+    """Parse an ISO 8601 instant to UTC nanoseconds; without an offset it is taken as UTC.
 
     Digits beyond the nanosecond are dropped. Raises ValueError for anything else: a time that
     cannot be read never becomes another time.
@@ -87,7 +87,7 @@ def _tai_minus_utc_of_day(day: int) -> float:
 
 
 def tai_minus_utc_s(t_utc_ns: TimeLike) -> FloatArray:
-    """TAI - UTC; a day after the table of leap seconds keeps the last value."""
+    """TAI - UTC in seconds; a day after the table of leap seconds keeps the last value."""
     days = np.asarray(t_utc_ns, np.int64) // NS_PER_DAY
     unique, inverse = np.unique(days, return_inverse=True)
     values = np.array([_tai_minus_utc_of_day(int(day)) for day in unique])
@@ -108,7 +108,7 @@ def jd_ut1(t_utc_ns: TimeLike) -> tuple[FloatArray, FloatArray]:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class EarthOrientation:
-    """UT1-UTC and the place of the Earth's pole, at each of the instants asked for."""
+    """UT1-UTC and the place of the Earth's pole, at each requested instant."""
 
     ut1_minus_utc_s: FloatArray
     pole_x_arcsec: FloatArray

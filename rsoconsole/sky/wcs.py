@@ -23,7 +23,7 @@ Sip = tuple[tuple[int, int, float], ...]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FieldDescription:
-    """A plate in an observer's words, evaluated at the centre of the image."""
+    """Plate as an observer describes it, evaluated at the centre of the image."""
 
     ra_icrs_deg: float
     dec_icrs_deg: float
@@ -37,7 +37,7 @@ class FieldDescription:
 def pixel_to_sky(
     wcs: Wcs, x_px: float | FloatArray, y_px: float | FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """RA (0 to 360) and Dec in degrees of pixels; 0-d arrays for scalars."""
+    """Convert pixels to RA (0 to 360) and Dec in degrees; 0-d arrays for scalars."""
     u = np.asarray(x_px, float) - wcs.crpix_x_px
     v = np.asarray(y_px, float) - wcs.crpix_y_px
     u, v = u + _polynomial(wcs.sip_a, u, v), v + _polynomial(wcs.sip_b, u, v)
@@ -54,7 +54,7 @@ def pixel_to_sky(
 def sky_to_pixel(
     wcs: Wcs, ra_icrs_deg: float | FloatArray, dec_icrs_deg: float | FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Pixels of directions; NaN behind the tangent plane or where SIP cannot be inverted."""
+    """Convert directions to pixels; NaN behind the tangent plane or where SIP has no inverse."""
     dra = np.radians(np.asarray(ra_icrs_deg, float) - wcs.crval_ra_deg)
     dec, dec0 = np.radians(np.asarray(dec_icrs_deg, float)), math.radians(wcs.crval_dec_deg)
     sin_dec, cos_dec, cos_dra = np.sin(dec), np.cos(dec), np.cos(dra)
@@ -79,7 +79,7 @@ def _polynomial(terms: Sip, u: FloatArray, v: FloatArray) -> FloatArray:
 
 
 def _undo_sip(wcs: Wcs, u_plane: FloatArray, v_plane: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Fixed-point inverse; far outside the plate, where it does not settle, NaN."""
+    """Invert SIP by fixed-point iteration; NaN far outside the plate, where it does not settle."""
     u, v = u_plane, v_plane
     step = np.full(np.shape(u_plane), np.inf)
     with np.errstate(over="ignore", invalid="ignore"):
@@ -121,7 +121,7 @@ def tan_wcs(
 
 
 def jacobian_arcsec_px(wcs: Wcs, x_px: float, y_px: float) -> FloatArray:
-    """(2, 2): rows (east, north) on the sky in arcsec, columns per pixel in (x, y).
+    """Jacobian (2, 2): rows (east, north) on the sky in arcsec, columns per pixel in (x, y).
 
     A pixel covariance C becomes J C J' on the sky.
     """
@@ -137,7 +137,7 @@ def jacobian_arcsec_px(wcs: Wcs, x_px: float, y_px: float) -> FloatArray:
 
 
 def describe(wcs: Wcs, width_px: int, height_px: int) -> FieldDescription:
-    """Centre, scale, rotation and hand of a plate, as ``records.Solution`` wants them."""
+    """Return centre, scale, rotation and hand of a plate, as ``records.Solution`` holds them."""
     x, y = (width_px - 1) / 2.0, (height_px - 1) / 2.0
     ra, dec = pixel_to_sky(wcs, x, y)
     jacobian = jacobian_arcsec_px(wcs, x, y)
@@ -178,7 +178,7 @@ def wcs_cards(wcs: Wcs, width_px: int, height_px: int) -> dict[str, str | int | 
 
 
 def wcs_from_cards(cards: Mapping[str, Any]) -> Wcs:
-    """Plate written in FITS cards (CD, or PC with CDELT, or CDELT with CROTA2; SIP).
+    """Read the plate written in FITS cards (CD, or PC with CDELT, or CDELT with CROTA2; SIP).
 
     Raises FrameError when the cards hold no gnomonic plate in right ascension and declination.
     """

@@ -1,4 +1,4 @@
-"""Pure: measurements in, tracks out. No input or output, no clock, no threads."""
+"""Tracking: measurements in, tracks out. Pure: no input or output, no clock, no threads."""
 
 from lazy_loader import attach_stub
 

@@ -1,4 +1,4 @@
-"""Gates of one track: which measurements of a frame may belong to it, and why not others. Pure."""
+"""Gates of one track: measurements that may belong to it, and reasons against others. Pure."""
 
 import numpy as np
 
@@ -40,7 +40,7 @@ def track_updates(
     seen: FrameInput,
     settings: FollowSettings,
 ) -> dict[Measurement, Update]:
-    """Measurements that a track may take, each with the errors that its streak shows."""
+    """Updates of a track with each measurement it may accept, and its streak's errors."""
     expected = expected_motion(predicted, seen.exposure_s)
     pairs = [(m, errors_of(m, expected, before.streaks, settings)) for m in measured]
     return estimator.candidate_updates(predicted, pairs, settings.filter)
@@ -54,7 +54,7 @@ def refusals(  # noqa: PLR0917 -- one call, each argument a different thing
     seen: FrameInput,
     settings: FollowSettings,
 ) -> dict[Measurement, NotTaken]:
-    """Which measurements do not belong to the track, and why: motion, position, neighbours."""
+    """Reasons why measurements do not belong to the track: motion, position, neighbours."""
     reasons: dict[Measurement, NotTaken] = {}
     shares = (LENGTH_TOLERANCE, LENGTH_TOLERANCE)
     if settings.filter.preset == "adaptive":
@@ -91,7 +91,7 @@ def _strangers(  # noqa: PLR0917 -- one call, each argument a different thing
     seen: FrameInput,
     settings: FollowSettings,
 ) -> dict[Measurement, NotTaken]:
-    """Which of those that move alike are not what is followed, or may not be, and why."""
+    """Reasons why measurements that move alike are not, or may not be, the tracked object."""
     if not neighbours or not alike:
         return {}
     match = best_match(
@@ -112,10 +112,10 @@ def _strangers(  # noqa: PLR0917 -- one call, each argument a different thing
 def _too_far_for_clipped(
     measurement: Measurement, predicted: TrackState, expected: Motion
 ) -> NotTaken | None:
-    """Why the visible part of a streak cannot be the track's; None when it can.
+    """Reason why the visible part of a streak cannot be the track's; None when it can.
 
-    Its own covariance says little along the streak, but its midpoint lies within half a streak
-    of the whole one's.
+    Its own covariance says little along the streak, but its midpoint lies within half a streak of
+    the whole one's.
     """
     to = (measurement.ra_icrs_deg, measurement.dec_icrs_deg)
     away = motion_between(*lqe.direction_icrs_deg(predicted), *to).length_arcsec
@@ -136,7 +136,7 @@ def nis_of(update: TrackState | Update) -> float:
 
 
 def off_nis(updated: TrackState, settings: FollowSettings) -> float:
-    """NIS by the moments of the mixture alone, which itself allows for more."""
+    """NIS by the moments of the mixture alone; the mixture itself allows for more."""
     if settings.filter.preset != "adaptive" or updated.innovation_arcsec is None:
         return nis_of(updated)
     off = np.array(updated.innovation_arcsec)

@@ -1,4 +1,4 @@
-"""One track through one frame: what it takes, where it coasts, when it begins again. Pure."""
+"""One track through one frame: update, coast or new initiation. Pure."""
 
 from dataclasses import replace
 
@@ -32,13 +32,14 @@ from rsoconsole.tracking.initiation.acquisition import (
 from rsoconsole.tracking.joint import TrackCandidates
 
 ANOTHER_OBJECT_NIS = 100.0
-"""NIS from which on the operator's choice is another object, and begins a new track."""
+"""NIS from which the operator's choice is another object, and initiates a new track."""
 
 ALONE_FOR_S = 100.0
-"""Longest coast of preset ``adaptive`` by its own motions, without an orbit: three frames or so."""
+"""Longest coast of preset ``adaptive`` by its own motions, without an orbit, s: about three
+frames."""
 
 _ABSENT = ("no detection", "nothing fits")
-"""Misses that say that it was not there."""
+"""Kinds of miss that mean that it was not there."""
 
 
 def stepped_track(
@@ -48,7 +49,7 @@ def stepped_track(
     seen: FrameInput,
     settings: FollowSettings,
 ) -> Step:
-    """A track after a frame of which it takes one measurement, or none."""
+    """Return a track after a frame of which it accepts one measurement, or none."""
     predicted, updated, reasons = weighed.predicted, weighed.updated, weighed.reasons
     if chosen is not None:
         state = updated[chosen].state
@@ -74,7 +75,7 @@ def stepped_track(
 def shared_track(
     weighed: TrackCandidates, own: SharedStreak, before: LiveTrack, seen: FrameInput
 ) -> Step:
-    """A track after a frame that could not show it apart from another."""
+    """Return a track after a frame that could not show it apart from another."""
     records = _records(weighed, own.updated, own.streak)
     return _measured(own.updated, before, own.taken, seen, records)
 
@@ -82,7 +83,7 @@ def shared_track(
 def _records(
     weighed: TrackCandidates, updated: TrackState, streak: Measurement
 ) -> tuple[FoldRecord, ...]:
-    """Prediction, update with a streak of the frame, and why its others were not taken."""
+    """Records of the prediction, the update, and the reasons against other streaks."""
     reasons = {m: why for m, why in weighed.reasons.items() if m is not streak}
     reasons |= {m: NotTaken(kind="another taken") for m in weighed.fitting if m is not streak}
     return (weighed.predicted, updated, *rejections(reasons, weighed.updated))
@@ -91,7 +92,7 @@ def _records(
 def initiated_again(
     step: Step, before: LiveTrack, track_id: int, seen: FrameInput, settings: FollowSettings
 ) -> Step:
-    """A new track takes the place of one that had gone astray."""
+    """Initiate a new track in the place of one that had gone astray."""
     found = step.reacquired
     assert found is not None
     fresh = new_track(found.pair, track_id, seen, settings, is_lead=before.track.is_lead)
@@ -101,10 +102,10 @@ def initiated_again(
 
 
 def predicted_track(before: LiveTrack, seen: FrameInput, settings: FollowSettings) -> TrackState:
-    """The track predicted to a frame: after a while unseen by the orbit of all measurements.
+    """Predict the track to a frame: after a while unseen by the orbit of all measurements.
 
-    No motion without an orbit predicts a long coast; preset ``tuned`` asks the orbit only where
-    its own prediction fits nothing.
+    No motion without an orbit predicts a long coast; preset ``tuned`` uses the orbit only where its
+    own prediction fits nothing.
     """
     predicted = estimator.predict(before.track, seen.t_mid_utc_ns, settings.filter, seen.frame_id)
     if settings.filter.preset != "adaptive" or seen.by_orbit is None or before.taken is None:
@@ -122,7 +123,7 @@ def _measured(
     seen: FrameInput,
     records: tuple[FoldRecord, ...],
 ) -> Step:
-    """A track that has taken a measurement."""
+    """Return a track that has accepted a measurement."""
     after = replace(
         before,
         track=track,
@@ -139,7 +140,7 @@ def _measured(
 def follow_chosen(
     before: LiveTrack, chosen: Measurement, seen: FrameInput, settings: FollowSettings
 ) -> Step:
-    """Take the operator's choice whatever the gates say, or begin a new track with it."""
+    """Accept the operator's choice whatever the gates say, or initiate a new track with it."""
     predicted = estimator.predict(before.track, seen.t_mid_utc_ns, settings.filter, seen.frame_id)
     others = tuple(not_followed(m, NOT_CHOSEN) for m in seen.measurements if m != chosen)
     updated = track_updates(predicted, (chosen,), before, seen, settings)[chosen].state

@@ -1,4 +1,4 @@
-"""A frame in which nothing fits a track: what fits only each other may take it over. Pure."""
+"""Takeover of a track that nothing fits by streaks that fit only each other. Pure."""
 
 import math
 from dataclasses import dataclass, replace
@@ -24,9 +24,9 @@ from rsoconsole.tracking.initiation.acquisition import track_through
 from rsoconsole.tracking.initiation.chains import agree
 
 SURE_ODDS = 100.0
-"""Odds to one from which on a rival takes over."""
+"""Odds to one from which a rival takes over."""
 MIN_RIVAL_FRAMES = 3
-"""Least number of frames of a rival that takes over."""
+"""Fewest frames of a rival that takes over."""
 MANOEUVRE_PROBABILITY = 0.002
 """Probability of a manoeuvre in one frame."""
 WRONG_PAIR_PROBABILITY = 0.05
@@ -36,31 +36,31 @@ UNDETECTED = 0.1
 OTHERS_A_DEG2 = 0.04
 """Density of other objects with a like motion, per square degree: a crowded part of the belt."""
 _BROKEN_ARCSEC = 60.0
-"""Scale of the distance to where it reappears; far away it falls with the cube."""
+"""Scale of the distance to where it reappears, arcsec; far away the density falls with the cube."""
 _MOST = 8
 _MAX_MISSED = 6
-"""More frames without it say no more: what hides it may last."""
+"""Number of frames without it from which more count no further: whatever hides it may last."""
 _KEPT_S = 130.0
-"""Without another streak of it."""
+"""Longest time that a rival is kept without another streak of it, s."""
 _MAX_UNFIT = 6
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Reacquired:
-    """Measurements that did not fit and turned out to be the object that is followed."""
+    """Measurements that did not fit and turned out to be the tracked object."""
 
     pair: tuple[Measurement, Measurement]
-    """Its last two, which begin a track again."""
+    """Last two of the measurements, which initiate the track again."""
     cause: Cause
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Step:
-    """A track after one frame, with what goes on record."""
+    """Result of one frame for a track, with its records."""
 
     records: tuple[FoldRecord, ...]
     after: LiveTrack | None
-    """None where the track has ended."""
+    """State of the track; None where it has ended."""
     is_measured: bool = False
     begins_with: Measurement | None = None
     """Another object that the operator wants followed in its place."""
@@ -76,7 +76,7 @@ def with_rivals(  # noqa: PLR0917 -- one call, each argument a different thing
     seen: FrameInput,
     settings: FollowSettings,
 ) -> Step:
-    """A step that coasts, with what fits nothing but each other, and whether that takes over."""
+    """Coasting step with its rivals, which fit nothing but each other, or a takeover by one."""
     unfit = tuple(m for m, why in reasons.items() if why.kind in {"NIS", "moves otherwise"})
     # Of whatever class: what flashes looks like a chain of stars now and then.
     usable = tuple(m for m in unfit if not m.is_clipped)
@@ -124,7 +124,7 @@ def _rivals_after(
     seen: FrameInput,
     settings: FollowSettings,
 ) -> tuple[Rival, ...]:
-    """The rivals after a frame in which what is followed was not seen; the longest first."""
+    """Return the rivals after a frame that did not show the track; the longest first."""
     left, found = list(unfit), list[Rival]()
     for rival in sorted(before, key=lambda each: -len(each.measurements)):
         longer = _longer(rival, left, seen, settings)
@@ -140,7 +140,7 @@ def _rivals_after(
 def _longer(
     rival: Rival, left: list[Measurement], seen: FrameInput, settings: FollowSettings
 ) -> Rival | None:
-    """A rival with the best of the measurements that fit it; None where none does."""
+    """Return a rival with the best of the measurements that fit it; None where none does."""
     fits: list[tuple[float, Measurement, TrackState]] = []
     predicted = None
     if rival.track is not None and left:
@@ -160,10 +160,10 @@ def _longer(
 
 
 def rival_odds(rival: Rival, predicted: TrackState, unexplained: int) -> float:
-    """Odds that a rival is the object that is followed, and not another one.
+    """Odds that a rival is the tracked object, and not another one.
 
-    ``predicted``: where what is followed should be now; ``unexplained``: frames in which it was
-    not detected although nothing hid it.
+    ``predicted``: the track predicted to now; ``unexplained``: frames in which it was not detected
+    although nothing hid it.
     """
     if len(rival.measurements) < MIN_RIVAL_FRAMES:
         return 0.0
@@ -184,7 +184,7 @@ def rival_odds(rival: Rival, predicted: TrackState, unexplained: int) -> float:
 def _rival_track(
     first: Measurement, second: Measurement, seen: FrameInput, settings: FollowSettings
 ) -> TrackState | None:
-    """A track through two measurements of different frames; None where they disagree."""
+    """Start a track through two measurements of different frames; None where they disagree."""
     if not agree(first, second, seen.exposure_s):
         return None
     return track_through(first, second, 0, seen, settings)
@@ -193,7 +193,7 @@ def _rival_track(
 def _rival_updated(
     predicted: TrackState, m: Measurement, seen: FrameInput, settings: FollowSettings
 ) -> TrackState | None:
-    """A track that was predicted to a measurement after it; None where it does not fit."""
+    """Update a track predicted to a later measurement; None where it does not fit."""
     expected = expected_motion(predicted, seen.exposure_s)
     if disagreement(m, expected, SHORTER_TOLERANCE) is not None:
         return None
@@ -203,7 +203,7 @@ def _rival_updated(
 
 
 def is_in_field(predicted: TrackState, field: Field | None) -> bool:
-    """Whether the frame should have shown it, as far as the frame's field is known."""
+    """True where the frame should have shown it, as far as the frame's field is known."""
     if field is None:
         return True
     inside_arcsec = np.array([3600.0 * three_sigma_deg(predicted)])
@@ -212,9 +212,9 @@ def is_in_field(predicted: TrackState, field: Field | None) -> bool:
 
 
 def is_neighbour(m: Measurement, tracked: LiveTrack) -> bool:
-    """Whether a measurement stands where a known neighbour of what is followed should.
+    """True where a measurement stands where a known neighbour of the track should.
 
-    ``tracked`` as it was predicted to the measurement's frame.
+    ``tracked``: predicted to the measurement's frame.
     """
     predicted, to = tracked.track, (m.ra_icrs_deg, m.dec_icrs_deg)
     away = motion_between(*lqe.direction_icrs_deg(predicted), *to)

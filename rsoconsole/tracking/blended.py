@@ -1,11 +1,12 @@
-"""Two satellites in one streak: what both tracks may take of it. Pure.
+"""Two satellites in one streak: the measurement that each of both tracks may accept. Pure.
 
 Where two of a slot pass each other closer than a camera can show, a frame has one streak of both:
-across them it lies somewhere between, by their light; along them it is as long as both together
-and its middle is that of the pair. The way from one to the other is known from the frames before
-(``pattern``), so that streak still measures both: each takes it with half of the way taken off,
-and with what nobody knows of the light as its error (the merged measurements of Blair-Bar-Shalom;
-Bar-Shalom & Li 1995, 6.4, without a second amplitude). Nothing is learnt of the way itself.
+across them it lies somewhere between, by their light; along them it is as long as both together and
+its middle is that of the pair. Their relative position is known from the frames before
+(``pattern``), so that streak still measures both: each accepts it shifted by half of the relative
+position, with the unknown share of the light as its error (the merged measurements of
+Blair-Bar-Shalom; Bar-Shalom & Li 1995, 6.4, without a second amplitude). Nothing is learnt of the
+relative position itself.
 """
 
 import itertools
@@ -23,24 +24,24 @@ from rsoconsole.tracking.filters.sky_path import Plane
 from rsoconsole.tracking.joint import Assignment, TrackCandidates
 
 WIDTHS = 2.5
-"""Distance, in widths of a star, below which two streaks beside each other are found as one."""
+"""Distance, in star widths, below which two streaks beside each other are found as one."""
 USUAL_WIDTH_ARCSEC = 3.5
-"""Full width of a star at half maximum, where it was not measured."""
+"""Full width of a star at half maximum where it was not measured."""
 _LIGHT_SIGMA = 0.5
-"""Of where across the pair the streak lies, in its distance: the same in every frame, so that a
-uniform law's 0.29 would be believed too much after some."""
+"""Sigma of the streak's place across the pair, over their distance: the same in every frame, so
+that a uniform law's 0.29 would be believed too much after some."""
 _APART_ARCSEC = 12.0
-"""Along each other further apart than that a streak's length says whether it is of both."""
+"""Distance along each other, arcsec, from which a streak's length shows whether it is of both."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SharedStreak:
-    """One track's part of a streak that is of two satellites."""
+    """One track's part of a streak of two satellites."""
 
     streak: Measurement
-    """As the frame shows it."""
+    """Streak in the frame."""
     taken: Measurement
-    """Where the track's own middle is by it."""
+    """Measurement of the track's own middle by that streak."""
     updated: TrackState
 
 
@@ -51,7 +52,7 @@ def shared_streaks(
     seen: FrameInput,
     settings: FollowSettings,
 ) -> dict[int, SharedStreak]:
-    """Parts of streaks that are of two tracks, by a track's place among ``weighed``.
+    """Find parts of streaks of two tracks, by a track's index in ``weighed``.
 
     Only where no frame could show both apart, one of the two is left without a streak, and the
     streak fits both as one of both.
@@ -92,7 +93,7 @@ def _axes(state: TrackState) -> tuple[FloatArray, FloatArray]:
 def _is_one_streak(
     one: TrackState, way: FloatArray, covariance: FloatArray, seen: FrameInput
 ) -> bool:
-    """Whether two so far from each other are found as one streak."""
+    """True where two at this relative position are detected as one streak."""
     along, across = _axes(one)
     width = WIDTHS * (seen.star_width_arcsec or USUAL_WIDTH_ARCSEC)
     unsure = float(np.sqrt(across @ covariance @ across))
@@ -108,7 +109,7 @@ def _of_both(
     seen: FrameInput,
     settings: FollowSettings,
 ) -> tuple[SharedStreak, SharedStreak] | None:
-    """What each of the two takes of a streak; None where it is not of both."""
+    """Parts of a streak for each of the two tracks; None where it is not of both."""
     way, covariance = known
     along, across = _axes(states[0])
     apart_along, apart_across = abs(float(way @ along)), float(way @ across)

@@ -1,6 +1,6 @@
 """Drift of the telescope while its mount tracks, and the error of the polar axis. Pure.
 
-The plate says where the telescope looks, the mount where it believes to look; the difference
+The plate gives where the telescope looks, the mount where it believes to look; the difference
 changes while the mount tracks on. A polar axis that is off makes the declination drift: near the
 meridian by its error in azimuth, low in the east or west by its error in altitude. Source: drift
 alignment as in Hook 1989, J. Br. Astron. Assoc. 99, 19; terms ME and MA in Wallace 1994, TPOINT.
@@ -32,19 +32,19 @@ Axis = Literal["azimuth", "altitude", "both"]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SolvedPointing:
-    """One solved frame."""
+    """One solved frame: direction of the mount and of the plate."""
 
     t_utc_ns: int
     mount_icrs_deg: tuple[float, float]
-    """Where the mount said it looked (RA, Dec)."""
+    """Reported direction of the mount (RA, Dec)."""
     plate_icrs_deg: tuple[float, float]
-    """Where its stars are."""
+    """Solved direction of the plate (RA, Dec)."""
     rotation_deg: float
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Rate:
-    """A slope and its one sigma, in an hour."""
+    """Slope and its one sigma, per hour."""
 
     value: float
     sigma: float
@@ -57,10 +57,10 @@ class Drift:
     frames: int
     hours: float
     east_arcsec_h: Rate
-    """Of the stars' place over the mount's, on the sky."""
+    """Rate of the plate's direction over the mount's, eastward on the sky."""
     north_arcsec_h: Rate
     rotation_deg_h: Rate
-    """Of the field, east of north."""
+    """Rate of the field's rotation, east of north."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -69,13 +69,13 @@ class PolarHint:
 
     axis: Axis
     error_arcmin: float
-    """Of the part that shows there."""
+    """Part of the axis error that shows there, arcmin."""
     words: str
-    """Which way the axis is off; empty where that is too little, or does not show there."""
+    """Sense of the axis error; empty where it is too small, or does not show there."""
 
 
 def offsets_arcsec(looks: Sequence[SolvedPointing]) -> FloatArray:
-    """(n, 2): east (on the sky) and north of the plate over the mount, arcsec."""
+    """Offsets (n, 2), east (on the sky) and north, of the plate over the mount, arcsec."""
     mount = np.array([look.mount_icrs_deg for look in looks]).reshape(-1, 2)
     plate = np.array([look.plate_icrs_deg for look in looks]).reshape(-1, 2)
     east = wrap_180(plate[:, 0] - mount[:, 0]) * np.cos(np.radians(plate[:, 1]))
@@ -83,7 +83,7 @@ def offsets_arcsec(looks: Sequence[SolvedPointing]) -> FloatArray:
 
 
 def drift_of(looks: Sequence[SolvedPointing]) -> Drift | None:
-    """The drift over the frames since the camera last turned; None where they are too few or short.
+    """Drift over the frames since the camera last turned; None where they are too few or short.
 
     Frames between which the mount was not sent elsewhere share one offset: the scatter of the slews
     is no drift.
@@ -109,7 +109,7 @@ def drift_of(looks: Sequence[SolvedPointing]) -> Drift | None:
 
 
 def polar_hint(drift: Drift, hour_angle_deg: float, latitude_deg: float) -> PolarHint:
-    """The error of the polar axis that a drift in declination shows at an hour angle (west +)."""
+    """Error of the polar axis that a drift in declination shows at an hour angle (west +)."""
     north = drift.north_arcsec_h
     hour_angle_deg = float(wrap_180(hour_angle_deg))
     away_deg = min(abs(hour_angle_deg), 180.0 - abs(hour_angle_deg))
@@ -137,7 +137,7 @@ def polar_hint(drift: Drift, hour_angle_deg: float, latitude_deg: float) -> Pola
 
 
 def _since_flip(looks: Sequence[SolvedPointing]) -> list[SolvedPointing]:
-    """The last frames, back to where the camera stood the other way round."""
+    """Return the last frames, back to where the camera stood the other way round."""
     recent: list[SolvedPointing] = []
     for look in reversed(looks):
         if recent and abs(wrap_180(look.rotation_deg - recent[-1].rotation_deg)) > FLIP_DEG:
@@ -147,7 +147,7 @@ def _since_flip(looks: Sequence[SolvedPointing]) -> list[SolvedPointing]:
 
 
 def _slews(looks: Sequence[SolvedPointing]) -> IntArray:
-    """The number of the slew that each frame was taken after."""
+    """Number of the slew before each frame."""
     mount = np.array([look.mount_icrs_deg for look in looks])
     east = wrap_180(np.diff(mount[:, 0])) * np.cos(np.radians(mount[1:, 1]))
     moved = 3600.0 * np.hypot(east, np.diff(mount[:, 1])) > SAME_SLEW_ARCSEC
@@ -155,13 +155,13 @@ def _slews(looks: Sequence[SolvedPointing]) -> IntArray:
 
 
 def _better(t_h: FloatArray, values: FloatArray, *groupings: IntArray) -> Rate:
-    """The slope by the grouping that knows it best."""
+    """Slope by the grouping with the smaller error."""
     rates = [rate for each in groupings if (rate := _slope(t_h, values, each)) is not None]
     return min(rates, key=lambda rate: rate.sigma)
 
 
 def _slope(t_h: FloatArray, values: FloatArray, groups: IntArray) -> Rate | None:
-    """Least squares of one slope with a constant for each group; None where no group has a span."""
+    """Least-squares slope with a constant for each group; None where no group has a span."""
     t, y = t_h.copy(), values.copy()
     count = int(groups[-1]) + 1
     for group in range(count):

@@ -2,8 +2,8 @@
 
 ``follow(before, seen, settings)`` is pure, so the engine, ``process``, what-if and a replay of a
 session all get the same track from the same inputs, bit for bit. States and their passages are
-those of the architecture page; IDLE, MANUAL and FAULT belong to who holds the mount and are set
-from outside.
+those of the architecture page; IDLE, MANUAL and FAULT belong to the controller of the mount and are
+set from outside.
 """
 
 from dataclasses import replace
@@ -49,7 +49,7 @@ from rsoconsole.tracking.joint import TrackCandidates, assign
 def follow(
     before: Following, seen: FrameInput, settings: FollowSettings
 ) -> tuple[Following, tuple[FoldRecord, ...]]:
-    """The next state, and what to put on the record, in order."""
+    """Return the next state, and the records, in order."""
     seen, crossings = _without_crossings(seen)
     before = track_decisions.with_decisions(before, seen, settings)
     if before.state not in ("TRACK", "COAST") or not before.tracks:
@@ -74,17 +74,17 @@ def follow(
 
 
 def _as_recorded(record: FoldRecord) -> FoldRecord:
-    """Without what the next frame needs of it, which is large: that goes along in what follows."""
+    """Record without the large memory for the next frame, which the state carries."""
     if isinstance(record, TrackState) and record.memory is not None:
         return replace(record, memory=None)
     return record
 
 
 def _without_crossings(seen: FrameInput) -> tuple[FrameInput, tuple[NotFollowed, ...]]:
-    """What the frame showed that has a place in time, and the rest as not taken.
+    """Split a frame into measurements with a place in time, and crossings as not accepted.
 
-    Where neither end is in the frame nobody knows when it was where: even the operator's choice
-    makes no measurement of it. What lies beside it is followed as ever.
+    Where neither end is in the frame the time of each place is unknown: even the operator's choice
+    makes no measurement of it. Streaks beside it are used as ever.
     """
     crossings = tuple(m for m in seen.measurements if m.is_crossing)
     if not crossings:
@@ -103,7 +103,7 @@ def _without_crossings(seen: FrameInput) -> tuple[FrameInput, tuple[NotFollowed,
 def _follow_tracks(
     before: Following, seen: FrameInput, settings: FollowSettings
 ) -> tuple[Following, tuple[FoldRecord, ...]]:
-    """All tracks of a frame, the lead first; where it ends, the next track leads."""
+    """Follow all tracks through a frame, the lead first; where it ends, the next track leads."""
     is_joint = settings.filter.preset == "adaptive" and settings.choice == "nearest"
     if is_joint:
         before = further_tracks.with_fewer_filters(before)
@@ -151,9 +151,9 @@ def _follow_tracks(
 def _with_chosen_lead(
     before: Following, seen: FrameInput, settings: FollowSettings
 ) -> tuple[Following, FrameInput]:
-    """Where one of several tracks takes what the operator wants followed, that one leads.
+    """Let the track lead that accepts the measurement which the operator wants followed.
 
-    Nothing else changes by it: no track ends, and each takes what it takes.
+    Nothing else changes by it: no track ends, and each accepts the same measurement.
     """
     # The word has a copy of its own, of the recorded instant: what was measured once counts once.
     once = {m.measurement_id: m for m in reversed(seen.measurements)}
@@ -174,7 +174,7 @@ def _with_chosen_lead(
 
 
 def _pattern(before: Following, after: Following, seen: FrameInput) -> Pattern:
-    """Where the tracks stand to each other after a frame."""
+    """Return the relative positions of the tracks after a frame."""
     tracks = (*after.tracks, *after.dropped)
     shown = {
         each.track.track_id: Place.of(each.taken, each.track)
@@ -191,7 +191,7 @@ def _pattern(before: Following, after: Following, seen: FrameInput) -> Pattern:
 
 
 def _steps_in_turn(before: Following, seen: FrameInput, settings: FollowSettings) -> list[Step]:
-    """Each track in turn; what one has taken is none of the next ones'."""
+    """Step each track in turn; a measurement accepted by one is not available to the next ones."""
     steps: list[Step] = []
     left = seen
     for number, each in enumerate(before.tracks):
@@ -211,7 +211,7 @@ def _steps_in_turn(before: Following, seen: FrameInput, settings: FollowSettings
 
 
 def _steps_of_all(before: Following, seen: FrameInput, settings: FollowSettings) -> list[Step]:
-    """All tracks at once, then the dropped ones; what one has taken is none of the others'."""
+    """Step all tracks at once, then the dropped ones; each measurement goes to one at most."""
     all_tracks = (*before.tracks, *before.dropped)
     alone = len(all_tracks) == 1
     # Where several are followed, neighbours are tracks themselves.
@@ -247,7 +247,7 @@ def _steps_of_all(before: Following, seen: FrameInput, settings: FollowSettings)
 
 
 def _steps_of_dropped(before: Following, seen: FrameInput, settings: FollowSettings) -> list[Step]:
-    """What a frame shows of tracks that were dropped, asked alone."""
+    """Step the dropped tracks through a frame, each alone."""
     if not before.dropped:
         return []
     dropped = replace(before, tracks=before.dropped, dropped=())
@@ -255,7 +255,7 @@ def _steps_of_dropped(before: Following, seen: FrameInput, settings: FollowSetti
 
 
 def _led(before: Following, steps: tuple[Step, ...]) -> Following:
-    """What goes on, the lead first."""
+    """Return the state of the continuing tracks, the lead first."""
     alive = [step for step in steps if step.after is not None]
     if not alive:
         return before.without_track("LOST")
@@ -284,7 +284,7 @@ def _reason(
 
 
 def _weighed(before: LiveTrack, seen: FrameInput, settings: FollowSettings) -> TrackCandidates:
-    """What a frame may mean for a track: by its filter, or by its orbit where nothing fits that."""
+    """Candidates of a frame for a track: by its filter, or by its orbit where nothing fits that."""
     predicted = predicted_track(before, seen, settings)
     weighed = _weighed_by(predicted, before, seen, settings)
     is_filters = predicted.foretold_by == "filter"
@@ -316,7 +316,7 @@ def _weighed_by(
 
 
 def _nearest(weighed: TrackCandidates, settings: FollowSettings) -> Measurement | None:
-    """The measurement that a track takes when it is asked alone, of those that fit."""
+    """Fitting measurement that a track accepts when it is considered alone."""
     fitting = weighed.fitting
     if not fitting or settings.choice != "nearest":
         return next(iter(fitting), None)

@@ -1,9 +1,9 @@
-"""Tracks beside the lead: what no track has taken may begin another one. Pure.
+"""Tracks beside the lead: measurements that no track has accepted may initiate another one. Pure.
 
-Frames that agree on one motion begin it, as they do the first. On trial (``chains.trials``) it ends
-with its first miss, so that false streaks cost a frame or two, and its last streak may begin
-another one. What was seen three or four times is not waited for as long as what was seen all night.
-One that has left the field ends too: the lead alone is looked for.
+Frames that agree on one motion initiate it, as they do the first. On trial (``chains.trials``) it
+ends with its first miss, so that false streaks cost a frame or two, and its last streak may
+initiate another one. A track seen three or four times coasts for less time than one seen all night.
+One that has left the field ends too: only the lead is searched for.
 """
 
 import math
@@ -34,20 +34,21 @@ from rsoconsole.tracking.initiation import chains
 from rsoconsole.tracking.initiation.acquisition import new_track
 
 UNSEEN_EACH = 2
-"""Frames that nothing hides and that do not show a track, for each after its first: those of
-chance end so, and one that fades begins another track."""
+"""Number of frames that nothing hides and that do not show a track, for each one after its first,
+at which it ends: chance tracks end so, and one that fades initiates another track."""
 _SAME_STREAK_ARCSEC = 8.0
-"""A streak that lies closer to one that a track has taken is that one, found twice."""
+"""Distance, arcsec, below which a streak is an accepted one of a track, detected twice."""
 _BEYOND_SIGMAS, _BEYOND_ARCSEC = 5.0, 120.0
 _OUTSIDE_S = 300.0
 
 
 MANY = 6
-"""Most tracks that all keep the full grid of filters: more would cost too much time a frame."""
+"""Largest number of tracks that all keep the full grid of filters: more would cost too much time a
+frame."""
 
 
 def with_fewer_filters(before: Following) -> Following:
-    """The state with fewer filters for tracks beside the lead, where there are many."""
+    """Return the state with fewer filters for tracks beside the lead, where there are many."""
     if len(before.tracks) + len(before.dropped) <= MANY:
         return before
     lead, *others = before.tracks
@@ -86,9 +87,9 @@ def within_reach(
 def without_ghost(
     steps: list[Step], tracks: Sequence[LiveTrack], seen: FrameInput, settings: FollowSettings
 ) -> list[Step]:
-    """Steps without a lead on trial that is missed where another track is confirmed: that leads.
+    """Return the steps without a missed lead on trial where another track is confirmed: that leads.
 
-    Alone it goes on: nobody knows better than its two streaks where to look.
+    Alone it goes on: its two streaks are the best prediction there is.
     """
     confirmed = (
         step.is_measured and step.after is not None and _is_confirmed(step.after)
@@ -103,7 +104,7 @@ def without_ghost(
 
 
 def with_ending(step: Step, before: LiveTrack, seen: FrameInput, settings: FollowSettings) -> Step:
-    """A step of one that does not lead: it ends on trial, seldom seen, and outside the field."""
+    """End a track beside the lead where it is missed on trial, seldom seen, or out of the field."""
     if step.after is None or step.is_measured:
         return step
     lost: TrackLost | None = None
@@ -130,12 +131,12 @@ def with_ending(step: Step, before: LiveTrack, seen: FrameInput, settings: Follo
 
 
 def _is_confirmed(tracked: LiveTrack) -> bool:
-    """Whether it was measured after what it began with, and is no longer on trial."""
+    """True where it was measured after its initiation, and is no longer on trial."""
     return tracked.track.innovations >= max(tracked.trial, chains.ON_TRIAL)
 
 
 def _has_left(coasted: LiveTrack, seen: FrameInput) -> bool:
-    """Whether a track that a frame does not show has been outside the field for long."""
+    """True where a track that a frame does not show has been outside the field for long."""
     if seen.field is None or coasted.taken is None:
         return False
     ra_deg, dec_deg = lqe.direction_icrs_deg(coasted.track)
@@ -152,9 +153,9 @@ def begin_tracks(  # noqa: PLR0917 -- one call, each argument a different thing
     seen: FrameInput,
     settings: FollowSettings,
 ) -> tuple[tuple[LiveTrack, ...], set[Measurement]]:
-    """Tracks through what frames agree on, the surest first, and all that they began with.
+    """Initiate tracks by chains of frames that agree, the surest first; with all measurements used.
 
-    ``alive``: the tracks that there are; together there are as many as the settings allow.
+    ``alive``: the existing tracks; together there are at most as many as the settings allow.
     """
     room = settings.filter.most_tracks - len(alive)
     if room <= 0 or not usable or not (before.candidates or before.earlier):
@@ -174,10 +175,10 @@ def begin_tracks(  # noqa: PLR0917 -- one call, each argument a different thing
 def free_measurements(
     steps: list[Step], seen: FrameInput, settings: FollowSettings
 ) -> tuple[Measurement, ...]:
-    """Measurements that may begin a track: none has taken them, and none waits for them.
+    """Measurements that may initiate a track: none has accepted them, and none waits for them.
 
-    What a track that is missed may yet turn out to be (``takeover``) and what may be one of two
-    tracks' is not free.
+    Possible streaks of a missed track (``takeover``) and streaks that may belong to either of two
+    tracks are not free.
     """
     taken = [s.after.taken for s in steps if s.is_measured and s.after and s.after.taken]
     is_wide = chains.uses_window(settings)
@@ -207,10 +208,10 @@ def free_measurements(
 
 
 def _waited_for(step: Step, is_wide: bool) -> tuple[Measurement, ...]:
-    """What a track that is missed may yet turn out to be.
+    """Measurements that may turn out to be of a missed track.
 
-    A neighbour that was seen beside a track never is. Where more frames are asked the lead alone
-    waits: beside others what stands elsewhere is rather another satellite than one that has left
+    A neighbour that was seen beside a track never is. Where more frames are used the lead alone
+    waits: beside other tracks a streak elsewhere is rather another satellite than one that has left
     its path.
     """
     after = step.after
@@ -225,7 +226,7 @@ def _waited_for(step: Step, is_wide: bool) -> tuple[Measurement, ...]:
 
 
 def _is_whole(refused: NotFollowed, step: Step, seen: FrameInput) -> bool:
-    """Whether a streak beside the measurement of a track is as long: no part of the same."""
+    """True where a streak beside the measurement of a track is as long: no part of the same."""
     if step.after is None:
         return False
     expected = expected_motion(step.after.track, seen.exposure_s)
@@ -240,7 +241,7 @@ def with_new_tracks(  # noqa: PLR0917 -- one call, each argument a different thi
     seen: FrameInput,
     settings: FollowSettings,
 ) -> tuple[Following, tuple[FoldRecord, ...]]:
-    """State and records with the tracks that a frame begins beside the others."""
+    """Return state and records with the tracks that a frame initiates beside the others."""
     free = free_measurements(steps, seen, settings)
     if chains.uses_window(settings):
         before = _with_given_back(before, steps)
@@ -260,7 +261,7 @@ def with_new_tracks(  # noqa: PLR0917 -- one call, each argument a different thi
 
 
 def _with_given_back(before: Following, steps: Sequence[Step]) -> Following:
-    """What a track on trial had last taken is free where that has ended: its partner was wrong."""
+    """Free the last measurement of a track that ended on trial: its partner was wrong."""
     ended_on_trial = [
         each
         for each, step in zip(before.tracks, steps, strict=False)

@@ -1,15 +1,15 @@
-"""One assignment of a frame's measurements to all tracks. Pure.
+"""Joint assignment of a frame's measurements to all tracks. Pure.
 
 Each pair that passes the gates has a likelihood, so have a track that is not seen and a streak that
 is no track's; of all ways to explain the frame the likeliest is taken (global nearest neighbour;
 Blackman & Popoli 1999, 6.4), by scipy's assignment.
 
 Errors of a frame's time are one number for all of its streaks, those of the frames before are in
-the predictions: members of a slot may all be beside them by as much as they are from each other.
-So every likely pair is held to be right in turn, and the others then need only stand to it as they
+the predictions: members of a slot may all be beside them by as much as they are from each other. So
+every likely pair is assumed to be right in turn, and the others then need only stand to it as they
 did before (``pattern``). Where an explanation that does not give a track its streak is as likely,
-it takes none; but of two that fit one streak alike frame after frame, each would wait for the other
-until both are lost: then the likelier takes it (``filter.most_ambiguous``).
+it accepts none; but of two that fit one streak alike frame after frame, each would wait for the
+other until both are lost: then the likelier accepts it (``filter.most_ambiguous``).
 """
 
 import math
@@ -39,9 +39,9 @@ DETECTION_PROBABILITY = 0.9
 STRANGERS_ARCSEC2 = 1e-6
 """Density of other streaks that move like a track, per square arcsec: a crowded slot."""
 _FREEDOM = 4.0
-"""Degrees of freedom of the law by which ways err."""
+"""Degrees of freedom of the error law of relative positions."""
 _ANCHORS = 3
-"""Streaks of each track that are held to be right in turn: the likeliest."""
+"""Number of streaks of each track assumed to be right in turn: the likeliest."""
 _AGAINST = 2.0 * math.log(2.0 * math.pi * STRANGERS_ARCSEC2 / DETECTION_PROBABILITY)
 _MISSED = -2.0 * math.log(1.0 - DETECTION_PROBABILITY)
 
@@ -52,17 +52,17 @@ class TrackCandidates:
 
     predicted: TrackState
     updated: dict[Measurement, Update]
-    """Each of the frame's measurements that it was asked about."""
+    """Updates of the track with the frame's candidate measurements."""
     reasons: dict[Measurement, NotTaken]
-    """Why some of them do not belong to it."""
+    """Reasons why some of them do not belong to it."""
     by_filter: dict[Measurement, NotTaken] = field(default_factory=dict)
-    """Where the prediction is the orbit's: why the filter's own had refused them."""
+    """Reasons by the filter's own prediction, where the orbit's replaces it."""
     must_decide: bool = False
-    """Whether it has been ambiguous for so long that the likeliest is taken."""
+    """True where it has been ambiguous for so long that the likeliest is accepted."""
 
     @property
     def fitting(self) -> tuple[Measurement, ...]:
-        """Candidates that passed the gates."""
+        """Return the candidates that passed the gates."""
         return tuple(m for m in self.updated if m not in self.reasons)
 
 
@@ -72,28 +72,29 @@ class Assignment:
 
     taken: tuple[Measurement | None, ...]
     is_ambiguous: tuple[bool, ...]
-    """Whether a track takes none because another explanation is as likely."""
+    """True for a track that accepts none because another explanation is as likely."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class _Pairs:
-    """Every track with every streak: (tracks, streaks), NaN where the streak may not be its."""
+    """All pairs of a track and a streak: (tracks, streaks), NaN where the streak cannot be its."""
 
     columns: list[Measurement]
     same: list[set[int]]
-    """Of each streak the columns that are it, found twice."""
+    """Columns of each streak that are the same one, detected twice."""
     alone: FloatArray
     """NIS and log determinant by the track itself."""
     places: FloatArray
-    """(streaks, 2) arcsec on one plane."""
+    """(streaks, 2) places on one plane, arcsec."""
     own: FloatArray
-    """(tracks, streaks, 2, 2) covariance of a place without what all of a frame share, arcsec^2."""
+    """(tracks, streaks, 2, 2) covariance of a place without errors common to all of a frame,
+    arcsec^2."""
     ways: FloatArray
-    """(tracks, tracks, 2) from one to another, arcsec."""
+    """(tracks, tracks, 2) relative positions, arcsec."""
     ways_covariance: FloatArray
-    """(tracks, tracks, 2, 2)"""
+    """(tracks, tracks, 2, 2) covariances of the relative positions."""
     is_other_motion: BoolArray
-    """(tracks, tracks) whether one moves otherwise than another."""
+    """(tracks, tracks) True where one moves unlike the other."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -104,9 +105,9 @@ class _Explanation:
 
 
 def assign(tracks: Sequence[TrackCandidates], pattern: Pattern | None = None) -> Assignment:
-    """The likeliest way to give the frame's measurements to the tracks.
+    """Find the likeliest assignment of the frame's measurements to the tracks.
 
-    ``pattern``: where they stood to each other in the frames before.
+    ``pattern``: their relative positions in the frames before.
     """
     pairs = _pairs(tracks, pattern or NO_PATTERN)
     if not pairs.columns:
@@ -169,7 +170,7 @@ def _pairs(tracks: Sequence[TrackCandidates], pattern: Pattern) -> _Pairs:
 def _ways(
     tracks: Sequence[TrackCandidates], pattern: Pattern, plane: Plane
 ) -> tuple[FloatArray, FloatArray]:
-    """Ways and their covariances between all tracks, by the pattern or by the predictions."""
+    """Ways between all tracks and their covariances, by the pattern or by the predictions."""
     predicted = [each.predicted for each in tracks]
     number, ids = len(tracks), [each.track_id for each in predicted]
     known, ways, covariances = pattern.ways_between(ids, predicted[0].t_utc_ns)
@@ -187,7 +188,7 @@ def _ways(
 
 
 def _costs(pairs: _Pairs) -> list[FloatArray]:
-    """A cost matrix for each pair that may be right: the other tracks stand to that one.
+    """Cost matrix for each pair that may be right, the other tracks placed relative to it.
 
     The last columns are those of a track that is not seen.
     """
@@ -218,7 +219,7 @@ def _costs(pairs: _Pairs) -> list[FloatArray]:
 
 
 def _with_misses(cost: FloatArray, missed: float = _MISSED) -> FloatArray:
-    """(tracks, streaks + tracks), infinite where a pair cannot be."""
+    """(tracks, streaks + tracks) costs, infinite where a pair cannot be."""
     rows = len(cost)
     unseen = np.full((rows, rows), np.inf)
     np.fill_diagonal(unseen, missed)
@@ -226,7 +227,7 @@ def _with_misses(cost: FloatArray, missed: float = _MISSED) -> FloatArray:
 
 
 def _explained(cost: FloatArray) -> _Explanation:
-    """The least total, infinite where a track is left nothing, and the column of each track."""
+    """Least total, infinite where a track is left nothing, and the column of each track."""
     if len(cost) == 1:
         column = int(np.argmin(cost[0]))
         return _Explanation(cost=float(cost[0, column]), chosen=(column,))

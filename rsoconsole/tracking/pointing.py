@@ -1,18 +1,17 @@
-"""The loop's own pointing offset: solved centre minus commanded position, by pier side.
+"""Pointing offset of the loop: solved centre minus commanded position, by pier side.
 
-SYNC is never sent, since it can spoil a mount's own model; this small filter does its work
-instead. A mount's errors hang on where its axes stand, so an offset belongs to a side of the pier
-and to an hour angle and declination, of date; it is kept as east and north on the sky, because
-most of it (collimation, polar axis, flexure) is a distance on the sky and not an angle of the
-polar axis.
+SYNC is never sent, since it can spoil a mount's own model; this small filter does its work instead.
+A mount's errors hang on where its axes stand, so an offset belongs to a side of the pier and to an
+hour angle and declination, of date; it is kept as east and north on the sky, because most of it
+(collimation, polar axis, flexure) is a distance on the sky and not an angle of the polar axis.
 
-What holds how far, in the simulated mount (0.1 deg wrong in all, flip included): within 10 deg
-on one side the offset still fits to 1.1 arcmin, against 5.4 without; 40 deg away it is no better
-than half; that of the other side is worse than none (6.0 against 5.7). Hence it is dropped by a
-flip or a slew of more than 10 deg. But offsets are remembered for the return to where they were
-learnt: that saves the frame which would be 5 arcmin off each time a list of targets goes round.
-The first frame after such a return is taken whole, so that a memory that has grown stale lasts one
-frame. Pure.
+What holds how far, in the simulated mount (0.1 deg wrong in all, flip included): within 10 deg on
+one side the offset still fits to 1.1 arcmin, against 5.4 without; 40 deg away it is no better than
+half; that of the other side is worse than none (6.0 against 5.7). Hence it is dropped by a flip or
+a slew of more than 10 deg. But offsets are remembered for the return to where they were learnt:
+that saves the frame which would be 5 arcmin off each time a list of targets goes round. The first
+frame after such a return is taken whole, so that a memory that has grown stale lasts one frame.
+Pure.
 """
 
 from dataclasses import dataclass, replace
@@ -23,7 +22,7 @@ from rsoconsole.sky import direction_to_unit, position_angle_deg, separation_deg
 
 GAIN = 0.5
 JUMP_ARCSEC = 120.0
-"""A change beyond what a slew's random error explains: the mount was synced or has slipped."""
+"""Change beyond the random error of a slew: the mount was synced or has slipped."""
 CLIP_ARCSEC = 3600.0
 LARGE_SLEW_DEG = 10.0
 MAX_KEPT = 24
@@ -37,12 +36,13 @@ class PointingOffset:
     """Pointing offset around one position of the axes: solved minus commanded."""
 
     east_arcsec: float = 0.0
-    """On the sky: hour angle times cos dec, the other way round."""
+    """Eastward offset on the sky: hour angle times cos dec, the other way round."""
     north_arcsec: float = 0.0
     samples: int = 0
-    """Frames in a row that have made it; 0 before any, and again for one only remembered."""
+    """Number of frames in a row that have made it; 0 before any, and again for one only
+    remembered."""
     hour_angle_deg: float = 0.0
-    """Where it was last measured, of date, west positive."""
+    """Hour angle of the last measurement, of date, west positive."""
     declination_deg: float = 0.0
     pier_side: Side = None
 
@@ -58,7 +58,7 @@ class PointingModel:
 
     @property
     def last(self) -> PointingOffset:
-        """The offset that the last solved frame made."""
+        """Offset made by the last solved frame."""
         return self.offsets[0] if self.offsets else NO_OFFSET
 
     def at(self, hour_angle_deg: float, declination_deg: float, pier_side: Side) -> PointingOffset:
@@ -72,7 +72,7 @@ class PointingModel:
         return near[0] if near[0] is self.offsets[0] else replace(near[0], samples=0)
 
     def with_last(self, offset: PointingOffset) -> "PointingModel":
-        """The model with this offset learnt last, in place of those around it."""
+        """Return the model with this offset learnt last, in place of those around it."""
         near = self._near(offset.hour_angle_deg, offset.declination_deg, offset.pier_side)
         others = tuple(each for each in self.offsets if each not in near)
         return PointingModel(offsets=(offset, *others)[:MAX_KEPT])
@@ -102,9 +102,9 @@ def with_solved_frame(
     declination_deg: float,
     pier_side: Side,
 ) -> PointingModel:
-    """The model after one solved frame at a commanded position (both ICRS degrees).
+    """Return the model after one solved frame at a commanded position (both ICRS degrees).
 
-    ``hour_angle_deg`` and ``declination_deg``: where the axes stood, of date. The first sample
+    ``hour_angle_deg`` and ``declination_deg``: position of the axes, of date. The first sample
     after a flip, a large slew or a jump is taken whole; later ones are filtered, since part of
     every slew's error is random.
     """

@@ -1,7 +1,7 @@
-"""The operator's decisions on whole tracks: one is dropped, or kept while unseen. Pure.
+"""Decisions of the operator on whole tracks: one is dropped, or kept while unseen. Pure.
 
-What is dropped goes on by itself, on no record and in no list, so that its streaks are known and
-begin no other track; it is forgotten once it has left the field, or may have.
+A dropped track goes on by itself, on no record and in no list, so that its streaks are known and
+initiate no other track; it is forgotten once it has left the field, or may have.
 """
 
 from dataclasses import replace
@@ -18,12 +18,12 @@ from rsoconsole.tracking.association.following import (
 )
 
 MAX_DROPPED = 12
-"""Most dropped tracks whose streaks are recognised: those dropped last."""
+"""Largest number of dropped tracks whose streaks are recognised: those dropped last."""
 DROPPED = NotTaken(kind="dropped")
 
 
 def with_decisions(before: Following, seen: FrameInput, settings: FollowSettings) -> Following:
-    """The state before a frame, with the operator's decisions from this frame on."""
+    """Return the state before a frame, with the operator's decisions from this frame on."""
     if before.dropped:
         most_s = settings.filter.max_coast_s
         known = (
@@ -42,7 +42,7 @@ def with_decisions(before: Following, seen: FrameInput, settings: FollowSettings
 def with_decisions_on_new(
     after: Following, records: tuple[FoldRecord, ...], seen: FrameInput
 ) -> tuple[Following, tuple[FoldRecord, ...]]:
-    """State and records with the decisions on tracks that the frame begins."""
+    """Return state and records with the decisions on tracks that the frame initiates."""
     if not (seen.dropped or seen.kept):
         return after, records
     tracks = tuple(_with_keeping(each, seen) for each in after.tracks)
@@ -59,7 +59,7 @@ def with_decisions_on_new(
 def dropped_after(
     dropped: tuple[LiveTrack, ...], steps: list[Step], seen: FrameInput
 ) -> tuple[tuple[LiveTrack, ...], tuple[FoldRecord, ...]]:
-    """Dropped tracks after a frame, and what is on record of it: whose streaks they were.
+    """Return the dropped tracks after a frame, and records of the streaks that were theirs.
 
     A streak that the operator wants followed is dropped no longer.
     """
@@ -78,7 +78,7 @@ def dropped_after(
 
 
 def without_taken(seen: FrameInput, steps: list[Step]) -> FrameInput:
-    """A frame without what these steps have taken, but for what the operator wants followed."""
+    """Frame without measurements accepted in these steps, except the operator's choice."""
     taken = {
         step.after.taken.measurement_id
         for step in steps
@@ -91,7 +91,7 @@ def without_taken(seen: FrameInput, steps: list[Step]) -> FrameInput:
 
 
 def marked_kept(records: tuple[FoldRecord, ...], *known: Following) -> tuple[FoldRecord, ...]:
-    """States of kept tracks say so."""
+    """Mark the states of kept tracks as kept."""
     kept = {each.track.track_id for one in known for each in one.tracks if each.is_kept}
     if not kept:
         return records
@@ -104,7 +104,7 @@ def marked_kept(records: tuple[FoldRecord, ...], *known: Following) -> tuple[Fol
 
 
 def first_leads(tracks: tuple[LiveTrack, ...]) -> tuple[LiveTrack, ...]:
-    """The tracks, the first one the lead and no other."""
+    """Return the tracks, the first one the lead and no other."""
     return tuple(
         each
         if each.track.is_lead == (at == 0)
@@ -120,7 +120,7 @@ def _with_keeping(track: LiveTrack, seen: FrameInput) -> LiveTrack:
 
 
 def _without(following: Following, gone: tuple[LiveTrack, ...]) -> Following:
-    """Without tracks that are dropped; where the lead is, the next track leads."""
+    """Return the state without dropped tracks; where the lead is one, the next track leads."""
     if not gone:
         return following
     ended = {each.track.track_id for each in gone}

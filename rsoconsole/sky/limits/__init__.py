@@ -1,1 +1,1 @@
-"""Limits of where a telescope may look and turn."""
+"""Limits on where a telescope may look and turn."""

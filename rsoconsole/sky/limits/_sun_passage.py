@@ -1,9 +1,9 @@
 """Passage of a slew by the Sun: the motion of both axes, in steps finer than its cone.
 
-Assumed is that both axes start together at the same rate and the one with less to go ends first.
-A real mount is a little different, so that either axis is also let run ahead of the other: by
-half a second of full speed and by 5 % in rate. All that lies between these ways is enclosed by
-them, and a cone cannot hide in the gap: further ways are laid in between where it is narrow.
+Both axes are assumed to start together at the same rate, and the one with less to go to end first.
+A real mount is a little different, so that either axis may also run ahead of the other: by half a
+second of full speed and by 5 % in rate. These ways enclose all others, and further ways are added
+between them where the cone is narrow, so that it cannot hide in a gap.
 """
 
 from collections.abc import Iterator
@@ -17,27 +17,29 @@ from rsoconsole.sky.angles import wrap_360
 from rsoconsole.sky.frames import PierSide
 
 POLE_DEG = 0.5
-"""So near to a pole the hour angle tells nothing."""
+"""Distance from a pole, deg, within which the hour angle has no meaning."""
 PARKED_DEG = 0.02
-"""So near to a pole the reported hour angle is noise: the mount is taken to be parked there."""
+"""Distance from a pole, deg, within which the reported hour angle is noise: the mount is taken to
+be parked there."""
 POLE_PLACES = 9
-"""Places of the polar axis, evenly over its range; mounts are parked at the middle one: a German
-mount with its counterweight down, a fork at the meridian."""
+"""Number of places of the polar axis, evenly over its range; mounts are parked at the middle one: a
+German mount with its counterweight down, a fork at the meridian."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Way:
-    """One slew as the axes go it."""
+    """One slew as the motion of both axes."""
 
     polar_from_deg: float
     polar_to_deg: float
     declination_from_deg: float
-    """Beyond the elevated pole where the telescope is east of the pier."""
+    """Start of the declination axis, deg; beyond the elevated pole where the telescope is east of
+    the pier."""
     declination_to_deg: float
 
     @property
     def travel_deg(self) -> tuple[float, float]:
-        """Degrees that the polar and the declination axis have to go, not negative."""
+        """Travel of the polar and the declination axis, degrees, not negative."""
         return (
             abs(self.polar_to_deg - self.polar_from_deg),
             abs(self.declination_to_deg - self.declination_from_deg),
@@ -45,27 +47,27 @@ class Way:
 
 
 def polar_deg(hour_angle_deg: float, side: PierSide) -> float:
-    """Where the polar axis of a German mount stands, -270 to 90: with the counterweight low."""
+    """Angle of the polar axis of a German mount, -270 to 90: with the counterweight low."""
     turned_deg = hour_angle_deg if side == "west" else hour_angle_deg - 180.0
     return wrap_360(turned_deg - 90.0) - 270.0
 
 
 def declination_axis_deg(dec_deg: float, side: PierSide, latitude_deg: float) -> float:
-    """Where the declination axis stands: over the pole that is up when east of the pier."""
+    """Angle of the declination axis: beyond the elevated pole when east of the pier."""
     if side == "west":
         return dec_deg
     return (180.0 if latitude_deg >= 0 else -180.0) - dec_deg
 
 
 def is_pole(declination_axis_deg: float, within_deg: float = POLE_DEG) -> bool:
-    """Whether the declination axis, or a declination, is so near to a pole of date."""
+    """True where the declination axis, or a declination, is that near to a pole of date."""
     return abs(declination_axis_deg % 180.0 - 90.0) < within_deg
 
 
 def side_after(
     hour_angle_deg: float, present: PierSide | None, flip_hysteresis_deg: float
 ) -> PierSide | None:
-    """Side of the pier a German mount chooses for a target; None where that cannot be told."""
+    """Side of the pier a German mount chooses for a target; None where it is not determined."""
     if abs(hour_angle_deg) < flip_hysteresis_deg:
         return present
     return "west" if hour_angle_deg < 0 else "east"
@@ -78,12 +80,12 @@ def ways(
     start: tuple[float, float, PierSide | None],
     target: tuple[float, float],
 ) -> Iterator[tuple[Way, PierSide | None]]:
-    """Every way a slew may take, with the side of the pier at its end (None: a fork).
+    """Yield every way a slew may take, with the side of the pier at its end (None: a fork).
 
-    start: hour angle, declination of date and side of the pier; target: hour angle and
-    declination. At a pole the hour angle tells little of the polar axis: a mount that stands there
-    is tried from where it says and from where it would be parked, one that goes there to places
-    all over the range. An unknown side of the pier (also: at a pole as the target) means both.
+    start: hour angle, declination of date and side of the pier; target: hour angle and declination.
+    At a pole the hour angle says little of the polar axis: a mount there is taken to be at the
+    reported and at the parked angle, a mount that goes there to places all over the range. An
+    unknown side of the pier (also: at a pole as the target) means both.
     """
     if mount.type == "fork":
         reach_deg = limits.max_hour_angle_deg
@@ -111,7 +113,7 @@ def ways(
 def _polar_ways(
     here: tuple[float, float], there: tuple[float, float], reach_deg: tuple[float, float]
 ) -> Iterator[Way]:
-    """From and to (polar, declination) axis angles, with what a pole leaves open."""
+    """Yield ways between (polar, declination) axis angles, with all that a pole leaves open."""
     first_deg, last_deg = reach_deg
     step_deg = (last_deg - first_deg) / (POLE_PLACES - 1)
     anywhere = [first_deg + step_deg * place for place in range(POLE_PLACES)]
@@ -133,35 +135,35 @@ def _polar_ways(
 
 
 LAG_S = 0.5
-"""Ramps of T seconds put one axis v T / 8 behind the other (a quarter of a second of full speed
-where they last 2 s), ramps that differ by a second half a second."""
+"""Lag of one axis behind the other, s: ramps of T seconds make v T / 8 (a quarter of a second of
+full speed where they last 2 s), ramps that differ by a second half a second."""
 RATE_SPREAD = 0.05
 NEARER_DEG = 0.05
-"""A way out of the cone does not come nearer to the Sun by more than this."""
+"""Largest approach to the Sun, deg, of a way out of the cone."""
 _COARSE_STEPS_DEG = (4.0, 0.5)
 _FINE_DEG = 0.05
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SunPassage:
-    """The worst place of a way that does not keep clear of the Sun."""
+    """Worst place of a way that does not keep clear of the Sun."""
 
     from_sun_deg: float
     kept_deg: float
-    """Least distance from the Sun that is required there."""
+    """Least distance from the Sun required there."""
     is_way_out: bool
-    """It began inside the cone, and comes nearer than it was."""
+    """True where the way began inside the cone, and comes nearer than it was."""
 
 
 def sun_passage(
     way: Way, sun_hour_angle_deg: float, sun_dec_deg: float, cone_deg: float, slew_rate_deg_s: float
 ) -> SunPassage | None:
-    """Where the way comes too near to the Sun; None when it is clear.
+    """Find where the way comes too near to the Sun; None when it is clear.
 
     From outside it must never enter the cone, however the axes run. From inside it may not come
-    nearer than it has been (``NEARER_DEG``) as long as it is inside, both axes at one pace.
-    Between two samples the telescope moves by no more than both axes' steps together: 4 deg, then
-    0.5 and 0.05 deg where that leaves a doubt, so that at most 0.025 deg of the cone slip through.
+    nearer than it has been (``NEARER_DEG``) as long as it is inside, both axes at one pace. Between
+    two samples the telescope moves by no more than both axes' steps together: 4 deg, then 0.5 and
+    0.05 deg where that leaves a doubt, so that at most 0.025 deg of the cone slip through.
     """
     if cone_deg <= 0.0:
         return None
@@ -190,7 +192,7 @@ def sun_passage(
 
 
 def _paces(way: Way, cone_deg: float, slew_rate_deg_s: float) -> FloatArray:
-    """From -1 (the declination axis ahead) to 1 (the polar axis); gaps narrower than the cone."""
+    """Paces from -1 (declination axis ahead) to 1 (polar axis); gaps narrower than the cone."""
     width_deg = LAG_S * slew_rate_deg_s + RATE_SPREAD * min(way.travel_deg)
     between = int(np.ceil(width_deg / max(cone_deg, 1.0)))
     return np.linspace(-1.0, 1.0, 2 * between + 1)
@@ -234,7 +236,7 @@ def from_sun_deg(
     sun_hour_angle_deg: float | FloatArray,
     sun_dec_deg: float | FloatArray,
 ) -> FloatArray:
-    """Angle on the sky; the declination axis may stand beyond a pole. Good to 1e-6 deg."""
+    """Angle from the Sun; the declination axis may stand beyond a pole. Good to 1e-6 deg."""
     dec, sun_dec = np.radians(declination), np.radians(sun_dec_deg)
     cosine = np.sin(dec) * np.sin(sun_dec) + np.cos(dec) * np.cos(sun_dec) * np.cos(
         np.radians(np.asarray(polar) - sun_hour_angle_deg)

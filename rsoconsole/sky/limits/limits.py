@@ -1,8 +1,8 @@
-"""Limits of where a telescope may look and turn: checked for every slew and motion, at 1 Hz.
+"""Limits on where a telescope may look and turn: checked for every slew and motion, at 1 Hz.
 
-Hour angles are of date, altitudes without refraction (a little lower than the eye sees: on the
-safe side). The Sun's cone holds by night too, for a clock may be wrong. Near a pole the hour
-angle tells nothing and is not held against a limit.
+Hour angles are of date, altitudes without refraction (a little lower than the eye sees: on the safe
+side). The Sun's cone holds by night too, for a clock may be wrong. Near a pole the hour angle has
+no meaning and is not checked.
 """
 
 from collections.abc import Collection, Iterable, Iterator
@@ -45,9 +45,9 @@ UNTIL_S = 4 * 3600.0
 FIRST_UTC_NS = iso_to_utc_ns("2000-01-01T00:00:00Z")
 LAST_UTC_NS = iso_to_utc_ns("2100-01-01T00:00:00Z")
 LESS_BAD_DEG = 0.002
-"""Reported positions that tremble by this much are not getting worse."""
+"""Change of a reported position, deg, that does not count as worse: positions tremble."""
 LOWER_DEG = 1.0
-"""A way that begins below the horizon may lead so much lower before it leads out."""
+"""Depth, deg, to which a way that begins below the horizon may go lower before it leads out."""
 _SLEW_STEP_S = 2.0
 _SUN_STEP_S = 300.0
 _WATCH_STEP_S = 5.0
@@ -56,7 +56,7 @@ _WATCH_FINE_S = 0.1
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Pose:
-    """Where a mount stands at one instant."""
+    """Position of a mount at one instant."""
 
     t_utc_ns: int
     ra_icrs_deg: float
@@ -65,7 +65,7 @@ class Pose:
 
 
 class Limits:
-    """The limits of one site and mount; pure, and quick enough to stand before every slew."""
+    """Limits of one site and mount; pure, and quick enough to check before every slew."""
 
     def __init__(self, site: Site, limits: LimitsConfig, mount: MountConfig) -> None:
         self._site = site
@@ -82,16 +82,16 @@ class Limits:
         t_until_utc_ns: int,
         lifted: Collection[LimitName] = (),
     ) -> Refusal | None:
-        """The reason to refuse this slew; None when all of it is safe.
+        """Return the reason to refuse this slew; None when all of it is safe.
 
-        ``start`` is where the mount stands now. Held are: the instants (an aim more than 5 min
-        ago or 2 h ahead, an end before now or the aim or more than 4 h ahead, a clock outside
-        2000 to 2100), the directions, the target from arrival at full slew rate until
-        ``t_until_utc_ns`` on the side of the pier the mount will choose, the Sun's cone along
-        the way (``sun_passage``) unless the Sun is more than 6 deg below the horizon, and
-        twilight. A way that begins inside the cone may only lead away from the Sun, and out.
-        Where the side of the pier is unknown both are tried and either refuses. ``lifted``
-        limits are not held; time and direction always are.
+        ``start`` is where the mount stands now. Checked are: the instants (an aim more than 5 min
+        ago or 2 h ahead, an end before now or the aim or more than 4 h ahead, a clock outside 2000
+        to 2100), the directions, the target from arrival at full slew rate until ``t_until_utc_ns``
+        on the side of the pier the mount will choose, the Sun's cone along the way
+        (``sun_passage``) unless the Sun is more than 6 deg below the horizon, and twilight. A way
+        that begins inside the cone may only lead away from the Sun, and out. Where the side of the
+        pier is unknown both are checked and either refuses. ``lifted`` limits are not checked; time
+        and direction always are.
         """
         fault = _slew_times_fault(start.t_utc_ns, t_aim_utc_ns, t_until_utc_ns) or (
             _direction_fault(start.ra_icrs_deg, start.dec_icrs_deg)
@@ -121,7 +121,7 @@ class Limits:
     def arrival_side(
         self, start: Pose, ra_icrs_deg: float, dec_icrs_deg: float, t_utc_ns: int
     ) -> PierSide | None:
-        """Side of the pier after a slew told at this instant; None for a fork or when unknown.
+        """Side of the pier after a slew commanded at this instant; None for a fork or when unknown.
 
         The side changes only where the target is ``flip_hysteresis_deg`` past the meridian.
         """
@@ -135,7 +135,7 @@ class Limits:
     def travel_deg(
         self, start: Pose, ra_icrs_deg: float, dec_icrs_deg: float
     ) -> tuple[float, float]:
-        """Degrees that the polar and the declination axis turn in a slew begun now.
+        """Travel of the polar and the declination axis in a slew begun now, degrees.
 
         The longest way where the side of the pier or, at a pole, the polar axis is not known.
         """
@@ -153,14 +153,14 @@ class Limits:
         lifted: Collection[LimitName] = (),
         before: Pose | None = None,
     ) -> Refusal | None:
-        """The limit that a reported pose violates; None when all is well.
+        """Return the limit that a reported pose violates; None when all is well.
 
-        While it is on the way of a slew that ``refuse_slew`` has let pass: the Sun's cone, and
-        how far the polar axis has turned (a fork: its hour angle); the way may dip. On its way to
-        its park position: these, and no more than a few degrees below the level horizon.
-        ``before``, the pose reported last, tells a way out: what was violated then and does not
-        grow worse is no reason while slewing. While it tracks or stands: all but twilight, and the
-        meridian's limit where the side of the pier is known.
+        While it is on the way of a slew that ``refuse_slew`` has allowed: the Sun's cone, and how
+        far the polar axis has turned (a fork: its hour angle); the way may dip. On its way to its
+        park position: these, and no more than a few degrees below the level horizon. ``before``,
+        the pose reported last, shows a way out: a limit violated then and not worse now is no
+        reason while slewing. While it tracks or stands: all but twilight, and the meridian's limit
+        where the side of the pier is known.
         """
         fault = _instant_fault(pose.t_utc_ns) or _direction_fault(
             pose.ra_icrs_deg, pose.dec_icrs_deg
@@ -191,12 +191,12 @@ class Limits:
         before: Pose | None = None,
         rested: Pose | None = None,
     ) -> Refusal | None:
-        """The reason to stop a motion whose end nobody knows; None while it may go on.
+        """Return the reason to stop a motion of unknown end; None while it may go on.
 
-        Held are the place where it is and those that it will have passed in ``ahead_s`` seconds,
-        straight on at its ``rates`` (None: not known, only where it is), against all but twilight.
-        A way out is let be as in ``refuse_pose``: ``before`` is the pose reported last, ``rested``
-        the one where the motion began; below the horizon it may lead a little lower first.
+        Checked are its place and those that it will have passed in ``ahead_s`` seconds, straight on
+        at its ``rates`` (None: not known, only where it is), against all but twilight. A way out is
+        allowed as in ``refuse_pose``: ``before`` is the pose reported last, ``rested`` the one
+        where the motion began; below the horizon it may lead a little lower first.
         """
         fault = _instant_fault(pose.t_utc_ns) or _direction_fault(
             pose.ra_icrs_deg, pose.dec_icrs_deg
@@ -225,9 +225,9 @@ class Limits:
     def is_on_its_way(
         self, start: Pose, to_icrs_deg: tuple[float, float], pose: Pose, rates: Rates | None
     ) -> bool:
-        """Whether a mount is where a slew leads that began at ``start``, and goes on to its end.
+        """True where a mount is on the way of a slew begun at ``start``, and goes on to its end.
 
-        Only then has ``refuse_slew`` let its motion pass.
+        Only then has ``refuse_slew`` allowed its motion.
         """
         for one in (start, pose):
             if _instant_fault(one.t_utc_ns) or _direction_fault(one.ra_icrs_deg, one.dec_icrs_deg):
@@ -248,7 +248,7 @@ class Limits:
         ahead_s: float,
         lifted: Collection[LimitName],
     ) -> tuple[FloatArray, Iterable[Margin]]:
-        """How much later each place ahead is, and every limit there; nothing for no pose."""
+        """Seconds until each place ahead, and every limit there; nothing for no pose."""
         if pose is None or _instant_fault(pose.t_utc_ns) is not None:
             return np.zeros(1), ()
         rates = rates or Rates(ra_deg_s=SIDEREAL_DEG_S, dec_deg_s=0.0)
@@ -258,8 +258,8 @@ class Limits:
     def margins_deg(self, pose: Pose) -> tuple[tuple[LimitName, float], ...]:
         """Margin in degrees of each limit of a tracking mount at a pose, the nearest first.
 
-        Negative beyond it. The pier's needs a side of it. Empty where instant or direction are
-        no such.
+        Negative beyond it. The pier's margin needs a known side. Empty where instant or direction
+        are invalid.
         """
         fault = _instant_fault(pose.t_utc_ns) or _direction_fault(
             pose.ra_icrs_deg, pose.dec_icrs_deg
@@ -273,11 +273,11 @@ class Limits:
     def next_limit(
         self, pose: Pose, horizon_s: float = 6 * 3600.0, *, lifted: Collection[LimitName] = ()
     ) -> tuple[int, Refusal] | None:
-        """First instant (to 0.1 s) at which tracking from this pose meets a limit, and which.
+        """Find the first instant (to 0.1 s) at which tracking from this pose meets a limit.
 
         The edge of the Sun's cone is good to an arcsecond: half a minute of the Sun's own motion.
-        None when it meets none within ``horizon_s``. Twilight is not asked. A German mount that
-        does not tell its side of the pier is taken to be west of it as long as it may be.
+        None when it meets none within ``horizon_s``. Twilight is not checked. A German mount that
+        does not report its side of the pier is taken to be west of it as long as it may be.
         """
         fault = _instant_fault(pose.t_utc_ns) or _direction_fault(
             pose.ra_icrs_deg, pose.dec_icrs_deg
@@ -375,18 +375,18 @@ class Limits:
 
 
 def _instants(from_ns: int, to_ns: int, step_s: float) -> IntArray:
-    """Both ends, and between them as many as it takes for steps of at most ``step_s``."""
+    """Instants from one end to the other, both included, in steps of at most ``step_s``."""
     steps = max(1, int(np.ceil((to_ns - from_ns) / (step_s * NS_PER_S))))
     return np.asarray(from_ns + (to_ns - from_ns) * np.arange(steps + 1) // steps, np.int64)
 
 
 def _excesses_deg(margins: Iterable[Margin]) -> dict[LimitName, float]:
-    """How far beyond each limit, at the first instant."""
+    """Excess over each limit at the first instant, deg."""
     return {margin.limit: float(margin.excess_deg[0]) for margin in margins}
 
 
 def _first_violation(margin: Iterable[Margin]) -> tuple[int, Margin] | None:
-    """The earliest instant at which any limit is violated; of two at once the graver."""
+    """Find the earliest instant at which any limit is violated; of two at once the graver."""
     violated = [(int(np.argmax(one.excess_deg > 0.0)), one) for one in margin]
     violated = [(index, one) for index, one in violated if one.excess_deg[index] > 0.0]
     return min(violated, key=lambda found: found[0]) if violated else None
@@ -409,7 +409,7 @@ def _instant_fault(t_utc_ns: int) -> Refusal | None:
 
 
 def _slew_times_fault(now_ns: int, aim_ns: int, until_ns: int) -> Refusal | None:
-    """Instants that cannot be meant, in the order now, aim, until."""
+    """Return the refusal of impossible instants, checked in the order now, aim, until."""
     fault = _instant_fault(now_ns) or _instant_fault(aim_ns) or _instant_fault(until_ns)
     if fault is not None:
         return fault

@@ -1,4 +1,4 @@
-"""Each limit held against the places of a track: how far beyond its bound, instant by instant."""
+"""Margins of each limit along a track: the excess over its bound, instant by instant."""
 
 from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -29,7 +29,7 @@ def horizon_altitude_deg(
 
 
 def level_deg(limits: LimitsConfig) -> float:
-    """The horizon without walls: altitude 0, or lower where the telescope may look lower."""
+    """Altitude of the horizon without walls: 0, or lower where the telescope may look lower."""
     return min(0.0, limits.min_altitude_deg)
 
 
@@ -41,11 +41,13 @@ def lowest_altitude_deg(limits: LimitsConfig, azimuth_deg: FloatArray) -> FloatA
 
 
 SUN_HARMLESS_DEG = -6.0
-"""No tube above the horizon looks at a Sun that low, and a German mount that flips by night may
-well swing through the place below the horizon where it is; also one that is parked at dawn."""
+"""Altitude of the Sun, deg, below which it is harmless: no tube above the horizon looks at it, and
+a German mount that flips by night may well swing through the place below the horizon where it is;
+also one that is parked at dawn."""
 
 PARKS_BELOW_DEG = 5.0
-"""A mount that is parked level may be told to be a little below the horizon."""
+"""Depth below the horizon, deg, allowed while parking: a mount parked level may report a little
+less."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -59,14 +61,14 @@ class Margin:
     azimuth_deg: FloatArray | None = None
     side: PierSide | None = None
     is_axis: bool = False
-    """The value is the polar axis itself, not an hour angle."""
+    """True where the value is the polar axis itself, not an hour angle."""
 
     def but_where(self, is_let_be: NDArray[np.bool_]) -> "Margin":
-        """The margin without a violation where the limit does not apply."""
+        """Return the margin without a violation where the limit does not apply."""
         return replace(self, excess_deg=np.where(is_let_be, -np.inf, self.excess_deg))
 
     def refusal_at(self, index: int, later_s: float = 0.0) -> Refusal:
-        """The refusal at one instant; ``later_s``: seconds until then."""
+        """Return the refusal at one instant; ``later_s``: seconds until then."""
         value_deg, bound_deg = float(self.value_deg[index]), float(self.bound_deg[index])
         if self.is_axis:
             return refusals.axis_past_meridian(value_deg, bound_deg)
@@ -83,7 +85,7 @@ class Margin:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TrackedPose:
-    """A place of date that is followed, and on which side of the pier (None: not known, fork)."""
+    """Tracked place of date, and the side of the pier (None: not known, fork)."""
 
     epoch: Epoch
     ra_deg: float
@@ -106,7 +108,7 @@ def while_tracking(
     lifted: Collection[LimitName],
     is_level_held: bool = True,
 ) -> Iterator[Margin]:
-    """Every limit but twilight at (N,) instants, the gravest first.
+    """Yield every limit but twilight at (N,) instants, the gravest first.
 
     ``is_level_held``: where the least altitude is lifted and no walls are drawn, the level horizon
     is held all the same.
@@ -149,11 +151,10 @@ def while_slewing(
     *,
     lifted: Collection[LimitName],
 ) -> Iterator[Margin]:
-    """Limits on the way of a slew: the Sun's cone, and how far the polar axis has turned.
+    """Yield the limits on the way of a slew: the Sun's cone, and the turn of the polar axis.
 
-    A flip leads past the pole, where the hour angle may be anything: there it is the axis that
-    counts, whose counterweight must not rise above the horizontal by more than the meridian's
-    limit.
+    A flip leads past the pole, where the hour angle may be anything: there the axis itself counts,
+    whose counterweight must not rise above the horizontal by more than the meridian's limit.
     """
     if "Sun" not in lifted:
         yield _of_track_from_sun(site, limits, track, t_ns)
@@ -184,7 +185,7 @@ def while_parking(
     *,
     lifted: Collection[LimitName],
 ) -> Iterator[Margin]:
-    """Limits on the way to a park position, which may lie behind a wall or be level."""
+    """Yield the limits on the way to a park position, which may lie behind a wall or be level."""
     yield from while_slewing(site, limits, mount, track, t_ns, lifted=lifted)
     if "horizon" not in lifted:
         ha_deg = hour_angle_deg(site, track, t_ns)

@@ -7,7 +7,7 @@ from rsoconsole.records import SlewRefusal, SlewRefusalKind
 from rsoconsole.words import text
 
 AngleLimit = Literal["altitude", "horizon", "hour angle", "pier", "Sun", "twilight"]
-"""Limits of which figure and bound are angles."""
+"""Limits whose figure and bound are angles."""
 LimitName = Literal[
     "direction", "time", "altitude", "horizon", "hour angle", "pier", "Sun", "twilight"
 ]
@@ -15,47 +15,47 @@ LimitName = Literal[
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Refusal:
-    """One limit that forbids the telescope to go or stay there."""
+    """Refusal by one limit that forbids the telescope to go or stay there."""
 
     limit: LimitName
     value_deg: float | None
-    """The figure; None where it is no angle (direction, time)."""
+    """Measured figure, deg; None where it is no angle (direction, time)."""
     bound_deg: float | None
     reason: SlewRefusal
     """Recorded reason; its figures are those in the message."""
 
     @property
     def text(self) -> str:
-        """In the operator's words, with the figure and by how much."""
+        """Text for the operator, with the figure and the excess."""
         return text(self.reason)
 
 
 def beyond(limit: AngleLimit, value_deg: float, bound_deg: float) -> Refusal:
-    """A figure beyond its bound, now."""
+    """Refuse a figure beyond its bound, now."""
     reason = SlewRefusal.beyond(limit, value_deg, bound_deg)
     return Refusal(limit=limit, value_deg=value_deg, bound_deg=bound_deg, reason=reason)
 
 
 def sun_on_the_way(from_sun_deg: float, kept_deg: float, *, is_way_out: bool) -> Refusal:
-    """The way of a slew passes the Sun too near."""
+    """Refuse the way of a slew that passes the Sun too near."""
     kind: SlewRefusalKind = "nearer to the Sun" if is_way_out else "past the Sun"
     reason = SlewRefusal.beyond(kind, from_sun_deg, kept_deg)
     return Refusal(limit="Sun", value_deg=from_sun_deg, bound_deg=kept_deg, reason=reason)
 
 
 def axis_past_meridian(past_deg: float, bound_deg: float) -> Refusal:
-    """The polar axis has turned its counterweight up too far."""
+    """Refuse a polar axis that has turned its counterweight up too far."""
     reason = SlewRefusal.beyond("polar axis", past_deg, bound_deg)
     return Refusal(limit="pier", value_deg=past_deg, bound_deg=bound_deg, reason=reason)
 
 
 def no_direction(ra_icrs_deg: float, dec_icrs_deg: float) -> Refusal:
-    """Not a number, or outside the circle."""
+    """Refuse a direction that is not a number, or outside the circle."""
     said = f"RA {ra_icrs_deg} Dec {dec_icrs_deg}"
     reason = SlewRefusal(kind="direction", detail=said)
     return Refusal(limit="direction", value_deg=None, bound_deg=None, reason=reason)
 
 
 def wrong_time(reason: SlewRefusal) -> Refusal:
-    """An instant that cannot be meant."""
+    """Refuse an impossible instant."""
     return Refusal(limit="time", value_deg=None, bound_deg=None, reason=reason)

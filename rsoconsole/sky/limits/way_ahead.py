@@ -1,7 +1,7 @@
-"""Where a mount that moves will be until it can be stopped, and the limits on that way.
+"""Places of a moving mount until it can be stopped, and the limits on that way.
 
-Nobody knows where a motion leads that somebody else has ordered. It is taken to go straight on in
-both axes; the declination axis goes on over a pole.
+The end of a motion that somebody else has ordered is unknown. It is taken to go straight on in both
+axes; the declination axis goes on over a pole.
 """
 
 from collections.abc import Iterable, Iterator
@@ -27,14 +27,15 @@ from rsoconsole.sky.limits.refusals import LimitName
 
 SIDEREAL_DEG_S = 15.041067 / 3600.0
 POLE_ROOM_DEG = 10.0
-"""So near to a pole a right ascension runs at another rate than the polar axis."""
+"""Distance from a pole, deg, within which a right ascension runs at another rate than the polar
+axis."""
 FLIP_ROOM_DEG = 45.0
-"""So near to the elevated pole a flip may lead through any hour angle."""
+"""Distance from the elevated pole, deg, within which a flip may lead through any hour angle."""
 BESIDE_DEG = 3.0
-"""A mount that misses its way, or its end, by so little is on it: some slew without the sky's
+"""Distance from its way, or its end, deg, up to which a mount is on it: some slew without the sky's
 motion, some come from beyond."""
 PAUSE_DEG_S = 0.05
-"""An axis at a lower rate than this goes nowhere."""
+"""Rate below which an axis counts as still, deg/s."""
 _STEP_DEG = 0.5
 _MAX_DEG = 90.0
 
@@ -44,11 +45,11 @@ class Rates:
     """Rates of right ascension and declination."""
 
     ra_deg_s: float
-    """Rate of the coordinate, not times cos declination; 0 where the mount tracks."""
+    """Rate of the coordinate, deg/s, not times cos declination; 0 where the mount tracks."""
     dec_deg_s: float
 
     def fastest_deg_s(self, dec_deg: float) -> float:
-        """Rate of the faster axis, as far as its coordinate tells."""
+        """Rate of the faster axis, deg/s, as far as its coordinate shows."""
         near_pole = abs(dec_deg) > 90.0 - POLE_ROOM_DEG
         polar_deg_s = self.ra_deg_s * (np.cos(np.radians(dec_deg)) if near_pole else 1.0)
         return float(max(abs(polar_deg_s), abs(self.dec_deg_s)))
@@ -56,21 +57,21 @@ class Rates:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class WayAhead:
-    """Places at later and later seconds, the first where the mount is now."""
+    """Places of a moving mount at later and later seconds, the first where it is now."""
 
     track: TrackedPose
     t_utc_ns: int
     later_s: FloatArray
     hour_angle_deg: FloatArray
-    """Not wrapped."""
+    """Hour angle, not wrapped."""
     declination_deg: FloatArray
-    """Beyond a pole where the way leads over it."""
+    """Declination; beyond a pole where the way leads over it."""
 
 
 def way_ahead(
     site: Site, track: TrackedPose, t_utc_ns: int, rates: Rates, ahead_s: float
 ) -> WayAhead:
-    """Straight on from a place, in steps of at most half a degree of either axis."""
+    """Extrapolate straight on from a place, in steps of at most half a degree of either axis."""
     fastest_deg_s = rates.fastest_deg_s(track.dec_deg)
     if fastest_deg_s > 0.0:
         ahead_s = min(ahead_s, _MAX_DEG / fastest_deg_s)
@@ -94,9 +95,10 @@ def on_way_ahead(
     *,
     lifted: Iterable[LimitName],
 ) -> Iterator[Margin]:
-    """Every limit of a motion whose end nobody knows, the gravest first.
+    """Yield every limit of a motion of unknown end, the gravest first.
 
-    The hour angle of a German mount is held far from its pole only: a flip may pass there at any.
+    The hour angle of a German mount is checked far from its pole only: a flip may pass there at
+    any.
     """
     track, held = way.track, frozenset(lifted)
     t_ns = np.full(way.later_s.shape, way.t_utc_ns)
@@ -134,7 +136,10 @@ def _hours_ahead(
 
 
 def _where_known(margin: Margin, dec_deg: FloatArray) -> Margin:
-    """Near a pole what is reported now tells of the polar axis, what is expected does not."""
+    """Return the margin without violations near a pole, except at the first place.
+
+    The first is reported; expected places there say nothing of the polar axis.
+    """
     is_unknown = np.abs(dec_deg) > 90.0 - POLE_ROOM_DEG
     is_unknown[0] = False
     return margin.but_where(is_unknown)
@@ -143,11 +148,11 @@ def _where_known(margin: Margin, dec_deg: FloatArray) -> Margin:
 def leads_to_its_end(
     way: Way, place: TrackedPose, hour_angle_deg: float, rates: Rates | None, latitude_deg: float
 ) -> bool:
-    """Whether a mount at this place is on a slew's way, and does not leave it.
+    """True where a mount at this place is on a slew's way, and does not leave it.
 
-    On its way it is wherever the axes may be between start and end, for nobody knows which of
-    them runs ahead. ``hour_angle_deg``: of the place, at the instant at which the slew began;
-    ``rates``: None where they are not known.
+    On its way are all places of the axes between start and end, since either may run ahead.
+    ``hour_angle_deg``: that of the place, at the instant at which the slew began; ``rates``: None
+    where they are not known.
     """
     near_pole = abs(place.dec_deg) > 90.0 - POLE_ROOM_DEG
     for side in ("west", "east"):
@@ -166,7 +171,7 @@ def leads_to_its_end(
 
 
 def _closes_in(from_deg: float, to_deg: float, at_deg: float, rate_deg_s: float) -> bool:
-    """Whether an axis is between start and end, and does not turn away from its end."""
+    """True where an axis is between start and end, and does not turn away from its end."""
     low_deg, high_deg = min(from_deg, to_deg) - BESIDE_DEG, max(from_deg, to_deg) + BESIDE_DEG
     left_deg = to_deg - at_deg
     is_turning_away = abs(rate_deg_s) > PAUSE_DEG_S and rate_deg_s * left_deg < 0.0
@@ -175,16 +180,16 @@ def _closes_in(from_deg: float, to_deg: float, at_deg: float, rate_deg_s: float)
 
 UNLEARNED_DEG = 5.0
 UNLEARNED_S = 5.0
-"""A mount of which nothing is known takes no longer to stop than this, nor farther than that."""
+"""Longest way, deg, and longest time, s, to stop for a mount without a recorded stop."""
 MIN_DEG, MAX_DEG = 0.5, 15.0
 SLOW_DEG_S = 0.02
-"""At a lower rate than this nothing is learned."""
+"""Rate below which no stop is recorded, deg/s."""
 FASTER = 2.0
-"""What was learned at a rate is believed at rates up to twice as high."""
+"""Factor on the rate up to which a recorded stop is believed."""
 
 
 class StoppingDistance:
-    """Farthest way that this mount moved on after an order to stop, by the rate at that time."""
+    """Longest way that this mount moved on after an order to stop, by the rate at that time."""
 
     def __init__(self) -> None:
         self._seen: list[tuple[float, float]] = []
@@ -196,14 +201,14 @@ class StoppingDistance:
 
     @property
     def is_learned(self) -> bool:
-        """Whether any stop of this mount was recorded."""
+        """True where any stop of this mount was recorded."""
         return bool(self._seen)
 
     def at(self, rate_deg_s: float) -> float:
-        """Degrees of the faster axis that the mount may move on at this rate.
+        """Distance that the faster axis may move on at this rate, degrees.
 
-        At lower rates than those that were seen the way is taken to be shorter in proportion, at
-        higher ones as their square.
+        At rates lower than those recorded the way is taken to be shorter in proportion, at higher
+        ones as their square.
         """
         known = [
             way_deg * (share if (share := rate_deg_s / seen_deg_s) <= 1.0 else share * share)

@@ -1,4 +1,4 @@
-"""The Tycho-2 catalogue: where its stars are at an epoch, and how bright."""
+"""Tycho-2 catalogue: places of its stars at an epoch, and magnitudes."""
 
 from lazy_loader import attach_stub
 

@@ -13,7 +13,7 @@ from rsoconsole.words import NS_PER_DAY
 
 J2000_JYEAR = 2000.0
 FASTEST_ARCSEC_YR = 10.4
-"""Barnard's star; no other moves as fast."""
+"""Largest proper motion, arcsec/yr: Barnard's star."""
 _J2000_UTC_NS = 946_728_000 * 1_000_000_000
 _RAD_PER_MAS = np.pi / 648_000_000.0
 
@@ -30,7 +30,7 @@ def apply_proper_motion(
     pm_dec_mas_yr: FloatArray,
     years: float,
 ) -> tuple[FloatArray, FloatArray]:
-    """(RA, Dec) in degrees after these years; the motion in RA is times cos(dec), as Tycho-2's."""
+    """Carry (RA, Dec) in degrees on by years; the motion in RA is times cos(dec), as Tycho-2's."""
     east, north = east_and_north(ra_icrs_deg, dec_icrs_deg)
     way = pm_ra_mas_yr[:, None] * east + pm_dec_mas_yr[:, None] * north
     return unit_to_direction(

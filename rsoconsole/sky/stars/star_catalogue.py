@@ -1,10 +1,10 @@
-"""Stars of the Tycho-2 catalogue: where they are at an epoch, and how bright.
+"""Stars of the Tycho-2 catalogue: places at an epoch, and magnitudes.
 
 The shipped stars reach VT about 12.5. Those of the belt of the geostationary satellites, |dec| <=
-12 deg, lie in a file of their own, because most telescopes here need no others. Places are ICRS
-at J2000.0; proper motions carry them to the epoch that is asked for. A star is then where Tycho-2
-has it to about 0.1 arcsec in 2026 (60 mas at its mean epoch, 2.5 mas/yr). Source: Hog et al. 2000,
-A&A 355, L27; licence in ``data/COPYRIGHT.tycho2``.
+12 deg, lie in a file of their own, because most telescopes here need no others. Places are ICRS at
+J2000.0; proper motions carry them to the requested epoch. A star is then where Tycho-2 has it to
+about 0.1 arcsec in 2026 (60 mas at its mean epoch, 2.5 mas/yr). Source: Hog et al. 2000, A&A 355,
+L27; licence in ``data/COPYRIGHT.tycho2``.
 """
 
 import math
@@ -22,7 +22,7 @@ from rsoconsole.sky.angles import separation_deg, wrap_180
 from rsoconsole.sky.stars.proper_motion import FASTEST_ARCSEC_YR, J2000_JYEAR, apply_proper_motion
 
 RA_STEP_DEG = 360.0 / 2**32
-"""Stored right ascensions count these (0.3 mas)."""
+"""Unit of stored right ascensions, deg (0.3 mas)."""
 DEC_STEP_DEG = 1e-7
 MAG_STEP = 1e-3
 _SHIPPED = ("sky", "data", "tycho2_belt.npz")
@@ -38,16 +38,16 @@ class Stars:
     ra_icrs_deg: FloatArray
     dec_icrs_deg: FloatArray
     magnitude: FloatArray
-    """Tycho VT."""
+    """Tycho VT magnitude."""
     pm_ra_mas_yr: FloatArray
-    """Times cos(dec); 0 where the catalogue knows none."""
+    """Proper motion in RA times cos(dec); 0 where the catalogue has none."""
     pm_dec_mas_yr: FloatArray
 
     @classmethod
     def at_rest(
         cls, ra_icrs_deg: FloatArray, dec_icrs_deg: FloatArray, magnitude: FloatArray
     ) -> "Stars":
-        """Stars without proper motion, or of unknown one."""
+        """Return stars without proper motion, or with an unknown one."""
         still = np.zeros(len(magnitude))
         return cls(ra_icrs_deg, dec_icrs_deg, magnitude, still, still)
 
@@ -92,7 +92,7 @@ class StarCatalogue:
 
     @classmethod
     def load(cls, path: Path | None = None) -> "StarCatalogue":
-        """The shipped belt, or a file of the same form; read once, then kept.
+        """Load the shipped belt, or a file of the same form; read once, then cached.
 
         Raises SolverError when the file cannot be read.
         """
@@ -100,14 +100,14 @@ class StarCatalogue:
 
     @classmethod
     def load_whole_sky(cls) -> "StarCatalogue":
-        """All shipped stars; read when first asked for, then kept (26 MB).
+        """Load all shipped stars; read at the first call, then cached (26 MB).
 
         Raises SolverError when a file cannot be read.
         """
         return _load_whole_sky()
 
     def covers(self, dec_icrs_deg: float, radius_deg: float = 0.0) -> bool:
-        """False where the catalogue is cut off: an empty sky there says nothing of the sky."""
+        """True where the catalogue is complete; elsewhere an empty list says nothing."""
         return (
             self.dec_min_deg <= max(dec_icrs_deg - radius_deg, -90.0)
             and min(dec_icrs_deg + radius_deg, 90.0) <= self.dec_max_deg
@@ -121,7 +121,7 @@ class StarCatalogue:
         *,
         epoch_jyear: float = J2000_JYEAR,
     ) -> Stars:
-        """Stars within a great-circle distance at that epoch, and where they are then."""
+        """Stars within a great-circle distance at that epoch, with their places then."""
         years = epoch_jyear - J2000_JYEAR
         wide_deg = radius_deg + abs(years) * FASTEST_ARCSEC_YR / 3600.0
         reach = wide_deg / max(
@@ -156,7 +156,7 @@ def _scaled(counts: npt.NDArray[np.integer[Any]], step: float) -> FloatArray:
 
 
 def holds_stars(path: Path) -> bool:
-    """Whether a file holds Tycho-2 stars, as index files of the solver do; reads headers only."""
+    """True where a file holds Tycho-2 stars, as the solver's index files do; reads headers only."""
     from astropy.io import fits
 
     try:
@@ -173,7 +173,7 @@ def _load(path: Path) -> StarCatalogue:
 
 @lru_cache(maxsize=1)
 def _load_whole_sky() -> StarCatalogue:
-    """The rest of the sky with the belt in the middle of it."""
+    """Load the rest of the sky with the belt in the middle of it."""
     belt, rest = _load(resource(*_SHIPPED)), _read(resource(*_SHIPPED_REST))
     south = int(np.searchsorted(rest.dec_counts, 0))
     columns: dict[str, Any] = {}

@@ -1,1 +1,1 @@
-"""What is followed, where its neighbours stand, and how they move against each other."""
+"""State of the tracks, places of their neighbours, and their motion against each other."""

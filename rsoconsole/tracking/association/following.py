@@ -26,52 +26,52 @@ from rsoconsole.tracking.filters.streak_length import NO_STREAKS, StreakHistory
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Rival:
-    """Streaks that do not fit what is followed but each other."""
+    """Streaks that do not fit the track but each other."""
 
     measurements: tuple[Measurement, ...]
     track: TrackState | None = None
-    """Through them, from the second on."""
+    """Track through the streaks, from the second on."""
 
 
 Choice = Literal["nearest", "most confident"]
 NO_DETECTION = Missed(kind="no detection")
 ONLY_CROSSING = Missed(kind="crossing")
 TRACKABLE_CLASSES = ("satellite", "undetermined")
-"""Classes of streaks that start a track; others do only by the operator's choice."""
+"""Classes of streaks that initiate a track; others do only by the operator's choice."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FrameInput:
-    """What one frame gives the fold: measurements, field, and the operator's decisions."""
+    """Input of one frame to the fold: measurements, field, and the operator's decisions."""
 
     frame_id: int
     t_mid_utc_ns: int
     exposure_s: float
     measurements: tuple[Measurement, ...]
-    """Most confident first."""
+    """Measurements of the frame, most confident first."""
     absence: Missed | Callable[[], Missed] = NO_DETECTION
-    """What a miss of this frame is put down to; a function is asked only where there is one."""
+    """Reason recorded for a miss in this frame; a function is called only where there is one."""
     field: Field | None = None
-    """What the frame could show; None where that is not known."""
+    """Field of the frame; None where it is not known."""
     star_width_arcsec: float | None = None
-    """Full width of its stars at half maximum; None where nobody measured it."""
+    """Full width of its stars at half maximum; None where it was not measured."""
     chosen: Measurement | None = None
-    """The measurement that the operator wants followed; one of ``measurements``."""
+    """Measurement that the operator wants followed; one of ``measurements``."""
     refused: tuple[Measurement, ...] = ()
-    """Those that the operator wants left alone; none of ``measurements``."""
+    """Measurements that the operator rejects; none of ``measurements``."""
     dropped: tuple[int, ...] = ()
-    """Tracks that the operator wants followed no more from this frame on, by their numbers."""
+    """Numbers of the tracks that the operator drops from this frame on."""
     kept: tuple[int, ...] = ()
-    """Those that no miss is to end from this frame on."""
+    """Numbers of the tracks that no miss is to end from this frame on."""
     released: tuple[int, ...] = ()
-    """Those of which that holds no longer."""
+    """Numbers of the kept tracks that misses may end again."""
     by_orbit: Callable[[TrackState], TrackState | None] | None = None
-    """What the orbit predicts in the place of a prediction that failed; None where it does not.
-    Asked only where nothing fits."""
+    """Return the orbit's prediction in the place of one that failed, None where it has none; called
+    only where nothing fits."""
 
     @property
     def why_absent(self) -> Missed:
-        """Reason of a miss in this frame."""
+        """Return the reason of a miss in this frame."""
         return self.absence if isinstance(self.absence, Missed) else self.absence()
 
 
@@ -84,10 +84,10 @@ class FollowSettings:
     """Distance from the centre to the nearest edge of the usable field."""
     choice: Choice = "nearest"
     bend: Callable[[int, tuple[float, float], tuple[float, float]], Bend | None] | None = None
-    """How an orbit through a direction with a rate (east, north, arcsec/s) may bend at an instant;
-    None: nobody knows."""
+    """Return the possible bend of an orbit through a direction with a rate (east, north, arcsec/s)
+    at an instant; None: unknown."""
     is_shutter_known: bool = False
-    """Whether the frame's camera mode is calibrated: its scatter is in every measurement."""
+    """True where the frame's camera mode is calibrated: its scatter is in every measurement."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -97,56 +97,57 @@ class LiveTrack:
     track: TrackState
     """Last state of the filter: updated, or predicted to the frame that missed."""
     taken: Measurement | None = None
-    """The last measurement the track took."""
+    """Last accepted measurement."""
     neighbours: tuple[Neighbour, ...] = ()
-    """What moves alike beside it."""
+    """Objects beside it with the same motion."""
     rivals: tuple[Rival, ...] = ()
-    """What has fitted nothing since, but each other; preset ``adaptive`` only."""
+    """Streaks since its last update that fit nothing but each other; preset ``adaptive`` only."""
     unexplained: int = 0
-    """Frames since then in which nothing hid it, and it was not there."""
+    """Number of frames since its last update in which it was not seen although nothing hid it."""
     streaks: StreakHistory = NO_STREAKS
     """Shapes of its last streaks."""
     ambiguous: int = 0
-    """Frames in a row that could not tell it from another track."""
+    """Number of frames in a row that could not separate it from another track."""
     is_kept: bool = False
-    """Whether the operator's word keeps it: no miss ends it while it may be in the field."""
+    """True where the operator keeps it: no miss ends it while it may be in the field."""
     since_utc_ns: int = 0
-    """When it began, with its second measurement; 0: not known."""
+    """Instant of its second measurement, which initiated it; 0: not known."""
     trial: int = 1
     """Measurements after its second that it needs to outlive a miss where it does not lead."""
 
     @property
     def is_on_trial(self) -> bool:
-        """Whether chance may have made it: the next frame has to show it."""
+        """True where chance may have made it: the next frame has to show it."""
         return self.track.innovations < self.trial
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Following:
-    """The loop between two frames."""
+    """State of the loop between two frames."""
 
     state: LoopState = "SEARCH"
     candidates: tuple[Measurement, ...] = ()
-    """Measurements of the last frame, each of which may start a track."""
+    """Measurements of the last frame, each of which may initiate a track."""
     earlier: tuple[Measurement, ...] = ()
-    """Those of the frames before it that may still start one, with later frames that agree."""
+    """Measurements of earlier frames that may still initiate one, with later frames that agree."""
     tracks: tuple[LiveTrack, ...] = ()
-    """The lead first; empty where nothing is followed."""
+    """Tracks, the lead first; empty where there is none."""
     pattern: Pattern = NO_PATTERN
-    """Where the tracks stand to each other."""
+    """Relative positions of the tracks."""
     last_track_id: int = 0
-    """Of the session's last track that has begun; 0 before the first."""
+    """Number of the session's last track; 0 before the first."""
     dropped: tuple[LiveTrack, ...] = ()
-    """What the operator has dropped and may still be in the field: its streaks begin no track."""
+    """Tracks that the operator has dropped and that may still be in the field: their streaks
+    initiate none."""
 
     @property
     def track(self) -> TrackState | None:
-        """The lead's last state of the filter."""
+        """Last state of the lead's filter."""
         return self.tracks[0].track if self.tracks else None
 
     @property
     def taken(self) -> Measurement | None:
-        """The last measurement the lead took."""
+        """Last measurement that the lead accepted."""
         return self.tracks[0].taken if self.tracks else None
 
     @property
@@ -160,7 +161,7 @@ class Following:
         candidates: tuple[Measurement, ...] = (),
         earlier: tuple[Measurement, ...] = (),
     ) -> "Following":
-        """The state without any track; the next one has another number."""
+        """Return the state without any track; the next one has another number."""
         return Following(
             state=state,
             candidates=candidates,
@@ -179,7 +180,7 @@ def not_followed(
 
 
 def with_track_id(records: tuple[FoldRecord, ...], track_id: int | None) -> tuple[FoldRecord, ...]:
-    """The records with the track that measurements were refused by, and that was missed."""
+    """Return the records with the number of the track that refused measurements or was missed."""
     return tuple(
         replace(each, track_id=track_id) if isinstance(each, NotFollowed | Miss) else each
         for each in records

@@ -1,14 +1,14 @@
-"""Neighbours of what is followed, told from it by their pattern after a coast.
+"""Neighbours of the tracked object, distinguished from it by their pattern after a coast.
 
-Satellites of one slot have one rate and one streak, and after a long coast the prediction's
-bounds hold several of them: position alone would then take whichever happens to lie nearer.
-Brightness does not tell them apart either, since phase, cloud and tumbling change it by more than
-they differ. What stays is their pattern: a prediction that has gone astray is wrong by the same
-shift for all of them. So of every shift that would lay something seen onto something known, that
-which explains most is believed. Waiting a frame instead would teach nothing: they keep their
-places to each other and the bounds only grow. Where the best two explanations name different
-objects and lie close together, nothing is believed: one streak alone, after a long coast, may be
-either of two. Pure.
+Satellites of one slot have one rate and one streak, and after a long coast the prediction's bounds
+hold several of them: position alone would then take whichever happens to lie nearer. Brightness
+does not distinguish them either, since phase, cloud and tumbling change it by more than they
+differ. What stays is their pattern: a prediction that has gone astray is wrong by the same shift
+for all of them. So of every shift that would lay something seen onto something known, the one with
+the best explanation is believed. Waiting a frame instead would add nothing: they keep their places
+to each other and the bounds only grow. Where the best two explanations name different objects and
+lie close together, nothing is believed: one streak alone, after a long coast, may be either of two.
+Pure.
 """
 
 from collections.abc import Mapping, Sequence
@@ -39,15 +39,15 @@ MAX_KEPT = 8
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Neighbour:
-    """Something with the same motion beside what is followed."""
+    """Object with the same motion beside the tracked one."""
 
     east_arcsec: float
-    """From what is followed, on the sky."""
+    """Distance from the tracked object on the sky, eastward."""
     north_arcsec: float
     t_utc_ns: int
-    """When it was last seen."""
+    """Instant at which it was last seen."""
     error_arcsec: float = 0.0
-    """Sigma of both places then, as far as the track has learnt how much its streaks err."""
+    """Sigma of both places then, by the track's learnt errors of its streaks."""
 
     def sigma_arcsec(self, t_utc_ns: int) -> float:
         """One sigma of its place at an instant, on each axis."""
@@ -61,10 +61,10 @@ def neighbours_after(
     others: Mapping[Measurement, float],
     error_arcsec: float = 0.0,
 ) -> tuple[Neighbour, ...]:
-    """The neighbours after a frame; ``others`` have the motion of what was taken.
+    """Return the neighbours after a frame; ``others`` have the motion of the accepted measurement.
 
-    ``error_arcsec`` is what the track has learnt of the errors of what was taken, the values of
-    ``others`` are the same of each.
+    ``error_arcsec``: the learnt error of the accepted measurement; the values of ``others``: that
+    of each.
     """
     here = (taken.ra_icrs_deg, taken.dec_icrs_deg)
     seen = []
@@ -99,7 +99,7 @@ class Field:
     def holds(
         self, ra_icrs_deg: FloatArray, dec_icrs_deg: FloatArray, inside_arcsec: FloatArray
     ) -> BoolArray:
-        """Which directions (N,) lie so far inside the frame's edges."""
+        """True for directions (N,) at least ``inside_arcsec`` within the frame's edges."""
         centre = ((self.width_px - 1) / 2.0, (self.height_px - 1) / 2.0)
         jacobian = jacobian_arcsec_px(self.wcs, *centre)
         inside_px = inside_arcsec / np.sqrt(abs(np.linalg.det(jacobian)))
@@ -112,12 +112,12 @@ class Field:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Match:
-    """Which measurement is what is followed, and how surely."""
+    """Measurement matched to the tracked object, with the margin of the match."""
 
     measurement: Measurement | None
-    """None: what is followed is not among them."""
+    """Matched measurement; None: the tracked object is not among them."""
     margin: float
-    """By how much it costs less than the best explanation that says otherwise."""
+    """Margin in cost of the best explanation over the best one with another result."""
 
 
 def best_match(
@@ -129,14 +129,14 @@ def best_match(
     field: Field | None = None,
     errors_arcsec: Sequence[float] | None = None,
 ) -> Match:
-    """Which of the measurements with the track's motion is what is followed.
+    """Find the tracked object among the measurements with its motion.
 
-    For each pair of something seen and something known (what is followed, its neighbours) the
-    prediction's shift is weighed: the deviation it means, and how well all that is known and all
-    that is seen then fit together. Costs are in NIS. What would stand outside ``field``, or so
-    near its edge that its streak of ``streak_arcsec`` would not be whole, may be unseen for
-    nothing; without a field everything should be seen. ``errors_arcsec`` is what the track has
-    learnt of the error of each of the measurements, beside what they state.
+    For each pair of a measurement and a known object (the tracked one, its neighbours) the
+    prediction's shift is weighed: the deviation it means, and how well all known objects and all
+    measurements then fit together. Costs are in NIS. An object outside ``field``, or so near its
+    edge that its streak of ``streak_arcsec`` would not be whole, may be unseen at no cost; without
+    a field every object should be seen. ``errors_arcsec``: the learnt error of each measurement,
+    beside its own.
     """
     errors = np.zeros(len(alike)) if errors_arcsec is None else np.array(errors_arcsec)
     away = np.array([(0.0, 0.0), *((n.east_arcsec, n.north_arcsec) for n in neighbours)])
@@ -187,9 +187,9 @@ def _misfit(
     errors_arcsec: FloatArray,
     should_be_seen: BoolArray,
 ) -> tuple[float, int | None]:
-    """What it costs that all known (K, 2) stand ``where`` and all seen (M, 2) at ``places``.
+    """Cost of all known objects (K, 2) at ``where`` and all seen ones (M, 2) at ``places``.
 
-    With it the number of what is seen where the first of the known stands, if anything is.
+    With it the index of the seen object at the place of the first known one, if any.
     """
     squares = np.sum((where[:, None, :] - places[None, :, :]) ** 2, axis=2)
     spread = np.maximum(sigma_arcsec, SIGMA_ARCSEC)[:, None] ** 2 + errors_arcsec[None, :] ** 2
@@ -203,7 +203,7 @@ def _misfit(
 
 
 def _directions(where: FloatArray, predicted: TrackState) -> tuple[FloatArray, FloatArray]:
-    """RA and Dec (N,) of places (N, 2) given from the prediction."""
+    """RA and Dec (N,) of places (N, 2) relative to the prediction."""
     ra_deg, dec_deg = direction_icrs_deg(predicted)
     decs = dec_deg + where[:, 1] / 3600.0
     cos_dec = np.cos(np.radians((dec_deg + decs) / 2.0))

@@ -1,9 +1,9 @@
 """Relative positions of a field's satellites, from the frames that showed both. Pure.
 
-What a frame's time or plate is wrong by moves all of its streaks alike, so the way from one to
-another knows nothing of it (differential coordinates). Of every two tracks that way and its rate
-are filtered by themselves: they tell members of a slot apart after frames in which one of them was
-not seen, where each track's own prediction is off by what the shutter did in the others.
+An error of a frame's time or plate moves all of its streaks alike, so their relative positions are
+free of it (differential coordinates). The relative position and rate of every two tracks are
+filtered by themselves: they distinguish members of a slot after frames in which one of them was not
+seen, where each track's own prediction is off by the shutter's errors in the others.
 """
 
 from collections.abc import Mapping, Sequence
@@ -20,26 +20,27 @@ from rsoconsole.tracking.filters.sky_path import Plane
 
 BoolArray = npt.NDArray[np.bool_]
 _RATE_ARCSEC_S = 0.5
-"""One sigma of how fast one may move against another before two frames have shown it."""
+"""One sigma of the relative rate of two tracks before two frames have shown it."""
 OTHER_MOTION_ARCSEC_S = 3.0 * _RATE_ARCSEC_S
-"""Relative rate from which on two are not of one slot, and their own rates are believed."""
+"""Relative rate from which two are not of one slot, and their own rates are believed."""
 _ACCELERATION_Q = 1e-9
-"""White acceleration of that, arcsec^2/s^3: relative orbits, and tangent planes that turn."""
+"""White acceleration of the relative position, arcsec^2/s^3: relative orbits, and tangent planes
+that turn."""
 _MIN_ARCSEC = 0.5
-"""Sigma on each axis of any place against another in its frame: the lens, ends that err."""
+"""Least sigma on each axis of a relative position in a frame: the lens, errors of the ends."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Pattern:
-    """The ways from each track to each other, arcsec east and north, at the last frame of both."""
+    """Relative positions of each two tracks, arcsec east and north, at the last frame of both."""
 
     track_ids: tuple[int, ...] = ()
     t_utc_ns: FloatArray = field(default_factory=lambda: np.zeros((0, 0)))
-    """(N, N); 0 where no frame has shown both."""
+    """(N, N) instants of the last frame that showed both; 0: none has."""
     ways: FloatArray = field(default_factory=lambda: np.zeros((0, 0, 4)))
-    """(N, N, 4): east, north and their rates."""
+    """(N, N, 4) relative positions, east and north, and their rates."""
     covariances: FloatArray = field(default_factory=lambda: np.zeros((0, 0, 4, 4)))
-    """(N, N, 4, 4)"""
+    """(N, N, 4, 4) covariances of the ways."""
 
     def __eq__(self, other: object) -> bool:
         if not isinstance(other, Pattern) or self.track_ids != other.track_ids:
@@ -54,7 +55,7 @@ class Pattern:
     def ways_between(
         self, tracks: Sequence[int], t_utc_ns: int
     ) -> tuple[BoolArray, FloatArray, FloatArray]:
-        """Between N tracks at an instant: which are known (N, N), ways (N, N, 2), covariances."""
+        """Ways between N tracks at an instant: True where known (N, N), (N, N, 2), covariances."""
         number = len(tracks)
         known, ways = np.zeros((number, number), bool), np.zeros((number, number, 2))
         covariances = np.zeros((number, number, 2, 2))
@@ -69,8 +70,9 @@ class Pattern:
     def _carried(
         self, tracks: IntArray, i: IntArray, j: IntArray, t_utc_ns: int
     ) -> tuple[BoolArray, FloatArray, FloatArray]:
-        """Which of M pairs are known (M,), and of those, at an instant, way and rate (K, 4) with
-        their covariances (K, 4, 4).
+        """Ways and rates (K, 4) of the known of M pairs at an instant.
+
+        Before them True for the known ones (M,), after them the covariances (K, 4, 4).
         """
         at = _places_in(tracks, self.track_ids)
         a, b = at[i], at[j]
@@ -92,7 +94,7 @@ class Pattern:
 
 
 def _places_in(tracks: IntArray, known: Sequence[int]) -> IntArray:
-    """(N,) number of each track among the known ones; -1: not among them."""
+    """(N,) index of each track among the known ones; -1: not among them."""
     number = {track: k for k, track in enumerate(known)}
     return np.array([number.get(track, -1) for track in tracks.tolist()], np.int64)
 
@@ -104,13 +106,13 @@ class Place:
     ra_icrs_deg: float
     dec_icrs_deg: float
     covariance: FloatArray
-    """(2, 2) of the place, arcsec^2, without what all of a frame share."""
+    """(2, 2) covariance of the place, arcsec^2, without errors common to all of a frame."""
     rate_arcsec_s: FloatArray
-    """(2,) of the track, east and north."""
+    """(2,) rate of the track, east and north."""
 
     @classmethod
     def of(cls, m: Measurement, track: TrackState, along_arcsec: float | None = None) -> "Place":
-        """Place of the streak that a track has taken; ``along_arcsec``: see ``own_covariance``."""
+        """Place of a track's accepted streak; ``along_arcsec``: see ``own_covariance``."""
         return cls(
             ra_icrs_deg=m.ra_icrs_deg,
             dec_icrs_deg=m.dec_icrs_deg,
@@ -129,9 +131,9 @@ def pattern_after(
     seen: Mapping[int, "Place"],
     t_utc_ns: int,
 ) -> Pattern:
-    """The pattern of the tracks ``alive``, with what a frame has shown of them.
+    """Return the pattern of the tracks ``alive``, updated with a frame.
 
-    ``seen``: what the frame has shown of each track.
+    ``seen``: the place of each track in the frame.
     """
     if len(alive) < 2:
         return NO_PATTERN
@@ -199,8 +201,8 @@ def own_covariance(
 ) -> FloatArray:
     """Covariance (2, 2) of a streak's place that it shares with no other, arcsec^2.
 
-    By what its track has learnt of its errors; ``along_arcsec``: what its length adds along
-    the streak; None: as of the streak that the track took last.
+    By the learnt errors of its track; ``along_arcsec``: the error that its length adds along the
+    streak; None: that of the streak the track accepted last.
     """
     ee, en, nn = m.cov_sky_arcsec2
     said = track.mixture
@@ -215,9 +217,9 @@ def own_covariance(
 
 
 def learnt_error_arcsec(m: Measurement, track: TrackState) -> float:
-    """One sigma of a streak's place by what its track has learnt, on its worse axis.
+    """One sigma of a streak's place by its track's learnt errors, on its worse axis.
 
-    0 where the filter learns nothing: what the measurement states is all that is known.
+    0 where the filter learns nothing: only the measurement's own error is known.
     """
     if track.mixture is None:
         return 0.0

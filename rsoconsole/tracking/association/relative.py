@@ -1,11 +1,11 @@
 """Relative motion of two satellites of a field, from the frames that showed both. Pure.
 
-What shutter and plate are wrong by moves both streaks of a frame alike, so each axis of the way
-from one to the other is fitted by itself, frame by frame, and knows nothing of it. The path is an
-offset, a drift, and swings of one turn and of half a turn, which is what two orbits of nearly one
-period do to each other (Clohessy & Wiltshire 1960); two that move otherwise have their drift. A
-short arc does not tell a swing: how wide swings and drifts may be is averaged over priors from
-small to large, each weighed by how well it explains what was seen.
+Errors of shutter and plate move both streaks of a frame alike, so the relative position is free of
+them; each of its axes is fitted by itself, frame by frame. The path is an offset, a drift, and
+swings of one turn and of half a turn, the relative motion of two orbits of nearly one period
+(Clohessy & Wiltshire 1960); two with other motions have their drift. A short arc does not determine
+a swing: how wide swings and drifts may be is averaged over priors from small to large, each weighed
+by how well it explains what was seen.
 """
 
 import itertools
@@ -28,10 +28,12 @@ MIN_FRAMES = 3
 _SWINGS_ARCSEC = (10.0, 30.0, 100.0, 300.0, 1e3, 3e3, 1e4, 3e4, 1e5)
 _DRIFTS_ARCSEC_RAD = (10.0, 300.0, 1e4, 1e6)
 _OFFSET_SHARES, _MIN_OFFSET_ARCSEC = (1.0 / 3.0, 10.0 / 3.0), 60.0
-"""How far the middle of a swing may lie from the other one, by the swing's width."""
+"""One sigma of a swing's middle from the other object, as shares of the swing's width, and its
+least value, arcsec."""
 _HALF_TURN_SHARE, _OF_WIDE_SWINGS, _WIDE_ARCSEC = 0.05, 0.2, 1e3
-"""Of a swing's width that of half a turn: orbits that lean, a site that is not the Earth's centre.
-All of these cover what pairs of catalogued geostationary objects do (``test_relative.py``)."""
+"""Width of the half-turn swing by that of the full-turn one: usually, and for wide ones: orbits
+that lean, a site that is not the Earth's centre. All of these cover the pairs of catalogued
+geostationary objects (``test_relative.py``)."""
 SAMPLES = 200
 _TERMS = 6
 
@@ -41,14 +43,15 @@ class TrackDirections:
     """Directions of one track in N frames, in order of time."""
 
     frame_id: IntArray
-    """(N,)"""
+    """(N,) frame of each direction."""
     t_utc_ns: IntArray
     units: FloatArray
-    """(N, 3) towards it."""
+    """(N, 3) unit vectors towards it."""
     cov_sky_arcsec2: FloatArray
-    """(N, 3) east-east, east-north, north-north, without what all of a frame share."""
+    """(N, 3) covariances east-east, east-north, north-north, without errors common to all of a
+    frame."""
     rate_arcsec_s: FloatArray
-    """(N, 2) east and north."""
+    """(N, 2) rates, east and north."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -56,48 +59,48 @@ class Ways:
     """Relative positions of two tracks in the N frames that showed both."""
 
     t_utc_ns: IntArray
-    """(N,)"""
+    """(N,) instants of the frames."""
     ways_arcsec: FloatArray
-    """(N, 2) east and north, at the middle between them."""
+    """(N, 2) relative positions, east and north, at the middle between the two."""
     covariance_arcsec2: FloatArray
-    """(N, 2, 2)"""
+    """(N, 2, 2) covariances of the ways."""
     rate_arcsec_s: FloatArray
-    """(2,) of the faster one over the stars, in the last of them."""
+    """(2,) rate of the faster one over the stars, in the last of the frames."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class RelativePath:
-    """The way from one to the other as a function of time, as S equally likely paths."""
+    """Relative position of two tracks as a function of time, as S equally likely paths."""
 
     t_utc_ns: int
-    """Its reference: the last frame that showed both."""
+    """Reference instant: that of the last frame that showed both."""
     frequency_rad_s: float
     axes: FloatArray
-    """(2, 2) rows: unit vectors (east, north) of the two axes that are fitted."""
+    """(2, 2) rows: unit vectors (east, north) of the two fitted axes."""
     samples: FloatArray
     """(S, 2, 6) coefficients of each axis."""
     frames: int
-    """That have shown both."""
+    """Number of frames that have shown both."""
 
     @property
     def horizon_s(self) -> float:
-        """How far ahead it is looked at: a quarter of the turn, 6 hours at most."""
+        """Horizon of the path, s: a quarter of the turn, 6 hours at most."""
         return min(LONGEST_HORIZON_S, 0.5 * math.pi / self.frequency_rad_s)
 
     def at(self, since_s: FloatArray) -> FloatArray:
-        """(S, M, 2) ways, east and north, so long after the reference."""
+        """(S, M, 2) relative positions, east and north, at times after the reference."""
         terms = _terms(self.frequency_rad_s * np.atleast_1d(since_s))
         return np.asarray(np.swapaxes(self.samples @ terms.T, 1, 2) @ self.axes)
 
     def rate_at(self, since_s: FloatArray) -> FloatArray:
-        """(S, M, 2) arcsec/s."""
+        """(S, M, 2) relative rates, east and north, arcsec/s."""
         slopes = _slopes(self.frequency_rad_s * np.atleast_1d(since_s))
         rates = np.swapaxes(self.samples @ slopes.T, 1, 2) @ self.axes
         return np.asarray(rates * self.frequency_rad_s)
 
 
 def ways_between(one: TrackDirections, other: TrackDirections) -> Ways | None:
-    """The frames that showed both; None where there are too few to tell a motion."""
+    """Relative positions in the frames that showed both; None: too few for a motion."""
     _, i, j = np.intersect1d(one.frame_id, other.frame_id, return_indices=True)
     if len(i) < MIN_FRAMES:
         return None
@@ -117,7 +120,7 @@ def ways_between(one: TrackDirections, other: TrackDirections) -> Ways | None:
 
 
 def axes_at(towards: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """(N, 3) east and north at directions of any length."""
+    """(N, 3) unit vectors east and north at directions of any length."""
     x, y, z = np.moveaxis(towards / np.linalg.norm(towards, axis=-1, keepdims=True), -1, 0)
     level = np.maximum(np.hypot(x, y), 1e-9)
     east = np.stack([-y / level, x / level, np.zeros_like(x)], axis=-1)
@@ -126,7 +129,7 @@ def axes_at(towards: FloatArray) -> tuple[FloatArray, FloatArray]:
 
 
 def relative_path(ways: Ways) -> RelativePath:
-    """The path that the ways tell, with all that they leave open."""
+    """Fit the relative path of the two tracks, with all remaining uncertainty."""
     frequency = max(SIDEREAL_RAD_S, float(np.hypot(*ways.rate_arcsec_s)) * ARCSEC_RAD)
     ahead = ways.rate_arcsec_s / max(float(np.hypot(*ways.rate_arcsec_s)), 1e-9)
     axes = np.array([ahead, [-ahead[1], ahead[0]]])
@@ -147,14 +150,14 @@ def relative_path(ways: Ways) -> RelativePath:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class _Fit:
-    """One axis: a mixture over priors."""
+    """Fit of one axis: a mixture over priors."""
 
     weights: FloatArray
-    """(K,)"""
+    """(K,) weights of the priors."""
     means: FloatArray
-    """(K, 6)"""
+    """(K, 6) mean coefficients."""
     roots: FloatArray
-    """(K, 6, 6) times a standard normal: the spread about the mean."""
+    """(K, 6, 6) factors of a standard normal that give the spread about the mean."""
 
 
 def _fit(terms: FloatArray, values: FloatArray, variances: FloatArray) -> _Fit:
@@ -167,7 +170,7 @@ def _fit(terms: FloatArray, values: FloatArray, variances: FloatArray) -> _Fit:
 
 
 def _fitted(terms: FloatArray, values: FloatArray, variances: FloatArray) -> tuple[_Fit, float]:
-    """With the sum of the squares that the likeliest prior leaves, each in its sigma."""
+    """Fit of an axis, and the sum of squares that the likeliest prior leaves, in sigmas."""
     sigmas = _priors()
     weighted = terms / variances[:, None]
     normal, right = weighted.T @ terms, weighted.T @ values
@@ -190,7 +193,7 @@ def _fitted(terms: FloatArray, values: FloatArray, variances: FloatArray) -> tup
 
 @cache
 def _priors() -> FloatArray:
-    """(K, 6) one sigma of each coefficient: all of them as likely beforehand."""
+    """(K, 6) one sigma of each coefficient by prior, all priors equally likely."""
     rows = []
     for swing, drift, share in itertools.product(
         _SWINGS_ARCSEC, _DRIFTS_ARCSEC_RAD, _OFFSET_SHARES
@@ -211,7 +214,7 @@ def _drawn(fit: _Fit, axis: int) -> FloatArray:
 
 @cache
 def _draws(axis: int) -> tuple[FloatArray, FloatArray]:
-    """The same ones each time: (S,) evenly from 0 to 1 in an order of their own, (S, 6) normal."""
+    """Fixed random numbers: (S,) evenly from 0 to 1 in shuffled order, (S, 6) normal."""
     random = np.random.Generator(np.random.PCG64(axis))
     share = random.permutation((np.arange(SAMPLES) + 0.5) / SAMPLES)
     normal = random.standard_normal((SAMPLES, _TERMS))
@@ -249,11 +252,11 @@ def _way(here: FloatArray, there: FloatArray, east: FloatArray, north: FloatArra
 
 
 _STEPS = 73
-"""Instants of the horizon at which a path is looked at."""
+"""Number of instants of the horizon at which a path is evaluated."""
 _NEWTON_STEPS = 3
 _LOW, _HIGH, _LOWEST, _HIGHEST = 16.0, 84.0, 2.5, 97.5
 _AT_AN_END = 0.02
-"""Share of the horizon: nearer to one of its ends the least separation is there."""
+"""Share of the horizon within which the least separation counts as at its end."""
 
 
 def pair_motion(
@@ -266,7 +269,8 @@ def pair_motion(
 ) -> PairMotion:
     """Relative motion of two tracks at an instant, for the record.
 
-    ``warned_arcsec`` and ``warned_ahead_s``: how near, and how soon, an approach is warned of.
+    ``warned_arcsec`` and ``warned_ahead_s``: separation and time ahead below which an approach is
+    warned of.
     """
     late_s = (t_utc_ns - path.t_utc_ns) / NS_PER_S
     since_s = late_s + np.linspace(0.0, path.horizon_s, _STEPS)
@@ -326,7 +330,7 @@ def pair_motion(
 
 
 def closest(since_s: FloatArray, ways: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """(S,) when each of the paths (S, M, 2), at even instants (M,), is nearest to 0, and how near.
+    """Times and distances (S,) of paths (S, M, 2), at even instants (M,), nearest to 0.
 
     Between three instants a path is a parabola.
     """
@@ -349,7 +353,7 @@ def closest(since_s: FloatArray, ways: FloatArray) -> tuple[FloatArray, FloatArr
 def _kind_of(
     ways: FloatArray, rate_arcsec_s: FloatArray, since_s: FloatArray, at_s: float
 ) -> PathKind:
-    """Whether the path's bend counts until it is nearest, beside its error."""
+    """Kind of the path: curved where its bend until it is nearest exceeds its error."""
     number = int(np.argmin(np.abs(since_s - at_s)))
     mean, start = np.mean(ways[:, number], axis=0), np.mean(ways[:, 0], axis=0)
     straight = start + rate_arcsec_s * (since_s[number] - since_s[0])
@@ -358,5 +362,5 @@ def _kind_of(
 
 
 def _rounded(value: np.floating[Any] | float) -> float:
-    """For the record: no more digits than it is known to."""
+    """Round a value for the record to its useful digits."""
     return round(float(value), 3)

@@ -1,7 +1,7 @@
 """Preset ``adaptive``: the track as the mixture of a bank of filters (``bank``). Pure.
 
 The state on record is the mixture's mean and covariance, as of one filter; the bank itself goes
-along in memory. A state that was read from a session has none: the record predicts it.
+along in memory. A state that was read from a session has none: it is predicted from the record.
 """
 
 import math
@@ -22,12 +22,12 @@ from rsoconsole.tracking.filters.sky_path import ACCELERATION, TURN, VX, VY, Pla
 from rsoconsole.tracking.filters.streak_length import NO_ERRORS, StreakErrors
 
 _TEMPERED = 0.65
-"""The likelihood is too sharp, as no motion is quite what is followed: power that makes intervals
-hold as often as they say (measured on SGP4's orbits)."""
+"""Power of the likelihood by which intervals hold as often as they say (measured on SGP4's orbits):
+it is too sharp, as no motion fits exactly."""
 
 
 def scatter_interval_s(bank: Bank, share: float = 0.9) -> tuple[float, float, float]:
-    """Median and both ends of the interval that holds so much of what is believed of the scatter.
+    """Median and both ends of the interval that holds a ``share`` of the scatter's probability.
 
     The weights are densities on a logarithmic scale: a parabola through the three likeliest,
     straight lines where the likeliest is at an end.
@@ -55,8 +55,8 @@ _WORTH_REPORTING = 1.5
 _MAX_CORRELATED = 0.99999
 
 COMMON_ARCSEC = 0.2
-"""Sigma on each axis of what all directions of a night share (the catalogue's frame, the lens) and
-no innovation shows: part of a state's covariance, not of the filters'."""
+"""Sigma on each axis of the error common to all directions of a night (the catalogue's frame, the
+lens), which no innovation shows: part of a state's covariance, not of the filters'."""
 Bend = tuple[FloatArray, FloatArray]
 """Mean (2,) and covariance (2, 2) of change of speed (arcsec/s^2) and turn."""
 
@@ -71,11 +71,11 @@ def initialise(
     along_arcsec: tuple[float, float] = (0.0, 0.0),
     is_shutter_known: bool = False,
 ) -> TrackState:
-    """Track at the second of two measurements.
+    """Initiate a track at the second of two measurements.
 
-    ``bend``: what an orbit through the first may do; ``along_arcsec``: sigma along the motion that
-    the length of each streak adds; ``is_shutter_known``: see ``bank.initiate``. Raises ValueError
-    when the second is not the later one.
+    ``bend``: possible bend of an orbit through the first; ``along_arcsec``: sigma along the motion
+    that the length of each streak adds; ``is_shutter_known``: see ``bank.initiate``. Raises
+    ValueError when the second is not the later one.
     """
     dt_s = lqe.span_s(first, second)
     one = _position(first, settings, StreakErrors(along_arcsec[0]))
@@ -92,7 +92,7 @@ def initialise(
 
 
 def predict(state: TrackState, t_utc_ns: int, settings: FilterConfig, frame_id: int) -> TrackState:
-    """The track carried to another instant, for the frame ``frame_id``."""
+    """Predict the track to another instant, for the frame ``frame_id``."""
     known = None
     if isinstance(state.memory, _Memory) and state.memory.x == state.x and state.mixture:
         said = state.mixture  # no prediction changes what is believed of scatter
@@ -111,7 +111,7 @@ def innovations(
 ) -> list[Innovation]:
     """Innovations of measurements at the predicted instant, with which ``taken`` begins.
 
-    Each with what its streak adds.
+    Each measurement comes with the errors that its streak adds.
     """
     positions = [_position(m, settings, errors) for m, errors in measured]
     return bank_update.innovations_of(_bank_of(predicted), positions)
@@ -120,7 +120,7 @@ def innovations(
 def taken(
     predicted: TrackState, measurement: Measurement, found: Innovation, along_arcsec: float = 0.0
 ) -> TrackState:
-    """The track after a measurement, with what the innovation says."""
+    """Update the track with a measurement, with its innovation."""
     said = bank_update.taken(found)
     sigma = np.sqrt(np.diag(said.covariance))
     fields = lqe.update_fields(predicted, measurement, said.nis, said.innovation, sigma)
@@ -134,10 +134,10 @@ def restarted_from(
     frame_id: int,
     failed: TrackState,
 ) -> TrackState:
-    """The bank restarted from another prediction at the instant of one that has ``failed``.
+    """Restart the bank from another prediction at the instant of one that has ``failed``.
 
-    ``covariance`` (4, 4) of east, its rate, north, its rate: arcsec and arcsec/s. What was learnt
-    of scatter and of how the path bends stays.
+    ``covariance`` (4, 4) of east, its rate, north, its rate: arcsec and arcsec/s. The learnt
+    scatter and bend of the path stay.
     """
     before = _bank_of(failed)
     mean, spread = before.moments()
@@ -149,7 +149,7 @@ def restarted_from(
 
 
 def thinned(state: TrackState) -> TrackState:
-    """The same track by fewer filters, for less work; what is on record of it stays."""
+    """Return the same track with fewer filters, for less work; its record stays."""
     if not isinstance(state.memory, _Memory) or state.memory.x != state.x:
         return state
     return replace(state, memory=replace(state.memory, bank=banks.thinned(state.memory.bank)))
@@ -188,7 +188,7 @@ def _position(
 
 
 def _roots(settings: FilterConfig) -> FloatArray | None:
-    """Of the operator's factors of Q, in the order of a motion."""
+    """Square roots of the operator's factors of Q, in the order of a motion."""
     ra, ra_rate, dec, dec_rate = lqe.q_terms(settings)
     factors = np.array([ra, dec, ra_rate, dec_rate, 1.0, 1.0]) * settings.q_multiplier
     return None if np.all(factors == 1.0) else np.sqrt(factors)
@@ -202,16 +202,16 @@ def _bank_of(state: TrackState) -> Bank:
 
 @dataclass(frozen=True, slots=True)
 class _Memory:
-    """The bank, and the state that it is the bank of: one that was made otherwise has none."""
+    """Bank of a state, and that state itself: a state made in another way has none."""
 
     bank: Bank
     x: tuple[float, float, float, float]
     innovation_covariance: FloatArray | None = None
-    """(2, 2) of the update that made it, arcsec^2."""
+    """(2, 2) innovation covariance of the update that made it, arcsec^2."""
 
 
 def _from_record(state: TrackState) -> Bank:
-    """A bank that says what a state on record says."""
+    """Make a bank that agrees with a recorded state."""
     cos_dec = max(math.cos(math.radians(state.x[2])), 1e-3)
     to_sky = np.array([cos_dec, 1.0, cos_dec, 1.0]) * lqe.ARCSEC_PER_DEG
     order = np.ix_([0, 2, 1, 3], [0, 2, 1, 3])
@@ -296,10 +296,10 @@ def _state(
 
 
 def scatter_words(state: TrackState, known_s: float) -> str | None:
-    """Scatter along the motion that a track has learnt, in words; None: nothing.
+    """Text of the scatter along the motion that a track has learnt; None: nothing.
 
-    One streak alone does not tell the shutter from an end that is found badly, so it is called
-    the shutter's only under a condition. ``known_s``: what the measurements contain already.
+    One streak alone does not separate the shutter from a badly found end, so it is called the
+    shutter's only under a condition. ``known_s``: scatter that the measurements contain already.
     """
     if state.mixture is None:
         return None
@@ -314,7 +314,7 @@ def scatter_words(state: TrackState, known_s: float) -> str | None:
 
 
 def summary_words(state: TrackState | None, known_s: float) -> str:
-    """Likeliest motion and timing scatter in a few words, for a narrow screen; may be empty."""
+    """Text of the likeliest motion and timing scatter, short for a narrow screen; may be empty."""
     if state is None or state.mixture is None:
         return ""
     name, share = max(state.mixture.motion_probabilities, key=lambda each: each[1])
@@ -329,9 +329,9 @@ def summary_words(state: TrackState | None, known_s: float) -> str:
 def with_learned_errors(
     taken: Sequence[Measurement], scatter_s: float, variance_scale: float = 1.0
 ) -> tuple[Measurement, ...]:
-    """A track's measurements, with covariances that contain the errors learnt.
+    """Return a track's measurements with covariances that contain the learnt errors.
 
-    Each moves as from or to the nearest other in time.
+    The motion at each is that from or to the nearest other in time.
     """
     if len(taken) < 2 or (scatter_s <= 0.0 and variance_scale == 1.0):
         return tuple(taken)
@@ -343,7 +343,7 @@ def with_learned_errors(
 
 
 def _nearer(measurement: Measurement, before: Measurement, after: Measurement) -> Measurement:
-    """Of its two neighbours in time; at an end one of them is itself."""
+    """Return the nearer of its two neighbours in time; at an end one of them is itself."""
     since_ns = measurement.t_mid_utc_ns - before.t_mid_utc_ns
     until_ns = after.t_mid_utc_ns - measurement.t_mid_utc_ns
     return after if since_ns <= 0 or 0 < until_ns < since_ns else before

@@ -1,11 +1,11 @@
-"""Which measurement belongs to the object followed, and which two make a first track.
+"""Agreement of measurements with a track's motion, and of two that may initiate a track.
 
-Position alone does not tell neighbours apart: rate, streak direction and streak length are
-asked too. One streak does not tell which of its ends came first, so directions are compared
-modulo 180 degrees and before lock the displacement between two frames must match the streak.
-After it the streak is held against the track's own rates, and the position against its bounds. The
-way from the last measurement is no third test: inside bounds of even 8 arcmin, after a coast of
-half an hour, it agrees with the track's rate to 2 per cent.
+Position alone does not distinguish neighbours: rate, streak direction and streak length are
+compared too. One streak does not show which of its ends came first, so directions are compared
+modulo 180 degrees and before lock the displacement between two frames must match the streak. After
+it the streak is compared with the track's own rates, and the position against its bounds. The way
+from the last measurement is no third test: inside bounds of even 8 arcmin, after a coast of half an
+hour, it agrees with the track's rate to 2 per cent.
 """
 
 import math
@@ -20,20 +20,21 @@ DIRECTION_TOLERANCE_DEG = 12.0
 LENGTH_TOLERANCE = 0.25
 SHORTEST_WITH_DIRECTION_ARCSEC = 20.0
 BENT_TOLERANCE_DEG = 20.0
-"""Of one that is as long as the motion and lies where it is expected: stars that drift during the
-exposure, wind and a jumping mount bend it against them by as much."""
+"""Tolerance of the direction of a streak as long as the motion at the expected place: stars that
+drift during the exposure, wind and a jumping mount bend it by as much."""
 SHORTER_TOLERANCE = 0.4
 """Share of its length that a rival's streak may lack."""
 PART_TOLERANCE, LONGER_TOLERANCE = 0.48, 1.0
-"""Once it is followed it may have lost, or gained, so much: that then says how badly its place
-along the motion is known (``streak_length``). Half as long is another object, half as fast."""
+"""Shares of its length that the streak of a track may lack or have too much: they then show how
+badly its place along the motion is known (``streak_length``). Half as long is another object, half
+as fast."""
 FLASHING_TOLERANCE = 0.65
-"""Share that a streak may lack of a satellite that flashes."""
+"""Share of its length that a streak of a flashing satellite may lack."""
 
 
 @dataclass(frozen=True, slots=True)
 class Motion:
-    """A displacement on the sky."""
+    """Displacement on the sky."""
 
     east_arcsec: float
     north_arcsec: float
@@ -63,7 +64,7 @@ def way_between(one: Measurement, other: Measurement) -> Motion:
 
 
 def streak_motion(measurement: Measurement) -> Motion | None:
-    """The streak itself as a displacement, sense unknown; None where its ends are not known."""
+    """Displacement from end to end of a streak, sense unknown; None: its ends are unknown."""
     if measurement.ends_icrs_deg is None:
         return None
     (ra_a, dec_a), (ra_b, dec_b) = measurement.ends_icrs_deg
@@ -71,7 +72,7 @@ def streak_motion(measurement: Measurement) -> Motion | None:
 
 
 def streak_axis(measurement: Measurement) -> FloatArray | None:
-    """(2,) unit vector east and north along the streak, sense unknown; None without an own one."""
+    """(2,) unit vector east and north along the streak, sense unknown; None without its own."""
     streak = streak_motion(measurement)
     if streak is None or streak.length_arcsec <= 0.0:
         return None
@@ -91,10 +92,10 @@ def disagreement(
     longer: float = LENGTH_TOLERANCE,
     bent_deg: float = DIRECTION_TOLERANCE_DEG,
 ) -> MotionMismatch | None:
-    """Why the streak cannot be this motion during the exposure; None when it can.
+    """Reason why the streak cannot be this motion during the exposure; None when it can.
 
-    ``expected`` is the motion over one exposure; ``shorter`` and ``longer``: by which share of
-    it a streak may be so; ``bent_deg``: by how much one of its length may point otherwise. A
+    ``expected`` is the motion over one exposure; ``shorter`` and ``longer``: shares of it by which
+    a streak may be so; ``bent_deg``: largest difference of direction of one of its length. A
     clipped streak has no length to compare, and a short one no direction.
     """
     streak = streak_motion(measurement)
@@ -118,7 +119,7 @@ def disagreement(
 def pair_disagreement(
     first: Measurement, second: Measurement, exposure_s: float
 ) -> MotionMismatch | None:
-    """Why two measurements of successive frames cannot be one object; None when they can.
+    """Reason why two measurements of successive frames cannot be one object; None when they can.
 
     Their displacement, scaled to the exposure, must match the streaks in length and axis.
     """
@@ -133,10 +134,10 @@ def pair_disagreement(
 
 
 def pair_misfit_arcsec(first: Measurement, second: Measurement, exposure_s: float) -> float:
-    """How far the pair's displacement lies from its streaks, whichever way they ran.
+    """Distance of the pair's displacement from its streaks, whichever way they ran.
 
-    Several pairs may agree within the tolerances, where neighbours are as near to each other as
-    one of them moves: the best agreement is the one object. 0 where no ends are known.
+    Several pairs may agree within the tolerances, where neighbours are as near to each other as one
+    of them moves: the best agreement is the one object. 0 where no ends are known.
     """
     moved = motion_in_exposure(first, second, exposure_s)
     if moved is None:
@@ -157,7 +158,7 @@ def pair_misfit_arcsec(first: Measurement, second: Measurement, exposure_s: floa
 
 
 def motion_in_exposure(first: Measurement, second: Measurement, exposure_s: float) -> Motion | None:
-    """The displacement between two frames as it would be during one exposure."""
+    """Displacement between two frames, scaled to one exposure."""
     dt_s = (second.t_mid_utc_ns - first.t_mid_utc_ns) / 1e9
     if dt_s <= 0:
         return None

@@ -1,16 +1,16 @@
-"""Several motions weighed by their likelihood, and how much a night scatters. Pure.
+"""Bank of filters: several motions weighed by their likelihood, and the scatter of a night. Pure.
 
 One filter cannot fit a satellite that keeps its slot, one that turns ten times as fast, and a
 shutter that opens when it likes. So a filter for each combination of ``MOTIONS``, of
 ``VARIANCE_SCALES`` of the measurements' errors and of ``SCATTERS_S`` along the motion is updated
-with every measurement; its likelihood is its weight (a bank of filters: Magill 1965; Bar-Shalom,
-Li & Kirubarajan 2001, 11.6). Their mixture predicts. A motion is six numbers (``sky_path``): of the
+with every measurement; its likelihood is its weight (a bank of filters: Magill 1965; Bar-Shalom, Li
+& Kirubarajan 2001, 11.6). Their mixture predicts. A motion is six numbers (``sky_path``): of the
 ``parallel`` and the ``great circle`` the last two are what their names say, of ``any orbit`` they
 are open as far as the admissible region of orbits leaves them (``orbits/first/population.py``).
 
-What the length of a streak tells of its error is one of two hypotheses, weighed in the same way.
-What the shutter is late by moves a streak along itself. How much it scatters is not known
-in advance: the innovations give each scatter its probability, and the interval is on record.
+The error that a streak's length indicates is one of two hypotheses, weighed in the same way. A late
+shutter moves a streak along itself. How much it scatters is not known in advance: the innovations
+give each scatter its probability, and the interval is on record.
 """
 
 import functools
@@ -35,12 +35,12 @@ from rsoconsole.tracking.filters.sky_path import (
 MOTIONS = ("parallel", "great circle", "any orbit", "changing orbit")
 PARALLEL, GREAT_CIRCLE, ANY_ORBIT = range(3)
 VARIANCE_SCALES = np.array([0.5, 1.0, 2.2, 5.0, 12.0, 30.0, 80.0])
-"""Of a measurement's own variances: wind, a plate of few stars and ends that cloud has moved make
-errors larger than they say, across the motion as well as along it."""
+"""Factors on a measurement's own variances: wind, a plate of few stars and ends that cloud has
+moved make errors larger than stated, across the motion as well as along it."""
 MAX_SCATTER_S = 3.0
 _MIN_SCATTER_S = 0.005
 SCATTERS_S = np.geomspace(_MIN_SCATTER_S, MAX_SCATTER_S, 14)
-"""Timing scatter beyond what the measurements' covariances contain."""
+"""Timing scatter beyond that in the measurements' covariances, s."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,18 +48,18 @@ class Grid:
     """Variance scales and timing scatters that a bank weighs against each other."""
 
     variance_scales: FloatArray
-    """(V,)"""
+    """(V,) factors on the measured variances."""
     scatters_s: FloatArray
-    """(S,)"""
+    """(S,) timing scatters, s."""
 
     @property
     def per_motion(self) -> int:
-        """Filters of each motion."""
+        """Number of filters of each motion."""
         return len(self.variance_scales) * len(self.scatters_s)
 
     @functools.cached_property
     def late_s(self) -> FloatArray:
-        """(N,) scatter of each filter, in their order."""
+        """(N,) timing scatter of each filter, in their order, s."""
         return np.tile(self.scatters_s, len(MOTIONS) * len(self.variance_scales))
 
     @functools.cached_property
@@ -73,8 +73,8 @@ FINE = Grid(VARIANCE_SCALES, SCATTERS_S)
 COARSE = Grid(VARIANCE_SCALES[1::2], SCATTERS_S[1::2])
 """Grid of the many members of a group: every second scale and scatter."""
 _SCATTER_FALLS, _SCATTER_FALLS_KNOWN = 0.1, 0.5
-"""Before anything is measured a scatter is as likely as it is small, to this power; the second
-where the shutter's own is calibrated, so that it is in the measurements' covariances already."""
+"""Powers with which the prior of a scatter falls; the second where the shutter's own is calibrated,
+so that it is in the measurements' covariances already."""
 MOTION_PRIORS = (0.3, 0.1, 0.4, 0.2)
 _VARIANCE_SCALE_PRIORS = (0.04, 0.24, 0.2, 0.18, 0.16, 0.12, 0.06)
 MIN_WEIGHT = 1e-12
@@ -82,60 +82,62 @@ _CALM_Q, _OPEN_Q = 3e-9, 1e-8
 """White acceleration, arcsec^2/s^3, at 15 arcsec/s; with the third power of the rate elsewhere."""
 _CALM_RATE_ARCSEC_S = 15.0
 _CHANGES, _OVER_RAD = np.array([0.006, 0.006, 0.5, 4.0]), 0.02
-"""By how much a turn changes over a radian of path, of each motion: what an orbit seen from a
-turning Earth does. From one measurement to the next it changes as at random over such lengths."""
+"""One sigma of the change of turn over a radian of path, by motion, of an orbit seen from a turning
+Earth; and the path in radians up to which changes between measurements are random."""
 _GOES_ON = np.array([0.0, 0.0, 1.5, 1.5])
-"""By how much at least over a coast that is longer than that."""
+"""Least change of that kind, by motion, over a longer coast."""
 _LONGEST_STEP_S, _MAX_STEPS = 120.0, 60
 _WIDENED = 2.0
-"""Of the variances that the admissible region leaves: it is no census."""
+"""Factor on the variances that the admissible region leaves: it is no census."""
 _MOST = np.array([60.0 * 3600.0, 60.0 * 3600.0, 10.0 * 3600.0, 10.0 * 3600.0])
-"""Place, arcsec, and rate, arcsec/s, and one sigma of them: beyond, a filter has run away."""
+"""Limits of a place, arcsec, and rate, arcsec/s, and of one sigma of them: beyond, a filter has run
+away."""
 _WIDEST = 0.99
-"""Of that, where a filter is brought back."""
+"""Share of these limits to which a filter is brought back."""
 _BELIEVED = 1e-9
-"""Weight from which on a filter is part of what the mixture says."""
+"""Least weight of a filter that counts in the mixture."""
 _OF_RATE = 0.5
-"""Sigma of the first rate, in units of it: the places alone are to tell it."""
+"""Relative sigma of the first rate: the places alone should determine it."""
 
 
 @dataclass(frozen=True, eq=False)
 class Bank:
-    """All filters at one instant: by motion, variance scale, scatter, the last of them quickest."""
+    """Filters at one instant, by motion, variance scale and scatter, the last varying fastest."""
 
     plane: Plane
     t_utc_ns: int
     means: FloatArray
-    """(N, 6)"""
+    """(N, 6) means of the filters."""
     covariances: FloatArray
-    """(N, 6, 6)"""
+    """(N, 6, 6) covariances of the filters."""
     log_weights: FloatArray
-    """(N,)"""
+    """(N,) logarithms of the filters' weights."""
     path_since_update_rad: FloatArray
     """(N,) length of path since the last measurement."""
     length_log_odds: float = 0.0
-    """That the length of a streak tells its error, against that it says too much."""
+    """Logarithm of the odds that a streak's length indicates its error, against indicating too
+    much."""
     grid: Grid = FINE
 
     @functools.cached_property
     def weights(self) -> FloatArray:
-        """(N,) probabilities."""
+        """(N,) probabilities of the filters."""
         each = np.exp(self.log_weights - self.log_weights.max())
         return np.asarray(each / each.sum())
 
     @property
     def motion_probabilities(self) -> FloatArray:
-        """(4,) of ``MOTIONS``."""
+        """(4,) probabilities of ``MOTIONS``."""
         return np.asarray(self.weights.reshape(len(MOTIONS), -1).sum(axis=1))
 
     @property
     def scatter_probabilities(self) -> FloatArray:
-        """(S,) of the grid's scatters."""
+        """(S,) probabilities of the grid's scatters."""
         return np.asarray(self.weights.reshape(-1, len(self.grid.scatters_s)).sum(axis=0))
 
     @property
     def variance_scale_probabilities(self) -> FloatArray:
-        """(V,) of the grid's."""
+        """(V,) probabilities of the grid's variance scales."""
         shape = (len(MOTIONS), -1, len(self.grid.scatters_s))
         return np.asarray(self.weights.reshape(shape).sum(axis=(0, 2)))
 
@@ -155,20 +157,20 @@ class Bank:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Position:
-    """One measured direction as a bank hears it."""
+    """One measured direction as input to a bank."""
 
     t_utc_ns: int
     ra_icrs_deg: float
     dec_icrs_deg: float
     covariance: FloatArray
-    """(2, 2) arcsec^2, without the shutter's scatter."""
+    """(2, 2) covariance, arcsec^2, without the shutter's scatter."""
     along_arcsec: float = 0.0
     """Sigma along its streak beyond that, from the streak's length."""
     axis: FloatArray | None = None
     """(2,) unit vector along its streak, which drift and wind bend; None: the motion's."""
 
     def length_error(self, ahead: FloatArray) -> FloatArray:
-        """(..., 2, 2) arcsec^2 of what the length adds; ``ahead`` (..., 2): unit, the motion's."""
+        """(..., 2, 2) arcsec^2 by the length; ``ahead`` (..., 2): unit vector of the motion."""
         axis = ahead if self.axis is None else self.axis
         return np.asarray(self.along_arcsec**2 * axis[..., :, None] * axis[..., None, :])
 
@@ -180,7 +182,7 @@ def initiate(
     *,
     is_shutter_known: bool = False,
 ) -> Bank:
-    """A bank at one direction, with a rate (east, north) that is hardly believed.
+    """Start a bank at one direction, with a rate (east, north) of large uncertainty.
 
     ``is_shutter_known``: its scatter is calibrated, and in the covariance: more is less likely.
     ``bend``: mean (2,) and covariance (2, 2) of change of speed and turn of any orbit through it;
@@ -213,9 +215,9 @@ def initiate(
 
 
 def predict(bank: Bank, t_utc_ns: int, roots: FloatArray | None = None) -> Bank:
-    """The bank carried to another instant, also back.
+    """Predict the bank to another instant, also back.
 
-    ``roots`` (6,): of the operator's factors of the process noise; None: all 1.
+    ``roots`` (6,): square roots of the operator's factors of the process noise; None: all 1.
     """
     left_s = (t_utc_ns - bank.t_utc_ns) / 1e9
     steps = min(max(math.ceil(abs(left_s) / _LONGEST_STEP_S), 1), _MAX_STEPS)
@@ -251,12 +253,12 @@ def _stepped(bank: Bank, dt_s: float, scale: FloatArray) -> Bank:
 
 
 def _sound(bank: Bank) -> Bank:
-    """Filters whose numbers are of no place on the sky, brought back to it.
+    """Bring filters whose numbers are of no place on the sky back to it.
 
-    Over a pole, or a long way of a low orbit, what nobody believes any more may grow without end;
-    1e-12 of that, the least weight, is what the mixture is then. Such a filter begins again from
-    the likeliest of its motion that is sound, or of all. One that is believed, as after a long
-    coast, keeps its weight and is as wide as a filter may be: the mixture stays as unsure as it is.
+    Over a pole, or a long way of a low orbit, a filter of no weight may grow without end; even at
+    1e-12, the least weight, it then dominates the mixture. Such a filter begins again from the
+    likeliest of its motion that is sound, or of all. One that is believed, as after a long coast,
+    keeps its weight and is as wide as a filter may be: the mixture stays as unsure as it is.
     """
     if _are_sound(bank):
         return bank
@@ -288,7 +290,7 @@ def _sound(bank: Bank) -> Bank:
 
 
 def _as_wide_as_may_be(mean: FloatArray, covariance: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """A filter's moments with a place and a rate on the sky, and an error that is no larger."""
+    """Limit a filter's moments to a place and a rate on the sky, and to the largest error."""
     spread = np.diagonal(covariance)[:4]
     if np.isfinite(mean).all() and np.isfinite(covariance).all() and (spread > 0.0).all():
         shrunk = min(1.0, float(np.min(_WIDEST * _MOST**2 / spread)))
@@ -298,7 +300,7 @@ def _as_wide_as_may_be(mean: FloatArray, covariance: FloatArray) -> tuple[FloatA
 
 
 def _are_sound(bank: Bank) -> bool:
-    """``_which_are_sound`` of all, for less."""
+    """True where all filters are sound, in less time than ``_which_are_sound``."""
     spread = np.diagonal(bank.covariances, axis1=1, axis2=2)[:, :4]
     least, most, farthest = spread.min(), spread.max(axis=0), np.abs(bank.means).max(axis=0)
     is_small = bool((most < _MOST**2).all() and (farthest[:4] < _MOST).all())
@@ -306,7 +308,7 @@ def _are_sound(bank: Bank) -> bool:
 
 
 def _which_are_sound(bank: Bank) -> npt.NDArray[np.bool_]:
-    """(N,) filters whose numbers are of a place and a rate on the sky."""
+    """(N,) True for filters whose numbers are of a place and a rate on the sky."""
     size = np.abs(bank.means[:, :4])
     spread = np.diagonal(bank.covariances, axis1=1, axis2=2)[:, :4]
     # Every comparison with what is no number is false.
@@ -317,7 +319,7 @@ def _which_are_sound(bank: Bank) -> npt.NDArray[np.bool_]:
 def _noise(
     means: FloatArray, dt_s: float, path_since_update_rad: FloatArray, length_rad: FloatArray
 ) -> FloatArray:
-    """(N, 6, 6); over a coast what changes goes on changing the same way."""
+    """(N, 6, 6) process noise; over a coast the path goes on changing the same way."""
     span = abs(dt_s)
     speed = np.hypot(means[:, 2], means[:, 3])
     motion = np.arange(len(means)) // (len(means) // len(MOTIONS))
@@ -338,7 +340,7 @@ def _noise(
 
 
 def unknown_bend(speed_arcsec_s: float) -> tuple[FloatArray, FloatArray]:
-    """Mean and covariance of the bend where no orbit passes, or none is asked for."""
+    """Mean and covariance of the bend where no orbit passes, or none is used."""
     gain = speed_arcsec_s**2 * ARCSEC_RAD
     return np.zeros(2), np.diag([gain**2, 1.0])
 
@@ -350,9 +352,9 @@ def restarted(
     covariance: FloatArray,
     bend: tuple[FloatArray, FloatArray],
 ) -> Bank:
-    """All filters where another prediction puts the object, at the bank's instant.
+    """Restart all filters from another prediction of the object, at the bank's instant.
 
-    ``covariance`` (4, 4) of east, its rate, north, its rate: arcsec and arcsec/s. What is known of
+    ``covariance`` (4, 4) of east, its rate, north, its rate: arcsec and arcsec/s. The learnt
     scatter stays.
     """
     plane = Plane.at(*direction_deg)
@@ -375,9 +377,7 @@ def restarted(
 
 
 def thinned(bank: Bank) -> Bank:
-    """The same belief on the ``COARSE`` grid: each of its filters has the moments of those that it
-    stands for.
-    """
+    """Bank on the ``COARSE`` grid: each filter has the moments of those it stands for."""
     if bank.grid is COARSE:
         return bank
     scale = _nearest(COARSE.variance_scales, bank.grid.variance_scales)
@@ -402,7 +402,7 @@ def thinned(bank: Bank) -> Bank:
 
 
 def _nearest(few: FloatArray, many: FloatArray) -> npt.NDArray[np.intp]:
-    """Of each of the many the nearest of the few by their ratio."""
+    """Index of the nearest of the few for each of the many, by their ratio."""
     return np.asarray(np.argmin(np.abs(np.log(many[:, None] / few)), axis=1))
 
 
@@ -415,7 +415,7 @@ def of_single(  # noqa: PLR0917 -- all that one filter says
     scatter_s: float,
     variance_scale: float = 1.0,
 ) -> Bank:
-    """A bank of which every filter has one motion (6,) and covariance (6, 6)."""
+    """Make a bank of which every filter has one motion (6,) and covariance (6, 6)."""
     every = len(MOTIONS) * FINE.per_motion
     nearest = int(np.argmin(np.abs(np.log(SCATTERS_S / max(scatter_s, _MIN_SCATTER_S)))))
     widest = int(np.argmin(np.abs(np.log(VARIANCE_SCALES / variance_scale))))

@@ -1,8 +1,8 @@
 """Update of a bank of filters with a measurement. Pure.
 
-How far it is off costs a fraction of taking it, and of most pairs of a crowded field nothing else
-is wanted. What the length of a streak tells of its error is one of two hypotheses, and one
-measurement in a hundred has gone wrong: their mixtures are what each filter makes of it.
+The innovation costs a fraction of the update, and most pairs of a crowded field need nothing else.
+The error that a streak's length indicates is one of two hypotheses, and one measurement in a
+hundred has gone wrong: each filter is updated with their mixtures.
 """
 
 import math
@@ -23,7 +23,7 @@ from rsoconsole.tracking.filters.bank import (
 from rsoconsole.tracking.filters.sky_path import ACCELERATION, Plane, moved
 
 _MIN_SHARE = 1e-14
-"""Of the product of both variances, that a determinant keeps."""
+"""Least determinant, as a share of the product of both variances."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -31,13 +31,13 @@ class Innovations:
     """Innovations of N filters for a measurement with a given noise."""
 
     off: FloatArray
-    """(N, 2) innovations."""
+    """(N, 2) innovations, arcsec."""
     noise: FloatArray
-    """(N, 2, 2)"""
+    """(N, 2, 2) covariance of the measurement, arcsec^2."""
     s: FloatArray
     """(N, 2, 2) covariance of the innovation."""
     inverse: FloatArray
-    """(N, 2, 2) of ``s``."""
+    """(N, 2, 2) inverse of ``s``."""
     nis: FloatArray
     log_det: FloatArray
     """(N,) logarithm of the determinant of ``s``."""
@@ -52,12 +52,12 @@ class Answer:
     nis: FloatArray
     log_likelihoods: FloatArray
     steps: FloatArray
-    """(N, 6) by which the mean moves."""
+    """(N, 6) steps of the means."""
     covariances: FloatArray
 
 
 def merged(usual: Answer, other: Answer, share: float) -> Answer:
-    """Two answers as one, of which the other is right with probability ``share``."""
+    """Merge two answers into one, the other being right with probability ``share``."""
     log_usual = math.log(1.0 - share) + usual.log_likelihoods
     log_other = math.log(share) + other.log_likelihoods
     log_likelihoods = np.logaddexp(log_usual, log_other)
@@ -75,7 +75,7 @@ def merged(usual: Answer, other: Answer, share: float) -> Answer:
 
 
 def merged_nis(usual: FloatArray, other: FloatArray, share: float) -> FloatArray:
-    """(N,) of two, of which the other is right with probability ``share``."""
+    """(N,) merged NIS of two answers, the other being right with probability ``share``."""
     return np.asarray(
         -2.0 * np.logaddexp(math.log(1.0 - share) - 0.5 * usual, math.log(share) - 0.5 * other)
     )
@@ -122,7 +122,7 @@ def inverted(s: FloatArray) -> tuple[FloatArray, FloatArray]:
 
 
 def answer(predicted: FloatArray, found: Innovations) -> Answer:
-    """Update the filters with covariances (N, 6, 6) whose innovations those are."""
+    """Update the filters with covariances (N, 6, 6) that have these innovations."""
     gain = predicted[:, :, :2] @ found.inverse
     # Joseph's form keeps it positive; only two columns are measured.
     half = predicted - gain @ predicted[:, :2]
@@ -138,28 +138,30 @@ def answer(predicted: FloatArray, found: Innovations) -> Answer:
 
 
 RARE, _RARE_SCATTER_S = 0.01, 0.8
-"""One measurement in a hundred is late or wrong by far more than the night's scatter: what a filter
-has learnt must neither shut it out for ever nor be upset by it (a mixture of two noises)."""
+"""Share of measurements that are late or wrong by far more than the night's scatter, and their
+scatter, s: a filter must neither shut them out for ever nor be upset by them (a mixture of two
+noises)."""
 _LENGTH_SAYS_TOO_MUCH = 0.15
-"""Of the error that a length tells, where both ends err alike (haze, a drift that changes)."""
+"""Share of the indicated error that is real where both ends err alike (haze, a drift that
+changes)."""
 _MAX_LOG_ODDS = 3.0
-"""So that a night that changes is believed again soon."""
+"""Largest size of the log-odds, so that a night that changes is believed again soon."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Innovation:
-    """Innovation of a bank for a measurement, with which its update begins."""
+    """Innovation of a bank for a measurement, the first part of its update."""
 
     bank: Bank
     place: FloatArray
-    """(2,) arcsec on the bank's plane."""
+    """(2,) place on the bank's plane, arcsec."""
     with_length: Innovations
     without_length: Innovations | None
-    """Where the length of its streak says too much; None where it says nothing."""
+    """Innovations where the length of its streak says too much; None where it says nothing."""
     rare: Innovations
-    """Where the measurement has gone wrong."""
+    """Innovations where the measurement has gone wrong."""
     nis: float
-    """As of ``Update``."""
+    """NIS as in ``Update``."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -168,21 +170,21 @@ class Update:
 
     after: Bank
     nis: float
-    """Minus twice the logarithm of the probability that a sound mixture shows more: with one
-    filter alone its normalised innovation squared."""
+    """Minus twice the logarithm of the probability that a sound mixture shows more: with one filter
+    alone its normalised innovation squared."""
     innovation: FloatArray
-    """(2,) arcsec, measured minus the mixture's mean."""
+    """(2,) measured minus the mixture's mean, arcsec."""
     covariance: FloatArray
-    """(2, 2) of the mixture's innovation."""
+    """(2, 2) covariance of the mixture's innovation, arcsec^2."""
 
 
 def innovation(bank: Bank, seen: Position) -> Innovation:
-    """Innovation of a measurement at the bank's instant: less work than to update with it."""
+    """Compute the innovation of a measurement at the bank's instant: less work than an update."""
     return innovations_of(bank, (seen,))[0]
 
 
 def innovations_of(bank: Bank, seen: Sequence[Position]) -> list[Innovation]:
-    """Innovations of several measurements at the bank's instant."""
+    """Compute the innovations of several measurements at the bank's instant."""
     places = [bank.plane.place_of(each.ra_icrs_deg, each.dec_icrs_deg) for each in seen]
     off = [place - bank.means[:, :2] for place in places]
     # Where its length says something, also as if it said too much.
@@ -222,7 +224,7 @@ def update(bank: Bank, seen: Position) -> Update:
 
 
 def taken(found: Innovation) -> Update:
-    """The bank that has taken the measurement whose innovation that is."""
+    """Return the bank updated with the measurement of an innovation."""
     bank, log_weights = found.bank, _log_weights(found.bank)
     plain, length_log_odds = _plain(found, log_weights)
     both = merged(plain, answer(bank.covariances, found.rare), RARE)
@@ -249,7 +251,7 @@ def taken(found: Innovation) -> Update:
 
 
 def covariance_of(found: Innovation) -> FloatArray:
-    """(2, 2) of the mixture's innovation, arcsec^2."""
+    """(2, 2) covariance of the mixture's innovation, arcsec^2."""
     bank, weights, s = found.bank, found.bank.weights, found.with_length.s
     if found.without_length is not None:
         share = _says_too_much(bank)
@@ -265,12 +267,12 @@ def _log_weights(bank: Bank) -> FloatArray:
 
 
 def _says_too_much(bank: Bank) -> float:
-    """Probability that the length of a streak tells too much of its error."""
+    """Probability that a streak's length indicates too large an error."""
     return 1.0 / (1.0 + math.exp(bank.length_log_odds))
 
 
 def _plain(found: Innovation, log_weights: FloatArray) -> tuple[Answer, float]:
-    """What the filters make of it by what its length tells of its error, and what that is worth."""
+    """Update by both hypotheses of the streak's length, and the new log-odds of them."""
     bank = found.bank
     with_length = answer(bank.covariances, found.with_length)
     if found.without_length is None:
@@ -283,14 +285,14 @@ def _plain(found: Innovation, log_weights: FloatArray) -> tuple[Answer, float]:
 
 
 def _centred(bank: Bank) -> Bank:
-    """The same bank on the plane that touches the sky where its mixture is."""
+    """Return the same bank on the plane that touches the sky at its mixture."""
     x, y = bank.weights @ bank.means[:, :2]
     onto = Plane.at(*bank.plane.direction_of(float(x), float(y)))
     return replace(bank, plane=onto, means=moved(bank.plane, bank.means, 0.0, onto))
 
 
 def _measured_noise(bank: Bank, speed: FloatArray, seen: Position) -> FloatArray:
-    """(N, 2, 2): the measurement's own, as much wider as each filter has it, and its scatter."""
+    """(N, 2, 2) measured covariance, widened by each filter's factor, and its timing scatter."""
     shift = bank.means[:, 2:4] * bank.grid.late_s[:, None]
     own = bank.grid.widened_by[:, None, None] * seen.covariance
     noise = own + shift[:, :, None] * shift[:, None, :]
@@ -298,7 +300,7 @@ def _measured_noise(bank: Bank, speed: FloatArray, seen: Position) -> FloatArray
 
 
 def _rare_noise(bank: Bank, speed: FloatArray, seen: Position) -> FloatArray:
-    """(N, 2, 2) of a measurement that has gone wrong."""
+    """(N, 2, 2) covariance of a measurement that has gone wrong."""
     shift = bank.means[:, 2:4] * _RARE_SCATTER_S
     noise = VARIANCE_SCALES[-1] * seen.covariance + shift[:, :, None] * shift[:, None, :]
     return np.asarray(_with_length_error(noise, bank, speed, seen))

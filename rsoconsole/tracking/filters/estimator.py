@@ -1,7 +1,7 @@
 """The filter of a preset: ``adaptive`` a bank of them, ``tuned`` and ``paper`` one. Pure.
 
-Nights are replayed by the preset that they were recorded with, so no preset ever changes what it
-makes of given measurements.
+Nights are replayed by the preset that they were recorded with, so no preset ever changes its result
+for given measurements.
 """
 
 import functools
@@ -16,8 +16,7 @@ from rsoconsole.tracking.filters.streak_length import NO_ERRORS, StreakErrors
 
 
 def make_ready(settings: FilterConfig) -> None:
-    """Load what the next frames need, where somebody has the time: the night's first slew to a
-    satellite would wait for it otherwise."""
+    """Load slow tables in advance: the first slew to a satellite would wait for them."""
     if settings.preset == "adaptive":
         import scipy.optimize  # noqa: F401 - which measurement is of which of several tracks
     else:
@@ -34,11 +33,12 @@ def initialise(
     along_arcsec: tuple[float, float] = (0.0, 0.0),
     is_shutter_known: bool = False,
 ) -> TrackState:
-    """Track at the second of two measurements.
+    """Initiate a track at the second of two measurements.
 
-    For the preset that asks: ``bend``, how an orbit's path may bend there, ``along_arcsec``, sigma
-    along the motion that the length of each streak adds, and ``is_shutter_known``, whether the
-    shutter's scatter was calibrated. Raises ValueError when the second is not the later one.
+    For the presets that need them: ``bend``, possible bend of an orbit's path there,
+    ``along_arcsec``, sigma along the motion that the length of each streak adds, and
+    ``is_shutter_known``, whether the shutter's scatter was calibrated. Raises ValueError when the
+    second is not the later one.
     """
     if settings.preset == "adaptive":
         return adaptive.initialise(
@@ -54,7 +54,7 @@ def initialise(
 
 
 def predict(state: TrackState, t_utc_ns: int, settings: FilterConfig, frame_id: int) -> TrackState:
-    """The track carried to another instant, for the frame ``frame_id``."""
+    """Predict the track to another instant, for the frame ``frame_id``."""
     if settings.preset == "adaptive":
         return adaptive.predict(state, t_utc_ns, settings, frame_id)
     return lqe.predict(state, t_utc_ns, settings, frame_id)
@@ -62,9 +62,9 @@ def predict(state: TrackState, t_utc_ns: int, settings: FilterConfig, frame_id: 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Update:
-    """A measurement that a track may take: how far it is off, and the track after it once asked.
+    """Possible update of a track with a measurement: its NIS, and the track after it on demand.
 
-    Of most pairs of a crowded field only the first is wanted; the second takes most of the time.
+    Most pairs of a crowded field need only the first; the second takes most of the time.
     """
 
     nis: float | None
@@ -72,7 +72,7 @@ class Update:
 
     @functools.cached_property
     def state(self) -> TrackState:
-        """The track after the measurement."""
+        """Track after the measurement."""
         return self.make()
 
 
@@ -82,10 +82,10 @@ def candidate_update(
     settings: FilterConfig,
     errors: StreakErrors = NO_ERRORS,
 ) -> Update:
-    """A measurement against the track.
+    """Compare a measurement with the track.
 
-    ``errors``: what its streak adds, for the preset that asks. With a rolling shutter the
-    measurement may be of a little later than the frame: the prediction is carried there.
+    ``errors``: those that its streak adds, for the presets that use them. With a rolling shutter
+    the measurement may be a little later than the frame: the prediction is carried there.
     """
     there = _at(predicted, measurement, settings)
     return _weighed_there(there, ((measurement, errors),), settings)[measurement]
@@ -96,7 +96,7 @@ def candidate_updates(
     measured: Sequence[tuple[Measurement, StreakErrors]],
     settings: FilterConfig,
 ) -> dict[Measurement, Update]:
-    """``candidate_update`` of several measurements, each with what its streak adds, for less."""
+    """``candidate_update`` for several measurements and their streaks' errors, in less time."""
     if all(m.t_mid_utc_ns == predicted.t_utc_ns for m, _ in measured):
         return _weighed_there(predicted, measured, settings)
     return {m: candidate_update(predicted, m, settings, errors) for m, errors in measured}
@@ -129,7 +129,7 @@ def update(
     settings: FilterConfig,
     errors: StreakErrors = NO_ERRORS,
 ) -> TrackState:
-    """The track after a measurement; arguments as of ``candidate_update``."""
+    """Update the track with a measurement; arguments as in ``candidate_update``."""
     return candidate_update(predicted, measurement, settings, errors).state
 
 
@@ -149,7 +149,7 @@ def restarted_from(  # noqa: PLR0917 -- a direction, its motion and how well bot
     failed: TrackState,
     settings: FilterConfig,
 ) -> TrackState:
-    """The filter begun again from another prediction, where its own has ``failed``."""
+    """Restart the filter from another prediction, where its own has ``failed``."""
     if settings.preset == "adaptive" and failed.t_utc_ns == t_utc_ns:
         return adaptive.restarted_from(
             direction_deg, rate_arcsec_s, covariance, failed.frame_id, failed

@@ -1,8 +1,8 @@
-"""Consistency of a filter: what its innovations say of Q and R. Pure.
+"""Consistency of a filter: conclusions about Q and R from its innovations. Pure.
 
 The normalised innovation squared (NIS) of a sound filter with two measured coordinates is
-chi-square distributed with 2 degrees of freedom, and innovations of successive frames know nothing
-of each other (Bar-Shalom, Li & Kirubarajan 2001, Estimation with Applications, 5.4.2). A mean NIS
+chi-square distributed with 2 degrees of freedom, and innovations of successive frames are
+uncorrelated (Bar-Shalom, Li & Kirubarajan 2001, Estimation with Applications, 5.4.2). A mean NIS
 that is too large with innovations that run on one side means that the motion is not followed (Q);
 without that, that the measurements scatter more than is believed (R).
 """
@@ -22,7 +22,7 @@ MIN_UPDATES = 5
 """Least number of updates by which a filter is judged."""
 _MAX_STEPS = 60
 _ONE_SIDED = 0.5
-"""Correlation of successive innovations from which on they run on one side."""
+"""Correlation of successive innovations from which they run on one side."""
 
 Verdict = Literal["too few", "sound", "over-confident", "under-confident"]
 
@@ -33,10 +33,10 @@ class Consistency:
 
     verdict: Verdict
     mean: float | None
-    """Of the NIS looked at; 2 for a sound filter."""
+    """Mean of these NIS; 2 for a sound filter."""
     count: int
     words: str
-    """A sentence for the operator."""
+    """Sentence for the operator."""
 
 
 def consistency(
@@ -75,7 +75,7 @@ def mean_band(count: int) -> tuple[float, float]:
 
 
 def _mean_exceeded(count: int, chance: float) -> float:
-    """What the mean of chi-square variates of two degrees of freedom exceeds with ``chance``.
+    """Value that the mean of chi-square variates of two degrees of freedom exceeds with ``chance``.
 
     Half their sum follows Erlang's law, a sum of Poisson terms; scipy's would weigh 18 MB in every
     console. Newton's method, begun where Wilson & Hilferty (1931) have it.
@@ -107,7 +107,7 @@ def lag_one(innovations: Sequence[tuple[float, float]]) -> float | None:
 
 
 def _correlation(values: Sequence[float]) -> float:
-    """Of each with its successor, about zero: an innovation's mean is part of what is asked."""
+    """Correlation of successive values about zero: an innovation's mean is part of the test."""
     power = math.fsum(value * value for value in values)
     if len(values) < MIN_UPDATES or power <= 0.0:
         return 0.0

@@ -1,13 +1,13 @@
-"""The linear quadratic estimator: constant rates in right ascension and declination.
+"""Linear quadratic estimator: constant rates in right ascension and declination.
 
-x = [alpha, alpha rate, delta, delta rate] in deg and deg/s; alpha stays in 0 to 360 and
-innovations are wrapped, so RA 0h is no place of its own. Presets: ``paper`` has Q, R and P0 of
-Jordan et al. (arXiv 2304.06227) with sigma in degrees, fixed whatever the time between frames;
-``tuned`` takes Q from the true time step (white-noise acceleration on the sky), R from each
-measurement's own covariance and P0 from the two points. The operator's multipliers scale the Q
-and R of either, as a whole and by the terms of their diagonals; what lies beside a diagonal goes
-with the root of both of its terms, so that correlations stay. Source of the filter: Bar-Shalom,
-Li & Kirubarajan 2001, chapters 5 and 6.
+x = [alpha, alpha rate, delta, delta rate] in deg and deg/s; alpha stays in 0 to 360 and innovations
+are wrapped, so RA 0h needs no special case. Presets: ``paper`` has Q, R and P0 of Jordan et al.
+(arXiv 2304.06227) with sigma in degrees, fixed whatever the time between frames; ``tuned`` takes Q
+from the true time step (white-noise acceleration on the sky), R from each measurement's own
+covariance and P0 from the two points. The operator's multipliers scale the Q and R of either, as a
+whole and by the terms of their diagonals; terms off a diagonal scale with the root of both of its
+terms, so that correlations stay. Source of the filter: Bar-Shalom, Li & Kirubarajan 2001, chapters
+5 and 6.
 """
 
 import math
@@ -27,7 +27,7 @@ SIGMA_CEILING_ARCSEC = 36_000.0
 """Largest sigma of a measurement: beyond it numbers no longer invert, and the sky is no wider."""
 _MIN_COS_DEC = 1e-3
 ADAPTED_SPAN_S = 120.0
-"""Span from the last measurement over which the adapted process noise holds."""
+"""Longest time since the last measurement over which the adapted process noise holds."""
 NIS_AIM = 1.8
 _SAFE_FOR_ARCSEC = 2.0
 _SMALLEST_START = 0.1
@@ -43,7 +43,7 @@ C = np.array([[1.0, 0.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]])
 def initialise(
     first: Measurement, second: Measurement, settings: FilterConfig, *, track_id: int = 1
 ) -> TrackState:
-    """Track at the second of two measurements: its angles, and the slope between the two.
+    """Initiate a track at the second of two measurements: its angles, the slope between both.
 
     Raises ValueError when the second is not the later one.
     """
@@ -82,7 +82,7 @@ def first_fields(first: Measurement, second: Measurement, track_id: int) -> dict
 def next_fields(before: TrackState, frame_id: int, **changed: Any) -> dict[str, Any]:
     """Fields of a track's next state that do not depend on the preset.
 
-    ``changed``: what is not as ``before`` has it; a prediction, unless that says another kind.
+    ``changed``: the fields that differ from ``before``; a prediction, unless it names another kind.
     """
     return {
         "kind": "predicted",
@@ -118,12 +118,12 @@ def update_fields(
 
 
 def _first_scale(measurement: Measurement, settings: FilterConfig) -> float:
-    """Where the process noise of a new track begins, in units of the configured q.
+    """Initial process noise of a new track, in units of the configured q.
 
-    The configured q is safe for measurements of some arcseconds, from which nothing is learnt
-    soon. Good measurements tell within a few frames when the target turns, so a track of theirs
-    may begin with less: at 0.3 arcsec the first twelve NIS are then 1.5 for a calm geostationary
-    satellite, 2.1 at an inclination of 7 deg and 3.0 at 15 (from the full q: 1.3, 1.4 and 1.9).
+    The configured q is safe for measurements of some arcseconds, from which nothing is learnt soon.
+    Good measurements show within a few frames when the target turns, so a track of theirs may begin
+    with less: at 0.3 arcsec the first twelve NIS are then 1.5 for a calm geostationary satellite,
+    2.1 at an inclination of 7 deg and 3.0 at 15 (from the full q: 1.3, 1.4 and 1.9).
     """
     if settings.preset == "paper":
         return 1.0
@@ -134,9 +134,9 @@ def _first_scale(measurement: Measurement, settings: FilterConfig) -> float:
 
 
 def predict(state: TrackState, t_utc_ns: int, settings: FilterConfig, frame_id: int) -> TrackState:
-    """The track carried to another instant, for the frame ``frame_id``.
+    """Predict the track to another instant, for the frame ``frame_id``.
 
-    ``misses`` counts that frame as missed until ``update`` takes a measurement of it.
+    ``misses`` counts that frame as missed until ``update`` accepts a measurement of it.
     """
     kalman = _kalman(state)
     dt_s = (t_utc_ns - state.t_utc_ns) / 1e9
@@ -154,7 +154,7 @@ def predict(state: TrackState, t_utc_ns: int, settings: FilterConfig, frame_id: 
 
 
 def update(predicted: TrackState, measurement: Measurement, settings: FilterConfig) -> TrackState:
-    """The track after a measurement at the predicted instant, with what the innovation says.
+    """Update the track with a measurement at the predicted instant, with its innovation.
 
     Raises ValueError when the measurement belongs to another instant: predict to it first.
     """
@@ -186,7 +186,7 @@ def restarted_from(  # noqa: PLR0917 -- a direction, its motion and how well bot
     frame_id: int,
     failed: TrackState,
 ) -> TrackState:
-    """The filter begun again from another prediction, where its own has ``failed``.
+    """Restart the filter from another prediction, where its own has ``failed``.
 
     ``covariance`` (4, 4) of east, its rate, north, its rate: arcsec and arcsec/s. It goes on with
     the full process noise at least: with less it has just failed.
@@ -208,19 +208,19 @@ def restarted_from(  # noqa: PLR0917 -- a direction, its motion and how well bot
 
 
 def _adapted(predicted: TrackState, nis: float, settings: FilterConfig) -> float:
-    """Process noise moved towards that for which the innovations are as large as they claim.
+    """Process noise moved towards the value at which innovations match their covariance.
 
     One number q cannot fit a station-keeping satellite measured to 0.2 arcsec and a navigation
-    satellite that turns ten times as fast. A stochastic approximation of covariance matching
-    (Mehra 1972): each NIS moves the logarithm of the scale by its excess over the aim, which lies
-    a little below 2 so that bounds rather hold too often.
+    satellite that turns ten times as fast. A stochastic approximation of covariance matching (Mehra
+    1972): each NIS moves the logarithm of the scale by its excess over the aim, which lies a little
+    below 2 so that bounds rather hold too often.
 
     The start, a q that is safe for measurements of 4 arcsec, errs on the large side: for 0.2 arcsec
     and a calm satellite it is hundreds of times too large, sqrt(S) is three times what the
     measurement itself claims, and with a steady gain the mean NIS stayed near 0.7 for a quarter of
     an hour. So downwards the gain falls as 1/k from a large first step (Robbins & Monro 1951) to
-    the steady one, which follows a target that changes; upwards it is steady from the first, as
-    one large NIS in six is chance and would undo the safe start twentyfold.
+    the steady one, which follows a target that changes; upwards it is steady from the first, as one
+    large NIS in six is chance and would undo the safe start twentyfold.
     """
     if settings.preset == "paper":
         return predicted.q_scale
@@ -243,7 +243,7 @@ def log_det_innovation(
 
 
 def is_gated_out(nis: float, settings: FilterConfig) -> bool:
-    """Whether an innovation is too large to belong to the track."""
+    """True where an innovation is too large to belong to the track."""
     return nis > settings.gate_nis
 
 
@@ -267,14 +267,14 @@ def sky_rate_arcsec_s(state: TrackState) -> tuple[float, float]:
 
 
 def transition(dt_s: float) -> FloatArray:
-    """F = expm(A dt); A squared is zero, so the series ends after its second term."""
+    """Transition matrix F = expm(A dt); A squared is 0: the series ends after its second term."""
     A = np.zeros((4, 4))
     A[0, 1] = A[2, 3] = 1.0
     return np.asarray(np.eye(4) + A * dt_s)
 
 
 def process_noise(dt_s: float, dec_deg: float, settings: FilterConfig) -> FloatArray:
-    """Q (4, 4) in deg and deg/s; a negative dt gives that of going back in time."""
+    """Process noise Q (4, 4) in deg and deg/s; a negative dt gives that of going back in time."""
     if settings.preset == "paper":
         sigma = settings.sigma_arcsec / ARCSEC_PER_DEG
         diagonal = np.array([500.0 * sigma, sigma / 100.0, sigma / 5.0, sigma / 100.0])
@@ -289,7 +289,7 @@ def process_noise(dt_s: float, dec_deg: float, settings: FilterConfig) -> FloatA
 
 
 def q_terms(settings: FilterConfig) -> tuple[float, float, float, float]:
-    """The operator's factors of Q: right ascension, its rate, declination, its rate."""
+    """Return the operator's factors of Q: right ascension, its rate, declination, its rate."""
     return (
         settings.q_ra_multiplier,
         settings.q_ra_rate_multiplier,
@@ -299,13 +299,13 @@ def q_terms(settings: FilterConfig) -> tuple[float, float, float, float]:
 
 
 def _scaled(covariance: FloatArray, terms: tuple[float, ...]) -> FloatArray:
-    """Each term of the diagonal times its factor; correlations stay as they are."""
+    """Scale each term of the diagonal by its factor; correlations stay as they are."""
     roots = np.sqrt(np.array(terms))
     return np.asarray(covariance * np.outer(roots, roots))
 
 
 def measurement_noise(measurement: Measurement, settings: FilterConfig) -> FloatArray:
-    """R (2, 2) of (alpha, delta) in deg^2; the coordinate alpha widens towards the pole."""
+    """Measurement noise R (2, 2) of (alpha, delta), deg^2; alpha widens towards the pole."""
     terms = settings.r_ra_multiplier, settings.r_dec_multiplier
     if settings.preset == "paper":
         sigma = settings.sigma_arcsec / ARCSEC_PER_DEG
@@ -337,7 +337,7 @@ def _initial_covariance(
 
 
 _own = threading.local()
-"""Each thread's filter: making one takes as long as a step with it."""
+"""Filter object of each thread: making one takes as long as a step with it."""
 
 
 def _kalman(state: TrackState) -> Any:

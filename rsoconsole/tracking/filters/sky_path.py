@@ -1,8 +1,8 @@
 """Motion of a point on the sky: a curve of constant turn, with changing speed. Pure.
 
-A great circle does not turn; what keeps constant rates in right ascension and declination (a
-geostationary satellite: a parallel) turns by what both rates and the declination say; what orbits
-closer does something between and beyond. So six numbers tell a motion: place, rate, how the speed
+A great circle does not turn; a path of constant rates in right ascension and declination (a
+geostationary satellite: a parallel) turns by an amount given by both rates and the declination;
+closer orbits lie between and beyond. So six numbers describe a motion: place, rate, how the speed
 changes and how sharply the path turns. Places are tangent-plane coordinates about a direction,
 arcsec (east, north); turn is per length of path, without unit: 1 turns by as much as it moves on.
 Sources: Jacobi's small circles; the covariant derivative on a sphere, do Carmo 1976, 4-4.
@@ -24,25 +24,24 @@ X, Y, VX, VY, ACCELERATION, TURN = range(6)
 _MIN_DEPTH = 0.05
 _SLOWEST_ARCSEC_S = 1e-6
 _STEPS = np.array([1.0, 1.0, 1e-3, 1e-3, 1e-6, 1e-3])
-"""Small ones, for slopes."""
+"""Steps of a motion for numerical slopes."""
 
 
 class _Parts(NamedTuple):
-    """Vectors in space, each part by itself (...): numpy takes a fifth of the time of rows of
-    three."""
+    """Vectors in space as three arrays (...): numpy takes a fifth of the time of rows of three."""
 
     x: FloatArray
     y: FloatArray
     z: FloatArray
 
     def rows(self) -> FloatArray:
-        """(..., 3)"""
+        """(..., 3) rows of the parts."""
         return np.stack(self, axis=-1)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Plane:
-    """The tangent plane at a direction: unit vectors towards it, east and north on it."""
+    """Tangent plane at a direction: unit vectors towards it, east and north on it."""
 
     towards: FloatArray
     east: FloatArray
@@ -50,7 +49,7 @@ class Plane:
 
     @classmethod
     def at(cls, ra_icrs_deg: float, dec_icrs_deg: float) -> "Plane":
-        """The plane that touches the sky there."""
+        """Return the plane that touches the sky there."""
         ra, dec = math.radians(ra_icrs_deg), math.radians(dec_icrs_deg)
         return cls(
             direction_to_unit(ra_icrs_deg, dec_icrs_deg),
@@ -65,7 +64,7 @@ class Plane:
         return float(ra) % 360.0, float(dec)
 
     def place_of(self, ra_icrs_deg: float, dec_icrs_deg: float) -> FloatArray:
-        """(2,) arcsec; what is about a right angle away or more lies far off on its side."""
+        """(2,) place of a direction, arcsec; from about a right angle on it lies far off."""
         unit = _unit_of(ra_icrs_deg, dec_icrs_deg)
         flat, depth = np.array([unit @ self.east, unit @ self.north]), float(unit @ self.towards)
         if depth < _MIN_DEPTH:
@@ -93,7 +92,7 @@ class Plane:
         return unit, _Parts(*(v - u * outward for v, u in zip(turning, unit, strict=True)))
 
     def _seen(self, unit: FloatArray, rate: FloatArray, rest: FloatArray) -> FloatArray:
-        """Motions (..., 6) of what ``_placed`` gives, with how they change (..., 2)."""
+        """Motions (..., 6) from the vectors of ``_placed``, with their change (..., 2)."""
         depth = unit @ self.towards
         x, y = (unit @ self.east) / depth, (unit @ self.north) / depth
         vx, vy = rate @ self.east, rate @ self.north
@@ -103,14 +102,14 @@ class Plane:
 
 @functools.lru_cache(maxsize=256)
 def _unit_of(ra_icrs_deg: float, dec_icrs_deg: float) -> FloatArray:
-    """(3,), to be read only: many tracks ask for the directions of one frame."""
+    """(3,) unit vector of a direction, read-only: many tracks use the directions of one frame."""
     unit = direction_to_unit(ra_icrs_deg, dec_icrs_deg)
     unit.setflags(write=False)
     return unit
 
 
 def parallel_of(dec_icrs_deg: float | FloatArray, rate_arcsec_s: FloatArray) -> FloatArray:
-    """(..., 2) change of speed and turn of constant rates in RA and Dec; ``rate`` (..., 2)."""
+    """Change of speed and turn, (..., 2), of constant rates in RA and Dec; ``rate`` (..., 2)."""
     east, north = rate_arcsec_s[..., 0], rate_arcsec_s[..., 1]
     tangent = np.tan(np.radians(np.clip(dec_icrs_deg, -89.9, 89.9)))
     speed = np.maximum(np.hypot(east, north), _SLOWEST_ARCSEC_S)
@@ -140,7 +139,7 @@ def carried(plane: Plane, motion: FloatArray, dt_s: float) -> tuple[FloatArray, 
 
 
 def moved(plane: Plane, motion: FloatArray, dt_s: float, onto: Plane) -> FloatArray:
-    """Motions (..., 6) on another plane after a time; what changes speed and path stays."""
+    """Motions (..., 6) on another plane after a time; change of speed and turn stay."""
     unit, rate = carried(plane, motion, dt_s)
     return onto._seen(unit, rate, motion[..., 4:])
 
@@ -148,7 +147,7 @@ def moved(plane: Plane, motion: FloatArray, dt_s: float, onto: Plane) -> FloatAr
 def with_slopes(
     plane: Plane, motion: FloatArray, dt_s: float, onto: Plane
 ) -> tuple[FloatArray, FloatArray]:
-    """``moved`` and its slopes (..., 6, 6): of each number after by each before."""
+    """Compute ``moved`` and its slopes (..., 6, 6): of each number after by each before."""
     shifted = motion[None] + (_STEPS * np.eye(6)).reshape(6, *(1,) * (motion.ndim - 1), 6)
     every = moved(plane, np.concatenate([motion[None], shifted]), dt_s, onto)
     after = every[0]
@@ -157,14 +156,14 @@ def with_slopes(
 
 
 def plane_after(plane: Plane, motion: FloatArray, dt_s: float) -> Plane:
-    """The plane that touches where one motion (6,) leads."""
+    """Plane that touches the sky where one motion (6,) leads."""
     unit, _ = carried(plane, motion, dt_s)
     ra, dec = unit_to_direction(unit)
     return Plane.at(float(ra), float(dec))
 
 
 def _turned(vector: _Parts, axis: _Parts, c: FloatArray, n: FloatArray) -> _Parts:
-    """Rodrigues' rotation about unit axes by angles of which cosine and sine are given."""
+    """Rotate about unit axes (Rodrigues) by angles given by cosine and sine."""
     share = _dot(axis, vector)
     parts = zip(axis, vector, _cross(axis, vector), strict=True)
     return _Parts(*((a * share + (v - a * share) * c) + across * n for a, v, across in parts))
@@ -175,7 +174,7 @@ def _dot(one: _Parts, other: _Parts) -> FloatArray:
 
 
 def _divided(vector: _Parts) -> _Parts:
-    """As long as 1."""
+    """Normalise to length 1."""
     size = np.sqrt(_dot(vector, vector))
     return _Parts(*(each / size for each in vector))
 

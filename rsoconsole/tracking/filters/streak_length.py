@@ -3,11 +3,11 @@
 The middle lies between two ends, each with an error of its own: of wind that blew while the shutter
 opened, of cloud, of a star upon it. Their sum is the streak's excess over the length that its
 motion has in one exposure, their difference shifts the middle by half of it. Independent ends make
-both as large, so the scatter of the excess from frame to frame tells the error along the motion,
+both as large, so the scatter of the excess from frame to frame gives the error along the motion,
 whatever the fit claims (half of it; Bar-Shalom, Li & Kirubarajan 2001, 3.4: sums and differences of
 independent errors). An excess that is the same in every frame (blur, a drift of the stars) moves no
-middle; but what is always too short, as of a satellite that flashes, may lie anywhere in what it
-should fill: half of that is believed.
+middle; but a streak that is always too short, as of a satellite that flashes, may lie anywhere in
+its full length: half of that is believed.
 
 Of a satellite that flashes about as often as the shutter opens, streak after streak shows a part,
 and the part's place within the whole creeps from frame to frame: the errors of such a run are one
@@ -35,31 +35,35 @@ from rsoconsole.tracking.filters.agreement import (
 REMEMBERED = 30
 """Number of streaks whose excess and turn are kept."""
 _NONE_AT_FIRST = (0.0, 0.0)
-"""As if two streaks had been as long as they should be: the centre does not follow the first."""
+"""Excesses of two streaks of full length, assumed before the first: the centre does not follow the
+first alone."""
 _MIN_FOR_SCATTER = 4
 _OFF_SIGMAS = 2.5
-"""Beyond which an excess speaks for itself."""
+"""Sigmas beyond which an excess speaks for itself."""
 _MAD_TO_SIGMA = 1.4826
 _ALONE = 0.85
-"""Share of the excess's scatter that is of ends which err alone: haze moves both alike."""
+"""Share of the excess's scatter from ends that err independently: haze moves both alike."""
 _PART_SHARE = 0.15
-"""Of its length that a streak lacks which shows a part of it: more than blur and haze take."""
+"""Share of its length that a streak lacks, from which it shows a part: more than blur and haze
+take."""
 _MIN_PARTS = 3
-"""In a row, before they are taken for a run."""
+"""Number of parts in a row from which they are a run."""
 _FLASHING_SHARE = 0.3
-"""Of the streaks remembered that show a part, from which on it flashes rather than meets clouds."""
+"""Share of remembered streaks that show a part, from which the object flashes rather than meets
+clouds."""
 _HARMLESS_SHARE = 0.02
-"""Of its length that every streak may lack at both ends alike, as its light fades into the sky."""
+"""Share of its length that every streak may lack at both ends alike, as its light fades into the
+sky."""
 
 
 class StreakErrors(NamedTuple):
     """One sigma of a streak's middle beyond what its measurement states, arcsec."""
 
     along_arcsec: float = 0.0
-    """The streak: what its length tells."""
+    """Error along the streak, from its length."""
     across_arcsec: float = 0.0
-    """What its direction and length tell (``streak_turn``); as part of what the measurement states
-    it is larger where a bank believes that all its errors are."""
+    """Error across the streak, from its direction and length (``streak_turn``); as part of the
+    measurement's own error it is larger where a bank believes that all its errors are."""
 
 
 NO_ERRORS = StreakErrors()
@@ -70,9 +74,9 @@ class StreakHistory:
     """Shapes of a track's last streaks, by which the errors of the next one are judged; arcsec."""
 
     excesses_arcsec: tuple[float, ...] = ()
-    """By how much they were longer than the motion in one exposure."""
+    """Excesses of their lengths over the motion in one exposure."""
     half_turns_arcsec: tuple[float, ...] = ()
-    """By how much their ends lay off the line of the motion through their middles."""
+    """Offsets of their ends from the line of the motion through their middles."""
 
 
 NO_STREAKS = StreakHistory()
@@ -95,9 +99,8 @@ def along_error_arcsec(
 ) -> float:
     """Sigma along the motion beyond the measurement's own, from the excess of its streak.
 
-    ``before``: the excess of the streaks before it, arcsec. Streaks in a row that show a part of
-    their length have one error in common; the first of them may lie anywhere in what it should
-    fill.
+    ``before``: excesses of the streaks before it, arcsec. Streaks in a row that show a part of
+    their length have one error in common; the first of them may lie anywhere in its full length.
     """
     excess, length = excess_arcsec(measurement, expected), expected.length_arcsec
     if excess is None or length == 0.0:
@@ -127,9 +130,9 @@ def along_error_arcsec(
 def with_part_error(
     measurement: Measurement, expected: Motion, before: Sequence[float]
 ) -> Measurement:
-    """A streak that shows a part of its length, with what that leaves open in its covariance.
+    """Widen the covariance of a streak that shows a part of its length by what that leaves open.
 
-    Of one that shows all of it the measurement itself. ``before``: the excess of the streaks before
+    A streak that shows all of it is returned as it is. ``before``: excesses of the streaks before
     it, arcsec.
     """
     excess, length = excess_arcsec(measurement, expected), expected.length_arcsec
@@ -143,13 +146,13 @@ def with_part_error(
 
 
 def shows_parts(excesses_arcsec: Sequence[float], length_arcsec: float) -> bool:
-    """Whether enough of its streaks were parts of their length to say that it flashes."""
+    """True where enough of its streaks were parts of their length to say that it flashes."""
     parts = sum(1 for each in excesses_arcsec if each < -_PART_SHARE * length_arcsec)
     return parts >= max(_MIN_PARTS, _FLASHING_SHARE * len(excesses_arcsec))
 
 
 def _parts_in_a_row(before: Sequence[float], length_arcsec: float) -> int:
-    """How many of the last streaks showed a part of their length alone."""
+    """Number of the last streaks in a row that showed a part of their length alone."""
     of_parts = itertools.takewhile(
         lambda excess: excess < -_PART_SHARE * length_arcsec, reversed(before)
     )
@@ -159,19 +162,19 @@ def _parts_in_a_row(before: Sequence[float], length_arcsec: float) -> int:
 def excesses_with(
     before: Sequence[float], measurement: Measurement, expected: Motion
 ) -> tuple[float, ...]:
-    """The excess of the streaks up to this one."""
+    """Excesses of the streaks up to this one, arcsec."""
     excess = excess_arcsec(measurement, expected)
     every = before if excess is None else (*before, excess)
     return tuple(every)[-REMEMBERED:]
 
 
 _OF_TURN, _OF_EXCESS = 0.22, 0.021
-"""Sigma of the middle across, in half the way that the turn moves an end and in the excess of the
-length: the likeliest of those nights, by Student's law with ten degrees of freedom."""
+"""Sigma of the middle across, over half the turn of an end and over the excess of the length: the
+likeliest of those nights, by Student's law with ten degrees of freedom."""
 
 
 def half_turn_arcsec(measurement: Measurement, expected: Motion) -> float | None:
-    """By how much an end lies off the line that the motion has through the middle.
+    """Offset of an end from the line of the motion through the middle.
 
     To the left of the motion, seen from the earlier end; None: the streak has no direction.
     """
@@ -195,7 +198,7 @@ def across_error_arcsec(
 ) -> float:
     """Sigma across the motion beyond the measurement's own, from its streak's turn and excess.
 
-    ``turns_arcsec``, ``excesses_arcsec``: of the streaks before it.
+    ``turns_arcsec``, ``excesses_arcsec``: those of the streaks before it.
     """
     if not turns_arcsec or not excesses_arcsec:
         return 0.0
@@ -213,7 +216,7 @@ def across_error_arcsec(
 def half_turns_with(
     before: Sequence[float], measurement: Measurement, expected: Motion
 ) -> tuple[float, ...]:
-    """Half the turns of the streaks up to this one, arcsec."""
+    """Half turns of the streaks up to this one, arcsec."""
     half = half_turn_arcsec(measurement, expected)
     every = before if half is None else (*before, half)
     return tuple(every)[-REMEMBERED:]

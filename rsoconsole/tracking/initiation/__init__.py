@@ -1,1 +1,1 @@
-"""How a track begins: two streaks that agree on one motion, or a chain of points."""
+"""Track initiation: two streaks that agree on one motion, or a chain of points."""

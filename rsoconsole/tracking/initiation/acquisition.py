@@ -1,4 +1,4 @@
-"""How frames that agree on one motion begin a track: two of streaks, more of points. Pure."""
+"""Track initiation by frames that agree on one motion: two of streaks, more of points. Pure."""
 
 from dataclasses import replace
 
@@ -39,7 +39,7 @@ from rsoconsole.tracking.initiation import chains
 from rsoconsole.tracking.initiation.chains import Chain
 
 AS_GOOD_AS_CERTAIN = 0.9
-"""Confidence from which on the smaller position error decides which of two to follow."""
+"""Confidence from which the smaller position error decides which of two to follow."""
 
 
 REFUSED, NOT_CHOSEN = NotTaken(kind="refused"), NotTaken(kind="not chosen")
@@ -48,12 +48,12 @@ REFUSED, NOT_CHOSEN = NotTaken(kind="refused"), NotTaken(kind="not chosen")
 def acquire(
     before: Following, seen: FrameInput, settings: FollowSettings
 ) -> tuple[Following, tuple[FoldRecord, ...]]:
-    """Frames whose measurements agree on one motion start a track: ``chains`` has which.
+    """Initiate tracks from frames whose measurements agree on one motion, found by ``chains``.
 
-    The most confident one that has a partner leads; of those as good as certain, the one whose
-    place is known best, which is the brightest as a rule. What the frame cuts, and what is surely
-    no satellite, starts none unless the operator chose it. The reason why a measurement is not
-    taken is recorded once: of a candidate that waits for a second frame, with that frame.
+    The most confident one that has a partner leads; of those as good as certain, the one with the
+    smallest position error, the brightest as a rule. Streaks cut by the frame, and those surely no
+    satellite, initiate none unless the operator chose them. The reason why a measurement is not
+    accepted is recorded once: of a candidate that waits for a second frame, with that frame.
     """
     whole = tuple(m for m in seen.measurements if not m.is_clipped)
     usable = tuple(m for m in whole if m.object_class in TRACKABLE_CLASSES)
@@ -93,7 +93,7 @@ def acquire(
 
 
 def _partner(candidates: Chain, second: Measurement, seen: FrameInput) -> Chain:
-    """The one of the frame before that agrees best, if any does."""
+    """Partner of the frame before that agrees best, if any does."""
     partners = [
         first for first in candidates if pair_disagreement(first, second, seen.exposure_s) is None
     ]
@@ -111,7 +111,7 @@ def _begun(  # noqa: PLR0917 -- one call, each argument a different thing
     seen: FrameInput,
     settings: FollowSettings,
 ) -> tuple[Following, tuple[FoldRecord, ...]]:
-    """The lead, and beside it a track of every other chain as far as there is room."""
+    """Initiate the lead, and beside it a track of every other chain as far as there is room."""
     is_alone = seen.chosen is not None or settings.filter.preset != "adaptive"
     room = 1 if is_alone else settings.filter.most_tracks
     others = [(*agreed[m], m) for m in usable if m in agreed and m is not lead[-1]]
@@ -150,7 +150,7 @@ def _begun(  # noqa: PLR0917 -- one call, each argument a different thing
 def _pattern_of(
     tracks: tuple[LiveTrack, ...], begun_with: list[Chain], seen: FrameInput
 ) -> Pattern:
-    """Where tracks that begin together stand to each other, from their frames."""
+    """Relative positions of tracks that begin together, from their frames."""
     found = NO_PATTERN
     alive = [each.track.track_id for each in tracks]
     frames: dict[int, dict[int, Place]] = {}
@@ -176,7 +176,7 @@ def new_track(
     is_lead: bool,
     trial: int = chains.ON_TRIAL,
 ) -> LiveTrack:
-    """A new track through two measurements or more."""
+    """Initiate a new track through two measurements or more."""
     track = track_through(chain[0], chain[1], track_id, seen, settings)
     streaks = streaks_with(NO_STREAKS, track, chain[1], seen)
     for m in chain[2:]:
@@ -213,7 +213,7 @@ def track_through(
     seen: FrameInput,
     settings: FollowSettings,
 ) -> TrackState:
-    """A track through two measurements."""
+    """Initiate a track through two measurements."""
     way = way_between(first, second)
     share = seen.exposure_s * 1e9 / max(second.t_mid_utc_ns - first.t_mid_utc_ns, 1)
     moved = Motion(way.east_arcsec * share, way.north_arcsec * share)
@@ -231,7 +231,7 @@ def track_through(
 def streaks_with(
     before: StreakHistory, track: TrackState, taken: Measurement, seen: FrameInput
 ) -> StreakHistory:
-    """The shapes of a track's streaks with that of one more; turns for preset ``adaptive`` only."""
+    """Shapes of a track's streaks with that of one more; turns for preset ``adaptive`` only."""
     expected, turns = expected_motion(track, seen.exposure_s), before.half_turns_arcsec
     return StreakHistory(
         excesses_arcsec=excesses_with(before.excesses_arcsec, taken, expected),
@@ -255,7 +255,7 @@ def errors_of(
 
 
 def _bend_of(first: Measurement, second: Measurement, settings: FollowSettings) -> Bend | None:
-    """What an orbit through the first of two measurements may do."""
+    """Possible bend of an orbit through the first of two measurements."""
     if settings.bend is None or settings.filter.preset != "adaptive":
         return None
     way, here = way_between(first, second), (first.ra_icrs_deg, first.dec_icrs_deg)
@@ -266,13 +266,13 @@ def _bend_of(first: Measurement, second: Measurement, settings: FollowSettings) 
 
 
 def _rank(m: Measurement) -> tuple[float, float]:
-    """Lowest first: by confidence as far as it tells them apart, then by variance."""
+    """Sort key, lowest first: by confidence as far as it separates them, then by variance."""
     east, _, north = m.cov_sky_arcsec2
     return -min(m.confidence, AS_GOOD_AS_CERTAIN), east + north
 
 
 def _no_partner(first: Measurement, usable: tuple[Measurement, ...], seen: FrameInput) -> NotTaken:
-    """Why a candidate came to nothing, by what came nearest to being its second."""
+    """Reason why a candidate found no partner, by the measurement nearest to being its second."""
     if not usable:
         return NotTaken(kind="no second frame", missed=seen.why_absent)
     nearest = min(usable, key=lambda m: pair_misfit_arcsec(first, m, seen.exposure_s))

@@ -1,10 +1,10 @@
-"""What begins a track: two streaks that agree on one motion, or a chain of points. Pure.
+"""Chains that initiate a track: two streaks that agree on one motion, or several points. Pure.
 
-A streak tells its motion, so two frames are enough of them. A point (a short exposure, a telescope
-that keeps pace) tells nothing but a place: any two points are two points of something. What tells
-an object from chance there are frames in a line, and company that moves alike, so points wait in a
+A streak shows its motion, so two frames are enough of them. A point (a short exposure, a telescope
+that keeps pace) shows only a place: any two points are two points of something. An object is
+separated from chance there by frames in a line, and by others that move alike, so points wait in a
 window of frames until a chain of them (``link``) is far likelier than chance. A streak that the
-frame before did not show may have been hidden in it: beside tracks the frame before that is asked
+frame before did not show may have been hidden in it: beside tracks the frame before that is used
 too.
 """
 
@@ -35,35 +35,35 @@ from rsoconsole.tracking.filters.sky_path import Plane
 from rsoconsole.tracking.initiation.link import MotionPrior, Tracklet, link_points
 
 LOST_TOLERANCE = 0.4
-"""Share of its length that a streak of a pair may lack, or have too much."""
+"""Share of its length that a streak of a pair may lack or have in excess."""
 ACROSS_ARCSEC, ACROSS_SHARE, LENGTH_SHARE = 3.0, 0.02, 0.15
 """Sigma of a streak's direction, as displacement across it, and of its length."""
 BEND_DEG = 5.0
 """Sigma of the bend that all streaks of a frame share."""
 COMMON_ARCSEC, COMMON_SHARE = 10.0, 0.05
-"""Sigma of the way from frame to frame that satellites of one field share."""
+"""Sigma of the motion from frame to frame that satellites of one field share."""
 ALONE_COST = 12.0
 """Cost of a pair with a motion of its own."""
 UNSURE_COST = 8.0
-"""Of what a pair that goes a way of its own may be off by in all: its streaks' two directions and
-lengths by two sigmas each or so. One that is off by more is rather two objects, each seen once."""
+"""Largest cost of a pair with a motion of its own by errors: its streaks' two directions and
+lengths by two sigmas each or so. A pair off by more is rather two objects, each seen once."""
 UNPAIRED_COST = ALONE_COST + UNSURE_COST
 _NOBODY = 1e6
-"""Of one that is left without a partner: as many as can be have one."""
+"""Cost of a streak without a partner: as many as possible have one."""
 _FREEDOM = 4.0
 """Degrees of freedom of the law by which directions and lengths err."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Half:
-    """One streak of a pair against the way between both."""
+    """One streak of a pair against the displacement between both."""
 
     cost: float
-    """Of its length."""
+    """Cost of its length."""
     bend_deg: float = 0.0
-    """Its direction from the way's, counted towards east; 0 where it has none."""
+    """Angle of its direction from the displacement's, counted towards east; 0 where it has none."""
     sigma_deg: float = math.inf
-    """Of its direction."""
+    """Sigma of its direction."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -71,13 +71,13 @@ class _Pairs:
     """Every second streak with every first one: (seconds, firsts)."""
 
     cost: FloatArray
-    """Of the lengths; infinite where they are no pair."""
+    """Cost of the lengths; infinite where they are no pair."""
     bends_deg: FloatArray
-    """(seconds, firsts, 2)"""
+    """(seconds, firsts, 2) bend of each streak from the displacement."""
     sigmas_deg: FloatArray
-    """(seconds, firsts, 2)"""
+    """(seconds, firsts, 2) sigma of the bends."""
     ways_arcsec: FloatArray
-    """(seconds, firsts, 2) east and north from frame to frame."""
+    """(seconds, firsts, 2) displacement east and north from frame to frame."""
 
 
 def pairs_between(
@@ -88,12 +88,12 @@ def pairs_between(
     *,
     unpaired: float | None = None,
 ) -> dict[Measurement, Measurement]:
-    """The first of each second one, where two frames agree; each is in one pair at most.
+    """Return the first of each second one, where two frames agree; each is in one pair at most.
 
-    Of all ways to pair them the likeliest: of two neighbours of which the first frame shows one,
-    that one is paired with itself. ``rates_arcsec_s``: how what is followed beside them moves
-    (east, north); ``unpaired``: cost of one without, where that may be likelier than a pair; None:
-    as many as can be have one.
+    The pairing is the likeliest of all: of two neighbours of which the first frame shows one, that
+    one is paired with itself. ``rates_arcsec_s``: rates of the tracks beside them (east, north);
+    ``unpaired``: cost of one without, where that may be likelier than a pair; None: as many as can
+    be have one.
     """
     pairs = _pairs(firsts, seconds, exposure_s)
     is_one = np.isfinite(pairs.cost)
@@ -113,7 +113,7 @@ def pairs_between(
 
 
 def agree(first: Measurement, second: Measurement, exposure_s: float) -> bool:
-    """Whether two measurements of different frames agree on one motion."""
+    """True where two measurements of different frames agree on one motion."""
     return _halves(first, second, exposure_s) is not None
 
 
@@ -139,9 +139,10 @@ def _pairs(
 def _assigned(
     pairs: _Pairs, known_ways: Sequence[FloatArray] = (), unpaired: float = _NOBODY
 ) -> tuple[IntArray, IntArray]:
-    """The likeliest assignment: second and first of each pair.
+    """Find the likeliest assignment: second and first of each pair.
 
-    ``known_ways``: from frame to frame, of what is followed; ``unpaired``: cost of one without.
+    ``known_ways``: displacements of the tracks from frame to frame; ``unpaired``: cost of one
+    without.
     """
     # scipy weighs half a second: only who has a choice to make pays for it.
     from scipy.optimize import linear_sum_assignment
@@ -170,7 +171,7 @@ def _assigned(
 def _halves(
     first: Measurement, second: Measurement, exposure_s: float
 ) -> tuple[_Half, _Half] | None:
-    """Both streaks against the way between them; None where they cannot be one object."""
+    """Both streaks against the displacement between them; None where they cannot be one object."""
     moved = motion_in_exposure(first, second, exposure_s)
     if moved is None:
         return None
@@ -199,37 +200,40 @@ def _half(measurement: Measurement, moved: Motion) -> _Half | None:
 
 
 def _student(sigmas: FloatArray) -> FloatArray:
-    """Cost of errors given in sigma: tails as of Student's law."""
+    """Cost of errors given in sigma, with the tails of Student's law."""
     return np.asarray((_FREEDOM + 2.0) * np.log1p(sigmas**2 / _FREEDOM))
 
 
 WINDOW = 5
-"""Frames in which points wait, the present one among them."""
+"""Number of frames in which points wait, the present one among them."""
 BEGINS_AT = 0.9
-"""Probability from which on a chain of points begins a track: it is not taken back."""
+"""Probability from which a chain of points initiates a track: it is not revoked."""
 CHANCE = 0.05
-"""Largest number of such chains that chance makes, for one to begin a track."""
+"""Largest expected number of such chance chains for one to initiate a track."""
 _ALIKE_SIGMAS, _SHARE = 3.0, 0.02
-"""What is near, and what moves alike: number of sigma, and share of the speed."""
+"""Limits of near points and like motions: number of sigma, and share of the speed."""
 _WIDER = 2.2
-"""Of the variances that points claim, as a track believes before it has learnt (``bank``)."""
+"""Factor on the variances that points claim, as a track believes before it has learnt
+(``bank``)."""
 _MAX_POINTS = 60
-"""In a window; with more of them there is no telling."""
+"""Largest number of points in a window; with more of them chains are not distinguishable."""
 _MIN_FALSE = 0.5
-"""Points a frame that are no object's are believed at least."""
+"""Least assumed number of points a frame that are no object's."""
 APART_COST = ALONE_COST + UNSURE_COST / 2.0
-"""Of a pair that goes a way of its own beside tracks: its streaks' directions and lengths by one
+"""Cost of a pair with a motion of its own beside tracks: its streaks' directions and lengths by one
 sigma each or so. Worse ones wait for frames that show them better."""
 ON_TRIAL, APART_ON_TRIAL = 1, 2
-"""Measurements after its second that a track needs to outlive a miss; one that moves otherwise than
-what is beside it, which chance makes more often. One that moves as another does needs none."""
+"""Measurements after its second that a track needs to outlive a miss; the second number for a
+motion unlike those beside it, which chance makes more often. A track that moves as another does
+needs none."""
 _AS_ANOTHER_ARCSEC = 10.0
-"""What moves as another does differs from its way by less: the shutter's scatter and a slot's."""
+"""Largest difference, arcsec, of the displacements of two that move alike: the shutter's scatter
+and a slot's."""
 Chain = tuple[Measurement, ...]
 
 
 def uses_window(settings: FollowSettings) -> bool:
-    """Whether more than two successive frames are asked."""
+    """True where more than two successive frames are used."""
     return settings.filter.preset == "adaptive"
 
 
@@ -240,9 +244,9 @@ def found_chains(
     settings: FollowSettings,
     tracks: Sequence[LiveTrack] = (),
 ) -> dict[Measurement, Chain]:
-    """Chains that begin tracks: by the last measurement the earlier ones, in order of time.
+    """Find chains that initiate tracks: by the last measurement the earlier ones, in order of time.
 
-    ``tracks``: what is followed beside it.
+    ``tracks``: the existing tracks.
     """
     # Two that the operator wants to be one object are.
     if not uses_window(settings) or seen.chosen is not None:
@@ -271,7 +275,7 @@ def trials(
 ) -> list[int]:
     """Measurements that the track of each chain needs before it outlives a miss.
 
-    ``rates_arcsec_s``: of the tracks beside it, east and north.
+    ``rates_arcsec_s``: those of the tracks beside it, east and north.
     """
     if not uses_window(settings):
         return [ON_TRIAL] * len(begun_with)
@@ -293,7 +297,7 @@ def trials(
 
 
 def _way(chain: Chain) -> FloatArray:
-    """From a chain's first to its last, arcsec east and north."""
+    """Displacement from a chain's first to its last, arcsec east and north."""
     first, last = chain[0], chain[-1]
     moved = way_between(first, last)
     return np.array([moved.east_arcsec, moved.north_arcsec])
@@ -304,7 +308,7 @@ def _same_frames(one: Chain, other: Chain) -> bool:
 
 
 def waiting_measurements(before: Following, taken: Collection[Measurement]) -> Chain:
-    """Measurements of earlier frames that may still begin a track with later ones."""
+    """Measurements of earlier frames that may still initiate a track with later ones."""
     waiting = [m for m in (*before.earlier, *before.candidates) if m not in taken]
     frames = sorted({m.frame_id for m in waiting}, reverse=True)[: WINDOW - 2]
     return tuple(m for m in waiting if m.frame_id in frames)
@@ -313,7 +317,7 @@ def waiting_measurements(before: Following, taken: Collection[Measurement]) -> C
 def _parted(
     measurements: Sequence[Measurement],
 ) -> tuple[list[Measurement], list[Measurement]]:
-    """Streaks and points."""
+    """Split measurements into streaks and points."""
     streaks = [m for m in measurements if streak_motion(m) is not None]
     return streaks, [m for m in measurements if streak_motion(m) is None]
 
@@ -354,7 +358,7 @@ def _by_chance(
     t_s: Sequence[float],
     known: MotionPrior,
 ) -> float:
-    """How many such chains, beside others that move alike, chance makes of these counts of points.
+    """Expected number of such chance chains, beside others that move alike, by counts of points.
 
     Any two points make a chain with any motion. A point more has to lie on its line; another chain,
     or a track, has to have its motion.
@@ -373,7 +377,7 @@ def _by_chance(
 
 
 def _is_alike(one: Tracklet, other: Tracklet, t_s: Sequence[float], known: MotionPrior) -> bool:
-    """Whether two move as one, as far as their points tell."""
+    """True where two move as one, as far as their points show."""
     if one is other:
         return True
     away2 = (one.x_rate - other.x_rate) ** 2 + (one.y_rate - other.y_rate) ** 2
@@ -407,7 +411,7 @@ def _known(
     settings: FollowSettings,
     ways: Sequence[tuple[float, float]],
 ) -> MotionPrior:
-    """What the points and the field say of themselves."""
+    """Prior for points and motions, from the points themselves and the field."""
     every = [m for each in frames for m in each]
     variances = [0.5 * (m.cov_sky_arcsec2[0] + m.cov_sky_arcsec2[2]) for m in every]
     common = None

@@ -1,13 +1,13 @@
 """Points of a few successive frames joined into tracklets, each with a probability. Pure.
 
 Every set of points, at most one a frame, through which a straight line at constant speed passes is
-a hypothesis; what it gains over chance is a likelihood ratio: how well the points lie on the line
+a hypothesis; its gain over chance is a likelihood ratio: how well the points lie on the line
 against how densely points lie anyhow, frames without a point, and how far its motion is from that
 which the objects of the sequence share. The set of hypotheses that gains most and uses no point
 twice is the answer (Morefield 1977, IEEE Trans. Automatic Control 22, 302; solved as an integer
-programme), and a tracklet's probability is what the answer gains over the best one without it. The
-common motion is learnt from the points themselves: geostationary objects all cross the stars
-alike.
+programme), and a tracklet's probability follows from the answer's gain over the best one without
+it. The common motion is learnt from the points themselves: geostationary objects all cross the
+stars alike.
 """
 
 from collections.abc import Iterator, Sequence
@@ -18,31 +18,31 @@ import numpy as np
 from rsoconsole.records import FloatArray
 
 _GATE = 4.0
-"""In sigma, on either axis."""
+"""Gate in sigma, on either axis."""
 _HYPOTHESES = 4000
 _COMMON_TRIALS = 24
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MotionPrior:
-    """What is known of points and motions before the frames are seen; any unit of length."""
+    """Prior of points and motions before the frames are seen; any unit of length."""
 
     sigma: float
-    """Of a point, on each axis."""
+    """Sigma of a point, on each axis."""
     area: float
-    """Of a frame."""
+    """Area of a frame."""
     largest_speed: float
-    """Length a second."""
+    """Largest speed, length per second."""
     detection_probability: float = 0.9
     false_points: float = 2.0
-    """In a frame, on average."""
+    """Mean number of false points in a frame."""
     common: tuple[float, float] | None = None
-    """The motion that objects share; None: learnt from the points."""
+    """Motion that objects share; None: learnt from the points."""
     shares: tuple[tuple[float, float], ...] = ((0.8, 0.02), (0.15, 0.15))
-    """Which share of the objects keeps to the common motion, and with which sigma as a share of its
-    speed; the others move anyhow."""
+    """Shares of the objects that keep to the common motion, each with its sigma as a share of the
+    speed; the rest have any motion."""
     objects: float = 1.5
-    """In a sequence, on average."""
+    """Mean number of objects in a sequence."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -50,7 +50,7 @@ class Tracklet:
     """Points of one object."""
 
     points: tuple[tuple[int, int], ...]
-    """(frame, index of the point in it), in order of time."""
+    """Points as (frame, index of the point in it), in order of time."""
     x_rate: float
     y_rate: float
     probability: float
@@ -61,14 +61,14 @@ class _Hypothesis:
     points: tuple[tuple[int, int], ...]
     velocity: FloatArray
     log_fit: float
-    """Gain over chance, but for the motion's share."""
+    """Logarithm of the gain over chance, without the motion's share."""
     velocity_sigma: float
 
 
 def link_points(
     t_s: Sequence[float], points: Sequence[FloatArray], known: MotionPrior
 ) -> tuple[Tracklet, ...]:
-    """Tracklets through frames at ``t_s``, with points (M, 2) in each; the surest first.
+    """Find tracklets through frames at ``t_s``, with points (M, 2) in each; the surest first.
 
     A point belongs to one tracklet at most. Two points make a tracklet only where they move as the
     others do.
@@ -98,7 +98,7 @@ def link_points(
 def _hypotheses(
     t_s: Sequence[float], points: Sequence[FloatArray], known: MotionPrior
 ) -> list[_Hypothesis]:
-    """Every set of points near one straight line, and every part of it of two points or more."""
+    """Every set of points near one straight line, and every subset of it of two points or more."""
     found: dict[tuple[tuple[int, int], ...], _Hypothesis] = {}
     for a in range(len(points)):
         for b in range(a + 1, len(points)):
@@ -119,7 +119,7 @@ def _along(
     last: tuple[int, int],
     known: MotionPrior,
 ) -> Iterator[tuple[tuple[int, int], ...]]:
-    """Sets that begin with one point and end with another, through what lies between them."""
+    """Yield sets that begin with one point and end with another, through points between them."""
     (a, i), (b, j) = first, last
     span = t_s[b] - t_s[a]
     between: list[tuple[tuple[int, int], ...]] = [()]
@@ -141,7 +141,7 @@ def _fitted(
     chosen: tuple[tuple[int, int], ...],
     known: MotionPrior,
 ) -> _Hypothesis:
-    """Straight line by least squares, and what the points gain over chance."""
+    """Fit a straight line by least squares, with the points' gain over chance."""
     at = np.array([t_s[frame] for frame, _ in chosen])
     places = np.array([points[frame][n] for frame, n in chosen])
     rows = np.stack([np.ones_like(at), at], axis=-1)
@@ -168,7 +168,7 @@ def _fitted(
 
 
 def _common_motion(hypotheses: Sequence[_Hypothesis], known: MotionPrior) -> FloatArray | None:
-    """The velocity that explains most of the points; None where nothing moves at all."""
+    """Velocity that explains most of the points; None where nothing moves at all."""
     if known.common is not None:
         return np.array(known.common)
     plain = _gains(hypotheses, None, known)
@@ -204,7 +204,7 @@ def _gains(
 
 
 def _lone_price(common: FloatArray | None, known: MotionPrior) -> float:
-    """What a motion gains by being called common."""
+    """Gain of a motion by counting as the common one."""
     if common is None:
         return 0.0
     share, sigma = known.shares[0]
@@ -214,7 +214,7 @@ def _lone_price(common: FloatArray | None, known: MotionPrior) -> float:
 
 
 def best_disjoint(candidates: Sequence[tuple[tuple[tuple[int, int], ...], float]]) -> list[int]:
-    """Which sets of points, none sharing one, gain most together; places in ``candidates``."""
+    """Choose disjoint sets of points that gain most together; indices in ``candidates``."""
     chosen: list[int] = []
     for group in _connected([points for points, _ in candidates]):
         sets = [candidates[n][0] for n in group]
@@ -227,7 +227,7 @@ def best_disjoint(candidates: Sequence[tuple[tuple[tuple[int, int], ...], float]
 
 
 def _connected(sets: Sequence[tuple[tuple[int, int], ...]]) -> list[list[int]]:
-    """Groups that share no point with one another."""
+    """Groups of sets that share no point with one another."""
     import scipy.sparse
     from scipy.sparse.csgraph import connected_components
 
@@ -259,7 +259,7 @@ def _greedy(sets: Sequence[tuple[tuple[int, int], ...]], gains: FloatArray) -> l
 
 
 def _bound(sets: Sequence[tuple[tuple[int, int], ...]], gains: FloatArray) -> float:
-    """No choice gains more: every point at the best share that any set gives it."""
+    """Upper bound of any choice's gain: every point at the best share that any set gives it."""
     best: dict[tuple[int, int], float] = {}
     for each, gain in zip(sets, gains, strict=True):
         for point in each:

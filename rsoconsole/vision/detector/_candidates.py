@@ -1,4 +1,4 @@
-"""Proposals of network, line filter and star search, and their measurement on the pixels."""
+"""Candidates of network, line filter and star search, and their measurement on the pixels."""
 
 import logging
 import math
@@ -47,28 +47,33 @@ LONGEST_FIT_PX = 450.0
 """Longer lines are measured along themselves alone (``streak_trace``): a fit would take seconds."""
 _MIN_TRACE_SNR, _MIN_QUARTILE_SNR, _MIN_QUARTILE_SHARE, _MAX_ROUGH = 8.0, 3.0, 0.15, 0.9
 _NARROWEST, _WIDEST, _SHORTEST = 0.6, 2.2, 2.2
-"""Width over the stars' (``SHARP_PX`` at most for the first), and length in widths of a star."""
+"""Limits of a candidate's width over the stars' (``SHARP_PX`` at most for the first), and of its
+length in star widths."""
 _MAX_BEYOND = 0.6
 _MAX_NARROW = 1.0
-"""Signal to noise of a line much narrower than the stars over that of one as wide as they are."""
+"""Least ratio of the signal to noise of a line much narrower than the stars to that of one as wide
+as they are, from which a proposal is too narrow."""
 _SURELY_NARROW = 4.5
-"""Sigma of it from which on that tells: of less, noise makes as much."""
+"""Least signal to noise of the narrower line for that: below it noise does the same."""
 _PIECE = 0.8
-"""Length of what a light may be a piece of, over the light's own."""
+"""Least length of a measured line, over a light's own, for the light to be a piece of it."""
 _UNDERSAMPLED_PX = 1.6
-"""Width of stars from which on down nothing is narrower than they are."""
+"""Width of stars up to which nothing can be narrower than they are, px."""
 _LEEWAY_PX = 10.0
-"""Largest distance of a box from the line of the filter."""
+"""Largest distance of a box from the line of the filter, px."""
 _BELIEVED = 0.01
 """Network's confidence from which a proposal is fitted though its light is not seen all along."""
 _PERIODIC = 0.12
 """Roughness up to which a slow change or one period explains how the light varies."""
 _FINER_WHERE_JOINED = 0.5
-"""Of the pixels that a proposal is off its line: there the filter's cells are half as large."""
+"""Factor on the largest distance of a proposal from its line where pixels are joined: the filter's
+cells are half as large there."""
 _LIGHT_OFF_PX, _LIGHT_OFF_FWHM = 2.0, 0.6
-"""How far one light of the star search may be off its line, at least, and in widths of a star."""
+"""Largest distance of one light of the star search from its line: px, or star widths if that is
+more."""
 _MAY_BE_A_LINE, _MAY_BE_WHERE_WIDE = 20.0, 0.0
-"""Chi-square of a profile from which on its pixels are asked, too."""
+"""Chi-square of a profile from which its pixels are compared with star images too: sharp stars,
+wide ones."""
 _DRAWN_OUT, _MORE = 1.3, 1.1
 _SURE, _MUCH_LONGER, _MUCH_BETTER = 0.2, 1.6, 1.3
 _AGREE_SNR, _AGREE_LENGTH = 0.75, 0.15
@@ -79,11 +84,12 @@ class Proposal:
     """A place where a streak may be."""
 
     box: NetworkBox
-    """Confidence: the network's, the lowest where it proposed nothing there."""
+    """Box of the proposal with the network's confidence; the lowest where it proposed nothing
+    there."""
     is_line: bool
-    """Whether the line filter or the star search sees it."""
+    """True where the line filter or the star search sees it."""
     is_light: bool = False
-    """Whether it is one light of the star search, which may be a piece of something longer."""
+    """True for one light of the star search, which may be a piece of something longer."""
 
 
 def proposals(boxes: Sequence[NetworkBox], lines: Sequence[CellLine]) -> list[Proposal]:
@@ -119,7 +125,7 @@ def proposals(boxes: Sequence[NetworkBox], lines: Sequence[CellLine]) -> list[Pr
 
 
 def in_order(found: Sequence[Proposal]) -> list[Proposal]:
-    """Most promising first: the line filter's best and the network's in turn."""
+    """Proposals, most promising first: the line filter's best and the network's in turn."""
     by_network = sorted(range(len(found)), key=lambda i: -found[i].box.confidence)
     by_filter = [i for i in range(len(found)) if found[i].is_line]
     place = {i: rank for rank, i in enumerate(by_network)}
@@ -129,7 +135,7 @@ def in_order(found: Sequence[Proposal]) -> list[Proposal]:
 
 
 def _of_one_streak(boxes: FloatArray, line: Ends) -> BoolArray:
-    """Which boxes (n, 4), from end to end, the line may be of: near it, alike in direction."""
+    """True for boxes (n, 4), from end to end, that lie near the line and run in its direction."""
     along = boxes[:, 2:] - boxes[:, :2]
     lengths = np.maximum(np.hypot(along[:, 0], along[:, 1]), 1.0)
     dx, dy = line[2] - line[0], line[3] - line[1]
@@ -151,18 +157,18 @@ def _of_one_streak(boxes: FloatArray, line: Ends) -> BoolArray:
 
 @dataclass(slots=True)
 class Measurements:
-    """The candidates of one frame: those that are lines of light, and why the others are none."""
+    """Measured candidates of a frame: those that are lines of light, and why others are not."""
 
     frame: Frame
     sky: Background
     stars: StarList
     focus: Focus
     is_worth_fitting: Callable[[Candidate], bool] = lambda _: True
-    """Whether a candidate as it was traced is worth the time of a fit."""
+    """Return True where a candidate as it was traced is worth the time of a fit."""
     lights: ShortLights | None = None
     """Images of the frame's stars to compare short lines with; None: they are not compared."""
     taken: list[Candidate] = field(default_factory=list)
-    """With the network's confidence."""
+    """Candidates that are lines of light, with the network's confidence."""
     rejected: list[Rejection] = field(default_factory=list)
 
     def fault_at_a_glance(self, proposal: Proposal) -> NotAStreak | None:
@@ -186,7 +192,7 @@ class Measurements:
         return None if signal.is_worth_a_fit(box.confidence) else DARK
 
     def has(self, proposal: Proposal) -> bool:
-        """Whether a light that was proposed by itself is a piece of what has been measured."""
+        """True where a light proposed by itself is a piece of a line already measured."""
         if not proposal.is_light:
             return False
         piece = from_box(self.frame, proposal.box)
@@ -196,7 +202,7 @@ class Measurements:
         )
 
     def measure(self, proposal: Proposal) -> None:
-        """Measure one candidate and put it where it belongs."""
+        """Measure one candidate and file it as a line of light or as refused."""
         try:
             self._measure(proposal)
         except Exception:
@@ -239,10 +245,9 @@ class Measurements:
         return self._candidate(found, self._irregularity(found, trace))
 
     def _candidate(self, found: Detection, light: LineLight) -> Candidate:
-        """With the irregularity of its path and light, where that tells a cosmic ray.
+        """Add the irregularity of path and light to a candidate, where it shows a cosmic ray.
 
-        No ray is as wide as stars are that are many pixels wide, and wind bends whatever is in the
-        frame.
+        No ray is as wide as stars many pixels wide, and wind bends whatever is in the frame.
         """
         if self.focus.joined > 1 or found.width_px > SHARP_PX:
             light = replace(light, bend=0.0, lumpiness=0.0)
@@ -250,7 +255,7 @@ class Measurements:
         return Candidate(found=found, light=self._against_stars(found, light))
 
     def _against_stars(self, found: Detection, light: LineLight) -> LineLight:
-        """With what images of the stars say of it, where that is worth its time."""
+        """Add the comparison with the frame's star images, where that is worth its time."""
         least = _MAY_BE_A_LINE if self.focus.joined == 1 else _MAY_BE_WHERE_WIDE
         if self.lights is None or light.left > 0.0 or light.over_points < least:
             return light
@@ -260,7 +265,7 @@ class Measurements:
         return replace(light, over_stars=compared.over_stars, left=compared.left)
 
     def _irregularity(self, found: Detection, trace: Trace) -> LineLight:
-        """Of a short one: of its path, and of its light where that follows no one period."""
+        """Add a short line's irregularity: of its path, and of its light if without one period."""
         light = line_light_of(trace)
         ends = _ends_of(found)
         if found.length_px > AS_CHAINS_FWHM * self._focus_at(ends).fwhm_px:
@@ -273,13 +278,13 @@ class Measurements:
         return replace(light, bend=bend, lumpiness=lumpiness * (trace.roughness > _PERIODIC))
 
     def _traced_well(self, proposal: Proposal) -> tuple[Trace | None, NotAStreak | None]:
-        """A trace that passes the gates, or the first that it does not."""
+        """Return a trace that passes the gates, or the first gate that it does not pass."""
         trace = self._traced(proposal.box.ends_px, is_light=proposal.is_light)
         reason = NotAStreak(kind="no line") if trace is None else self._fault(trace)
         return (trace, None) if reason is None else (None, reason)
 
     def _traced(self, ends: Ends, *, is_light: bool = False) -> Trace | None:
-        """The line, as wide as a star, or as drift has drawn it out where that shows more."""
+        """Trace the line, as wide as a star, or as drift has drawn it out where that shows more."""
         focus = self._focus_at(ends)
         width_px, widest_px = focus.fwhm_px, focus.widest_px(_angle_deg(ends))
         off_px = OFF_PX if focus.joined == 1 else OFF_PX * _FINER_WHERE_JOINED
@@ -294,18 +299,18 @@ class Measurements:
         return wide if is_better else trace
 
     def _width_px(self, trace: Trace) -> float:
-        """Width that a streak is expected to have which was traced."""
+        """Width expected of a traced streak, px."""
         ends = _ends_of(trace)
         focus = self._focus_at(ends)
         most = max(focus.widest_px(_angle_deg(ends)), focus.fwhm_px)
         return min(max(trace.width_px, focus.fwhm_px), most)
 
     def _focus_at(self, ends: Ends) -> Focus:
-        """How the frame shows a point about the middle of a line."""
+        """Return the focus at the midpoint of a line."""
         return self.focus.at(*midpoint_of(ends))
 
     def _take(self, candidate: Candidate) -> None:
-        """Keep a candidate, the better of those of one streak, with the network's best word."""
+        """Keep a candidate: of one streak the better, with the network's highest confidence."""
         found, reason = candidate.found, NotAStreak(kind="same streak")
         same = [each for each in self.taken if is_same_streak(found, each.found)]
         if all(found.snr >= _MUCH_BETTER * each.found.snr for each in same):
@@ -348,7 +353,7 @@ class Measurements:
         return None
 
     def refuse(self, box: NetworkBox, reason: NotAStreak, fit: StreakFit | None = None) -> None:
-        """Keep a candidate on record with what speaks against it, if the network believes it."""
+        """Record a candidate with the reason against it, if the network believes it."""
         if box.confidence < MIN_RECORDED_CONFIDENCE:
             return
         found = from_box(self.frame, box) if fit is None else from_fit(self.frame, box, fit)
@@ -360,7 +365,7 @@ def _angle_deg(ends: Ends) -> float:
 
 
 def _agree(fit: StreakFit, trace: Trace) -> bool:
-    """Whether a fit is of the whole line that was traced."""
+    """True where a fit covers the whole line that was traced."""
     length_px = length_of(_ends_of(trace))
     is_long = abs(fit.length_px - length_px) < _AGREE_LENGTH * length_px + fit.width_px
     return is_long and fit.snr > _AGREE_SNR * trace.snr

@@ -12,22 +12,23 @@ from rsoconsole.vision.stars.star_list import Trail
 from rsoconsole.vision.stars.star_moments import FWHM_PER_SIGMA
 
 TRAILED_STREAKS = 9
-"""Streaks of one length and direction from which on they are stars, where stars are not points."""
+"""Number of streaks of one length and direction from which they are stars, where stars are not
+points."""
 _POINTS_TO_STREAKS = 3.0
-"""Points for each of the streaks that are alike: above it stars are no streaks."""
+"""Ratio of points to streaks that are alike, above which the stars are no streaks."""
 _LENGTH_KNOWN = 0.2
-"""Largest error of a length, in lengths: what runs out of the frame has none to compare."""
+"""Largest error of a length, in lengths; a line cut by the frame has no length to compare."""
 _FEW_TRAILS, _MANY_TRAILS, _SURE, _STEADY = 2.0, 8.0, 0.9, 0.2
-"""Trails of stars in a row that look like one streak: of what is sure or steady, and of what is
-not; the confidence and the roughness."""
+"""Trails of stars in a row that look like one streak (the first for a sure or steady one, the
+second for others), and the confidence and roughness that make it sure or steady."""
 _NO_TRAILS = 80.0
-"""Chi-square (``line_or_stars``) from which on a light is no few trails of stars in a row."""
+"""Chi-square (``line_or_stars``) from which a light is not a few trails of stars in a row."""
 _AS_TRAILS_DEG = 6.0
 _LONG_ROW, _ALONG_ROW_DEG = 0.5, 0.15
 """Share of the frame, and degrees off its rows or columns."""
 _ROW_PX, _LEFT_OF_ROWS = 2.5, 0.5
-"""Pixels that a line may turn off its row, and the ridge's signal to noise up to which errors
-of several rows' offsets look like one."""
+"""Largest turn of a line off its row, px, and signal to noise of the ridge up to which errors of
+several rows' offsets look like one."""
 _BLOOMING_DEG, _SATURATED = 3.0, 0.9
 _ONE_TRAIL = 1.5
 _SAME_LENGTH, _SAME_ANGLE_DEG = 0.10, 3.0
@@ -56,7 +57,7 @@ def reject_artifacts(
 
 
 def is_star_trail(proposal: Proposal, trail: Trail) -> bool:
-    """Whether a proposal is no more than the trail of one star."""
+    """True where a proposal is no more than the trail of one star."""
     box, one_px = proposal.box, trail.length_px + 2.0 * trail.fwhm_px
     leeway_deg = _AS_TRAILS_DEG + math.degrees(trail.fwhm_px / max(box.length_px, 1.0))
     is_along = turn_deg(box.angle_deg, trail.angle_deg) < leeway_deg
@@ -87,9 +88,9 @@ def _reject_trailed_stars(
 def _reject_rows(
     taken: list[Detection], frame: Frame, *, is_striped: bool
 ) -> tuple[list[Detection], list[Rejection]]:
-    """Reject what runs along a row or column for half of the frame, or is all saturated.
+    """Reject lines along a row or column for half of the frame, and lines saturated all along.
 
-    Where offsets of rows or columns were taken away, also what is no brighter than their errors.
+    Where offsets of rows or columns were subtracted, also lines no brighter than their errors.
     """
     kept: list[Detection] = []
     ruled: list[Rejection] = []
@@ -115,7 +116,7 @@ def _ridge_snr(found: Detection) -> float:
 
 
 def _is_saturated(frame: Frame, found: Detection) -> bool:
-    """Whether most of a line is: charge that ran over along a column."""
+    """True where most of a line is saturated: charge that ran over along a column."""
     count = max(int(found.length_px), 2)
     x = np.rint(np.linspace(found.x_a_px, found.x_b_px, count)).astype(int)
     y = np.rint(np.linspace(found.y_a_px, found.y_b_px, count)).astype(int)
@@ -126,7 +127,7 @@ def _is_saturated(frame: Frame, found: Detection) -> bool:
 def reject_star_trails(
     judged: list[Candidate], trail: Trail
 ) -> tuple[list[Candidate], list[Rejection]]:
-    """Reject what runs as the stars' own trails do and is as long as some of them in a row.
+    """Reject lines that run like the stars' own trails and are as long as a few of them in a row.
 
     A longer one stays where there is no doubt, or its light is steady: a satellite may go the same
     way, and trails that meet end to end are seldom alike.

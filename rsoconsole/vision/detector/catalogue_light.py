@@ -18,9 +18,10 @@ CatalogueFinding: TypeAlias = Literal["stars", "no stars", "unclear"]
 
 _LONGEST_PX = 1500.0
 _ON_LINE, _REACH = 0.75, 1.5
-"""Off the line and along it, in widths, as far as a star's light counts as its own."""
+"""Reach of a star's light off the line and along it, in star widths."""
 _FEWEST, _MAX_TIMES = 2, 2.5
-"""Stars that make a chain; times its catalogue light that a star may have: colours differ."""
+"""Least number of stars in a chain, and largest ratio of a star's light to its catalogue light:
+colours differ."""
 _CHAIN, _MAX_REST, _REST_SNR, _NO_REST = 0.7, 0.25, 4.0, 0.05
 _MIN_MISSING, _MIN_SNR = 0.5, 10.0
 
@@ -32,16 +33,17 @@ class CatalogueLight:
     stars: int
     """Number of catalogue stars on the line."""
     star_share: float
-    """Share of its light that they have."""
+    """Share of the streak's light that lies at them."""
     rest_share: float
-    """Share that lies away from them."""
+    """Share of the streak's light that lies away from them."""
     rest_snr: float
     missing_share: float
-    """Share of its light that is away from them and so bright that the catalogue would have it."""
+    """Share of the streak's light that is away from them and so bright that the catalogue would
+    have it."""
 
     @property
     def finding(self) -> CatalogueFinding:
-        """Whether catalogue stars make the streak, or stars cannot; "unclear" as a rule."""
+        """Outcome: catalogue stars make the streak, or stars cannot; usually "unclear"."""
         has_rest = self.rest_snr > _REST_SNR and self.rest_share > _NO_REST
         is_theirs = self.star_share > _CHAIN and self.rest_share < _MAX_REST
         if self.stars >= _FEWEST and is_theirs and not has_rest:
@@ -59,11 +61,11 @@ def catalogue_light(
     width_px: float,
     complete_adu: float,
 ) -> CatalogueLight | None:
-    """The light between ``ends`` (x_a, y_a, x_b, y_b) against catalogue stars.
+    """Compare the light between ``ends`` (x_a, y_a, x_b, y_b) against catalogue stars.
 
-    ``stars_px``: (n, 2), where they are in the frame; ``stars_adu``: (n,), the light that the
-    catalogue's magnitudes promise; ``complete_adu``: light from which on no star is missing.
-    None where the line is too long or leaves the frame, or no light stands out.
+    ``stars_px``: (n, 2), their places in the frame; ``stars_adu``: (n,), their expected light by
+    the catalogue's magnitudes; ``complete_adu``: light from which no star is missing. None where
+    the line is too long or leaves the frame, or no light stands out.
     """
     length, fwhm = length_of(ends), max(width_px, 1.5)
     if not 1.0 < length < _LONGEST_PX:
@@ -97,7 +99,7 @@ def catalogue_light(
 def _on_it(
     stars_px: FloatArray, stars_adu: FloatArray, ends: Ends, fwhm: float
 ) -> tuple[FloatArray, FloatArray]:
-    """Ways from end a of the stars on the line, and the light that each promises."""
+    """Distances from end a of the stars on the line, and the expected light of each."""
     length = length_of(ends)
     dx, dy = (ends[2] - ends[0]) / length, (ends[3] - ends[1]) / length
     off_x, off_y = stars_px[:, 0] - ends[0], stars_px[:, 1] - ends[1]

@@ -1,10 +1,10 @@
 """Confidence of a measured candidate: the network's log-odds and the line fit's figures together.
 
 The network sees a small map, in which a chain of stars or a cosmic ray can look like a faint
-streak. The line fit on the raw frame tells them apart: a real streak holds its light along a
-line of the seeing's width. Only the company it keeps tells a distant aircraft's flash: others lie
-on the same line, or a light of another length runs parallel. A logistic curve over all of it,
-fitted on frames with known truth (``models.confidence``), makes a probability.
+streak. The line fit on the raw frame separates them: a real streak holds its light along a line of
+the seeing's width. Only its neighbours reveal a distant aircraft's flash: others lie on the same
+line, or a light of another length runs parallel. A logistic curve over all of it, fitted on frames
+with known truth (``models.confidence``), makes a probability.
 """
 
 import math
@@ -43,48 +43,52 @@ FEATURE_NAMES = (
     "blurred",
     "drifted",
 )
-"""All from ``wide`` on are 0 or more and weigh nothing at 0; but for the last two, which tell how
-the frame shows stars, they speak against a streak."""
+"""Names of the inputs of one image kind. All from ``wide`` on are 0 or more and weigh nothing at 0;
+they speak against a streak, except the last two, which describe how the frame shows stars."""
 IMAGE_KINDS = ("", "joined ", "trailed ")
-"""Stars are sharp, so wide that pixels were joined, or drawn out by drift: what looks like a streak
-is something else in each, and each has weights of its own."""
+"""Kinds of star image: sharp, so wide that pixels were joined, or drawn out by drift. Each has
+weights of its own, since something else looks like a streak in each."""
 FEATURES = tuple(way + name for way in IMAGE_KINDS for name in FEATURE_NAMES)
-"""Names of the curve's inputs; of a candidate those of one image kind, the others are 0."""
+"""Names of the curve's inputs; a candidate has those of one image kind, the others are 0."""
 MIN_LOGIT = -7.0
-"""Least log-odds of the network: what it does not see at all the line filter may."""
+"""Least log-odds of the network: the line filter may see what the network does not."""
 MAX_LOG_SNR, MAX_LOG_STEADY, _MIN_STEADY = 0.3, 1.5, 0.5
 _EXTENDED_FWHM, _MAX_EXTENT = 8.0, 2.0
 _SURE_OF_LINE, _MAX_ONE_LINE = 10.0, 2.5
-"""Chi-square that tells a line from a few points, and the most that its logarithm counts."""
+"""Chi-square that separates a line from a few points, and the most that its logarithm counts."""
 _ROUGH_AS_LINE, _DOUBT_AS_LINE = 50.0, 100.0
-"""Chi-square that halves what roughness and the network's doubt say."""
+"""Chi-square that halves the effect of roughness and of the network's doubt."""
 _SURE_OF_IMAGE, _MAX_LIKE, _MAX_UNLIKE = 30.0, 4.0, 3.0
-"""Chi-square that tells a line from images of stars, and the most that the logarithms of it and of
-what is left of a pixel count."""
+"""Chi-square that separates a line from star images, and the largest logarithms of it and of the
+chi-square left in a pixel that count."""
 _FULL_WEIGHT_FWHM, _MIN_WEIGHT, _WEIGHT_WHERE_JOINED = 15.0, 0.25, 0.4
 _CLEAR_SNR, _CLEAR_FWHM, _MIN_CLEAR = 15.0, 10.0, 0.4
 _EVEN_ENOUGH, _EVEN_WHERE_JOINED, _ROUGH_BY_NOISE = 0.06, 0.18, 4.0
-"""Scatter along a line that the air and the sensor make, the same where wind or focus have made
-the stars wide, and noise of a signal to noise of 1."""
+"""Scatter along a line that air and sensor make, the same where wind or focus have widened the
+stars, and scatter by noise at a signal to noise of 1."""
 FAINT_SNR = 12.0
-"""Below it a chain of faint stars is as likely as a streak."""
+"""Signal to noise below which a chain of faint stars is as likely as a streak."""
 SHORT_FWHM, LONG_FWHM = 12.0, 120.0
 """Lengths in widths of a star below and above which streaks are less likely: pieces of cosmic
 rays are short, lights that cross the frame are long."""
 LENGTH_ERROR = 2.0
-"""A fit that finds the light going on beyond its ends looks as far again."""
+"""Largest ratio of a streak's length to its proposal's: a fit follows light beyond its ends as far
+again."""
 MAX_IN_LINE = 2
 _LEAST, _MOST = 1e-7, 1.0 - 1e-7
 _SAME_WIDTH, _WIDTH_PER_SNR = 0.05, 1.5
-"""Logarithm of width over the stars' that says nothing: at best, and times the signal to noise."""
+"""Logarithm of width over the stars' that counts for nothing: at least, and per inverse signal to
+noise."""
 _SAME_LINE_PX, _MAX_OFF_LINE_PX, _SAME_LINE_DEG = 2.0, 8.0, 2.0
 _CONTEXT_LONG, _CONTEXT_ROUGH, _CONTEXT_UNEVEN = 4.0, 0.4, 0.8
 _MAX_CONFUSED, _OTHER_WAY_DEG = 1.1, 20.0
 _SHARP = Focus(fwhm_px=1.0)
 _MUCH_LONGER, _UNLIKE, _BESIDE_DEG, _BRIGHT_SNR = 2.5, 1.08, 1.5, 30.0
-"""Factors in length that say enough alone, and beside a bright one; both within ``_BESIDE_DEG``."""
+"""Ratios of length that suffice alone, and beside a bright line; largest angle between the two,
+deg; and the signal to noise of a bright one."""
 _UNLIKE_WHERE_JOINED = 1.35
-"""There an end may be that of a star beside it."""
+"""Ratio of length beside a bright line where pixels are joined: an end may be that of a
+neighbouring star."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -95,9 +99,9 @@ class ConfidenceCurve:
 
     @classmethod
     def from_card(cls, card: Mapping[str, Any]) -> "ConfidenceCurve":
-        """As the network's card gives them.
+        """Return the curve of a network's card.
 
-        Raises ModelError when they are missing or made for other features.
+        Raises ModelError when its weights are missing or made for other features.
         """
         try:
             table = card["measured_confidence"]["weights"]
@@ -116,7 +120,7 @@ class ConfidenceCurve:
     ) -> float:
         """Probability, 0 to 1, of a measured candidate that carries the network's confidence.
 
-        ``others`` are the measured candidates of its frame, itself among them or not.
+        ``others`` are the measured candidates of its frame, with or without itself.
         """
         features = confidence_features(candidate, focus, others)
         z = sum(w * f for w, f in zip(self.weights, features, strict=True))
@@ -150,7 +154,7 @@ class ConfidenceCurve:
         return 1.0 / (1.0 + math.exp(-min(max(z, -30.0), 30.0)))
 
     def judged(self, candidates: Sequence[Candidate], focus: Focus) -> list[Candidate]:
-        """A frame's measured candidates, each with the confidence that it earns among them."""
+        """Return a frame's measured candidates, each with its confidence among them."""
         confidences = [self.confidence(each, focus, candidates) for each in candidates]
         return [each.with_confidence(at) for each, at in zip(candidates, confidences, strict=True)]
 
@@ -163,11 +167,11 @@ def _logit(confidence: float) -> float:
 def _weighted(
     logit: float, length_fwhm: float, steady: float, joined: int, as_line: float
 ) -> float:
-    """The network's word, worth less where pixels were joined: it knows stars that are points.
+    """Network's log-odds, reduced where pixels were joined: it knows stars that are points.
 
-    Its doubt counts less, too, of what is longer than its map shows well, and of a line that every
-    part of it shows clearly or, where that tells (``as_line``), one line explains better than
-    points.
+    Its doubt also counts less for lines longer than its map shows well, and for a line that every
+    part of it shows clearly or, where that is significant (``as_line``), that one line explains
+    better than points.
     """
     word = logit if joined == 1 else _WEIGHT_WHERE_JOINED * logit
     if word >= 0.0:
@@ -183,18 +187,18 @@ def confidence_features(
 ) -> tuple[float, ...]:
     """Inputs of the curve for one candidate, in the order of ``FEATURES``.
 
-    The network's log-odds, no less than ``MIN_LOGIT``; the logarithm of the fit's matched signal
-    to noise over 20, no more than ``MAX_LOG_SNR``, since a chain of bright stars is bright too;
-    the same of what its darker parts say of the whole, which stars in a row have little of; how
-    much longer than a few widths it is; how much better one line explains a short one than a few
-    stars do, of its profile and of its pixels; how far, as a logarithm, it is wider and narrower
-    than the stars, beyond what its signal to noise leaves open; how short it is against
-    ``SHORT_FWHM``; how much better a few stars explain it, of either; how unlike the stars' images
-    it is; how long it is against ``LONG_FWHM``; how many others lie on its line; whether one that
-    is much longer, or bright and of another length, is parallel; how bent its path is; how much
-    fainter than ``FAINT_SNR`` it is; how much of its scatter along the line nothing explains; how
-    restless the sky beside it is; whether it runs as drawn-out stars do; how wide the stars were,
-    and how long drift has drawn them.
+    The network's log-odds, no less than ``MIN_LOGIT``; the logarithm of the fit's matched signal to
+    noise over 20, no more than ``MAX_LOG_SNR``, since a chain of bright stars is bright too; the
+    same for the whole by its darker parts, which is small for stars in a row; how much longer than
+    a few widths it is; how much better one line explains a short one than a few stars do, of its
+    profile and of its pixels; how far, as a logarithm, it is wider and narrower than the stars,
+    beyond what its signal to noise leaves open; how short it is against ``SHORT_FWHM``; how much
+    better a few stars explain it, of either; how unlike the stars' images it is; how long it is
+    against ``LONG_FWHM``; how many others lie on its line; whether one that is much longer, or
+    bright and of another length, is parallel; how bent its path is; how much fainter than
+    ``FAINT_SNR`` it is; how much of its scatter along the line nothing explains; how restless the
+    sky beside it is; whether it runs as drawn-out stars do; how wide the stars were, and how long
+    drift has drawn them.
     """
     found, light = candidate.found, candidate.light
     focus = focus.at(found.x_px, found.y_px)
@@ -249,7 +253,7 @@ def confidence_features(
 
 
 def _like_image(light: LineLight) -> float:
-    """How much better a line of star images explains a light, less where it leaves much unlike."""
+    """Advantage of a line of star images in explaining a light, less where much stays unlike."""
     return max(light.over_stars, 0.0) / max(light.left, 1.0) ** 2
 
 
@@ -267,12 +271,12 @@ def _along_trails(found: Detection, focus: Focus) -> float:
 
 
 def _blur_features(focus: Focus) -> tuple[float, float]:
-    """How wide the stars were, and how far drift has drawn them out; logarithms."""
+    """Logarithms of the width of the stars and of the length to which drift has drawn them."""
     return math.log(focus.joined), math.log1p(focus.trail_px / max(focus.fwhm_px, 0.1))
 
 
 def _is_clear_line(other: Candidate) -> bool:
-    """Whether another candidate is a light that tells of this one, no few stars in a row."""
+    """True where another candidate is clearly a line of light and not a few stars in a row."""
     found, light = other.found, other.light
     is_line = found.length_px > _CONTEXT_LONG * found.width_px
     is_even = light.roughness < _CONTEXT_ROUGH and found.unevenness < _CONTEXT_UNEVEN
@@ -280,7 +284,7 @@ def _is_clear_line(other: Candidate) -> bool:
 
 
 def _is_in_line(one: Detection, other: Detection) -> bool:
-    """Whether ``other`` lies on the line of ``one``, as far as that line's direction is known."""
+    """True where ``other`` lies on the line of ``one``, as far as its direction is known."""
     if turn_deg(one.angle_deg, other.angle_deg) > _SAME_LINE_DEG:
         return False
     angle = math.radians(one.angle_deg)
@@ -293,9 +297,9 @@ def _is_in_line(one: Detection, other: Detection) -> bool:
 
 
 def _is_parallel_unlike(one: Detection, other: Detection, unlike: float) -> bool:
-    """Whether two trails are parallel but surely not of one length: lights of one aircraft.
+    """True where two trails are parallel but surely not of one length: lights of one aircraft.
 
-    Satellites that keep one another company move alike. What the frame cuts may be longer.
+    Satellites near each other move alike. A trail cut by the frame may be longer.
     """
     if turn_deg(one.angle_deg, other.angle_deg) > _BESIDE_DEG:
         return False
@@ -310,7 +314,7 @@ def _is_parallel_unlike(one: Detection, other: Detection, unlike: float) -> bool
 CALIBRATED_ARCSEC_PX, USABLE_ARCSEC_PX = (1.0, 10.0), (0.3, 250.0)
 EXPOSURE_S = (0.05, 60.0)
 SMALLEST_PX, LARGEST_PX = (640, 480), (9576, 6388)
-"""Longer and shorter side."""
+"""Longer and shorter side of the smallest and largest frames of the calibration, px."""
 _ROUNDING = 1e-3
 
 
@@ -330,7 +334,7 @@ def range_cautions(
 
 
 def is_usable_scale(scale_arcsec_px: float) -> bool:
-    """Whether anything may be expected of the detector at this scale."""
+    """True where the detector can be expected to work at this scale."""
     return _is_within(scale_arcsec_px, USABLE_ARCSEC_PX)
 
 

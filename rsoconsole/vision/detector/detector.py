@@ -1,7 +1,7 @@
 """Streak detection in a frame: network, line filter and star search propose, pixels decide.
 
-A candidate above tau that passes the measurement's gates is a detection; everything else that
-the network held possible is kept with the reason for its rejection.
+A candidate above tau that passes the measurement's gates is a detection; every other candidate of
+the network is kept with the reason for its rejection.
 """
 
 import time
@@ -52,13 +52,16 @@ MAX_FITS = 28
 MAX_QUICK_FITS = 3
 MAX_WITNESSES = 12
 MIN_BELIEVED = 1e-3
-"""Network's confidence below which only what the line filter sees too is measured."""
+"""Network's confidence below which a proposal is measured only where the line filter sees it
+too."""
 _MAX_JOININGS = 2
 _MAX_WIDE_STARS = 1500
-"""Wide stars cover so much of a frame that faint ones too have to be masked."""
+"""Largest number of stars listed where they are wide: they cover so much of a frame that faint ones
+must be masked too."""
 _WORTH_A_NAME = 0.2
 _PROMISING = 0.5
-"""Share of tau: no fit lifts a candidate above tau that a trace alone gives less confidence."""
+"""Share of tau below which the confidence of a trace alone is too low for any fit to lift it above
+tau."""
 
 
 class Proposer(Protocol):
@@ -71,7 +74,7 @@ class Proposer(Protocol):
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class FrameAnalysis:
-    """All that was measured of one frame, so that the plate solver need not begin again."""
+    """Everything measured of one frame, so that the plate solver need not begin again."""
 
     detections: Detections
     stars: StarList
@@ -83,11 +86,12 @@ class FrameAnalysis:
     proposals: tuple[Proposal, ...] = ()
     """Proposals, in working-frame pixels."""
     class_shares: Mapping[Detection, Likelihood] = field(default_factory=dict)
-    """Probabilities of all classes, by streak of ``detections``, taken or not, where it has any."""
+    """Probabilities of all classes by streak of ``detections``, accepted or not, where it has
+    any."""
 
 
 class StreakDetector:
-    """Finds and measures streaks. Not for use by two threads at once (nor is its network)."""
+    """Finder and measurer of streaks. Not for use by two threads at once (nor is its network)."""
 
     def __init__(
         self,
@@ -98,11 +102,11 @@ class StreakDetector:
         *,
         is_quick: bool = False,
     ) -> None:
-        """``curve`` None: a streak keeps the confidence of its proposal.
+        """Make a detector; ``curve`` None: a streak keeps the confidence of its proposal.
 
-        ``memory`` of the stars' width, where frames come in order from one camera; None: each
-        frame stands alone. ``is_quick``: only what the line filter proposes is measured, the
-        likeliest few, and stars are taken to be points.
+        ``memory`` of the stars' width, where frames come in order from one camera; None: each frame
+        stands alone. ``is_quick``: only the likeliest few of the line filter's proposals are
+        measured, and stars are taken to be points.
         """
         self._is_quick = is_quick
         self._network = network
@@ -112,11 +116,11 @@ class StreakDetector:
         self._workers = Workers(threads_for(settings.threads))
 
     def detect(self, frame: Frame, tau: float | None = None) -> Detections:
-        """Streaks of ``frame`` with a confidence above ``tau`` (None: the configured one)."""
+        """Find streaks of ``frame`` with a confidence above ``tau`` (None: the configured one)."""
         return self.analyse(frame, tau).detections
 
     def analyse(self, frame: Frame, tau: float | None = None) -> FrameAnalysis:
-        """All that is measured of ``frame``: streaks, stars and background.
+        """Measure streaks, stars and background of ``frame``.
 
         Where there is a second thread, it estimates the maps' noise while the first reads the
         frame, and looks for stars and lines beside map and network; the time of the stages
@@ -201,10 +205,10 @@ class StreakDetector:
         *,
         may_join_pixels: bool = False,
     ) -> "_FirstLook":
-        """Sky, stars and all that may be a streak; ``expected`` of the stars where they are few.
+        """Find sky, stars and possible streaks; ``expected`` of the stars where they are few.
 
-        With ``may_join_pixels`` no streak is looked for where stars are so wide that pixels will be
-        joined first, as far as that is known in time.
+        With ``may_join_pixels`` no streak is searched for where stars are so wide that pixels will
+        be joined first, as far as that is known in time.
         """
         pixels, workers = frame.pixels, self._workers
         blocks = choose_blocks(
@@ -272,10 +276,10 @@ class StreakDetector:
         threshold: float,
         lights: ShortLights,
     ) -> Measurements:
-        """Candidates that are lines of light, and those that are none.
+        """Measure the candidates: those that are lines of light, and those that are none.
 
-        What no measurement could lift above ``threshold`` or shows no light at a glance is not
-        measured. What could only bear witness against one that is above, since it runs alike, is.
+        Candidates that no measurement could lift above ``threshold``, or without light at a glance,
+        are not measured, except those that may count against one above it, since they run alike.
         """
         frame, stars = working.frame, seen.stars
         ordered = in_order(seen.proposals)
@@ -321,7 +325,7 @@ class StreakDetector:
         return self._curve.highest(said, length_px, here) > threshold
 
     def _judged(self, taken: list[Candidate], focus: Focus) -> list[Candidate]:
-        """With the confidence that each earns by its measurement and among the others."""
+        """Candidates with the confidence by their measurement and among the others."""
         return list(taken) if self._curve is None else self._curve.judged(taken, focus)
 
 

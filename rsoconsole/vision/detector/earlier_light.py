@@ -1,8 +1,8 @@
 """A streak's light against an earlier frame: the same light there already, or new.
 
-Stars in a row, and whatever else is fixed, shine at the same places in both frames; what moves
-does not. The light of every column along the line is summed across it in this frame and, at the
-places that correspond, in the earlier one. Arrays only: where places correspond is the caller's.
+Stars in a row, and other fixed sources, shine at the same places in both frames; moving ones do
+not. The light of every column along the line is summed across it in this frame and, at the places
+that correspond, in the earlier one. Arrays only: the caller supplies the mapping between places.
 """
 
 import math
@@ -25,28 +25,32 @@ from rsoconsole.vision.lines.segments import Ends, length_of
 from rsoconsole.vision.stars.star_moments import FWHM_PER_SIGMA
 
 Mapping2d: TypeAlias = Callable[[FloatArray, FloatArray], tuple[FloatArray, FloatArray]]
-"""Pixels of this frame to pixels of the earlier one, arrays of any one shape."""
+"""Map from pixels of this frame to pixels of the earlier one, arrays of any one shape."""
 EarlierFinding: TypeAlias = Literal["same", "new", "unclear"]
 
 _LONGEST_PX = 1500.0
-"""No chain of stars is longer."""
+"""Length beyond which no chain of stars is expected, px."""
 _BEYOND, _MAX_BEYOND_PX = 0.25, 60.0
-"""How far the lines are followed beyond the ends, over the streak's length and at most."""
+"""Distance to which the lines are followed beyond the ends: as a share of the streak's length, and
+at most, px."""
 _KNOT_PX = 24.0
-"""Between places that are mapped; a plate is straight that far."""
+"""Distance between places that are mapped, px; a plate is straight that far."""
 _WHOLE = 0.9
 """Share of the columns that both frames must hold."""
 _PER_FWHM = 2.0 * math.sqrt(math.pi) / FWHM_PER_SIGMA
-"""Rows of a line that matched noise is worth, over its full width at half maximum."""
+"""Equivalent number of rows across a line for the noise of a matched sum, over its full width at
+half maximum."""
 _STAR_SIGMA, _STAR_SHARE = 4.0, 0.2
-"""Light of the earlier frame from which on a column counts as held by it: over the noise, and
-over this frame's."""
+"""Light of the earlier frame from which it holds a column: in sigma of the noise, and as a share of
+this frame's light."""
 _SURE_SNR, _SAME_SNR = 8.0, 5.0
-"""Signal to noise that the streak would have in the earlier frame, for "new" and for "same"."""
+"""Signal to noise expected of the streak in the earlier frame, required for "new" and for
+"same"."""
 _MAX_FRESH, _MIN_FRESH, _NO_LIGHT, _FRESH_SNR = 0.25, 0.5, 0.05, 4.0
 _AS_BRIGHT, _EXPLAINED, _IDENTICAL = (0.6, 1.6), 0.6, 0.75
 _LACKING, _LACKING_SNR = 0.6, 3.0
-"""A faint streak that bright stars lie on has its own light between them."""
+"""Share of an even streak's light, and its signal to noise, that must lie between bright stars: a
+faint streak they lie on has its own light there."""
 _CALIBRATED = 0.1
 """Share of a star's light by which the two frames may differ."""
 
@@ -76,13 +80,13 @@ class EarlierLight:
 
     @property
     def is_identical(self) -> bool:
-        """Whether the light is so much the same that other stars cannot be mistaken for it."""
+        """True where the light is so nearly identical that other stars cannot pass for it."""
         is_deep = self.depth_snr >= _SURE_SNR
         return self.finding == "same" and is_deep and self.explained > _IDENTICAL
 
     @property
     def finding(self) -> EarlierFinding:
-        """Whether the light is the same or new; "unclear" wherever something speaks against it."""
+        """Outcome: the light is the same or new; "unclear" wherever something speaks against it."""
         is_dark_now = self.beyond_snr > _FRESH_SNR and self.beyond_share > _MAX_FRESH
         has_fresh = self.fresh_snr > _FRESH_SNR and self.fresh_share > _NO_LIGHT
         if (
@@ -106,9 +110,9 @@ class Profile:
     ends: Ends
     fwhm_px: float
     u_px: FloatArray
-    """(columns,): way along the line from end a, some of it beyond either end."""
+    """(columns,): distance along the line from end a, px, some beyond either end."""
     v_px: FloatArray
-    """(rows,): way off the line."""
+    """(rows,): distance off the line, px."""
     columns: LineColumns
 
     @classmethod
@@ -174,9 +178,9 @@ def _compared(
     depth_snr: float,
     even_adu: float,
 ) -> EarlierLight | None:
-    """Of light and its sigma a column, both as bright as this frame shows stars.
+    """Compare light and its sigma by column, scaled alike to the brightness of this frame's stars.
 
-    ``even_adu``: light of each column, were what was measured of the streak all along it.
+    ``even_adu``: light of each column of an even streak as bright as the one measured.
     """
     (light, sigma), (earlier, sigma_earlier) = now, before
     smooth, smooth_earlier = smoothed(light, window), smoothed(earlier, window)
@@ -192,7 +196,7 @@ def _compared(
     both = math.hypot(sigma, sigma_earlier)
 
     def new_light(of: BoolArray) -> tuple[float, float, int]:
-        """Light that is new there, its sigma, and of how many columns."""
+        """Light that is new there, its sigma, and the number of columns."""
         columns = int(np.count_nonzero(of))
         return float((light - earlier)[of].sum()), both * math.sqrt(max(columns, 1)), columns
 

@@ -1,4 +1,4 @@
-"""A detection as it goes on record, of a fit, of a trace, or of a proposed box alone."""
+"""Detections as recorded: from a fit, a trace, or a proposed box alone."""
 
 import math
 from dataclasses import dataclass, replace
@@ -14,7 +14,7 @@ from rsoconsole.vision.streaks.streak_fit import StreakFit
 from rsoconsole.vision.streaks.streak_trace import Trace
 
 SHARP_PX = 3.2
-"""Width of a star that neither wind nor the mount has widened: a streak may be as narrow."""
+"""Width of a star that neither wind nor the mount has widened, px: a streak may be as narrow."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -22,7 +22,7 @@ class LineLight:
     """Evenness of a candidate's light along its line (``streak_trace``)."""
 
     lower_quartile_snr: float
-    """Signal to noise of the whole, were all its parts like their lower quartile."""
+    """Signal to noise of the whole line if all its parts were like their lower quartile."""
     roughness: float
     """Scatter of its parts over their mean that neither a slow change nor one period explains."""
     confusion: float = 1.0
@@ -39,11 +39,11 @@ class LineLight:
     """Chi-square that one line explains better than images of the frame's stars, of its pixels
     (``line_or_stars``)."""
     left: float = 0.0
-    """Chi-square of a pixel that the line leaves; 0: it was not held against any."""
+    """Chi-square of a pixel that the line leaves; 0: not compared."""
 
     @property
     def unevenness(self) -> float:
-        """The larger of the two."""
+        """Larger of bend and lumpiness."""
         return max(self.bend, self.lumpiness)
 
 
@@ -55,11 +55,11 @@ class Candidate:
     """One measured line of light."""
 
     found: Detection
-    """With the network's confidence, then with its calibrated one."""
+    """Detection with the network's confidence, later with its calibrated one."""
     light: LineLight
 
     def with_confidence(self, confidence: float) -> "Candidate":
-        """The candidate with another confidence."""
+        """Return the candidate with another confidence."""
         return replace(self, found=replace(self.found, confidence=confidence))
 
 
@@ -70,16 +70,16 @@ class Focus:
     fwhm_px: float
     """Width of the stars: their median, or at the place given to ``at``."""
     joined: int = 1
-    """Pixels of the camera along one of these: stars were so wide."""
+    """Side of the squares of camera pixels joined to one, for wide stars."""
     trail_px: float = 0.0
     """Length to which drift has drawn the stars out; 0: they are points."""
     trail_deg: float = 0.0
-    """Its direction, x towards y."""
+    """Direction of the trail, deg, x towards y."""
     psf_field: PsfField | None = None
     """Change of the stars' width over the frame; None where it does not change."""
 
     def at(self, x_px: float, y_px: float) -> "Focus":
-        """The focus about one place, with the stars' width there."""
+        """Return the focus at one place, with the stars' width there."""
         if self.psf_field is None:
             return self
         return replace(self, fwhm_px=self.psf_field.at(x_px, y_px), psf_field=None)
@@ -88,7 +88,7 @@ class Focus:
         """Largest width of a streak of this direction, px.
 
         A satellite's path and a drift of the mount add up to one straight line, as wide as a star;
-        what blurs the whole image, like shaking in one direction, draws the line out sideways.
+        blur of the whole image, like shaking in one direction, draws the line out sideways.
         """
         if self.trail_px == 0.0:
             return self.fwhm_px
@@ -97,15 +97,17 @@ class Focus:
 
 
 _WIDTH_OF_A_BAND = 0.9
-"""Full width at half maximum of a band between its edges, over theirs, as a Gaussian fits it."""
+"""Full width at half maximum of a Gaussian fitted to a band, over the band's width between its
+edges."""
 
 
 BOX_SIGMA_PX = 3.0
-"""One sigma of a box's centre against the streak's midpoint, of boxes about streaks of 119 px."""
+"""One sigma of a box's centre against the streak's midpoint, px, of boxes about streaks of 119
+px."""
 
 
 def with_fit(detection: Detection, fit: StreakFit) -> Detection:
-    """The detection with the measurement of a fit."""
+    """Return the detection with the measurement of a fit."""
     return replace(
         detection,
         x_px=fit.x_px,
@@ -141,7 +143,7 @@ def line_light_of(trace: Trace | None) -> LineLight:
 
 
 def with_trace(detection: Detection, trace: Trace, least_open_px: float = 0.0) -> Detection:
-    """The detection with the measurement of a trace.
+    """Return the detection with the measurement of a trace.
 
     ``least_open_px``: sigma along one that leaves the frame, where it is not longer than that.
     """
@@ -172,9 +174,9 @@ def from_trace(frame: Frame, box: NetworkBox, trace: Trace) -> Detection:
 
 
 def at_box_centre(detection: Detection) -> Detection:
-    """The detection measured as in the paper: its box's centre stands for the streak's midpoint.
+    """Return the detection measured as in the paper: its box's centre for the streak's midpoint.
 
-    Whether it is a streak, and where it ends, is still what the line fit made of it.
+    The line fit still decides whether it is a streak, and where it ends.
     """
     x0, y0, x1, y1 = detection.box_px
     return replace(
@@ -188,7 +190,7 @@ def at_box_centre(detection: Detection) -> Detection:
 
 
 def from_box(frame: Frame, box: NetworkBox) -> Detection:
-    """A proposal as an unmeasured detection, for comparison and for the record of refusals."""
+    """Proposal as an unmeasured detection, for comparison and for the record of refusals."""
     x0, y0, x1, y1 = box.corners_px
     x_a, y_a, x_b, y_b = box.ends_px
     rim_px = 1.0
@@ -219,13 +221,14 @@ def from_box(frame: Frame, box: NetworkBox) -> Detection:
 
 
 SAME_STREAK_DEG, _SAME_WIDTHS, _MIN_WIDTH_PX = 10.0, 1.5, 2.0
-"""Turn, and distance across in widths of it, with a least width in px."""
+"""Limits within which two boxes are one streak: turn, deg, and distance across, in widths but at
+least this in px."""
 _RUNS_ALIKE_DEG = 6.0
-"""Error of a proposal's direction."""
+"""Largest difference of two proposals' directions that run alike, deg."""
 
 
 def distinct_boxes(found: list[tuple[NetworkBox, ...]]) -> tuple[NetworkBox, ...]:
-    """Candidates of maps of several blocks, each streak once, at its most confident."""
+    """Return the candidates of maps of several blocks, each streak once, at its most confident."""
     if len(found) == 1:
         return found[0]
     boxes = sorted((b for each in found for b in each), key=lambda b: -b.confidence)
@@ -239,7 +242,7 @@ def distinct_boxes(found: list[tuple[NetworkBox, ...]]) -> tuple[NetworkBox, ...
 
 
 def _are_same(ends: FloatArray) -> BoolArray:
-    """``is_same_streak`` of every box with every other, (n, n); ``ends`` (n, 4)."""
+    """True where ``is_same_streak`` holds for a box and another, (n, n); ``ends`` (n, 4)."""
     along = ends[:, 2:] - ends[:, :2]
     middle, lengths = 0.5 * (ends[:, 2:] + ends[:, :2]), np.hypot(along[:, 0], along[:, 1])
     cos, sin = (along / np.maximum(lengths, 1e-6)[:, None]).T
@@ -255,7 +258,7 @@ def _are_same(ends: FloatArray) -> BoolArray:
 
 
 def is_same_streak(one: Detection, other: Detection) -> bool:
-    """True when the midpoint of either lies on the other's line, and both run alike."""
+    """True where the midpoint of either lies on the other's line, and both run alike."""
     turn = turn_deg(one.angle_deg, other.angle_deg)
     shortest = max(min(one.length_px, other.length_px), 1.0)
     if turn > SAME_STREAK_DEG + float(np.degrees(2.0 / shortest)):
@@ -264,7 +267,7 @@ def is_same_streak(one: Detection, other: Detection) -> bool:
 
 
 def is_parallel_to_any(one: Detection, others: list[Detection]) -> bool:
-    """Whether any of ``others`` may have the direction of a proposal."""
+    """True where any of ``others`` may have the direction of a proposal."""
     turns = (turn_deg(one.angle_deg, other.angle_deg) for other in others)
     return any(turn < _RUNS_ALIKE_DEG for turn in turns)
 

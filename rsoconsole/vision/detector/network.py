@@ -32,7 +32,7 @@ STRIDE_CELLS = 4
 LENGTH_UNIT_CELLS = 16.0
 ANSWERS = 6
 LOWEST_CONFIDENCE = 1e-5
-"""Far below any tau: the line fit on the raw frame has the last word on a candidate."""
+"""Lowest confidence of a candidate, far below any tau: the line fit on the raw frame decides."""
 
 _SAME_LINE_CELLS = 4.0
 _LONGEST_CELLS = 160.0
@@ -47,14 +47,15 @@ class NetworkBox:
     """One candidate of the network, in pixels of the raw frame (0 = centre of the first)."""
 
     confidence: float
-    """Calibrated, 0 to 1: the share of such candidates that are satellites in training's world."""
+    """Calibrated confidence, 0 to 1: the share of such candidates that are satellites in the
+    training data."""
     corners_px: Box
     ends_px: Ends
-    """To about half a cell; which came first one frame does not tell."""
+    """Ends of the streak, to about half a cell; one frame does not show which came first."""
 
     @property
     def length_px(self) -> float:
-        """From end to end."""
+        """Length from end to end, px."""
         x_a, y_a, x_b, y_b = self.ends_px
         return float(np.hypot(x_b - x_a, y_b - y_a))
 
@@ -87,7 +88,7 @@ class MapStreak:
 
     @property
     def length(self) -> float:
-        """Cells from end to end."""
+        """Length from end to end, cells."""
         return float(np.hypot(self.x_b - self.x_a, self.y_b - self.y_a))
 
 
@@ -110,7 +111,7 @@ def decode(answer: Float32Array, lowest_logit: float) -> list[MapStreak]:
 
 
 def keep_distinct(candidates: list[MapStreak]) -> list[MapStreak]:
-    """The most confident of those that lie on one another, most confident first.
+    """Keep the most confident of candidates that lie on one another, most confident first.
 
     Two lie on one another when the midpoint of either is within 4 cells of the other's line and
     between the other's ends. Parallel neighbours further apart than that both stay.
@@ -146,7 +147,7 @@ class Network:
 
     def __init__(self, interpreter: Any, card: Mapping[str, Any]) -> None:
         self.card = card
-        """Content of the .json beside the network."""
+        """Take a loaded network; ``card``: content of the .json beside it."""
         self._interpreter = interpreter
         self._input = interpreter.get_input_details()[0]
         self._output = interpreter.get_output_details()[0]
@@ -155,7 +156,7 @@ class Network:
 
     @classmethod
     def load(cls, path: Path | None = None, threads: int = 0) -> "Network":
-        """The network at ``path`` (None: the shipped one), checked against the .json beside it.
+        """Load the network at ``path`` (None: the shipped one), checked with its .json.
 
         ``threads`` 0: by the cores there are (``workers.threads_for``); the answer is the same.
 
@@ -204,7 +205,7 @@ class Network:
         return tuple(self._to_box(streak, frame_map) for streak in candidates)
 
     def answer(self, values: ByteArray, top: int = 0, left: int = 0) -> Float32Array:
-        """The network's raw answer (6, 112, 152) for the tile of a map at this corner."""
+        """Return the network's raw answer (6, 112, 152) for the tile of a map at this corner."""
         tile = values[top : top + NETWORK_HEIGHT_CELLS, left : left + NETWORK_WIDTH_CELLS]
         padded = np.zeros((NETWORK_HEIGHT_CELLS, NETWORK_WIDTH_CELLS), dtype=np.float32)
         np.multiply(tile, np.float32(1 / 255), out=padded[: tile.shape[0], : tile.shape[1]])
@@ -232,7 +233,7 @@ class Network:
 def _moved_into_frame(
     found: list[MapStreak], top: int, left: int, width: int, height: int
 ) -> list[MapStreak]:
-    """A tile's candidates in the whole map's cells, without those that the tile's edge cuts.
+    """Return a tile's candidates in cells of the whole map, without those cut by the tile's edge.
 
     The neighbouring tile overlaps by more than a streak and holds such a one whole.
     """

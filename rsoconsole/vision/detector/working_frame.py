@@ -1,8 +1,8 @@
 """The frame as the detector works on it: pixels joined where the stars are many pixels wide.
 
 Everything that looks for streaks and measures them expects stars a few pixels wide. Out of focus,
-in wind or in poor seeing, or where the pixels are finer than the seeing, pixels are joined
-that they are that again: nothing is lost, since no detail is finer than a star.
+in wind or in poor seeing, or where the pixels are finer than the seeing, pixels are joined until
+stars are that again: nothing is lost, since no detail is finer than a star.
 """
 
 from dataclasses import dataclass, replace
@@ -13,15 +13,15 @@ from rsoconsole.records import Detection, Frame, Rejection
 from rsoconsole.vision.stars.star_list import StarList
 
 WIDE_PX = 5.0
-"""Width of the stars from which on pixels are joined."""
+"""Width of the stars from which pixels are joined, px."""
 _WANTED_PX = 4.0
-"""Narrower, and what is left of a short streak out of focus is a blob."""
+"""Width of the stars to join towards, px: narrower, a short streak out of focus would be a blob."""
 _SMALLEST_PX = 96
-"""Least side of a working frame."""
+"""Least side of a working frame, px."""
 
 
 def pixels_to_join(stars: StarList, frame: Frame) -> int:
-    """Side of the squares of pixels that become one; 1: the frame is well as it is."""
+    """Side of the squares of pixels to join to one; 1: the frame is used as it is."""
     if stars.median_fwhm_px < WIDE_PX:
         return 1
     most = min(frame.width_px, frame.height_px) // _SMALLEST_PX
@@ -34,11 +34,11 @@ class WorkingFrame:
 
     frame: Frame
     side: int
-    """Pixels of the original along one of its own."""
+    """Side of the squares of original pixels that are joined to one."""
 
     @classmethod
     def of(cls, frame: Frame, side: int) -> "WorkingFrame":
-        """``frame`` with ``side`` x ``side`` pixels joined to their mean; a rest is left out."""
+        """Join ``side`` x ``side`` pixels of ``frame`` to their mean; a rest is left out."""
         if side == 1:
             return cls(frame=frame, side=1)
         import cv2
@@ -65,15 +65,15 @@ class WorkingFrame:
         return (place + 0.5) * self.side - 0.5
 
     def original(self, found: Detection) -> Detection:
-        """A detection in pixels of the original frame."""
+        """Return a detection in pixels of the original frame."""
         return to_original(found, self.side)
 
     def original_rejection(self, rejected: Rejection) -> Rejection:
-        """A rejection in pixels of the original frame."""
+        """Return a rejection in pixels of the original frame."""
         return replace(rejected, detection=self.original(rejected.detection))
 
     def original_stars(self, stars: StarList) -> StarList:
-        """Stars in pixels of the original frame, ADU as there."""
+        """Return stars in pixels of the original frame, with its ADU."""
         if self.side == 1:
             return stars
         trail, field, lights = stars.trail, stars.psf_field, stars.oblong
@@ -102,7 +102,7 @@ class WorkingFrame:
 
 
 def to_original(found: Detection, side: int) -> Detection:
-    """A detection of a frame with ``side`` x ``side`` pixels joined, in the original's pixels."""
+    """Detection in the original's pixels, from a frame with ``side`` x ``side`` pixels joined."""
     if side == 1:
         return found
 

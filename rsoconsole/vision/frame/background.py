@@ -54,8 +54,8 @@ def local_background(
 ) -> Background:
     """Sky level and noise of ``pixels`` (height, width), uint16 or finite float32, >= 64 px a side.
 
-    ``bins``: of the same frame and cells, where they are known already. Without them about 15 ms
-    for 4656 x 3520 on one core of a desktop.
+    ``bins``: those of the same frame and cells, where they are known already. Without them about 15
+    ms for 4656 x 3520 on one core of a desktop.
     """
     height, width = pixels.shape
     if bins is None or bins.cell_px != cell_px:

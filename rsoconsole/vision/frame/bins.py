@@ -1,9 +1,9 @@
 """One pass over a frame: the sky's level on a grid of cells, the brightest bin and line of a block.
 
-A frame of 16 megapixels fits no cache; the strips in which it is read here do. All that sky, map
-and stars need of every pixel is taken from a strip while it is there, so that the frame is read
-once and never copied at full size. Beyond its right and lower edge it goes on as its own mirror
-image, up to whole cells: the rim then has the noise of the rest.
+A frame of 16 megapixels fits no cache; the strips in which it is read here do. All values that sky,
+map and stars need of every pixel are computed from a strip while it is cached, so that the frame is
+read once and never copied at full size. Beyond its right and lower edge it goes on as its own
+mirror image, up to whole cells: the rim then has the noise of the rest.
 """
 
 import math
@@ -25,7 +25,7 @@ LINE_REACH = 2
 
 
 def _line_through(down: int, right: int) -> ByteArray:
-    """A bin, the two so far down and right, and up and left of it, and those between, as a mask."""
+    """Mask of a line through a bin: its ends on either side of the bin, and the bins between."""
     kernel = np.zeros((2 * LINE_REACH + 1, 2 * LINE_REACH + 1), dtype=np.uint8)
     for part in (-1.0, -0.5, 0.0, 0.5, 1.0):
         kernel[LINE_REACH + round(part * down), LINE_REACH + round(part * right)] = 1
@@ -39,7 +39,7 @@ _LINES = tuple(
 
 
 def lines_through() -> Iterator[tuple[ByteArray, ByteArray]]:
-    """Pairs of lines of five bins at right angles to one another: each of the eight ways once."""
+    """Yield pairs of lines of five bins at right angles: each of the eight ways once."""
     for along, across in ((0, 3), (1, 5), (2, 4), (6, 7)):
         yield _LINES[along], _LINES[across]
 
@@ -61,7 +61,7 @@ class FrameBins:
     brightest: Mapping[int, Float32Array]
     """Mean of the brightest bin by block, ADU: (ceil(height / block), ceil(width / block))."""
     squares: Float32Array | None
-    """Means of the squares that were asked for, ADU: (ceil(height / side), ceil(width / side))."""
+    """Means of the requested squares, ADU: (ceil(height / side), ceil(width / side))."""
     lines: Mapping[int, Float32Array]
     """Brightest piece of a line (``lines_of_light``) by block, ADU, same shape."""
 
@@ -82,9 +82,9 @@ def bin_frame(
 ) -> FrameBins:
     """Read ``pixels`` (height, width), uint16 or finite float32; every block divides ``cell_px``.
 
-    Of ``blocks`` the brightest bins are kept, of ``line_blocks`` the brightest lines, of squares of
-    ``square_px``, which divides ``cell_px`` too, the means. About 7 ms
-    for 4656 x 3520 on one core of a desktop, 12 more for lines.
+    Kept are the brightest bins of ``blocks``, the brightest lines of ``line_blocks``, and the means
+    of squares of ``square_px``, which divides ``cell_px`` too. About 7 ms for 4656 x 3520 on one
+    core of a desktop, 12 more for lines.
     """
     height, width = pixels.shape
     rows, columns = -(-height // cell_px), -(-width // cell_px)
@@ -161,11 +161,11 @@ def bin_frame(
 
 
 def lines_of_light(bins: _Values) -> _Values:
-    """Every bin as bright as the darkest of five in a row through it, along the best of eight ways.
+    """Set every bin to the darkest of five in a row through it, along the best of eight ways.
 
-    A morphological opening with lines: what is long keeps its light, while of a star, a hot pixel
-    or a cosmic ray only what is five bins long is left. ``bins`` has ``LINE_REACH`` rows above and
-    below that the answer has not; columns beyond the sides are mirror images.
+    A morphological opening with lines: long lights keep their brightness, while of a star, a hot
+    pixel or a cosmic ray only parts five bins long are left. ``bins`` has ``LINE_REACH`` rows above
+    and below that the result lacks; columns beyond the sides are mirror images.
     """
     import cv2
 
@@ -178,7 +178,7 @@ def lines_of_light(bins: _Values) -> _Values:
 
 
 def _is_well_sampled(pixels: PixelArray) -> bool:
-    """Whether the noise of whole-numbered pixels is well above one."""
+    """True where the noise of whole-numbered pixels is well above one."""
     if pixels.dtype != np.uint16:
         return False
     rows = pixels[:: max(1, pixels.shape[0] // 16)].astype(np.int32)
@@ -209,7 +209,7 @@ def mean_of_squares(values: _Values, side: int) -> _Values:
 
 
 def means_of_whole_blocks(pixels: PixelArray, bins: FrameBins, block: int) -> Float32Array:
-    """``bins.means`` as of the frame mirrored to whole blocks, and these bins to whole cells.
+    """Return ``bins.means`` of the frame mirrored to whole blocks, and its bins to whole cells.
 
     That is how a map sees the rim; where whole blocks are whole cells, there is no difference.
     """
@@ -224,7 +224,7 @@ def means_of_whole_blocks(pixels: PixelArray, bins: FrameBins, block: int) -> Fl
 
 
 def _up_to_cells(count: int, size: int, block: int) -> IndexArray:
-    """Which of ``size`` rows or columns each of ``count`` is, with mirrored pixels, then bins."""
+    """(count,) row or column of the frame at each place, with mirrored pixels, then bins."""
     binning, whole = binning_of(block), -(-size // block) * block
     bins, within = np.divmod(np.arange(count), binning)
     return mirrored(mirrored(bins, whole // binning) * binning + within, size)
@@ -243,7 +243,7 @@ def take_rows(pixels: PixelArray, rows: range, out: PixelArray) -> None:
 
 
 def mirrored(index: IndexArray, size: int) -> IndexArray:
-    """Where rows or columns beyond the frame come from; the outermost itself is not repeated."""
+    """Rows or columns that mirror those beyond the frame; the outermost is not repeated."""
     there_and_back = max(2 * (size - 1), 1)
     folded = index % there_and_back
     return np.minimum(folded, there_and_back - folded)

@@ -1,9 +1,8 @@
 """Master dark and master flat applied to a frame: prepared once, then one pass over each frame.
 
 A calibrated pixel is ``raw * gain + offset``. The dark's median stays in it: the noise of a dark
-sky does not fall below zero, and what saturates does so where it did before. Pixels that nothing
-can be known of (no light in the flat, nearly saturated in the dark) take the median of their
-neighbours.
+sky does not fall below zero, and pixels saturate where they did before. Unusable pixels (no light
+in the flat, nearly saturated in the dark) take the median of their neighbours.
 """
 
 from collections.abc import Iterator
@@ -19,15 +18,15 @@ from rsoconsole.vision.frame.mosaic import CELL
 from rsoconsole.vision.frame.workers import CALLER_ALONE, Workers
 
 MIN_LIT = 0.1
-"""Share of the flat's median: pixels with less light are not divided by it."""
+"""Least light of a pixel to be divided by the flat, as a share of the flat's median."""
 HOT_SHARE = 0.5
-"""Share of a pixel's range: where the dark fills more of it, the pixel is not used."""
+"""Share of a pixel's range that the dark fills, above which the pixel is not used."""
 MAX_DEFECTS = 0.01
-"""Share of all pixels: with more defects, none is filled from its neighbours."""
+"""Largest share of defective pixels: with more, none is filled from its neighbours."""
 _HOTTEST = 0.01
-"""Of all pixels: how many of the brightest in the dark are looked at."""
+"""Share of all pixels, the brightest of the dark, that are examined as hot."""
 _COARSE_ADU = 5.0
-"""Where the noise is less, whole numbers would spoil what is left."""
+"""Noise below which whole numbers would spoil the frame, ADU."""
 _STRIP_ROWS = 16
 _NEIGHBOURS = 8
 _SAMPLE = 5
@@ -41,7 +40,7 @@ class DarkAndFlat:
     def __init__(
         self, dark: PixelArray, flat: PixelArray | None = None, *, has_mosaic: bool = False
     ) -> None:
-        """``dark`` in ADU with the camera's offset in it, ``flat`` without; both (height, width).
+        """Take ``dark``, ADU, with the camera's offset in it, ``flat`` without; (height, width).
 
         ``has_mosaic``: the colours of a 2 x 2 mosaic keep their levels among each other, and are
         filled from their like. Raises ValueError where shapes differ and where the flat has no
@@ -61,11 +60,11 @@ class DarkAndFlat:
         self._filled: tuple[float, IndexArray, IndexArray] | None = None
 
     def applied(self, frame: Frame, workers: Workers = CALLER_ALONE) -> Frame:
-        """The calibrated frame; ``frame`` itself is not changed.
+        """Return the calibrated frame; ``frame`` itself is not changed.
 
-        Pixels stay uint16 where the noise is wide against whole numbers, or nothing but whole
-        numbers is taken away; else they become float32. What was saturated stays at
-        ``saturation_adu`` at least. Raises ValueError for a frame of another shape.
+        Pixels stay uint16 where the noise is wide against whole numbers, or only whole numbers are
+        subtracted; else they become float32. Saturated pixels stay at ``saturation_adu`` at least.
+        Raises ValueError for a frame of another shape.
         """
         if frame.pixels.shape != self.shape:
             raise ValueError(f"masters of {self.shape} do not fit a frame of {frame.pixels.shape}")
@@ -109,7 +108,7 @@ class DarkAndFlat:
             np.maximum(out, full, where=raw >= frame.saturation_adu, out=out)
 
     def _defects(self, saturation_adu: float) -> tuple[IndexArray, IndexArray]:
-        """Flat indices of what is not used, and of the pixels that stand for each, (n, 8)."""
+        """Flat indices of the unused pixels, and of the pixels that replace each, (n, 8)."""
         if self._filled is None or self._filled[0] != saturation_adu:
             fullest = self.level_adu + HOT_SHARE * (saturation_adu - self.level_adu)
             wanted = np.union1d(self._unlit, self._hot[self._hot_adu > fullest])
@@ -137,7 +136,7 @@ def normalised(flat: PixelArray, *, has_mosaic: bool = False) -> Float32Array:
 def _gains(
     flat: PixelArray | None, has_mosaic: bool
 ) -> tuple[npt.NDArray[np.uint16] | None, float, IndexArray]:
-    """(gain in steps, the step, flat indices of single pixels without light).
+    """Gains as (gain in steps, the step, flat indices of single pixels without light).
 
     None for a gain of one everywhere.
     """
@@ -164,7 +163,7 @@ def _gains(
 def _offsets(
     dark: PixelArray, gain: npt.NDArray[np.uint16] | None, step: float, level_adu: float
 ) -> Float32Array:
-    """What is added to a pixel after its gain, ADU."""
+    """Offsets added to the pixels after their gain, ADU."""
     out = -dark.astype(np.float32)
     if gain is not None:
         out *= gain
@@ -174,7 +173,7 @@ def _offsets(
 
 
 def _brightest(dark: PixelArray) -> IndexArray:
-    """Flat indices of the pixels that stand out of the dark, the brightest where there are many."""
+    """Flat indices of pixels that stand out of the dark, the brightest where there are many."""
     sample = dark[::_SAMPLE, ::_SAMPLE].astype(np.float32)
     least = float(np.percentile(sample, 100.0 * (1.0 - _HOTTEST)))
     found = np.flatnonzero(dark.reshape(-1) > least)
@@ -186,7 +185,7 @@ def _brightest(dark: PixelArray) -> IndexArray:
 
 
 def _is_wide(pixels: PixelArray) -> bool:
-    """Whether a pixel's noise is several whole numbers, by differences of those of one colour."""
+    """True where a pixel's noise is several whole numbers, by differences within one colour."""
     rows = pixels[:: max(1, pixels.shape[0] // 16)].astype(np.float32)
     return float(np.median(np.abs(rows[:, 2:] - rows[:, :-2]))) >= _COARSE_ADU
 
@@ -194,7 +193,7 @@ def _is_wide(pixels: PixelArray) -> bool:
 def _neighbours(
     wanted: IndexArray, shape: tuple[int, ...], step: int
 ) -> tuple[IndexArray, IndexArray]:
-    """Those of ``wanted`` with a usable pixel near, and their nearest usable ones, (n, 8).
+    """Pixels of ``wanted`` with a usable one near, and their nearest usable ones, (n, 8).
 
     ``step`` 2 stays within one colour of a mosaic. Fewer than eight are repeated.
     """

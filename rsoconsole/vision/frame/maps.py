@@ -31,11 +31,12 @@ from rsoconsole.vision.frame.workers import CALLER_ALONE, Workers
 NETWORK_WIDTH_CELLS = 608
 NETWORK_HEIGHT_CELLS = 448
 MAP_KIND = "lines of 5 bins"
-"""Kind of map that a network for mode ``fast`` is trained on; its card names it."""
+"""Kind of map that a network for mode ``fast`` is trained on, named by its card."""
 LOWEST_SIGMA = -2.0
 HIGHEST_SIGMA = 14.0
 LINE_GAIN, LINE_SHIFT = 1.25, 1.25
-"""Makes good what the darkest of five loses: plain sky looks as the brightest of its bins would."""
+"""Gain and shift that make good the loss by the darkest of five: plain sky looks as the brightest
+of its bins would."""
 CODES_PER_SIGMA = 255.0 / (HIGHEST_SIGMA - LOWEST_SIGMA)
 SIDEREAL_ARCSEC_S = 15.04
 
@@ -73,13 +74,13 @@ class FrameMap:
 def choose_blocks(
     width_px: int, height_px: int, scale_arcsec_px: float | None, exposure_s: float | None
 ) -> tuple[int, ...]:
-    """Blocks at which a frame is to be looked at, smallest first.
+    """Blocks at which to search a frame, smallest first.
 
     Where scale and exposure are known, the one for which a geostationary streak is 12 to 24 cells
     long: 8 for the paper's telescope, and 4 too where the network sees such a map at once, for
-    short streaks; longer where the frame is too small for so large a block,
-    shorter where even a block of 2 is too large. Where they are unknown, every block whose map
-    fits the network at once and keeps 48 cells a side: a small frame costs little.
+    short streaks; longer where the frame is too small for so large a block, shorter where even a
+    block of 2 is too large. Where they are unknown, every block whose map fits the network at once
+    and keeps 48 cells a side: a small frame costs little.
     """
     short_px = min(width_px, height_px)
     fitting = [
@@ -113,8 +114,8 @@ def make_map(
 ) -> FrameMap:
     """Reduce ``pixels`` (height, width), uint16 or finite float32 ADU, by ``block`` a side.
 
-    ``bins`` and ``noise`` (``map_noise``): of the same frame, where they are known already;
-    another block than that of the bins is binned here. Raises ValueError for a block below 1.
+    ``bins`` and ``noise`` (``map_noise``): those of the same frame, where known already; another
+    block than that of the bins is binned here. Raises ValueError for a block below 1.
     """
     if block < 1:
         raise ValueError(f"a block of {block} pixels: it must be 1 or more")
@@ -141,7 +142,7 @@ def _cells_of(block: int) -> tuple[int, int]:
 
 
 def _whole_blocks(pixels: PixelArray, block: int) -> PixelArray:
-    """The frame up to whole blocks: mirrored, so that the rim has the noise of the rest."""
+    """Return the frame up to whole blocks: mirrored, so that the rim has the noise of the rest."""
     import cv2
 
     below, right = -pixels.shape[0] % block, -pixels.shape[1] % block

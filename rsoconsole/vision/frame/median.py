@@ -9,7 +9,7 @@ import numpy.typing as npt
 def median_of(values: npt.ArrayLike) -> float:
     """Median of all values: numpy's to the last bit, in a tenth of its time for some hundreds.
 
-    NaN where any value is, and of none.
+    NaN where any value is NaN, and for no values.
     """
     flat = np.array(values).ravel()  # a copy, for it is put into order
     if flat.dtype.kind != "f":

@@ -18,19 +18,19 @@ CELL = ((0, 0), (0, 1), (1, 0), (1, 1))
 """Row and column of the four places."""
 _COLOURS = frozenset("RGBCYMWL")
 _GRID = 8
-"""The sky's levels are compared in this many pieces along each side."""
+"""Number of pieces along each side in which the sky's levels are compared."""
 _MIN_STARS, _MAX_STARS = 15, 200
 _STAR_SIGMAS = 10.0
 _STAR_FIELD_PX = 1500
-"""Cells a side of the middle in which stars are looked for."""
+"""Side of the middle in which stars are searched, in cells."""
 _SAMPLES = 200_000
 _MAX_GAIN = 8.0
 _FINE_STEPS = 2.0
-"""Where the noise is fewer steps of the converter, whole numbers would add noise."""
+"""Noise, in steps of the converter, below which whole numbers would add noise."""
 
 
 def has_mosaic(header: Mapping[str, Any]) -> bool:
-    """Whether the header names the colours of a 2 x 2 mosaic (BAYERPAT, or MaxIm DL's COLORTYP)."""
+    """True where the header names colours of a 2 x 2 mosaic (BAYERPAT, or MaxIm DL's COLORTYP)."""
     for key in ("BAYERPAT", "COLORTYP"):
         value = header.get(key)
         colours = str(value).strip().upper() if isinstance(value, str) else ""
@@ -40,7 +40,7 @@ def has_mosaic(header: Mapping[str, Any]) -> bool:
 
 
 def without_mosaic(frame: Frame) -> Frame:
-    """The frame without its mosaic; the frame itself where its header names none.
+    """Return the frame without its mosaic; the frame itself where its header names none.
 
     Pixels stay uint16 where the noise is wide against the converter's steps, else they become
     float32. The saturation is that of the colour that reaches it first.
@@ -58,7 +58,7 @@ def without_mosaic(frame: Frame) -> Frame:
 def even_out(
     pixels: PixelArray, saturation_adu: float
 ) -> tuple[PixelArray, tuple[float, ...], tuple[float, ...]]:
-    """(pixels, factor of each place, what is added to it in the median), places as ``CELL``.
+    """Return (pixels, factor of each place, median offset added to each), places as ``CELL``.
 
     Rows and columns beyond a whole number of cells, one at most, are treated like the others.
     """
@@ -103,7 +103,7 @@ def _gains_of_stars(
     noise: FloatArray,
     saturation_adu: float,
 ) -> FloatArray | None:
-    """Each place's share of the light of bright stars, 1 in the mean; None with too few of them."""
+    """Share of each place in the light of bright stars, 1 in the mean; None with too few."""
     import cv2
 
     planes = [_middle(plane) for plane in planes]
@@ -139,7 +139,7 @@ def _gains_of_stars(
 
 
 def _middle(plane: npt.NDArray[Any]) -> npt.NDArray[Any]:
-    """So much of a place's pixels as has stars enough."""
+    """Middle of a place's pixels, large enough to hold enough stars."""
     cut = [max(0, (side - _STAR_FIELD_PX) // 2) for side in plane.shape]
     return plane[cut[0] : plane.shape[0] - cut[0], cut[1] : plane.shape[1] - cut[1]]
 
@@ -168,7 +168,7 @@ def _mean_of_middle(values: npt.NDArray[Any]) -> float:
 
 
 def _spread(grid: FloatArray, shape: tuple[int, int]) -> Float32Array:
-    """The pieces' values over a whole plane, with slopes between their middles."""
+    """Spread the pieces' values over a whole plane, with slopes between their middles."""
     import cv2
 
     size = (shape[1], shape[0])

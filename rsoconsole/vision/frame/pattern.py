@@ -1,9 +1,10 @@
-"""Offsets of rows and columns by the electronics: found, and taken away where they are there.
+"""Offsets of rows and columns by the electronics: found, and subtracted where they exist.
 
-An offset of a row is told from the sky by its neighbours: by what each pixel has above the mean of
-those in the rows about it. The median along the row, which stars and streaks fill too little of to
-move, says about where it is; the mean of what lies near it says where, however coarse the steps of
-the converter are. A streak along one row for more than half of the frame would be taken for noise.
+An offset of a row is separated from the sky by its neighbours: by the excess of each pixel over the
+mean of those in the rows about it. The median along the row, of which stars and streaks fill too
+little to move it, gives a first value; the mean of the values near it refines that, however coarse
+the steps of the converter are. A streak along one row for more than half of the frame would be
+taken for noise.
 """
 
 from dataclasses import dataclass
@@ -14,20 +15,20 @@ from rsoconsole.records import PixelArray
 from rsoconsole.vision.arrays import Float32Array
 
 SEEN_SIGMA = 0.15
-"""One sigma of the offsets, over a pixel's noise, from which on they are taken away."""
+"""One sigma of the offsets, over a pixel's noise, from which they are subtracted."""
 _ABOUT = 65
-"""Lines whose mean is the sky of the one in their middle."""
+"""Number of lines whose mean is the sky of the one in their middle."""
 _BANDS, _BAND = 4, 64
 _GLANCE, _FULL = 160, 1500
-"""Samples of a line, at least, for a first look and for its offset."""
+"""Least number of samples of a line for a first look and for its offset."""
 _NEAR = 2.5
-"""Sigmas of a pixel about the median that the mean is of."""
+"""Sigmas of a pixel about the median within which the mean is taken."""
 _FAR, _SOME = 4.0, 200
 _MEDIAN_STEP = 3
 _NOISE_LINES = 32
 _MAD_TO_SIGMA = 1.4826
 _COARSE_ADU = 5.0
-"""Where the noise is less, whole numbers would spoil what is left."""
+"""Noise below which whole numbers would spoil the frame, ADU."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -35,14 +36,14 @@ class Pattern:
     """Offsets of rows and columns in ADU, their mean about 0."""
 
     rows: Float32Array | None
-    """(height,); None where there are none to be seen."""
+    """(height,) offsets of the rows; None where none is seen."""
     columns: Float32Array | None
-    """(width,)"""
+    """(width,) offsets of the columns; None where none is seen."""
     noise_adu: float
-    """One sigma of a pixel without them."""
+    """One sigma of a pixel without them, ADU."""
 
     def removed(self, pixels: PixelArray) -> PixelArray:
-        """The frame without it: whole numbers as long as its noise is well above one."""
+        """Frame without the pattern: whole numbers as long as its noise is well above one."""
         out = pixels.astype(np.float32)
         if self.rows is not None:
             out -= self.rows[:, None]
@@ -58,8 +59,8 @@ class Pattern:
 def find_pattern(pixels: PixelArray) -> Pattern | None:
     """The row and column offsets of ``pixels`` (height, width), uint16 or finite float32.
 
-    None where there are none of ``SEEN_SIGMA``: a first look at some bands of lines tells, within
-    4 ms for 4656 x 3520.
+    None where there are none of ``SEEN_SIGMA``: a first look at some bands of lines shows that,
+    within 4 ms for 4656 x 3520.
     """
     noise = _noise(pixels)
     if noise <= 0.0:
@@ -73,7 +74,7 @@ def find_pattern(pixels: PixelArray) -> Pattern | None:
 
 
 def _noise(pixels: PixelArray) -> float:
-    """One sigma of a pixel: by differences of differences, in which no line's offset is left."""
+    """One sigma of a pixel by differences of differences, in which no line's offset is left."""
     step = max(3, pixels.shape[0] // _NOISE_LINES)
     lines, below = (pixels[first::step, ::2].astype(np.float32) for first in (0, 2))
     steps = lines[: len(below)] - below
@@ -88,14 +89,14 @@ def _noise(pixels: PixelArray) -> float:
 
 
 def _step_of(off: Float32Array) -> float:
-    """Least difference that is one; 0 where there is none."""
+    """Least difference above 0; 0 where there is none."""
     some = off[:, : min(off.shape[1], _SOME)]
     above = some[some > 0.0]
     return float(above.min()) if above.size else 0.0
 
 
 def _is_striped(pixels: PixelArray, noise: float) -> bool:
-    """Whether lines (axis 0) differ from their neighbours by more than their noise."""
+    """True where lines (axis 0) differ from their neighbours by more than their noise."""
     height, width = pixels.shape
     step = max(1, width // _GLANCE) | 1
     off = []
@@ -113,7 +114,7 @@ def _is_striped(pixels: PixelArray, noise: float) -> bool:
 
 
 def _offsets(pixels: PixelArray, noise: float, across: Float32Array | None = None) -> Float32Array:
-    """Of each line (axis 0); ``across``: what is to be taken from the other axis before."""
+    """Offset of each line (axis 0), ADU; ``across``: those of the other axis, subtracted first."""
     import cv2
 
     # An odd step: both colours of a mosaic's line.
@@ -132,7 +133,7 @@ def _offsets(pixels: PixelArray, noise: float, across: Float32Array | None = Non
 
 
 def _mean_of_near(about: Float32Array, limit: float) -> Float32Array:
-    """Along each line, of what lies within ``limit`` of nothing; ``about`` is spent."""
+    """Mean along each line of the values within ``limit`` of 0; ``about`` is overwritten."""
     is_near = np.abs(about) <= np.float32(limit)
     about *= is_near
     near = np.maximum(np.count_nonzero(is_near, axis=1), 1)

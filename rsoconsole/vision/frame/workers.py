@@ -11,7 +11,7 @@ _Result = TypeVar("_Result")
 
 
 class Workers:
-    """Threads, the caller's own among them; OpenCV and NumPy let them run side by side."""
+    """Threads that share work, the caller's among them; OpenCV and NumPy let them run together."""
 
     def __init__(self, threads: int = 1) -> None:
         self._pool = ThreadPoolExecutor(threads - 1, "vision") if threads > 1 else None
@@ -20,7 +20,7 @@ class Workers:
     def share(self, work: Callable[[Iterator[int]], None], count: int) -> None:
         """Call ``work`` once a thread; all draw their numbers from one ``range(count)``.
 
-        A thread that comes late to its turn draws fewer; nobody waits for one that comes too late.
+        A late thread draws fewer; none waits for one that is too late.
         """
         numbers = iter(range(count))
         begun: list[Future[None]] = []
@@ -35,7 +35,7 @@ class Workers:
             other.result()
 
     def begin(self, work: Callable[[], _Result]) -> "Future[_Result]":
-        """Run ``work`` beside the caller; with one thread it has run when this returns."""
+        """Run ``work`` beside the caller; with one thread it has finished when this returns."""
         if self._pool is not None:
             return self._pool.submit(work)
         done: Future[_Result] = Future()
@@ -47,7 +47,7 @@ CALLER_ALONE = Workers()
 
 
 MAX_THREADS = 4
-"""More threads than these gain nothing on one frame; a Raspberry Pi has four cores."""
+"""Largest number of threads: more gain nothing on one frame; a Raspberry Pi has four cores."""
 CGROUPS = Path("/sys/fs/cgroup")
 
 
@@ -67,7 +67,7 @@ def available_cores(cgroups: Path = CGROUPS, own: Path = Path("/proc/self/cgroup
 
 
 def _quota_cores(cgroups: Path, own: Path) -> float | None:
-    """The tightest quota from this process's group upward (cgroup v2); None: there is none."""
+    """Cores by the tightest quota from this process's group upward (cgroup v2); None: no quota."""
     try:
         lines = own.read_text(encoding="utf-8").splitlines()
     except (OSError, ValueError):

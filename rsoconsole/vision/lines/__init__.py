@@ -1,1 +1,1 @@
-"""Lines of light: proposed by a matched filter, turned into strips, told from stars in a row."""
+"""Lines of light: proposed by a matched filter, cut out as strips, compared with stars in a row."""

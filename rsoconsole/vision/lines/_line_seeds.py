@@ -10,9 +10,10 @@ import numpy.typing as npt
 from rsoconsole.vision.arrays import Float32Array
 
 THRESHOLD, LONG_THRESHOLD = 5.0, 4.6
-"""Sigma of the cells' own scatter: of a short and of a long partial sum that is traced."""
+"""Thresholds of a short and of a long partial sum to be traced, in sigma of the cells' own
+scatter."""
 _SHORTEST, _LONGEST = 2, 7
-"""Lines of 2^k rows of cells."""
+"""Smallest and largest k of lines of 2^k rows of cells."""
 
 _LONG_ROWS = 32
 
@@ -24,7 +25,7 @@ _MAX_STEPS = 32767 >> _LONGEST
 
 @dataclass(frozen=True, slots=True)
 class Seed:
-    """One partial sum that stands out: column and row of both ends, the first cell's middle 0."""
+    """Partial sum that stands out: column and row of both ends, the first cell's middle 0."""
 
     snr: float
     rows: int
@@ -35,7 +36,7 @@ class Seed:
 
     @property
     def alike(self) -> tuple[int, bool]:
-        """Its length, and whether it runs along a row or column: the sensor's own lines do."""
+        """Length, and True where it runs along a row or column, as the sensor's own lines do."""
         return self.rows, self.x_a == self.x_b or self.y_a == self.y_b
 
 
@@ -62,7 +63,7 @@ def seeds_in(cells: Float32Array) -> Iterator[Seed]:
 def _sums_that_stand_out(
     table: npt.NDArray[np.int16],
 ) -> Iterator[tuple[float, int, int, int, int]]:
-    """(snr, first row, first column, rows, shift to the right) of lines no flatter than 45 deg."""
+    """Yield (snr, first row, first column, rows, right shift) of lines no flatter than 45 deg."""
     height, width = table.shape
     # Part j, shift s, column x: the line from row j * rows, column x, to s columns further right.
     sums = table[:, None, :]
@@ -89,7 +90,7 @@ def _sums_that_stand_out(
 def _maxima(
     sums: npt.NDArray[np.int16], rows: int, threshold: float
 ) -> Iterator[tuple[float, int, int, int, int]]:
-    """The best line of every part and every block of columns, above a threshold in steps."""
+    """Yield the best line of every part and every block of columns, above a threshold in steps."""
     parts, _, width = sums.shape
     step = max(rows // 2, 4)
     best = sums.max(axis=1)

@@ -1,4 +1,4 @@
-"""The light of every column of a line in one frame, summed across it above the sky beside it."""
+"""Light of every column of a line in one frame, summed across it above the sky beside it."""
 
 import math
 from dataclasses import dataclass
@@ -11,7 +11,7 @@ from rsoconsole.vision.frame.background import Background
 from rsoconsole.vision.lines.segments import Ends, length_of
 
 LONGEST_PX = 400
-"""Length beyond which only the middle of a line is looked at."""
+"""Length beyond which only the middle of a line is examined, px."""
 _RIM_PX = 4
 
 
@@ -32,7 +32,7 @@ def smoothed_strip(
     columns: int,
     reach: int,
 ) -> tuple[Float32Array, BoolArray]:
-    """Pixels about a line's middle, turned so that it runs along the rows, and which exist.
+    """Pixels about a line's middle, it along the rows, and True for those that exist.
 
     The nearest pixel of each place, smoothed by ``psf_sigma`` px as stars are, in units of the
     noise that is left: (2 reach + 1, columns) each.
@@ -62,9 +62,9 @@ def smoothed_strip(
 
 
 _CORE, _GAP, _SIDE_PX = 1.0, 1.8, 8
-"""Half width of what is summed and distance of the sky beside it, in widths; rows of that sky."""
+"""Half width of the summed core and distance of the sky beside it, in widths; rows of that sky."""
 _PER_MAD, _LEFT = 1.4826, 0.83
-"""Sigma of a normal law over its median deviation; of noise, after interpolation."""
+"""Sigma of a normal law over its median deviation, and sigma of noise left after interpolation."""
 _MEDIAN = 1.57
 """Variance of a median over that of a mean."""
 
@@ -74,13 +74,13 @@ class LineColumns:
     """Light along a line, ADU per px of length."""
 
     light_adu: FloatArray
-    """(columns,)"""
+    """(columns,) light, ADU per px of length."""
     sigma_adu: float
     """One sigma of a column by the sky's noise alone, its level's included."""
     noise_adu: float
     """One sigma of a pixel."""
     is_inside: BoolArray
-    """(columns,): whether the frame holds all that is summed."""
+    """(columns,) True where the frame holds every pixel of the sum."""
 
 
 def on_line(ends: Ends, u: FloatArray, v: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -97,7 +97,7 @@ def rows_across(fwhm: float) -> FloatArray:
 
 
 def _rows_px(fwhm: float) -> tuple[int, int]:
-    """Half width of what is summed, and where the sky beside it begins."""
+    """Half width of the summed core, and the distance at which the sky beside it begins, px."""
     core_px = max(math.ceil(_CORE * fwhm), 2)
     return core_px, max(math.ceil(_GAP * fwhm), core_px + 1)
 
@@ -105,7 +105,7 @@ def _rows_px(fwhm: float) -> tuple[int, int]:
 def columns_at(
     pixels: PixelArray, x: FloatArray, y: FloatArray, v: FloatArray, fwhm: float
 ) -> LineColumns:
-    """The light of columns whose pixels are at ``x``, ``y`` (rows, columns), NaN where nowhere.
+    """Light of the columns with pixels at ``x``, ``y`` (rows, columns); NaN: no place.
 
     ``v``: (rows,) how far off the line each row is, as ``rows_across`` gives it.
     """

@@ -1,10 +1,10 @@
-"""A matched line filter: straight lines of light too faint or too long for the network's map.
+"""Matched line filter: straight lines of light too faint or too long for the network's map.
 
 The frame as cells of a few pixels, the light in each limited so that a star counts little; along
 every straight line of 2^k rows (or columns) of cells the sum, by the approximate discrete Radon
 transform (Brady, SIAM J. Comput. 27, 1998), whose partial sums are lines of every length (Nir,
-Zackay & Ofek, AJ 156:229, 2018). What stands out is traced to its own ends; its light is then
-taken away, so that the next line owes nothing to it.
+Zackay & Ofek, AJ 156:229, 2018). Each sum that stands out is traced to its own ends; its light is
+then subtracted, so that it adds nothing to the next line.
 """
 
 import math
@@ -20,37 +20,40 @@ from rsoconsole.vision.lines._line_seeds import Seed, seeds_in, threshold
 from rsoconsole.vision.stars.star_list import StarList, lit_radius_px
 
 MIN_SNR = 5.0
-"""Sigma of the cells' own scatter of a whole line that was traced."""
+"""Least signal to noise of a whole traced line, by the cells' own scatter."""
 MAX_LINES = 56
 FINEST_PX, _MAX_CELLS = 4, 300_000
 _SHORTEST_FWHM = 4.5
 _MAX_SEEDS, _MAX_TRACED = 300, 12
 _SMALLEST = 1e-9
 _LIMIT, _MOST = 2.0, 6.0
-"""Sigma of a cell: what light of no line counts at most, and what light of a line does."""
+"""Limits of a cell, in sigma: for light of no line, and for light of a line."""
 _SURELY_LIGHT, _NO_LINE = 4.5, 1.2
-"""So bright, and so little of it along any line: a star, of which nothing counts."""
+"""Sigma of a cell above which it is a star, and counts as 0, where the light along any line is
+below the second."""
 _MAX_GAP, _MIN_GAP, _DARK = 0.3, 6, 0.15
-"""Longest dark part of a streak as a share of it, in cells at least; and how dark is dark."""
+"""Limits of a gap in a streak: longest dark part as a share of it, least length in cells, and the
+share of the level below which it is dark."""
 _OF_A_BAND = 0.6
 """Side of the cells in which a band is one or two cells wide, over its width."""
 _MIN_COARSE = 8
 _SMOOTHED, _SMOOTHED_NOISE = 0.6, 0.655
-"""Cells, one sigma; and the noise of a sum along a line that is left of one sigma a cell."""
+"""One sigma of the smoothing, in cells; and noise of a sum along a line after it, for one sigma a
+cell."""
 _STILL_THERE = 0.7
 _REACH = 2
-"""Cells to either side of a line that are looked at to find where it runs."""
+"""Cells to either side of a line that are searched for its course."""
 _CHUNKS = 8
 _MAX_PARTS, _LIT_SHARE, _MIN_LIT = 16, 0.4, 3.0
-"""Parts into which a sum is cut; what the middling ones of them hold at least of it, and sigma of
-the whole, were all like them."""
+"""Number of parts into which a sum is cut, least share of it in their middling ones, and least
+sigma of the whole if all were like them."""
 _BEYOND = 12.0
 _LIT = 0.4
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CellLine:
-    """A line of light; in cells, 0 = left edge of the first, or in pixels."""
+    """Line of light; in cells, 0 = left edge of the first, or in pixels."""
 
     x_a: float
     y_a: float
@@ -59,7 +62,7 @@ class CellLine:
     snr: float
     """Limited light along it over its noise."""
     is_light: bool = False
-    """Whether it is one light of the star search (``short_lines``), no sum along cells."""
+    """True for one light of the star search (``short_lines``), no sum along cells."""
 
 
 def cell_side_px(height: int, width: int, finest_px: int = FINEST_PX) -> int:
@@ -75,7 +78,8 @@ def propose_lines(
 ) -> list[CellLine]:
     """Lines of a frame in its pixels (0 = centre of the first), strongest first.
 
-    ``squares``: its means of squares of ``side_px`` (``bins.bin_frame``); ``stars`` count nothing.
+    ``squares``: its means of squares of ``side_px`` (``bins.bin_frame``); the light of ``stars``
+    does not count.
     """
     rows, columns = squares.shape
     per_cell = sky.cell_px // side_px
@@ -104,7 +108,7 @@ def propose_lines(
 
 
 def _coarse(cells: Float32Array, times: int) -> Float32Array:
-    """Cells larger by a factor, of the same noise; what a star covers counts as sky."""
+    """Enlarge the cells by a factor, with the same noise; cells covered by a star count as sky."""
     import cv2
 
     rows, columns = (side // times for side in cells.shape)
@@ -115,7 +119,7 @@ def _coarse(cells: Float32Array, times: int) -> Float32Array:
 
 
 def _star_fwhm_px(line: CellLine, side_px: int, stars: StarList) -> float:
-    """Width of a star in the middle of a line in cells."""
+    """Width of a star at the middle of a line in cells, px."""
     x, y = 0.5 * (line.x_a + line.x_b), 0.5 * (line.y_a + line.y_b)
     return stars.fwhm_at(x * side_px - 0.5, y * side_px - 0.5)
 
@@ -136,7 +140,7 @@ def _around(cells: Float32Array, finer: int) -> Float32Array:
 
 
 def _cover(cells: Float32Array, side_px: int, stars: StarList, noise: float) -> None:
-    """Take away the light of listed stars."""
+    """Remove the light of listed stars."""
     import cv2
 
     room = lit_radius_px(stars, noise) / side_px + 0.5
@@ -156,10 +160,10 @@ def _cover(cells: Float32Array, side_px: int, stars: StarList, noise: float) -> 
 
 
 def limited(cells: Float32Array) -> Float32Array:
-    """Signal to noise of cells, (rows, columns), what is no line held down to ``_LIMIT``.
+    """Limit the signal to noise of cells, (rows, columns), to ``_LIMIT`` where there is no line.
 
     An opening along each of eight directions, less that across it: a star, however bright, is as
-    long across as along; only what goes on along one of them for five cells keeps its light.
+    long across as along; only light that goes on along one of them for five cells is kept.
     """
     import cv2
 
@@ -176,10 +180,10 @@ def limited(cells: Float32Array) -> Float32Array:
 
 
 def find_lines(cells: Float32Array) -> list[CellLine]:
-    """Lines in a map of limited signal to noise (rows, columns); the longest and brightest first.
+    """Find lines in a map of limited signal to noise (rows, columns); longest and brightest first.
 
-    The cells themselves, where they are not covered (0), tell level and noise: faint stars, which
-    long sums add up, are part of both.
+    Level and noise are those of the cells themselves, where they are not covered (0): faint stars,
+    which long sums add up, are part of both.
     """
     import cv2
 
@@ -221,7 +225,7 @@ def find_lines(cells: Float32Array) -> list[CellLine]:
 def _lit_all_along(cells: Float32Array, seeds: list[Seed]) -> list[tuple[float, Seed]]:
     """Sums of one length whose light is not that of a few bright places, best first.
 
-    Each with what its middling parts say of the whole.
+    Each comes with the signal to noise that its middling parts give the whole.
     """
     rows = seeds[0].rows
     seeds = sorted(seeds, key=lambda seed: -seed.snr)[:_MAX_SEEDS]
@@ -240,7 +244,7 @@ def _lit_all_along(cells: Float32Array, seeds: list[Seed]) -> list[tuple[float, 
 
 
 def _what_is_left(cells: Float32Array, seed: Seed) -> float:
-    """The sum along a seed over its noise, as the map is now."""
+    """Sum along a seed over its noise, in the map as it is now."""
     count = max(abs(seed.x_b - seed.x_a), abs(seed.y_b - seed.y_a)) + 1
     column = _cells_between(seed.x_a, seed.x_b, count)
     row = _cells_between(seed.y_a, seed.y_b, count)
@@ -249,7 +253,7 @@ def _what_is_left(cells: Float32Array, seed: Seed) -> float:
 
 
 def _cells_between(first: int, last: int, count: int) -> IndexArray:
-    """(count,) nearest to an even division, as by ``linspace``, which takes four times as long."""
+    """(count,) cells nearest to an even division, in a quarter of the time of ``linspace``."""
     if count == 1:
         return np.array([first], np.intp)
     places = np.arange(count, dtype=np.float64) * ((last - first) / (count - 1)) + first
@@ -258,7 +262,7 @@ def _cells_between(first: int, last: int, count: int) -> IndexArray:
 
 
 def _traced(cells: Float32Array, seed: Seed) -> CellLine | None:
-    """The lit stretch of a seed's line, which may go on beyond it, along the light itself."""
+    """Trace the lit stretch of a seed's line, which may go on beyond it, along the light itself."""
     x, y = 0.5 * (seed.x_a + seed.x_b), 0.5 * (seed.y_a + seed.y_b)
     half = 0.5 * math.hypot(seed.x_b - seed.x_a, seed.y_b - seed.y_a) + 0.5
     angle = math.atan2(seed.y_b - seed.y_a, seed.x_b - seed.x_a)
@@ -292,7 +296,7 @@ def _traced(cells: Float32Array, seed: Seed) -> CellLine | None:
 def _about(
     cells: Float32Array, x: float, y: float, angle: float, reach: float
 ) -> tuple[FloatArray, Float32Array] | None:
-    """(u, light at every offset across) a cell's length apart, as far as the line is in the map."""
+    """Values (u, light at every offset across), a cell's length apart, within the map."""
     import cv2
 
     dx, dy = math.cos(angle), math.sin(angle)
@@ -317,7 +321,7 @@ def _about(
 
 
 def _course(u: FloatArray, light: Float32Array) -> tuple[float, float]:
-    """Offset and slope of where the light along a line runs, from its middles in a few chunks."""
+    """Offset and slope of the light along a line, from its middles in a few chunks."""
     count = max(1, min(_CHUNKS, u.size // 4))
     v = np.arange(-_REACH, _REACH + 1)
     # Chunks of one size; what is left over goes with the last.
@@ -342,7 +346,7 @@ def _course(u: FloatArray, light: Float32Array) -> tuple[float, float]:
 def _stretch(
     cells: Float32Array, x: float, y: float, angle: float, half: float
 ) -> tuple[float, float, float] | None:
-    """(snr, u_a, u_b) of the stretch along a line whose light above its level's share is most."""
+    """Find (snr, u_a, u_b) of the stretch of a line with most light above its level's share."""
     about = _about(cells, x, y, angle, 2.0 * half + _BEYOND)
     if about is None:
         return None
@@ -363,7 +367,7 @@ def _stretch(
 
 
 def _without_gap(profile: Float32Array, start: int, end: int, level: float) -> tuple[int, int]:
-    """The stretch, or the brighter of its parts where much between them is dark: two streaks."""
+    """Stretch, or the brighter of its parts where much between them is dark: two streaks."""
     most = int(_MAX_GAP * (end - start))
     if most < _MIN_GAP:
         return start, end
@@ -383,7 +387,7 @@ _INTERPOLATED = 0.75
 
 
 def _erase(cells: Float32Array, line: CellLine) -> None:
-    """Take away the light about a line, a cell and a half to either side."""
+    """Remove the light about a line, a cell and a half to either side."""
     import cv2
 
     x_a, y_a, x_b, y_b = (int(at) for at in (line.x_a, line.y_a, line.x_b, line.y_b))

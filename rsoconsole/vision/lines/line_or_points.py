@@ -1,11 +1,11 @@
-"""One line or a few stars in a row: the profile of a short line tells which explains it better.
+"""One line or a few stars in a row: which explains the profile of a short line better.
 
 Both are put through the stars' own width and fitted to the profile along the line: points, as many
-as it takes up to ``_MAX_POINTS``, each for the price of a star that happens to stand there,
-against a line with two ends, for nothing, whose brightness changes slowly or in one period. Points
-closer than about two widths explain a line as well as a line does: it is ahead by their price then,
-as it is in front of a faint star. Where drift has drawn the stars out, a point is as long as they
-are in the line's direction.
+as it takes up to ``_MAX_POINTS``, each for the price of a star that happens to stand there, against
+a line with two ends, for nothing, whose brightness changes slowly or in one period. Points closer
+than about two widths explain a line as well as a line does: it is ahead by their price then, as it
+is in front of a faint star. Where drift has drawn the stars out, a point is as long as they are in
+the line's direction.
 """
 
 import itertools
@@ -28,7 +28,7 @@ _SMALLEST = 1e-9
 
 
 def confusion(strip: LineStrip, known: BoolArray, course: Course, sigma: float) -> float:
-    """Scatter of what a line's parts would be beside it, over their noise; 1 at least.
+    """Scatter of the sky beside a line, in parts like the line's, over their noise; 1 at least.
 
     Faint stars, glow and a bright star's wings are part of it: the frame's own yardstick.
     """
@@ -53,7 +53,7 @@ def confusion(strip: LineStrip, known: BoolArray, course: Course, sigma: float) 
 
 
 def texture(profile: LineProfile, ends: tuple[float, float], scatter: float) -> tuple[float, float]:
-    """(lower quartile of the parts, as sigma of the whole; scatter that nothing explains).
+    """Return (lower quartile of the parts, as sigma of the whole; scatter that nothing explains).
 
     ``scatter``: noise of a part in units of what its pixels make (``confusion``).
     """
@@ -73,7 +73,7 @@ def texture(profile: LineProfile, ends: tuple[float, float], scatter: float) -> 
 def _parts(
     profile: LineProfile, ends: tuple[float, float], count: int, scatter: float
 ) -> list[tuple[float, float, float]]:
-    """(place, light, one sigma of it) of the parts of which enough is seen."""
+    """Return (place, light, one sigma of it) of the parts of which enough is seen."""
     found: list[tuple[float, float, float]] = []
     for low, high in itertools.pairwise(np.linspace(ends[0], ends[1], count + 1).tolist()):
         part = profile.between(low, high)
@@ -124,19 +124,20 @@ MAX_FWHM = 30.0
 """Length in widths of a star up to which a few stars may look like a line."""
 _MAX_POINTS = 4
 _PRICE_OF_A_POINT, _PRICE_OF_A_PERIOD = 12.0, 16.0
-"""Chi-square: place and light of a star in the field's own density; period, depth and phase of a
-tumbling body."""
+"""Prices in chi-square: of a point (place and light of a star in the field's own density), and of a
+period (with depth and phase, of a tumbling body)."""
 _UNLIKE = 0.12
-"""What the profile of a line and of a star differ from ours by, as a share of the mean light."""
+"""Error of the model profiles of a line and of a star, as a share of the mean light."""
 _STEP_SIGMAS, _BEYOND_SIGMAS = 0.4, 4.0
 _MIN_PERIOD_SIGMAS, _MAX_PERIODS = 10.0, 8.0
 _FEWEST = 5
 _MIN_DETERMINED = 1e-3
-"""Of two places' own products: closer ones cannot be told apart."""
+"""Least determinant of two places, over the product of their own terms: closer ones cannot be
+separated."""
 _LIT_SHARE = 0.1
-"""Of the highest correlation with a star anywhere: where there is less none is tried."""
+"""Share of the highest correlation with a star below which a place is left out."""
 _ACROSS_FWHM = 1.5
-"""What of a trail that crosses a line is seen in its profile."""
+"""Longest part of a crossing trail that counts in a line's profile, in star widths."""
 
 
 def line_over_points(
@@ -144,9 +145,8 @@ def line_over_points(
 ) -> float:
     """Chi-square by which one line is better than the best few points; negative: points are.
 
-    0 where it is too long for the question or too little of it is seen. ``scatter``: noise in units
-    of what the pixels make (``confusion``). ``drawn_px``: length of a drawn-out star
-    along the line.
+    0 where it is too long to compare or too little of it is seen. ``scatter``: noise in units of
+    what the pixels make (``confusion``). ``drawn_px``: length of a drawn-out star along the line.
     """
     sigma, length = profile.sigma, ends[1] - ends[0]
     if length > MAX_FWHM * FWHM_PER_SIGMA * sigma:
@@ -229,7 +229,7 @@ def _left_by_points(
 
 
 def best_pair(gram: FloatArray, projected: FloatArray) -> list[int]:
-    """The two of n places, or one twice, whose lights, none of them dark, explain most.
+    """Find the two of n places, or one twice, whose lights, none of them dark, explain most.
 
     ``gram`` (n, n): products of the images of the places; ``projected`` (n,): with the data.
     """
@@ -252,7 +252,7 @@ def _one_more(shapes: FloatArray, value: FloatArray, chosen: list[int]) -> int:
 
 
 def _lights(shapes: FloatArray, value: FloatArray, chosen: list[int]) -> FloatArray:
-    """Of a number of points, none of them dark."""
+    """Lights of the chosen points, none of them negative."""
     from scipy.optimize import nnls
 
     lights, _ = nnls(shapes[:, chosen], value)

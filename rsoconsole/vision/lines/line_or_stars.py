@@ -4,8 +4,8 @@ Star images close together along the line are any light that came along it: with
 slowly or in one period they are a streak, with a few of any light they are stars. Both are fitted
 to the pixels about the line, stars for the price of one that happens to stand there, the sky and
 listed stars beside the line free to both. A cosmic ray is neither, since it did not come through
-the optics. Where drift has drawn the stars out or wind has shaken them, what moved on is a narrower
-line.
+the optics. Where drift has drawn the stars out or wind has shaken them, a moving object is a
+narrower line.
 """
 
 import math
@@ -28,18 +28,20 @@ MAX_FWHM = 20.0
 _STEP_SIGMAS, _BEYOND_SIGMAS, _MIN_STEP_PX, _MAX_STEP_PX = 0.6, 3.0, 0.7, 2.0
 _MAX_PLACES, _MAX_BESIDE, _MIN_SIDE_PX = 160, 30, 5
 _MAX_STARS, _MAX_THROUGH = 4, 2
-"""Stars in a row that may look like a line, and those that may stand on one."""
+"""Largest number of stars in a row that may look like a line, and of those that may stand on
+one."""
 _PRICE_OF_A_STAR, _PRICE_OF_A_PERIOD = 12.0, 16.0
-"""Chi-square: place and light of a star in the field's own density; period, depth and phase."""
+"""Prices in chi-square: of a star (place and light in the field's own density), and of a period
+(with depth and phase)."""
 _PERIODS = np.linspace(1.0, 8.0, 29)
 _AS_WIDE, _NARROWEST_PX = 0.9, 1.5
-"""Share of a star's width below which a line is narrower, and what it is at least."""
+"""Share of a star's width below which a line counts as narrower, and its least width, px."""
 _BESIDE_FWHM = 0.8
-"""A listed star so far off the line is beside it."""
+"""Distance off the line, in star widths, from which a listed star is beside it."""
 _END_STEPS = 2
 """Error of an end, in steps."""
 _MIN_LEFT, _MAX_LEFT = 1.0, 25.0
-"""Chi-square that one pixel leaves: at most, for a hot one is of neither."""
+"""Limits of the chi-square that one pixel leaves; the upper one since a hot pixel fits neither."""
 _SIGMA_PER_MAD = 1.4826
 _SMALLEST = 1e-9
 
@@ -52,20 +54,20 @@ class LineOrStars:
     """Chi-square that one line explains better than the best few stars, over what it leaves of a
     pixel; negative: stars it is."""
     left: float
-    """Chi-square of a pixel that the line leaves, one pixel's limited: about 1 of a streak."""
+    """Chi-square of a pixel that the line leaves, each pixel's limited: about 1 for a streak."""
 
 
 class ShortLights:
-    """Short lights of one frame and the images of its stars, made when the first one is asked."""
+    """Short lights of one frame, and the images of its stars, made for the first comparison."""
 
     def __init__(self, pixels: PixelArray, sky: Background, stars: StarList) -> None:
-        """``pixels`` (height, width), ADU: those of the camera, none joined."""
+        """Take ``pixels`` (height, width), ADU: those of the camera, none joined."""
         self._pixels, self._sky, self._stars = pixels, sky, stars
         self._image: StarImage | None = None
         self._is_made = False
 
     def compared(self, found: Detection) -> LineOrStars | None:
-        """One light, places in the camera's pixels; None where that tells nothing."""
+        """Compare one light, places in the camera's pixels; None where that shows nothing."""
         fwhm_px = self._stars.fwhm_at(found.x_px, found.y_px)
         if found.length_px > MAX_FWHM * fwhm_px or found.length_px < 1.0:
             return None
@@ -77,7 +79,7 @@ class ShortLights:
         return self._comparison(self._image, found, fwhm_px)
 
     def _narrower_px(self, found: Detection, fwhm_px: float) -> float | None:
-        """Width of a line that moved on while stars were drawn out or shaken; None: as theirs."""
+        """Width of a line that moved on while stars were trailed or shaken, px; None: as theirs."""
         if self._stars.trail is not None:
             return fwhm_px
         return max(found.width_px, _NARROWEST_PX) if found.width_px < _AS_WIDE * fwhm_px else None
@@ -112,7 +114,7 @@ class ShortLights:
 
 @dataclass(frozen=True, slots=True)
 class _Course:
-    """A line: middle, direction and length."""
+    """Line by its middle, direction and length."""
 
     x: float
     y: float
@@ -136,11 +138,11 @@ class _Course:
         return self.x + along * self.dx, self.y + along * self.dy
 
     def along(self, x: FloatArray | IndexArray, y: FloatArray | IndexArray) -> FloatArray:
-        """Px from its middle, along it."""
+        """Distance from its middle along it, px."""
         return np.asarray((x - self.x) * self.dx + (y - self.y) * self.dy)
 
     def away(self, x: FloatArray | IndexArray, y: FloatArray | IndexArray) -> FloatArray:
-        """Px from the nearest place between its ends."""
+        """Distance from the nearest place between its ends, px."""
         across = (y - self.y) * self.dx - (x - self.x) * self.dy
         beyond = np.maximum(np.abs(self.along(x, y)) - 0.5 * self.length, 0.0)
         return np.asarray(np.hypot(beyond, across))
@@ -148,29 +150,29 @@ class _Course:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Box:
-    """The pixels about a line; those used of them are one column, each over its error."""
+    """Pixels about a line; the used ones form one column, each over its error."""
 
     left: int
     top: int
     is_used: BoolArray
-    """(rows, columns)"""
+    """(rows, columns) True for the pixels used."""
     white: FloatArray
-    """(used,) one over the error of a pixel."""
+    """(used,) inverse error of each pixel."""
     value: FloatArray
     """(used,) light over its error."""
 
     @property
     def x(self) -> IndexArray:
-        """(1, columns) of the frame."""
+        """(1, columns) columns of the frame."""
         return np.arange(self.is_used.shape[1])[None] + self.left
 
     @property
     def y(self) -> IndexArray:
-        """(rows, 1)"""
+        """(rows, 1) rows of the frame."""
         return np.arange(self.is_used.shape[0])[:, None] + self.top
 
     def images(self, image: StarImage, x_px: FloatArray, y_px: FloatArray) -> Float32Array:
-        """Points of unit light at n places, (n, rows, columns)."""
+        """Images of points of unit light at n places, (n, rows, columns)."""
         rows, columns = self.is_used.shape
         out = np.zeros((len(x_px), rows, columns), dtype=np.float32)
         for each, x, y in zip(out, x_px.tolist(), y_px.tolist(), strict=True):
@@ -191,7 +193,7 @@ class _Box:
 def _box(
     pixels: PixelArray, sky: Background, image: StarImage, course: _Course, reach: float
 ) -> _Box | None:
-    """Pixels within a star's reach of the line, it and ``reach`` px more; None: too few."""
+    """Pixels within a star's reach of the line, and ``reach`` px more; None: too few."""
     import cv2
 
     x, y = course.at(np.array([-reach, reach]))
@@ -211,13 +213,13 @@ def _box(
 
 
 def _scatter_below(light: Float32Array) -> float:
-    """Of the pixels darker than most: a colour camera's grid scatters more than noise does."""
+    """Scatter of the darker pixels: a colour camera's grid scatters more than noise does."""
     off = median_of(light) - light
     return _SIGMA_PER_MAD * median_of(off[off >= 0.0])
 
 
 class _Fit:
-    """One light, and what sky and listed stars beside it cannot explain."""
+    """Fit of one light, without what sky and listed stars beside it explain."""
 
     def __init__(
         self, box: _Box, course: _Course, image: StarImage, stars: StarList, fwhm_px: float
@@ -240,7 +242,7 @@ class _Fit:
         return np.asarray(columns - self._free @ (self._free.T @ columns))
 
     def line_leaves(self, line: FloatArray, places: FloatArray) -> tuple[FloatArray, float]:
-        """What an image of a line leaves, and its chi-square with the price of what it takes.
+        """Residuals of an image of a line, and their chi-square with the price of its terms.
 
         Its place across and its direction are corrected a little; a few stars on or near it, at one
         of the ``places`` (used, n), may shine through.
@@ -262,7 +264,7 @@ class _Fit:
         return np.asarray(best), least
 
     def stars_leave(self, images: Float32Array, lights: FloatArray, step: float) -> float:
-        """Chi-square that stars leave, each moved a little: between the places tried, beside them.
+        """Chi-square that stars leave, each moved a little between and beside the searched places.
 
         One sigma of a move is half a ``step``.
         """
@@ -282,7 +284,7 @@ class _Fit:
 def _best_line(
     places: FloatArray, target: FloatArray, u: FloatArray, step: float, half: float
 ) -> FloatArray:
-    """Lights of the places, (n,), of the line that leaves least: its ends, slope and period."""
+    """Lights of the places, (n,), for the line that leaves least: its ends, slope and period."""
     gram, projected = places.T @ places, places.T @ target
     moved = np.arange(-_END_STEPS, _END_STEPS + 1) * step
     a, b = (each.ravel() for each in np.meshgrid(-half + moved, half + moved))
@@ -300,8 +302,7 @@ def _best_line(
 
 
 def _shapes(u: FloatArray, step: float, low: FloatArray, high: FloatArray) -> FloatArray:
-    """(lines, n, 3): share of each place's step between the ends (lines, 1), the same times t, and
-    t from -1 to 1."""
+    """Shapes (lines, n, 3): share of a place's step between the ends, it times t (-1 to 1), t."""
     inside = np.minimum(u + 0.5 * step, high) - np.maximum(u - 0.5 * step, low)
     box = np.clip(inside / step, 0.0, 1.0)
     t = (u - 0.5 * (low + high)) / (0.5 * (high - low))
@@ -340,13 +341,13 @@ def _left_by_stars(fit: _Fit, places: FloatArray, images: Float32Array, step: fl
 
 
 def _next(gram: FloatArray, projected: FloatArray, own: FloatArray, chosen: list[int]) -> int:
-    """The place where one more star explains most."""
+    """Index of the place where one more star explains most."""
     rest = projected - gram[:, chosen] @ _lights(gram, projected, chosen)
     return int(np.argmax(np.maximum(rest, 0.0) ** 2 / own))
 
 
 def _lights(gram: FloatArray, projected: FloatArray, chosen: list[int]) -> FloatArray:
-    """Of a number of stars, none of them dark."""
+    """Lights of the chosen stars, none of them negative."""
     from scipy.optimize import nnls
 
     g = gram[np.ix_(chosen, chosen)] + _SMALLEST * np.eye(len(chosen))

@@ -1,7 +1,7 @@
 """Pixels about a line, turned so that it runs along the rows, and the profile of light along it.
 
-Stars that are listed are masked, the sky beside the line is taken away: what is left is matched
-across to the frame's own point-spread function.
+Listed stars are masked and the sky beside the line is subtracted; the rest is matched across to the
+frame's own point-spread function.
 """
 
 import math
@@ -20,7 +20,7 @@ from rsoconsole.vision.stars.star_list import StarList, lit_radius_px
 OFF_PX = 9.0
 """Largest distance of a proposal from its line, px, at its middle and at its ends."""
 INTERPOLATED_VARIANCE = 1.0 / 6.0
-"""px^2 that linear interpolation adds across."""
+"""Variance that linear interpolation adds across, px^2."""
 _BEYOND, _MIN_BEYOND_PX = 0.35, 40.0
 _ON_LINE_PX, _FLASHES, _FLASHED_SHARE, _LISTED_SHARE = 4.0, 3, 0.25, 0.45
 MIN_KNOWN = 0.4
@@ -43,21 +43,21 @@ class LineStrip:
     dy: float
     reach: int
     is_cut: tuple[bool, bool]
-    """Whether it ends with the frame, at its first and at its last column."""
+    """True where it ends with the frame, at its first and at its last column."""
 
     @property
     def columns(self) -> IndexArray:
-        """0, 1, 2 and so on."""
+        """Indices of the columns, from 0."""
         return np.arange(self.values.shape[1])
 
     def at(self, u: float, v: float) -> tuple[float, float]:
-        """Raw pixel of a place so far along and across."""
+        """Raw pixel of a place at a distance along and across, px."""
         return self.x0_px + u * self.dx - v * self.dy, self.y0_px + u * self.dy + v * self.dx
 
 
 @dataclass(frozen=True, slots=True)
 class Course:
-    """Where the line runs in a strip."""
+    """Straight course of a line in a strip."""
 
     middle: float
     offset: float
@@ -70,10 +70,10 @@ class Course:
 
 
 class StripPath(Protocol):
-    """Where light runs in a strip, straight or not."""
+    """Course of light in a strip, straight or not."""
 
     def at(self, columns: IndexArray) -> FloatArray:
-        """Rows from the strip's middle one."""
+        """Rows of the light, from the strip's middle one."""
         ...
 
 
@@ -126,10 +126,10 @@ def strip_about(
 def _mask_stars(
     strip: LineStrip, stars: StarList, noise: float, first_px: float, last_px: float
 ) -> None:
-    """Mask what listed stars light.
+    """Mask the pixels that listed stars light.
 
-    Unless enough lie on the line to be its flashes, or between its ends, at these columns,
-    there is little else: a short streak is on the list of stars itself.
+    Unless enough lie on the line to be its flashes, or between its ends, at these columns, there is
+    little else: a short streak is on the list of stars itself.
     """
     off_x, off_y = stars.x_px - strip.x0_px, stars.y_px - strip.y0_px
     along, across = off_x * strip.dx + off_y * strip.dy, off_y * strip.dx - off_x * strip.dy
@@ -198,30 +198,30 @@ class LineProfile:
     """Light along a line, per pixel of length, in sigmas of a pixel's noise."""
 
     light: FloatArray
-    """0 where it is not known."""
+    """Light per pixel of length; 0 where it is not known."""
     error: FloatArray
-    """One sigma of it; infinite where masked stars hide the line."""
+    """One sigma of the light; infinite where masked stars hide the line."""
     sigma: float
-    """Of the Gaussian across to which it is matched, px."""
+    """Sigma of the Gaussian across to which the light is matched, px."""
 
     @property
     def columns(self) -> IndexArray:
-        """Places along, px."""
+        """Places along the line, px."""
         return np.arange(self.light.size)
 
     @property
     def is_known(self) -> BoolArray:
-        """Where the line is not hidden."""
+        """True where the line is not hidden."""
         return np.isfinite(self.error)
 
     def between(self, first: float, last: float) -> BoolArray:
-        """Which columns from one place to another are known."""
+        """True for the known columns between two places."""
         columns = self.columns
         return (columns >= first) & (columns <= last) & self.is_known
 
 
 def profile_of(strip: LineStrip, course: StripPath, sigma: float) -> LineProfile:
-    """The light of a strip along a line in it."""
+    """Light of a strip along a line in it."""
     weight = weights_of(strip, strip.columns, course, sigma)
     known = weight * strip.is_good
     share = np.einsum("ij,ij->j", known, weight).astype(np.float64)

@@ -3,13 +3,13 @@
 import math
 
 Ends = tuple[float, float, float, float]
-"""x_a, y_a, x_b, y_b of a segment."""
+"""Ends of a segment: x_a, y_a, x_b, y_b."""
 Box = tuple[float, float, float, float]
-"""x0, y0, x1, y1: least and largest column and row."""
+"""Box of least and largest column and row: x0, y0, x1, y1."""
 
 
 def length_of(ends: Ends) -> float:
-    """From end to end, px."""
+    """Length from end to end, px."""
     return math.hypot(ends[2] - ends[0], ends[3] - ends[1])
 
 
@@ -19,7 +19,7 @@ def midpoint_of(ends: Ends) -> tuple[float, float]:
 
 
 def box_about(*segments: Ends) -> Box:
-    """The smallest box that holds all of these ends, or corners of other boxes."""
+    """Return the smallest box that holds all of these ends, or corners of other boxes."""
     x = [each[at] for each in segments for at in (0, 2)]
     y = [each[at] for each in segments for at in (1, 3)]
     return min(x), min(y), max(x), max(y)

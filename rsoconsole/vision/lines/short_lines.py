@@ -1,7 +1,7 @@
 """Short streaks among the lights that the search for stars sees longer than they are wide.
 
 Where stars are wide a streak may be three of their widths long: no line filter's sum stands out,
-and the network knows none so short. As a light it is bright, and its moments tell how it lies.
+and the network knows none so short. As a light it is bright, and its moments give its direction.
 """
 
 import itertools
@@ -15,7 +15,8 @@ from rsoconsole.vision.lines.line_filter import CellLine
 from rsoconsole.vision.stars.star_list import StarList
 
 MAX_SHORT, _MAX_WHERE_SHARP = 12, 6
-"""Where stars are sharp a streak is seldom so short, and line filter and network see it too."""
+"""Largest numbers of short lines: with wide stars and with sharp ones, where a streak is seldom so
+short and line filter and network see it too."""
 _ACROSS_FWHM, _SAME_DEG = 1.0, 15.0
 """Distance across, in widths, and turn up to which a light is a piece of a proposed line."""
 
@@ -23,7 +24,7 @@ _ACROSS_FWHM, _SAME_DEG = 1.0, 15.0
 def short_lines(
     stars: StarList, found: Sequence[CellLine], *, is_sharp: bool = False
 ) -> list[CellLine]:
-    """The surest lights that are longer than wide, one at most a line ``found`` already; pixels."""
+    """Find the surest lights longer than wide, at most one on a line already ``found``; px."""
     most = _MAX_WHERE_SHARP if is_sharp else MAX_SHORT
     lights = stars.oblong
     if lights is None:
@@ -51,7 +52,7 @@ def short_lines(
 
 
 def in_turn(found: Sequence[CellLine], short: Sequence[CellLine]) -> list[CellLine]:
-    """The best of either first: the number that is measured is limited."""
+    """Merge both lists, the best of either first: the number that is measured is limited."""
     pairs = itertools.zip_longest(found, short)
     return [line for pair in pairs for line in pair if line is not None]
 

@@ -20,17 +20,17 @@ _ISLAND = 14
 _MAX_BINS = 600
 _FLICKER_SHARE = 0.06
 _CLIP = (-1.5, 4.0)
-"""Of the smoothed signal to noise, so that a star in the way counts little."""
+"""Limits of the smoothed signal to noise, so that a star in the way counts little."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Cutout:
-    """Part of a frame about a proposal, sky taken away."""
+    """Part of a frame about a proposal, sky subtracted."""
 
     x0: int
     y0: int
     values: FloatArray
-    """(h, w) ADU above the sky."""
+    """(h, w) light above the sky, ADU."""
     is_good: BoolArray
     """(h, w) False where a star is masked."""
     noise: float
@@ -41,7 +41,7 @@ class Cutout:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LineGuess:
-    """A line through the cutout: raw pixel coordinates, direction as a unit vector."""
+    """Line through the cutout: raw pixel coordinates, direction as a unit vector."""
 
     x_px: float
     y_px: float
@@ -51,20 +51,20 @@ class LineGuess:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class LitStretch:
-    """A lit stretch along a guess."""
+    """Lit stretch along a guess."""
 
     u_a: float
     u_b: float
     amplitudes: tuple[float, ...]
     """ADU per pixel of length in equal parts of the stretch, first to last."""
     matched_snr: float
-    """Of the stretch, roughly."""
+    """Approximate signal to noise of the stretch, matched."""
     lit_share: float
-    """Of the stretch's length, lit at more than a quarter of the amplitude."""
+    """Share of the stretch's length lit at more than a quarter of the amplitude."""
     dark_u: tuple[float | None, float | None]
-    """A short dark gap near either end: what lies beyond may be a star and no part of it."""
+    """u of a short dark gap near either end: the light beyond it may be a star."""
     reaches_rim: bool
-    """True when the stretch runs into the cutout's edge, not the frame's: look further out."""
+    """True where the stretch runs into the cutout's edge, not the frame's: look further out."""
 
 
 def cut_out(
@@ -145,7 +145,7 @@ def _mask_stars(is_good: BoolArray, x0: int, y0: int, stars: StarList, noise: fl
 def find_line(
     cutout: Cutout, box: Box, psf_sigma: float, ends: Ends | None = None
 ) -> LineGuess | None:
-    """Best line through the box among those its shape allows.
+    """Find the best line through the box among those its shape allows.
 
     ``ends`` (x_a, y_a, x_b, y_b) narrows the search; without it both diagonals are tried.
     """
@@ -182,7 +182,7 @@ def find_line(
 
 
 def _fan(width: float, height: float, length: float, step: float) -> FloatArray:
-    """Directions that a box of this shape may hold, rad; all of them for a small box."""
+    """Directions that a box of this shape may hold, rad; all directions for a small box."""
     if max(width, height) < _SMALL_BOX_PX:
         return np.arange(0.0, np.pi, step)
     error = min(_BOX_ERROR_PX, 0.5 * length)
@@ -193,7 +193,7 @@ def _fan(width: float, height: float, length: float, step: float) -> FloatArray:
 
 
 def _smooth_snr(cutout: Cutout, psf_sigma: float) -> Float32Array:
-    """Matched to the stars, in units of its own noise; 0 where a star is masked."""
+    """Signal to noise matched to the stars, by its own noise; 0 where a star is masked."""
     import cv2
 
     good = cutout.is_good.astype(np.float32)
@@ -229,7 +229,7 @@ def _best_line(
     offsets: FloatArray,
     half_length: float,
 ) -> tuple[float, float] | None:
-    """(angle, offset) whose samples are brightest on average; None where all lie outside."""
+    """Return (angle, offset) whose samples are brightest on average; None where all lie outside."""
     height, width = smooth.shape
     u = np.arange(-half_length, half_length + 0.1, 1.5)
     cos, sin = np.cos(angles)[:, None, None], np.sin(angles)[:, None, None]
@@ -246,7 +246,7 @@ def _best_line(
 
 
 def find_ends(cutout: Cutout, guess: LineGuess, psf_sigma: float) -> LitStretch | None:
-    """The lit stretch along a guess: where the light above half of its level adds up to most.
+    """Find the lit stretch along a guess: where the light above half of its level adds up to most.
 
     Never weighted by flux: a bright part counts no more than one and a half times the level.
     """
@@ -302,7 +302,7 @@ def _gaps(profile: FloatArray, noise: float, first: int) -> tuple[float | None, 
 
 
 def _gap(calm: FloatArray, noise: float) -> int | None:
-    """The darkest bin of those near the start that have light on both sides."""
+    """Index of the darkest bin near the start that has light on both sides."""
     inner = median_of(calm[_ISLAND : 3 * _ISLAND])
     dark = []
     for at in range(3, _ISLAND):
@@ -313,7 +313,7 @@ def _gap(calm: FloatArray, noise: float) -> int | None:
 
 
 def _extended(is_lit: BoolArray, a: int, b: int) -> tuple[int, int]:
-    """The stretch a..b and what is lit without a gap on either side: a fading end belongs to it."""
+    """Extend the stretch a..b by light without a gap on either side: a fading end is part of it."""
     while a > 0 and is_lit[a - 1]:
         a -= 1
     while b < is_lit.size - 1 and is_lit[b + 1]:
@@ -326,7 +326,7 @@ def _extended(is_lit: BoolArray, a: int, b: int) -> tuple[int, int]:
 def _profile(
     cutout: Cutout, guess: LineGuess, psf_sigma: float
 ) -> tuple[FloatArray, BoolArray, float, int]:
-    """Light per pixel of length, where it is known, its typical noise, u of the first bin."""
+    """Light per pixel of length, True where it is known, its typical noise, u of the first bin."""
     yy, xx = np.mgrid[0 : cutout.values.shape[0], 0 : cutout.values.shape[1]]
     x, y = xx + (cutout.x0 - guess.x_px), yy + (cutout.y0 - guess.y_px)
     u, v = x * guess.dx + y * guess.dy, y * guess.dx - x * guess.dy

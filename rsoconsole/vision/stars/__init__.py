@@ -1,1 +1,1 @@
-"""Stars of a frame: where, how wide, and the plate that is fitted to them."""
+"""Stars of a frame: places, widths, and the plate that is fitted to them."""

@@ -1,9 +1,9 @@
-"""Least-squares plate from matched stars: what every solution, full or moved, ends with.
+"""Least-squares plate from matched stars: the last step of every solution, full or moved.
 
-Pure: arrays in, a ``PlateFit`` out. Stars (N, 2) are pixels x, y and catalogue stars (M, 2) are
-RA, Dec in ICRS degrees, both **brightest first**. The plate is linear in its coefficients on the
-tangent plane about the image centre: 3 per axis for TAN, 6 or 10 with SIP of order 2 or 3. An
-order is taken only when it lowers the leave-one-out residual (PRESS), so that few stars never buy
+Pure: arrays in, a ``PlateFit`` out. Stars (N, 2) are pixels x, y and catalogue stars (M, 2) are RA,
+Dec in ICRS degrees, both **brightest first**. The plate is linear in its coefficients on the
+tangent plane about the image centre: 3 per axis for TAN, 6 or 10 with SIP of order 2 or 3. An order
+is taken only when it lowers the leave-one-out residual (PRESS), so that few stars never buy
 distortion. Sources: Greisen & Calabretta 2002 (TAN); Shupe et al. 2005 (SIP); Allen 1974 (PRESS).
 """
 
@@ -21,7 +21,7 @@ MAX_STARS = 400
 _ROUNDS = 8
 _TIGHT_TOLERANCE_PX = 1.5
 _PRESS_GAIN = 0.9
-"""A higher order must bring the leave-one-out residual below this share of the lower one's."""
+"""Share of a lower order's leave-one-out residual below which a higher order must bring it."""
 _STARS_PER_TERM = 3.0
 _MAX_SIP_ORDER = 3
 
@@ -35,7 +35,7 @@ class PlateFit:
     rms_arcsec: float
     """Root mean square residual of one matched star, per axis."""
     catalogue_indices: IndexArray
-    """Rows of the catalogue stars that were used."""
+    """Rows of the catalogue stars used."""
 
 
 def refit(
@@ -96,7 +96,7 @@ def refit(
 def solution_from(
     fit: PlateFit, *, frame_id: int, width_px: int, height_px: int, path: PlatePath, ms: float
 ) -> Solution:
-    """The record of a fitted plate, evaluated at the image centre."""
+    """Return the record of a fitted plate, evaluated at the image centre."""
     field = describe(fit.wcs, width_px, height_px)
     return Solution(
         frame_id=frame_id,
@@ -230,12 +230,12 @@ def _best_order(u: FloatArray, v: FloatArray, plane: FloatArray, max_order: int)
 
 
 def _terms(order: int) -> list[tuple[int, int]]:
-    """(0, 0), (1, 0), (0, 1), then every (p, q) of each higher degree."""
+    """Terms (0, 0), (1, 0), (0, 1), then every (p, q) of each higher degree."""
     return [(d - q, q) for d in range(order + 1) for q in range(d + 1)]
 
 
 def _unit_plane(ra0_deg: float, dec0_deg: float) -> Wcs:
-    """The tangent plane itself, one degree a 'pixel'."""
+    """Return the tangent plane itself, one degree a 'pixel'."""
     return Wcs(
         crpix_x_px=0.0,
         crpix_y_px=0.0,
@@ -250,7 +250,7 @@ def _to_plane(radec: FloatArray, ra0_deg: float, dec0_deg: float) -> FloatArray:
 
 
 def field_radius_deg(wcs: Wcs, width_px: int, height_px: int) -> float:
-    """From the image centre to its farthest corner."""
+    """Distance from the image centre to its farthest corner, deg."""
     x = np.array([0.0, width_px - 1.0, 0.0, width_px - 1.0])
     y = np.array([0.0, 0.0, height_px - 1.0, height_px - 1.0])
     ra, dec = pixel_to_sky(wcs, x, y)

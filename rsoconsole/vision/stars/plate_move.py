@@ -1,4 +1,4 @@
-"""The fast path: the last plate moved onto a new frame's stars, without a search of the sky.
+"""Fast path of solving: the last plate moved onto a new frame's stars, without a sky search.
 
 Pure. The mount's commanded shift brings the plate near; all pairs of star and catalogue star then
 vote for one offset, and the plate is fitted again. Stars and catalogue stars brightest first, as in
@@ -31,10 +31,10 @@ def refit_from(
 ) -> PlateFit | None:
     """Fit the plate of a field next to one that is solved; None when it does not fit.
 
-    ``shift_deg`` is how far the telescope was told to move since, as (RA, Dec) differences in
-    degrees; the camera keeps its angle to the pole. What is left, up to ``search_arcsec``, is found
-    by letting all star pairs vote for one offset. A wrong field gets no majority and is refused,
-    and so is a plate whose scale or angle differs from the previous one's.
+    ``shift_deg`` is the commanded move of the telescope since, as (RA, Dec) differences in degrees;
+    the camera keeps its angle to the pole. The remaining offset, up to ``search_arcsec``, is found
+    by a vote of all star pairs. A wrong field gets no majority and is refused, and so is a plate
+    whose scale or angle differs from the previous one's.
     """
     predicted = moved_by_sky(previous, shift_deg)
     scale = describe(predicted, width_px, height_px).scale_arcsec_px
@@ -76,7 +76,7 @@ def _shown(
 
 
 def moved_by_sky(wcs: Wcs, shift_deg: tuple[float, float]) -> Wcs:
-    """The plate after the mount turned by (RA, Dec): same pixels, tangent point moved."""
+    """Return the plate after the mount turned by (RA, Dec): same pixels, tangent point moved."""
     dec_deg = float(np.clip(wcs.crval_dec_deg + shift_deg[1], -90.0, 90.0))
     return replace(
         wcs, crval_ra_deg=(wcs.crval_ra_deg + shift_deg[0]) % 360.0, crval_dec_deg=dec_deg
@@ -84,7 +84,7 @@ def moved_by_sky(wcs: Wcs, shift_deg: tuple[float, float]) -> Wcs:
 
 
 def moved_by_pixels(wcs: Wcs, offset_px: tuple[float, float]) -> Wcs:
-    """The plate whose stars lie ``offset_px`` further on the frame."""
+    """Return the plate whose stars lie ``offset_px`` further on the frame."""
     ra, dec = pixel_to_sky(wcs, wcs.crpix_x_px - offset_px[0], wcs.crpix_y_px - offset_px[1])
     shift = (float(ra) - wcs.crval_ra_deg, float(dec) - wcs.crval_dec_deg)
     return moved_by_sky(wcs, shift)
@@ -116,7 +116,7 @@ def _voted_offset(
 
 
 def _is_same_camera(before: Wcs, after: Wcs, width_px: int, height_px: int) -> bool:
-    """Whether two plates share hand, scale (0.3 %) and angle to the pole (1 deg)."""
+    """True where two plates share hand, scale (0.3 %) and angle to the pole (1 deg)."""
     a, b = (describe(wcs, width_px, height_px) for wcs in (before, after))
     turned = (b.rotation_deg - a.rotation_deg + 180.0) % 360.0 - 180.0
     return (
@@ -129,11 +129,12 @@ def _is_same_camera(before: Wcs, after: Wcs, width_px: int, height_px: int) -> b
 MIN_SHIFT_STARS = 2
 """Fewest stars that agree on one shift."""
 _ASKED = ((10, 12), (20, 20), (60, 40))
-"""Stars, catalogue stars: one after the other until one of them is no chance."""
+"""Numbers of stars and of catalogue stars, used in turn until their agreement is no chance."""
 _MAX_BY_CHANCE = 1e-4 / len(_ASKED)
 """Highest number of chance agreements of as many stars, a frame."""
 _TOLERANCE_PX = 2.0
-"""Error of a star's centre in poor light and of the plate between two fields."""
+"""Tolerance of a star's place, px: error of its centre in poor light and of the plate between two
+fields."""
 
 
 def shift_plate(
@@ -147,7 +148,7 @@ def shift_plate(
     search_arcsec: float = 120.0,
     rms_arcsec: float,
 ) -> PlateFit | None:
-    """The plate whose shift against ``previous`` most stars share; None where it may be chance.
+    """Shift ``previous`` to the plate that most stars share; None where it may be chance.
 
     ``shift_deg`` and ``search_arcsec`` as in ``plate_move.refit_from``. ``rms_arcsec``: of the
     previous plate's stars, per axis: that few stars agree better by luck is not believed.
@@ -186,7 +187,7 @@ def shift_plate(
 
 
 def _shift(off_px: FloatArray, reach_px: float, share: float) -> FloatArray | None:
-    """What most pairs within the reach agree on, (2,) px; None where chance may have made it.
+    """Shift that most pairs within the reach agree on, (2,) px; None where it may be chance.
 
     ``share``: of the frame that the reach about a place covers.
     """
@@ -215,6 +216,6 @@ def _agreeing(off_px: FloatArray, shift: FloatArray) -> tuple[IndexArray, IndexA
 
 
 def _by_chance(pairs: float, agreeing: int, reach_px: float) -> float:
-    """How many sets of as many agreeing pairs chance makes in a frame."""
+    """Expected number of chance sets of as many agreeing pairs in a frame."""
     beside = pairs * (_TOLERANCE_PX / reach_px) ** 2
     return pairs * beside ** (agreeing - 1) / math.factorial(agreeing - 1)

@@ -16,40 +16,41 @@ import numpy as np
 from rsoconsole.records import FloatArray
 
 WidthSource: TypeAlias = Literal["measured", "remembered", "guessed"]
-"""Where the width of a frame's stars is from: its own stars, earlier frames', or nowhere."""
+"""Source of the width of a frame's stars: its own stars, earlier frames', or none."""
 
 MIN_STARS = 40
-"""Fewest stars for a fit: of fewer, scatter makes as large a change."""
+"""Fewest stars for a fit: with fewer, scatter makes as large a change."""
 _MIN_CHANGE = 0.08
-"""Largest over smallest width among the stars' places, less 1, from which on it counts."""
+"""Least change of width among the stars' places, largest over smallest less 1, that counts."""
 _MIN_F = 12.0
-"""Of the change over its error, squared, a term: 1e-7 by chance; blends are more than chance."""
+"""Least F value of the change, per term: 1e-7 by chance; blends are more than chance."""
 _MAX_SCATTER = 0.2
-"""Of single stars about the surface, relative: beyond it they are no discs of one telescope, but
-lights near the horizon or the brightest of many video frames, and no star's width follows."""
+"""Largest relative scatter of single stars about the surface: beyond it they are no discs of one
+telescope, but lights near the horizon or the brightest of many video frames, and no star's width
+follows."""
 _BISQUARE = 4.685
-"""Residual over its scatter from which on a star counts nothing (Maronna et al. 2006, ch. 2)."""
+"""Residual over its scatter from which a star counts nothing (Maronna et al. 2006, ch. 2)."""
 _SIGMA_PER_MAD = 1.4826
 _STEPS = 4
 _SLOPE_AND_BOWL = 4
-"""Coefficients, the constant among them, without the steeper rim's."""
+"""Number of coefficients, the constant among them, without the steeper rim's."""
 _BEYOND = 0.25
-"""Of the range of widths where there are stars: so much further it may go where there are none."""
+"""Share of the range of widths at the stars by which the field may go beyond it elsewhere."""
 _SMALLEST = 1e-6
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PsfField:
-    """Width of a star at any place of a frame that is known to change over it."""
+    """Width of a star at any place of a frame, where it changes over the frame."""
 
     middle_px: tuple[float, float]
     """Column and row of the frame's middle; 0 is the centre of the first pixel."""
     half_diagonal_px: float
-    """Unit of the distance from there."""
+    """Unit of the distance from there, px."""
     log_fwhm: tuple[float, ...]
     """Natural logarithm of the width in px: constant, x, y, r^2 and, where needed, r^4."""
     log_range: tuple[float, float]
-    """Smallest and largest that it takes."""
+    """Smallest and largest natural logarithm of the width that it takes."""
 
     def at(self, x_px: float, y_px: float) -> float:
         """Full width at half maximum at one place, px."""
@@ -65,7 +66,7 @@ class PsfField:
         return np.asarray(np.clip(value, *self.log_range))
 
     def of_joined(self, side: float) -> "PsfField":
-        """The field in a frame with ``side`` x ``side`` of its pixels joined.
+        """Return the field in a frame with ``side`` x ``side`` of its pixels joined.
 
         1 / side: the way back.
         """
@@ -77,7 +78,7 @@ class PsfField:
         )
 
     def through(self, x_px: FloatArray, y_px: FloatArray, fwhm_px: FloatArray) -> "PsfField":
-        """The field scaled to other stars' widths, (n,) each, n at least 1."""
+        """Return the field scaled to other stars' widths, (n,) each, n at least 1."""
         factor = np.median(fwhm_px / self.all_at(x_px, y_px))
         return self._times(float(factor))
 
@@ -93,15 +94,15 @@ class PsfField:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Psf:
-    """Width of a frame's stars, all that is asked of a point-spread function here."""
+    """Width of a frame's stars, the only property of a point-spread function needed here."""
 
     fwhm_px: float
-    """Median over the frame."""
+    """Median over the frame, px."""
     field: PsfField | None = None
-    """None: the same everywhere."""
+    """Width over the frame; None: the same everywhere."""
 
     def of_joined(self, side: float) -> "Psf":
-        """The width in a frame with ``side`` x ``side`` of its pixels joined."""
+        """Return the width in a frame with ``side`` x ``side`` of its pixels joined."""
         if side == 1:
             return self
         field = None if self.field is None else self.field.of_joined(side)
@@ -146,7 +147,7 @@ def fit_psf_field(
 def _design(
     x_px: FloatArray, y_px: FloatArray, middle_px: tuple[float, float], unit_px: float
 ) -> FloatArray:
-    """1, x, y, r^2, r^4 of each place, (..., 5)."""
+    """Terms 1, x, y, r^2, r^4 of each place, (..., 5)."""
     x, y = (x_px - middle_px[0]) / unit_px, (y_px - middle_px[1]) / unit_px
     r2 = x * x + y * y
     return np.stack([np.ones_like(x), x, y, r2, r2 * r2], axis=-1)
@@ -171,14 +172,14 @@ def _robust(design: FloatArray, values: FloatArray, start: FloatArray | None = N
 
 
 def _weighted(design: FloatArray, values: FloatArray, weight: FloatArray) -> FloatArray:
-    """Least squares; the least bit of weight closes what stars in a row leave open."""
+    """Weighted least squares, with a tiny weight on terms that stars in a row leave open."""
     normal = design.T @ (weight[:, None] * design)
     normal.flat[:: design.shape[1] + 1] += _SMALLEST * values.size
     return np.asarray(np.linalg.solve(normal, design.T @ (weight * values)))
 
 
 def _f_value(design: FloatArray, values: FloatArray, found: FloatArray, first: int) -> float:
-    """How far the coefficients from ``first`` on are from none.
+    """F value of the coefficients from ``first`` on against 0.
 
     Wald's statistic over their number: an F value where there are no outliers.
     """
@@ -194,7 +195,10 @@ def _scatter(residual: FloatArray) -> float:
 
 
 def _covariance(design: FloatArray, residual: FloatArray) -> FloatArray:
-    """Of coefficients by Tukey's bisquare. Source: Huber, Robust Statistics, 1981, eq. 7.6.6."""
+    """Covariance of coefficients by Tukey's bisquare.
+
+    Source: Huber, Robust Statistics, 1981, eq. 7.6.6.
+    """
     count, terms = design.shape
     u2 = np.minimum((residual / _scatter(residual) / _BISQUARE) ** 2, 1.0)
     psi = residual * (1.0 - u2) ** 2

@@ -1,9 +1,9 @@
 """The point-spread function of the last frame with stars, for those that show too few.
 
-Under cloud, in a narrow field or a short exposure a frame does not tell how wide a star is; the
+Under cloud, in a narrow field or a short exposure a frame does not show how wide a star is; the
 frames just before it do. Seeing and focus hold for a while, in angle on the sky: a frame of the
-same field of view takes the width over whatever its binning, one of unknown scale from frames of
-the same shape alone.
+same field of view uses the width whatever its binning, one of unknown scale only from frames of the
+same shape.
 """
 
 from dataclasses import dataclass
@@ -15,14 +15,14 @@ from rsoconsole.vision.stars.star_list import StarList
 HOLDS_NS = 30 * 60 * 10**9
 """Longest time between mid-exposures over which a width holds."""
 MIN_STARS_KEPT = 12
-"""Fewest stars whose width is remembered: of fewer it may be that of something else."""
+"""Fewest stars whose width is remembered: with fewer it may be that of something else."""
 _SAME_VIEW = 0.01
 """Relative difference of fields of view up to which a camera's binning explains it."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Known:
-    """Width of a star in one frame, and what camera and telescope made of the sky in it."""
+    """Width of a star in one frame, with the field of view and shape of that frame."""
 
     psf: Psf
     t_mid_utc_ns: int
@@ -31,7 +31,7 @@ class _Known:
     scale_arcsec_px: float | None
 
     def pixels_along(self, frame: Frame) -> float | None:
-        """Pixels of this one along one of another frame's; None: the fields of view differ."""
+        """Pixels of this frame along one of another frame's; None: the fields of view differ."""
         if self.scale_arcsec_px is None or frame.scale_arcsec_px is None:
             own = self.width_px, self.height_px, self.scale_arcsec_px
             return 1.0 if own == (frame.width_px, frame.height_px, frame.scale_arcsec_px) else None
@@ -50,8 +50,8 @@ class PsfMemory:
     def remember(self, frame: Frame, stars: StarList) -> None:
         """Keep the width of a frame's stars, in its pixels.
 
-        Nothing is kept of a frame without a time, of one with fewer than ``MIN_STARS``, and of
-        one whose stars are trails: drift and wind pass with it.
+        Nothing is kept of a frame without a time, with fewer than ``MIN_STARS``, or whose stars are
+        trails: drift and wind pass with it.
         """
         is_good = stars.width_source == "measured" and stars.trail is None
         if not is_good or len(stars) < MIN_STARS_KEPT or frame.t_mid_utc_ns is None:

@@ -25,20 +25,20 @@ _SMALLEST = 1e-9
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class StarImage:
-    """A point of unit light."""
+    """Image of a point of unit light."""
 
     pixels: Float32Array
-    """(2 reach + 1, 2 reach + 1), its middle on the middle pixel's centre."""
+    """(2 reach + 1, 2 reach + 1) pixels, its middle on the middle pixel's centre."""
     misfit: float = 0.0
     """Difference of single stars from it beyond their noise, as a share of their light there."""
 
     @property
     def reach(self) -> int:
-        """Pixels from its middle to its rim."""
+        """Number of pixels from its middle to its rim."""
         return int(self.pixels.shape[0] // 2)
 
     def at(self, x_px: float, y_px: float) -> tuple[int, int, Float32Array]:
-        """The image of a point at a place: column and row of its first pixel, and its pixels."""
+        """Image of a point at a place: column and row of its first pixel, and its pixels."""
         import cv2
 
         column, row = round(x_px), round(y_px)
@@ -51,7 +51,7 @@ class StarImage:
 
 
 def disc(fwhm_px: float) -> StarImage:
-    """A Gaussian one of this width."""
+    """Return a Gaussian image of this width."""
     import cv2
 
     reach = max(math.ceil(_REACH_FWHM * fwhm_px) + 1, _MIN_REACH_PX)
@@ -60,7 +60,7 @@ def disc(fwhm_px: float) -> StarImage:
 
 
 def star_image(pixels: PixelArray, sky: Background, stars: StarList) -> StarImage | None:
-    """The frame's own, of pixels (height, width) in ADU; None where too few stars are alone."""
+    """Star image of a frame, pixels (height, width) in ADU; None: too few stars stand alone."""
     half_trail = 0.0 if stars.trail is None else 0.5 * stars.trail.length_px
     size_px = stars.median_fwhm_px + half_trail
     reach = max(math.ceil(_REACH_FWHM * stars.median_fwhm_px + half_trail) + 1, _MIN_REACH_PX)
@@ -96,7 +96,7 @@ def _centred(pixels: PixelArray, x_px: float, y_px: float, reach: int) -> Float3
 
 
 def _alone(stars: StarList, apart_px: float, rim_px: int, shape: tuple[int, int]) -> IndexArray:
-    """Indices of bright stars without neighbours, the brightest first."""
+    """Indices of bright stars without neighbours, brightest first."""
     x, y = stars.x_px, stars.y_px
     is_good = (stars.snr > _MIN_SNR) & ~stars.is_saturated
     is_good &= (x > rim_px) & (x < shape[1] - 1 - rim_px)

@@ -1,4 +1,4 @@
-"""Stars of one frame as a list, with how wide a star is in it: what the searches for stars give."""
+"""List of the stars of one frame, with their width: the result of the searches for stars."""
 
 from dataclasses import dataclass, replace
 
@@ -17,9 +17,9 @@ class OblongLights:
     x_px: FloatArray
     y_px: FloatArray
     angle_deg: FloatArray
-    """x towards y, 0 to 180."""
+    """Direction, x towards y, 0 to 180 deg."""
     half_px: FloatArray
-    """Half its length, roughly; what is longer than a few widths of a star may be longer still."""
+    """Half the length, roughly, px; anything longer than a few star widths may be longer still."""
     snr: FloatArray
 
 
@@ -28,11 +28,11 @@ class Trail:
     """Trail to which drift has drawn out every star."""
 
     length_px: float
-    """From end to end, the disc's own width not counted."""
+    """Length from end to end, px, without the disc's own width."""
     angle_deg: float
-    """x towards y, 0 to 180."""
+    """Direction, x towards y, 0 to 180 deg."""
     fwhm_px: float
-    """Across."""
+    """Width across, px."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -40,24 +40,24 @@ class StarList:
     """Point sources of one frame, brightest first; every array has one entry a star."""
 
     x_px: FloatArray
-    """0 is the centre of the left pixel."""
+    """Column of the centroid; 0 is the centre of the left pixel."""
     y_px: FloatArray
     flux: FloatArray
-    """ADU above the sky; too small for a saturated star."""
+    """Light above the sky, ADU; too small for a saturated star."""
     fwhm_px: FloatArray
     snr: FloatArray
     is_saturated: BoolArray
     median_fwhm_px: float
-    """Median width of unsaturated stars, of fewer than five as ``width_source`` says; of trails
-    across."""
+    """Median width of unsaturated stars, px; with fewer than five of them as ``width_source`` says;
+    of trails across."""
     trail: Trail | None = None
     """Trail of every star; None where they are points."""
     psf_field: PsfField | None = None
     """Width over the frame; None where it is the median everywhere."""
     width_source: WidthSource = "measured"
-    """Guessed: 2.5 px."""
+    """Source of the width; guessed: 2.5 px."""
     oblong: OblongLights | None = None
-    """Lights longer than wide, listed as stars or not; None where none were looked for."""
+    """Lights longer than wide, listed as stars or not; None where they were not searched for."""
 
     def fwhm_at(self, x_px: float, y_px: float) -> float:
         """Width of a star at a place of the frame, px."""
@@ -70,7 +70,7 @@ class StarList:
         return self.psf_field.all_at(self.x_px, self.y_px)
 
     def chosen(self, index: IndexArray) -> "StarList":
-        """The list with these of its stars, in this order."""
+        """Return the list with these of its stars, in this order."""
         return replace(
             self,
             x_px=self.x_px[index],

@@ -30,7 +30,7 @@ class StarMoments:
     peak_adu: FloatArray
     snr: FloatArray
     shift_px: FloatArray
-    """From the brightest pixel to the centroid."""
+    """Distance from the brightest pixel to the centroid, px."""
 
 
 def measure(

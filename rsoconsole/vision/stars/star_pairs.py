@@ -1,4 +1,4 @@
-"""Stars of two lists that are the same: nearest to each other, each in one pair at most.
+"""Pairs of stars of two lists that are the same: nearest to each other, each in one pair at most.
 
 Pure: distances or places in, indices out; and how the light of such pairs compares.
 """
@@ -11,11 +11,12 @@ from rsoconsole.records import FloatArray
 from rsoconsole.vision.arrays import IndexArray
 
 MIN_MATCHED = 6
-"""Fewer matched stars than this never make a plate, nor a comparison."""
+"""Fewest matched stars for a plate, and for a comparison."""
 _MAX_OFF = 0.5
-"""Widths of a star by which all stars may be off in common."""
+"""Largest common shift of all stars, in star widths."""
 _MAX_SCATTER = 0.5
-"""Distance of the quartiles of the ratios of light over their median: more is cloud in parts."""
+"""Largest distance of the quartiles of the ratios of light over their median: more is cloud in
+parts."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -25,7 +26,7 @@ class StarComparison:
     flux_ratio: float
     """Median of the second's light over the first's."""
     is_good: bool
-    """Whether they agree on places, and on one ratio of light all over the field."""
+    """True where they agree on places, and on one ratio of light all over the field."""
 
 
 def mutual_nearest(distance: FloatArray, within: float) -> tuple[IndexArray, IndexArray]:
@@ -58,7 +59,7 @@ def compare_stars(
     other_adu: FloatArray,
     fwhm: float,
 ) -> StarComparison | None:
-    """Places and light of two frames' stars compared; None where too few are the same.
+    """Compare places and light of two frames' stars; None where too few are the same.
 
     Places (n, 2) and (m, 2) in pixels of one frame, light (n,) and (m,) in ADU, ``fwhm`` in px.
     """

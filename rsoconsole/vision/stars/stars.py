@@ -32,35 +32,38 @@ STAR_BLOCK_PX = 8
 """Side of the squares whose brightest places are candidates."""
 
 MIN_POINTS, MAX_POINTS = 5, 40
-"""On one line: of fewer it may be chance, among more a streak's pieces are the smaller part."""
+"""Limits of the number of points on one line: fewer may be chance; among more, a streak's pieces
+are the smaller part."""
 _LARGE_PX = 1024
 _CANDIDATE_SIGMA = 5.0
 _TILES = (8, 6)
 _MAX_ASKED = 16_000
-"""Places looked at for candidates: a warm sensor's hot pixels are many more than its stars."""
+"""Largest number of places examined for candidates: a warm sensor's hot pixels are many more than
+its stars."""
 _LONE_SIGMA, _SURE_SIGMA = 2.5, 30.0
-"""The three brightest beside a lone pixel are noise: 1.6 sigma of 24. Beside a fainter one than the
-second the light of an undersampled star is lost in noise, too."""
+"""Limits in sigma for lone pixels: up to the first the three brightest neighbours are noise (1.6
+sigma of 24); below the second the light of an undersampled star beside it is lost in noise, too."""
 _PROBE_STARS = 150
 _PROBE_HALF_PX = 10
 _PROBE_SIGMA_PX = 2.0
 _DEFAULT_FWHM_PX = 2.5
 _FEWEST = 5
-"""Unsaturated stars from which on their median width holds."""
+"""Number of unsaturated stars from which their median width holds."""
 _FWHM_PX = (1.2, 12.0)
-"""What a first look can measure."""
+"""Range of widths that a first look can measure, px."""
 _MAX_PEAK_SHARE = 0.6
-"""Of the light in 3 x 3 pixels; more in one pixel is a hot pixel or a cosmic ray."""
+"""Largest share of one pixel in the light of 3 x 3 pixels; more is a hot pixel or a cosmic ray."""
 _MAX_AXIS_RATIO = 1.5
 _SHARPEST, _WIDEST = 0.62, 2.5
-"""Width relative to the stars' beyond which it is none."""
+"""Limits of a width relative to the stars', beyond which it is no star's."""
 _OBLONG, _ROUND, _OBLONG_SNR, _HALF_FWHM = 1.25, 1.08, 10.0, 2.0
-"""Axis ratio and signal to noise of what may be too long for a star, and the ratio that noise makes
-of round ones; half its length, roughly."""
+"""Axis ratio from which a light may be too long for a star, the ratio that noise makes of round
+ones, least signal to noise, and factor from its width to half its length, roughly."""
 _SHAPE_SEEN_SNR, _MAX_RATIO, _RIM_FWHM = 40.0, 2.0, 2.0
 _SATURATED_SHARE = 0.95
 _MIN_TRAILS, _MAX_POINTS, _DRAWN_OUT = 12, 0.5, 1.35
-"""Bright pieces of light, share of them that are points, axis ratio: beyond it stars are trails."""
+"""Limits beyond which stars are trails: number of bright pieces of light, share of them that are
+points, and their axis ratio."""
 
 
 def find_stars(
@@ -77,11 +80,11 @@ def find_stars(
     """Measure up to ``max_stars`` stars of ``pixels`` (height, width), ADU.
 
     Streaks (elongated), cosmic rays and hot pixels (sharper than the stars) and blends are left
-    out; saturated stars are kept and flagged. The selection takes the brightest of each part of
-    the field, so that no corner goes empty. ``background`` and ``bins`` of the same frame, where
-    they are known already; what is missing is computed here. ``expected``, of earlier frames, holds
-    as far as there are too few stars to measure it. Of three blocks of ``block_px`` each way the
-    brightest place is looked at. ``may_be_trails``: whether drift may have drawn all of them out.
+    out; saturated stars are kept and flagged. The selection takes the brightest of each part of the
+    field, so that no corner goes empty. ``background`` and ``bins`` are those of the same frame,
+    where known already; missing ones are computed here. ``expected``, of earlier frames, holds as
+    far as there are too few stars to measure it. The brightest place of each three by three blocks
+    of ``block_px`` is examined. ``may_be_trails``: whether drift may have drawn all of them out.
     """
     if bins is None or block_px not in bins.brightest:
         bins = bin_frame(pixels, (block_px,))
@@ -158,7 +161,7 @@ def _candidates(
 def _is_lone_pixel(
     pixels: PixelArray, sky: Background, x_px: IndexArray, y_px: IndexArray
 ) -> BoolArray:
-    """Which of the brightest places are one pixel alone, as hot ones are."""
+    """True for the brightest places that are one pixel alone, as hot ones are."""
     height, width = pixels.shape
     inside = (x_px >= 2) & (x_px < width - 2) & (y_px >= 2) & (y_px < height - 2)
     x, y = np.clip(x_px, 2, width - 3), np.clip(y_px, 2, height - 3)
@@ -177,7 +180,7 @@ def _is_lone_pixel(
 def _brightest_pixels(
     pixels: PixelArray, row: IndexArray, column: IndexArray, binning: int, block_px: int
 ) -> tuple[IndexArray, IndexArray]:
-    """Where in each block the largest bin lies, then its largest pixel: (x_px, y_px)."""
+    """Largest bin of each block, then its largest pixel: (x_px, y_px)."""
     windows = sliding_window_view(pixels, (block_px, block_px))
     blocks = windows[row * block_px, column * block_px].astype(np.float32)
     count, n = blocks.shape[0], block_px // binning
@@ -214,8 +217,8 @@ def _psf_fwhm(
 ) -> tuple[float | None, bool]:
     """Median width of bright unsaturated stars, from a window wide enough for poor seeing.
 
-    None where there are fewer than five. And whether most of what is bright, and no hot pixel, is
-    longer than it is wide.
+    None where there are fewer than five. The second value: True where most bright lights, hot
+    pixels aside, are longer than wide.
     """
     probe = measure(pixels, sky, x_px, y_px, sigma_px=_PROBE_SIGMA_PX, half_px=_PROBE_HALF_PX)
     is_saturated = probe.peak_adu >= _SATURATED_SHARE * saturation_adu
@@ -234,7 +237,7 @@ def _psf_fwhm(
 
 
 def _known_fwhm(probed_px: float | None, expected: Psf | None) -> tuple[float, WidthSource]:
-    """Width to look for stars with, and where it is from."""
+    """Width to search for stars with, px, and its source."""
     if probed_px is not None:
         return probed_px, "measured"
     if expected is not None:
@@ -250,7 +253,7 @@ def _psf_field(
     *,
     is_level_known: bool,
 ) -> PsfField | None:
-    """How the width changes over the frame: by its stars, or as it did where they are too few.
+    """Width over the frame: by its stars, or the expected one where they are too few.
 
     ``is_level_known``: whether the frame's width is the expected one's too.
     """
@@ -267,7 +270,7 @@ def _psf_field(
 
 
 def _without_streak(found: StarMoments, is_good: BoolArray) -> BoolArray:
-    """Those that tell a star's width: where few are seen, pieces of one streak may be most."""
+    """True for good stars off any one line: where few are seen, pieces of a streak may be most."""
     if not _FEWEST <= np.count_nonzero(is_good) <= MAX_POINTS:
         return is_good
     good = np.flatnonzero(is_good)
@@ -278,10 +281,10 @@ def _without_streak(found: StarMoments, is_good: BoolArray) -> BoolArray:
 
 
 def on_one_line(x_px: FloatArray, y_px: FloatArray, reach_px: float) -> BoolArray:
-    """Which points, (n,) each, lie within ``reach_px`` of the line through two that holds most.
+    """True for points, (n,) each, within ``reach_px`` of the line through two that holds most.
 
-    None of them, where those are fewer than ``MIN_POINTS`` or not the larger part, or where
-    there are more than ``MAX_POINTS``.
+    None of them, where those are fewer than ``MIN_POINTS`` or not the larger part, or where there
+    are more than ``MAX_POINTS``.
     """
     count = x_px.size
     none = np.zeros(count, dtype=bool)
@@ -304,7 +307,7 @@ def _oblong(
     fwhm_px: float | FloatArray,
     shape: tuple[int, ...],
 ) -> OblongLights:
-    """What is surely longer than the frame's stars are and no sharper.
+    """Lights surely longer than the frame's stars and no sharper.
 
     Guiding or coma may draw all of them out a little. A star that the frame's rim cuts is longer
     than wide, too. ``fwhm_px``: of a star, one for all or one for each place.

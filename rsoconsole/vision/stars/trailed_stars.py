@@ -1,8 +1,8 @@
-"""Stars that the telescope's own drift has drawn out: every one the same trail.
+"""Stars drawn out by the telescope's own drift: every one the same trail.
 
 Each bright piece of light is measured as a whole, above a share of its own brightness: middle,
-length and direction by moments. What most of the bright ones agree on is the trail; what has that
-length and direction is a star, and its middle is where it stood at mid-exposure.
+length and direction by moments. The trail is what most of the bright ones agree on; a piece with
+that length and direction is a star, and its middle its place at mid-exposure.
 """
 
 import math
@@ -21,9 +21,10 @@ MAX_OBLONG = 60
 
 
 HALF_PX = 40
-"""Half the side of what is looked at about a bright pixel: trails up to 60 px are whole in it."""
+"""Half the side of the pixels examined about a bright one: trails up to 60 px are whole in it."""
 _LIT_SHARE, _LIT_SIGMA = 0.25, 3.0
-"""Light counts above so much of the brightest (smoothed) pixel, and above the noise."""
+"""Thresholds of lit pixels: as a share of the brightest (smoothed) one, and in sigma of the
+noise."""
 _BRIGHTEST = 80
 _FEWEST = 8
 _MIN_RATIO = 1.4
@@ -32,13 +33,13 @@ _AGREE_SHARE = 0.5
 _MIN_SNR = 7.0
 _RIM_PX = 2
 _LONG, _LONG_SNR, _MAX_RATIO, _SHAPE_SEEN_SNR = 2.0, 10.0, 4.0, 40.0
-"""Length in widths of a star, signal to noise, and axis ratio and signal to noise beyond which more
-says no more."""
+"""Least length in star widths and least signal to noise of a long one, and the axis ratio and
+signal to noise beyond which more counts no further."""
 
 
 @dataclass(frozen=True, slots=True)
 class _Piece:
-    """One piece of light: moments of what is lit."""
+    """Moments of one lit piece of light."""
 
     x_px: float
     y_px: float
@@ -52,14 +53,14 @@ class _Piece:
 
     @property
     def length_px(self) -> float:
-        """Of a line of light with these moments, the disc's own width not counted."""
+        """Length of a line of light with these moments, px, without the disc's own width."""
         return math.sqrt(12.0 * max(self.along**2 - self.across**2, 0.0))
 
 
 def trailed_stars(
     pixels: PixelArray, sky: Background, x0_px: IndexArray, y0_px: IndexArray, saturation_adu: float
 ) -> StarList | None:
-    """The stars about bright pixels, brightest first; None where they agree on no trail."""
+    """Measure the stars about bright pixels, brightest first; None where they agree on no trail."""
     pieces: list[_Piece] = []
     seen: set[tuple[int, int]] = set()
     for x0, y0 in zip(x0_px.tolist(), y0_px.tolist(), strict=True):
@@ -94,7 +95,7 @@ def trailed_stars(
 
 
 def _long_ones(pieces: list[_Piece], fwhm_px: float) -> OblongLights:
-    """Those that are longer than a few widths, the surest first."""
+    """Pieces longer than a few widths, the surest first."""
     long = [each for each in pieces if each.snr > _LONG_SNR and each.length_px > _LONG * fwhm_px]
     long.sort(key=_sureness, reverse=True)
     columns = [(p.x_px, p.y_px, p.angle_deg, 0.5 * p.length_px, p.snr) for p in long[:MAX_OBLONG]]
@@ -103,13 +104,13 @@ def _long_ones(pieces: list[_Piece], fwhm_px: float) -> OblongLights:
 
 
 def _sureness(piece: _Piece) -> float:
-    """That it is one narrow light: a blend of stars is bright and wide."""
+    """Measure of how surely it is one narrow light: a blend of stars is bright and wide."""
     ratio = min(piece.along / piece.across, _MAX_RATIO)
     return ratio * min(piece.snr, _SHAPE_SEEN_SNR)
 
 
 def _agreed(pieces: list[_Piece]) -> Trail | None:
-    """The length and direction of most of them."""
+    """Length and direction that most of them agree on."""
     long = [each for each in pieces if each.along > _MIN_RATIO * each.across]
     if len(long) < max(_FEWEST, _AGREE_SHARE * len(pieces)):
         return None
@@ -140,7 +141,7 @@ def _is_of(piece: _Piece, trail: Trail) -> bool:
 def _piece(
     pixels: PixelArray, sky: Background, x0: int, y0: int, saturation_adu: float
 ) -> _Piece | None:
-    """The light that hangs together with one bright pixel."""
+    """Measure the light connected with one bright pixel."""
     import cv2
 
     ys = mirrored(np.arange(y0 - HALF_PX, y0 + HALF_PX + 1), pixels.shape[0])

@@ -1,7 +1,7 @@
-"""Ends of a streak that lie where pixels are masked: behind a star, or taken for one.
+"""Ends of a streak that lie where pixels are masked: behind a star, or mistaken for one.
 
-The fit knows nothing of an end there. What light there is along the line still tells where the
-streak cannot end: not before light that is no star's, nor beyond the last light.
+The fit does not determine an end there. The light along the line still shows where the streak
+cannot end: not before light that is no star's, nor beyond the last light.
 """
 
 import math
@@ -18,18 +18,20 @@ _LONGEST_PX = 40
 _TOUCHES_PX = 2.0
 _BEYOND_PX = 4
 _LIT = 0.5
-"""Of the streak's level: half of it is where an end lies."""
+"""Share of the streak's level at which an end lies."""
 _CLEAR_PX = 1.5
-"""Light so far beyond a star's own is the streak's."""
+"""Distance beyond a star's own light from which light is the streak's, px."""
 _WING = 1
-"""Bins beside a masked star that its wings light, a bright one's as brightly as a streak."""
+"""Number of bins beside a masked star that its wings light, a bright one's as brightly as a
+streak."""
 _AT_PX = 0.5
 _SURE = 2.0
-"""Sigmas of the mean light that tell lit from dark."""
+"""Sigmas of the mean light that separate lit from dark."""
 _KNOWN_PX = 0.7
-"""One sigma of an end read off the light alone."""
+"""One sigma of an end read off the light alone, px."""
 _MIN_LEVEL, _SURE_LEVEL = 3.0, 6.0
-"""Of the streak over the noise of a bin: below, bins tell nothing; above, one is enough."""
+"""Levels of the streak over the noise of a bin: below the first, bins show nothing; above the
+second, one is enough."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -39,16 +41,16 @@ class _Profile:
     first: int
     """u of the first bin, px; bins are a pixel long."""
     light: FloatArray
-    """ADU per pixel of length."""
+    """Light per pixel of length, ADU."""
     noise: float
     is_hidden: BoolArray
-    """Where more than half of the line's core is masked."""
+    """True where more than half of the line's core is masked."""
 
 
 def with_hidden_ends(
     cutout: Cutout, axes: tuple[FloatArray, FloatArray], fit: LineFit, is_used: BoolArray
 ) -> LineFit:
-    """The fit with its ends moved to where they may be, and the variance which that leaves.
+    """Return the fit with its ends moved to where they may be, with the remaining variance.
 
     ``axes``: u along and v across of every pixel of the cutout; ``is_used``: of the fit; (h, w).
     """
@@ -90,7 +92,7 @@ def with_hidden_ends(
 
 
 def _given(covariance: FloatArray, side: int) -> FloatArray:
-    """What remains of a covariance when one of its parameters comes from elsewhere.
+    """Covariance that remains when one of its parameters comes from elsewhere.
 
     What that one's own error means for the rest is left out: an end hardly bears on the others.
     """
@@ -147,7 +149,7 @@ def _hidden_about(profile: _Profile, end: float, within_px: float) -> tuple[int,
 
 
 def _outward(stretch: tuple[int, int], sense: int, bins: int) -> list[int]:
-    """The bins of a hidden stretch and a few more, from the streak's side on."""
+    """Bins of a hidden stretch and a few more, from the streak's side on."""
     low, high = stretch
     if sense > 0:
         return list(range(low, min(high + _BEYOND_PX, bins - 1) + 1))
@@ -157,10 +159,10 @@ def _outward(stretch: tuple[int, int], sense: int, bins: int) -> list[int]:
 def _lies_open(
     profile: _Profile, stretch: tuple[int, int], sense: int, bin_of_end: float, level: float
 ) -> bool:
-    """Whether the light between an end and what is hidden shows that it ends there.
+    """True where the light between an end and a hidden stretch shows that the streak ends there.
 
-    Dark on its outer side where it ends before what is hidden, lit on its inner side where it
-    comes out behind.
+    Dark on its outer side where it ends before what is hidden, lit on its inner side where it comes
+    out behind.
     """
     near, far = stretch if sense > 0 else stretch[::-1]
     at = round(bin_of_end)
@@ -182,7 +184,7 @@ def _lies_open(
 def _end_in(
     light: FloatArray, level: float, noise: float, sigma: float
 ) -> tuple[float, float] | None:
-    """Where the streak ends, in bins from the first, and the variance; None: not within them."""
+    """Place of the streak's end in bins from the first, and its variance; None: not in them."""
     # One bin of a faint streak is dark or lit by chance now and then, two together are not.
     span = 1 if level > _SURE_LEVEL * noise else 2
     is_lit = np.convolve(light, np.full(span, 1.0 / span), mode="valid") > _LIT * level

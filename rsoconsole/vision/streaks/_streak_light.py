@@ -1,4 +1,4 @@
-"""The light along a streak: how it rises and falls from end to end, and whether it pulses.
+"""Light along a streak: its rise and fall from end to end, and its pulse.
 
 A satellite in sunlight shines from one end of the exposure to the other, a meteor flares up and
 dies away, an aircraft's strobes and a tumbling body's facets come again in equal times.
@@ -18,66 +18,68 @@ from rsoconsole.vision.stars.star_moments import FWHM_PER_SIGMA
 MIN_COLUMNS = 16
 MIN_PERIODS = 4.0
 _SHORTEST_PERIOD = 1.4
-"""In widths of the stars: what comes again faster is blurred to evenness."""
+"""Shortest period searched, in star widths: faster changes are blurred to evenness."""
 _FALSE_ALARM = 1e-4
 _ALONE_FWHM = 0.9
 """Widths along a streak that a periodogram's sample is worth."""
 _MIN_DEPTH = 0.08
 _OVERSAMPLED = 4
 _ABOVE_OTHERS = 6.0
-"""Times the median power of the frequencies about it that a regular pulse must have."""
+"""Factor over the median power of the frequencies about it that a regular pulse must have."""
 _BEYOND, _CALM, _LONGEST_WINDOW = 1.0 / 3.0, 0.1, 0.2
 _FULL, _DARK = 0.7, 0.2
 """Shares of a streak's level between which its light grows and dies."""
 _LEFT = 0.7
-"""Of the variance of noise, after interpolation between neighbours."""
+"""Share of the variance of noise left after interpolation between neighbours."""
 _CORE, _GAP, _SIDE_PX = 1.0, 1.6, 6
-"""Half width of what is summed and distance of the sky beside it, in widths; rows of that sky."""
+"""Half width of the summed core and distance of the sky beside it, in widths; rows of that sky."""
 _STAR_FOLD = 4.0
-"""Light this many times as far above the median as the 84th percentile is a star in the way."""
+"""Ratio of light to the 84th percentile, both above the median, from which it is a star in the
+way."""
 _TREND = 4
-"""Degree of the polynomial that slow changes are taken away with."""
+"""Degree of the polynomial by which slow changes are subtracted."""
 _PHASES = 8
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class StreakLight:
-    """The light of each pixel's length of a streak, from end a to end b."""
+    """Light of each pixel's length of a streak, from end a to end b."""
 
     light_adu: FloatArray
     """(columns,) ADU per px of length above the sky beside it."""
     sigma_adu: float
     """One sigma of a column by the sky's noise alone."""
     fwhm_px: float
-    """Width that blurs it."""
+    """Full width at half maximum of the blur, px."""
     first_px: float = 0.0
-    """Way from end a to the first column; the frame's rim may cut what comes before."""
+    """Distance from end a to the first column, px; the frame's rim may cut what comes before."""
 
     @property
     def mean_adu(self) -> float:
-        """Its mean, not less than nothing."""
+        """Mean light, ADU per px, at least 0."""
         return max(float(self.light_adu.mean()), 0.0)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Fading:
-    """Over how long a way light grows and dies at the ends, beyond what blur makes of a cut."""
+    """Lengths over which light grows and dies at the ends, beyond the blur of a cut."""
 
     shorter_px: float
-    """At the end where it is shorter, from a fifth to seven tenths of the level between them."""
+    """Length at the end where it is shorter, px, from a fifth to seven tenths of the level between
+    them."""
     longer_px: float
     length_px: float
-    """From where it grows to where it has died."""
+    """Length from where the light grows to where it has died, px."""
     gap_share: float = 0.0
-    """Dark part of what lies between the first and the last full light."""
+    """Share that is dark between the first and the last full light."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Modulation:
-    """Light that comes and goes regularly along a streak."""
+    """Regular rise and fall of the light along a streak."""
 
     periods: float
-    """How many of them the streak has."""
+    """Number of periods along the streak."""
     period_px: float
     depth: float
     """(most - least) / (most + least) of the mean period, as blurred; 0 to 1."""
@@ -88,10 +90,10 @@ class Modulation:
 def light_along(
     pixels: PixelArray, sky: Background, ends: Ends, width_px: float
 ) -> StreakLight | None:
-    """The light of a streak between ``ends`` (x_a, y_a, x_b, y_b), raw pixels; None if too short.
+    """Light of a streak between ``ends`` (x_a, y_a, x_b, y_b), raw pixels; None if too short.
 
-    Summed across ``width_px`` (full width at half maximum) to either side; the level is that of
-    the pixels beside it, smoothed along it. Columns outside the frame are left out.
+    Summed across ``width_px`` (full width at half maximum) to either side; the level is that of the
+    pixels beside it, smoothed along it. Columns outside the frame are left out.
     """
     import cv2
 
@@ -128,7 +130,7 @@ def light_along(
 
 
 def fading_of(pixels: PixelArray, sky: Background, ends: Ends, width_px: float) -> Fading | None:
-    """How gradually the light begins and ends; None where noise would hide it.
+    """Measure how gradually the light begins and ends; None where noise would hide it.
 
     Looked for along the line a third further than ``ends`` either way, as dying light is not all
     within them; smoothed until noise is a tenth of the level.
@@ -174,13 +176,13 @@ def _lengthened(ends: Ends, share: float) -> Ends:
 
 
 def modulation_of(along: StreakLight) -> Modulation | None:
-    """The regular pulse of the light; None where there is none that noise would not show.
+    """Find the regular pulse of the light; None where noise explains the highest peak.
 
     The highest peak of the periodogram of what a slow trend leaves over, normalised by the variance
-    of the data, with its false alarm probability: Zechmeister & Kuerster 2009 (A&A 496, 577), on
-    an even grid, where the sums are a discrete Fourier transform. Columns that scintillate
-    together count as one. The peak must stand above its neighbours as well: clouds and stars in
-    the way put power into all of them.
+    of the data, with its false alarm probability: Zechmeister & Kuerster 2009 (A&A 496, 577), on an
+    even grid, where the sums are a discrete Fourier transform. Columns that scintillate together
+    count as one. The peak must stand above its neighbours as well: clouds and stars in the way put
+    power into all of them.
     """
     light = _without_stars(along.light_adu)
     count, mean = light.size, along.mean_adu
@@ -237,7 +239,7 @@ def _depth(light: FloatArray, period_px: float) -> float:
 
 
 def _without_stars(light: FloatArray) -> FloatArray:
-    """The light, single high places cut back to what the rest of it reaches."""
+    """Cut single high places of the light back to the level of the rest."""
     middle, upper = (float(each) for each in np.percentile(light, (50.0, 84.0)))
     return np.minimum(light, middle + _STAR_FOLD * max(upper - middle, 0.0))
 

@@ -14,7 +14,7 @@ from rsoconsole.vision.arrays import BoolArray
 
 _ITERATIONS = 20
 _WIDTH_PRIOR = 0.35
-"""Relative one-sigma of the width about the stars' own: it matters for faint streaks alone."""
+"""Relative sigma of the width about the stars' own: it matters for faint streaks alone."""
 _AMPLITUDE_PRIOR = 1.0
 """Change of amplitude between neighbouring knots, relative, one sigma."""
 _SHAPE = 5
@@ -39,35 +39,35 @@ class Line:
     u_a: float | None
     u_b: float | None
     offset: float
-    """v of the line at u = 0."""
+    """v of the line at u = 0, px."""
     slope: float
     sigma: float
-    """Of the Gaussian across, px."""
+    """Sigma of the Gaussian across, px."""
     amplitudes: tuple[float, ...]
-    """ADU per pixel of length at knots evenly spaced over ``knot_range``."""
+    """Amplitudes in ADU per pixel of length, at knots evenly spaced over ``knot_range``."""
     knot_range: tuple[float, float]
     sky: float = 0.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class LineFit:
-    """A converged line."""
+    """Converged line."""
 
     line: Line
     covariance: FloatArray
     """(4, 4) of u_a, u_b, offset, slope; rows of an end outside the frame are 0."""
     excess: float
-    """Variance that the source's own light adds, ADU^2 per ADU: photons and a PSF unlike ours."""
+    """Variance that the source's own light adds, ADU^2 per ADU: photons, and a different PSF."""
     model: FloatArray
-    """ADU at every pixel, without the sky term."""
+    """Model at every pixel, ADU, without the sky term."""
     hidden_variance: tuple[float, float] = (0.0, 0.0)
-    """px^2 that either end has on top, as it may be anywhere behind a star."""
+    """Variance added to either end, px^2, as it may be anywhere behind a star."""
 
 
 def fit_line(
     pixels: Pixels, start: Line, psf_sigma: float, *, excess: float = 0.0
 ) -> LineFit | None:
-    """Levenberg-Marquardt from ``start``; None when it runs away or its matrix is singular."""
+    """Fit by Levenberg-Marquardt from ``start``; None when it diverges or becomes singular."""
     parameters = _pack(start)
     free = np.ones(parameters.size, dtype=bool)
     free[0], free[1] = start.u_a is not None, start.u_b is not None
@@ -103,7 +103,7 @@ def fit_line(
 
 
 def light_of(pixels: Pixels, line: Line) -> FloatArray:
-    """What the line sheds on every pixel, ADU, without its sky term."""
+    """Light of the line on every pixel, ADU, without its sky term."""
     value, _ = _evaluate(pixels, _pack(line), line, _hats(pixels.u, line))
     return value - line.sky
 
@@ -111,7 +111,7 @@ def light_of(pixels: Pixels, line: Line) -> FloatArray:
 def source_noise(pixels: Pixels, line: Line, model: FloatArray) -> float:
     """Variance per ADU of the source, from the residuals; never negative.
 
-    Residuals beyond four sigma are cut back: what stands in the way is no noise.
+    Residuals beyond four sigma are cut back: light in the way is no noise.
     """
     source = np.maximum(model, 0.0)
     total = float(source @ source)
@@ -125,7 +125,7 @@ def source_noise(pixels: Pixels, line: Line, model: FloatArray) -> float:
 
 
 def with_knots(line: Line, count: int) -> Line:
-    """The same line with its amplitude on ``count`` knots."""
+    """Return the line with its amplitude on ``count`` knots."""
     low, high = line.knot_range
     old = np.linspace(low, high, len(line.amplitudes))
     new = np.interp(np.linspace(low, high, count), old, line.amplitudes)
@@ -207,7 +207,7 @@ def _weights(pixels: Pixels, line: Line, excess: float) -> FloatArray:
 
 
 def _priors(start: Line, psf_sigma: float, p: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Derivatives and residuals of what is believed beforehand, in sigmas."""
+    """Derivatives and residuals of the priors, in sigmas."""
     count = len(start.amplitudes)
     jacobian = np.zeros((count, p.size))
     jacobian[0, 4] = 1.0 / (_WIDTH_PRIOR * psf_sigma)

@@ -1,4 +1,4 @@
-"""A line fitted where stars stand in the way of it, beside it and just beyond its ends."""
+"""Fit of a line where stars stand in the way of it, beside it and just beyond its ends."""
 
 from dataclasses import replace
 
@@ -29,7 +29,7 @@ _OUTLIER_SIGMA = 4.5
 _ABOVE_STREAK = 2.5
 _EVEN_PX = 3.0
 _CHI2_OF_A_STAR = 12.0
-"""Price of a star's place and brightness."""
+"""Price in chi-square of a star's place and brightness."""
 
 
 def fit_robustly(
@@ -39,7 +39,7 @@ def fit_robustly(
     stretch: LitStretch,
     psf_sigma: float,
 ) -> LineFit | None:
-    """The fit after what is in the way is masked; more knots only where the light needs them."""
+    """Fit the line after masking light in the way; more knots only where the light needs them."""
     u, v = axes
     low, high = start.knot_range
     reach = 6.0 * psf_sigma + 10.0
@@ -93,7 +93,7 @@ def or_star_beyond_an_end(
     stretch: LitStretch,
     fit: LineFit,
 ) -> LineFit:
-    """The fit, or the shorter one that leaves a star beyond a dark gap to itself, if likelier."""
+    """Return the fit, or the shorter one that leaves out a star beyond a dark gap, if likelier."""
     for side, dark_u in enumerate(stretch.dark_u):
         if dark_u is None or (start.u_a if side == 0 else start.u_b) is None:
             continue
@@ -132,7 +132,7 @@ def _brightest_point(
 
 
 def _knots(stretch: LitStretch, psf_sigma: float) -> int:
-    """How freely the light may change along the streak, by what its brightness can tell."""
+    """Numbers of knots, by how well the streak's brightness determines a change along it."""
     length = stretch.u_b - stretch.u_a
     for count, least_snr in _KNOTS:
         if stretch.matched_snr > least_snr and length > 4.0 * count * FWHM_PER_SIGMA * psf_sigma:
@@ -152,7 +152,7 @@ def _chi2(data: Pixels, fit: LineFit, excess: float) -> float:
 
 
 def _in_the_way(cutout: Cutout, axes: Axes, stretch: LitStretch, psf_sigma: float) -> BoolArray:
-    """Pixels near light far above what the streak can give there; (h, w)."""
+    """Pixels near light far above the streak's possible level there; (h, w)."""
     import cv2
 
     u, v = axes

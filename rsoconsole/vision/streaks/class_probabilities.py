@@ -1,12 +1,12 @@
 """Class probabilities of a streak: satellite, aircraft, meteor, cosmic ray or chain of stars.
 
-Bayes' rule over what one frame tells, each piece of evidence as if independent of the others: the
-width (aircraft and meteors are too near to be in focus, rays are sharper than any star), the light
-from end to end (meteors flare up and die away), its pulse (strobes), the speed where time and
-scale are known, the stars that lie on it. What is not measured says nothing. The likelihoods are
-rough, by what the objects are and by the few real ones at hand; none of them is near zero, so that
-no single figure decides against all others. What an earlier frame of the field and the star
-catalogue say of it comes last, by the same rule.
+Bayes' rule over the evidence of one frame, each piece as if independent of the others: the width
+(aircraft and meteors are too near to be in focus, rays are sharper than any star), the light from
+end to end (meteors flare up and die away), its pulse (strobes), the speed where time and scale are
+known, the stars that lie on it. Missing measurements have no effect. The likelihoods are rough, by
+the nature of the objects and the few real ones at hand; none of them is near zero, so that no
+single figure decides against all others. Evidence of an earlier frame of the field and of the star
+catalogue comes last, by the same rule.
 """
 
 import math
@@ -29,7 +29,7 @@ PRIOR: Likelihood = {
     "cosmic ray": 0.05,
     "star chain": 0.10,
 }
-"""Class shares among all streaks under any sky; with nothing else known: undetermined."""
+"""Shares of the classes among all streaks under any sky; with nothing else known: undetermined."""
 COMPARISON_LIKELIHOODS: dict[Comparison, Likelihood] = {
     # What moves is seldom where another one of the same light was.
     "same light": {"satellite": 0.002, "aircraft": 0.002, "meteor": 0.002, "cosmic ray": 0.002},
@@ -40,7 +40,8 @@ COMPARISON_LIKELIHOODS: dict[Comparison, Likelihood] = {
 }
 """Likelihood of a comparison's outcome for each class, over that of the likeliest one."""
 SATELLITE_FROM, OTHERS_FROM = 0.5, 2.0 / 3.0
-"""A class is named from here on; more is asked for those that start no track."""
+"""Least probability to name a satellite, and to name another class: more is needed for those that
+start no track."""
 
 _SAME_WIDTH = 0.06
 """Relative scatter of a line's width against one star's beside it."""
@@ -51,7 +52,7 @@ _NARROWEST, _WIDEST = -1.6, 1.6
 """Natural logarithms of a width over the stars' between which faults and rays lie."""
 _WIDEST_RAY_PX = 2.4
 _APERTURE_M = 0.1
-"""Where the header does not tell."""
+"""Aperture where the header gives none, m."""
 _AIRCRAFT_KM, _METEOR_KM = (10.0, 20.0, 40.0), (90.0, 140.0)
 _BLUR_FWHM = 0.7
 """Full width at half maximum of a defocused disc's cut, over its diameter."""
@@ -63,19 +64,19 @@ _SLOWEST_AIRCRAFT_DEG_S = 0.06
 _METEOR_DEG = 3.0
 _RAY_FWHM = 25.0
 _UNEVEN = 0.3, 1.0
-"""Up to here light and path are even, from there on surely not."""
+"""Limits of unevenness: even up to the first, surely uneven from the second on."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Evidence:
-    """Measurements of a streak in one frame that tell its class; None and 0 where unknown."""
+    """Measurements of a streak in one frame that show its class; None and 0 where unknown."""
 
     kind: StreakKind
     length_px: float
     width_px: float
-    """Full width at half maximum across."""
+    """Full width at half maximum across, px."""
     snr: float
-    """Matched, of the whole."""
+    """Matched signal to noise of the whole."""
     star_fwhm_px: float
     star_scatter: float
     """Relative scatter of single stars' widths, one sigma."""
@@ -86,22 +87,22 @@ class Evidence:
     fading: Fading | None = None
     modulation: Modulation | None = None
     is_pulse_seen: bool = False
-    """Whether the light is bright and long enough that a strobe's pulse would show."""
+    """True where the light is bright and long enough that a strobe's pulse would show."""
     star_share: float | None = None
-    """Share of its light that listed stars on it have."""
+    """Share of its light that lies at listed stars on it."""
     spoken_against: str = ""
-    """Kind of the reason for which the detector did not take it."""
+    """Kind of the reason for which the detector rejected it."""
 
     @property
     def rate_deg_s(self) -> float | None:
-        """Rate from end to end as the frame shows it; less than the true one where it is cut."""
+        """Rate from end to end in the frame, deg/s; less than the true one where it is cut."""
         if self.scale_arcsec_px is None or not self.exposure_s:
             return None
         return self.length_px * self.scale_arcsec_px / 3600.0 / self.exposure_s
 
 
 def most_likely_class(shares: Likelihood) -> tuple[ObjectClass, float]:
-    """The class and its probability; of "undetermined" what the likeliest one lacks to 1."""
+    """Class and its probability; for "undetermined" the difference of the likeliest to 1."""
     best = max(shares, key=lambda name: shares[name])
     asked = SATELLITE_FROM if best == "satellite" else OTHERS_FROM
     if shares[best] > asked:
@@ -128,7 +129,7 @@ def probabilities(evidence: Evidence) -> Likelihood:
 
 
 def update_probabilities(shares: Likelihood, comparison: Comparison) -> Likelihood:
-    """The probabilities of all classes after a comparison."""
+    """Return the probabilities of all classes after a comparison."""
     return _normalised(_times(shares, COMPARISON_LIKELIHOODS[comparison]))
 
 
@@ -142,7 +143,7 @@ def _normalised(shares: Likelihood) -> Likelihood:
 
 
 def _by_width(e: Evidence) -> Likelihood:
-    """By its width over the stars', each in the errors that the stars themselves show."""
+    """Likelihood by its width over the stars', with the errors that the stars themselves show."""
     if not (e.width_px > 0.0 and e.star_fwhm_px > 0.0 and e.snr > 0.0):
         return {}
     found = math.log(e.width_px / e.star_fwhm_px)
@@ -165,10 +166,10 @@ def _by_width(e: Evidence) -> Likelihood:
 def _out_of_focus(
     e: Evidence, distances_km: tuple[float, ...], as_wide: Callable[[float], float]
 ) -> float:
-    """Mean density over the distances at which it may be.
+    """Mean density over the possible distances.
 
-    A point at a distance is a disc of the aperture's diameter over that distance, in radians,
-    in a telescope focused on infinity.
+    A point at a distance is a disc of the aperture's diameter over that distance, in radians, in a
+    telescope focused on infinity.
     """
     if e.scale_arcsec_px is None:
         # In a wide field it is sharp, in a narrow one it may be anything up to twice the width.
@@ -182,8 +183,10 @@ def _out_of_focus(
 
 
 def _by_ends(e: Evidence) -> Likelihood:
-    """A meteor's light grows and dies; a satellite's is cut by the shutter, or at one end by the
-    Earth's shadow."""
+    """Likelihood by its ends: a meteor's grow and die, a satellite's are cut.
+
+    The shutter cuts them, or at one end the Earth's shadow.
+    """
     if e.kind != "streak" or e.fading is None:
         return {}
     length_px = e.fading.length_px
@@ -204,14 +207,14 @@ def _by_ends(e: Evidence) -> Likelihood:
 
 
 def _by_gaps(e: Evidence) -> Likelihood:
-    """Dark between bright without a rhythm: stars in a row."""
+    """Likelihood by gaps: dark between bright without a rhythm means stars in a row."""
     if e.fading is None or e.modulation is not None or e.fading.gap_share < 0.15:
         return {}
     return {"satellite": 0.08, "aircraft": 0.3, "meteor": 0.1, "cosmic ray": 0.6}
 
 
 def _by_pulse(e: Evidence) -> Likelihood:
-    """Strobes are regular and short; a tumbling satellite's facets are slower and smoother."""
+    """Likelihood by pulse: strobes are regular and short, a satellite's facets slow and smooth."""
     pulse = e.modulation
     if pulse is None:
         if not e.is_pulse_seen:
@@ -239,7 +242,7 @@ def _by_pulse(e: Evidence) -> Likelihood:
 
 
 def _by_speed(e: Evidence) -> Likelihood:
-    """By degrees a second, and by the degrees that a meteor's way is long."""
+    """Likelihood by speed in degrees a second, and by the length in degrees of a meteor's path."""
     rate = e.rate_deg_s
     if not rate or e.scale_arcsec_px is None:
         return {}
@@ -253,7 +256,7 @@ def _by_speed(e: Evidence) -> Likelihood:
 
 
 def _by_stars(e: Evidence) -> Likelihood:
-    """By the share of its light that stars have which were found by themselves."""
+    """Likelihood by the share of its light that separately detected stars have."""
     if e.star_share is None:
         return {}
     if e.modulation is not None:
@@ -266,7 +269,7 @@ def _by_stars(e: Evidence) -> Likelihood:
 
 
 def _by_evenness(e: Evidence) -> Likelihood:
-    """A ray loses its charge in lumps: of those looked at 116 of 135 were uneven."""
+    """Likelihood by evenness: a ray loses its charge in lumps; 116 of 135 examined were uneven."""
     if e.length_px > _RAY_FWHM * max(e.star_fwhm_px, 1.0):
         return {"cosmic ray": 0.2}
     low, high = _UNEVEN
@@ -281,7 +284,7 @@ def _by_evenness(e: Evidence) -> Likelihood:
 
 
 def _by_gate(e: Evidence) -> Likelihood:
-    """By what the detector held against it."""
+    """Likelihood by the reason for which the detector rejected it."""
     against: dict[str, Likelihood] = {
         "trailed stars": {"star chain": 50.0},
         "stars' trails": {"star chain": 50.0},
@@ -297,11 +300,11 @@ def _gauss(off: float, sigma: float) -> float:
 
 
 def _decay(found: float, typical: float) -> float:
-    """Density of what is typically so large and never negative."""
+    """Density of a quantity of typical size ``typical`` that is never negative."""
     return math.exp(-found / typical) / typical
 
 
 def _evenly(found: float, low: float, high: float, sigma: float) -> float:
-    """Density of what lies anywhere between two bounds, measured with an error."""
+    """Density of a quantity that lies anywhere between two bounds, measured with an error."""
     root = math.sqrt(2.0) * sigma
     return 0.5 * (math.erf((high - found) / root) - math.erf((low - found) / root)) / (high - low)

@@ -26,24 +26,25 @@ from rsoconsole.vision.streaks.class_probabilities import (
 )
 
 MIN_CUT, MIN_WHOLE = 2, 3
-"""Lines that make a train: where the frame cuts two of them, and where it does not."""
+"""Fewest lines of a train: where the frame cuts two of them, and where it does not."""
 SLOWEST_DEG_S = 0.05
-"""Whole ones slower than this are neighbours in a slot, which run alike for ever."""
+"""Least rate of a whole train, deg/s: slower ones are neighbours in a slot, which run alike for
+ever."""
 _PARALLEL_DEG, _SIGMAS = 1.0, 4.0
 _SAME_LENGTH = 0.15
 _LIGHTS_APART = 0.5
-"""Most that the lights of one aircraft are apart, over the length of its trail."""
+"""Largest distance of the lights of one aircraft, over the length of its trail."""
 _TRAIN = ("satellite", "undetermined")
 
 
 def with_neighbours(
     streaks: Sequence[Detection], deg_s_per_px: float | None = None
 ) -> list[Detection]:
-    """The streaks with class and train corrected by those beside them.
+    """Correct class and train of the streaks by those beside them.
 
-    What runs beside an aircraft, parallel and near, is another of its lights. What may be
-    satellites and runs in parallel is a train; of whole streaks only where ``deg_s_per_px``
-    (scale over exposure) tells that they are too fast for neighbours in a slot.
+    A streak beside an aircraft, parallel and near, is another of its lights. Parallel streaks that
+    may be satellites are a train; of whole streaks only where ``deg_s_per_px`` (scale over
+    exposure) shows that they are too fast for neighbours in a slot.
     """
     seen = [_as_its_light(each, streaks) for each in streaks]
     may_be = [
@@ -82,13 +83,13 @@ def _train(one: Detection, streaks: Sequence[Detection]) -> int:
 
 
 def _is_parallel(one: Detection, other: Detection) -> bool:
-    """Whether they run alike, as far as both directions are known."""
+    """True where they run alike, as far as both directions are known."""
     error = math.hypot(one.sigma_angle_deg or 0.0, other.sigma_angle_deg or 0.0)
     return turn_deg(one.angle_deg, other.angle_deg) < _PARALLEL_DEG + _SIGMAS * error
 
 
 def _is_as_long(one: Detection, other: Detection) -> bool:
-    """Whether they are of one length, which what the frame cuts may be."""
+    """True where their lengths agree; a streak cut by the frame may be as long."""
     if "streak" not in {one.kind, other.kind} or one.kind != other.kind:
         return True
     longer = max(one.length_px, other.length_px)
@@ -104,13 +105,13 @@ log = logging.getLogger(__name__)
 
 _ON_LINE_FWHM = 0.5
 _PULSE_SNR = 25.0
-"""Signal to noise of the summed light from which half a pulse of it would show."""
+"""Signal to noise of the summed light from which a pulse of half its depth would show."""
 _PER_QUARTILES = 0.7413
 """Sigma of a normal law over the distance of its quartiles."""
 _MIN_STARS = 8
 _UNKNOWN_SCATTER = 0.25
 CONTINUOUS_CLASSES = ("satellite", "aircraft", "undetermined")
-"""Classes that may shine all through an exposure, so that places along it are times."""
+"""Classes that may shine all through an exposure, so that places along a streak are times."""
 
 
 def classify_streaks(
@@ -120,11 +121,11 @@ def classify_streaks(
     detections: Iterable[Detection],
     rejected: Iterable[Rejection] = (),
 ) -> tuple[list[Detection], list[Rejection], Mapping[Detection, Likelihood]]:
-    """The streaks in their order, each with its class, its pulse and its train.
+    """Return the streaks in their order, each with its class, pulse and train.
 
-    And the probabilities of all classes, by streak as it is named: those of the streak alone,
-    whatever its company makes of it. What was not measured by a line stays undetermined. Raises
-    nothing: a streak that cannot be looked at keeps what it has, and has no probabilities.
+    With them the probabilities of all classes by streak, those of the streak alone without its
+    neighbours. A streak not measured by a line stays undetermined. Raises nothing: a streak that
+    cannot be examined stays as it is, without probabilities.
     """
     per_px = None
     if frame.scale_arcsec_px is not None and frame.exposure_s:
@@ -215,7 +216,7 @@ def _is_bright(light: StreakLight) -> bool:
 
 
 def _scatter(stars: StarList) -> float:
-    """Relative scatter of single stars' widths about what is expected at their places.
+    """Relative scatter of single stars' widths about those expected at their places.
 
     They differ with their light, and over the field where that is not known.
     """
@@ -230,7 +231,7 @@ def _scatter(stars: StarList) -> float:
 
 
 def _star_share(stars: StarList, ends: Ends, light: StreakLight) -> float | None:
-    """Share of a streak's light that stars on it have which were found by themselves."""
+    """Share of a streak's light in separately detected stars on it."""
     total = float(light.light_adu.sum())
     if total <= 0.0 or stars.trail is not None:
         return None
@@ -245,7 +246,7 @@ def _star_share(stars: StarList, ends: Ends, light: StreakLight) -> float | None
 
 
 def _aperture_m(frame: Frame) -> float | None:
-    """The telescope's opening as the header tells it (APTDIA, mm); None where it does not."""
+    """Aperture of the telescope by the header (APTDIA, mm), m; None where it has none."""
     try:
         diameter_m = float(frame.header.get("APTDIA", 0.0)) / 1e3
     except (TypeError, ValueError):

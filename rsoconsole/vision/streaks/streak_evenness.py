@@ -9,30 +9,30 @@ from rsoconsole.vision.lines.segments import Ends, length_of
 from rsoconsole.vision.lines.streak_search import Cutout
 
 _SMOOTHED_PX, _INTERPOLATED_PX = 0.6, 0.5
-"""Sigma of the smoothing, and what linear interpolation adds to it in quadrature."""
+"""Sigma of the smoothing, px, and of linear interpolation, added to it in quadrature."""
 _REACH_PX, _END_PX = 6, 3
-"""Pixels across that are looked at, and pixels of either end that are left out."""
+"""Pixels examined to either side of the line, and pixels left out at either end."""
 _FEWEST, _MIN_SEEN = 9, 0.4
-"""Columns that tell enough, and their share of a line."""
+"""Fewest usable columns, and their least share of a line."""
 _BRIGHTNESS_BY_NOISE, _PLACE_BY_NOISE = 0.66, 0.95
-"""What noise makes of an even line's brightness, as a share, and of its place, in sigmas of a star;
+"""Scatter by noise of an even line's brightness, as a share, and of its place, in sigmas of a star;
 times sqrt(length) over its signal to noise. Measured on drawn lines of 2 to 4 px width."""
 _BRIGHTNESS_FLOOR, _BEND_FLOOR_PX, _WAVER_FLOOR_PX = 0.08, 0.10, 0.15
-"""Variation of a satellite's light and path by the air."""
+"""Variation by the air of a satellite's brightness (a share), bend and waver (px)."""
 _BEND_LEEWAY = 1.5
-"""Of two terms' logarithm."""
+"""Leeway of the logarithm of a bend of two terms."""
 _STANDS_ALONE = 0.7
-"""Share of the columns that count for themselves after the smoothing."""
+"""Share of the columns that are independent after the smoothing."""
 
 
 def unevenness(cutout: Cutout, ends: Ends, psf_sigma: float, snr: float) -> tuple[float, float]:
     """Excess over noise of how a line's light and its place vary along it.
 
     Natural logarithms of variances, 0 where noise explains all. ``ends`` (x_a, y_a, x_b, y_b) in
-    raw pixels, ``snr`` of the whole line. What masked stars touch is left out, unless they are most
-    of the line: then it is they that are looked at. 0 too where too little of it is in the frame.
-    Of 135 pieces of cosmic rays in the calibration split 116 came above 0.5, of 31 satellites as
-    short none, and of 1,200 even lines drawn at 2, 5 and 30 sigma a pixel one.
+    raw pixels, ``snr`` of the whole line. Parts touched by masked stars are left out, unless they
+    are most of the line: then they are measured. 0 too where too little of it is in the frame. Of
+    135 pieces of cosmic rays in the calibration split 116 came above 0.5, of 31 satellites as short
+    none, and of 1,200 even lines drawn at 2, 5 and 30 sigma a pixel one.
     """
     measured = _light_and_place(cutout, ends, psf_sigma)
     if measured is None:

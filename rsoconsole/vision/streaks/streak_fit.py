@@ -1,8 +1,8 @@
-"""A streak measured on the raw frame: its line, its two ends, and how well they are known.
+"""Measurement of a streak on the raw frame: its line, its two ends, and their errors.
 
-The midpoint of the two ends is the satellite's place at mid-exposure whatever its brightness did
-meanwhile, as long as both ends are seen. A proposal's box says where to look; the fit says what
-is there, or why it is no streak.
+The midpoint of the two ends is the satellite's place at mid-exposure however its brightness varied,
+as long as both ends are seen. A proposal's box gives the place to search; the fit gives the streak
+there, or the reason why there is none.
 """
 
 import math
@@ -41,30 +41,30 @@ _SECOND_ORDER = 0.4
 _HOPELESS = 1e3
 _CLIPPED_SIGMA_PX = 100.0
 _NARROWEST, _WIDEST = 0.6, 2.2
-"""Width relative to the stars'."""
+"""Limits of the width relative to the stars'."""
 _SHORTEST = 5.0
-"""Length relative to the stars' width."""
+"""Least length relative to the stars' width."""
 _MAX_SIGMA_SHARE = 0.1
 _MIN_LIT_SHARE = 0.6
 _MAX_UNEVEN_SHARE = 0.35
 _UNSURE_PX = 0.5
-"""Sigma along from which on a second fit from the first one's ends is worth its time."""
+"""Sigma along, px, from which a second fit from the first one's ends is worth its time."""
 AS_CHAINS_FWHM = 25.0
-"""Length in widths of a star up to which cosmic rays and chains of stars are as long."""
+"""Length in star widths up to which cosmic rays and chains of stars are as long."""
 MAX_UNEVEN = 1.5
 """Unevenness above which a short line is patchy."""
 _FAINT_SNR = 40.0
-"""Of what is brighter, dark gaps may be a satellite's own: it tumbles."""
+"""Signal to noise above which dark gaps may be a satellite's own: it tumbles."""
 _FLOOR_PX = 0.005
-"""Error that a pixel's own shape leaves in a perfect frame."""
+"""Error that a pixel's own shape leaves in a perfect frame, px."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StreakFit:
-    """A measured streak; pixels of the raw frame, 0-based."""
+    """Measured streak; pixels of the raw frame, 0-based."""
 
     x_px: float
-    """Midpoint between the ends; of the visible part where clipped."""
+    """Column of the midpoint between the ends; of the visible part where clipped."""
     y_px: float
     x_a_px: float
     y_a_px: float
@@ -72,29 +72,30 @@ class StreakFit:
     y_b_px: float
     length_px: float
     width_px: float
-    """Full width at half maximum across."""
+    """Full width at half maximum across, px."""
     snr: float
     """Matched signal to noise of the whole streak."""
     sigma_along_px: float
-    """One sigma of the midpoint; large where clipped, as nothing is known along it then."""
+    """One sigma of the midpoint along, px; large where clipped, as nothing is known along it
+    then."""
     sigma_across_px: float
     is_clipped: bool
     is_crossing: bool = False
-    """Neither end is in the frame."""
+    """True where neither end is in the frame."""
     sigma_angle_deg: float | None = None
     bend: float = 0.0
     lumpiness: float = 0.0
-    """Excess over noise of its path's and its light's variation; of short ones alone."""
+    """Excess over noise of the variation of its path and light; for short ones alone."""
 
     @property
     def unevenness(self) -> float:
-        """The larger of the two."""
+        """Larger of bend and lumpiness."""
         return max(self.bend, self.lumpiness)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class NoStreak:
-    """A proposal that is no streak: the reason, and what was measured of it, if anything."""
+    """Proposal that is no streak: the reason, and the measurement of it, if any."""
 
     reason: NotAStreak
     fit: StreakFit | None = None
@@ -109,11 +110,11 @@ def fit_streak(
     psf_fwhm_px: float | None = None,
     ends: Ends | None = None,
 ) -> StreakFit | NoStreak:
-    """Measure the streak in ``box`` (x0, y0, x1, y1), or say why there is none.
+    """Measure the streak in ``box`` (x0, y0, x1, y1), or return the reason why there is none.
 
-    ``ends`` (x_a, y_a, x_b, y_b) is a first guess at the ends. ``stars`` are masked. The width
-    of the stars there is taken from ``stars`` unless ``psf_fwhm_px`` is given. The covariance is
-    that of least squares with the source's own noise measured from the residuals.
+    ``ends`` (x_a, y_a, x_b, y_b) is a first guess at the ends. ``stars`` are masked. The width of
+    the stars there is taken from ``stars`` unless ``psf_fwhm_px`` is given. The covariance is that
+    of least squares with the source's own noise measured from the residuals.
     """
     middle = 0.5 * (box[0] + box[2]), 0.5 * (box[1] + box[3])
     fwhm = psf_fwhm_px or (stars.fwhm_at(*middle) if stars is not None else 2.5)
@@ -145,7 +146,7 @@ def fit_streak(
 def _seen_again(
     pixels: PixelArray, sky: Background, fit: StreakFit, stars: StarList | None, fwhm: float
 ) -> StreakFit | NoStreak:
-    """The fit, held against the light along it, which may be no streak's."""
+    """Check the fit against the light along it, which may be no streak's."""
     ends, psf_sigma = _ends_of(fit), fwhm / FWHM_PER_SIGMA
     reason = None
     if fit.length_px < AS_CHAINS_FWHM * fwhm:
@@ -162,7 +163,7 @@ def _seen_again(
 def _goes_on(
     pixels: PixelArray, sky: Background, fit: StreakFit, psf_sigma: float
 ) -> tuple[bool, bool]:
-    """Whether there is light beyond either end like that between them."""
+    """True at each end where there is light beyond it like that between both."""
     x_a, y_a, x_b, y_b = _ends_of(fit)
     return (
         goes_on_beyond(pixels, sky, (x_b, y_b, x_a, y_a), psf_sigma),
@@ -175,7 +176,7 @@ def _ends_of(fit: StreakFit) -> Ends:
 
 
 def _extended(fit: StreakFit, goes_on: tuple[bool, bool]) -> Ends:
-    """Ends of the same line, half its length further out where the light goes on."""
+    """Extend the line's ends by half its length where the light goes on."""
     dx, dy = 0.5 * (fit.x_b_px - fit.x_a_px), 0.5 * (fit.y_b_px - fit.y_a_px)
     more_a, more_b = (float(each) for each in goes_on)
     return (
@@ -230,7 +231,7 @@ def _look(
     stars: StarList | None,
     psf_sigma: float,
 ) -> tuple[Cutout, LineGuess, LitStretch] | NoStreak:
-    """Line and rough ends, further out each time the light runs into the cutout's rim."""
+    """Find line and rough ends, further out each time the light runs into the cutout's rim."""
     margin = MARGIN_PX + 6.0 * psf_sigma
     cutout = cut_out(pixels, sky, box, margin, stars)
     looked: tuple[Cutout, LineGuess, LitStretch] | None = None
@@ -263,14 +264,14 @@ def _guess_ends(guess: LineGuess, stretch: LitStretch) -> Ends:
 
 
 def _grown(box: Box, stretch: LitStretch, guess: LineGuess) -> Box:
-    """The box and the stretch, with a quarter of the stretch's length beyond each end."""
+    """Box about the box and the stretch, with a quarter of the stretch beyond each end."""
     more = 0.25 * (stretch.u_b - stretch.u_a)
     further = replace(stretch, u_a=stretch.u_a - more, u_b=stretch.u_b + more)
     return box_about(_guess_ends(guess, further), box)
 
 
 def _axes(cutout: Cutout, guess: LineGuess) -> Axes:
-    """u along and v across for every pixel of the cutout, (h, w) each."""
+    """Coordinates u along and v across for every pixel of the cutout, (h, w) each."""
     height, width = cutout.values.shape
     x = np.arange(width) + (cutout.x0 - guess.x_px)
     y = (np.arange(height) + (cutout.y0 - guess.y_px))[:, None]
@@ -284,7 +285,7 @@ def _leaves_frame(cutout: Cutout, guess: LineGuess, u: float, reach_px: float) -
 
 
 def _describe(cutout: Cutout, guess: LineGuess, fit: LineFit, stretch: LitStretch) -> StreakFit:
-    """The fit in raw pixels; a clipped end stands where the line leaves the frame."""
+    """Return the fit in raw pixels; a clipped end stands where the line leaves the frame."""
     line = fit.line
     is_clipped = line.u_a is None or line.u_b is None
     u_a = _rim(cutout, guess, line, stretch.u_a) if line.u_a is None else line.u_a

@@ -1,7 +1,7 @@
 """A glance along a proposal: light all along some line near it.
 
-A glance costs a small part of a fit's time and so decides what is worth one. Most of what the
-network faintly believes in are a few stars in a row: bright here and there, dark between. Light is
+A glance costs a small part of a fit's time and so decides which proposals are worth one. Most faint
+proposals of the network are a few stars in a row: bright here and there, dark between. Light is
 limited to a few sigmas before it is summed: stars count little, an unbroken line in full.
 """
 
@@ -21,10 +21,10 @@ from rsoconsole.vision.lines.segments import Ends, length_of
 from rsoconsole.vision.stars.star_moments import FWHM_PER_SIGMA
 
 _LIMITS = (-1.5, 4.0)
-"""Of the smoothed signal to noise of a place on the line."""
+"""Limits of the smoothed signal to noise of a place on the line."""
 _OFFSET_PX = 10
 _TURN_PX = 7
-"""Largest error of a proposal's line in its middle, and by its direction at its ends."""
+"""Largest error of a proposal's line, px: in its middle, and by its direction at its ends."""
 _RIM_PX = 4
 _REACH_PX = _OFFSET_PX + _TURN_PX + _RIM_PX
 _STEP_PX = 2
@@ -32,21 +32,21 @@ _SHORTEST_PX = 12
 _COUNTS = 4
 """Step of the places along a line: fewer tables of lines to keep."""
 _NEEDED, _FREE_LOGIT, _NEEDED_PER_LOGIT = 9.0, -4.0, 1.0
-"""A fit is worth its time from here on; more for each unit of the network's log-odds below -4.
-Measured on 92 frames of the calibration split: of 106 streaks that came above tau one was darker,
-and of ten proposals a frame that have hope, 2.1 that are no streak are bright enough."""
+"""Signal to noise from which a fit is worth its time; more for each unit of the network's log-odds
+below -4. Measured on 92 frames of the calibration split: of 106 streaks above tau one was darker,
+and of ten proposals a frame worth considering, 2.1 that are no streak are bright enough."""
 _NEEDED_OF_MOST = 0.9
-"""Of what a line so short can give at most."""
+"""Largest share of the highest value possible at this length that is required."""
 _SMALLEST = 1e-7
 _GLANCE_PX = 300.0
 _NARROW, _RAY_PX = 0.45, 0.55
-"""Of the stars' width, and sigma at most: what fits light better that is narrower than theirs. What
-widens stars alone, wind and drift, leaves a satellite's streak narrower; a ray is a pixel wide."""
+"""Width of the narrower line, as a share of the stars' width and with a largest sigma, px. Wind and
+drift widen stars alone, so that a satellite's streak is narrower; a ray is a pixel wide."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LineSignal:
-    """Light along a line at a glance."""
+    """Signal to noise of the light along a line at a glance."""
 
     value: float
     """Signal to noise of light along the best line, limited; the noise is that of plain sky."""
@@ -54,7 +54,7 @@ class LineSignal:
     """Signal to noise of a line as long, bright all along."""
 
     def is_worth_a_fit(self, network_confidence: float) -> bool:
-        """Whether there is light enough; the less the network believes, the more is asked for."""
+        """True where there is light enough; the less the network believes, the more is required."""
         p = min(max(network_confidence, _SMALLEST), 1.0 - _SMALLEST)
         doubt = max(0.0, _FREE_LOGIT - math.log(p / (1.0 - p)))
         needed = min(_NEEDED + _NEEDED_PER_LOGIT * doubt, _NEEDED_OF_MOST * self.most)
@@ -62,7 +62,7 @@ class LineSignal:
 
 
 def line_signal(pixels: PixelArray, sky: Background, ends: Ends, psf_sigma: float) -> LineSignal:
-    """Light along the best line near ``ends`` (x_a, y_a, x_b, y_b); nothing outside the frame."""
+    """Measure light along the best line near ``ends`` (x_a, y_a, x_b, y_b); 0 outside the frame."""
     length = float(np.clip(length_of(ends), _SHORTEST_PX, LONGEST_PX))
     count = max(int(length) // _STEP_PX // _COUNTS, 1) * _COUNTS + 1
     smooth, is_inside = smoothed_strip(
@@ -88,7 +88,7 @@ def line_signal(pixels: PixelArray, sky: Background, ends: Ends, psf_sigma: floa
 
 @lru_cache(maxsize=16)
 def _lines(count: int) -> IndexArray:
-    """Index in a strip of every place of every line that is tried: (lines, places)."""
+    """Indices in a strip of every place of every line searched: (lines, places)."""
     places = np.arange(count)
     along = np.linspace(-1.0, 1.0, count)
     turns = np.arange(-_TURN_PX, _TURN_PX + 1)[:, None, None]
@@ -104,8 +104,8 @@ def width_at_a_glance(
 ) -> tuple[float, float]:
     """Signal to noise of a line matched to the stars' width, and to a much narrower one.
 
-    What the narrower fits better by far is a cosmic ray or a column of the sensor. Of a long line
-    its middle is looked at.
+    A line that the narrower fits better by far is a cosmic ray or a column of the sensor. Of a long
+    line the middle alone is examined.
     """
     import cv2
 
@@ -134,24 +134,24 @@ def width_at_a_glance(
 
 
 _SURE = 3.0
-"""Sigmas."""
+"""Sigmas from which a difference is sure."""
 _BEYOND_PX = (30.0, 150.0)
-"""How far at least and at most is looked beyond an end."""
+"""Least and largest distance examined beyond an end, px."""
 _LIKE = 0.5
-"""Light beyond an end is more of the same from this share of its level on."""
+"""Share of a line's level from which light beyond an end is more of the same."""
 _SPREAD_OF_NOISE, _SPREAD_OF_LIGHT = 2.4, 1.45
-"""Of the middle half of a line's places: most that noise makes (1.35 on average), and times the
-level what a brightness that comes and goes as a sine makes."""
+"""Limits of the spread of the middle half of a line's places: the largest that noise makes (1.35 on
+average), and, times the level, that of a brightness varying as a sine."""
 _DARK, _GAP_WIDTHS = 0.25, 3.0
-"""Share of a line's level below which it is dark, and the widths of a star from which on a dark
-stretch is a gap."""
+"""Share of a line's level below which it is dark, and star widths from which a dark stretch is a
+gap."""
 
 
 def is_broken(pixels: PixelArray, sky: Background, ends: Ends, psf_sigma: float) -> bool:
-    """Whether what lies between ``ends`` is no one line: a few stars, or light with a gap in it.
+    """True where the light between ``ends`` is no single line: a few stars, or light with a gap.
 
-    Stars spread the middle half of the places further than a tumbling satellite's light does; a
-    gap is a dark stretch longer than stars are wide. Both are held against what noise makes.
+    Stars spread the middle half of the places further than a tumbling satellite's light does; a gap
+    is a dark stretch longer than stars are wide. Both are compared with the effect of noise.
     """
     ridge = ridge_of(pixels, sky, ends, psf_sigma)
     widths_px = FWHM_PER_SIGMA * psf_sigma
@@ -171,7 +171,7 @@ def is_broken(pixels: PixelArray, sky: Background, ends: Ends, psf_sigma: float)
 
 
 def goes_on_beyond(pixels: PixelArray, sky: Background, ends: Ends, psf_sigma: float) -> bool:
-    """Whether the light of a line from a to b goes on beyond b, typically half as bright or more.
+    """True where light from a to b goes on beyond b, typically half as bright or more.
 
     Typical is the median along the line, so that stars in the way say nothing.
     """

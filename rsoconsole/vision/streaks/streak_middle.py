@@ -1,4 +1,4 @@
-"""The middle of a streak whose image shook while it was drawn: ends and light weighed together.
+"""Middle of a streak whose image shook while it was drawn: ends and light weighed together.
 
 The image moves with the wind, stars and satellite alike. Stars show its mean place of the exposure,
 an end of a streak shows where it was at one instant: off by as much as it shook, for the middle
@@ -7,7 +7,7 @@ it lingers and fainter where it hurries. So the profile is taken for a steady li
 along its way is even motion plus a wander w(t) that is 0 in the mean of the exposure: linear in w,
 of which the seeing leaves nothing finer than itself, so that some ten cosines hold it. How far and
 how fast it wanders is not known: each of a few is believed as its likelihood (with least squares
-under a Gaussian prior, Rasmussen & Williams 2006, 2.2). Where nothing shook the ends tell alone.
+under a Gaussian prior, Rasmussen & Williams 2006, 2.2). Where nothing shook the ends alone give it.
 """
 
 import logging
@@ -37,32 +37,34 @@ from rsoconsole.vision.stars.star_moments import FWHM_PER_SIGMA
 log = logging.getLogger(__name__)
 
 _WANDERS = (0.02, 0.25, 0.5, 1.0, 2.0)
-"""One sigma of how far, in sigmas of the stars' disc."""
+"""One sigma of the wander, in sigmas of the stars' disc."""
 _LASTS = (0.05, 0.2)
-"""After what share of the exposure it has forgotten where it was."""
+"""Share of the exposure after which the wander is uncorrelated."""
 _UNSTEADY = 0.03
-"""One sigma of how much brighter a steady light becomes from middle to end; likewise bulges."""
+"""Relative sigma by which a steady light becomes brighter from middle to end; also of bulges."""
 _BEYOND = 4.0
-"""Sigmas of the disc beyond the ends where light still is."""
+"""Distance beyond the ends, in sigmas of the disc, up to which there is light."""
 _FINEST, _MAX_COSINES, _MAX_SOURCES = 1.5, 32, 400
 _MIN_SOURCES, _MIN_COLUMNS = 6, 8
 _LOOKS, _MAX_MOVED, _CLOSE = 2, 2.0, 0.05
-"""Sigmas of the disc by which ends may move a look, and the middle at most; below which they
-stay."""
+"""Number of looks, and limits in sigmas of the disc: the largest move of the middle, and the move
+of the ends below which they stay."""
 _MAX_MISFIT = 2.5
-"""Of more, a star lies on it that is on no list."""
+"""Largest chi-square of a column: above it an unlisted star lies on the streak."""
 _JITTER, _SMALLEST = 1e-6, 1e-9
 _ACROSS, _ALONG = 1.25, 0.85
-"""Sigmas, of the stars' disc, of the Gaussian across in which light is summed, and of the disc of
-an instant: wind widens the stars', and sways the streak."""
+"""Sigma of the Gaussian across in which light is summed, and of the disc at one instant, in sigmas
+of the stars' disc: wind widens the stars and sways the streak."""
 _MAX_ASIDE, _MAX_STEPS = 3.0, 120
-"""Sigmas of the disc that the way may leave the line; and how often it is looked at."""
+"""Largest distance of the path from the line, in sigmas of the disc, and largest number of steps
+along it."""
 _STRAIGHT, _SMOOTH = 0.01, 0.2
-"""Of the typical light: what a sigma off the line costs, and a turn of one to the next column."""
+"""Costs in units of the typical light: of a sigma off the line, and of a turn by one sigma to the
+next column."""
 _SOUGHT, _WANDER = (1, 2), 3
-"""Among the terms: shift and stretch; the first cosine."""
+"""Indices of the terms: shift and stretch; the first cosine."""
 _BELIEVED = 4.0
-"""Samples of the sky beside it that the noise of pixels counts as."""
+"""Number of samples of the sky beside it that the noise of pixels counts as."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -70,17 +72,17 @@ class Middle:
     """Middle of a streak along itself, by ends and light together; px."""
 
     offset_px: float
-    """From the midpoint of the ends that were given, towards the second."""
+    """Distance from the midpoint of the given ends, towards the second, px."""
     sigma_px: float
     length_px: float
-    """Length of the even motion."""
+    """Length of the even motion, px."""
     sigma_length_px: float
 
 
 def with_middle(
     pixels: PixelArray, sky: Background, stars: StarList, streak: Detection
 ) -> Detection:
-    """The streak with its middle by light and ends, where both ends are seen and it shows."""
+    """Streak with its middle by light and ends, where both ends are seen and the light shows it."""
     if streak.kind != "streak" or streak.method != "line":
         return streak
     ends = streak.x_a_px, streak.y_a_px, streak.x_b_px, streak.y_b_px
@@ -108,7 +110,7 @@ def middle_of(
     stars: StarList,
     fwhm_px: float,
 ) -> Middle | None:
-    """Middle of the streak between these ends (x_a, y_a, x_b, y_b); ``fwhm_px``: of the stars.
+    """Find the middle of a streak between ``ends`` (x_a, y_a, x_b, y_b); ``fwhm_px``: of stars.
 
     None where the frame ends with it, stars hide it or are part of its light. The errors take the
     light for steady: they do not hold for what flashes or tumbles.
@@ -156,7 +158,7 @@ def _in_strip(strip: LineStrip, ends: Ends, sigma: float) -> Middle | None:
 def _settled(
     u: FloatArray, light: FloatArray, error: FloatArray, ends: tuple[float, float], sigma: float
 ) -> "tuple[float, float, _Look] | None":
-    """Ends of the even motion, and the last look at them; None where there is none."""
+    """Return the ends of the even motion, and the last look at them; None where there is none."""
     a, b = ends
     found = None
     for _ in range(_LOOKS):
@@ -174,19 +176,19 @@ def _settled(
 
 @dataclass(frozen=True, slots=True)
 class _Wandering:
-    """A way that the image drew as it shook."""
+    """Path that the image drew as it shook."""
 
     rows: FloatArray
-    """Of each column of a strip."""
+    """Row of the path in each column of a strip."""
     away: float = 0.0
-    """Beside it by so much."""
+    """Offset beside the path, rows."""
 
     def at(self, columns: IndexArray) -> FloatArray:
         return np.asarray(self.rows[columns] + self.away)
 
 
 def _way(strip: LineStrip, first: float, last: float, sigma: float) -> _Wandering:
-    """The way from end to end that is brightest, as far as it bends little (Viterbi 1967)."""
+    """Find the brightest path from end to end that bends little (Viterbi 1967)."""
     import cv2
 
     rim = math.ceil(_MAX_ASIDE * sigma)
@@ -217,7 +219,7 @@ def _way(strip: LineStrip, first: float, last: float, sigma: float) -> _Wanderin
 def _beside(
     strip: LineStrip, used: BoolArray, way: _Wandering, sigma: float
 ) -> Iterator[FloatArray]:
-    """Profiles of the sky beside the streak, in its columns; 0 where stars are masked."""
+    """Yield profiles of the sky beside the streak, in its columns; 0 where stars are masked."""
     for away in (3.5 * sigma + 2.0, 5.5 * sigma + 3.0):
         for sense in (-1.0, 1.0):
             aside = replace(way, away=sense * away)
@@ -231,15 +233,15 @@ class _Look:
     value: FloatArray
     variance: FloatArray
     weights: FloatArray
-    """(2, columns) by which they follow from the light."""
+    """(2, columns) weights of the light in them."""
     misfit: float
-    """Chi-square of a column that is left."""
+    """Chi-square left in a column."""
 
 
 def _look(
     u: FloatArray, light: FloatArray, error: FloatArray, ends: tuple[float, float], sigma: float
 ) -> _Look | None:
-    """How the profile lies to even motion between these ends."""
+    """Fit even motion between these ends, and a wander, to the profile."""
     a, b = ends
     sources = int(np.clip(round(b - a), _MIN_SOURCES, _MAX_SOURCES))
     share = (np.arange(sources) + 0.5) / sources
@@ -279,7 +281,7 @@ def _look(
 def _priors(
     normal: FloatArray, right: FloatArray, share: FloatArray, wander: FloatArray, sigma: float
 ) -> tuple[FloatArray, FloatArray]:
-    """(G,) how likely each way of wandering is, and (G, terms, terms) the covariance with it."""
+    """Likelihood of each way of wandering, (G,), and the covariance with it, (G, terms, terms)."""
     cosines = wander.shape[1]
     to_cosines = 2.0 / len(share) * wander
     at = slice(_WANDER, _WANDER + cosines)

@@ -1,10 +1,10 @@
-"""A line of light of any length measured along itself, whatever its brightness does meanwhile.
+"""Measurement of a line of light of any length along itself, however its brightness varies.
 
 The pixels about a proposed line are turned so that it runs along the rows; matched across to the
 frame's own point-spread function they make a profile along it. Where the line runs comes from the
 middles of its parts, its ends from the edges of the lit stretch, and whether its light is a line's
 or that of stars in a row from the parts that are darkest and from what neither a slow change nor
-one period explains. Nothing asks that the light be even.
+one period explains. The light need not be even.
 """
 
 import math
@@ -37,7 +37,7 @@ from rsoconsole.vision.stars.star_moments import FWHM_PER_SIGMA
 _PARTS = 16
 _LIT = 0.4
 _CLIP = 5.0
-"""Sigma of a part that counts at most when the line is looked for: a star is no line."""
+"""Largest signal to noise of a part that counts when the line is searched: a star is no line."""
 _TIMES_TYPICAL, _MAX_SLOPE = 1.5, 0.45
 _ENOUGH_COLUMNS = 24
 _TIMES_LEVEL, _OUT_SIGMA, _MAX_OUT = 3.0, 5.0, 0.4
@@ -49,32 +49,32 @@ _SMALLEST = 1e-9
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Trace:
-    """A measured line; pixels of the frame, 0-based."""
+    """Measured line; pixels of the frame, 0-based."""
 
     x_a_px: float
     y_a_px: float
     x_b_px: float
     y_b_px: float
     is_open: tuple[bool, bool]
-    """Whether the line leaves the frame at a, at b."""
+    """True where the line leaves the frame at a, at b."""
     width_px: float
-    """Full width at half maximum across."""
+    """Full width at half maximum across, px."""
     snr: float
     """Signal to noise of all its light, matched across, masked stars left out."""
     sigma_end_px: tuple[float, float]
     sigma_across_px: float
-    """One sigma of the line's place in its middle."""
+    """One sigma of the line's place in its middle, px."""
     sigma_angle_deg: float
     lower_quartile_snr: float
-    """Signal to noise of the whole, were all its parts like their lower quartile."""
+    """Signal to noise of the whole line if all its parts were like their lower quartile."""
     roughness: float
     """Scatter of the parts over their mean that neither a slow change nor one period explains."""
     confusion: float
     """Scatter of the sky beside the line over its pixels' noise: faint stars are part of it."""
     beyond: float
-    """Light beyond the ends over that within, the brighter side."""
+    """Light beyond the ends over that within, on the brighter side."""
     over_points: float
-    """Chi-square that one line explains better than a few stars in a row; of a short one."""
+    """Chi-square that one line explains better than a few stars in a row; for a short one."""
 
 
 def trace_line(
@@ -88,8 +88,8 @@ def trace_line(
 ) -> Trace | None:
     """Measure the light along a line from a to b, ``ends`` (x_a, y_a, x_b, y_b), a few px off.
 
-    ``pixels`` (height, width), ADU; ``off_px``: how far off it may be, at its middle and at its
-    ends. None where no line stands out there.
+    ``pixels`` (height, width), ADU; ``off_px``: its largest distance from there, at its middle and
+    at its ends. None where no line stands out there.
     """
     sigma = math.sqrt((psf_fwhm_px / FWHM_PER_SIGMA) ** 2 + INTERPOLATED_VARIANCE)
     strip = strip_about(pixels, sky, ends, stars, sigma)
@@ -109,7 +109,7 @@ def trace_line(
 def _looked(
     strip: LineStrip | None, ends: Ends, sigma: float, off_px: float, trail: Trail | None
 ) -> tuple[Trace | None, bool]:
-    """One look at a strip, and whether the light goes on where the strip ends."""
+    """Trace of one look at a strip, and True where the light goes on at the strip's end."""
     if strip is None:
         return None, False
     length = length_of(ends)
@@ -144,7 +144,8 @@ def _looked(
 def _mask_bright(strip: LineStrip, inside: BoolArray, sigma: float, off_px: float) -> None:
     """Mask pixels far brighter than most of the line, and a star's width about them.
 
-    Stars that touch another light are on no list. Unless they are much of the line: its flashes.
+    Stars that touch another light are on no list. Where they are much of the line they are its
+    flashes and stay.
     """
     import cv2
 
@@ -182,7 +183,7 @@ def _mask_what_stands_out(strip: LineStrip, profile: LineProfile, lit: tuple[flo
 def _course(
     strip: LineStrip, columns: IndexArray, inside: BoolArray, sigma: float, off_px: float
 ) -> Course:
-    """The line on which the limited light of a proposal's parts adds up to most."""
+    """Find the line on which the limited light of a proposal's parts adds up to most."""
     import cv2
 
     middle = float(columns[inside].mean())
@@ -243,7 +244,7 @@ def _lit_stretch(profile: LineProfile, middle: float, half: float) -> tuple[floa
 def _better(
     strip: LineStrip, columns: IndexArray, inside: BoolArray, course: Course, sigma: float
 ) -> Course:
-    """The line through the middles of the lit parts, and its errors."""
+    """Fit the line through the middles of the lit parts, with its errors."""
     middle = float(columns[inside].mean())
     start = Course(
         middle, float(course.at(middle)), course.slope, course.sigma_offset, course.sigma_slope
@@ -346,7 +347,7 @@ def _described(
 
 
 def _edge(profile: LineProfile, place: float, sense: int, length: float) -> tuple[float, float]:
-    """Where the light begins (``sense`` 1) or ends (-1) near a place, and one sigma of that.
+    """Place where the light begins (``sense`` 1) or ends (-1) near a given one, and its sigma.
 
     The step, blurred as stars are, that explains most of the light about it; its height is free.
     """
@@ -420,7 +421,7 @@ def _beyond(
     typical: float,
     is_open: tuple[bool, bool],
 ) -> float:
-    """The brighter of both sides beyond the ends, its median over the level; 0: none is seen."""
+    """Median light beyond the ends over the level, on the brighter side; 0: none is seen."""
     most, reach = 0.0, 6.0 + max(0.3 * (ends[1] - ends[0]), 30.0)
     for away, is_out in (
         (ends[0] - profile.columns, is_open[0]),
