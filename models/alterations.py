@@ -24,13 +24,13 @@ from rsoconsole.simulator import (
 )
 
 FWHM_PX = (1.0, 5.5)
-"""Of the stars in the working frame."""
+"""Full width at half maximum of the stars in the working frame."""
 RING_PX = (1.0, 3.0)
-"""Radius of what a star out of focus is in the working frame."""
+"""Radius of the ring of a star out of focus in the working frame."""
 _FINE_FWHM_PX = 3.5
-"""At a block of 2 a wider star would fill the map."""
+"""Largest FWHM at a block of 2: a wider star would fill the map."""
 _DRIFT_UNITS, _WIND_UNITS = (0.1, 1.2), (0.05, 0.4)
-"""Longer paths draw stars out to trails: fields of the kind ``trailed stars``."""
+"""Lengths of paths; longer ones draw stars out to trails: fields of the kind ``trailed stars``."""
 _EXPOSURE_S = 10.0
 _STEPS = 129
 _STRIPES_SIGMA = (0.1, 2.0)
@@ -104,7 +104,7 @@ def stripes(canvas: Canvas, rng: np.random.Generator) -> dict[str, Any]:
 
 
 def motion(canvas: Canvas, rng: np.random.Generator) -> FloatArray | None:
-    """(2, m) path of the whole image, stars and satellites alike, in one field of five.
+    """Path of the whole image, (2, m), stars and satellites alike, in one field of five.
 
     Drift along a line, or wind: a random walk that is pulled back (Ornstein and Uhlenbeck), as
     ``simulator/camera/motion.py`` has it. Its mean is nothing.
@@ -130,7 +130,7 @@ def motion(canvas: Canvas, rng: np.random.Generator) -> FloatArray | None:
 
 
 def stands(path_px: FloatArray, canvas: Canvas) -> FloatArray:
-    """Where the image stood on this path, and for how long: ``FieldContent.stands``."""
+    """Places of the image on this path with their shares of the time: ``FieldContent.stands``."""
     moved = ImageMotion(dx_px=path_px[0], dy_px=path_px[1], turn_rad=np.zeros(path_px.shape[1]))
     return moved.stands(canvas.fwhm_px / FWHM_PER_SIGMA, 0.5 * canvas.diagonal_px)
 
@@ -160,7 +160,7 @@ def covered(stars: Points, path_px: FloatArray, canvas: Canvas, rng: np.random.G
 
 
 def gaps(length_cells: float, rng: np.random.Generator) -> FloatArray:
-    """(m,) brightness of a satellite's streak over which covered trails lie; mostly 1."""
+    """Brightness, (m,), of a satellite's streak over which covered trails lie; mostly 1."""
     steps = 256
     curve = np.ones(steps)
     for _ in range(int(rng.poisson(0.08 * min(length_cells, 60.0)))):

@@ -46,11 +46,11 @@ class Scene:
     sensor: SensorModel
     content: FieldContent
     motion: ImageMotion | None = None
-    """Of the whole image, stars and satellite alike."""
+    """Motion of the whole image, stars and satellite alike."""
     brightness: FloatArray | None = None
-    """Of the satellite along its streak."""
+    """Brightness of the satellite along its streak."""
     others: tuple[Streak, ...] = ()
-    """Beside it: they count neither as found nor as false."""
+    """Further streaks beside it: they count neither as found nor as false."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -60,15 +60,15 @@ class Family:
     title: str
     low: float
     high: float
-    """Of the severity."""
+    """Upper bound of the severity."""
     alter: Callable[[Scene, float, Rng], Scene]
     sensor: Callable[[float], SensorModel] = lambda _: QUARTER
-    """Where the severity is the camera's."""
+    """Sensor by severity, where that is the camera's."""
     is_counted: bool = False
-    """Whether the severity is a whole number."""
+    """True where the severity is a whole number."""
     length_px: tuple[float, float] = LENGTH_PX
     snr: tuple[float, float] = SNR
-    """Integrated; both log-uniform."""
+    """Range of the integrated SNR; length and SNR are log-uniform."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -80,7 +80,7 @@ class Truth:
     x_b_px: float
     y_b_px: float
     snr: float
-    """Integrated."""
+    """Integrated SNR."""
     severity: float
 
 
@@ -120,7 +120,7 @@ def windy(scene: Scene, rms_px: float, rng: Rng) -> Scene:
 
 
 def striped(scene: Scene, sigma: float, rng: Rng) -> Scene:
-    """Rows by the severity, columns by half of it, in units of a pixel's noise."""
+    """Add offsets to rows by the severity, to columns by half of it, in sigmas of a pixel."""
     noise_e = noise_electrons(scene.sensor, scene.content)
     rows = rng.normal(0.0, sigma * noise_e, scene.sensor.height_px).astype(np.float32)
     columns = rng.normal(0.0, 0.5 * sigma * noise_e, scene.sensor.width_px).astype(np.float32)
@@ -156,7 +156,7 @@ def moonlit(scene: Scene, times: float, rng: Rng) -> Scene:
 
 
 def crossed(scene: Scene, count: float, rng: Rng) -> Scene:
-    """Trails right through the frame, as bright as the satellite or brighter."""
+    """Add trails right through the frame, as bright as the satellite or brighter."""
     sensor, others = scene.sensor, []
     reach = math.hypot(sensor.width_px, sensor.height_px)
     for _ in range(round(count)):
@@ -188,7 +188,7 @@ def plain(scene: Scene, _severity: float, _: Rng) -> Scene:
 
 
 def joined(factor: float) -> SensorModel:
-    """Binned, at the same number of pixels."""
+    """Sensor binned by this factor, at the same number of pixels."""
     n = round(factor)
     return replace(
         QUARTER,
@@ -290,7 +290,7 @@ def draw_altered(split: Split, number: int) -> TrueFrame:
 
 
 def family_of(number: int) -> str:
-    """Of one of the altered frames."""
+    """Family of one of the altered frames."""
     turns = (*FAMILIES, *(_RESHAPING * _MORE_OF_THEM))
     return turns[number % len(turns)]
 
@@ -359,7 +359,7 @@ def _drawn(name: str, number: int, split: Split) -> tuple[Frame, Truth, Scene]:
 
 
 def _place(sensor: SensorModel, length_px: float, rng: Rng) -> FloatArray:
-    """(2, 2): both ends, inside the frame."""
+    """Ends of a streak, (2, 2), inside the frame."""
     while True:
         angle = float(rng.uniform(0.0, 2.0 * math.pi))
         half = 0.5 * length_px * np.array([math.cos(angle), math.sin(angle)])
@@ -370,7 +370,7 @@ def _place(sensor: SensorModel, length_px: float, rng: Rng) -> FloatArray:
 
 
 def _is_as_stars(scene: Scene, ends: FloatArray) -> bool:
-    """Whether a streak differs from the stars' trails by less than two widths of a star."""
+    """True where a streak differs from the stars' trails by less than two widths of a star."""
     if scene.motion is None:
         return False
     dx, dy = scene.motion.dx_px, scene.motion.dy_px
@@ -380,12 +380,12 @@ def _is_as_stars(scene: Scene, ends: FloatArray) -> bool:
 
 
 def _before_motion(scene: Scene, ends: FloatArray) -> FloatArray:
-    """Ends without what the image moves, so that with it the streak is as long as was asked."""
+    """Ends less the image's motion, so that with it the streak is as long as was asked."""
     return ends - _shifts(scene)
 
 
 def _path(scene: Scene, ends: FloatArray) -> Streak:
-    """With one electron."""
+    """Streak with one electron."""
     x, y = (np.linspace(ends[0, axis], ends[1, axis], _STEPS) for axis in (0, 1))
     if scene.motion is not None:
         x, y = x + scene.motion.dx_px, y + scene.motion.dy_px
@@ -393,7 +393,7 @@ def _path(scene: Scene, ends: FloatArray) -> Streak:
 
 
 def _lit(scene: Scene, path: Streak, length_px: float, wanted: float) -> tuple[Streak, float]:
-    """With the light that makes the integrated SNR; what a few steps come to."""
+    """Streak with the light for the wanted integrated SNR, and the SNR that a few steps reach."""
     sensor, content = scene.sensor, scene.content
     noise_e = noise_electrons(sensor, content)
     light = wanted * noise_e * math.sqrt(length_px * content.fwhm_px) * 1.5
@@ -416,7 +416,7 @@ def _truth_ends(scene: Scene, ends: FloatArray) -> tuple[tuple[float, float], tu
 
 
 def _shifts(scene: Scene) -> FloatArray:
-    """(2, 2): what the image's motion moves both ends, on average."""
+    """Mean shifts of both ends, (2, 2), by the image's motion."""
     shifts = np.zeros((2, 2))
     if scene.motion is not None:
         t = np.linspace(-1.0, 1.0, _STEPS)

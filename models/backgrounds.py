@@ -28,7 +28,7 @@ SMALLEST_PX = 240
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Background:
-    """One file."""
+    """One file of pictures of the real sky."""
 
     name: str
     camera: str
@@ -36,9 +36,9 @@ class Background:
     source: str
     split: Split
     images: tuple[int | str, ...] = (0,)
-    """Those of a FITS file, by number or name."""
+    """Images of a FITS file, by number or name."""
     inner: tuple[int, int, int, int] | None = None
-    """Left, top, right, bottom of what the sky lit; None: all of it."""
+    """Left, top, right, bottom of the part that the sky lit; None: all of it."""
     trails: tuple[Ends, ...] = ()
     """Satellites, aircraft, meteors in it: neither asked for nor a fault (x, y, x, y in px)."""
 
@@ -131,7 +131,7 @@ BACKGROUNDS: tuple[Background, ...] = (
         split="real-test",
     ),
 )
-"""Cameras whose frames tests hold the detector against are for judging alone."""
+"""Known files. Cameras whose frames tests hold the detector against are for judging alone."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -140,11 +140,11 @@ class Plane:
 
     camera: str
     pixels: Float32Array
-    """(height, width), ADU."""
+    """Pixels (height, width), ADU."""
     fwhm_px: float
     """Width of its stars."""
     trails: tuple[Ends, ...]
-    """In its pixels."""
+    """Trails in it, in its pixels."""
 
 
 def find(folder: Path) -> tuple[dict[str, Path], list[str]]:
@@ -205,7 +205,7 @@ def _read(path: Path, entry: Background) -> list[Float32Array]:
 
 
 def _joined(entry: Background, pixels: Float32Array) -> Plane:
-    """As ``vision/detector/working_frame.py`` joins pixels: until stars are about three wide."""
+    """Picture with pixels joined as in the working frame: until stars are about three wide."""
     import cv2
 
     pixels = np.nan_to_num(pixels, nan=float(np.nanmedian(pixels)))

@@ -13,9 +13,9 @@ from models.turning import cropped, turned
 
 Float32Array = npt.NDArray[np.float32]
 BATCH = 16
-"""Crops of one step."""
+"""Number of crops in one step."""
 CROP_CELLS = 128
-"""Side of what is learnt from at once: multiples of 32."""
+"""Side of a crop: a multiple of 32."""
 _SHARE_CUT = 0.12
 _SHARE_AIMED = 0.5
 _SHARE_DIMMED = 0.5
@@ -59,7 +59,7 @@ def _crop(field: Field, side: int, rng: np.random.Generator) -> Field:
 
 
 def _start(one: float, other: float, side: int, spare: int, rng: np.random.Generator) -> int:
-    """Of a crop with the middle of a streak in it; a long one whole, where it fits."""
+    """Start of a crop with the middle of a streak in it; a long one whole, where it fits."""
     first = last = int((one + other) / 2)
     if side / 2 < abs(one - other) < side - 2:
         first, last = int(min(one, other)), int(max(one, other)) + 1

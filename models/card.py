@@ -229,7 +229,7 @@ def _training(card: Any) -> str:
 
 
 def read_json(path: Path) -> Any:
-    """None where there is no such file."""
+    """Content of a JSON file; None where there is no such file."""
     return json.loads(path.read_text(encoding="utf-8")) if path.exists() else None
 
 

@@ -111,7 +111,7 @@ def entry(rows: Sequence[FrameRow], one_in: int | None = None) -> dict[str, Any]
 
 
 def _say(fitted: dict[str, Any]) -> None:
-    """In words, what the curve does not keep."""
+    """Print what the curve does not keep."""
     for kind, keeps in fitted["keeps_false_alarms"].items():
         if not keeps:
             print(f"{kind} frames: more false ones above tau are expected than allowed")

@@ -34,7 +34,7 @@ SHARES: Mapping[str, float] = {
     "jitter": 0.01,
     "rays": 0.01,
 }
-"""Of all frames, the stated population."""
+"""Shares of the kinds in all frames, the stated population."""
 FRAMES_PER_SATELLITE = (2, 3, 5, 10, 20, 30, 50, 100, 200, 300, 400, 500, 1000)
 """Clear or cloudy frames for each that holds one to three satellites: the numbers to try."""
 ALTERED_PER_SATELLITE = 4
@@ -44,13 +44,13 @@ FALSE_PER_ORDINARY, FALSE_PER_HARD = 0.5 / 1000.0, 1.3 / 100.0
 """Expected above tau: well below what is promised, since the rows of the fit predict it."""
 ORDINARY: tuple[Kind, ...] = ("empty", "satellites")
 HARD_COUNTS = 0.3
-"""How much a false candidate of a hard frame counts in the weights: there are dozens a frame."""
+"""Weight of a false candidate of a hard frame in the fit of the weights: there are dozens each."""
 _AT_TAU = math.log(TAU / (1.0 - TAU))
 _FOR = ("network", "log_snr", "steady", "extent", "one_line", "like_line")
 _EITHER = ("constant", "blurred", "drifted")
 _CONSTANTS = [FEATURES.index(f"{way}constant") for way in IMAGE_KINDS]
 _MIN_TRUE = 12
-"""Satellites in frames that show stars in one way: of fewer its weights cannot be told."""
+"""Least number of satellites in frames that show stars in one way: fewer give no weights."""
 _RIDGE, _HELD = 0.1, 1e-7
 
 
@@ -59,7 +59,7 @@ class Candidates:
     """The candidates of many frames; one entry each."""
 
     features: FloatArray
-    """(n, features)"""
+    """Features of the candidates, (n, features)."""
     is_true: BoolArray
     kind: tuple[Kind, ...]
     frame: npt.NDArray[np.int64]
@@ -68,7 +68,7 @@ class Candidates:
     """Number of frames of each kind that were looked at."""
 
     def only(self, chosen: BoolArray, frames: Mapping[Kind, int]) -> "Candidates":
-        """Some of them, and the number of frames that they are from."""
+        """Subset of the candidates, and the number of frames that they are from."""
         return Candidates(
             features=self.features[chosen],
             is_true=self.is_true[chosen],
@@ -78,7 +78,7 @@ class Candidates:
         )
 
     def of_kind(self, *kinds: Kind) -> BoolArray:
-        """Mask of those from frames of these kinds."""
+        """Mask of the candidates from frames of these kinds."""
         return np.array([kind in kinds for kind in self.kind], dtype=bool)
 
 
@@ -86,7 +86,7 @@ def gathered(rows: Sequence[FrameRow]) -> Candidates:
     """All candidates that a confidence counts for: those not refused after it.
 
     A steady light of an aircraft that the frame cuts at both ends counts neither way: it is a trail
-    of the sky, starts no track, and what it is its class tells.
+    of the sky, starts no track, and its class says what it is.
     """
     features, is_true, kinds, frames = [], [], [], []
     for number, row in enumerate(rows):
@@ -106,7 +106,7 @@ def gathered(rows: Sequence[FrameRow]) -> Candidates:
 
 
 def counts(row: FrameRow, candidate: CandidateRow) -> bool:
-    """Whether a candidate is one of those that confidence is fitted and judged on."""
+    """True where confidence is fitted and judged on a candidate."""
     is_light = row["kind"] == "aircraft" and candidate["measured"].get("kind") == "crossing"
     return candidate["is_taken"] and not is_light
 
@@ -133,7 +133,7 @@ def fit_weights(
 ) -> FloatArray:
     """Weights by maximum likelihood, a little held back to zero, each of the sign it must have.
 
-    ``counts``: how much each row counts; alike unless told.
+    ``counts``: how much each row counts; alike by default.
     """
     times = np.ones(len(is_true)) if counts is None else counts
     sign = np.where(is_true, 1.0, -1.0)
@@ -153,7 +153,7 @@ def fit_weights(
 
 
 def _bounds(name: str) -> tuple[float | None, float | None]:
-    """Which sign a weight may have."""
+    """Bounds of a weight by the sign that it may have."""
     return (0.0, None) if name in _FOR else (None, None) if name in _EITHER else (None, 0.0)
 
 
@@ -204,7 +204,7 @@ class FittedCurve:
 def fit_curve(them: Candidates, frames_per_satellite: int | None = None) -> FittedCurve:
     """The curve in a population with this prevalence, or with the highest that serves.
 
-    That is the first tried at which tau keeps ordinary and hard frames alike, or else the ordinary
+    That is the first one at which tau keeps ordinary and hard frames alike, or else the ordinary
     ones; where none does, the lowest.
     """
     is_easy = them.is_true | ~them.of_kind(*HARD)
@@ -258,7 +258,7 @@ def out_of_fold(rows: Sequence[FrameRow], frames_per_satellite: int, folds: int 
 def reliability(
     confidence: FloatArray, is_true: BoolArray, weights: FloatArray, bins: int = 10
 ) -> list[dict[str, Any]]:
-    """By bins of confidence: rows, mean confidence and share of true ones, both weighed."""
+    """Rows by bins of confidence: number, mean confidence and share of true ones, both weighed."""
     table = []
     inner = np.minimum((confidence * bins).astype(int), bins - 1)
     for index in range(bins):

@@ -24,21 +24,21 @@ FIELDS_PER_SHARD = 50
 SEED = 20261121
 SHARDS = {"train": 300, "calibrate": 20, "test": 20}
 REAL_SHARDS = {"real-train": 24, "real-test": 8}
-"""On pictures of the real sky, where there are any."""
+"""Number of shards on pictures of the real sky, where there are any."""
 SPLITS = {"train": 1, "calibrate": 2, "test": 3, "real-train": 11, "real-test": 12}
 BLOCKS = (8, 4, 8, 2, 8, 8, 4, 8, 8, 8, 8, 4, 8, 2, 8, 8, 16, 8, 8, 8)
 """Blocks of successive shards: mostly that of the paper's telescope."""
 RUN = Path("models/runs/third")
-"""Where training keeps what it draws and learns unless told otherwise."""
+"""Default folder of what training draws and learns."""
 
 
 def shard_path(folder: Path, split: str, number: int) -> Path:
-    """Where one shard lies."""
+    """Path of one shard."""
     return folder / f"{split}-{number:04d}.npz"
 
 
 def real_shards(folder: Path | None) -> dict[str, int]:
-    """Number of shards of each split of real pictures; tells what is used and what is not."""
+    """Number of shards of each split of real pictures; prints what is used and what is not."""
     if folder is None:
         return {}
     _, unknown = backgrounds.find(folder)

@@ -16,7 +16,7 @@ from rsoconsole.simulator import FWHM_PER_SIGMA, WINGS, Streak, annulus, straigh
 
 FloatArray = npt.NDArray[np.float64]
 Points = tuple[FloatArray, FloatArray, FloatArray]
-"""x, y (pixels) and electrons of each."""
+"""Places x, y (pixels) and electrons of points."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -29,12 +29,12 @@ class Canvas:
     noise_e: float
     """One sigma of one pixel of empty sky."""
     unit_px: float = 8.0
-    """What grows with the focal length: a fifteenth of a geostationary streak."""
+    """Length that grows with the focal length: a fifteenth of a geostationary streak."""
     defocus_px: float = 0.0
 
     @property
     def diagonal_px(self) -> float:
-        """From corner to corner."""
+        """Length from corner to corner."""
         return float(np.hypot(self.width_px, self.height_px))
 
     def line_e_per_px(self, peak_snr: float, fwhm_px: float | None = None) -> float:
@@ -202,7 +202,7 @@ def close_stars(canvas: Canvas, rng: np.random.Generator) -> Points:
 
 
 def wander(canvas: Canvas, rng: np.random.Generator) -> FloatArray:
-    """(2, m) path of every star where the mount does not follow: drift, arc, hook or shaking."""
+    """Path (2, m) of every star where the mount does not follow: drift, arc, hook or shaking."""
     length = canvas.unit_px * (
         log_uniform(rng, 1.0, 8.0) if rng.random() < 0.6 else log_uniform(rng, 6.0, 45.0)
     )

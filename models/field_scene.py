@@ -40,7 +40,7 @@ from rsoconsole.simulator import FWHM_PER_SIGMA, FieldContent, SensorModel, Stre
 from rsoconsole.vision import find_pattern, make_map
 
 _SHARES = (0.62, 0.08, 0.11, 0.10, 0.06, 0.03)
-"""How often each of ``KINDS`` is drawn."""
+"""Share of each of ``KINDS`` in the fields."""
 _SATELLITE_SHARE = {
     "ordinary": 1.0,
     "empty": 0.0,
@@ -51,7 +51,7 @@ _SATELLITE_SHARE = {
 }
 _MAX_STAR_POINTS = 150_000
 _COVERED_SHARE = 0.5
-"""Of hard fields with trailed stars, those where they have been covered with sky."""
+"""Share of hard fields with trailed stars in which these have been covered with sky."""
 
 
 def draw_sensor(block: int, rng: np.random.Generator, *, is_hard: bool = True) -> SensorModel:
@@ -185,7 +185,7 @@ def _canvas(
 
 
 def _stars(canvas: Canvas, block: int, rng: np.random.Generator, *, is_hard: bool) -> Points:
-    """x, y and electrons of stars: a power law in flux, a log-uniform density."""
+    """Places x, y and electrons of stars: a power law in flux, a log-uniform density."""
     low, high = (0.004, 0.5) if is_hard else (0.02, 0.3)
     cells = canvas.width_px * canvas.height_px / block**2
     count = int(rng.poisson(log_uniform(rng, low, high) * cells))
@@ -199,7 +199,7 @@ def _stars(canvas: Canvas, block: int, rng: np.random.Generator, *, is_hard: boo
 def _trailed(
     stars: Points, path_px: FloatArray, canvas: Canvas, rng: np.random.Generator
 ) -> Points:
-    """Stars enough to be seen as many alike, bright enough to be seen though drawn out."""
+    """Trailed stars, enough to be seen as many alike, bright enough though drawn out."""
     length = float(np.hypot(*np.diff(path_px, axis=1)).sum())
     most = int(min(log_uniform(rng, 200, 2500), _MAX_STAR_POINTS / max(length, 2.0)))
     x, y, electrons = stars
@@ -241,7 +241,7 @@ def _mimics(stars: Points, canvas: Canvas, rng: np.random.Generator) -> tuple[Po
 def _rays(
     kind: Kind, block: int, canvas: Canvas, rng: np.random.Generator, *, is_hard: bool
 ) -> dict[str, Any]:
-    """Cosmic rays: how many, how wide, how long."""
+    """Number, width and length of cosmic rays."""
     # Tracks keep their length in pixels: the same number would fill a small field.
     size = (block / 8) ** 1.3
     if kind == "rays":

@@ -19,18 +19,18 @@ KINDS: tuple[Kind, ...] = ("ordinary", "empty", "trailed stars", "aircraft", "ra
 FloatArray = npt.NDArray[np.float64]
 
 SHORTEST_CELLS = {2: 9.0, 4: 5.0, 8: 3.5, 16: 3.5}
-"""By block: a shorter visible part is neither asked for nor held against the network. At a block
-of 2 cosmic rays are as long and as bright."""
+"""Least visible length by block: a shorter part is neither asked for nor held against the
+network. At a block of 2 cosmic rays are as long and as bright."""
 SHORTEST_PAPER_CELLS = 6.0
 SHORT_CELLS = 6.0
-"""A shorter one has to be bright to be told from two close stars."""
+"""Length below which a streak has to be bright to differ from two close stars."""
 LONGEST_CELLS = 75.0
-"""Of most; of the hard ones some reach from corner to corner."""
+"""Longest of most streaks; of the hard ones some reach from corner to corner."""
 DIAGONAL_CELLS = FIELD_CELLS * 2.0**0.5
 FAINTEST_SNR = 12.0
-"""Integrated: so faint a streak is drawn, and asked for where it is long."""
+"""Least integrated SNR of a streak drawn, and asked for where it is long."""
 _FAINTEST_BIN_SNR = 0.8
-"""Light so thin is in no cell of the map, however long the streak."""
+"""Signal to noise below which light is in no cell of the map, however long the streak."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -44,13 +44,13 @@ class TrueStreak:
     peak_snr: float
     """Its ridge over the noise of one pixel, mean along it, clouds and light curve included."""
     integrated_snr: float
-    """Matched, of what lies in the field."""
+    """Matched SNR of the part in the field."""
     is_asked: bool
     """False: too faint or too little of it in the field; finding it is no fault either."""
 
     @property
     def length(self) -> float:
-        """Cells from end to end."""
+        """Length from end to end, cells."""
         return float(np.hypot(self.x_b - self.x_a, self.y_b - self.y_a))
 
 
@@ -110,7 +110,7 @@ def cut_ends(segment: tuple[float, float, float, float], width: float, height: f
 def is_asked_for(
     peak_snr: float, integrated_snr: float, visible_cells: float, mode: MapMode, block: int
 ) -> bool:
-    """Whether a detector that sees only the map can fairly be asked for this streak."""
+    """True where a detector that sees only the map can fairly be asked for this streak."""
     if mode == "paper":
         return visible_cells >= SHORTEST_PAPER_CELLS and peak_snr >= 3.0
     if visible_cells < SHORTEST_CELLS[block]:

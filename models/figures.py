@@ -1,4 +1,4 @@
-"""From rows of looked-at frames to figures with exact 95 % intervals: numbers in, numbers out."""
+"""Figures with exact 95 % intervals from rows of judged frames: numbers in, numbers out."""
 
 from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
@@ -34,16 +34,16 @@ class Trail:
     number: int
     true: TrailRow
     confidence: float
-    """Of the likeliest candidate on it; 0 without one."""
+    """Confidence of the likeliest candidate on it; 0 without one."""
     error_px: float | None
-    """Of that candidate's midpoint."""
+    """Error of that candidate's midpoint."""
 
     def is_found(self, tau: float) -> bool:
-        """Whether a detection lies on it."""
+        """True where a detection lies on it."""
         return self.confidence > tau
 
     def lost(self) -> str:
-        """Why not, where none does."""
+        """Reason why no detection lies on it."""
         return self.true["lost"] if self.confidence <= 0.0 else BELOW_TAU
 
 
@@ -116,7 +116,7 @@ def outcome_of(rows: Sequence[FrameRow], curve: ConfidenceCurve, tau: float) -> 
 
 
 def figures(rows: Sequence[FrameRow], curve: ConfidenceCurve, card: Any, tau: float) -> Any:
-    """All that the model card tells of the whole path, as plain numbers."""
+    """All figures of the whole path in the model card, as plain numbers."""
     seen = outcome_of(rows, curve, tau)
     whole = [t for t in seen.trails if t.kind == "satellites" and not t.true["is_cut"]]
     cut = [t for t in seen.trails if t.kind == "satellites" and t.true["is_cut"]]
@@ -237,7 +237,7 @@ def _losses(trails: Sequence[Trail], tau: float, snr: tuple[float, float]) -> di
 
 
 def _reliability(rows: Sequence[FrameRow], curve: ConfidenceCurve, one_in: int | None) -> Any:
-    """In the stated population; None where the card states none."""
+    """Reliability in the stated population; None where the card states none."""
     if one_in is None:
         return None
     them = gathered(rows)

@@ -1,4 +1,4 @@
-"""Whole frames of the paper's telescope with their truth: what is calibrated and measured on.
+"""Whole frames of the paper's telescope with their truth, for calibration and measurement.
 
 A frame is a pure function of (split, kind, number): the real sky about the geostationary belt
 (``simulator.scene``), a random place, night, seeing and sky, drawn by the simulated camera's own
@@ -37,7 +37,7 @@ from rsoconsole.sky import iso_to_utc_ns, tan_wcs
 Split = Literal["calibrate", "test"]
 Kind = Literal["empty", "satellites", "clouds", "aircraft", "jitter", "rays", "altered"]
 KINDS: tuple[Kind, ...] = ("empty", "satellites", "clouds", "aircraft", "jitter", "rays")
-"""Those of the paper's telescope as it should be; ``models.altered`` draws the altered ones."""
+"""Kinds of frames of the paper's telescope as it should be; ``models.altered`` has the others."""
 HARD: tuple[Kind, ...] = ("aircraft", "jitter", "rays")
 """Kinds without a satellite that hold what is easily taken for one."""
 EXPOSURE_S = 10.0
@@ -49,13 +49,13 @@ _SEED = 20270301
 _SPLITS: dict[Split, int] = {"calibrate": 11, "test": 12}
 _YEARS: dict[Split, int] = {"calibrate": 2023, "test": 2025}
 _BANDS_DEG: dict[Split, tuple[float, float]] = {"calibrate": (1.5, 13.5), "test": (16.5, 28.5)}
-"""Of every 30 deg of right ascension; a field reaches 1.03 deg from its middle."""
+"""Bands in every 30 deg of right ascension; a field reaches 1.03 deg from its middle."""
 _BAND_STEP_DEG = 30.0
 _DEC_DEG = 10.0
-"""The shipped catalogue ends at 12 deg."""
+"""Largest declination of a field: the shipped catalogue ends at 12 deg."""
 _CUT_SHARE = 0.08
 _APART_PX, _CLUSTER_TURN = (40.0, 900.0), 0.003
-"""Of neighbours in one slot of the belt; one sigma of their directions, rad."""
+"""Distances of neighbours in one slot of the belt; one sigma of their directions, rad."""
 _MIDNIGHT_UT_H = 81.05 / 15.0
 _MARCH_EQUINOX_DAY = 80.0
 
@@ -75,7 +75,7 @@ class TrueTrail:
 
     @property
     def length_px(self) -> float:
-        """From end to end, of the visible part."""
+        """Length of the visible part from end to end."""
         return math.hypot(self.x_b_px - self.x_a_px, self.y_b_px - self.y_a_px)
 
     @property
@@ -207,7 +207,7 @@ def _with_satellites(
 
 
 def _length_px(rng: np.random.Generator) -> float:
-    """Of one streak: geostationary every other time."""
+    """Length of one streak: geostationary every other time."""
     if rng.random() < 0.5:
         return GEO_PX
     return float(np.exp(rng.uniform(*np.log(LENGTH_PX))))
@@ -255,7 +255,7 @@ def noise_electrons(
     x_px: float | None = None,
     y_px: float | None = None,
 ) -> float:
-    """One sigma of a pixel without a star, electrons; in the middle of the frame unless told."""
+    """One sigma of a pixel without a star, electrons; in the middle of the frame by default."""
     x = 0.5 * (sensor.width_px - 1) if x_px is None else x_px
     y = 0.5 * (sensor.height_px - 1) if y_px is None else y_px
     place: tuple[FloatArray, FloatArray] = np.array([x]), np.array([y])

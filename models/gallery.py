@@ -13,12 +13,12 @@ from models.frames import Kind, draw
 ByteArray = npt.NDArray[np.uint8]
 
 COLUMNS, ROWS = 6, 2
-"""Of misses, and of false alarms below them."""
+"""Columns and rows of misses, and of false alarms below them."""
 SHORTEST_PX = 30.0
 _TILE_PX, _CAPTION_PX = 140, 30
 _LEVELS = 24
 _DARKEST, _BRIGHTEST = -2.0, 8.0
-"""Sigma of the sky."""
+"""Black and white, in sigma of the sky."""
 
 
 def contact_sheet(seen: Outcome, tau: float, path: Path) -> None:

@@ -44,16 +44,16 @@ class TrailRow(TypedDict):
     peak_snr: float
     is_cut: bool
     lost: str
-    """Why no candidate lies on it; empty where one does."""
+    """Reason why no candidate lies on it; empty where one does."""
 
 
 class CandidateRow(TypedDict):
-    """One candidate that the curve of confidence was asked about."""
+    """One candidate that the curve of confidence judges."""
 
     measured: dict[str, Any]
     """The ``Detection`` in the pixels of the row's ``focus``, with the network's own confidence."""
     light: dict[str, Any]
-    """Its ``LineLight``."""
+    """The ``LineLight`` of the candidate."""
     trail: int | None
     """Index of the trail it lies on; None: of none."""
     is_taken: bool
@@ -140,7 +140,7 @@ def _place_of(found: Detection) -> tuple[float, ...]:
 
 
 def _where_lost(trail: TrueTrail, analysis: FrameAnalysis) -> str:
-    """Why no candidate lies on this trail."""
+    """Reason why no candidate lies on this trail."""
     working = analysis.working
     if not any(_is_box_on(each.box, trail, working) for each in analysis.proposals):
         return NOT_PROPOSED
@@ -205,7 +205,7 @@ def without_figures(reason: str) -> str:
 
 
 def _is_on(detection: Detection, trail: TrueTrail, within_px: float) -> bool:
-    """Whether it lies on the trail's line, between its ends, and runs along it."""
+    """True where it lies on the trail's line, between its ends, and runs along it."""
     dx, dy = trail.x_b_px - trail.x_a_px, trail.y_b_px - trail.y_a_px
     return _lies(
         (detection.x_px, detection.y_px, detection.angle_deg, detection.length_px),
@@ -229,7 +229,7 @@ def _lies(
     true: tuple[float, float, float, float],
     within_px: float,
 ) -> bool:
-    """x, y of the middle, direction (deg) and length of a candidate and of the truth."""
+    """Middle x, y, direction (deg) and length of a candidate and of the truth."""
     x, y, angle_deg, length_px = one
     true_x, true_y, true_deg, true_px = true
     turn = turn_deg(angle_deg, true_deg)

@@ -59,7 +59,7 @@ def as_it_is(rows: Sequence[FrameRow], network: Network, curve: ConfidenceCurve)
 def _is_as_said(
     row: FrameRow, found: Sequence[Detection], curve: ConfidenceCurve, tau: float
 ) -> bool:
-    """Whether these detections are the candidates of the row above tau."""
+    """True where these detections are the candidates of the row above tau."""
     said = [
         (measured_of(each, row["focus"]), confidence)
         for each, confidence in zip(row["candidates"], confidences_of(row, curve), strict=True)

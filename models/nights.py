@@ -13,11 +13,11 @@ TAU = 0.10
 FRAME_CELLS = 582 * 440
 ORDINARY_FRAMES = 200
 GEO_CELLS = 14.8
-"""A geostationary streak of 10 s at 1.264 arcsec/px and a block of 8."""
+"""Length of a geostationary streak of 10 s at 1.264 arcsec/px and a block of 8."""
 CALIBRATION_NIGHTS = 4
 TEST_NIGHTS = 5
 _LONE_NIGHTS = 6
-"""Beside ``dataset.SPLITS``: which seeds each set is drawn from."""
+"""Number in the seed of each set, beside those of ``dataset.SPLITS``."""
 
 
 def ordinary_nights(
@@ -42,7 +42,7 @@ def _draw_nights(seed: int, split: int, number: int, mode: MapMode) -> list[Fiel
 
 
 SHORT_CELLS = (30 / 8, 60 / 8)
-"""Streaks of 30 to 60 px at a block of 8."""
+"""Lengths of streaks of 30 to 60 px at a block of 8."""
 
 
 def lone_streaks(

@@ -125,7 +125,7 @@ def drawn_out_stars(
 
 
 def _path_of_wind(reach_px: float, rng: np.random.Generator) -> tuple[FloatArray, FloatArray]:
-    """Where the telescope pointed at equal steps of time, px: a drift, a swing, or a curve."""
+    """Pointing of the telescope at equal steps of time, px: a drift, a swing, or a curve."""
     shape = int(rng.integers(3))
     angle = float(rng.uniform(0.0, 2.0 * math.pi))
     count = max(4, math.ceil((2.0 if shape == 1 else 1.0) * reach_px / _STEP_PX))

@@ -15,9 +15,9 @@ INT8 = {"int8": "static_wi8_ai8", "int8-weights": "dynamic_wi8_afp32"}
 """Names of the int8 networks and the recipes of AI Edge Quantizer that make them."""
 CELLS_PER_FALSE = 2e6
 _WORTH = 0.8
-"""Int8 has to take no more than this share of float32's time ..."""
+"""Largest share of float32's time that int8 may take ..."""
 _LOST = 0.005
-"""... and lose no more recall than this."""
+"""... and the largest recall that it may lose."""
 _RUNS = 40
 _LAST_LAYER = r"(.*_head/torch\.nn\.modules\.conv\.Conv2d.*)|serving_default_output.*"
 

@@ -54,7 +54,7 @@ class _Sky:
 
     image_e: Float32Array
     full_e: float
-    """Where the picture was full."""
+    """Level at which the picture was full."""
     e_per_adu: float
     sky_e: float
     canvas: Canvas

@@ -33,7 +33,7 @@ Task = tuple[Split, Kind, int]
 
 
 def fingerprint() -> str:
-    """Of the network and of all code that a row depends on."""
+    """Fingerprint of the network and of all code that a row depends on."""
     digest = hashlib.sha256((HERE / MODEL_NAME).read_bytes())
     card = json.loads((HERE / MODEL_NAME).with_suffix(".json").read_text(encoding="utf-8"))
     digest.update(json.dumps(card["calibration"], sort_keys=True).encode())
@@ -45,7 +45,7 @@ def fingerprint() -> str:
 
 
 def folder_of(name: str) -> Path:
-    """Where the rows of this network and code lie."""
+    """Folder of the rows of this network and code."""
     return RUNS / name / fingerprint()
 
 
@@ -88,7 +88,7 @@ def complete(
 
 
 def _row_of(line: str) -> FrameRow | None:
-    """None for a line that a crash left unfinished."""
+    """Row of a line; None for a line that a crash left unfinished."""
     try:
         row: FrameRow = json.loads(line)
     except ValueError:
@@ -116,7 +116,7 @@ _state: dict[str, Judge | SensorModel | None] = {}
 
 
 def _begin(sensor: SensorModel | None) -> None:
-    """Of one worker: its own detector, one thread each."""
+    """Set up one worker: its own detector, one thread each."""
     import cv2
 
     cv2.setNumThreads(1)
@@ -143,7 +143,7 @@ class Progress:
         self._is_shown = sys.stderr.isatty()
 
     def step(self) -> None:
-        """One more is done."""
+        """Count one more as done."""
         self._done += 1
         if not self._is_shown and self._done % 100 and self._done != self._total:
             return

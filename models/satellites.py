@@ -36,17 +36,17 @@ from rsoconsole.simulator import (
 Segment = tuple[float, float, float, float]
 """Middle (x, y in cells), length (cells) and direction (rad)."""
 _APART_DEG = 25.0
-"""In a trailed field a satellite is asked for when it differs from the stars by so much."""
+"""Least difference in direction from trailed stars of a satellite that is asked for."""
 _MIN_AMONG_TRAILS_CELLS = 8.0
 _BENT_CELLS = 1.2
-"""A trail that leaves its line by more is not asked for."""
+"""Largest departure from its line of a trail that is asked for."""
 _SHORT_FWHMS = 3.0
 _FAINT_SNR = (FAINTEST_SNR, 80.0)
-"""Integrated, of those whose length does not make them brighter."""
+"""Range of the integrated SNR of streaks whose length does not make them brighter."""
 _FAINT_SHARE, _LONG_SHARE = 0.3, 0.12
-"""Of hard fields' streaks."""
+"""Shares of faint and of long ones among hard fields' streaks."""
 _LONGER_THAN_MOTION = 3.0
-"""So much longer than the way of the whole image a satellite is told from the stars."""
+"""Length over the way of the whole image from which a satellite differs from the stars."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -61,9 +61,9 @@ class Satellites:
     conditions: Conditions
     rng: np.random.Generator
     motion_px: FloatArray | None = None
-    """(2, m) by which the whole image moved, too little for the stars to be trails."""
+    """Motion (2, m) of the whole image, too little for the stars to be trails."""
     are_stars_covered: bool = False
-    """Trailed stars have been covered with sky, and what lay under them."""
+    """True where trailed stars have been covered with sky, with all that lay under them."""
 
     def draw(self, star_path_px: FloatArray | None) -> tuple[list[Streak], list[TrueStreak]]:
         """Streaks and their truth; the mount's wander, if any, shakes them as it does the stars."""
@@ -96,7 +96,7 @@ class Satellites:
         return segments
 
     def _length(self) -> float:
-        """Cells: much weight on the shortest and on those of a geostationary satellite."""
+        """Length, cells: much weight on the shortest and on those of a geostationary satellite."""
         rng, wanted = self.rng, self.conditions.streak_cells
         if wanted is not None:
             return log_uniform(rng, *wanted)
@@ -127,7 +127,7 @@ class Satellites:
         return log_uniform(rng, 0.8, 6.0 if rng.random() < 0.55 else 30.0)
 
     def _angle(self) -> float:
-        """Radians; an axis of the array one time in six."""
+        """Direction, radians; an axis of the array one time in six."""
         if self.rng.random() < 1 / 6:
             return float(self.rng.choice([0.0, np.pi / 2]) + self.rng.normal(0, 0.01))
         return float(self.rng.uniform(0, np.pi))
@@ -142,7 +142,7 @@ class Satellites:
         return float(x), float(y), length, self._angle()
 
     def _long_segment(self, length: float) -> Segment:
-        """With both ends in the field; the longest run from corner to corner."""
+        """Segment with both ends in the field; the longest run from corner to corner."""
         angle = self._angle()
         if length > FIELD_CELLS:
             flattest = min(np.arccos(FIELD_CELLS / length), np.pi / 4)
@@ -154,7 +154,7 @@ class Satellites:
         return float(x), float(y), length, angle
 
     def _beside(self, of: Segment) -> Segment:
-        """A neighbour of the same slot: parallel, alike, not end to end."""
+        """Segment of a neighbour in one slot: parallel, alike, not end to end."""
         x, y, length, angle = of
         away, bearing = self.rng.uniform(9, 45), self.rng.uniform(0, 2 * np.pi)
         across = np.array([-np.sin(angle), np.cos(angle)])
@@ -166,7 +166,7 @@ class Satellites:
         return float(x + step[0]), float(y + step[1]), length, angle + float(turn)
 
     def _across(self, of: Segment) -> Segment:
-        """Another that crosses or touches it, its middle well off the first one's line."""
+        """Segment that crosses or touches it, its middle well off the first one's line."""
         x, y, length, angle = of
         turn = self.rng.uniform(0.4, np.pi - 0.4)
         other = max(self._length(), 12.0)
@@ -268,7 +268,7 @@ class Satellites:
         return float(np.sqrt(1.0 + glow_e / self.canvas.noise_e**2))
 
     def _stands_out(self, streak: Streak, star_path_px: FloatArray) -> bool:
-        """Whether it is straight, and differs from the stars in direction or is far longer."""
+        """True where it is straight, and differs from the stars in direction or is far longer."""
         x, y = streak.x_px / self.block, streak.y_px / self.block
         dx, dy = x[-1] - x[0], y[-1] - y[0]
         length = float(np.hypot(dx, dy))

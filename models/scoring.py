@@ -12,7 +12,7 @@ from rsoconsole.vision import ByteArray, MapStreak, decode, keep_distinct
 Float32Array = npt.NDArray[np.float32]
 FloatArray = npt.NDArray[np.float64]
 Answer = Callable[[ByteArray], Float32Array]
-"""(h, w) map to (6, h / 4, w / 4) answers."""
+"""Function from a map (h, w) to answers (6, h / 4, w / 4)."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -20,11 +20,11 @@ class Score:
     """Result of a detector on a set of fields."""
 
     true_logits: FloatArray
-    """Of every streak asked for; -inf where it was missed."""
+    """Logits of every streak asked for; -inf where it was missed."""
     true_snrs: FloatArray
     true_lengths: FloatArray
     middle_errors: FloatArray
-    """Cells, of those found."""
+    """Errors of the midpoints of those found, cells."""
     false_logits: FloatArray
     false_kinds: tuple[str, ...]
     cells: int
@@ -64,7 +64,7 @@ def logit_for_rate(false_logits: FloatArray, wanted: float, tail: int = 20) -> f
 
 
 def fits(candidate: MapStreak, true: TrueStreak) -> bool:
-    """Whether a candidate is this streak: near it across, overlapping along, alike in direction."""
+    """True for a candidate of this streak: near across, overlapping along, alike in direction."""
     length = max(true.length, 1e-6)
     cos, sin = (true.x_b - true.x_a) / length, (true.y_b - true.y_a) / length
     x, y = candidate.middle
@@ -115,7 +115,7 @@ def score(fields: Iterable[Field], answer: Answer, lowest_logit: float = -2.0) -
 
 
 def _touches(candidate: MapStreak, true: TrueStreak) -> bool:
-    """Whether a second candidate lies on a true streak: a fault of position, not an invention."""
+    """True for a second candidate on a true streak: a fault of position, not an invention."""
     x, y = candidate.middle
     length = max(true.length, 1e-6)
     cos, sin = (true.x_b - true.x_a) / length, (true.y_b - true.y_a) / length

@@ -66,7 +66,7 @@ def build(tycho2: Path, index: Path, out: Path) -> tuple[StarCatalogue, StarCata
 def catalogue_of(
     stars: Stars, dec_min_deg: float = -90.0, dec_max_deg: float = 90.0
 ) -> StarCatalogue:
-    """These stars, given at J2000.0, to 0.3 mas, 1 mmag and 1 mas/yr."""
+    """Catalogue of stars given at J2000.0, to 0.3 mas, 1 mmag and 1 mas/yr."""
     order = np.argsort(stars.dec_icrs_deg, kind="stable")
     ra_counts = np.round(stars.ra_icrs_deg[order] % 360.0 / RA_STEP_DEG).astype(np.uint64)
     return StarCatalogue(

@@ -59,7 +59,7 @@ class InvertedResidual(nn.Module):
         self.is_residual = stride == 1 and inside == outside
 
     def forward(self, x: torch.Tensor) -> torch.Tensor:
-        """(n, inside, h, w) to (n, outside, h / stride, w / stride)."""
+        """Map (n, inside, h, w) to (n, outside, h / stride, w / stride)."""
         y: torch.Tensor = self.layers(x)
         return x + y if self.is_residual else y
 
@@ -104,7 +104,7 @@ class StreakNet(nn.Module):
             self.head[-1].bias[0] = _RARE
 
     def forward(self, x: torch.Tensor) -> torch.Tensor:
-        """See the class."""
+        """Compute the answers that the class describes."""
         x = self.stem(x)
         tapped = []
         for index, stage in enumerate(self.stages):

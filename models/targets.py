@@ -1,4 +1,4 @@
-"""From true streaks to what every location of the network is to answer.
+"""Targets of every location of the network, made from true streaks.
 
 A location (row, column) of the head looks at the place (4 column + 2, 4 row + 2) of the map. Its
 answers are: confidence as a logit; offset of the midpoint in units of 4 cells; ln(length / 16
@@ -17,7 +17,8 @@ TARGET_CHANNELS = 7
 _SIGMA_ACROSS = 2.4
 _SIGMA_ALONG_SHARE = 0.08
 _FLAT_TOP = 1.6
-"""All locations within a sigma of the midpoint are as good: the offsets say where it is."""
+"""Factor on the heat, then cut at 1: locations within a sigma are as good, offsets say where it
+is."""
 _MIN_CUT_CELLS = 6.0
 """Least visible length of a cut streak that is asked for."""
 _REFUSED: dict[Kind, float] = {"aircraft": 3.0, "trailed stars": 3.0, "rays": 2.0, "meteor": 2.0}
@@ -27,7 +28,7 @@ _REFUSED: dict[Kind, float] = {"aircraft": 3.0, "trailed stars": 3.0, "rays": 2.
 def targets_of(
     field: Field, width: float | None = None, height: float | None = None
 ) -> Float32Array:
-    """(7, side / 4, side / 4) targets of a field with ``width`` x ``height`` cells shown."""
+    """Targets (7, side / 4, side / 4) of a field with ``width`` x ``height`` cells shown."""
     rows, columns = (side // STRIDE_CELLS for side in field.values.shape)
     height, width = height or field.values.shape[0], width or field.values.shape[1]
     target = np.zeros((TARGET_CHANNELS, rows, columns), dtype=np.float32)

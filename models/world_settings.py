@@ -35,7 +35,7 @@ def settings_table() -> str:
 
 
 def words_of(law: Law) -> str:
-    """The law as the documentation tells it."""
+    """The law in the documentation's words."""
     values = f"{law.low:g}"
     if law.high != law.low:
         values = f"{law.low:g} to {law.high:g}"

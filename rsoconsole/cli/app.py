@@ -48,7 +48,7 @@ from rsoconsole.control import one_line
 
 log = logging.getLogger(APP)
 COMPLETE = f"_{APP.upper()}_COMPLETE"
-"""Set by a shell that asks what a word may become."""
+"""Environment variable that a shell sets to ask for completions."""
 
 app = typer.Typer(
     name=APP,
@@ -137,14 +137,14 @@ def main() -> None:
 
 
 def _leave_pipe() -> NoReturn:
-    """Nobody reads any more (``| head -1``): end as any program does that SIGPIPE ends."""
+    """End as SIGPIPE ends a program: nobody reads any more (``| head -1``)."""
     null = os.open(os.devnull, os.O_WRONLY)
     os.dup2(null, sys.stdout.fileno())  # what is still to be flushed
     sys.exit(128 + signal.SIGPIPE)
 
 
 class _CleanFormatter(logging.Formatter):
-    """Who reads the log in a terminal sees text, and one line a message."""
+    """Formatter of plain text, one line a message, safe to read in a terminal."""
 
     def formatMessage(self, record: logging.LogRecord) -> str:  # noqa: N802 - logging's own name
         return one_line(super().formatMessage(record))

@@ -1,4 +1,4 @@
-"""The manual page, made of what the verbs say of themselves: man(7) source.
+"""The manual page, made of the verbs' help texts: man(7) source.
 
 ``python -m rsoconsole.cli.manual_page`` writes it to where packages take it from.
 """
@@ -24,7 +24,7 @@ _KINDS = re.compile(r"<(?:list\[)?(\w+)(?:\]| range)?>")
 
 
 def text() -> str:
-    """The page of this very program."""
+    """Manual page of this program."""
     program: Any = get_command(app)
     context = typer.Context(program, info_name=APP)
     commands = [
@@ -76,17 +76,17 @@ def _text_lines(text: str) -> Iterator[str]:
 
 
 def _kind(found: re.Match[str]) -> str:
-    """What an option takes, for people who write no Python."""
+    """Type of an option's value, for people who write no Python."""
     return f"<{found[1].lower()}>"
 
 
 def _lines(text: str) -> Iterator[str]:
-    """The same text in lines that an editor shows whole."""
+    """Text in lines that an editor shows whole."""
     yield from map(_line, textwrap.wrap(text, WIDTH, break_on_hyphens=False))
 
 
 def _line(text: str) -> str:
-    """Text that holds nothing of roff's own."""
+    """Text with the characters of roff's own escaped."""
     text = text.strip().replace("\\[", "[").replace("\\", "\\e").replace("-", "\\-")
     text = "".join(c if c.isascii() else f"\\[u{ord(c):04X}]" for c in text)
     return f"\\&{text}" if text.startswith((".", "'")) else text

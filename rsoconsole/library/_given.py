@@ -106,7 +106,7 @@ def numbers(value: Any, unit: str, name: str) -> np.ndarray[Any, np.dtype[np.flo
 
 
 def instants_utc_ns(value: Any, name: str) -> IntArray:
-    """(N,) or () UTC nanoseconds. Raises InputError for what has no time scale or zone."""
+    """UTC nanoseconds, (N,) or (). Raises InputError for times without time scale or zone."""
     if isinstance(value, TimeLike):
         return _of_time(value, name)
     if isinstance(value, datetime):
@@ -206,7 +206,7 @@ def required_site(given: Place | None, own: Site | None, config: ConfigLike) -> 
 
 
 def configured_site(config: ConfigLike) -> Site | None:
-    """The site that somebody has set; None where only the default one is there."""
+    """The configured site; None where only the default one is there."""
     if isinstance(config, Config):
         is_set = {"latitude_deg", "longitude_deg"} <= config.site.model_fields_set
         return config.site.to_site() if is_set else None
@@ -235,7 +235,7 @@ def table_of(
 ) -> "QTable":
     """The view of that name over these records, a ``QTable``; ``sessions/README.md`` describes it.
 
-    ``names``: of the frames, by their numbers, for a first column ``frame``. ``extra``: further
+    ``names``: names of the frames by number, for a first column ``frame``. ``extra``: further
     columns, whose values ``more`` has for each row.
     """
     rows = rows_of(name, [(seq, 0, record) for seq, record in enumerate(records, start=1)])

@@ -41,11 +41,11 @@ class Directions:
     """N measured directions, in the order of the rows."""
 
     t_utc_ns: IntArray
-    """(N,) mid-exposure."""
+    """Mid-exposure, (N,)."""
     ra_icrs_deg: FloatArray
     dec_icrs_deg: FloatArray
     cov_sky_arcsec2: FloatArray
-    """(N, 3): east-east, east-north, north-north."""
+    """Covariance on the sky, (N, 3): east-east, east-north, north-north."""
     site: Site | None
     """Site in the table's ``meta``."""
 
@@ -106,7 +106,7 @@ def own_meta(table: Any) -> dict[str, Any]:
 
 
 def expect_one_object(table: Any) -> None:
-    """Raises InputError where the rows are of several, or two of one instant."""
+    """Raise InputError where the rows are of several objects, or two of one instant."""
     for name in _OBJECTS:
         if name in table.colnames:
             names = sorted({str(each) for each in table[name]})
@@ -125,7 +125,7 @@ def expect_one_object(table: Any) -> None:
 
 
 def times_of(table: Any) -> IntArray:
-    """(N,) UTC ns. Raises InputError."""
+    """Times of the rows, (N,) UTC ns. Raises InputError."""
     column = next((name for name in TIMES if name in table.colnames), None)
     if column is None:
         found = [each for each in table.colnames if hasattr(table[each], "utc")]
@@ -142,9 +142,9 @@ def times_of(table: Any) -> IntArray:
 
 
 def column_of(table: Any, names: tuple[str, ...], unit: str) -> FloatArray | None:
-    """(N,) a column in that unit: of a quantity, or of plain numbers whose name says the unit.
+    """A column in that unit, (N,): a quantity, or plain numbers whose name states the unit.
 
-    None where there is none. Raises InputError for plain numbers whose unit nobody says.
+    None where there is none. Raises InputError for plain numbers without a stated unit.
     """
     for name in names:
         ending = f"{name}_{unit}"
@@ -227,7 +227,7 @@ def _listed(table: Any) -> str:
 
 
 def sigmas_of(cov_arcsec2: tuple[float, float, float]) -> tuple[float, float, float]:
-    """(sigma_ra, sigma_dec, correlation) of a covariance on the sky."""
+    """Errors of a covariance on the sky: (sigma_ra, sigma_dec, correlation)."""
     ee, en, nn = cov_arcsec2
     east, north = math.sqrt(ee), math.sqrt(nn)
     return east, north, en / (east * north)

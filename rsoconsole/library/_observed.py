@@ -43,7 +43,7 @@ class Asked:
 
 
 def groups_of(what: Observations | Sequence[Observations], ask: Asked) -> list[Group]:
-    """One after another, as ``rsoconsole orbit`` reads its arguments.
+    """Groups of observations, in order, as ``rsoconsole orbit`` reads its arguments.
 
     Raises InputError for what holds no observations, and as reading files and sessions does.
     """

@@ -62,7 +62,7 @@ class FrameFacts:
 
     extension: str | None = None
     t_start_utc_ns: npt.NDArray[np.int64] | None = None
-    """() or one a frame."""
+    """Start of the exposure, UTC ns: () or one a frame."""
     exposure_s: float | None = None
     scale_arcsec_px: float | None = None
     pointing_deg: tuple[float, float] | None = None
@@ -91,7 +91,7 @@ def frame_facts(
 
 
 def scale_of(value: Number, name: str) -> float:
-    """Arcsec a pixel, of a quantity an angle or an angle a pixel. Raises InputError."""
+    """Scale in arcsec a pixel, from an angle or an angle a pixel. Raises InputError."""
     unit = str(getattr(value, "unit", ""))
     found = number(value, "arcsec / pix" if "pix" in unit else "arcsec", name)
     if found <= 0.0:
@@ -100,7 +100,7 @@ def scale_of(value: Number, name: str) -> float:
 
 
 def read_given(frames: Frames, facts: FrameFacts, *, max_masked: float = 0.0) -> Iterator[Frame]:
-    """Every frame, numbered from 1, read when it is asked for.
+    """Frames numbered from 1, each read when it is needed.
 
     Raises FrameError naming the frame that cannot be used, InputError for what is none.
     """
@@ -166,7 +166,7 @@ def _read_one(
 
 
 def _of_hdu(hdu: Any, number_: int, count: int, extension: str | None, masked: float) -> Frame:
-    """As from the file that it would be."""
+    """Frame of an HDU, as from a file of its own."""
     name = "the HDU" if count == 1 else f"HDU {number_}"
     if not isinstance(hdu, list) and hdu.data is None:
         raise FrameError(f"{name} holds no image: give one that does")
@@ -178,7 +178,7 @@ def _of_hdu(hdu: Any, number_: int, count: int, extension: str | None, masked: f
 
 
 def _of_ccd(ccd: Any, number_: int, count: int, max_masked: float) -> Frame:
-    """What its mask covers is filled as bad pixels are."""
+    """Frame of a CCDData; masked pixels are filled as bad pixels are."""
     name = "the CCDData" if count == 1 else f"CCDData {number_}"
     plain = {
         str(key): value
@@ -192,7 +192,7 @@ def _of_ccd(ccd: Any, number_: int, count: int, max_masked: float) -> Frame:
 def _masked(
     array: tuple[Any, Any], number_: int, name: str, *, header: Mapping[str, Any], max_masked: float
 ) -> Frame:
-    """``array``: the pixels and their mask, which may be None."""
+    """Frame of an array: its pixels and their mask, which may be None."""
     data, mask = array
     pixels = np.asarray(data)
     if mask is not None and np.any(mask):
@@ -236,7 +236,7 @@ def detect(
     pixels are filled from their neighbours. ``tau``: the confidence that a detection must exceed;
     ``map_mode``: the map that the network sees; None: as configured. ``extension``: which image
     of a FITS file that has several; ``"all"``: each. ``exposure`` (s) and ``scale`` (arcsec/pix)
-    are for frames whose header does not tell them: classes and notes depend on both. ``config``:
+    are for frames whose header does not state them: classes and notes depend on both. ``config``:
     None for the user's own.
 
     Returns one table for all frames, a row a streak, frame by frame, the most confident first,
@@ -368,7 +368,7 @@ def _place(
 def _scales(
     scale: Number | tuple[Number, Number] | None, tolerance: float
 ) -> tuple[float, float] | None:
-    """Lowest and highest, arcsec a pixel."""
+    """Lowest and highest scale, arcsec a pixel."""
     if scale is None:
         return None
     if isinstance(scale, tuple):

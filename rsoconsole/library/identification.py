@@ -34,7 +34,7 @@ Verdict = Literal["identified", "ambiguous", "unknown"]
 
 
 class Identification:
-    """The verdict on one track and what it rests on; measured minus predicted."""
+    """Identification of one track and its grounds; differences are measured minus predicted."""
 
     def __init__(self, found: Found, seen: Sightings) -> None:
         self._found = found
@@ -77,7 +77,7 @@ class Identification:
 
     @property
     def catalogued(self) -> int:
-        """Objects that it was compared with."""
+        """Number of catalogued objects compared with it."""
         return self._found.catalogued
 
     @property
@@ -86,7 +86,7 @@ class Identification:
 
         ``norad_id``, ``name``, ``separation``, ``along_track`` (positive: ahead of its elements),
         ``cross_track`` (positive: north of a motion to the east), ``along_track_time`` (how early
-        it is), ``rate_difference`` (NaN where one direction tells no rate), ``elements_epoch``,
+        it is), ``rate_difference`` (NaN where one direction gives no rate), ``elements_epoch``,
         ``elements_age`` (negative: younger than the directions), ``score`` (how many sigma off),
         ``probability``, ``is_within_gate``.
         """
@@ -215,7 +215,7 @@ def identify(
 def _seen(
     what: Any, ask: Asked, track: int | None
 ) -> tuple[dict[int, Sightings], Site, int | None]:
-    """Directions by track, where they were seen from, and which track answers; None: all."""
+    """Directions by track, their site, and the track that answers; None: all."""
     if isinstance(what, Orbit):
         return {1: what.seen}, what.site, 1
     if isinstance(what, Mapping):

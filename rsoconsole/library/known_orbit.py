@@ -1,4 +1,4 @@
-"""An orbit as an astronomer asks it: elements, errors, places ahead, elements for SGP4."""
+"""An orbit: elements, errors, predicted positions, elements for SGP4."""
 
 import time
 from collections.abc import Sequence
@@ -38,7 +38,7 @@ _UNITS = {"a_km": "km", "i_deg": "deg", "raan_deg": "deg", "argp_deg": "deg", "m
 
 
 class Orbit:
-    """An orbit that was found, made by ``rso.orbit``.
+    """An orbit found by ``rso.orbit``.
 
     State, covariance and elements are osculating, along GCRS axes, at ``epoch``; those for SGP4
     (``tle``, ``omm``) are mean elements in TEME, as all such are.
@@ -53,32 +53,32 @@ class Orbit:
 
     @property
     def label(self) -> Label:
-        """How well the directions determine the orbit; ``reason`` says why."""
+        """Label of how well the directions determine the orbit; ``reason`` says why."""
         return self._orbit.label
 
     @property
     def reason(self) -> str:
-        """Why it is labelled so."""
+        """Reason of the label."""
         return self._found.reason
 
     @property
     def prior(self) -> str:
-        """The one in use; "none" for a free orbit."""
+        """Prior in use; "none" for a free orbit."""
         return self._orbit.prior
 
     @property
     def observations(self) -> int:
-        """Directions that were used."""
+        """Number of directions used."""
         return len(self._found.seen)
 
     @property
     def outliers(self) -> int:
-        """Directions that were left out of the fit."""
+        """Number of directions left out of the fit."""
         return self._orbit.outliers
 
     @property
     def rivals(self) -> int:
-        """Other orbits that fit as well."""
+        """Number of other orbits that fit as well."""
         return self._orbit.rivals
 
     @property
@@ -101,7 +101,7 @@ class Orbit:
 
     @property
     def epoch(self) -> "Time":
-        """UTC."""
+        """Epoch of state and elements, UTC."""
         return utc_time(np.asarray(self._orbit.epoch_utc_ns))
 
     @property
@@ -131,7 +131,7 @@ class Orbit:
 
     @property
     def mean_anomaly(self) -> "Quantity":
-        """At the epoch."""
+        """Mean anomaly at the epoch."""
         return self._element("m_deg")
 
     @property
@@ -159,17 +159,17 @@ class Orbit:
 
     @property
     def r(self) -> "Quantity":
-        """(3,) position at the epoch, GCRS, geocentric."""
+        """Position at the epoch, (3,), GCRS, geocentric."""
         return _quantity(self._orbit.r_km, "km")
 
     @property
     def v(self) -> "Quantity":
-        """(3,) velocity at the epoch, GCRS."""
+        """Velocity at the epoch, (3,), GCRS."""
         return _quantity(self._orbit.v_km_s, "km / s")
 
     @property
     def covariance(self) -> FloatArray:
-        """(6, 6) of ``r`` and ``v``, km and km/s."""
+        """Covariance (6, 6) of ``r`` and ``v``, km and km/s."""
         return self._orbit.covariance.copy()
 
     @property
@@ -271,7 +271,7 @@ class Orbit:
 
     @property
     def seen(self) -> Sightings:
-        """The directions that it is of."""
+        """Directions from which it was found."""
         return self._found.seen
 
     def __repr__(self) -> str:

@@ -52,7 +52,7 @@ def measure(
     plate of one helps the next. ``frames`` as ``rso.detect`` takes them. ``t_start``: the start
     of the exposure (``Time``, or a ``datetime`` with its zone), one for each frame; ``exposure``
     (s), ``scale`` (arcsec/pix) and ``pointing`` (``SkyCoord``, for the solver): where headers do
-    not tell them, or tell wrong ones. ``site`` goes along in the table, for ``rso.track`` and
+    not state them, or state wrong ones. ``site`` goes along in the table, for ``rso.track`` and
     ``rso.orbit``; None: the configured one. ``tau``,
     ``extension`` and ``config`` as ``rso.detect`` has them.
 
@@ -121,7 +121,7 @@ def _expect_time(frame: Frame) -> None:
 
 
 def _records(frame: Frame, reduction: Reduction) -> list[list[str]]:
-    """What ``rso.track`` needs of a frame beside its measurements, as a session's log has it."""
+    """Records of a frame beside its measurements, for ``rso.track``, as in a session's log."""
     records: list[Record] = [frame_taken_record(frame), reduction.detections]
     if reduction.solution is not None:
         records.append(reduction.solution)
@@ -129,7 +129,7 @@ def _records(frame: Frame, reduction: Reduction) -> list[list[str]]:
 
 
 def _shown(frame: Frame, reduction: Reduction) -> dict[str, Any]:
-    """What a reader wants to know of a frame."""
+    """Facts on a frame for the reader of the table."""
     solution = reduction.solution
     t_mid_ns = frame.t_mid_utc_ns
     return {

@@ -1,4 +1,4 @@
-"""A plate solution as an astropy ``WCS`` that knows what it rests on."""
+"""A plate solution as an astropy ``WCS`` with its matched stars, residuals and notes."""
 
 from typing import TYPE_CHECKING, Any
 
@@ -19,13 +19,13 @@ class PlateWCS(WCS):  # type: ignore[misc]  # astropy ships no types
     frame: str
     """The frame's name."""
     matched: int
-    """Catalogue stars that it rests on."""
+    """Number of matched catalogue stars."""
     wrong_hints: tuple[str, ...]
     """Hints that the stars contradict, a sentence each."""
     notes: tuple[str, ...]
     """Further notes on the frame."""
     is_flipped: bool
-    """The array is a mirror image of the sky as a FITS viewer shows it."""
+    """True where the array is a mirror image of the sky as a FITS viewer shows it."""
     _solution: Solution
 
     @classmethod
@@ -38,7 +38,7 @@ class PlateWCS(WCS):  # type: ignore[misc]  # astropy ships no types
         wrong_hints: tuple[str, ...] = (),
         notes: tuple[str, ...] = (),
     ) -> "PlateWCS":
-        """``shape``: (height, width) of the frame."""
+        """The WCS of a plate solution; ``shape``: (height, width) of the frame."""
         from astropy.io.fits import Header
 
         cards = wcs_cards(solution.wcs, shape[1], shape[0])
@@ -62,7 +62,7 @@ class PlateWCS(WCS):  # type: ignore[misc]  # astropy ships no types
 
     @property
     def scale(self) -> "Quantity":
-        """At the centre, arcsec a pixel."""
+        """Plate scale at the centre, arcsec a pixel."""
         return self._solution.scale_arcsec_px * units.arcsec / units.pix
 
     @property

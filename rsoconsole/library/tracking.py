@@ -54,12 +54,12 @@ _TABLES = ("measurements", "track", "not_followed", "misses", "orbits", "identif
 
 
 class Track:
-    """One object over the frames: what it was measured at, how it was followed."""
+    """One object over the frames: its measurements, states and orbit."""
 
     def __init__(self, *, site: Site, found: NightTrack) -> None:
         self._found = found
         self.site = site
-        """Where it was seen from."""
+        """Site of the observations."""
 
     @property
     def number(self) -> int:
@@ -94,7 +94,7 @@ class Track:
 
     @property
     def missed(self) -> Mapping[int, str]:
-        """Frames that did not show it, by their numbers, and why."""
+        """Reasons of the frames that did not show it, by frame number."""
         return self._found.missed
 
     @property
@@ -136,7 +136,7 @@ class Tracks(dict[int, Track]):
     def __init__(self, tracks: Mapping[int, Track], records: tuple[Record, ...]) -> None:
         super().__init__(tracks)
         self.records = records
-        """All of it in order, as a session's log has it."""
+        """Records in order, as in a session's log."""
 
     def table(self, name: str) -> "QTable":
         """One of a session's tables over all tracks, e.g. ``"misses"`` or ``"not_followed"``.
@@ -152,8 +152,8 @@ _ENDS = ("ra_a_icrs_deg", "dec_a_icrs_deg", "ra_b_icrs_deg", "dec_b_icrs_deg")
 MIN_MORE = 3
 """Directions of a track beside the first telescope's: two agree by chance."""
 USUAL_EXPOSURE_S = 0.1
-"""Of observations that name none: they have no ends, so they are taken for points, as short
-exposures make them. In long ones what moves fast is a streak, and no point may be it."""
+"""Exposure of observations that state none: they have no ends and count as points, as in short
+exposures. In a long one a fast object is a streak, which no point can be."""
 
 
 def track(
@@ -179,7 +179,7 @@ def track(
     table's own, else the configured one. ``exposure`` (s; None: 0.1) and ``sigma`` (arcsec): of
     rows that state none. ``preset``: of the filter; ``config``: with every setting of it.
 
-    A telescope goes with what it follows; what it leaves behind, because that moves otherwise, is
+    A telescope goes with what it follows; what it leaves behind, as it moves differently, is
     looked through by another one until three directions or more agree on nothing any more.
 
     Returns a dict of ``rso.Track`` by number from 1, in the order in which they began, telescope
@@ -233,7 +233,7 @@ def _left(
 def followed(
     frames: Sequence[FrameObservations], config: Config, *, last_track_id: int = 0
 ) -> Iterator[Record]:
-    """Everything that goes on record, frame after frame, as ``process`` has it."""
+    """Records of the frames, one after another, as ``process`` makes them."""
     following, stars, orbits = Following(last_track_id=last_track_id), StarHistory(), Orbits(config)
     for each in frames:
         shown = replace(each, orbits=orbits.last)
@@ -255,7 +255,7 @@ def _at_site(config: Config, site: Site) -> Config:
 def _frames(
     table: Any, rows: Directions, config: Config, exposure_s: float | None
 ) -> Iterator[FrameObservations]:
-    """In order of time, each with its rows, the most confident first."""
+    """Frames in order of time, each with its rows, the most confident first."""
     confidence = plain_column(table, "confidence", float)
     lengths = column_of(table, ("exposure",), "s")
     listed = _meta_frames(table)
@@ -303,7 +303,7 @@ def _of_frames(
 
 
 def _is_within(t_utc_ns: int, mid_ns: int, seen: FrameObservations) -> bool:
-    """Whether an instant may be a row's of that frame, whose shutter may roll."""
+    """True where an instant may be a row's of that frame, whose shutter may roll."""
     half_ns = max((seen.taken.exposure_s or 0.0) * 5e8, 1e8)
     return abs(t_utc_ns - mid_ns) <= half_ns
 
@@ -383,7 +383,7 @@ def _measurement(table: Any, rows: Directions, n: int, frame_id: int, place: int
 
 
 def _ends(table: Any, n: int) -> tuple[tuple[float, float], tuple[float, float]] | None:
-    """Of the row's streak, where it tells them: as ``rso.measure`` has them, or as exported."""
+    """Ends of the row's streak; None without. Columns as of ``rso.measure``, or as exported."""
     names = ("ends_icrs_deg",) if "ends_icrs_deg" in table.colnames else _ENDS
     if not set(names) <= set(table.colnames):
         return None

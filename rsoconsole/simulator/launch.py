@@ -20,7 +20,7 @@ CAMERA_NAME = "CCD Simulator"
 WEATHER_NAME = "Weather Simulator"
 DOME_NAME = "Dome Simulator"
 START_S = 180.0
-"""Ends as soon as it listens; so much only on a machine that is held up."""
+"""Longest wait until the observatory listens; only a machine that is held up needs it all."""
 _LOOK_S = 0.5
 
 
@@ -33,7 +33,7 @@ class ObservatorySettings:
     speed: float
     """Virtual seconds a wall second; 0: at once."""
     truth_path: str | None = None
-    """A file that gets one JSON line a frame."""
+    """File of the truth, one JSON line a frame."""
     width_px: int | None = None
     """A smaller sensor than the scenario's, for quick looks."""
     height_px: int | None = None
@@ -42,9 +42,10 @@ class ObservatorySettings:
     plan: dict[str, Any] | None = None
     """A ``NightPlan`` as a table, instead of the scenario."""
     weather: Sequence[tuple[float, str]] = ()
-    """(seconds since the start, "ok" | "warning" | "alert") in order; ok before the first."""
+    """Weather: (seconds since the start, "ok" | "warning" | "alert") in order; ok before the
+    first."""
     dome: Sequence[tuple[float, str]] = ()
-    """(seconds since the start, "open" | "closed" | "moving") in order; open before the first."""
+    """Dome: (seconds since the start, "open" | "closed" | "moving") in order; open at first."""
     world: Mapping[str, Any] = field(default_factory=dict)
     """Imperfections, as ``World.named`` gives them."""
 

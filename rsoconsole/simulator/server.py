@@ -47,7 +47,7 @@ from rsoconsole.sky import icrs_of_hour_angle, icrs_to_jnow
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Stage:
-    """Where, when, with what, and what is to be seen."""
+    """Site, time, telescope and sky of a simulated night."""
 
     site: Site
     optics: OpticsConfig
@@ -111,7 +111,7 @@ _QUICK_ACK: int | None = getattr(socket, "TCP_QUICKACK", None)
 
 
 class ObservatoryDriver(IPyDriver):  # type: ignore[misc]
-    """Hands every request to the device it is meant for."""
+    """Driver that passes every request to the device it is meant for."""
 
     def __init__(self, stage: Stage, settings: ObservatorySettings) -> None:
         self._tasks: set[asyncio.Task[None]] = set()
@@ -166,7 +166,7 @@ class ObservatoryDriver(IPyDriver):  # type: ignore[misc]
         self.auto_send_def = False
 
     async def rxevent(self, event: Any) -> None:
-        """A client asked something of a property."""
+        """Pass a client's request on a property to its device."""
         if isinstance(event, getProperties):
             if event.devicename == MOUNT_NAME and self._mount.faults.is_silent:
                 return  # a driver that hangs does not describe itself either

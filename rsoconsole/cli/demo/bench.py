@@ -8,7 +8,7 @@ from rsoconsole.config import Config
 from rsoconsole.words import NS_PER_S, counted, utc_ns_to_iso
 
 _BESIDE_DEG = 0.05
-"""By which the header's direction is off, as a mount's word is."""
+"""Error of the header's direction, like that of a mount."""
 BUSY_SHARE = 0.5
 """Share of the cores busy with other programs from which the figures are too pessimistic."""
 

@@ -29,7 +29,7 @@ KeepFrames: TypeAlias = Literal["all", "detected", "last", "none"]
 FRAMES_UNSEEN = 20
 FRAME_TIMEOUT_S = 120.0
 SOLVER_DEADLINE_S = 60.0
-"""Wall-clock limits so wide that a slow machine gives the same night as a fast one."""
+"""Solver deadline by the wall's clock, so long that slow and fast machines give the same night."""
 DROPPED_TIMEOUT_S = 30.0
 """Time-out of a frame, s of the wall's clock, in worlds where frames are dropped."""
 
@@ -216,7 +216,7 @@ def config_in(world: "World", config: Config) -> Config:
 
 
 def _watch_night(config: Config, night: Night) -> None:
-    """The night in a process of its own, the console in this terminal."""
+    """Run the night in a process of its own, the console in this terminal."""
     from rsoconsole.console import run_console
 
     output.say("starting the simulated observatory and the engine ...")
@@ -235,7 +235,7 @@ def _watch_night(config: Config, night: Night) -> None:
 
 
 def _socket_words(socket: Path) -> str:
-    """What a verb needs to reach the engine; nothing where it is at the default place."""
+    """Option that a verb needs to reach the engine; empty where it is at the default place."""
     from rsoconsole.control import default_socket_path
 
     return "" if socket == default_socket_path() else f" --socket {shlex.quote(str(socket))}"
@@ -249,7 +249,7 @@ def _beside_lines(socket: Path) -> tuple[str, ...]:
 
 
 def _print_night(config: Config, night: Night) -> dict[str, Any]:
-    """The night here, a line for each frame."""
+    """Run the night here, with a line for each frame; return its figures."""
 
     def has_started(_folder: Path, socket: Path) -> None:
         if _socket_words(socket):
@@ -268,7 +268,7 @@ _CYCLE_HEADING = 'frame state    RA          Dec         confidence  residual ±
 
 
 def _cycle_line(engine: "Engine", reduction: "Reduction") -> str:
-    """What the frame showed and what the loop makes of it; ``_CYCLE_HEADING`` names the columns."""
+    """Line on a frame and on the loop's state after it; ``_CYCLE_HEADING`` names the columns."""
     following = engine.following
     start = f"{engine.frame_id:5d} {following.state:8}"
     track, taken = following.track, following.taken
@@ -320,7 +320,7 @@ def _say_summary(found: dict[str, Any]) -> None:
 
 
 def _track_words(track: dict[str, Any]) -> tuple[str, str]:
-    """A satellite that was followed, in two lines: name, frames, how it ended; orbit."""
+    """Two lines on a satellite that was followed: name, frames, how it ended; orbit."""
     name = track["name"] or f"unidentified (track {track['tracks'][-1]})"
     ending = {
         "TRACK": "followed to the end",
@@ -338,9 +338,9 @@ def _track_words(track: dict[str, Any]) -> tuple[str, str]:
 def demo_config(
     site: Site, *, preset: Preset, keep_frames: KeepFrames, catalogue: Sequence[Path] = ()
 ) -> Config:
-    """The defaults at the scenario's site; of the user's own settings only what is this machine's.
+    """The defaults at the scenario's site, with those user settings that belong to this machine.
 
-    That is the sessions' folder and the library that speaks INDI. The defaults describe the
+    These are the sessions' folder and the library that speaks INDI. The defaults describe the
     telescope that the scenarios simulate.
     """
     own = _own_settings()
@@ -358,7 +358,7 @@ def demo_config(
 
 
 def _own_settings() -> Config:
-    """The user's, as far as they can be read."""
+    """The user's settings, as far as they can be read."""
     try:
         return load_config()
     except (ConfigError, OSError) as error:

@@ -34,7 +34,7 @@ log = logging.getLogger(__name__)
 SCRATCH_SOCKET = "engine.sock"
 LOOK_S = 20.0
 ABANDONED_S = 900.0
-"""A demo whose console is gone ends after so long in which autonomy does not have the mount."""
+"""Time without autonomy's control after which a demo without its console ends."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -49,7 +49,7 @@ class Night:
     """Exposures to take; None: until the engine ends."""
     session: Path | None
     world: Mapping[str, Any] = field(default_factory=dict)
-    """The imperfections that are named, by section."""
+    """Named imperfections, by section."""
     plan: dict[str, Any] | None = None
     """A night of chosen satellites as a table (``NightPlan``), instead of the scenario."""
 
@@ -61,7 +61,7 @@ def run_night(
     on_cycle: "Callable[[Engine, Reduction], None] | None" = None,
     on_start: Callable[[Path, Path], None] | None = None,
 ) -> dict[str, Any]:
-    """Observatory and engine until the night is over; returns its figures against the truth.
+    """Run observatory and engine until the night is over; return its figures against the truth.
 
     ``on_start`` gets session and socket once the engine listens.
     """
@@ -125,7 +125,7 @@ def run_night(
 
 
 def _record_world(night: Night, session: Path) -> None:
-    """What was imperfect, in the session's folder: a file to simulate it again with."""
+    """Write the imperfections into the session's folder, to simulate the night again."""
     from rsoconsole.session import WORLD
     from rsoconsole.simulator import world_from, world_to_toml
 
@@ -163,7 +163,7 @@ class NightProcess:
     ) -> None:
         """Start it and wait until its engine listens. Raises InstrumentError with its words.
 
-        ``on_wait`` is told what is waited for where that takes long.
+        ``on_wait`` receives the cause of a long wait, in words.
         """
         log_path = platformdirs.user_log_path(APP) / "demo.log"
         log_path.parent.mkdir(parents=True, exist_ok=True)
@@ -213,7 +213,7 @@ def end_when_abandoned(socket: Path, starter: int) -> None:
     """End the engine at ``socket`` when its starter is gone and nothing has gone on for long.
 
     Nothing goes on while autonomy does not have the mount: after dawn, a STOP, a fault. A console
-    that was attached later does not count: an engine cannot tell who only looks.
+    that was attached later does not count: an engine cannot know who only looks.
     """
     from rsoconsole.control import AskStatus, ControlClient, Sender, Shutdown, read_status
 
@@ -235,7 +235,7 @@ def end_when_abandoned(socket: Path, starter: int) -> None:
 
 
 def main() -> int:
-    """Run one night for a console elsewhere; it ends by itself once nobody cares for it."""
+    """Run one night for a console elsewhere; it ends by itself once abandoned."""
     logging.basicConfig(stream=sys.stderr, level=logging.INFO)
     order = json.loads(sys.stdin.readline())
     table = order["night"]

@@ -25,7 +25,7 @@ BESIDE_FWHM = 4.0
 BETWEEN = 2.0
 """A streak is of both where its distances from the two middles differ by less than this factor."""
 APART_FWHM = 2.0
-"""Lines nearer to each other, in widths of the frame's stars, are one streak to a camera."""
+"""Distance below which two lines are one streak to a camera, in FWHM of the frame's stars."""
 
 
 @dataclass(slots=True)
@@ -45,7 +45,7 @@ class _Tally:
     inside_3sigma: list[bool] = field(default_factory=list)
     nis: list[float] = field(default_factory=list)
     innovations: list[tuple[float, float]] = field(default_factory=list)
-    """Each in its own sigmas, east and north."""
+    """Innovations in their own sigmas, east and north."""
     wrong_in_a_row: int = 0
     longest_wrong: int = 0
     swapped_frames: int = 0
@@ -85,7 +85,7 @@ class _Field:
     """The satellites that truly stood in a frame, and how wide its stars are."""
 
     there: Mapping[int, Mapping[str, Any]]
-    """By catalogue number; those whose truth has what judging by streaks needs."""
+    """Satellites by catalogue number, where their truth suffices to judge by streaks."""
     fwhm_px: float
 
     @classmethod
@@ -95,7 +95,7 @@ class _Field:
         return cls(there, float(truth.get("fwhm_px", 0.0)))
 
     def near(self, at: Detection | Measurement) -> list[tuple[float, int]]:
-        """Distance from the middle, px, and number of the objects on whose streak that lies."""
+        """Objects on whose streak it lies: distance from the middle (px) and catalogue number."""
         return [
             (math.hypot(at.x_px - each["x_px"], at.y_px - each["y_px"]), number)
             for number, each in self.there.items()
@@ -103,12 +103,12 @@ class _Field:
         ]
 
     def object_at(self, at: Detection | Measurement) -> int | None:
-        """The object on whose streak that lies, by the nearest middle."""
+        """Object on whose streak it lies, by the nearest middle; None on none."""
         near = self.near(at)
         return min(near)[1] if near else None
 
     def begun_on(self, at: Measurement) -> int | None:
-        """The object that a track begins with: of those about as near as the nearest the brightest.
+        """Object that a track begins with: of those about as near as the nearest the brightest.
 
         One that counts as visible goes before any that does not.
         """
@@ -123,7 +123,7 @@ class _Field:
     def is_of_both(
         self, step: FrameTrack, taken: Measurement, on: int | None, number: int | None
     ) -> bool:
-        """Whether what a track took is of its own object ``on`` as well as of ``number``.
+        """True where the accepted measurement is of its own object ``on`` as well as of ``number``.
 
         One streak of two lies between both; or the track says that it shares it with another; or
         the two draw lines that no camera shows apart.
@@ -143,7 +143,7 @@ class _Field:
 
 
 def _is_beside(at: tuple[float, float], satellite: Mapping[str, Any], width_px: float) -> bool:
-    """Whether a pixel lies within that distance of a true streak, from end to end."""
+    """True where a pixel lies within that distance of a true streak, from end to end."""
     x_px, y_px = satellite["x_start_px"], satellite["y_start_px"]
     along = (satellite["x_end_px"] - x_px, satellite["y_end_px"] - y_px)
     offset = (at[0] - x_px, at[1] - y_px)
@@ -155,16 +155,16 @@ def _is_beside(at: tuple[float, float], satellite: Mapping[str, Any], width_px: 
 
 @dataclass(slots=True)
 class _Judge:
-    """Which object each frame's streaks are of, and what the tracks made of them."""
+    """Judge of each frame's streaks by object, and of the tracks that took them."""
 
     tallies: dict[int, _Tally]
     followed: dict[int, int] = field(default_factory=dict)
-    """By track: catalogue number of what it is on."""
+    """Catalogue number of the object that a track is on, by track id."""
     first: int | None = None
-    """Of what was locked first."""
+    """Catalogue number of the object that was locked first."""
 
     def take(self, frame: NightFrame, truth: Mapping[str, Any]) -> None:
-        """One frame with its exposure's truth."""
+        """Judge one frame with its exposure's truth."""
         sky = _Field.of(truth)
         seen = self._count(frame, sky)
         late_ns, taken_by = truth.get("always_late_ns", 0), dict[int, int | None]()
@@ -198,7 +198,7 @@ class _Judge:
         return self.tallies.setdefault(number, _Tally(str(sky.there[number]["name"])))
 
     def _count(self, frame: NightFrame, sky: _Field) -> set[int]:
-        """Visible, detected, measured; returns the objects that were detected."""
+        """Count what is visible, detected, measured; return the objects that were detected."""
         for number, each in sky.there.items():
             if each["is_in_frame"] and each["snr_integrated"] >= VISIBLE_SNR:
                 self._of(number, sky).visible_frames += 1
@@ -213,7 +213,7 @@ class _Judge:
         return seen
 
     def _judge_taken(self, track_id: int, number: int | None, sky: _Field, *, is_new: bool) -> None:
-        """Whether a track took what it is on."""
+        """Judge a track's accepted measurement: of the object that it is on, or false."""
         if number is not None and (is_new or track_id not in self.followed):
             self.followed[track_id] = number
         elif is_new:
@@ -230,7 +230,7 @@ class _Judge:
     def _judge_lead(
         self, lead: int | None, sky: _Field, taken_by: Mapping[int, int | None]
     ) -> None:
-        """Whether what leads is what was locked first; for how many frames in a row it is not."""
+        """Count the frames in a row in which the lead took another object than the first locked."""
         if lead is None:
             return
         self.first = self.followed.get(lead) if self.first is None else self.first
@@ -244,14 +244,14 @@ class _Judge:
 
 
 def is_on_a_streak(measurement: Measurement, truth: Mapping[str, Any]) -> bool:
-    """Whether a measurement lies on the true streak of anything."""
+    """True where a measurement lies on the true streak of any object."""
     return bool(_Field.of(truth).near(measurement))
 
 
 def offset_arcsec(
     true: Mapping[str, Any], ra_deg: float, dec_deg: float, t_utc_ns: int
 ) -> tuple[float, float]:
-    """(east, north) of a direction from where a satellite truly was at its instant.
+    """Offset (east, north) of a direction from where a satellite truly was at its instant.
 
     Streaks of one frame are of different instants where its shutter rolls.
     """
@@ -265,7 +265,7 @@ def offset_arcsec(
 
 
 def offset_of(measurement: Measurement, true: Mapping[str, Any]) -> tuple[float, float]:
-    """(east, north) of a measurement from the truth, arcsec."""
+    """Offset (east, north) of a measurement from the truth, arcsec."""
     at = (measurement.ra_icrs_deg, measurement.dec_icrs_deg)
     return offset_arcsec(true, *at, measurement.t_mid_utc_ns)
 
@@ -287,7 +287,7 @@ def _error_arcsec(measurement: Measurement, true: Mapping[str, Any]) -> float | 
 def _judge_prediction(
     tally: _Tally, step: FrameTrack, true: Mapping[str, Any], always_late_ns: int
 ) -> None:
-    """One step ahead, where the object was in the frame."""
+    """Judge a prediction one step ahead, where the object was in the frame."""
     predicted, updated = step.predicted, step.updated
     if predicted is None or not true["is_in_frame"]:
         return
@@ -308,9 +308,9 @@ def _judge_prediction(
 def _judge_bounds(
     tally: _Tally, predicted: TrackState, true: Mapping[str, Any], always_late_ns: int
 ) -> None:
-    """Whether the truth lies inside the 3-sigma ellipse of the prediction.
+    """Judge whether the truth lies inside the 3-sigma ellipse of the prediction.
 
-    What the clock is always late by, which no measurement shows, is taken out.
+    The clock's constant lateness, which no measurement shows, is taken out.
     """
     t_utc_ns = predicted.t_utc_ns + always_late_ns
     off = np.array(offset_arcsec(true, predicted.x[0], predicted.x[2], t_utc_ns))

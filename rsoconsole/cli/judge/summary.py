@@ -35,11 +35,11 @@ _ON_RECORD = (
     *("streaks", "ended", "a_km", "e", "i_deg", "across_rms_arcsec"),
     *("t_next_rise_utc_ns", "sigma_next_s", "scatter_s"),
 )
-"""What is said of a pass as the record has it."""
+"""Fields of a pass that are copied from the record."""
 
 
 def leap_figures(leaps: Sequence[LeapDone], passes: Sequence[LowPass]) -> dict[str, Any] | None:
-    """Leaps met of those done, what one took (medians, s), and each pass; None without any."""
+    """Leaps met of those done, medians of a leap's durations (s), each pass; None without any."""
     if not leaps and not passes:
         return None
     met = [each for each in leaps if each.result == "met"]
@@ -70,11 +70,11 @@ def _of_pass(each: LowPass, met: Sequence[LeapDone]) -> dict[str, Any]:
 
 @dataclass(slots=True)
 class _Satellite:
-    """All tracks of one satellite; of one that nobody knows, the one track."""
+    """All tracks of one satellite; of an unknown one its only track."""
 
     tracks: list[int] = field(default_factory=list)
     frames: int = 0
-    """In which it was measured."""
+    """Number of frames in which it was measured."""
     last_frame: int = 0
     is_measured_last: bool = False
 
@@ -130,7 +130,7 @@ def _state(satellite: _Satellite, lost: str, newest: int) -> str:
 
 
 def orbit_figures(orbit: OrbitEstimate) -> dict[str, Any]:
-    """The last one."""
+    """Figures of the last orbit."""
     names: Sequence[str] = (
         *("label", "prior", "a_km", "sigma_a_km", "e", "i_deg", "observations", "arc_s"),
     )
@@ -181,7 +181,7 @@ def summarise(
 
 @dataclass(slots=True)
 class _LeadTrack:
-    """What was known last of the lead of then."""
+    """The last lead track, with its last orbit and identification."""
 
     track_id: int | None = None
     orbit: OrbitEstimate | None = None
@@ -189,7 +189,7 @@ class _LeadTrack:
 
 
 def _lead_track(frames: Iterable[NightFrame]) -> tuple[_LeadTrack, int]:
-    """Beside it: how many misses the leads had."""
+    """The last lead track, and the number of misses of all leads."""
     led, misses = _LeadTrack(), 0
     for frame in frames:
         lead = lead_of(steps_of(frame))
@@ -203,7 +203,7 @@ def _lead_track(frames: Iterable[NightFrame]) -> tuple[_LeadTrack, int]:
 
 
 def _name_figures(found: Identified) -> dict[str, Any]:
-    """The last one."""
+    """Figures of the last identification."""
     best = found.matches[0] if found.matches else None
     return {
         "verdict": found.verdict,
@@ -226,9 +226,9 @@ _Views = Sequence[tuple[NightFrame, Mapping[str, Any]]]
 
 
 def _with_exposures(frames: Sequence[NightFrame], truth: Sequence[Mapping[str, Any]]) -> _Views:
-    """Every frame with the truth of its exposure; with an empty one where none is near in time.
+    """Frames with the truth of their exposures; an empty one where none is near in time.
 
-    Each tells, too, how late all exposures were by the clock that named them: no frame shows that.
+    Each truth also has the constant lateness of all exposures by their clock: no frame shows that.
     """
     late_ns = [
         exposure["t_open_utc_ns"] + round(exposure["exposure_s"] * 5e8) - exposure["t_place_utc_ns"]
@@ -240,7 +240,7 @@ def _with_exposures(frames: Sequence[NightFrame], truth: Sequence[Mapping[str, A
 
 
 def _exposure(truth: Sequence[Mapping[str, Any]], frame: NightFrame) -> Mapping[str, Any]:
-    """The truth of a frame, each satellite with the instant for which its place is told."""
+    """The truth of a frame, each satellite with the instant of its place."""
     for exposure in truth:
         t_true_mid_ns = exposure["t_start_utc_ns"] + round(exposure["exposure_s"] * 5e8)
         if abs(t_true_mid_ns - frame.t_mid_utc_ns) < SAME_FRAME_NS:
@@ -270,9 +270,9 @@ def _against_truth(views: _Views) -> dict[str, Any]:
 
 
 def _measured_figures(views: _Views, target: str | None) -> dict[str, Any]:
-    """Every measurement against the satellite nearest to it; the target's neighbours apart.
+    """Figures of measurements, each against the nearest satellite; the target's neighbours apart.
 
-    False is what is far from all of them and on nobody's streak: a cut or a fast one's middle may
+    False are those far from all of them and on no streak: the middle of a cut or fast one may
     be far from its own.
     """
     measured: list[float] = []
@@ -337,7 +337,7 @@ def _followed(views: _Views) -> tuple[str | None, Any]:
 def _track_figures(
     views: _Views, target: str | None
 ) -> tuple[list[float], list[bool], list[float]]:
-    """Every one-step prediction of the target in the frame, also those that nothing met.
+    """Figures of the one-step predictions of the target in the frame, also of missed ones.
 
     Errors in arcsec; whether a measurement of the target fell outside 3 sqrt(S), refused ones
     included; NIS of all of them.

@@ -1,4 +1,4 @@
-"""identify --field: what was in the frames."""
+"""``identify --field``: the objects in frames."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -87,7 +87,7 @@ def identify_field(
 
 
 def _expect_site(config_path: Path | None) -> None:
-    """Raises ConfigError where nobody has set a site: a default one would name wrong objects."""
+    """Raises ConfigError without a configured site: the default one would name wrong objects."""
     wanted = ("site.latitude_deg", "site.longitude_deg")
     missing = [
         each.name
@@ -107,7 +107,7 @@ class SessionLedger:
     def __init__(
         self, path: Path, tracks: Sequence[ObservedTrack], named: Sequence[Identification]
     ) -> None:
-        """``named``: each of the tracks, in their order."""
+        """``named``: identifications of the tracks, in their order."""
         is_session = tracks[0].track_id is not None
         self._folder = (path if path.is_dir() else path.parent) if is_session else None
         self._unknown = [
@@ -152,7 +152,7 @@ class SessionLedger:
         ]
 
     def _recognised(self) -> dict[int, LedgerName]:
-        """By number of the track; the session's own entries name nothing."""
+        """Names in the ledger by track number; the session's own entries name nothing."""
         try:
             ledger = read_ledger(self._path)
         except SessionError as error:

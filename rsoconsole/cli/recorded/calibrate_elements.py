@@ -97,7 +97,7 @@ def calibrate_elements(
 def _read(
     files: InputFiles, nights: int, settings: Config, *, simulated: bool
 ) -> "tuple[list[tuple[Path, NightRows]], int]":
-    """What each night gives, and how many give nothing: one that cannot be used ends no other."""
+    """Results of the nights, and the number of nights without: an unusable one ends no other."""
     from rsoconsole.cli.words.options import element_files
     from rsoconsole.pipeline import (
         is_session,
@@ -169,7 +169,7 @@ def _kept(found: "Sequence[NightRows]", path: Path) -> "ElementLedger":
 
 
 def _write(fitted: "Sequence[FittedFactors]", config_path: Path | None) -> Path:
-    """Put the factors into the configuration file; its place. Raises ConfigError, OrbitError."""
+    """Write factors to the configuration file; return its path. Raises ConfigError, OrbitError."""
     from rsoconsole.pipeline import settings_of
 
     if not fitted:

@@ -130,7 +130,7 @@ def _names(files: Sequence[Path]) -> str:
 def _elements(
     nights: Sequence[Path], tle: Sequence[Path] | None, configured: Sequence[Path]
 ) -> "Sequence[CatalogueEntry]":
-    """The files that were named; else, for names alone, those of the nights or configured."""
+    """Element files: those named; else, for names alone, those of the nights or configured."""
     from rsoconsole.pipeline import read_catalogue
     from rsoconsole.session import SessionReader
 
@@ -142,7 +142,7 @@ def _elements(
 
 
 def _write(found: "FoundTiming", config_path: Path | None, *, force: bool) -> Path:
-    """Put the result into the configuration file; its place. Raises ConfigError."""
+    """Put the result into the configuration file; return its path. Raises ConfigError."""
     from rsoconsole.pipeline import merged_timings, timings_of, worse_than_known
     from rsoconsole.words import errors_words, mode_words
 

@@ -1,4 +1,4 @@
-"""``rsoconsole catalogue``: whom elements come from, fetched when asked, and how old they are."""
+"""``rsoconsole catalogue``: sources of elements, fetched on request, and their age."""
 
 import time
 from collections.abc import Callable
@@ -204,7 +204,7 @@ def _run(settings: Config, wait: Callable[[], None] = lambda: None) -> "SourceUp
 
 
 def _wait_while_slewing(socket: Path | None) -> None:
-    """Until the running engine's mount stands; at once where none runs. Raises OrbitError."""
+    """Wait until the running engine's mount stands; not at all without one. Raises OrbitError."""
     from rsoconsole.control import ControlClient, Sender, status_of
 
     deadline = time.monotonic() + SLEW_WAIT_S
@@ -240,7 +240,7 @@ def _row(source: "Source", kept: "SourceStatus", settings: Config) -> dict[str, 
 
 
 def _file_row(path: Path) -> dict[str, Any]:
-    """Of a file that the configuration names itself."""
+    """Row of a file that the configuration names itself."""
     from rsoconsole.pipeline import SourceStatus, element_figures, read_catalogue
 
     try:

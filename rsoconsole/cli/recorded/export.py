@@ -16,7 +16,7 @@ AnyFormat: TypeAlias = Literal[
 MESSAGES = ("tdm", "tdm-xml", "iod", "udl")
 STDOUT = "-"
 FOLDER_KINDS = ("fits", "regions")
-"""A folder of files, one a frame."""
+"""Formats that make a folder of files, one a frame."""
 
 
 def export(
@@ -142,7 +142,7 @@ def _say_created(folder: Path | None) -> None:
 
 
 def _say_recorded_name(session: Path) -> None:
-    """What the engine took it for: whether the message says so is the operator's word."""
+    """Print the engine's identification, and the option with which the message names it."""
     from rsoconsole.session import SessionReader
 
     rows = SessionReader(session).view("identifications")

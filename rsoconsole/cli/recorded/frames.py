@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 def process_nights(
     nights: "tuple[Night, ...]", root: Path, pool_of: "Callable[[int], WorkerPool]", json_: bool
 ) -> None:
-    """Make a session of each, say what became of it, and exit 1 where one is not whole."""
+    """Make a session of each folder, report it, and exit 1 where one is not whole."""
     from rsoconsole.pipeline.batch import batch_nights
 
     is_whole = True
@@ -51,7 +51,7 @@ def _say(outcome: "NightOutcome", json_: bool) -> None:
 _AS_IT_IS = (
     *("frames", "unreadable", "detections", "measurements", "misses", "locked_after_frames"),
 )
-"""Keys that are the outcome's own."""
+"""Keys that are copied from the outcome."""
 
 
 def _night_report(outcome: "NightOutcome") -> dict[str, Any]:
@@ -97,14 +97,14 @@ ExtensionOption = Annotated[
 
 
 def report_error(files: InputFiles, path: Path, error: FrameError, json_: bool) -> None:
-    """Why a file cannot be used."""
+    """Report why a file cannot be used."""
     output.report_fault(json_, files.words(str(error)), frame=files.name(path))
 
 
 def read_each(
     files: InputFiles, paths: Sequence[Path], json_: bool, work: Callable[[Path, int, Bar], None]
 ) -> int:
-    """Run ``work`` over frames in order; how many are broken: they are reported, others go on."""
+    """Run ``work`` over frames in order; report broken ones, go on, and return their number."""
     failures = 0
     with progress("frames", len(paths)) as bar:
         for number, path in enumerate(paths, start=1):
@@ -137,7 +137,7 @@ def _each(
 
 
 def _name(found: dict[str, Any]) -> str:
-    """The file, and which of its images."""
+    """Name of the file and of the image in it."""
     extension = found["extension"]
     return f"{found['frame']}[{extension}]" if extension else str(found["frame"])
 
@@ -390,7 +390,7 @@ def _detect_lines(found: dict[str, Any]) -> list[str]:
 
 
 def _named_words(detection: dict[str, Any]) -> str:
-    """What a streak is, of its report: ``, crossing, aircraft 0.83``."""
+    """Kind and class of a streak in its report: ``, crossing, aircraft 0.83``."""
     name = name_words(
         detection["kind"],
         detection["class"],

@@ -153,7 +153,7 @@ def _report(
     gate_deg: float,
     is_kept: bool,
 ) -> tuple[dict[str, Any], bool]:
-    """What a session or a file of observations is named, and whether it holds several tracks."""
+    """Identification of a session or a file, and True where it holds several tracks."""
     from rsoconsole.cli.recorded._identify_field import SessionLedger
     from rsoconsole.orbits import identify_jointly
     from rsoconsole.pipeline import (
@@ -191,7 +191,7 @@ def _report(
 def _tracks_of(
     path: Path, ask: "ReadAs", track: int | None
 ) -> "tuple[tuple[ObservedTrack, ...], ObservedTrack]":
-    """All that are named together, and the object that is reported in full."""
+    """Tracks that are named together, and the object that is reported in full."""
     from rsoconsole.library import read_observations
 
     groups = read_observations(path, ask)

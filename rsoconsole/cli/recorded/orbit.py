@@ -48,7 +48,7 @@ RadiansOption = Annotated[
 ]
 AHEAD_S = (600, 3600, 86_400)
 _ANOTHER = 0.1
-"""Probability of being of one object below which that is doubted aloud."""
+"""Probability of being of one object below which a warning is printed."""
 
 
 def orbit(

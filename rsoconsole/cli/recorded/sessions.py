@@ -238,7 +238,7 @@ def keep(
 
 
 def _each(places: list[Path], is_well: Callable[[Path], bool], what_else: str, json_: bool) -> None:
-    """One after another: what becomes of one session does not keep the next from its turn.
+    """Work on sessions one after another; a fault of one does not stop the next.
 
     Exit 1 where one is not well, or cannot be worked on, which is said with its reason.
     """

@@ -38,14 +38,14 @@ SetOption = Annotated[
     ),
 ]
 SHARED_FROM = 8
-"""Sessions from which on a refold alone is worth other processes."""
+"""Number of sessions from which a refold alone is worth further processes."""
 
 
 class SetTakesTwo(TyperCommand):
-    """Typer knows no repeated option of two values: ``--set NAME VALUE`` becomes NAME=VALUE."""
+    """Command whose ``--set NAME VALUE`` becomes NAME=VALUE: typer repeats no pairs of values."""
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
-        """The command line, before it is taken apart."""
+        """Join the values of ``--set``, then parse the command line."""
         joined: list[str] = []
         rest = iter(args)
         for arg in rest:

@@ -1,4 +1,4 @@
-"""The verb goto: what was typed is understood as the console understands it, shown, then sent."""
+"""The verb goto: typed text is parsed as the console parses it, shown, then sent."""
 
 from typing import TYPE_CHECKING, Annotated
 
@@ -88,7 +88,7 @@ def goto(
 
 
 def _understood(text: str, status: "Status") -> "ParsedDirection":
-    """What is meant at the engine's own time and site. Raises BadParameter where nothing is."""
+    """Direction of the text at the engine's own time and site. Raises BadParameter for none."""
     from rsoconsole.pipeline import TargetNames, parse_direction
 
     config = config_of(status.session)

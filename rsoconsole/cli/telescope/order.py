@@ -26,11 +26,11 @@ _COMPLETED: Mapping[tuple[str, str], completion.Completer] = {
     ("set", "value"): completion.setting_values,
     ("arm", "override"): completion.checks,
 }
-"""What of a command's verb and field the shells can complete."""
+"""Completers by verb and field of a command."""
 
 
 def register(app: typer.Typer) -> None:
-    """Hang every command that the shell has into the program."""
+    """Add every command that has an example for the shell to the program."""
     for command in COMMANDS.values():
         if command.shell:
             # A negative angle is an argument, no option.
@@ -85,9 +85,9 @@ def send(
     goal_of: Callable[[Outcome], Goal] | None = None,
     more: Mapping[str, Any] | None = None,
 ) -> None:
-    """Hand a command to the engine and say what came of it; ``more``: beside that in the JSON.
+    """Send a command to the engine and print its result; ``more``: further keys of the JSON.
 
-    ``goal_of``: what is waited for, by the engine's answer; None: for nothing. Raises ControlError
+    ``goal_of``: the goal to wait for, by the engine's answer; None: no wait. Raises ControlError
     where the engine refuses it, or it was not done.
     """
     follower = None if goal_of is None else Follower(client)
@@ -106,7 +106,7 @@ def send(
 
 
 def _check(command: Command) -> None:
-    """Raises BadParameter for what no engine could carry out: nothing need be sent for that."""
+    """Raises BadParameter for a command that no engine could carry out, before it is sent."""
     from rsoconsole.engine import check_tunable
 
     with as_usage_error():
@@ -132,7 +132,7 @@ def _keyword(name: str, hint: Any, default: Any) -> inspect.Parameter:
 
 
 def _shell_type(hint: Any) -> Any:
-    """What a shell gives for a field of that type."""
+    """Type of a shell's value for a field of that type."""
     if hint == tuple[str, ...]:
         return list[str]
     for kind in (str, float, int, bool):
@@ -142,7 +142,7 @@ def _shell_type(hint: Any) -> Any:
 
 
 def _value(hint: Any, given: Any) -> Any:
-    """What the shell gave as the field has it."""
+    """Value from the shell in the field's own type."""
     if isinstance(given, list):
         return tuple(given)
     return number_or_text(given) if {str, float} <= {*get_args(hint)} else given

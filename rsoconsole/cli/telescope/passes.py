@@ -1,4 +1,4 @@
-"""The verb passes: what comes over the site tonight."""
+"""The verb passes: satellites in low orbits over the site tonight."""
 
 import time
 from collections.abc import Sequence

@@ -24,9 +24,9 @@ CARRIED = ("XDG_CONFIG_HOME", "XDG_DATA_HOME", "XDG_STATE_HOME", "XDG_CACHE_HOME
 LINGER = Path("/var/lib/systemd/linger")
 TRIAL_S = 20.0
 FIRST_OF_SYSTEMD = 200
-"""Exit statuses from here on say what systemd could not set up. Source: systemd.exec(5)."""
+"""First exit status that says what systemd could not set up. Source: systemd.exec(5)."""
 SYSTEMCTL_S = 120.0
-"""A safe stop of the engine takes a while."""
+"""Time-out of systemctl: a safe stop of the engine takes a while."""
 
 _WITHOUT = {
     False: "this system gives a user's service no user namespace",
@@ -163,9 +163,9 @@ def namespace_lines() -> list[str]:
 
 
 def has_namespace() -> bool | None:
-    """Whether this user's services may have a user namespace: systemd tries it with ``true``.
+    """True where this user's services may have a user namespace: systemd tests it with ``true``.
 
-    None where it could not be asked. A unit that asks for what it cannot have does not start.
+    None where that could not be tested. A unit that requires what it cannot have does not start.
     """
     program, does_nothing = shutil.which("systemd-run"), shutil.which("true")
     if program is None or does_nothing is None:
@@ -203,7 +203,7 @@ def unit_text(
 
 
 def exec_start(config: Path | None) -> tuple[str, ...]:
-    """The engine of this very installation, never armed, with the configuration by full path."""
+    """Command of this installation's engine, never armed, with the configuration by full path."""
     if not sys.executable:
         raise RsoconsoleError("Python does not know its own path: start it by its full path")
     # Not resolved: the link inside a virtual environment is what leads to its libraries.
@@ -243,7 +243,7 @@ def _refuse_foreign(path: Path) -> None:
 
 
 def _systemctl(*arguments: str) -> tuple[str, str]:
-    """(its answer, what went wrong or empty) of the user's own service manager."""
+    """Answer of the user's own service manager, and its fault or empty."""
     try:
         done = subprocess.run(
             ["systemctl", "--user", *arguments],
@@ -260,7 +260,7 @@ def _systemctl(*arguments: str) -> tuple[str, str]:
 
 
 def _word(question: str) -> str | None:
-    """The one word that systemctl answers, e.g. "active"; None when nobody answers."""
+    """Answer of systemctl in one word, e.g. "active"; None without an answer."""
     return _systemctl(question, UNIT)[0] or None
 
 

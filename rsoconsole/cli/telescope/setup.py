@@ -216,7 +216,7 @@ def send_test(config: ConfigOption = None, json_: JsonOption = False) -> None:
 
 @contextlib.contextmanager
 def _only_own_messages() -> Iterator[None]:
-    """Nothing that apprise and its libraries say is logged: it may hold an address."""
+    """Keep messages of apprise and its libraries out of the log: they may hold an address."""
     handlers, own = list(logging.getLogger().handlers), logging.Filter(APP)
     for handler in handlers:
         handler.addFilter(own)

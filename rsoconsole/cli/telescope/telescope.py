@@ -1,4 +1,4 @@
-"""Verbs for the telescope's engine: run it, ask it, tell it what is wanted, stop it."""
+"""Verbs for the telescope's engine: console, engine, status, stop."""
 
 import logging
 from collections.abc import Callable
@@ -222,7 +222,7 @@ def _write_metrics(socket: Path | None, out: Path | None) -> None:
 
 
 def _say_field(status: Status) -> None:
-    """Its tracks, the next aim, how they move to each other, and who is missing."""
+    """Print tracks, the next aim point, closest approaches, and objects that were not seen."""
     from rsoconsole.control import aim_parts, field_words, track_table
 
     lines: list[str] = []

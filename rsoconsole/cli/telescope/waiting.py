@@ -31,9 +31,10 @@ GRACE_S = 60.0
 BY_WORD_S = 10.0
 """Wait for a measured motion, s; after it the word of the driver counts."""
 AT_REST_S = 12.0
-"""Some pause for seconds between two axes, and are sent again where they stopped short."""
+"""Time at rest elsewhere after which a mount goes no further. Some pause for seconds between two
+axes, and are sent again where they stopped short."""
 REPEATED_S = 45.0
-"""A mount that shall park is told again every 30 s."""
+"""Time at rest after which a parking mount goes no further: parking is sent again every 30 s."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -43,11 +44,11 @@ class Goal:
     done: str
     """Word for the reached goal."""
     is_there: Callable[[Status], bool]
-    """Whether a status has the place or state of the goal; its motion is checked beside it."""
+    """True where a status has the place or state of the goal; its motion is checked separately."""
     ends: tuple[str, ...] = ("stands", "tracks")
     """Motions in which it is done."""
     at_rest_s: float = AT_REST_S
-    """At rest for so long elsewhere it goes no further."""
+    """Time at rest elsewhere after which it goes no further."""
     others: tuple[str, ...] = ("MANUAL",)
     """States of the engine that another order brings about."""
 
@@ -65,7 +66,7 @@ GOALS = {
 
 
 def arrival(ra_icrs_deg: float, dec_icrs_deg: float, near_arcmin: float) -> Goal:
-    """The mount is there, by its own coordinates."""
+    """Goal of a mount that is there, by its own coordinates."""
 
     def is_there(status: Status) -> bool:
         ra, dec = status.mount_ra_icrs_deg, status.mount_dec_icrs_deg
@@ -89,17 +90,17 @@ def config_of(session: Path | None) -> Config:
 
 
 class Follower:
-    """Looks at the engine once a second until a goal has come true, or cannot any more."""
+    """Poller of the engine, once a second, until a goal is reached or cannot be any more."""
 
     def __init__(self, wire: "ControlClient") -> None:
-        """Before the order is sent: what was before it ends no waiting."""
+        """Read the status before the order is sent: what was before it ends no waiting."""
         self._wire = wire
         self._before = self._last = self._look()
         self._case: Case = "on its way"
         self._case_since_s = 0.0
 
     def follow(self, goal: Goal) -> str:
-        """Wait for the goal; how it was reached, in words. Raises ControlError where it is not."""
+        """Wait for the goal; return how it was reached. Raises ControlError where it is not."""
         sent = self._last = self._look()
         bound_s = config_of(sent.session).mount.slew_timeout_s + GRACE_S
         began_s = time.monotonic()
@@ -126,7 +127,7 @@ class Follower:
             return Outcome(ok=False, message=str(error))
 
     def _ended(self, status: Status, goal: Goal) -> str:
-        """How it ended well; empty: not yet. Raises ControlError where it ended otherwise."""
+        """Words on the reached goal; empty: not yet. Raises ControlError where it failed."""
         case, now_s = _case_of(status, goal), _engine_s(status)
         if case != self._case:
             self._case, self._case_since_s = case, now_s
@@ -167,7 +168,7 @@ Case = Literal["done", "not measured", "moves there", "elsewhere", "on its way"]
 
 
 def _case_of(status: Status, goal: Goal) -> Case:
-    """How things stand with a goal."""
+    """State of the mount relative to a goal."""
     motion, claims_motion = status.mount_motion, status.is_slewing or status.is_parking
     is_known = motion not in (None, "unknown")
     if goal.is_there(status):
@@ -185,7 +186,7 @@ def _engine_s(status: Status) -> float:
 
 
 def _how(status: Status) -> str:
-    """Where the mount is and what it does."""
+    """Place and motion of the mount, in words."""
     place, words = "", motion_words(status)
     if status.mount_alt_deg is not None and status.mount_az_deg is not None:
         place = f" at alt {status.mount_alt_deg:.1f} az {status.mount_az_deg:.1f}"
@@ -194,7 +195,7 @@ def _how(status: Status) -> str:
 
 @contextlib.contextmanager
 def _shown() -> Iterator[Callable[[str], None]]:
-    """What the mount does meanwhile, on a terminal's stderr, nothing elsewhere."""
+    """Line on the mount's motion meanwhile, on a terminal's stderr; nothing elsewhere."""
     from rich.progress import SpinnerColumn, TextColumn
 
     with bars_of(SpinnerColumn(), TextColumn("{task.description}")) as line:

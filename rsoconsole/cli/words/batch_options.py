@@ -29,7 +29,7 @@ NoDaskOption = Annotated[
 
 
 class Bar:
-    """Steps that are shown on a terminal's stderr, and nothing elsewhere."""
+    """Bar of steps on a terminal's stderr; nothing elsewhere."""
 
     def __init__(self, bars: "Progress | None" = None, task: "TaskID | None" = None) -> None:
         self._bars = bars
@@ -42,7 +42,7 @@ class Bar:
 
     @contextlib.contextmanager
     def aside(self) -> Iterator[None]:
-        """Out of the way of lines that are printed meanwhile: they may go to the same terminal."""
+        """Hide the bar while lines are printed: they may go to the same terminal."""
         if self._bars is None:
             yield
             return
@@ -96,8 +96,8 @@ def progress(words: str, total: int | None = None) -> Iterator[Bar]:
 def byte_progress() -> Iterator[Callable[[str, int, int], None]]:
     """Bytes of one thing after another, on a terminal's stderr, nothing elsewhere.
 
-    What is called takes what is done, how many bytes of it, of how many; it may be called from
-    any thread.
+    The function that it gives takes a name, the bytes done and their total; any thread may call
+    it.
     """
     from rich.progress import BarColumn, DownloadColumn, TextColumn, TimeRemainingColumn
 

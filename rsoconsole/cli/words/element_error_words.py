@@ -23,7 +23,7 @@ _WIDTH = 78
 
 
 def source_lines(errors: Sequence[dict[str, Any]], regimes: Collection[str]) -> Iterator[str]:
-    """Whether the errors of these kinds of orbit are assumed or measured."""
+    """Lines on the errors of these kinds of orbit: assumed, or measured."""
     asked = [each for each in errors if each["regime"] in regimes]
     words = [_measured(each) for each in asked if each["source"] == "measured"]
     assumed = [KINDS[each["regime"]] for each in asked if each["source"] == "assumed"]

@@ -70,7 +70,7 @@ def _identified_as(each: dict[str, Any]) -> str:
 
 
 def _matches(each: dict[str, Any]) -> Iterator[str]:
-    """Each candidate's errors along and across."""
+    """Lines on each candidate's errors along and across."""
     is_open = each["verdict"] == "ambiguous"
     for one in each["matches"]:
         name = f"{chance(one['probability']):>5}  {_called(one)}: " if is_open else ""

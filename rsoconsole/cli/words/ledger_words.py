@@ -12,7 +12,7 @@ _NAME_WIDTH = 20
 
 
 def object_line(known: LedgerObject) -> str:
-    """One of the list."""
+    """Line of one object in the list."""
     orbit = known.last.orbit
     size = "no orbit" if orbit is None else plus_minus(orbit.a_km, orbit.sigma_a_km)
     tilt = "" if orbit is None else f"{orbit.i_deg:.2f}"
@@ -23,7 +23,7 @@ def object_line(known: LedgerObject) -> str:
 
 
 def object_lines(known: LedgerObject) -> Iterator[str]:
-    """All that is known of one."""
+    """Lines on everything known of one object."""
     yield f"UCT {known.number}" + (f": {known.name}" if known.name else "")
     last = known.last
     yield f"  last direction   {direction(last.ra_icrs_deg, last.dec_icrs_deg, 'bare')}"

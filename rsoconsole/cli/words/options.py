@@ -89,7 +89,7 @@ def site_of(text: str) -> Site:
 
 
 def number_or_text(value: str) -> float | str:
-    """A number where that is one that can be worked with, else the text itself."""
+    """Number in a text where it is a usable one, else the text itself."""
     try:
         number = float(value)
     except ValueError:
@@ -114,7 +114,7 @@ def catalogue_of(files: Sequence[Path]) -> "Sequence[CatalogueEntry]":
 
 
 def element_files(path: Path, configured: Sequence[Path]) -> list[Path]:
-    """The configuration's; of a simulated night, or without any, those that the session began with.
+    """Configured element files; of a simulated night, or without any, those of the session.
 
     Raises OrbitError with the remedy where there are none.
     """

@@ -95,7 +95,7 @@ def _data_words(report: dict[str, Any]) -> str:
 
 
 def _part_lines(parts: Sequence[dict[str, Any]]) -> Iterator[str]:
-    """Only where there is more than one arc."""
+    """Lines on the arcs; none where there is only one."""
     if len(parts) < 2:
         return
     yield ""
@@ -198,7 +198,7 @@ def form_of(path: Path) -> Form:
 
 
 def write_elements(elements: FittedElements, path: Path, form: Form, *, force: bool) -> str:
-    """Write them; what was done, in words.
+    """Write elements to a file; return what was done, in words.
 
     Raises OrbitError where there are none, ExportError where the file cannot be written.
     """

@@ -41,11 +41,11 @@ WITH_UNITS: Mapping[str, str] = MappingProxyType(
         "bytes": "size_bytes",
     }
 )
-"""A key of the first version -> the one with its unit and frame that stands beside it."""
+"""Keys with unit and frame, by the key of the first version beside which they stand."""
 
 
 def emit_json(found: Any, **more: Any) -> None:
-    """One object, one line, of a record or a mapping; NaN and infinity become null.
+    """Print a record or a mapping as one object in one line; NaN and infinity become null.
 
     It carries the number of the schema, and the keys with units beside those without.
     """
@@ -68,13 +68,13 @@ def answer(
 
 
 def say(*lines: str) -> None:
-    """Lines for a person on stdout; a line break inside one of them becomes a space."""
+    """Print lines for a person on stdout; a line break inside one of them becomes a space."""
     for line in lines:
         typer.echo(one_line(line))
 
 
 def complain(*lines: str) -> None:
-    """Lines for a person on stderr, likewise."""
+    """Print lines for a person on stderr; a line break inside one of them becomes a space."""
     for line in lines:
         typer.echo(one_line(line), err=True)
 
@@ -95,7 +95,7 @@ def report_fault(json_: bool, words: str, **of: Any) -> None:
 
 
 def emit_text(text: str) -> None:
-    """A document on stdout, to the last character where that is a file or a pipe."""
+    """Print a document on stdout, to the last character where that is a file or a pipe."""
     typer.echo(printable(text) if sys.stdout.isatty() else text, nl=False)
 
 

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     )
 
 MAX_ALIKE = 3
-"""Findings of one sort that are told one by one; --json tells all."""
+"""Most findings of one sort that are listed one by one; --json lists all."""
 
 
 def schemas(of_session: Any) -> dict[str, Any]:

@@ -37,7 +37,7 @@ class InputFiles:
 
     def __init__(self, paths: Sequence[Path], place: Path | None) -> None:
         self.paths = [place if place and str(each) == DASH else each for each in paths]
-        """To be read; what came through the pipe in the place of ``-``."""
+        """Files to read; a file with the piped content in the place of ``-``."""
         self._place = place
 
     def name(self, path: Path) -> str:
@@ -45,7 +45,7 @@ class InputFiles:
         return DASH if path == self._place else str(path)
 
     def words(self, text: str) -> str:
-        """A sentence without the place, which says nothing to anybody."""
+        """Text with the path of the temporary file replaced by a name of standard input."""
         return text if self._place is None else text.replace(str(self._place), STDIN)
 
 

@@ -59,7 +59,7 @@ def usage_line(error: Any) -> str:
 
 @contextlib.contextmanager
 def as_usage_error(hint: str = "", caught: type[Exception] = ValueError) -> Iterator[None]:
-    """Raise what cannot be meant as wrong usage of the option ``hint``."""
+    """Raise errors of a value as wrong usage of the option ``hint``."""
     try:
         yield
     except caught as error:
@@ -69,7 +69,7 @@ def as_usage_error(hint: str = "", caught: type[Exception] = ValueError) -> Iter
 def write_to_config(
     config: Path | None, settings: Mapping[str, Any], *, is_secret: bool = False
 ) -> Path:
-    """Write settings into the configuration file; its place. Raises ConfigError.
+    """Write settings into the configuration file; return its path. Raises ConfigError.
 
     Environment variables that hide them are named.
     """
@@ -83,7 +83,7 @@ def write_to_config(
 
 
 def help_of(error: Any) -> str | None:
-    """The help where nothing is wrong but that nothing was asked; None where something is.
+    """Help text where a command was called without arguments; None for any other error.
 
     Empty where typer has printed it by itself, in boxes.
     """

@@ -69,7 +69,7 @@ def _locked(figures: "TrackFigures") -> str:
 
 
 def _nis_worth(figures: "TrackFigures") -> float | None:
-    """0 in the band; outside, the further the worse."""
+    """Merit of the mean NIS: 0 in the band; outside, the further the worse."""
     if figures.nis_mean is None or figures.nis_band is None:
         return None
     low, high = figures.nis_band
@@ -78,7 +78,7 @@ def _nis_worth(figures: "TrackFigures") -> float | None:
 
 
 def _inside_worth(figures: "TrackFigures") -> float | None:
-    """A sound filter's is 0.995; more is no gain, and what is not shown is none."""
+    """Merit of the share inside 3 sigma, two digits: a sound filter's is 0.995, more is no gain."""
     return None if figures.inside_3sigma is None else round(min(figures.inside_3sigma, 0.99), 2)
 
 

@@ -1,4 +1,4 @@
-"""IOD lines read back, of all angle formats; what is not said is None.
+"""Reader of IOD lines, all angle formats; a missing value is None.
 
 Strict in the columns, as the format is: a line that is one column off is none, also in those of
 sky, behaviour, magnitude and flash period, which are not read. Digits that are missing at
@@ -42,22 +42,22 @@ _LINE = re.compile(
     re.VERBOSE | re.ASCII,
 )
 EPOCHS = {"1": 1855, "2": 1875, "3": 1900, "4": 1950, "5": 2000, "6": 2050}
-"""Years of the equinox; 0 and blank are that of date."""
+"""Year of the equinox by code; 0 and blank are the equinox of date."""
 _FIRST_SATELLITE = 57
-"""Two digits of a year from here on are of the last century."""
+"""Smallest two-digit year of the last century."""
 _ARCSEC_BY_CODE = {1: 1.0, 2: 60.0, 3: 3600.0, 4: 1.0, 5: 60.0, 6: 3600.0, 7: 3600.0}
-"""Unit of the position's uncertainty."""
+"""Unit of the position's uncertainty by angle format, arcsec."""
 HORIZONTAL = (4, 5, 6)
 """Angle formats of azimuth and elevation."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class IodObservation:
-    """One line."""
+    """One observation line."""
 
     norad_id: int | None
     cospar: str | None
-    """As in ``1998-123A``."""
+    """International designator, e.g. ``1998-123A``."""
     station: str
     t_utc_ns: int
     t_step_ns: int
@@ -105,7 +105,7 @@ def parse_iod(line: str) -> IodObservation:
 
 
 def full_year(two_digits: str) -> int:
-    """Year of a launch or an observation of two digits: 57 to 99 are of the last century."""
+    """Full year of two digits, of a launch or an observation: 57 to 99 are 1957 to 1999."""
     year = int(two_digits)
     return year + (1900 if year >= _FIRST_SATELLITE else 2000)
 
@@ -138,7 +138,7 @@ def angles_of(code: int, first: str, sign: str, second: str) -> tuple[float, flo
 
 
 def _sexagesimal(text: str, wholes: int) -> float:
-    """Wholes, two digits of minutes, two of seconds, then decimals of these."""
+    """Value of wholes, two digits of minutes, two of seconds, then decimals of these."""
     text = text.ljust(wholes + 4, "0")
     minutes, seconds = int(text[wholes : wholes + 2]), text[wholes + 2 : wholes + 4]
     decimals = text[wholes + 4 :] or "0"
@@ -146,7 +146,7 @@ def _sexagesimal(text: str, wholes: int) -> float:
 
 
 def _minutes(text: str, wholes: int) -> float:
-    """Wholes, two digits of minutes, then decimals of these."""
+    """Value of wholes, two digits of minutes, then decimals of these."""
     text = text.ljust(wholes + 2, "0")
     minutes, decimals = text[wholes : wholes + 2], text[wholes + 2 :] or "0"
     return int(text[:wholes]) + float(f"{minutes}.{decimals}") / 60.0
@@ -217,7 +217,7 @@ def parse_uk(line: str) -> IodObservation:
 
 
 def is_uk(line: str) -> bool:
-    """Whether a line has the columns of a UK line."""
+    """True where a line has the columns of a UK line."""
     return _UK_LINE.match(line.rstrip("\r\n")) is not None
 
 
@@ -235,7 +235,7 @@ def _uk_instant(day: str, clock: str) -> tuple[int, int]:
 
 
 def _time_sigma_s(field: str) -> float | None:
-    """``Sssss``: a digit of seconds, then decimals of them."""
+    """One sigma of the time, s, from ``Sssss``: a digit of seconds, then decimals of them."""
     digits = field.strip()
     if not digits:
         return None
@@ -243,7 +243,7 @@ def _time_sigma_s(field: str) -> float | None:
 
 
 def _position_arcsec(code: int, field: str) -> float | None:
-    """``SSSs`` of formats 1 and 4, ``MMmm`` of 2 and 5, ``Dddd`` of 3, 6 and 7."""
+    """Uncertainty, arcsec: ``SSSs`` of formats 1 and 4, ``MMmm`` of 2 and 5, ``Dddd`` of others."""
     if not field.strip():
         return None
     digits = field.rstrip()

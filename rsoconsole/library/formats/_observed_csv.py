@@ -19,7 +19,7 @@ from rsoconsole.sky import iso_to_utc_ns
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ObservedRow:
-    """One direction: astrometric, ICRS."""
+    """One observed direction: astrometric, ICRS."""
 
     where: str
     """File and line, for people."""
@@ -31,7 +31,7 @@ class ObservedRow:
     sigma_dec_arcsec: float | None = None
     correlation: float = 0.0
     time_sigma_s: float | None = None
-    """Beside the direction's own error; None where that is in it."""
+    """One sigma of the time, beside the direction's own error; None where that includes it."""
     target: str | None = None
     """Name of the object in the file; None where it names none."""
     station: str | None = None
@@ -39,14 +39,14 @@ class ObservedRow:
     site: Site | None = None
     """Site of the station, where the file states it."""
     is_degrees: bool = False
-    """Whether the form that it was written in leaves no doubt about the unit."""
+    """True where the written form leaves no doubt about the unit."""
 
 
 _TIME = ("t_mid_utc", "time_utc", "obtime", "utc", "time", "epoch", "date_obs", "datetime", "t")
 _RA = ("ra_icrs_deg", "ra_deg", "ra", "ra_j2000_deg", "right_ascension_deg", "right_ascension")
 _DEC = ("dec_icrs_deg", "dec_deg", "dec", "dec_j2000_deg", "declination_deg", "declination")
 _BARE = {"ra", "right_ascension", "dec", "declination"}
-"""Names without a unit: what was meant may be asked."""
+"""Names that state no unit; a reading option may state it."""
 _RADIANS = (("ra_rad", "ra_icrs_rad"), ("dec_rad", "dec_icrs_rad", "declination_rad"))
 _HOURS = ("ra_hours", "ra_h", "ra_hour")
 _RA_SCALES = {
@@ -55,7 +55,7 @@ _RA_SCALES = {
     **dict.fromkeys(_HOURS, 15.0),
     **{name: 1.0 for name in _RA if name in _BARE},
 }
-"""What makes degrees of it, the one with precedence first: a name with its unit."""
+"""Factor to degrees by column name, in order of precedence: names that state a unit first."""
 _DEC_SCALES = {
     **{name: 1.0 for name in _DEC if name not in _BARE},
     **dict.fromkeys(_RADIANS[1], math.degrees(1.0)),
@@ -90,7 +90,7 @@ def read_table(text: str, name: str) -> tuple[ObservedRow, ...]:
 
 
 def looks_like_table(text: str) -> bool:
-    """Whether the first line of a text names columns, or is a JSON object."""
+    """True where the first line of a text names columns, or is a JSON object."""
     for line in text.splitlines():
         if line.startswith("#") or not line.strip():
             continue
@@ -146,10 +146,10 @@ def _plain(name: str) -> str:
 
 
 class _Columns:
-    """Which column is what."""
+    """Columns of a table by their meaning."""
 
     def __init__(self, names: Sequence[str], where: str) -> None:
-        """Raises ExportError where they lack time or direction."""
+        """Find the columns. Raises ExportError where time or direction is missing."""
         self._by_name = {_plain(each): each for each in names}
         has_direction = all(self.find(tuple(each)) for each in (_RA_SCALES, _DEC_SCALES))
         if not (has_direction and self.find(_TIME)):
@@ -157,18 +157,18 @@ class _Columns:
             raise ExportError(f"{where}: {NEEDED} are needed; it has {shown}")
 
     def find(self, wanted: Sequence[str]) -> str | None:
-        """The column's own name."""
+        """Name in the table of a wanted column; None where it has none."""
         return next((self._by_name[each] for each in wanted if each in self._by_name), None)
 
     def is_used(self, values: Mapping[str, str]) -> bool:
-        """Whether a row counts: in tables of this program, those taken and not clipped."""
+        """True where a row counts: in tables of this program, taken by a track and not clipped."""
         taken = self._by_name.get("is_taken")
         cut = self._by_name.get("is_clipped")
         is_taken = taken is None or values.get(taken, "").lower() != "false"
         return is_taken and (cut is None or values.get(cut, "").lower() != "true")
 
     def row(self, values: Mapping[str, str], where: str) -> ObservedRow:
-        """One line of it. Raises ExportError."""
+        """One row of the table. Raises ExportError."""
 
         def text(wanted: Sequence[str]) -> str | None:
             name = self.find(wanted)
@@ -209,7 +209,7 @@ class _Columns:
     def _direction(
         self, number: Callable[[Sequence[str]], float | None], where: str
     ) -> tuple[float, float, bool]:
-        """Both angles in degrees, if they are what their names say; whether a name says a unit."""
+        """Both angles in degrees, by the names of their columns; whether a name states a unit."""
 
         def angle(scales: Mapping[str, float]) -> tuple[str, float]:
             for name, scale in scales.items():

@@ -1,4 +1,4 @@
-"""Directions of Tracking Data Messages of others: middles of exposures, corrected, by station."""
+"""Directions from others' Tracking Data Messages: at mid-exposure, corrected, by station."""
 
 from collections.abc import Sequence
 
@@ -9,7 +9,7 @@ from rsoconsole.records import Site
 from rsoconsole.words import NS_PER_S
 
 _MIDDLE_BY_HALVES = {"START": 1, "MIDDLE": 0, "END": -1}
-"""By how many halves of the integration its middle is later than the epoch."""
+"""Time from the epoch to the middle of the integration, in halves of it, by INTEGRATION_REF."""
 _ABERRATIONS = ("CORRECTION_ABERRATION_YEARLY", "CORRECTION_ABERRATION_DIURNAL")
 
 
@@ -59,7 +59,7 @@ def _of_segment(segment: TdmSegment, where: str) -> list[ObservedRow]:
 
 
 def _middle_later_ns(segment: TdmSegment, where: str) -> int:
-    """From an epoch as written to the middle of its integration, as the light came in."""
+    """Time from an epoch as written to the middle of its integration, at reception."""
     if segment.metadata.get("TIMETAG_REF", "RECEIVE").upper() != "RECEIVE":
         raise ExportError(f"{where}: times of transmission (TIMETAG_REF): only RECEIVE is read")
     for key, value in segment.metadata.items():
@@ -81,7 +81,7 @@ def _middle_later_ns(segment: TdmSegment, where: str) -> int:
 
 
 def _corrections_deg(segment: TdmSegment, where: str) -> tuple[float, float]:
-    """What is still to be added to both angles."""
+    """Corrections still to be added to both angles."""
     first, second, *aberrations = (
         float(segment.metadata.get(key, "0"))
         for key in ("CORRECTION_ANGLE_1", "CORRECTION_ANGLE_2", *_ABERRATIONS)
@@ -102,7 +102,7 @@ def _corrections_deg(segment: TdmSegment, where: str) -> tuple[float, float]:
 
 
 def _participants(segment: TdmSegment, where: str) -> tuple[str | None, str | None]:
-    """What is seen and who sees it: light goes from the last but one of PATH to the last."""
+    """Names of target and station: light goes from the last but one of PATH to the last."""
     seen, seer = segment.metadata.get("PATH", "2,1").split(",")[-2:]
     names = {n: segment.metadata.get(f"PARTICIPANT_{n}") for n in (seen, seer)}
     missing = [n for n, name in names.items() if name is None]
@@ -112,7 +112,7 @@ def _participants(segment: TdmSegment, where: str) -> tuple[str | None, str | No
 
 
 def _site_of_comments(comments: Sequence[str]) -> Site | None:
-    """As ``tdm`` writes it: TDM has no keyword for a place."""
+    """Site in the comments that ``tdm`` writes: TDM has no keyword for a place."""
     for comment in comments:
         words = comment.replace(",", " ").split()
         if words[:2] != ["Site", "WGS84:"]:

@@ -1,4 +1,4 @@
-"""Tracking Data Messages read back: every keyword of the standard is known, angles are kept.
+"""Reader of Tracking Data Messages: knows every keyword of the standard, keeps the angles.
 
 Keyword = value form, versions 1.0 and 2.0, times in UTC. Whatever the standard does not allow
 raises ExportError with the number of the line.
@@ -24,7 +24,7 @@ _PATH = re.compile(r"\d(?:,\d)+", re.ASCII)
 _NUMBERED = "12345"
 _HEADER = {"CREATION_DATE", "ORIGINATOR", "MESSAGE_ID"}
 _ERRORS = ("sigma_1_arcsec", "sigma_2_arcsec", "correlation")
-"""As our comments tell them, in order."""
+"""Fields of the errors, in the order of our comments."""
 
 
 def _with_numbers(*stems: str) -> set[str]:
@@ -68,7 +68,7 @@ _DATA = {
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TdmAngles:
-    """Both angles of one epoch, with their errors where the message's comments tell them."""
+    """Both angles of one epoch, with their errors where the message's comments state them."""
 
     t_utc_ns: int
     angle_1_deg: float
@@ -82,7 +82,7 @@ class TdmAngles:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TdmSegment:
-    """One track: what is said of it, and what was measured."""
+    """One track: its metadata and its angles."""
 
     metadata: Mapping[str, str]
     """Values by keyword, as written."""
@@ -90,12 +90,12 @@ class TdmSegment:
     angles: tuple[TdmAngles, ...]
     """Epochs that have both, in the order of the file."""
     others: int
-    """Lines of data that are no such angles."""
+    """Number of data lines other than these angles."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Tdm:
-    """A message."""
+    """A Tracking Data Message."""
 
     version: str
     header: Mapping[str, str]
@@ -148,11 +148,11 @@ class _OpenSegment:
 
 @dataclass(slots=True, kw_only=True)
 class _Parser:
-    """Where the reading stands."""
+    """State of the parser."""
 
     name: str
     unit: str = "line"
-    """What is counted."""
+    """Unit that ``number`` counts."""
     number: int = 0
     section: str = "start"
     version: str = ""

@@ -1,4 +1,4 @@
-"""One call for every format but the report, which the floor above draws."""
+"""Export in every format but the report, which the layer above draws."""
 
 import csv
 import io
@@ -32,7 +32,7 @@ _DEG2_PER_ARCSEC2 = 1.0 / 3600.0**2
 
 
 def to_udl(night: ExportedNight, tracks: Iterable[int], options: "ExportOptions") -> str:
-    """The records. A streak that the frame cuts is left out."""
+    """EOObservation records of these tracks as JSON, without streaks that the frame cuts."""
     found: list[dict[str, Any]] = []
     for track in tracks:
         rows = unclipped(night.of_track(track))
@@ -109,7 +109,7 @@ def to_jsonl(rows: Iterable[MeasuredRow]) -> str:
 
 
 def to_ecsv(night: ExportedNight) -> str:
-    """A table with units, descriptions and, as ``meta``, what ``ExportedNight.facts`` tells.
+    """A table with units and descriptions; its ``meta`` is ``ExportedNight.facts``.
 
     Read back by astropy, ``t_mid_utc`` is a ``Time`` and ``direction`` a ``SkyCoord``.
     """
@@ -171,23 +171,23 @@ class ExportOptions:
     """Options of an export."""
 
     everything: bool = False
-    """Tables also hold what the operator refused and what their decision replaced."""
+    """True: tables also hold what the operator refused and what their decision replaced."""
     track: int | None = None
-    """TDM, IOD and UDL of this track alone."""
+    """Only track in TDM, IOD and UDL; None: all tracks."""
     target: Target = field(default_factory=Target)
     """Catalogue numbers of the track's object."""
     station: str = STATION
-    """IOD: the observing site's number."""
+    """Number of the observing site in IOD lines."""
     sky: str = " "
-    """IOD: state of the sky, one of E, G, F, P, B, T."""
+    """State of the sky in IOD lines, one of E, G, F, P, B, T."""
     site_line: bool = False
-    """IOD: a line with the station and its place comes first, as in posts to SeeSat-L."""
+    """True: IOD lines begin with one of the station and its place, as in posts to SeeSat-L."""
     originator: str = ORIGINATOR
-    """TDM and UDL: who made it."""
+    """Originator in TDM and UDL."""
     frames: tuple[int, ...] | None = None
-    """FITS and regions of these frames alone."""
+    """Only frames in FITS and regions; None: all frames."""
     is_forced: bool = False
-    """Existing files are written over."""
+    """True: existing files are overwritten."""
 
     def __post_init__(self) -> None:
         """Raises ExportError for what cannot be written."""
@@ -233,7 +233,7 @@ def export(
 def save_text(
     session: Path, text: str, made: Export, out: Path | None, *, is_forced: bool
 ) -> Export:
-    """A text that was made of a session in its file. Raises ExportError."""
+    """Write a session's exported text to its file. Raises ExportError."""
     path = out
     if path is None:
         ending = _ENDINGS.get(made.format, made.format)
@@ -262,7 +262,7 @@ def render(session: Path, kind: TextFormat, options: ExportOptions) -> tuple[str
 
 
 def write_file(path: Path, content: bytes, *, is_forced: bool) -> None:
-    """A whole file in its place, or none. Raises ExportError."""
+    """Write a whole file in its place, or none. Raises ExportError."""
     if path.is_dir():
         raise ExportError(f"{path} is a folder: name a file with --out")
     if path.exists() and not is_forced:
@@ -273,7 +273,7 @@ def write_file(path: Path, content: bytes, *, is_forced: bool) -> None:
 
 
 def _messages(night: ExportedNight, kind: str, options: ExportOptions) -> tuple[str, Export]:
-    """TDM and IOD: what tracks took, and no streak that a frame's edge cuts."""
+    """Message of what tracks took, without streaks cut by a frame's edge, and its summary."""
     tracks = night.tracks if options.track is None else (options.track,)
     if not set(tracks) <= set(night.tracks):
         known = ", ".join(map(str, night.tracks)) or "none"

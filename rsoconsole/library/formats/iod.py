@@ -24,11 +24,11 @@ STATION = "9999"
 """Station number of a site that has none of its own."""
 _STATION = re.compile(r"[0-9A-HJ-NP-Z]{4}", re.ASCII)
 SKIES = "EGFPBT "
-"""Excellent, good, fair, poor, bad, terrible, not said."""
+"""Codes of the sky: excellent, good, fair, poor, bad, terrible, not said."""
 RA_STEPS_PER_DEG = 4000
-"""Thousandths of a minute of time."""
+"""Steps of right ascension a degree: thousandths of a minute of time."""
 DEC_STEPS_PER_DEG = 6000
-"""Hundredths of a minute of arc."""
+"""Steps of declination a degree: hundredths of a minute of arc."""
 _ARCSEC_PER_RA_STEP = 0.9
 _ARCSEC_PER_DEC_STEP = 0.6
 _UNIFORM = 1.0 / math.sqrt(12.0)
@@ -90,7 +90,7 @@ def check_station(station: str, sky: str) -> None:
 def _line(
     row: MeasuredRow, target: Target, station: str, sky: str, sigmas_s: tuple[float, float]
 ) -> str:
-    """``sigmas_s``: of the time, what the position's error has of it, and all of it."""
+    """One IOD line; ``sigmas_s``: error of the time in the position's covariance, and in all."""
     shutter_s, time_sigma_s = sigmas_s
     instant = utc_ns_to_iso(to_the_millisecond(row.t_mid_utc_ns))
     digits = re.sub(r"\D", "", instant)
@@ -101,7 +101,7 @@ def _line(
 
 
 def to_the_millisecond(t_utc_ns: int) -> int:
-    """Rounded; never across a leap second, which would make a second of half a millisecond."""
+    """Instant rounded to 1 ms; never across a leap second, where half a ms becomes a second."""
     rounded = (t_utc_ns + NS_PER_MS // 2) // NS_PER_MS * NS_PER_MS
     if rounded % NS_PER_DAY == 0 and rounded > t_utc_ns:
         leap_s = float(tai_minus_utc_s(rounded)) - float(tai_minus_utc_s(t_utc_ns))
@@ -110,9 +110,9 @@ def to_the_millisecond(t_utc_ns: int) -> int:
 
 
 def position_sigma_arcsec(row: MeasuredRow, shutter_sigma_s: float = 0.0) -> float:
-    """The one error that a line has room for: that of the worst direction, rounding included.
+    """Error of the position in a line: that of the worst direction, rounding included.
 
-    ``shutter_sigma_s``: what of it the line says as an error of its time. Readers add that to the
+    ``shutter_sigma_s``: part that the line states as an error of its time. Readers add that to the
     position along the motion, where the measurement's covariance has it already.
     """
     east2, cross, north2 = _without(row.cov_sky_arcsec2, shutter_sigma_s, _rate_arcsec_s(row))
@@ -125,7 +125,7 @@ def position_sigma_arcsec(row: MeasuredRow, shutter_sigma_s: float = 0.0) -> flo
 def _without(
     cov: tuple[float, float, float], sigma_s: float, rate_arcsec_s: tuple[float, float]
 ) -> tuple[float, float, float]:
-    """The covariance without what an error of the time makes of it, as far as it has that."""
+    """Covariance less the part due to an error of the time, as far as it contains that."""
     east2, cross, north2 = cov
     east_s, north_s = rate_arcsec_s
     det = east2 * north2 - cross * cross
@@ -141,7 +141,7 @@ def _without(
 
 
 def _rate_arcsec_s(row: MeasuredRow) -> tuple[float, float]:
-    """East and north, by the streak and its exposure, of either sign; 0 where it tells none."""
+    """Rate east and north, by the streak and its exposure, of either sign; 0 without these."""
     ends = (row.ra_a_icrs_deg, row.dec_a_icrs_deg, row.ra_b_icrs_deg, row.dec_b_icrs_deg)
     a_ra, a_dec, b_ra, b_dec = ends
     if a_ra is None or a_dec is None or b_ra is None or b_dec is None or not row.exposure_s:

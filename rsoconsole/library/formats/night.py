@@ -65,12 +65,12 @@ class ExportedNight:
 
     @property
     def is_simulated(self) -> bool:
-        """Whether no telescope was there."""
+        """True where the observatory was simulated."""
         return self.about.get("is_simulated") is True
 
     @property
     def is_closed(self) -> bool:
-        """False while it goes on, and where it was cut off."""
+        """True where the session was closed: False while it goes on, and where it was cut off."""
         return self.about.get("is_closed") is True
 
     def time_sigma_s(self, row: MeasuredRow) -> float:
@@ -118,7 +118,7 @@ class ExportedNight:
 
 
 def read_night(session: Path, *, everything: bool = False) -> ExportedNight:
-    """Gather a session's or a branch's measurements, no matter who took them.
+    """Gather all measurements of a session or a branch, taken by a track or not.
 
     Without ``everything`` only what counts: not what the operator refused, and of frames that
     were followed again by their decision only the last reading. Raises SessionError.
@@ -156,7 +156,7 @@ def _rows(frames: Iterable[NightFrame], everything: bool) -> Iterator[MeasuredRo
 def _rows_of(
     frame: NightFrame, fold: NightFrame, firsts: Mapping[str, int]
 ) -> Iterator[MeasuredRow]:
-    """``fold``: the frame, or what was made of it before it was followed again."""
+    """Rows of a frame; ``fold``: the frame, or its result before it was followed again."""
     is_last = fold is frame
     predicted = {each.track_id: each.predicted for each in fold.tracks}
     updates = [each.updated for each in fold.tracks if each.updated is not None]
@@ -185,7 +185,7 @@ def _rows_of(
 
 
 def _measured(frame: NightFrame, fold: NightFrame) -> list[Measurement]:
-    """What there was to follow: what was detected, or what the operator's word has left of it."""
+    """Measurements offered to the tracker: those detected, as the operator's decision left them."""
     seen = [each for each in frame.measurements if each.source == "network"]
     if fold.first is None:
         return seen
@@ -200,7 +200,7 @@ def _measured(frame: NightFrame, fold: NightFrame) -> list[Measurement]:
 def _reason(
     frame: NightFrame, measurement: Measurement, refusal: NotFollowed | None, *, is_taken: bool
 ) -> str | None:
-    """Why it does not count, or why no track took it."""
+    """Reason why it does not count, or why no track took it; None where a track took it."""
     if is_taken:
         return None
     if frame.decision is not None and measurement in frame.decision.refused:
@@ -213,7 +213,7 @@ def _reason(
 
 
 def _firsts(frames: Iterable[NightFrame]) -> dict[str, int]:
-    """By id: the measurements of earlier frames with which tracks began, and those tracks."""
+    """Track ids by the ids of the measurements of earlier frames with which the tracks began."""
     return {
         each: track.track_id
         for frame in frames

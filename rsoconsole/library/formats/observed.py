@@ -45,9 +45,9 @@ from rsoconsole.words import NS_PER_S, no_direction
 
 _LISTED = 8
 _SITE_LINE = re.compile(r"# (\w{4}) (-?\d+\.\d+) (-?\d+\.\d+) (-?\d+) m \(WGS84, east positive\)")
-"""As ``iod`` writes it."""
+"""Comment line with a station's place, as ``iod`` writes it."""
 NEAR_S = 600.0
-"""Neighbours in time by which a rate is told."""
+"""Largest distance in time of the neighbours that give a rate."""
 SITE_USAGE = "--site LATITUDE,LONGITUDE,METRES (east positive), or --stations FILE"
 
 
@@ -63,7 +63,7 @@ class ReadAs:
     target: str | None = None
     """Name in the file of one object of several."""
     is_radians: bool | None = None
-    """Whether angles are radians where no name and no form says; None: nobody said."""
+    """True: angles are radians where no name and no form states a unit; None: not specified."""
 
 
 def read_observations(
@@ -114,7 +114,7 @@ def _rows(text: str, path: Path) -> tuple[ObservedRow, ...] | None:
 
 
 def _of_lines(text: str, name: str) -> tuple[ObservedRow, ...]:
-    """IOD and UK lines, also among other words of a mail."""
+    """Rows of IOD and UK lines, also among the other text of a mail."""
     found: list[tuple[IodObservation, str, Site | None]] = []
     fault: str | None = None
     places: dict[str, Site] = {}
@@ -151,7 +151,7 @@ def _of_lines(text: str, name: str) -> tuple[ObservedRow, ...]:
 
 
 def _directions(lines: Sequence[IodObservation]) -> tuple[FloatArray, FloatArray]:
-    """(N,) ICRS degrees of lines on charts of any equinox."""
+    """ICRS directions, (N,) degrees each, of lines on charts of any equinox."""
     ra = np.array([each.first_deg for each in lines], np.float64)
     dec = np.array([each.second_deg for each in lines], np.float64)
     t_utc_ns = np.array([each.t_utc_ns for each in lines], np.int64)
@@ -183,7 +183,7 @@ def _of_line(
 
 
 def _of_udl(text: str, name: str) -> tuple[ObservedRow, ...]:
-    """EOObservation records, by their names there."""
+    """Rows of EOObservation records, by the names of their fields."""
     import json
 
     with raised_as(ExportError, f"{name} is not JSON: "):
@@ -252,7 +252,7 @@ def _in_degrees(rows: tuple[ObservedRow, ...], path: Path, ask: ReadAs) -> tuple
 def _of_one(
     rows: tuple[ObservedRow, ...], path: Path, wanted: str | None
 ) -> tuple[ObservedRow, ...]:
-    """Those of one object. Raises OrbitError that lists the objects of several."""
+    """Rows of one object. Raises OrbitError that lists the objects of several."""
     counted = Counter(each.target for each in rows)
     if wanted is not None:
         chosen = tuple(each for each in rows if each.target == wanted)
@@ -314,7 +314,7 @@ def _of_times(
     ra: FloatArray,
     dec: FloatArray,
 ) -> FloatArray:
-    """(N, 3) what errors of time add along the motion, by neighbours within ten minutes."""
+    """Covariance (N, 3) of errors of time along the motion, by neighbours within ten minutes."""
     added = np.zeros((len(rows), 3))
     order = np.argsort(t, kind="stable")
     for place, n in enumerate(order):

@@ -17,7 +17,7 @@ AS_RECORDED = ""
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MeasuredRow:
-    """One measurement of one frame; what the track says of it is None where it was not taken.
+    """One measurement of one frame; fields of the track are None where no track took it.
 
     Directions ICRS, astrometric, in degrees; errors and residuals on the sky in arcsec, those in
     right ascension times cos Dec; pixels 0-based.
@@ -38,12 +38,13 @@ class MeasuredRow:
     confidence: Annotated[float, AS_RECORDED]
     source: Annotated[str, AS_RECORDED]
     is_clipped: Annotated[bool, AS_RECORDED]
-    """A streak cut by the edge of the frame: only the position across it is measured."""
+    """True for a streak cut by the edge of the frame: only the position across it is measured."""
     is_taken: Annotated[bool, "a track took it"]
     not_taken_because: Annotated[str | None, "why none did"]
-    """Of a superseded measurement: why it no longer counts, where it was refused."""
+    """Reason; for a superseded measurement the one why it no longer counts, where it was
+    refused."""
     ra_a_icrs_deg: Annotated[float | None, "one end of the streak"]
-    """Which end came first in time is not known."""
+    """One end of the streak; which end came first in time is not known."""
     dec_a_icrs_deg: Annotated[float | None, "one end of the streak"]
     ra_b_icrs_deg: Annotated[float | None, "its other end"]
     dec_b_icrs_deg: Annotated[float | None, "its other end"]
@@ -61,9 +62,9 @@ class MeasuredRow:
     rate_ra_arcsec_s: Annotated[float | None, "motion of the track, times cos Dec"] = None
     rate_dec_arcsec_s: Annotated[float | None, "motion of the track"] = None
     is_superseded: Annotated[bool, "counts no more, by the operator's word"]
-    """Replaced by a decision of the operator; only in exports of everything."""
+    """True: replaced by a decision of the operator; only in exports of everything."""
     beside: tuple[tuple[str, Any], ...] = ()
-    """Column and value of what measurement and frame have on record beside all that."""
+    """Further columns of measurement and frame on record, with their values."""
 
     def value(self, name: str) -> Any:
         """Value in a column; None where it is empty."""
@@ -77,7 +78,7 @@ class MeasuredRow:
 
     @property
     def cov_sky_arcsec2(self) -> tuple[float, float, float]:
-        """East-east, east-north, north-north."""
+        """Covariance on the sky: east-east, east-north, north-north."""
         east, north = self.sigma_ra_arcsec, self.sigma_dec_arcsec
         return east**2, self.correlation * east * north, north**2
 
@@ -90,7 +91,7 @@ _RECORDED = {
 
 
 def _own_columns() -> Iterator[Column]:
-    """The fields that say what they mean, by the type that they have, or are as on record."""
+    """Columns of the annotated fields: with meaning and type of their own, or as on record."""
     for each in fields(MeasuredRow):
         if (meaning := getattr(each.type, "__metadata__", None)) is None:
             continue
@@ -110,7 +111,7 @@ _IN_OTHER_COLUMNS = frozenset(
         *("ends_icrs_deg", "measurement_id"),
     )
 )
-"""Columns of measurements on record that are in others here, or, as the id, in none."""
+"""Columns of measurements on record that other columns replace here; the id has none."""
 _BESIDE: tuple[Column, ...] = tuple(
     column
     for column in TABLES["measurements"].own
@@ -118,14 +119,14 @@ _BESIDE: tuple[Column, ...] = tuple(
     and column.type != "json"
     and not (column.shape or column.is_worded)
 )
-"""Whatever else a measurement has on record that a cell of a table holds."""
+"""Remaining columns of a measurement on record that a cell of a table can hold."""
 _OF_FRAME: tuple[Column, ...] = tuple(
     _RECORDED[fact.name] for fact in FRAME_FACTS if fact.name in _RECORDED
 )
-"""What its frame says of image and sky."""
+"""Image and sky quality of the frame."""
 COLUMNS: tuple[Column, ...] = (*_OWN, *_BESIDE, *_OF_FRAME)
 _SAME = MeasuredRow.__dataclass_fields__.keys() & Measurement.__dataclass_fields__.keys()
-"""What a row has as the measurement has it."""
+"""Fields that a row copies from the measurement."""
 
 
 def row_of(
@@ -137,7 +138,7 @@ def row_of(
     corrected: TrackState | None,
     **found: Any,
 ) -> MeasuredRow:
-    """A row from what is on record; ``corrected`` is given for what the track took alone.
+    """A row from the record; ``corrected`` only for a measurement that the track took.
 
     ``found``: the row's own members that say what became of it.
     """

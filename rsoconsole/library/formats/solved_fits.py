@@ -26,7 +26,7 @@ from rsoconsole.words import NS_PER_DAY, utc_ns_to_iso
 
 @dataclass(slots=True, kw_only=True)
 class FrameOnRecord:
-    """One frame."""
+    """One frame on record."""
 
     taken: FrameTaken
     solution: Solution | None = None
@@ -38,7 +38,7 @@ class FrameOnRecord:
 
 
 def frames_on_record(session: Path, rows: Iterable[MeasuredRow]) -> dict[int, FrameOnRecord]:
-    """Every frame of a session by its number. Raises SessionError."""
+    """Frames of a session by number. Raises SessionError."""
     reader = SessionReader(session)
     frames = {
         each.frame_id: FrameOnRecord(
@@ -57,7 +57,7 @@ def frames_on_record(session: Path, rows: Iterable[MeasuredRow]) -> dict[int, Fr
 
 
 def selected_frames(frames: dict[int, FrameOnRecord], numbers: tuple[int, ...] | None) -> list[int]:
-    """The frames asked for, all with None. Raises ExportError for one that there is not."""
+    """Selected frames; all for None. Raises ExportError for one that there is not."""
     if numbers is None:
         return sorted(frames)
     unknown = [str(number) for number in numbers if number not in frames]
@@ -101,11 +101,11 @@ _COLUMNS = (
     ("RA_B", "ra_b_icrs_deg", "deg", "the other end"),
     ("DEC_B", "dec_b_icrs_deg", "deg", "the other end"),
 )
-"""Name, what a row has it from, unit and comment."""
+"""Name, field of the row, unit and comment."""
 
 
 def solved_fits(frame: FrameOnRecord, config: Config) -> bytes:
-    """The file's content.
+    """Content of the FITS file with the plate solution.
 
     Raises ExportError for a frame that was not kept, not solved, or whose file cannot be read.
     """
@@ -162,7 +162,7 @@ def _write_plate(header: Any, frame: FrameOnRecord, solution: Solution, config: 
 
 
 def _write_time(header: Any, frame: FrameOnRecord, config: Config) -> None:
-    """DATE-OBS stays the camera's; the shutter's instants are beside it."""
+    """Write the shutter's instants beside DATE-OBS, which stays the camera's."""
     mid_ns, exposure_s = shutter_mid_utc_ns(frame.taken, config.exposure), frame.taken.exposure_s
     if mid_ns is None or exposure_s is None:
         return
@@ -188,7 +188,7 @@ def _date(t_utc_ns: int) -> str:
 
 
 def _streaks(frame: FrameOnRecord) -> Any:
-    """A row a measurement; what the track took, and where it was expected."""
+    """Table with a row a measurement: what the track took, and where it was expected."""
     from astropy.io import fits
 
     rows = frame.rows
@@ -225,7 +225,7 @@ SMALLEST_ARCSEC = 0.01
 
 
 def to_regions(frame: FrameOnRecord) -> str:
-    """The file's text; a frame without anything to show gives its head alone."""
+    """Text of the regions file; only its head for a frame without anything to show."""
     lines = [line for row in frame.rows for line in _streak(row)]
     if frame.predicted is not None:
         lines.append(_ellipse(frame.predicted))
@@ -267,6 +267,6 @@ def _place(ra_deg: float, dec_deg: float) -> str:
 
 
 def _braced(text: str) -> str:
-    """As DS9 writes text: in braces, which cannot stand inside, nor anything beyond ASCII."""
+    """Text in braces for DS9: without braces inside, and ASCII alone."""
     plain = text.encode("ascii", "replace").decode()
     return "{" + re.sub(r"[{}\s]+", " ", plain).strip() + "}"

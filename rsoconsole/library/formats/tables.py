@@ -72,7 +72,7 @@ def _column(column: Column, values: Sequence[Any]) -> Any:
 
 
 def _array(column: Column, values: Sequence[Any]) -> Any:
-    """The values in an array of the column's type; what is missing as nothing of that type."""
+    """Values as an array of the column's type; missing ones are zero, False or empty."""
     if column.shape:
         filled = [np.zeros(column.shape) if value is None else value for value in values]
         return np.array(filled, float).reshape(len(values), *column.shape)

@@ -21,11 +21,11 @@ _PIECES = "ABCDEFGHJKLMNPQRSTUVWXYZ"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Target:
-    """The object's numbers in the catalogues, as far as somebody gave them."""
+    """The object's numbers in the catalogues, as far as given."""
 
     norad_id: int | None = None
     cospar: str | None = None
-    """As in ``2009-064A``."""
+    """International designator, e.g. ``2009-064A``."""
 
     def __post_init__(self) -> None:
         """Raises ExportError for what cannot be such a number."""
@@ -38,7 +38,7 @@ class Target:
 
     @property
     def is_known(self) -> bool:
-        """Whether somebody named it."""
+        """True where one of its numbers was given."""
         return self.norad_id is not None or self.cospar is not None
 
     def tdm_name(self, track: int) -> str:

@@ -3,7 +3,7 @@
 One segment a track: right ascension and declination in degrees at mid-exposure, UTC. The standard
 has no keyword for the error of an angle; here it stands in the comments of the data section,
 ``SIGMA epoch sigma_ra_arcsec sigma_dec_arcsec correlation`` for each epoch (the first on the sky,
-times cos Dec), which ``tdm_reader`` understands and every other reader passes over.
+times cos Dec), which ``_tdm_reader`` understands and every other reader passes over.
 
 Directions are ICRS: EME2000 differs from it by 0.02 arcsec, less than any error here, and is the
 name that readers of angles expect. They are relative to stars of a catalogue, so annual and diurnal
@@ -156,7 +156,7 @@ def aberration_deg(
 
 
 def _epoch(t_utc_ns: int, decimals: int = 9) -> str:
-    """Without digits that are nothing, but to the millisecond: what is written is what was read."""
+    """Epoch without trailing zeros, but with milliseconds; it reads back as the same instant."""
     whole_s, point, digits = utc_ns_to_iso(t_utc_ns, decimals).removesuffix("Z").partition(".")
     return f"{whole_s}{point}{digits.rstrip('0').ljust(3, '0')}"
 
@@ -172,12 +172,12 @@ def _dec(dec_deg: float) -> str:
 
 
 def _name(text: str) -> str:
-    """As the values of keywords are written: capitals, no blanks."""
+    """Text as a keyword's value: capitals, no blanks."""
     return re.sub(r"[^A-Z0-9.+-]+", "_", _ascii(text).upper()).strip("_")
 
 
 def _ascii(text: str) -> str:
-    """Letters without their accents; a line break in a title would end the line."""
+    """Text without accents, in one line: a line break in a title would end it."""
     bare = "".join(c for c in unicodedata.normalize("NFKD", text) if not unicodedata.combining(c))
     plain = bare.encode("ascii", "replace").decode()
     return "".join(c if c.isprintable() else " " for c in plain)

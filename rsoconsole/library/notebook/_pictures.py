@@ -20,9 +20,9 @@ from rsoconsole.words import parts_of
 SHOWN_PX = 560
 _ROOM_PX = 60
 _FLATTEST = 0.5
-"""Of a picture with several streaks: its shorter side over its longer one."""
+"""Smallest ratio of shorter to longer side of a picture with several streaks."""
 _MAX_IN_WORDS = 3
-"""Tracks of which a picture has room for more than numbers."""
+"""Most tracks that a picture labels with more than numbers."""
 _LOW, _HIGH = -2.0, 10.0
 """Black and white of a cut-out, in units of the noise about the median."""
 
@@ -94,7 +94,7 @@ def _show(
     *,
     interpolation: str | None = None,
 ) -> tuple[float, float]:
-    """A piece of the frame in units of its noise; the sky and its noise, ADU."""
+    """Draw a piece of the frame in units of its noise; return the sky and its noise, ADU."""
     piece = np.asarray(pixels[slice(*rows), slice(*columns)], float)
     sky = float(np.median(piece))
     noise = 1.4826 * float(np.median(np.abs(piece - sky))) or 1.0
@@ -116,7 +116,7 @@ def _show(
 
 
 def _widened(low: float, high: float, least: float, most: int) -> tuple[int, int]:
-    """At least so wide about its middle, within 0 and ``most``."""
+    """Range widened about its middle to ``least`` or more, within 0 and ``most``."""
     more = max(least - (high - low), 0.0) / 2.0
     return max(int(low - more), 0), min(int(high + more) + 1, most)
 

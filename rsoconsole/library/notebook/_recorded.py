@@ -1,4 +1,4 @@
-"""A session as it is on record: what it says of itself, its log, and the frames in it."""
+"""A session on record: its metadata, its log, and its frames."""
 
 from pathlib import Path
 from typing import Any, Self
@@ -51,7 +51,7 @@ class RecordedSession(NightPlots):
 
     @property
     def is_closed(self) -> bool:
-        """False while it goes on, and where it was cut off."""
+        """True where the session was closed: False while it goes on, and where it was cut off."""
         return self._about.get("is_closed") is True
 
     @property
@@ -61,7 +61,7 @@ class RecordedSession(NightPlots):
 
     @property
     def tracks(self) -> dict[int, NightTrack]:
-        """Every track by its number, with its orbit and its name.
+        """Tracks by number, each with its orbit and its name.
 
         >>> night.tracks[2].orbit.a_km, night.tracks[2].name
         """
@@ -69,7 +69,7 @@ class RecordedSession(NightPlots):
 
     @property
     def records(self) -> tuple[Logged, ...]:
-        """(seq, t_utc_ns, record) of everything read so far, in the order of the log."""
+        """Records read so far, in the order of the log: (seq, t_utc_ns, record)."""
         return tuple(self._log)
 
     def nights(self) -> tuple[DrawnNight, ...]:

@@ -19,7 +19,7 @@ _TABLE = "border-collapse:collapse;margin:4px 0;color:inherit;font-size:inherit"
 
 
 class WhatIf(NightPlots):
-    """Made by ``Session.what_if``; its figures show both nights side by side."""
+    """A night followed with other settings (``Session.what_if``); its figures show both nights."""
 
     def __init__(self, session: RecordedSession, changes: Mapping[str, float | str]) -> None:
         """Follow the night again. Raises ConfigError for a setting that cannot be."""
@@ -27,7 +27,7 @@ class WhatIf(NightPlots):
         self.settings = dict(changes)
         log = session.records
         self.frames = tuple(replay((r for _, _, r in log), session.config, changes=changes))
-        """Every folded frame; ``recorded`` is what was made of it then, ``records`` now."""
+        """Frames folded again: ``recorded`` is the result on record, ``records`` the new one."""
         config = with_changes(session.config, changes)
         title = f"tried {self.words}" if changes else "as recorded"
         self._night = _night_of(title, config, log, self.frames)
@@ -35,7 +35,7 @@ class WhatIf(NightPlots):
 
     @property
     def words(self) -> str:
-        """The settings that were tried."""
+        """Changed settings, in words."""
         return settings_words(self.settings)
 
     @property
@@ -63,7 +63,7 @@ class WhatIf(NightPlots):
         return save_branch(what_if_session(self.session.path, self.settings), name, force=force)
 
     def rows(self) -> Iterator[tuple[str, str, str]]:
-        """(what, as recorded, as tried) in words."""
+        """Rows of words: (figure, as recorded, as changed)."""
         old, new = self.recorded, self.changed
         for each in merit.NIGHT:
             yield each.label, each.words(old), each.words(new)

@@ -34,13 +34,13 @@ class Card:
     folder: str
     when: str
     is_live: bool
-    """Open, or cut off: it has not been closed."""
+    """True where it has not been closed: open, or cut off."""
     branch_of: str | None
     changes: str
-    """The settings of a branch, in words."""
+    """Settings of a branch, in words."""
     frames: int
     kept: int
-    """Frames whose pixels are there."""
+    """Number of frames whose pixels are kept."""
     summary: Summary
     spells: tuple[StateSpan, ...]
     misses: tuple[int, ...]
@@ -49,7 +49,7 @@ class Card:
 
 
 def rows_of(card: Card) -> list[tuple[str, str]]:
-    """(what, how) in words, for a page and for a terminal alike."""
+    """Rows of words: (label, value), for a page and for a terminal alike."""
     s = card.summary
     rows = [
         ("when", card.when),

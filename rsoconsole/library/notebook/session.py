@@ -131,9 +131,9 @@ class Session(SessionPictures):
     # -- again, and otherwise -------------------------------------------------------------------
 
     def replay(self) -> "tuple[ReplayedFrame, ...]":
-        """Every folded frame once more, from what is on record, with the session's settings.
+        """Fold every frame again from the record, with the session's settings.
 
-        A frame's ``is_as_recorded`` tells whether that gave the same bits as it did then.
+        A frame's ``is_as_recorded`` says whether that gave the same bits as it did then.
         On another processor the last digits may differ: ``is_alike`` allows for that.
         """
         from rsoconsole.pipeline import replay
@@ -176,7 +176,7 @@ class Session(SessionPictures):
 
     @property
     def branches(self) -> "dict[str, Session]":
-        """What-ifs that were saved, by name; each is a session of its own."""
+        """Saved what-ifs by name; each is a session of its own."""
         root = self.path / BRANCHES
         folders = sorted(root.iterdir()) if root.is_dir() else []
         return {f.name: Session(f) for f in folders if (f / schema.DATABASE).is_file()}

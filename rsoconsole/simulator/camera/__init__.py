@@ -1,1 +1,1 @@
-"""From the sources in a field to the pixels that the camera stores."""
+"""Camera: from the sources in a field to the pixels that it stores."""

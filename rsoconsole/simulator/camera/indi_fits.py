@@ -91,7 +91,7 @@ class CameraTraits:
     focal_length_mm: float
     binning: int = 1
     start_latency_s: float = 0.3
-    """From the order to the opening of the shutter; DATE-OBS is the opening."""
+    """Time from the order to the opening of the shutter; DATE-OBS is the opening."""
     rotation_deg: float = OWN_ROTATION_DEG
     """Position angle of the array's +y axis with the telescope west of the pier."""
     is_flipped: bool = False

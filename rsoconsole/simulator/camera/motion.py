@@ -1,4 +1,4 @@
-"""How the whole image moves while the shutter is open: drift, worm, wind, air, a settling mount.
+"""Motion of the whole image while the shutter is open: drift, worm, wind, air, a settling mount.
 
 Stars and satellites share it. Its mean is a shift of the boresight and is taken out: what is left
 spreads every star about the place where the plate has it.
@@ -32,11 +32,11 @@ class ImageMotion:
     dx_px: FloatArray
     dy_px: FloatArray
     turn_rad: FloatArray
-    """About the middle of the frame, from +x towards +y."""
+    """Rotation about the middle of the frame, from +x towards +y."""
 
     @property
     def variance_px2(self) -> float:
-        """Mean of both axes', over the exposure."""
+        """Variance over the exposure, mean of both axes."""
         return float(0.5 * (np.var(self.dx_px) + np.var(self.dy_px)))
 
     def moved(
@@ -51,9 +51,9 @@ class ImageMotion:
         return x + np.interp(share, nodes, self.dx_px), y + np.interp(share, nodes, self.dy_px)
 
     def stands(self, disc_sigma_px: float, reach_px: float) -> FloatArray:
-        """(4, n) dx, dy, turn and share of the time of the places where the image stood.
+        """Places where the image stood, (4, n): dx, dy, turn and share of the time.
 
-        What lies closer together than the seeing disc can tell is one place; ``reach_px``: from
+        Places closer together than the seeing disc resolves are merged; ``reach_px``: from
         the middle of the frame to its corner, where a turn moves most.
         """
         share = np.full(len(self.dx_px), 1.0)
@@ -120,7 +120,7 @@ def image_motion(  # noqa: PLR0917 - drawn the way it is spoken: of what, when, 
 
 
 def _wander(rng: np.random.Generator, steps: int, step_taus: float) -> FloatArray:
-    """(2, steps) a stationary random walk of unit sigma that forgets itself after one tau.
+    """Stationary random walk of unit sigma, (2, steps), that forgets itself after one tau.
 
     Source: Ornstein-Uhlenbeck process, exact for any step; Gillespie 1996.
     """
@@ -134,7 +134,7 @@ def _wander(rng: np.random.Generator, steps: int, step_taus: float) -> FloatArra
 
 
 def _quarters(values: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Where four values a step lie between the given ones."""
+    """Places of four values a step, places of the given values, and these."""
     nodes = np.arange(len(values), dtype=np.float64)
     fine = np.linspace(0.0, len(values) - 1.0, 4 * (len(values) - 1) + 1)
     return fine, nodes, values

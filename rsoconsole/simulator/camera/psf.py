@@ -202,7 +202,7 @@ def shifted(wcs: Wcs, image_shift_px: FloatArray) -> Wcs:
 
 
 def image_shift_px(wcs: Wcs, east_arcsec: FloatArray, north_arcsec: FloatArray) -> FloatArray:
-    """(2, n) how the image moves, dx and dy, when the boresight moves east and north."""
+    """Shift of the image, dx and dy (2, n), when the boresight moves east and north."""
     ra, dec = wcs.crval_ra_deg, wcs.crval_dec_deg
     north_deg = np.asarray(north_arcsec) / 3600.0
     east_deg = np.asarray(east_arcsec) / 3600.0 / np.cos(np.radians(dec))
@@ -211,6 +211,6 @@ def image_shift_px(wcs: Wcs, east_arcsec: FloatArray, north_arcsec: FloatArray) 
 
 
 def east_px(wcs: Wcs) -> FloatArray:
-    """(2,) the direction of east in the middle of the frame, of length 1."""
+    """Direction of east in the middle of the frame, (2,), of length 1."""
     moved = image_shift_px(wcs, np.array([30.0]), np.array([0.0]))[:, 0]
     return np.asarray(-moved / np.hypot(*moved), dtype=np.float64)

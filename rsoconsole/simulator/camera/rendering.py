@@ -1,4 +1,4 @@
-"""From the sources in a field to the pixels that the camera stores, of any frame size.
+"""Rendering of the sources in a field to the pixels that the camera stores, any frame size.
 
 ``render(sensor, content, rng)`` is a pure function of its arguments: the same generator state
 gives the same pixels. It knows nothing of the sky; ``scene`` fills its content from catalogue and
@@ -30,7 +30,7 @@ STREAK_STEP_PX = 0.5
 _ROWS_AT_ONCE = 64
 _TURN_SEEN_PX = 0.05
 _POISSON_BELOW_E = 30.0
-"""Above this mean a Gaussian stands for the Poisson law (skewness below 0.19)."""
+"""Mean above which a Gaussian stands for the Poisson law (skewness below 0.19)."""
 _EMPTY: FloatArray = np.zeros(0)
 
 
@@ -39,12 +39,12 @@ class Streak:
     """A source that moves during the exposure."""
 
     x_px: FloatArray
-    """(n >= 2,) places at equal steps of time from opening to closing; straight in between."""
+    """Places, (n >= 2,), at equal steps of time from opening to closing; straight in between."""
     y_px: FloatArray
     electrons: float
     """Electrons of the whole streak at full brightness under a clear sky."""
     brightness: FloatArray | None = None
-    """(m,) relative brightness at equal steps of time, both ends included; None: steady."""
+    """Relative brightness, (m,), at equal steps of time, both ends included; None: steady."""
     fwhm_px: float | None = None
     """Width of its own disc, for wide sources or out of focus; None: the field's."""
 
@@ -82,27 +82,27 @@ class FieldContent:
     star_x_px: FloatArray = field(default_factory=lambda: _EMPTY)
     star_y_px: FloatArray = field(default_factory=lambda: _EMPTY)
     star_electrons: FloatArray = field(default_factory=lambda: _EMPTY)
-    """(n,) electrons under a clear sky in the centre of the field."""
+    """Electrons of the stars, (n,), under a clear sky in the centre of the field."""
     star_path_px: FloatArray | None = None
-    """(2, m >= 2) x and y by which every star wanders at equal steps of time; None: they stand."""
+    """Wander of every star, x and y (2, m >= 2), at equal steps of time; None: they stand."""
     stands: FloatArray | None = None
-    """(4, n) where the whole image stood: dx, dy (px), turn about the middle (rad), share of the
+    """Places of the whole image, (4, n): dx, dy (px), turn about the middle (rad), share of the
     time. Stars are drawn by it; streaks carry it in their places. None: it stood still."""
     streaks: tuple[Streak, ...] = ()
     cloud_transmission: Float32Array | None = None
-    """(rows, columns) coarse map spread evenly over the frame, 0 to 1; None: clear."""
+    """Coarse map (rows, columns) spread evenly over the frame, 0 to 1; None: clear."""
     cloud_glow: float = 0.35
     """Brightness of an opaque cloud beyond the clear sky, as a share of that."""
     cosmic_rays: float = 0.0
     """Expected number of tracks in the frame."""
     cosmic_ray_sigma_px: tuple[float, float] = (0.28, 0.28)
-    """Narrowest and widest track; a thick sensor's reach the seeing."""
+    """Sigma of the narrowest and the widest track; a thick sensor's reach the seeing."""
     cosmic_ray_stretch: float = 1.0
     """Length of tracks relative to those of a thin sensor."""
     blur_variance_px2: float = 0.0
     """Variance of blur beyond the seeing; for the truth alone, not drawn."""
     row_offsets_e: Float32Array | None = None
-    """(height,) what the electronics add to each row as it is read."""
+    """Offset, (height,), that the electronics add to each row as it is read."""
     column_offsets_e: Float32Array | None = None
 
 
@@ -178,7 +178,7 @@ def streak_points(
 def _wandering(
     x_px: FloatArray, y_px: FloatArray, electrons: FloatArray, path_px: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Every star as points along its path, closer to each other than any seeing disc."""
+    """Stars as points along their paths, closer to each other than any seeing disc."""
     length = float(np.hypot(*np.diff(path_px, axis=1)).sum())
     count = max(2, int(np.ceil(length / (1.6 * STREAK_STEP_PX))))
     time, nodes = (np.arange(count) + 0.5) / count, np.linspace(0.0, 1.0, path_px.shape[1])
@@ -191,7 +191,7 @@ def _wandering(
 
 
 def _is_turned(sensor: SensorModel, stands: FloatArray) -> bool:
-    """Whether a corner of the frame moved otherwise than its middle."""
+    """True where a corner of the frame moved differently from its middle."""
     reach_px = 0.5 * math.hypot(sensor.width_px, sensor.height_px)
     return bool(np.abs(stands[2]).max() * reach_px > _TURN_SEEN_PX)
 
@@ -222,7 +222,7 @@ def _spread(
     electrons: FloatArray,
     stands: FloatArray,
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Every star at each place where the image stood, with its share of the light."""
+    """Stars at each place where the image stood, with its share of the light."""
     dx, dy, turn, share = stands
     cx, cy = (sensor.width_px - 1) / 2.0, (sensor.height_px - 1) / 2.0
     rx, ry = np.asarray(x_px)[:, None] - cx, np.asarray(y_px)[:, None] - cy
@@ -289,7 +289,7 @@ def _add_cosmic_rays(
 def _pattern(
     sensor: SensorModel, content: FieldContent
 ) -> tuple[Float32Array, Float32Array] | None:
-    """What is added to rows (height, 1) and columns (width,); None where nothing is."""
+    """Offsets of rows (height, 1) and columns (width,); None without any."""
     rows, columns = content.row_offsets_e, content.column_offsets_e
     if rows is None and columns is None:
         return None

@@ -38,7 +38,7 @@ class SensorModel:
     dark_e_s: float = 0.006
     adc_bits: int = 12
     stored_shift_bits: int = 4
-    """The driver stores the ADC's number shifted left, so that full scale is near 65535."""
+    """Left shift with which the driver stores the ADC's number: full scale is near 65535."""
     vignetting_corner: float = 0.07
     """Loss of light in the corners; grows with the square of the distance from the centre."""
     prnu: float = 0.004
@@ -46,17 +46,17 @@ class SensorModel:
     hot_fraction: float = 2.5e-5
     bad_columns: int = 0
     partial_columns: int = 0
-    """Columns that are bright from some row on."""
+    """Number of columns that are bright from some row on."""
     dark_columns: int = 0
-    """Columns that answer to a part of the light only, from some row on."""
+    """Number of columns that answer to a part of the light only, from some row on."""
     blooming: float = 0.0
     """Share of the charge above the full well that runs along the column."""
     glow_e_s: float = 0.0
     """Amplifier glow in the last pixel; falls to 1/e in a tenth of the diagonal."""
     is_bayer: bool = False
-    """A colour mosaic, RGGB, over the pixels."""
+    """True: a colour mosaic, RGGB, lies over the pixels."""
     seed: int = 1600
-    """Which copy of the sensor: fixes its hot pixels, its columns and its response."""
+    """Copy of the sensor: fixes its hot pixels, its columns and its response."""
 
     def __post_init__(self) -> None:
         """Refuse what no sensor can be; raises ValueError."""
@@ -187,9 +187,9 @@ def spill_over(image_e: Float32Array, full_well_e: float, share: float) -> None:
 
 
 CATALOGUE_SIGMA_ARCSEC = 0.45
-"""A star against the place its proper motion gives: several times what Tycho-2 leaves (0.1)."""
+"""One sigma of a star's place against its proper motion: several times Tycho-2's own (0.1)."""
 SHUTTER_SIGMA_S = 0.015
-"""True opening of the shutter against what the driver writes."""
+"""One sigma of the shutter's true opening against the driver's time."""
 
 
 def catalogue_errors_arcsec(
@@ -197,7 +197,7 @@ def catalogue_errors_arcsec(
     dec_icrs_deg: FloatArray,
     sigma_arcsec: float = CATALOGUE_SIGMA_ARCSEC,
 ) -> tuple[FloatArray, FloatArray]:
-    """(east, north) by which each star misses its catalogue's place; always the same.
+    """Errors (east, north) of each star's place in the catalogue; always the same.
 
     Drawn from the place at J2000.0, so that neither the order of asking nor a seed matters: the sky
     is one.

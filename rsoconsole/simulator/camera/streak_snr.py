@@ -10,7 +10,7 @@ from rsoconsole.simulator.camera.rendering import FieldContent, Streak, cloud_at
 from rsoconsole.simulator.camera.sensor import SensorModel, flat_field
 
 _REACH_SIGMAS = 14.0
-"""How far beside the streak its light counts: the wings of the disc, short of the aureole."""
+"""Distance from the streak to which its light counts: the disc's wings, short of the aureole."""
 _FAINTEST_E = 0.004
 
 
@@ -51,7 +51,7 @@ def integrated_snr(sensor: SensorModel, content: FieldContent, streak: Streak) -
 def _box(
     sensor: SensorModel, content: FieldContent, streak: Streak
 ) -> tuple[int, int, int, int] | None:
-    """Left, top, right, bottom of the pixels that the streak lights; None beside the sensor."""
+    """Box of the pixels that the streak lights: left, top, right, bottom; None off the sensor."""
     fwhm_px = max(content.fwhm_px, streak.fwhm_px or 0.0)
     reach_px = _REACH_SIGMAS * fwhm_px / FWHM_PER_SIGMA + content.defocus_px
     left = max(0, math.floor(float(streak.x_px.min()) - reach_px))

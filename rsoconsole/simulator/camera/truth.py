@@ -15,12 +15,12 @@ class SatelliteTruth:
     name: str
     norad_id: int
     is_in_frame: bool
-    """Whether its place at mid-exposure lies on the sensor."""
+    """True where its place at mid-exposure lies on the sensor."""
     is_whole: bool
-    """Whether both ends of its streak do."""
+    """True where both ends of its streak lie on the sensor."""
     ra_icrs_deg: float
-    """At the mid-exposure that header and known latency name, taken for true UTC: what a perfect
-    measurement would give. What the clock and the shutter do wrong shows as errors of place."""
+    """Right ascension at the mid-exposure of header and known latency, taken for true UTC, as a
+    perfect measurement would have it. Errors of clock and shutter show as errors of place."""
     dec_icrs_deg: float
     ra_rate_deg_s: float
     """Rate of the coordinate at that instant."""
@@ -32,7 +32,7 @@ class SatelliteTruth:
     x_end_px: float
     y_end_px: float
     magnitude: float | None
-    """Mean over the exposure, above the atmosphere; None when unlit."""
+    """Mean magnitude over the exposure, above the atmosphere; None when unlit."""
     lit_fraction: float
     """Share of the Sun it saw, mean over the exposure."""
     transmission: float
@@ -49,7 +49,7 @@ class SatelliteTruth:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TrafficTruth:
-    """Something else that crossed the frame, from (x, y) to (x, y)."""
+    """Truth of other traffic that crossed the frame, from (x, y) to (x, y)."""
 
     kind: Literal["low satellite", "aircraft"]
     start_px: tuple[float, float]
@@ -58,13 +58,13 @@ class TrafficTruth:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FrameTruth:
-    """All there was to know of one exposure."""
+    """Complete truth of one exposure."""
 
     t_start_utc_ns: int
-    """As the header has it: by the observatory's clock, cut down where its camera does that."""
+    """Start in the header: by the observatory's clock, cut down where its camera does that."""
     t_place_utc_ns: int
-    """The instant for which the satellites' places are told: mid-exposure as an operator has it
-    who knows the camera's latency."""
+    """Instant of the satellites' places: mid-exposure as computed by an operator who knows the
+    camera's latency."""
     t_open_utc_ns: int
     """True opening of the first row, true UTC."""
     exposure_s: float
@@ -74,9 +74,9 @@ class FrameTruth:
     fwhm_px: float
     sky_electrons_px: float
     cloud_transmission: float
-    """Mean over the frame."""
+    """Mean transmission of the clouds over the frame."""
     stars: int
-    """Sources drawn, catalogued and synthetic."""
+    """Number of sources drawn, catalogued and synthetic."""
     satellites: tuple[SatelliteTruth, ...]
     traffic: tuple[TrafficTruth, ...] = ()
 
@@ -86,7 +86,7 @@ class FrameTruth:
         return self.t_start_utc_ns + round(self.exposure_s * 5e8)
 
     def to_json(self) -> str:
-        """One line of JSON."""
+        """The truth as one line of JSON."""
         return json.dumps(asdict(self), allow_nan=False)
 
 
@@ -100,7 +100,7 @@ class TrueShutter:
     t_open_utc_ns: int
     """Opening of the first row, true UTC."""
     line_time_s: float
-    """Each row is exposed so much after the row above."""
+    """Delay of each row's exposure after that of the row above."""
 
 
 def header_start_utc_ns(world: World, t_start_utc_ns: int) -> int:
@@ -110,7 +110,7 @@ def header_start_utc_ns(world: World, t_start_utc_ns: int) -> int:
 
 
 def reported_start_utc_ns(world: World, t_start_utc_ns: int) -> int:
-    """The opening as an operator has it who knows the header and the camera's latency."""
+    """Opening as computed by an operator who knows the header and the camera's latency."""
     return header_start_utc_ns(world, t_start_utc_ns) + round(world.known_latency_s * NS)
 
 

@@ -37,7 +37,7 @@ class ReadOut:
         )
 
     def binned(self, horizontal: float, vertical: float) -> "ReadOut | None":
-        """With that number of pixels joined; None where the camera cannot."""
+        """Read-out with that number of pixels joined; None where the camera cannot."""
         is_square = horizontal == vertical == int(horizontal)
         if not (is_square and 1 <= horizontal <= MAX_BINNING):
             return None
@@ -54,7 +54,7 @@ class ReadOut:
         return replace(self, x_px=x, y_px=y, width_px=width, height_px=height)
 
     def factor(self, traits: CameraTraits) -> int | None:
-        """Pixels joined beside those that the scene joins already; None: it joins more."""
+        """Factor of pixels joined beyond the scene's own; None where the scene joins more."""
         return self.binning // traits.binning if self.binning % traits.binning == 0 else None
 
     def cut(self, pixels: npt.NDArray[np.uint16]) -> npt.NDArray[np.uint16]:
@@ -82,10 +82,10 @@ class ReadOut:
 
 
 class ReadOutVectors:
-    """CCD_BINNING and CCD_FRAME, and what they are set to."""
+    """CCD_BINNING and CCD_FRAME, and the mode that they set."""
 
     def __init__(self, traits: CameraTraits, *, can_bin: bool) -> None:
-        """``can_bin``: whether the scene can be drawn with other pixels joined."""
+        """``can_bin``: True where the scene can be drawn with other pixels joined."""
         self._traits, self._can_bin = traits, can_bin
         self.mode = ReadOut.whole(traits)
         self.binning: NumberVector = numbers(
@@ -94,7 +94,7 @@ class ReadOutVectors:
         self.frame: NumberVector = numbers("CCD_FRAME", _GROUP, self._of_frame(), perm="rw")
 
     def set_binning(self, asked: Mapping[str, float]) -> bool:
-        """Whether the camera does so from now on."""
+        """Set the binning; True where the camera accepts it."""
         mode = self.mode.binned(asked.get("HOR_BIN", 0.0), asked.get("VER_BIN", 0.0))
         if mode is None or not self._can_bin or mode.factor(self._traits) is None:
             return False
@@ -102,7 +102,7 @@ class ReadOutVectors:
         return True
 
     def set_frame(self, asked: Mapping[str, float]) -> bool:
-        """Whether the camera does so from now on."""
+        """Set the part of the frame; True where the camera accepts it."""
         mode = self.mode.part({**self._of_frame(), **asked}, self._traits)
         if mode is None:
             return False

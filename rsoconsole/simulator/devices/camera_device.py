@@ -35,7 +35,7 @@ _GROUP = "Main Control"
 @dataclass(frozen=True, slots=True)
 class _Exposure:
     t_start_utc_ns: int
-    """What the driver notes; all of this by the observatory's clock."""
+    """Start noted by the driver; all of this by the observatory's clock."""
     exposure_s: float
     opens_later_s: float
     fate: Fate
@@ -85,7 +85,7 @@ class CameraDevice:
         self._exposure: _Exposure | None = None
         self._read_out = ReadOutVectors(traits, can_bin=isinstance(scene, Scene))
         self._scenes: dict[int, Scene] = {1: scene}
-        """By how many pixels they join beside those of the first."""
+        """Scenes by the factor of pixels that they join beyond the first scene's."""
         self._generation = 0
         self._is_sky_empty = False
         # One thread: frames are drawn in the order in which they were taken.
@@ -250,7 +250,7 @@ class CameraDevice:
         )
 
     async def _report_empty_sky(self, dec_icrs_deg: float) -> None:
-        """Once when the sky becomes empty; again only after a frame with stars."""
+        """Report an empty sky once; again only after a frame with stars."""
         notice = self._scene.sky_notice(dec_icrs_deg)
         if notice is not None and not self._is_sky_empty:
             await self._say(notice)
@@ -279,7 +279,7 @@ class CameraDevice:
         return bytes(fits_bytes(exposure.mode.cut(pixels), cards))
 
     def _cards(self, exposure: _Exposure) -> dict[str, Card]:
-        """As INDI's CCD driver writes them; RA and DEC are J2000 from the mount's own belief."""
+        """Header cards of INDI's CCD driver; RA and DEC are J2000 from the mount's own belief."""
         traits, site = self._traits, self._site
         belief = self._mount.instant(exposure.t_start_utc_ns)
         ra, dec = jnow_to_icrs(belief.ra_date_deg, belief.dec_date_deg, belief.t_utc_ns)

@@ -1,4 +1,4 @@
-"""The simulated clock as an INDI device: a client asks time to pass and is told when it has."""
+"""The simulated clock as an INDI device: a client lets time pass and is notified when it has."""
 
 import asyncio
 import math
@@ -36,7 +36,7 @@ class VirtualClock:
         self._interrupted = asyncio.Event()
         self._wall_s = wall_s
         self._on_schedule_s: float | None = None
-        """When, by the wall, the present instant was due; None before the first advance."""
+        """Due time of the present instant by the wall's clock; None before the first advance."""
 
     @property
     def now_utc_ns(self) -> int:
@@ -87,7 +87,7 @@ _GROUP = "Main Control"
 
 
 class ClockDevice:
-    """SIM_CLOCK tells the time, SIM_ADVANCE asks for more, SIM_INTERRUPT ends a paced wait."""
+    """SIM_CLOCK reports the time, SIM_ADVANCE asks for more, SIM_INTERRUPT ends a paced wait."""
 
     def __init__(
         self,
@@ -96,7 +96,7 @@ class ClockDevice:
         spawn: Callable[[Coroutine[Any, Any, None]], Any],
         overdue: Callable[[], int | None] = lambda: None,
     ) -> None:
-        """``overdue``: when the thing comes that a client waits for in vain by now."""
+        """``overdue``: instant of an overdue event that a client waits for; None without one."""
         self._overdue = overdue
         self._clock, self._on_report, self._spawn = clock, on_report, spawn
         self._is_advancing = False

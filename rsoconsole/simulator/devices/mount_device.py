@@ -133,7 +133,7 @@ class MountDevice:
             await self._acknowledge(event.vector)
 
     async def report(self) -> None:
-        """Tell every client the mount's present state; time and coordinates come last."""
+        """Send every client the mount's present state; time and coordinates come last."""
         if self.faults.is_silent:
             return
         async with self._reporting:
@@ -155,7 +155,7 @@ class MountDevice:
             )
 
     def refresh(self) -> None:
-        """Bring up to date what is told only when somebody asks."""
+        """Bring up to date the properties that are sent only on request."""
         self._time["UTC"] = self._iso()
         self._sim_time["UTC_NS"] = str(self._now_utc_ns())
 
@@ -164,7 +164,7 @@ class MountDevice:
         await self.report()
 
     async def _handle_site(self, event: Any) -> None:
-        """The mount believes what it is told; where it stands and what it shows stays."""
+        """Set the site that the mount believes; where it stands and what it shows stays."""
         for key, value in asked_numbers(self.device, event).items():
             self._site[key] = repr(wrap_360(value) if key == "LONG" else value)
         await self._acknowledge(self._site)
@@ -257,5 +257,5 @@ class MountDevice:
         await (vector or self._coordinates).send_setVector(timestamp=t, state="Alert")
 
     def _iso(self) -> str:
-        """The mount's own clock; real ones tell whole seconds, this one more."""
+        """Time of the mount's own clock, finer than the whole seconds of real ones."""
         return utc_ns_to_iso(self._now_utc_ns() + self._clock_error_ns, 3).rstrip("Z")

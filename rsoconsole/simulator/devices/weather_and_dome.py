@@ -19,7 +19,7 @@ from rsoconsole.simulator.mount.indi_vectors import (
 
 NS = 1_000_000_000
 Schedule = Sequence[tuple[float, str]]
-"""(seconds since the night's start, word), in order."""
+"""Schedule of a night: (seconds since its start, word), in order."""
 _GROUP = "Main Control"
 _LIGHT = {"ok": "Ok", "warning": "Busy", "alert": "Alert"}
 _DOME_WORDS = ("open", "closed", "moving")
@@ -49,7 +49,7 @@ class WeatherDevice:
         await event.vector.send_setVector(timestamp=stamp(self._now_utc_ns()), state="Ok")
 
     async def pass_time(self) -> None:
-        """Tell of every change that time has passed."""
+        """Report every change of the weather that is due."""
         for t_utc_ns, word in _due(self._changes, self._now_utc_ns()):
             await self._publish(word, t_utc_ns)
 
@@ -81,7 +81,7 @@ class DomeDevice:
         await event.vector.send_setVector(timestamp=stamp(self._now_utc_ns()), state="Ok")
 
     async def pass_time(self) -> None:
-        """Tell of every change that time has passed."""
+        """Report every change of the dome that is due."""
         for t_utc_ns, word in _due(self._changes, self._now_utc_ns()):
             if word != "moving":
                 turn_on(self._shutter, "SHUTTER_OPEN" if word == "open" else "SHUTTER_CLOSE")
@@ -102,7 +102,7 @@ def _changes(
 
 
 def _due(changes: list[tuple[int, str]], now_utc_ns: int) -> list[tuple[int, str]]:
-    """What has come to pass, taken off the list."""
+    """Changes that are due, taken off the list."""
     due = [change for change in changes if change[0] <= now_utc_ns]
     del changes[: len(due)]
     return due

@@ -1,4 +1,4 @@
-"""Short ways to say INDI property vectors, stamped with simulated time."""
+"""Builders of INDI property vectors, stamped with simulated time."""
 
 from collections.abc import Mapping
 from contextlib import suppress
@@ -125,30 +125,30 @@ class MountFaults:
         self._values = dict.fromkeys(FAULTS, 0.0)
 
     def set(self, values: Mapping[str, float]) -> None:
-        """Take what a client asks for; others stay as they are."""
+        """Set the values that a client sends; others stay as they are."""
         self._values.update({key: value for key, value in values.items() if key in FAULTS})
         for key, value in self._values.items():
             self.vector[key] = repr(value)
 
     @property
     def is_silent(self) -> bool:
-        """The driver hangs."""
+        """True: the driver hangs."""
         return self._values["IS_SILENT"] > 0
 
     @property
     def abort_ends_tracking(self) -> bool:
-        """An abort ends more than motion."""
+        """True: an abort ends tracking too."""
         return self._values["ABORT_ENDS_TRACKING"] > 0
 
     def takes_back_tracking_off(self) -> bool:
-        """Whether tracking is to be on again; counts those that were announced."""
+        """True where tracking is to be on again; counts down the announced times."""
         if self._values["TRACKING_RETURNS"] <= 0:
             return False
         self._values["TRACKING_RETURNS"] -= 1
         return True
 
     def ignores(self, event: Any) -> bool:
-        """Whether this order is passed over; counts those that were announced."""
+        """True where this order is ignored; counts down the announced ones."""
         if event.vectorname == "SIM_FAULTS":
             return False
         key = {

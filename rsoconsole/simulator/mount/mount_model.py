@@ -23,7 +23,7 @@ _STREAM = 36
 
 @dataclass(frozen=True, slots=True)
 class MountUnrest:
-    """Pure of time; offsets east and north in degrees."""
+    """Offsets of a restless mount, east and north in degrees; a pure function of time."""
 
     seed: int
     t_night_utc_ns: int
@@ -32,11 +32,11 @@ class MountUnrest:
     jump_arcsec: float = 0.0
     jump_every_s: float = 600.0
     _jumps: list[tuple[float, float, float]] = field(default_factory=list)
-    """Of each interval so far: its instant in seconds of the night, and where it leads."""
+    """Jump of each interval so far: instant in seconds of the night, degrees east and north."""
 
     @property
     def is_none(self) -> bool:
-        """Whether this mount stands where it stands."""
+        """True where this mount has no offsets."""
         return self.settle_s == self.jump_arcsec == 0.0
 
     def offset_deg(
@@ -76,13 +76,13 @@ PierSide = Literal["east", "west"]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MountTraits:
-    """How this mount moves and how wrong it points; about 0.1 deg in all."""
+    """Motion and pointing errors of the mount; these are about 0.1 deg in all."""
 
     max_rate_deg_s: float = 4.0
     acceleration_deg_s2: float = 2.0
     settle_amplitude_arcsec: float = 20.0
     settle_tau_s: float = 0.35
-    """After 1.5 s some 0.3 arcsec of the swing are left."""
+    """Decay time of the swing: after 1.5 s some 0.3 arcsec of it are left."""
     polar_azimuth_deg: float = 0.070
     polar_altitude_deg: float = -0.050
     cone_deg: float = 0.030
@@ -92,7 +92,7 @@ class MountTraits:
     random_arcsec: float = 15.0
     """One sigma of the radial error drawn again for every slew."""
     flip_hysteresis_deg: float = 0.5
-    """A slew changes sides only where the target is that far past the meridian."""
+    """Distance of a target past the meridian from which a slew changes sides."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -112,7 +112,7 @@ class MountInstant:
 
 @dataclass(frozen=True, slots=True)
 class _Motion:
-    """What the axes do from one command to the next."""
+    """Motion of the axes from one command to the next."""
 
     t0_utc_ns: int
     primary_deg: float
@@ -270,7 +270,7 @@ class MountModel:
         return wrap_360(now.ra_date_deg + east_deg / cos_dec), dec_deg
 
     def unrest_deg(self, t_utc_ns: int) -> tuple[float, float]:
-        """East and north of where it would look if it kept still once it has arrived."""
+        """Offset east and north from where it would look if it kept still once it has arrived."""
         motion = self._motion_at(t_utc_ns)
         since_arrival_s = (t_utc_ns - motion.t0_utc_ns) / NS - self._duration_s(motion)
         sign = 1.0 if abs(motion.secondary_deg) <= 90.0 else -1.0
@@ -278,7 +278,7 @@ class MountModel:
         return self.unrest.offset_deg(t_utc_ns, since_arrival_s, way_deg)
 
     def unrest_path_arcsec(self, t_first_utc_ns: int, t_last_utc_ns: int) -> FloatArray:
-        """(2, odd) how far east and north of its place halfway it looks, at equal steps of time."""
+        """Offsets (2, odd) east and north from its place halfway, at equal steps of time."""
         instants = np.linspace(t_first_utc_ns, t_last_utc_ns, _PATH_STEPS)
         path = np.array([self.unrest_deg(round(t)) for t in instants]).T * 3600.0
         return np.asarray(path - path[:, [_PATH_STEPS // 2]], dtype=np.float64)

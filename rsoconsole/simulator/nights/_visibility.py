@@ -30,7 +30,7 @@ from rsoconsole.words import NS_PER_DAY, NS_PER_S, utc_ns_to_iso
 BoolArray = npt.NDArray[np.bool_]
 
 SEARCHED_DAYS = 30
-"""A navigation satellite that is up by day alone is up by night four weeks later."""
+"""Days searched: a navigation satellite up by day alone is up by night four weeks later."""
 CONTENT_DAYS = 5
 """Days searched for a longer window after the first that was found."""
 LOOKS_PER_REVOLUTION = 288
@@ -62,13 +62,13 @@ class Views:
     dec_deg: FloatArray
     lit: FloatArray
     snr: FloatArray
-    """Integrated, roughly, under a clear sky, in the exposure that its rate allows."""
+    """Approximate integrated SNR under a clear sky, in the exposure that its rate allows."""
     apart_deg: FloatArray
-    """(N,) of the first target from the one furthest from it."""
+    """Distance (N,) of the first target from the one furthest from it."""
     rate_arcsec_s: FloatArray
-    """(N,) among the stars, of the fastest."""
+    """Rate (N,) of the fastest target among the stars."""
     ground_rate_arcsec_s: FloatArray
-    """(N,) over the ground, of the fastest."""
+    """Rate (N,) of the fastest target over the ground."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -117,7 +117,7 @@ def views_of(satellites: Sequence[Satellite], site: Site, t_utc_ns: IntArray) ->
 
 
 def _rough_snr(satellite: Satellite, places: Places, altitude_deg: FloatArray) -> FloatArray:
-    """Of a straight streak with a round core, over sky and read-out."""
+    """Approximate SNR of a straight streak with a round core, over sky and read-out."""
     sensor = SensorModel()
     cos_dec = np.cos(np.radians(places.dec_icrs_deg))
     rate = 3600.0 * np.hypot(places.ra_rate_deg_s * cos_dec, places.dec_rate_deg_s)
@@ -137,7 +137,7 @@ def _sun_altitude_deg(site: Site, t_utc_ns: IntArray) -> FloatArray:
 
 
 def _dark(site: Site, t_utc_ns: IntArray, twilight_deg: float) -> IntArray:
-    """Those of many instants in order at which it is dark; the Sun's altitude interpolated."""
+    """Dark ones of many instants in order; the Sun's altitude is interpolated."""
     knots = np.arange(t_utc_ns[0], t_utc_ns[-1] + 2 * _SUN_STEP_NS, _SUN_STEP_NS, dtype=np.int64)
     altitude_deg = np.interp(t_utc_ns, knots, _sun_altitude_deg(site, knots))
     return t_utc_ns[altitude_deg <= twilight_deg]

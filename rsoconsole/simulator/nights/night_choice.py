@@ -154,7 +154,7 @@ def _start(
 
 
 def _believed(config: Config, hour_angle_deg: float, dec_deg: float) -> tuple[float, float]:
-    """What the mount must believe to look there: its pointing errors, all but the random ones."""
+    """Hour angle and declination reported by a mount that looks there, random errors aside."""
     east_deg, north_deg = systematic_error_deg(
         hour_angle_deg,
         dec_deg,
@@ -167,7 +167,7 @@ def _believed(config: Config, hour_angle_deg: float, dec_deg: float) -> tuple[fl
 
 
 def _off_centre(config: Config, centre: tuple[float, float], places: Places, index: int) -> float:
-    """How far out a place lies, in half fields: 1 is the edge, whichever is nearer."""
+    """Distance of a place from the centre, in half fields: 1 is the edge, whichever is nearer."""
     optics = config.optics
     wcs = tan_wcs(
         *centre,
@@ -188,7 +188,7 @@ def _off_centre(config: Config, centre: tuple[float, float], places: Places, ind
 def _stars_for(
     dec_deg: FloatArray, config: Config, star_file: Path | None, name: str
 ) -> str | None:
-    """The file whose stars this way over the sky needs; None where the shipped ones do."""
+    """File of the stars that this way over the sky needs; None where the shipped ones do."""
     radius_deg = math.hypot(*config.optics.field_deg)
     shipped = StarCatalogue.load()
     furthest_deg = float(dec_deg.flat[int(np.argmax(np.abs(dec_deg)))])

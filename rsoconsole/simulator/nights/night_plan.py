@@ -17,9 +17,9 @@ from rsoconsole.simulator.nights.scenarios import Scenario, ScenarioSatellite
 from rsoconsole.sky import StarCatalogue
 
 STANDARD_MAGNITUDE = {"GEO": 12.0, "MEO": 13.3, "HEO": 12.5, "LEO": 13.3}
-"""Fully lit, at 36,000 km: what such satellites commonly show, chosen, not measured. A navigation
-satellite of 12.0 at 20,200 km (12.7 half turned away), a rocket body of 4.7 and a low payload of
-5.5 at 1,000 km."""
+"""Magnitude fully lit at 36,000 km: common values, chosen, not measured. A navigation satellite of
+12.0 at 20,200 km (12.7 half turned away), a rocket body of 4.7 and a low payload of 5.5 at
+1,000 km."""
 
 
 def satellite_of(entry: CatalogueEntry) -> Satellite:
@@ -44,14 +44,14 @@ class NightPlan:
     exposure_s: float
     cadence_s: float
     frames: int
-    """Exposures for which it was chosen."""
+    """Number of exposures for which it was chosen."""
     element_files: tuple[str, ...]
     star_file: str | None
     """A whole-sky index file whose stars are drawn; None: the shipped belt's."""
     visible_s: float
     """Time for which the targets stay up, lit and in darkness, as far as was searched."""
     leaps: bool = False
-    """Whether the first target is a low satellite, which the telescope follows by leaps."""
+    """True where the first target is a low satellite, which the telescope follows by leaps."""
 
     def to_table(self) -> dict[str, Any]:
         """The plan as a JSON table for another process; ``plan_of_table`` reads it back."""
@@ -124,7 +124,7 @@ MOVES_FIELDS = 0.25
 
 
 def exposure_for(rate_arcsec_s: float, scale_arcsec_px: float) -> float:
-    """Ten seconds; shorter for a streak of at most ``STREAK_PX``, longer for one that is not short.
+    """Exposure, s: 10; shorter for a streak up to ``STREAK_PX``, longer for one that is not short.
 
     Two digits, so that it reads well.
     """
@@ -138,7 +138,7 @@ def exposure_for(rate_arcsec_s: float, scale_arcsec_px: float) -> float:
 def cadence_for(
     ground_rate_arcsec_s: float, short_side_deg: float, exposure_s: float = USUAL_EXPOSURE_S
 ) -> float:
-    """Start to start: as slow as the target allows that leaves the field over the ground."""
+    """Cadence, start to start: the slowest for a target that leaves the field over the ground."""
     moves_s = MOVES_FIELDS * short_side_deg * 3600.0 / max(ground_rate_arcsec_s, 1e-6)
     wanted_s = min(LONGEST_CADENCE_S, max(SHORTEST_CADENCE_S, moves_s))
     if exposure_s > USUAL_EXPOSURE_S:

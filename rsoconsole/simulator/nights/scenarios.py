@@ -30,7 +30,7 @@ class ScenarioSatellite:
 
     element_set: ElementSet | CatalogueEntry
     standard_magnitude: float
-    """Fully lit, at 36,000 km."""
+    """Magnitude fully lit, at 36,000 km."""
     brightness: BrightnessHistory = STEADY
 
 
@@ -46,12 +46,12 @@ class Scenario:
     target_norad_id: int | None
     """Catalogue number of the satellite to find; None: none is there."""
     target_hour_angle_deg: float | None
-    """Its hour angle of date, west positive; a geostationary satellite keeps it."""
+    """Hour angle of date of the target, west positive; a geostationary satellite keeps it."""
     start_hour_angle_deg: float
     """Hour angle of date of the telescope at the start, with the paper's field of view."""
     start_declination_deg: float
     frames: int = NIGHT_FRAMES
-    """Exposures, at the default cadence, in which all of the night's story has happened."""
+    """Number of exposures, at the default cadence, that cover all events of the night."""
     site: Site = DAYTONA_BEACH
     clouds: CloudDeck = CLEAR
     seeing_arcsec: float = 2.8
@@ -86,7 +86,7 @@ def scenario_named(name: str) -> Scenario:
 
 @lru_cache(maxsize=1)
 def all_scenarios() -> dict[str, Scenario]:
-    """Every scenario by name, the default first."""
+    """Scenarios by name, the default first."""
     scenarios = (_intelsat_14(), _ses_10(), _intelsat_21(), _cloud_bank(), _empty())
     return {scenario.name: scenario for scenario in scenarios}
 
@@ -118,7 +118,7 @@ def _satellites(
 
 
 def _intelsat_14() -> Scenario:
-    """The paper tells of a handful of missed detections and of a loss in the last frames, under a
+    """The paper reports a handful of missed detections and of a loss in the last frames, under a
     clear sky, and does not say why. Here the satellite itself fades: once a slow turn shows
     a side darker by two and a half magnitudes, and near the end it dims for good, as a panel does
     that leaves the mirror. That is a stand-in: nobody measured it, and a satellite in service

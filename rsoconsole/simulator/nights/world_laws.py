@@ -18,15 +18,15 @@ class Law:
     """Distribution of one setting."""
 
     name: str
-    """Dotted, e.g. ``stars.drift_px``."""
+    """Dotted name, e.g. ``stars.drift_px``."""
     low: float
     high: float
-    """Same as ``low``: always that value."""
+    """Upper bound; same as ``low``: always that value."""
     kind: Literal["uniform", "log-uniform"] = "uniform"
     share: float = 1.0
-    """Of all worlds in which the setting is drawn at all; in the others it is not named."""
+    """Share of all worlds in which the setting is drawn at all; in the others it is not named."""
     group: str = ""
-    """Settings of one group are drawn in the same worlds."""
+    """Group of settings that are drawn in the same worlds."""
 
     def draw(self, seed: int) -> float | None:
         """Value of the setting in the world of this seed; None where it is not set there.

@@ -61,7 +61,7 @@ from rsoconsole.sky import (
 
 NS = 1_000_000_000
 FAINTEST_STAR_MAG = 19.0
-"""Fainter stars drown in the noise of 10 s: they are part of the sky."""
+"""Magnitude of the faintest stars drawn: fainter ones drown in the noise of 10 s."""
 EXTINCTION_MAG_AIRMASS = 0.15
 REFERENCE_SCALE_ARCSEC_PX = 206.264806 * 3.8 / 620.0
 _CLOUD_GRID = (33, 44)
@@ -125,7 +125,7 @@ class Scene:
         return (half_px + MARGIN_PX) * self.sensor.scale_arcsec_px / 3600.0
 
     def sky_notice(self, dec_icrs_deg: float) -> str | None:
-        """Why a frame at this declination shows no stars, and the remedy; None where it does."""
+        """Reason why a frame at this declination shows no stars, and remedy; None where it does."""
         if self.catalogue.covers(dec_icrs_deg):
             return None
         return (
@@ -216,7 +216,7 @@ class Scene:
     def _with_brightness(
         self, wcs: Wcs, t_start_utc_ns: int, exposure_s: float
     ) -> list[tuple[Satellite, ExtraMagnitude]]:
-        """Each satellite that may be seen, with the history of its own brightness."""
+        """Satellites that may be seen, each with the history of its own brightness."""
 
         def extra_mag(of: ScenarioSatellite, t_utc_ns: IntArray) -> FloatArray:
             t_s = (t_utc_ns - self.scenario.t_start_utc_ns) / NS
@@ -233,7 +233,7 @@ class Scene:
     def field_content(
         self, wcs: Wcs, t_start_utc_ns: int, exposure_s: float, t_seed_utc_ns: int | None = None
     ) -> FieldContent:
-        """All that the exposure shows but satellites: sky, clouds, cosmic rays, stars.
+        """Content of the exposure without satellites: sky, clouds, cosmic rays, stars.
 
         ``t_seed_utc_ns``: the instant that fixes what is random, where it is another.
         """

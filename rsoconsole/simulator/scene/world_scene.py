@@ -121,7 +121,7 @@ def moonlit(content: FieldContent, moon: MoonWorld) -> FieldContent:
 def moved_stars_arcsec(
     world: CatalogueWorld, ra_icrs_deg: FloatArray, dec_icrs_deg: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """(east, north) by which index stars have moved since 1991: each its own way, and together."""
+    """Motion (east, north) of index stars since 1991: each its own way, and together."""
     own = world.random_arcsec
     sigma = CATALOGUE_SIGMA_ARCSEC if own is None else own
     east, north = catalogue_errors_arcsec(ra_icrs_deg, dec_icrs_deg, sigma)

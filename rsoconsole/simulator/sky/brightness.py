@@ -28,9 +28,9 @@ class Turning:
     sharpness: int = 6
     """Power of the cosine square that is the fade's shape: the larger, the shorter."""
     jitter_s: float = 0.0
-    """A seed moves all fades together by up to so much, either way."""
+    """Largest shift by which a seed moves all fades together, either way."""
     last_s: float = float("inf")
-    """No fade has its middle later."""
+    """Latest middle of a fade."""
 
     def extra_mag(self, t_s: FloatArray, seed: int) -> FloatArray:
         """Magnitudes lost (n,) at these seconds after the scenario's start."""
@@ -47,7 +47,7 @@ class BrightnessHistory:
     """One satellite's night; without arguments a steady one."""
 
     schedule: tuple[tuple[float, float], ...] = ()
-    """(seconds since the scenario's start, extra magnitudes), linear in between."""
+    """Nodes (seconds since the scenario's start, extra magnitudes), linear in between."""
     turning: Turning | None = None
 
     def extra_mag(self, t_s: FloatArray, seed: int) -> FloatArray:

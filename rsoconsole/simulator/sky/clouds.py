@@ -22,7 +22,8 @@ class CloudDeck:
     """A night's clouds."""
 
     schedule: tuple[tuple[float, float], ...]
-    """(seconds since the scenario's start, mean extinction in magnitudes), linear in between."""
+    """Nodes (seconds since the scenario's start, mean extinction in magnitudes), linear in
+    between."""
     structure: float = 0.45
     """One sigma of the natural logarithm of the extinction from place to place."""
     wind_deg_s: tuple[float, float] = (0.045, 0.012)

@@ -86,9 +86,9 @@ def _log_uniform(rng: np.random.Generator, low: float, high: float) -> float:
 
 
 _MARGIN_DEG = 0.05
-"""For light time, aberration and the wander of the air."""
+"""Margin for light time, aberration and the wander of the air."""
 _MARGIN_S = 2.0
-"""For the shutter, and for rates that grow along the exposure."""
+"""Margin for the shutter, and for rates that grow along the exposure."""
 _RATE_GROWTH = 2.0
 
 

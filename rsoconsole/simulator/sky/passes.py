@@ -29,7 +29,7 @@ STRAIGHT_PX = 0.05
 """Largest distance of a path from the chord between two of its places."""
 _SAME_INSTANT_S = 1e-8
 _FAR_AWAY_S = 10.0
-"""A row whose turn comes that late lies far outside any frame."""
+"""Delay of a row that lies far outside any frame."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -39,7 +39,7 @@ class SatellitePass:
     name: str
     norad_id: int
     streak: Streak
-    """Under a clear sky at the zenith; 0 electrons when unlit throughout."""
+    """Streak under a clear sky at the zenith; 0 electrons when unlit throughout."""
     ra_icrs_deg: FloatArray
     dec_icrs_deg: FloatArray
     rates_deg_s: tuple[float, float]
@@ -55,10 +55,10 @@ class Sight:
     sensor: SensorModel
     wcs: Wcs
     t_start_utc_ns: int
-    """Opening as the operator has it: places are told for this and what follows."""
+    """Opening as known to the operator; places are given for this and what follows."""
     exposure_s: float
     shutter_error_s: float = 0.0
-    """The shutter opens this much later, a few hundredths of a second; see ``true``."""
+    """Delay of the shutter's opening, a few hundredths of a second; see ``true``."""
     wander_px: tuple[float, float] = (0.0, 0.0)
     """Displacement of the whole streak by the air."""
     true: TrueShutter | None = None
@@ -222,7 +222,7 @@ def satellite_truth(
 def _signal_to_noise(
     sensor: SensorModel, content: FieldContent, streak: Streak, electrons: float
 ) -> tuple[float, float]:
-    """Of the brightest pixel, and of the whole streak weighted by its shape; noise of the sky.
+    """SNR of the brightest pixel, and of the streak weighted by its shape; noise of the sky.
 
     Across the streak the disc's core alone, widened by the pixel; along it steady.
     """

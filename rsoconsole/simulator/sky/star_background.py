@@ -85,7 +85,7 @@ def _log_count(latitude_deg: float) -> FloatArray:
 
 
 def places_now(stars: Stars, t_utc_ns: int) -> tuple[FloatArray, FloatArray]:
-    """(RA, Dec) of stars given at J2000.0, by SOFA's space motion and not the reduction's own."""
+    """Places (RA, Dec) of stars given at J2000.0, by SOFA's space motion, not the reduction's."""
     arcsec = math.radians(1.0 / 3600.0)
     zero = np.zeros(len(stars))
     pm_ra = stars.pm_ra_mas_yr * arcsec / 1e3 / np.cos(np.radians(stars.dec_icrs_deg))

@@ -1,1 +1,1 @@
-"""What is imperfect about a simulated night: every imperfection a named setting."""
+"""Imperfections of a simulated night, each a named setting."""

@@ -1,7 +1,7 @@
-"""What is imperfect about a simulated night: every imperfection a named setting with its unit.
+"""Imperfections of a simulated night, each a named setting with its unit.
 
-A world that names nothing is the night as it always was, bit for bit. ``world_file`` reads and
-writes worlds as TOML, ``random_world`` draws them.
+A world that names nothing is the scenario's own night, bit for bit. ``load_world`` and
+``world_to_toml`` read and write worlds as TOML, ``random_world`` draws them.
 """
 
 import difflib
@@ -263,7 +263,7 @@ class FramesWorld(_Part):
 
 
 class World(_Part):
-    """Everything that is imperfect; the default is the night as every scenario tells it."""
+    """Imperfections of a night by section; the default is the scenario's own night."""
 
     shutter: ShutterWorld = ShutterWorld()
     seeing: SeeingWorld = SeeingWorld()
@@ -292,7 +292,7 @@ class World(_Part):
 
 
 DEFAULT_WORLD = World()
-"""The night as it always was."""
+"""World that names nothing: the scenario's own night."""
 
 
 _SETTINGS = "settings such as [stars] drift_px = 12"
@@ -331,7 +331,7 @@ def world_to_toml(world: World) -> str:
 
 
 def settings_of_worlds() -> dict[str, FieldInfo]:
-    """Every setting there is, in order, by its dotted name, e.g. ``stars.drift_px``."""
+    """All settings in order, by dotted name, e.g. ``stars.drift_px``."""
     found: dict[str, FieldInfo] = {}
     for section, section_field in World.model_fields.items():
         part = section_field.annotation
@@ -342,7 +342,7 @@ def settings_of_worlds() -> dict[str, FieldInfo]:
 
 
 def unit_of(setting: FieldInfo) -> str:
-    """Empty where it has none."""
+    """Unit of a setting; empty where it has none."""
     extra = setting.json_schema_extra
     assert isinstance(extra, dict)
     return str(extra["unit"])

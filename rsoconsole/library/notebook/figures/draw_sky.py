@@ -68,7 +68,7 @@ MISS_COLOUR = "#f3d9b8"
 
 
 def time_axis(axis: Any, night: DrawnNight) -> None:
-    """Seconds since the first exposure, and when that was."""
+    """Label the time axis: seconds since the first exposure, and when that was."""
     first = utc_ns_to_iso(night.frames[0].t_mid_utc_ns, decimals=0).removesuffix("Z")
     at = first.replace("T", " ")
     axis.set_xlabel(f"Time since the middle of the first exposure, {at} UTC (s)")
@@ -119,7 +119,7 @@ def median_step_s(night: DrawnNight) -> float:
 
 
 def legend_above(figure: Any, handles: Sequence[tuple[Any, str]]) -> None:
-    """One line of keys above the panels; those that nothing was drawn for are left out."""
+    """Draw a line of keys above the panels, without those for which nothing was drawn."""
     drawn = [(handle, label) for handle, label in handles if handle is not None]
     figure.legend(
         [handle for handle, _ in drawn],
@@ -142,7 +142,7 @@ def finish(figure: Any, night: DrawnNight, what: str, keys: Sequence[tuple[Any, 
 
 
 def tracked_frames(night: DrawnNight) -> list[NightFrame]:
-    """Frames at which a track was known."""
+    """Frames in which there was a track."""
     return [frame for frame in night.frames if frame.track is not None]
 
 
@@ -311,7 +311,7 @@ def _first(frames: list[NightFrame]) -> TrackState:
 
 
 def _line(t_s: Any, degrees: Any) -> tuple[float, float]:
-    """(value at 0 s in deg, slope in deg/s) of the line through the points."""
+    """Line through the points: (value at 0 s in deg, slope in deg/s)."""
     if len(t_s) < 2:
         return float(degrees[0]), 0.0
     slope, start = np.polyfit(t_s, degrees, 1)
@@ -338,7 +338,7 @@ def _with_bars(keys: list[tuple[Any, str]]) -> list[tuple[Any, str]]:
 
 
 def _error_bars(axis: Any, night: DrawnNight, where: Where, index: int) -> None:
-    """One sigma of each measurement that was taken, as it says of itself."""
+    """Draw one sigma of each accepted measurement, by its own covariance."""
     points = [
         (night.seconds(frame), value, math.sqrt(m.cov_sky_arcsec2[index]))
         for frame in night.frames

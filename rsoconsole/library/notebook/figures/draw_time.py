@@ -15,17 +15,17 @@ from rsoconsole.library.notebook.night.night import DrawnNight
 from rsoconsole.night import FRAME_FACTS, facts_of
 
 NIS_BAND = (0.0506, 7.378)
-"""95 % of a chi-square of two degrees of freedom."""
+"""Band with 95 % of a chi-square of two degrees of freedom."""
 WINDOW = 12
 WINDOW_BAND = (1.03, 3.28)
-"""95 % of the mean of twelve of them."""
+"""Band with 95 % of the mean of twelve such values."""
 _WIDER = 5.0
 _FAR_WIDER = 20.0
 """Bounds wider than the innovations by this factor need a scale of their own."""
 
 
 def draw_confidence(figure: Any, night: DrawnNight) -> None:
-    """Confidence of the measurement that was taken, of the others, and tau."""
+    """Confidence of the accepted measurement, of the others, and tau."""
     axis = figure.subplots()
     column = shade_misses(axis, night)
     followed = [(f, m) for f in night.frames if (m := night.taken_of(f)) is not None]
@@ -94,7 +94,7 @@ def _series(night: DrawnNight, index: int) -> tuple[list[float], list[float], li
 
 
 def _scale(axis: Any, values: list[float], bounds: list[float]) -> None:
-    """Straight where bounds and innovations are of a size; else logarithmic beyond the latter."""
+    """Set the scale: linear where bounds and innovations compare, else log beyond the latter."""
     largest = max((abs(value) for value in values), default=1.0)
     widest = sorted(bounds)[len(bounds) // 2] if bounds else 1.0
     if widest > _FAR_WIDER * max(largest, 0.05):

@@ -56,7 +56,7 @@ QUALITY = Drawing(name="quality", draw=draw_quality, height_in=6.0, needs_track=
 
 
 def has_track(night: DrawnNight) -> bool:
-    """Whether anything was followed in it: a measurement has updated a track."""
+    """True where a measurement has updated a track in it."""
     return any(frame.updated is not None for frame in night.frames)
 
 
@@ -65,7 +65,7 @@ _UNDATED: Mapping[FigureFormat, dict[str, Any]] = {
     "svg": {"Date": None},
     "pdf": {"CreationDate": None},
 }
-"""The file says nothing of when it was drawn."""
+"""Metadata by format that keep the time of drawing out of the file."""
 
 
 def write_figures(

@@ -1,6 +1,6 @@
 """A matplotlib figure that shows itself in a notebook, whichever backend is set, or none.
 
-No window system is asked for, and pyplot is not told: nothing is shown twice, nothing to close.
+It uses neither a window system nor pyplot: nothing is shown twice, nothing needs closing.
 """
 
 import io
@@ -19,9 +19,9 @@ SAVED_DPI = 144
 
 
 def styled(salt: str | None = None) -> AbstractContextManager[None]:
-    """While it holds, matplotlib draws in the product's type and colours.
+    """Context in which matplotlib draws in the product's type and colours.
 
-    ``salt``: by which the same drawing gives the same SVG.
+    ``salt``: with it the same drawing gives the same SVG.
     """
     style: Any = STYLE if salt is None else {**STYLE, "svg.hashsalt": salt}
     return mpl.rc_context(style)
@@ -36,7 +36,7 @@ class NightFigure(Figure):
         FigureCanvasAgg(self)
 
     def _repr_png_(self) -> tuple[bytes, dict[str, int]]:
-        """The picture, and how large it is to be shown."""
+        """The picture, and the size at which it is shown."""
         buffer = io.BytesIO()
         with styled():
             self.savefig(buffer, format="png", dpi=SAVED_DPI, metadata={"Software": None})

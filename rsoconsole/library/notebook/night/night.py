@@ -78,7 +78,7 @@ def nonempty(night: DrawnNight, session: Path) -> DrawnNight:
 def offset_arcsec(
     ra_deg: float, dec_deg: float, from_ra_deg: float, from_dec_deg: float
 ) -> tuple[float, float]:
-    """(east, north) on the sky of one direction from another, small angles, safe across RA 0h."""
+    """Offset (east, north) of one direction from another, small angles, safe across RA 0h."""
     cos_dec = math.cos(math.radians(from_dec_deg))
     return wrap_180(ra_deg - from_ra_deg) * cos_dec * 3600.0, (dec_deg - from_dec_deg) * 3600.0
 

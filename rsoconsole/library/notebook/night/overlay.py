@@ -12,7 +12,7 @@ from rsoconsole.sky import sky_to_pixel
 from rsoconsole.words import counted, parts_of, short_name_of
 
 _MARGIN = 0.012
-"""Of the frame's width: room between a streak and its box."""
+"""Room between a streak and its box, as a share of the frame's width."""
 _POINTS = 48
 
 

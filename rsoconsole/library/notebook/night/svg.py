@@ -62,7 +62,7 @@ def drawing(axis: Axis, parts: Iterable[str], *, label: str, ends: tuple[str, st
 def dots(
     axis: Axis, points: Iterable[tuple[float, float, str]], *, colour: str, hollow: bool = False
 ) -> str:
-    """(x, y, title) as dots; hollow ones for what is not there."""
+    """Points (x, y, title) as dots; hollow ones for what is not there."""
     fill = "none" if hollow else colour
     return "".join(
         f'<circle cx="{x:.1f}" cy="{y:.1f}" r="2.6" fill="{fill}" stroke="{colour}">'

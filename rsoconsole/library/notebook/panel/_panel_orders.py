@@ -36,20 +36,20 @@ log = logging.getLogger(__name__)
 LAST_FRAMES = 40
 _PRESSES = 100
 _PHASES = ("sent", "late", "answered", "failed", "stopped")
-"""Of a STOP, in the order in which the later one counts."""
+"""Phases of a STOP, in order: the later one counts."""
 POINTING = {
     "name": "pointing",
     "detail": "judged on the first frame, once it is armed",
     "remedy": "tick it only where you know that the telescope looks where the mount says",
 }
-"""The check that the list cannot tell beforehand."""
+"""The check that only the first frame can decide."""
 NOTHING: dict[str, Any] = {}
 Show = Callable[[str, dict[str, Any]], None]
-"""Gives the page something by name: said, asked, stop_news, goto, effect."""
+"""Function that sends the page a value by name: said, asked, stop_news, goto, effect."""
 
 
 class PanelOrders:
-    """Hears the page and answers it."""
+    """Receiver of the page's orders, which it carries out and answers."""
 
     def __init__(
         self,
@@ -71,7 +71,7 @@ class PanelOrders:
         self._goto_asked = 0
 
     def receive(self, message: Mapping[str, Any]) -> None:
-        """One message of the page; what is none of the known ones is passed over."""
+        """Handle one message of the page; ignore an unknown one."""
         kind = message.get("kind")
         if kind == "stop":
             self._stop_once(message.get("press"))
@@ -89,7 +89,7 @@ class PanelOrders:
             self._show("asked", NOTHING)
 
     def _stop_once(self, press: Any) -> None:
-        """A page that is not answered says it again: that is the same STOP, not one more."""
+        """STOP once a press: a page that gets no answer sends the press again."""
         if press is None or press not in self._presses:
             self._presses.append(press)
             self.stop()
@@ -113,7 +113,7 @@ class PanelOrders:
         self._show("goto", NOTHING)
 
     def _show_stop(self, number: int, phase: str, text: str) -> None:
-        """News of one STOP; what comes late, or is of an older one, is not told."""
+        """Show news of one STOP; news that is late, or of an older one, is dropped."""
         with self._lock:
             rank = number, _PHASES.index(phase)
             if rank <= self._stop_shown:
@@ -122,7 +122,7 @@ class PanelOrders:
             self._show("stop_news", {"number": number, "phase": phase, "text": text})
 
     def _end_stop(self, number: int) -> None:
-        """Another order came before it was measured: it is an alarm no longer."""
+        """End the alarm of a STOP: another order came before the stop was measured."""
         with self._lock:
             if self._stop_shown[0] != number:
                 return
@@ -133,7 +133,7 @@ class PanelOrders:
     # -- orders ---------------------------------------------------------------------------------
 
     def _order(self, verb: Any, arguments: Mapping[str, Any]) -> None:
-        """What a page may ask for by its verb; a move goes by its preview."""
+        """Carry out an order of the page by its verb; a move goes by its preview."""
         known = COMMANDS.get(verb) if isinstance(verb, str) else None
         if known is None or not known.is_on_panel:
             return
@@ -201,7 +201,7 @@ class PanelOrders:
             self._show("goto", answer)
 
     def _go(self, text: str) -> None:
-        """Understood again: a place beside the horizon goes by with the sky."""
+        """Send a go-to, parsed again now: the sky moves past an altitude and azimuth."""
         try:
             found = self._understood(text)
         except (ValueError, RsoconsoleError) as error:
@@ -269,7 +269,7 @@ def tuned_values(settings: Mapping[str, Any]) -> dict[str, float | str]:
 def effect_rows(
     records: list[Any], config: Config, changes: Mapping[str, float | str]
 ) -> list[list[str]]:
-    """[what, as it was, if tried] of the last frames.
+    """Rows [figure, as recorded, as changed] of the last frames.
 
     Raises ConfigError for a value that cannot be. Both are followed again from the record;
     ``config`` is that of the session's beginning.

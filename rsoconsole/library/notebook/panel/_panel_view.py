@@ -40,7 +40,7 @@ class LiveNight:
         """The configuration of the session's beginning."""
         self.records: list[Record] = []
         self.picture: tuple[int, bytes] | None = None
-        """(frame, PNG) of the newest preview that is there."""
+        """Newest preview on disk: (frame, PNG)."""
         about = self._reader.about()
         self._title = title_of(about, folder)
         self.fold = Night(folder, about, self.begun_with, newest=None)
@@ -95,12 +95,12 @@ TUNED = (
     ("filter.gate_nis", "gate NIS", ""),
     ("filter.max_coast_s", "lost after", "s"),
 )
-"""(setting, label, unit) of what can be tuned here; the console has the rest."""
+"""Settings that can be tuned here, (setting, label, unit); the console has the rest."""
 CHOICES = {"filter.preset": ("adaptive", "tuned", "paper")}
 
 
 def status_view(status: Status, reach: str, detail: str, seat: str) -> dict[str, Any]:
-    """The engine in words: ``status`` as it last told it; ``seat``: this panel's name."""
+    """The engine in words; ``status``: its latest; ``seat``: this panel's name."""
     is_attached = reach == "attached"
     holder, is_ours = status.holder, bool(seat) and status.seat == seat
     return {

@@ -1,6 +1,6 @@
-"""Asks the engine and reads its session for a panel, on a thread of its own: the kernel is free.
+"""Poller of the engine and its session for a panel, on a thread of its own: the kernel is free.
 
-Only while somebody looks: a panel whose page was closed lets go of engine and seat.
+It polls only while the page is open: a closed page releases engine and seat.
 """
 
 import logging
@@ -19,7 +19,7 @@ ANSWER_S = 1.0
 
 
 class Link(Poller):
-    """Hands over what it sees; ``status`` at every turn, the rest where it has changed."""
+    """Poller that reports ``status`` at every turn, and the rest where it has changed."""
 
     def __init__(
         self,
@@ -30,7 +30,7 @@ class Link(Poller):
         on_status: Callable[[dict[str, Any]], None],
         on_night: Callable[[dict[str, Any], bytes], None],
     ) -> None:
-        """``on_night``: hears the view of the record and the newest picture (PNG, or empty)."""
+        """``on_night``: receives the view of the record and the newest picture (PNG, or empty)."""
         super().__init__("panel", EVERY_S)
         self._wire, self._seat = wire, seat
         self._is_watched = is_watched
@@ -61,7 +61,7 @@ class Link(Poller):
         self._on_status(status_view(self._status, reach, printable(words), self._seat))
 
     def _ask(self) -> tuple[str, str]:
-        """(reach, what went wrong)."""
+        """Ask the engine; return (reach, fault in words)."""
         try:
             outcome = self._wire.send(AskStatus(), timeout_s=ANSWER_S)
         except ControlError as error:

@@ -20,17 +20,17 @@ from rsoconsole.library.notebook.panel._panel_orders import PanelOrders
 from rsoconsole.library.notebook.panel.link import Link
 
 UNSEEN_S = 12.0
-"""A page that has not been heard of for so long is closed: its panel lets go of the engine."""
+"""Silence after which a page counts as closed and its panel releases the engine, s."""
 SUBSHELLS_SINCE = 7
-"""The version of ipykernel from which on a page is heard while a cell runs."""
+"""First version of ipykernel that serves a page while a cell runs."""
 
 
 class LivePanel(anywidget.AnyWidget):  # type: ignore[misc]
-    """Shows the running engine and carries orders to it; STOP goes past it where it is silent.
+    """Panel that shows the running engine and sends it orders; STOP bypasses a silent engine.
 
     It looks on a thread of its own while its page is open, and ends with ``close()``. Orders go
     by the control socket: seats, checklist and limits are the engine's. While a cell runs, its
-    page is heard where both ends know subshells (JupyterLab 4.4 and ipykernel 7, or later);
+    page is served where both ends know subshells (JupyterLab 4.4 and ipykernel 7, or later);
     elsewhere STOP would wait for the cell, and the page says so at once.
     """
 
@@ -65,7 +65,7 @@ class LivePanel(anywidget.AnyWidget):  # type: ignore[misc]
         self._ticks = 0
         self._lock = threading.RLock()
         self._answering: Context | None = None
-        """That of the page's last message; None before it has spoken."""
+        """Context of the page's last message; None before the first one."""
         self._unsent: dict[str, Any] = {}
         self._link = Link(
             client,
@@ -87,17 +87,17 @@ class LivePanel(anywidget.AnyWidget):  # type: ignore[misc]
         self._link.start()
 
     def stop(self) -> None:
-        """STOP, as the button does it; returns at once, ``stop_news`` tells what came of it."""
+        """Send STOP, as the button does; return at once: ``stop_news`` gives the result."""
         self._orders.stop()
 
     def close(self) -> None:
-        """End: nothing is asked of the engine any more, the page goes blank."""
+        """Close the panel: polling ends, the page goes blank."""
         self._link.close()
         super().close()
 
     @property
     def is_running(self) -> bool:
-        """Whether its thread still reads the engine."""
+        """True while its thread reads the engine."""
         return self._link.is_running
 
     def _receive(self, _widget: Any, content: Any, _buffers: Any) -> None:
@@ -131,9 +131,9 @@ class LivePanel(anywidget.AnyWidget):  # type: ignore[misc]
             self._put("picture", picture)
 
     def _put(self, name: str, value: Any) -> None:
-        """Give the page something, from any thread, as an answer to what it said last.
+        """Send the page a value, from any thread, as an answer to its last message.
 
-        Before it has spoken nothing is told: ipykernel would have the main shell hear its answer.
+        Before the first message nothing is sent: ipykernel would give its answer to the main shell.
         """
         with self._lock:
             if self._answering is None:

@@ -24,7 +24,7 @@ class Course:
     actions: tuple[LogLine, ...]
     changes: tuple[LogLine, ...]
     locked_frame: int | None
-    """The frame with which a track was first had."""
+    """First frame with a track; None without a track."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -47,7 +47,7 @@ class TrackFacts:
 
     @property
     def is_geostationary(self) -> bool:
-        """Whether its rate at the end is that of a point fixed over the turning Earth."""
+        """True where its rate at the end is that of a point fixed over the turning Earth."""
         if self.rate_arcsec_s is None:
             return False
         east, north = self.rate_arcsec_s
@@ -56,7 +56,7 @@ class TrackFacts:
 
 
 def filter_words(night: DrawnNight) -> str:
-    """Whether the filter believed itself rightly at the end, in words."""
+    """Consistency of the filter at the end, in words."""
     judged = consistency_of(night.frames)
     words = {
         "sound": "the filter's errors are as large as it says",
@@ -70,7 +70,7 @@ def filter_words(night: DrawnNight) -> str:
 def track_facts(
     rows: Sequence[MeasuredRow], known: Mapping[int, NightTrack]
 ) -> tuple[TrackFacts, ...]:
-    """Every track that took something, in order; ``known``: what the record has of each."""
+    """Facts on the tracks that took a measurement, in order; ``known``: their records."""
     taken = {number: [row for row in rows if row.track == number] for number in known}
     return tuple(_track(known[number], own) for number, own in taken.items() if own)
 

@@ -18,7 +18,7 @@ from rsoconsole.sky import sky_to_pixel
 from rsoconsole.words import clock
 
 MAX_PICTURES = 40
-"""Evenly chosen; those of missed frames come on top."""
+"""Most pictures chosen evenly; those of missed frames come on top."""
 MAX_BYTES = 5_000_000
 """Size of all pictures together, as the page carries them."""
 WIDE_PX = 300
@@ -47,7 +47,7 @@ class ShownFrame:
 
 
 def chosen_frames(frames: list[int], missed: Iterable[int]) -> list[int]:
-    """At most ``MAX_PICTURES`` spread evenly, first and last among them, and all the missed."""
+    """Frames to show: all misses, and ``MAX_PICTURES`` at most, spread evenly, ends included."""
     count = len(frames)
     most = min(count, MAX_PICTURES)
     even = {frames[round(k * (count - 1) / max(most - 1, 1))] for k in range(most)}
@@ -72,7 +72,7 @@ def pictures(session: Path, frames: Iterable[int]) -> tuple[Picture, ...]:
 
 
 def _picture(frame_id: int, path: Path) -> Picture | None:
-    """None for a file that is damaged or gone: a report does without."""
+    """Picture of a frame; None for a file that is damaged or gone: a report does without."""
     import cv2
     import numpy as np
 
@@ -139,7 +139,7 @@ def _predicted(frame: NightFrame, size: tuple[int, int]) -> tuple[float, float] 
 
 
 def _per_cent(x_px: float, y_px: float, size: tuple[int, int]) -> tuple[float, float] | None:
-    """None for what lies outside the frame."""
+    """Place in per cent of the frame; None outside it."""
     x, y = (x_px + 0.5) / size[0] * 100.0, (y_px + 0.5) / size[1] * 100.0
     return (x, y) if 0.0 <= x <= 100.0 and 0.0 <= y <= 100.0 else None
 
@@ -169,7 +169,7 @@ _OPENING = re.compile(r"<svg\b[^>]*?viewBox=\"([^\"]+)\"[^>]*>", re.DOTALL)
 
 
 _HEIGHTS_IN = {3.0: 2.8, 5.0: 4.6}
-"""Of a figure in the page, by its height in print."""
+"""Height of a figure in the page by its height in print, inches."""
 
 
 def inline_figures(night: DrawnNight, with_firsts: DrawnNight) -> dict[str, str]:

@@ -122,10 +122,10 @@ class PassFacts:
 
     over: LowPass
     leaps: int
-    """Ordered."""
+    """Number of leaps ordered."""
     met: int
     at_close: int
-    """Ordered as the shutter of the one before closed."""
+    """Number ordered as the shutter of the one before closed."""
     unmet: str
     """Results of the other leaps, counted: ``2 another streak, 1 not solved``."""
     total_s: float | None
@@ -138,7 +138,7 @@ class PassFacts:
 
 
 def pass_facts(records: Iterable[Record]) -> tuple[PassFacts, ...]:
-    """Every pass of a session's records, in order of time."""
+    """Passes of a session's records, in order of time."""
     leaps: dict[int, list[LeapDone]] = {}
     passes: list[LowPass] = []
     for record in records:
@@ -271,7 +271,7 @@ def _fixed(value: float | None, digits: int = 2, sign: str = "") -> str:
 
 
 def _minus(text: str) -> str:
-    """With a minus sign, but none before what rounds to nothing."""
+    """Text with a true minus sign, but none before what rounds to nothing."""
     if text.startswith(("-", "+")) and not text.strip("+-0:."):
         return text[1:]
     return text.replace("-", "−")
@@ -311,7 +311,7 @@ def _misses(number: int) -> str:
 
 
 def _key_figures(figures: Summary, course: Course) -> list[tuple[str, str, str]]:
-    """(what, figure, beside it) of the head's row."""
+    """Cells (label, figure, note) of the head's row."""
     beside = {
         merit.LOCK: "" if course.locked_frame is None else f"with frame {course.locked_frame}",
         merit.MISSES: "frames without the object",
@@ -365,7 +365,7 @@ def _shutter(exported: ExportedNight) -> str:
 
 
 def _quality(night: DrawnNight) -> Iterator[tuple[str, str]]:
-    """What the night's frames say of image and sky."""
+    """Image and sky quality of the night's frames."""
     facts = [facts_of(frame.detections) for frame in night.frames]
     for fact in FRAME_FACTS:
         if said := span_text(fact, [each[fact.name] for each in facts]):
