@@ -17,11 +17,11 @@ from rsoconsole.sky import turn_deg
 from rsoconsole.vision import (
     Candidate,
     ConfidenceCurve,
-    Focus,
     FrameAnalysis,
     LineLight,
     Network,
     NetworkBox,
+    PointImage,
     PsfField,
     StreakDetector,
     WorkingFrame,
@@ -162,13 +162,13 @@ def confidences_of(row: FrameRow, curve: ConfidenceCurve) -> list[float]:
     return [each.found.confidence for each in curve.judged(measured, focus_of(row))]
 
 
-def focus_of(row: FrameRow) -> Focus:
+def focus_of(row: FrameRow) -> PointImage:
     """Image of a point in the row's frame."""
     values = dict(row["focus"])
     field = values.pop("psf_field", None)
     if field is not None:
         field = PsfField(**{name: _kept(value) for name, value in field.items()})
-    return Focus(**values, psf_field=field)
+    return PointImage(**values, psf_field=field)
 
 
 def _kept(value: Any) -> Any:
@@ -248,7 +248,7 @@ def _error_px(detection: Detection, trail: TrueTrail) -> float | None:
     return round(math.hypot(detection.x_px - x, detection.y_px - y), 4)
 
 
-def _plain(measured: Detection | LineLight | Focus) -> dict[str, Any]:
+def _plain(measured: Detection | LineLight | PointImage) -> dict[str, Any]:
     return {name: _rounded(value) for name, value in asdict(measured).items()}
 
 

@@ -6,7 +6,14 @@
 from pathlib import Path
 
 from rsoconsole.config import limits_of
-from rsoconsole.simulator import LAWS, Law, World, settings_of_worlds, unit_of, value_to_toml
+from rsoconsole.simulator import (
+    LAWS,
+    SettingDistribution,
+    World,
+    settings_of_worlds,
+    unit_of,
+    value_to_toml,
+)
 
 README = Path(__file__).parents[1] / "rsoconsole" / "simulator" / "README.md"
 BEGIN = "<!-- settings: written by python -m models.world_settings -->"
@@ -34,7 +41,7 @@ def settings_table() -> str:
     return "\n".join(lines[1:]) + "\n"
 
 
-def words_of(law: Law) -> str:
+def words_of(law: SettingDistribution) -> str:
     """The law in the documentation's words."""
     values = f"{law.low:g}"
     if law.high != law.low:

@@ -3,7 +3,7 @@
 import math
 from typing import Any
 
-from rsoconsole.orbits import Identification, Sightings, identify_jointly
+from rsoconsole.orbits import Identification, MeasuredDirections, identify_jointly
 from rsoconsole.records import Detection, Measurement, Site
 
 T0_UTC_NS = 1_687_400_000_000_000_000
@@ -78,7 +78,7 @@ def straight_detection(
     return Detection(**(values | other))
 
 
-def identify(seen: Sightings, site: Site, entries: Any, **asked: Any) -> Identification:
+def identify(seen: MeasuredDirections, site: Site, entries: Any, **asked: Any) -> Identification:
     """The name of one track, nothing else being in the field."""
     (answer,) = identify_jointly([seen], site, entries, **asked)
     return answer

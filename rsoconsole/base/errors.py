@@ -16,7 +16,7 @@ class RsoconsoleError(Exception):
 
 
 @contextlib.contextmanager
-def said_as(kind: type[RsoconsoleError], words: str, remedy: str = "") -> Iterator[None]:
+def system_errors_as(kind: type[RsoconsoleError], words: str, remedy: str = "") -> Iterator[None]:
     """Raise an operating system's error as one of ours: its reason between both texts."""
     try:
         yield
@@ -25,7 +25,7 @@ def said_as(kind: type[RsoconsoleError], words: str, remedy: str = "") -> Iterat
 
 
 @contextlib.contextmanager
-def raised_as(
+def value_errors_as(
     kind: type[RsoconsoleError],
     words: str = "",
     caught: type[Exception] | tuple[type[Exception], ...] = ValueError,

@@ -45,7 +45,7 @@ def read_private(path: Path, fault: type[Exception], remedy: str) -> list[str]:
     return [line for line in lines if line]
 
 
-def named_text(path: Path, fault: type[Exception], absent: str) -> str:
+def read_named_file(path: Path, fault: type[Exception], absent: str) -> str:
     """Return the text of a large file named by the user.
 
     Raises ``fault`` where it cannot be read; ``absent``: the remedy where it is not there.

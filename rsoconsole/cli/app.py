@@ -39,8 +39,8 @@ from rsoconsole.cli.words import output
 from rsoconsole.cli.words.usage import (
     USAGE_EXIT,
     UsageError,
-    fold_helps,
     help_of,
+    unwrap_help_texts,
     usage_line,
 )
 from rsoconsole.config import APP, environment_warnings
@@ -69,7 +69,7 @@ order.register(app)
 app.command(context_settings={"ignore_unknown_options": True})(go_to.goto)
 _add(telescope.stop, frames.process, frames.detect, frames.solve)
 _add(orbit.orbit, identify.identify, passes.passes)
-app.command("what-if", cls=what_if.SetTakesTwo)(what_if.what_if)
+app.command("what-if", cls=what_if.SetOptionCommand)(what_if.what_if)
 app.command("calibrate-time")(calibrate_time.calibrate_time)
 app.command("calibrate-elements")(calibrate_elements.calibrate_elements)
 _add(setup.doctor, export.figures, export.export)
@@ -83,7 +83,7 @@ for name, group in (
     ("service", service.service_app),
 ):
     app.add_typer(group, name=name)
-fold_helps(app)
+unwrap_help_texts(app)
 
 
 def _version(is_asked: bool) -> None:
@@ -105,24 +105,24 @@ def main() -> None:
     """Entry point: an operator never sees a traceback, the log has it."""
     log_path = _open_log()
     if COMPLETE not in os.environ:
-        output.complain(*(f"{APP}: {each}" for each in environment_warnings()))
+        output.print_to_stderr(*(f"{APP}: {each}" for each in environment_warnings()))
     try:
         sys.exit(app(standalone_mode=False, prog_name=APP))
     except UsageError as error:
         if (words := help_of(error)) is None:
-            output.complain(usage_line(error))
+            output.print_to_stderr(usage_line(error))
         else:
             print(words, end="", file=sys.stderr)  # the program's own
         sys.exit(USAGE_EXIT)
     except typer.Abort:
-        output.complain(f"{APP}: interrupted")
+        output.print_to_stderr(f"{APP}: interrupted")
         sys.exit(130)
     except RsoconsoleError as error:
         log.error("%s", error)
-        output.complain(f"{APP}: {error}")
+        output.print_to_stderr(f"{APP}: {error}")
         sys.exit(1)
     except KeyboardInterrupt:
-        output.complain(f"{APP}: interrupted")
+        output.print_to_stderr(f"{APP}: interrupted")
         sys.exit(130)
     except BrokenPipeError:
         _leave_pipe()
@@ -132,7 +132,7 @@ def main() -> None:
         raise
     except Exception as error:
         log.exception("unexpected")
-        output.complain(f"{APP}: something broke ({error}); the details are in {log_path}")
+        output.print_to_stderr(f"{APP}: something broke ({error}); the details are in {log_path}")
         sys.exit(1)
 
 

@@ -37,13 +37,13 @@ from .settings import active_variables as active_variables
 from .settings import data_dir as data_dir
 from .settings import default_config_path as default_config_path
 from .settings import environment_warnings as environment_warnings
+from .settings import every_setting as every_setting
 from .settings import load_config as load_config
 from .settings import read_toml as read_toml
 from .settings import runtime_dir as runtime_dir
 from .settings import state_dir as state_dir
 from .settings import unknown_setting as unknown_setting
 from .settings import variables_set as variables_set
-from .settings import walk as walk
 from .settings import with_changes as with_changes
 from .settings import with_setting as with_setting
 from .source_names import SourceKind as SourceKind

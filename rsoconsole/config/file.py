@@ -16,16 +16,23 @@ from tomlkit.container import OutOfOrderTableProxy
 from tomlkit.exceptions import TOMLKitError
 from tomlkit.items import AoT, Comment, Item, Key, Table, Whitespace
 
-from rsoconsole.base import ConfigError, plain_fault, read_foreign, said_as, toml_of, write_durably
+from rsoconsole.base import (
+    ConfigError,
+    plain_fault,
+    read_foreign,
+    system_errors_as,
+    toml_of,
+    write_durably,
+)
 from rsoconsole.config.observatory import CalibrationConfig
 from rsoconsole.config.settings import (
     Config,
     ConfigLayers,
     VariableError,
     default_config_path,
+    every_setting,
     load_config,
     sections_of,
-    walk,
 )
 
 Origin = Literal["default", "file", "environment", "command line"]
@@ -108,7 +115,7 @@ def write_initial_config(path: Path | None = None, *, force: bool = False) -> Pa
     target = path or default_config_path()
     if target.exists() and not force:
         raise ConfigError(f"{target} exists already: --force writes over it")
-    with said_as(ConfigError, f"{target} cannot be written: "):
+    with system_errors_as(ConfigError, f"{target} cannot be written: "):
         target.parent.mkdir(parents=True, exist_ok=True)
         # It may come to hold an address with a password.
         write_durably(target, initial_config_text().encode(), mode=0o600)
@@ -139,7 +146,7 @@ def effective_settings(
             variable=given.variables.get(name),
             description=description,
         )
-        for name, _, description in walk(config)
+        for name, _, description in every_setting(config)
     )
 
 
@@ -199,7 +206,7 @@ def _calibration_faults(calibration: CalibrationConfig) -> Iterator[ConfigFault]
 def _fault(found: Mapping[str, Any], variables: Mapping[str, str]) -> ConfigFault:
     place = [str(part) for part in found["loc"]]
     name = ".".join(place)
-    known = [setting for setting, _, _ in walk(Config())]
+    known = [setting for setting, _, _ in every_setting(Config())]
     if found["type"] == "extra_forbidden":
         names = known if len(place) > 1 else list(Config.model_fields)
         near = difflib.get_close_matches(name, names, n=1)
@@ -286,7 +293,7 @@ def write_settings(path: Path, settings: Mapping[str, Any], *, is_secret: bool =
         ) from error
     except (OSError, ValueError) as error:
         raise ConfigError(f"{path} cannot be written to as it is: {error}") from error
-    with said_as(ConfigError, f"{path} cannot be written: "):
+    with system_errors_as(ConfigError, f"{path} cannot be written: "):
         _replace(path, after, is_secret=is_secret)
 
 

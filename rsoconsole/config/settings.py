@@ -21,7 +21,14 @@ from pydantic import (
     ValidationError,
 )
 
-from rsoconsole.base import ConfigError, nearest, plain_fault, read_foreign, said_as, toml_of
+from rsoconsole.base import (
+    ConfigError,
+    nearest,
+    plain_fault,
+    read_foreign,
+    system_errors_as,
+    toml_of,
+)
 from rsoconsole.config.alerts import AlertsConfig
 from rsoconsole.config.night import (
     AimConfig,
@@ -262,7 +269,7 @@ def runtime_dir() -> Path:
     except OSError:
         path = cache
         behind = "): make ~/.cache writable, or set XDG_RUNTIME_DIR to a folder of your own"
-        with said_as(
+        with system_errors_as(
             ConfigError, f"no folder for the engine's socket can be made ({path}: ", behind
         ):
             path.mkdir(mode=0o700, parents=True, exist_ok=True)
@@ -355,7 +362,7 @@ def with_setting(config: Config, name: str, value: Any) -> Config:
     table = config.model_dump()
     section, _, key = name.partition(".")
     if key not in table.get(section, {}):
-        raise ConfigError(unknown_setting(name, (each for each, _, _ in walk(config))))
+        raise ConfigError(unknown_setting(name, (each for each, _, _ in every_setting(config))))
     table[section][key] = value
     try:
         return Config.model_validate(table)
@@ -395,7 +402,7 @@ def read_toml(path: Path, absent: str = INIT_WRITES, holds: str = "") -> dict[st
         raise ConfigError(f"{path} cannot be read as TOML ({error}){holds}") from error
 
 
-def walk(config: Config) -> Iterator[tuple[str, Any, str]]:
+def every_setting(config: Config) -> Iterator[tuple[str, Any, str]]:
     """Every setting as (dotted name, value, description), in order."""
     for section_name in type(config).model_fields:
         section = getattr(config, section_name)

@@ -34,7 +34,7 @@ from rsoconsole.console.picture.picture import Picture
 from rsoconsole.console.screens.live import LiveScreen
 from rsoconsole.console.screens.night_screen import NightScreen
 from rsoconsole.console.screens.review import ReviewScreen
-from rsoconsole.console.watches.messages import call_in_turn
+from rsoconsole.console.watches.messages import call_between_messages
 from rsoconsole.console.watches.watch import EngineWatch, SessionWatch
 from rsoconsole.control import ControlClient, Found
 from rsoconsole.night import NightView
@@ -262,7 +262,7 @@ class ConsoleApp(App[str]):
             return
         has_own_keys = bool(MODE_WORDS[self._mode])
         if self._tour is not None and self._tour.is_due and not has_own_keys:
-            self._tour.has_been_shown()
+            self._tour.record_tour_shown()
             self._show_tour()
         else:
             self._show_help()
@@ -320,7 +320,7 @@ class ConsoleApp(App[str]):
         with self._newest_lock:
             is_waiting, self._newest = self._newest is not None, (night, picture)
         if not is_waiting:
-            call_in_turn(self.live, self._show_newest)
+            call_between_messages(self.live, self._show_newest)
 
     def _show_newest(self) -> None:
         with self._newest_lock:
@@ -330,4 +330,4 @@ class ConsoleApp(App[str]):
 
     def _engine_seen(self, engine: EngineView) -> None:
         self._session_watch.follow(engine.session)
-        call_in_turn(self.live, self.live.update_engine, engine)
+        call_between_messages(self.live, self.live.update_engine, engine)

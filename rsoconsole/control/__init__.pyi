@@ -1,6 +1,6 @@
 from .client import STILL_STOPS as STILL_STOPS
 from .client import ControlClient as ControlClient
-from .client import answer_of as answer_of
+from .client import ask_engine as ask_engine
 from .client import status_of as status_of
 from .command import COMMANDS as COMMANDS
 from .command import Command as Command
@@ -9,11 +9,11 @@ from .command import command_words as command_words
 from .commands import MAX_FRAMES as MAX_FRAMES
 from .commands import OVERRIDE_HELP as OVERRIDE_HELP
 from .commands import Abort as Abort
+from .commands import AimOffset as AimOffset
 from .commands import AnswerSeat as AnswerSeat
 from .commands import Arm as Arm
 from .commands import AskSeat as AskSeat
 from .commands import AskStatus as AskStatus
-from .commands import Beside as Beside
 from .commands import Disarm as Disarm
 from .commands import Goto as Goto
 from .commands import Hold as Hold
@@ -77,10 +77,10 @@ from .stop import DirectStop as DirectStop
 from .stop import Found as Found
 from .stop import StopNews as StopNews
 from .stop import Stopping as Stopping
-from .stop import counted as counted
+from .stop import with_time_origin as with_time_origin
 from .wire import ON_RECORD as ON_RECORD
-from .wire import Later as Later
 from .wire import Outcome as Outcome
+from .wire import PendingOutcome as PendingOutcome
 from .wire import Request as Request
 from .wire import Sender as Sender
 from .wire import one_line as one_line

@@ -109,7 +109,7 @@ class ControlClient:
                 time.sleep(0.1)
 
 
-def answer_of(wire: ControlClient, question: Command) -> Mapping[str, Any]:
+def ask_engine(wire: ControlClient, question: Command) -> Mapping[str, Any]:
     """Return the engine's answer to a question. Raises ControlError without one, or for a
     refusal."""
     outcome = wire.send(question)
@@ -120,7 +120,7 @@ def answer_of(wire: ControlClient, question: Command) -> Mapping[str, Any]:
 
 def status_of(wire: ControlClient) -> Status:
     """Return the engine's status. Raises as ``answer_of`` does."""
-    return read_status(answer_of(wire, AskStatus()))
+    return read_status(ask_engine(wire, AskStatus()))
 
 
 def _no_engine(path: Path) -> str:

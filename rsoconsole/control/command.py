@@ -129,7 +129,7 @@ def command_of(verb: str, arguments: Mapping[str, Any]) -> Command:
     return command
 
 
-def takes_anything(verb: str) -> bool:
+def is_always_executed(verb: str) -> bool:
     """True for verbs that are carried out even where the request has unknown arguments."""
     known = COMMANDS.get(verb)
     return known is not None and known.takes_anything

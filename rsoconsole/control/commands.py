@@ -221,7 +221,7 @@ class Nudge(Command):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Beside(Command):
+class AimOffset(Command):
     """A place beside the prediction; only previewed, the settings ``aim.*`` go there."""
 
     verb = "aim"
@@ -243,7 +243,7 @@ class Preview(Command):
     verb = "preview"
     needs_control = False
 
-    move: Goto | Nudge | Beside
+    move: Goto | Nudge | AimOffset
 
     def arguments(self) -> dict[str, Any]:
         """Return the arguments of the move, which identify the preview."""
@@ -254,8 +254,8 @@ class Preview(Command):
         """Return the preview of the move with these arguments."""
         if "east_arcmin" in arguments:
             return cls(move=Nudge.read(arguments))
-        is_beside = not Beside.__dataclass_fields__.keys().isdisjoint(arguments)
-        return cls(move=Beside.read(arguments) if is_beside else Goto.read(arguments))
+        is_beside = not AimOffset.__dataclass_fields__.keys().isdisjoint(arguments)
+        return cls(move=AimOffset.read(arguments) if is_beside else Goto.read(arguments))
 
     def check(self) -> None:
         """Check the move itself."""

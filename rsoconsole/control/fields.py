@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING, Any, TypeVar
 from rsoconsole.control.wire import one_line, printable
 from rsoconsole.records import PairMotion, UnseenMember
 from rsoconsole.words import (
-    apart_words,
-    called,
+    catalogued_name,
     closest_words,
-    nearing_words,
+    separation_rate_words,
+    separation_words,
     tracks_words,
     unseen_words,
 )
@@ -117,7 +117,7 @@ def field_words(
     if uncatalogued:
         lines.append(f"not in the catalogue: {tracks_words(uncatalogued)}")
     for each in unseen[:MAX_LINES]:
-        name = called(one_line(each.name)[:24], each.norad_id)
+        name = catalogued_name(one_line(each.name)[:24], each.norad_id)
         lines.append(f"expected, not seen: {unseen_words(name, each)}")
     return lines
 
@@ -136,6 +136,7 @@ def _nearest(pairs: Sequence[PairMotion]) -> list[PairMotion]:
 def _pair_words(pair: PairMotion) -> str:
     mark = " !" if pair.is_close else ""
     return (
-        f"{pair.track_id}-{pair.other_track_id}: {apart_words(pair)} {nearing_words(pair)},"
+        f"{pair.track_id}-{pair.other_track_id}: {separation_words(pair)}"
+        f" {separation_rate_words(pair)},"
         f" {closest_words(pair)}{mark}"
     )

@@ -21,9 +21,9 @@ from rsoconsole.control.commands import Stop
 from rsoconsole.control.record_lock import EngineLock, RecordLock, address_of, remove_socket
 from rsoconsole.control.wire import (
     Connection,
-    Later,
     NotACommand,
     Outcome,
+    PendingOutcome,
     Request,
     WaitingRequest,
     is_same_user,
@@ -42,7 +42,7 @@ BACKLOG = 128
 """Number of connections that may wait at once before the system turns one away."""
 
 
-Handler = Callable[[Request], Outcome | Later]
+Handler = Callable[[Request], Outcome | PendingOutcome]
 
 
 class ControlServer:
@@ -306,7 +306,7 @@ class ControlServer:
             else:
                 self._answer(waiting, self._carry_out(waiting.request))
 
-    def _answer(self, waiting: WaitingRequest, outcome: Outcome | Later) -> None:
+    def _answer(self, waiting: WaitingRequest, outcome: Outcome | PendingOutcome) -> None:
         if isinstance(outcome, Outcome):
             waiting.connection.answer(waiting.id, outcome)
             return
@@ -330,7 +330,7 @@ class ControlServer:
             self._later.release()
             answer(0.0)
 
-    def _carry_out(self, request: Request) -> Outcome | Later:
+    def _carry_out(self, request: Request) -> Outcome | PendingOutcome:
         try:
             return self._handler(request)
         except Exception as error:  # whatever one command breaks, the wire stays

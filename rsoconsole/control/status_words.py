@@ -10,10 +10,10 @@ from rsoconsole.words import (
     altaz,
     clock,
     direction,
+    duration_words,
     format_dec,
     format_ra,
     rate_text,
-    span,
 )
 
 HOLDERS = {
@@ -146,7 +146,7 @@ def preview_lines(preview: MovePreview | None, ending: str = "") -> list[str]:
     rows = (
         ("ICRS", direction(preview.ra_icrs_deg, preview.dec_icrs_deg)),
         ("of date", f"{of_date}   {altaz(preview.alt_deg, preview.az_deg)}"),
-        ("way", f"{preview.way_deg:.1f}°, {span(preview.slew_s)}{side}"),
+        ("way", f"{preview.way_deg:.1f}°, {duration_words(preview.slew_s)}{side}"),
         ("limits", margins),
         ("REFUSED", preview.refused),
     )
@@ -191,7 +191,7 @@ def _row(track: TrackNow) -> str:
     state = state_words(track.state, track.misses, is_kept=track.is_kept)
     east, north = track.residual_east_arcsec, track.residual_north_arcsec
     off = "-" if east is None or north is None else f"{east:+.2f} {north:+.2f}"
-    age = "-" if track.age_s is None else span(track.age_s)
+    age = "-" if track.age_s is None else duration_words(track.age_s)
     is_in = {True: "in", False: "out", None: "-"}[track.is_in_next_field]
     return (
         f"{track.track_id:>4}{'*' if track.is_lead else ' '} {name:<{NAME_COLUMNS}}"

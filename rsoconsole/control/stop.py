@@ -37,7 +37,7 @@ _ASK_EVERY_S = 0.25
 REMEDY = f"run 'rsoconsole stop' in another terminal; {CUT_POWER} if it moves"
 SUPERSEDED = "another order came before STOP was measured to its end"
 
-FROM_PRESS, IN_ENGINE = "counted from the key", "counted in the engine"
+FROM_PRESS, IN_ENGINE = "counted from the key", "with_time_origin in the engine"
 """Origin of a STOP's times: its sending, or its arrival in the engine."""
 
 Found = Mapping[str, Any]
@@ -78,7 +78,7 @@ class StopNews:
     either."""
 
 
-def counted(said: str, ordered_ms: float | None, since: str) -> str:
+def with_time_origin(said: str, ordered_ms: float | None, since: str) -> str:
     """Return a STOP's words with the origin of its two times, where there are two."""
     return said if ordered_ms is None else f"{said} ({since})"
 
@@ -231,7 +231,7 @@ class Stopping:
                 return
             self._is_answered, self._answered_ms = True, self._ms()
         said = answered_text(self._answered_ms, way, self._ordered_ms)
-        text = counted(f"{said}: measuring", self._ordered_ms, FROM_PRESS)
+        text = with_time_origin(f"{said}: measuring", self._ordered_ms, FROM_PRESS)
         self._say(self._news("answered", text, path))
 
     def _take_motion(self, found: Found, path: str) -> bool:

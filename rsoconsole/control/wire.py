@@ -14,7 +14,7 @@ from dataclasses import dataclass, field
 from typing import Any, Literal, TypeAlias
 
 from rsoconsole.base import ControlError, json_of
-from rsoconsole.control.command import Command, command_of, takes_anything
+from rsoconsole.control.command import Command, command_of, is_always_executed
 from rsoconsole.records import CommandResult
 
 SenderKind: TypeAlias = Literal["console", "script"]
@@ -77,7 +77,7 @@ DEFAULT_TIMEOUT_S = 5.0
 _SEND_TIMEOUT_S = 2.0
 
 
-class Course:
+class RequestProgress:
     """The progress of a request: set by the loop, read where the answer is waited for."""
 
     def __init__(self) -> None:
@@ -107,7 +107,7 @@ class Request:
     """Number of STOPs given before it was read; None: not known."""
     came_s: float = field(default_factory=time.monotonic, compare=False)
     """Monotonic time at which it was read, s."""
-    course: Course = field(default_factory=Course, compare=False, repr=False)
+    course: RequestProgress = field(default_factory=RequestProgress, compare=False, repr=False)
 
     @property
     def by(self) -> str:
@@ -131,7 +131,7 @@ class Outcome:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Later:
+class PendingOutcome:
     """An outcome still to come, within a limited time."""
 
     until_s: float
@@ -223,7 +223,7 @@ def read_request(connection: Connection, line: bytes) -> WaitingRequest:
     request_id = message.get("id")
     if not isinstance(verb, str) or not verb:
         raise ControlError("a command needs a 'verb'")
-    if takes_anything(verb):
+    if is_always_executed(verb):
         arguments = arguments if isinstance(arguments, dict) else {}
         by = by if isinstance(by, str) else "operator"
         request_id = request_id if isinstance(request_id, int | str | None) else None

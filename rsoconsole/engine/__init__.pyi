@@ -2,8 +2,8 @@ from .alerts.services import send_heartbeat as send_heartbeat
 from .alerts.services import send_within as send_within
 from .alerts.services import services_of as services_of
 from .doctor.bench import STAGES as STAGES
-from .doctor.bench import judge as judge
 from .doctor.bench import measure as measure
+from .doctor.bench import summarise_bench as summarise_bench
 from .doctor.bench import summary_lines as summary_lines
 from .doctor.checks import Check as Check
 from .doctor.doctor import run_checks as run_checks

@@ -31,7 +31,7 @@ from .ports import SiteCheck as SiteCheck
 from .ports import SkyReport as SkyReport
 from .ports import SlewEnd as SlewEnd
 from .ports import StopResult as StopResult
-from .process_memory import return_what_is_freed as return_what_is_freed
+from .process_memory import return_freed_blocks as return_freed_blocks
 from .solver.index_files import IndexFile as IndexFile
 from .solver.index_files import install as install
 from .solver.index_files import list_index_files as list_index_files

@@ -102,7 +102,7 @@ class SlewEnd:
     """Longest allowed time without any order, seconds."""
 
 
-def unheard(_result: StopResult) -> None:
+def ignore_stop_result(_result: StopResult) -> None:
     """Ignore the news of a STOP, where only its end is waited for."""
 
 
@@ -211,7 +211,7 @@ class MountPort(Protocol):
         """
 
     def abort(
-        self, timeout_s: float = 2.0, *, on_news: Callable[[StopResult], None] = unheard
+        self, timeout_s: float = 2.0, *, on_news: Callable[[StopResult], None] = ignore_stop_result
     ) -> StopResult:
         """End motion at once; returns when the driver has answered, never raises for a mount that
         does not respond.

@@ -13,7 +13,7 @@ _TRIM_THRESHOLD, _MMAP_THRESHOLD = -1, -3
 _DONTNEED = 4
 
 
-def return_what_is_freed() -> bool:
+def return_freed_blocks() -> bool:
     """Have every large block come from the system and return to it as soon as it is freed.
 
     Returns False where the C library cannot: then nothing has changed.

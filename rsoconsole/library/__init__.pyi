@@ -3,7 +3,7 @@ from .formats.api import export as export
 from .formats.api import render as render
 from .formats.api import save_text as save_text
 from .formats.api import write_file as write_file
-from .formats.observed import ReadAs as ReadAs
+from .formats.observed import ReadOptions as ReadOptions
 from .formats.observed import read_observations as read_observations
 from .formats.solved_fits import parse_numbers as parse_numbers
 from .formats.target import Target as Target

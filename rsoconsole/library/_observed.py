@@ -8,7 +8,7 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
-from rsoconsole.base import InputError, raised_as
+from rsoconsole.base import InputError, value_errors_as
 from rsoconsole.library._given import ConfigLike, Number, Place, number, required_site, site_of
 from rsoconsole.library._observations import (
     TableLike,
@@ -16,11 +16,11 @@ from rsoconsole.library._observations import (
     expect_one_object,
     expect_table,
 )
-from rsoconsole.library.formats.observed import ReadAs, read_observations
+from rsoconsole.library.formats.observed import ReadOptions, read_observations
 from rsoconsole.library.notebook.session import Session
 from rsoconsole.library.tracking import Track
 from rsoconsole.night import NightTrack
-from rsoconsole.orbits import sightings
+from rsoconsole.orbits import reduce_directions
 from rsoconsole.pipeline import ObservedTrack, sightings_from_measurements
 from rsoconsole.records import Measurement, Site
 
@@ -31,7 +31,7 @@ Group: TypeAlias = tuple[ObservedTrack, ...]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Asked:
+class CallerValues:
     """Values of the caller for observations that do not state them."""
 
     sigma: Number | None = None
@@ -42,7 +42,7 @@ class Asked:
     config: ConfigLike = None
 
 
-def groups_of(what: Observations | Sequence[Observations], ask: Asked) -> list[Group]:
+def groups_of(what: Observations | Sequence[Observations], ask: CallerValues) -> list[Group]:
     """Groups of observations, in order, as ``rsoconsole orbit`` reads its arguments.
 
     Raises InputError for what holds no observations, and as reading files and sessions does.
@@ -54,7 +54,7 @@ def groups_of(what: Observations | Sequence[Observations], ask: Asked) -> list[G
     return _groups(what, ask)
 
 
-def _groups(what: Any, ask: Asked) -> list[Group]:
+def _groups(what: Any, ask: CallerValues) -> list[Group]:
     if isinstance(what, Session | str | PathLike):
         path = what.path if isinstance(what, Session) else Path(fspath(what)).expanduser()
         groups = list(read_observations(path, _read_as(ask)))
@@ -76,11 +76,11 @@ def _groups(what: Any, ask: Asked) -> list[Group]:
     return [(_observed_table(what, ask),)]
 
 
-def _read_as(ask: Asked) -> ReadAs:
+def _read_as(ask: CallerValues) -> ReadOptions:
     sigma = 1.0 if ask.sigma is None else number(ask.sigma, "arcsec", "sigma")
     if sigma <= 0.0:
         raise InputError(f"sigma: {sigma:g} arcsec must be above 0")
-    return ReadAs(
+    return ReadOptions(
         sigma_arcsec=sigma,
         site=None if ask.site is None else site_of(ask.site),
         target=ask.target,
@@ -103,14 +103,14 @@ def _only(groups: list[Group], track: int) -> Group:
 def _observed_track(
     name: str, number_: int, site: Site, taken: Sequence[Measurement]
 ) -> ObservedTrack:
-    with raised_as(InputError):
+    with value_errors_as(InputError):
         seen = sightings_from_measurements(site, taken)
     return ObservedTrack(
         name=name, site=site, limits=None, seen=seen, number=number_, track_id=number_
     )
 
 
-def _observed_table(value: Any, ask: Asked) -> ObservedTrack:
+def _observed_table(value: Any, ask: CallerValues) -> ObservedTrack:
     table = expect_table(value, "file, session, track or table of observations")
     # Nobody knows when a crossing was where, or where along itself one that the frame cuts was.
     for name, is_wanted in (("is_crossing", False), ("is_clipped", False), ("is_taken", True)):
@@ -119,8 +119,8 @@ def _observed_table(value: Any, ask: Asked) -> ObservedTrack:
     rows = directions_of(table, 1.0 if ask.sigma is None else ask.sigma)
     expect_one_object(table)
     site = required_site(ask.site, rows.site, ask.config)
-    with raised_as(InputError):
-        seen = sightings(
+    with value_errors_as(InputError):
+        seen = reduce_directions(
             site, rows.t_utc_ns, rows.ra_icrs_deg, rows.dec_icrs_deg, rows.cov_sky_arcsec2
         )
     return ObservedTrack(name="the table", site=site, limits=None, seen=seen)

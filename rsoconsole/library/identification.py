@@ -11,12 +11,12 @@ from rsoconsole.base import InputError, OrbitError
 from rsoconsole.config import CatalogueConfig
 from rsoconsole.library._given import ConfigLike, Number, Place, config_of, number
 from rsoconsole.library._observations import TableLike
-from rsoconsole.library._observed import Asked, Observations, groups_of
+from rsoconsole.library._observed import CallerValues, Observations, groups_of
 from rsoconsole.library.known_orbit import Orbit
 from rsoconsole.library.notebook.session import Session
 from rsoconsole.library.tracking import Track, Tracks
 from rsoconsole.night import NightTrack
-from rsoconsole.orbits import CatalogueEntry, Sightings, identify_jointly, parse_catalogue
+from rsoconsole.orbits import CatalogueEntry, MeasuredDirections, identify_jointly, parse_catalogue
 from rsoconsole.orbits import Identification as Found
 from rsoconsole.pipeline import (
     elements_used,
@@ -36,7 +36,7 @@ Verdict = Literal["identified", "ambiguous", "unknown"]
 class Identification:
     """Identification of one track and its grounds; differences are measured minus predicted."""
 
-    def __init__(self, found: Found, seen: Sightings) -> None:
+    def __init__(self, found: Found, seen: MeasuredDirections) -> None:
         self._found = found
         self._seen = seen
 
@@ -135,7 +135,7 @@ ElementsLike: TypeAlias = str | PathLike[str] | Sequence[str | PathLike[str]]
 """Files of element sets (TLE, OMM as XML, JSON or CSV), or the text of one of them."""
 
 
-class Beside(TypedDict, total=False):
+class IdentifyKeywords(TypedDict, total=False):
     """Keywords of ``identify``."""
 
     tle: ElementsLike | None
@@ -151,14 +151,14 @@ class Beside(TypedDict, total=False):
 @overload
 def identify(
     observations: Orbit | Track | NightTrack | str | PathLike[str] | TableLike,
-    **beside: Unpack[Beside],
+    **beside: Unpack[IdentifyKeywords],
 ) -> Identification: ...
 
 
 @overload
 def identify(
     observations: Tracks | Mapping[int, Track] | Mapping[int, NightTrack] | Session,
-    **beside: Unpack[Beside],
+    **beside: Unpack[IdentifyKeywords],
 ) -> dict[int, Identification]: ...
 
 
@@ -199,7 +199,7 @@ def identify(
         raise InputError(f"gate: {gate_deg:g} deg must be above 0, and 5 at most")
     catalogue = config_of(config).catalogue
     entries = _entries(tle, observations, catalogue)
-    ask = Asked(sigma=sigma, site=site, target=target, radians=radians, config=config)
+    ask = CallerValues(sigma=sigma, site=site, target=target, radians=radians, config=config)
     seen, where, chosen = _seen(observations, ask, track)
     arcs = {name: longest_arc(each) for name, each in seen.items()}
     named = identify_jointly(
@@ -213,8 +213,8 @@ def identify(
 
 
 def _seen(
-    what: Any, ask: Asked, track: int | None
-) -> tuple[dict[int, Sightings], Site, int | None]:
+    what: Any, ask: CallerValues, track: int | None
+) -> tuple[dict[int, MeasuredDirections], Site, int | None]:
     """Directions by track, their site, and the track that answers; None: all."""
     if isinstance(what, Orbit):
         return {1: what.seen}, what.site, 1

@@ -8,9 +8,9 @@ import numpy as np
 
 from rsoconsole.base import InputError, OrbitError
 from rsoconsole.library._given import ConfigLike, Instant, Number, Place, instants_utc_ns, site_of
-from rsoconsole.library._observed import Asked, Observations, groups_of
+from rsoconsole.library._observed import CallerValues, Observations, groups_of
 from rsoconsole.library.formats.tables import utc_time
-from rsoconsole.orbits import ANALYST_NUMBERS, PriorName, Sightings, omm, period_s, predict
+from rsoconsole.orbits import ANALYST_NUMBERS, MeasuredDirections, PriorName, omm, period_s, predict
 from rsoconsole.orbits import Orbit as Determined
 from rsoconsole.pipeline import (
     FittedElements,
@@ -270,7 +270,7 @@ class Orbit:
         return orbit_report(self._found, None)
 
     @property
-    def seen(self) -> Sightings:
+    def seen(self) -> MeasuredDirections:
         """Directions from which it was found."""
         return self._found.seen
 
@@ -338,7 +338,9 @@ def orbit(
         raise InputError(f"method: {method!r} is neither 'least squares' nor 'gooding'")
     if prior not in ("auto", "none", "slot", "geo", "meo"):
         raise InputError(f"prior: {prior!r} is none of auto, none, slot, geo, meo")
-    ask = Asked(sigma=sigma, site=site, track=track, target=target, radians=radians, config=config)
+    ask = CallerValues(
+        sigma=sigma, site=site, track=track, target=target, radians=radians, config=config
+    )
     groups = groups_of(observations, ask)
     if method == "gooding":
         if len(groups) > 1:

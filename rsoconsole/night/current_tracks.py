@@ -85,7 +85,7 @@ class CurrentTracks:
     dropped_in: Mapping[int, int] = field(default_factory=dict)
     """Frame from which on each of them is dropped, by track id."""
 
-    def can_be_taken_back(self, frame_id: int) -> tuple[int, ...]:
+    def restorable_track_ids(self, frame_id: int) -> tuple[int, ...]:
         """Return the dropped tracks that may still be resumed after a frame, the last one last."""
         return tuple(n for n, at in self.dropped_in.items() if at > frame_id - TAKEN_BACK_FRAMES)
 

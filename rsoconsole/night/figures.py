@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 
 from rsoconsole.night.frame import NightFrame, was_pointed_at
 from rsoconsole.night.frames import NEWEST, NightFrames
-from rsoconsole.night.quality import Quality, Update, quality_of, updates_of
+from rsoconsole.night.quality import FilterUpdate, Quality, quality_of, updates_of
 from rsoconsole.records import (
     FrameTaken,
     LoopState,
@@ -59,7 +59,7 @@ class _Frame(NamedTuple):
     t_mid_utc_ns: int | None
     state: LoopState
     is_chosen: bool
-    updates: tuple[Update, ...]
+    updates: tuple[FilterUpdate, ...]
     by_orbit: int
     """Number of updates predicted by the orbit."""
     misses: int

@@ -95,7 +95,7 @@ def facts_of(seen: Detections | None) -> dict[str, float | None]:
     return {each.name: getattr(seen, each.name, None) for each in FRAME_FACTS}
 
 
-def span_text(fact: FrameFact, values: Iterable[float | None]) -> str:
+def median_and_range_text(fact: FrameFact, values: Iterable[float | None]) -> str:
     """Return the median of a night and its range in words; empty where no frame has the figure."""
     known = sorted(value for value in values if value is not None)
     if not known:
@@ -254,7 +254,7 @@ class NightFrame:
         return None if miss is None else text(miss.reason)
 
     @property
-    def is_elsewhere(self) -> bool:
+    def is_miss_outside_field(self) -> bool:
         """True where the lead was missed because its predicted position was not in the field."""
         miss = self.miss
         return miss is not None and is_without_detection(miss) and self.is_lead_outside
@@ -332,7 +332,7 @@ class FrameRow:
 def row_of(frame: NightFrame) -> FrameRow:
     """Return a frame's row of the plots."""
     seen, plate, taken, updated = frame.detections, frame.solution, frame.taken, frame.updated
-    miss, is_elsewhere = frame.miss, frame.is_elsewhere
+    miss, is_elsewhere = frame.miss, frame.is_miss_outside_field
     hidden_by = () if miss is None or is_elsewhere else miss.reason.hidden_by
     row = FrameRow(
         frame_id=frame.frame_id,

@@ -273,7 +273,7 @@ class NightFrames:
         if reading.open is None:
             return
         is_word = isinstance(record, StateChange) and reading.is_ruled
-        if is_word or (isinstance(record, Miss) and is_instruments(record)):
+        if is_word or (isinstance(record, Miss) and is_instrument_miss(record)):
             return
         reading.records.append(record)
 
@@ -332,6 +332,6 @@ def is_from_outside(change: StateChange) -> bool:
     return not is_between_folded or change.reason.kind in FROM_OUTSIDE
 
 
-def is_instruments(miss: Miss) -> bool:
+def is_instrument_miss(miss: Miss) -> bool:
     """Return True if a miss is an instrument's failure: the loop's own, with nothing to fold."""
     return miss.reason.kind == "instrument"

@@ -17,8 +17,8 @@ from rsoconsole.control import (
     Set,
     Stop,
     command_words,
-    counted,
     one_line,
+    with_time_origin,
 )
 from rsoconsole.records import (
     DONE,
@@ -37,12 +37,12 @@ from rsoconsole.records import (
     Topic,
 )
 from rsoconsole.words import (
-    called,
+    catalogued_name,
     clock,
+    decision_text,
     notable_streaks,
-    off_words,
-    ruled_text,
-    short,
+    offset_words,
+    short_figure,
     text,
     tracks_words,
 )
@@ -134,7 +134,7 @@ def rejected_words(found: Detections | None, tau: float) -> str:
     if not likely:
         return ""
     best = max(likely, key=lambda each: each.detection.confidence)
-    confidence = short(best.detection.confidence)
+    confidence = short_figure(best.detection.confidence)
     return f"a streak of confidence {confidence} was left out: {text(best.reason)}"
 
 
@@ -261,9 +261,9 @@ def _of_identified(record: Identified) -> tuple[Level, str, str]:
     said = f"{record.verdict}: {record.reason}"
     if record.verdict == "identified" and record.matches:
         best, *others = record.matches
-        said = f"identified: {called(best.name, best.norad_id)}, {off_words(best)} off"
+        said = f"identified: {catalogued_name(best.name, best.norad_id)}, {offset_words(best)} off"
         if others:
-            said += f"; then {others[0].name or others[0].norad_id} at {off_words(others[0])}"
+            said += f"; then {others[0].name or others[0].norad_id} at {offset_words(others[0])}"
     if record.hint:
         return "warning", "", f"{said}; {record.hint}"
     return "good" if record.verdict == "identified" else "info", "", said
@@ -274,11 +274,11 @@ def _of_action(record: OperatorAction) -> tuple[Level, str, str]:
         return "good", "NOTE: ", str(record.arguments.get("text", ""))
     by, result = f"{without_console(record.by)}: ", record.outcome
     if record.verb == Stop.verb:
-        said = counted(text(result), result.stop_ordered_ms, IN_ENGINE)
+        said = with_time_origin(text(result), result.stop_ordered_ms, IN_ENGINE)
         is_at_rest = result.stop_outcome in ("stands", "tracks")
         return "good" if is_at_rest else "alarm", by, f"STOP: {said}"
     if _is_used_mark(record):
-        return "good", by, f"mark in frame {result.frame_id} is {ruled_text(result)}"
+        return "good", by, f"mark in frame {result.frame_id} is {decision_text(result)}"
     wanted = command_words(record.verb, record.arguments)
     return "warning" if result.kind == "refused" else "info", by, f"{wanted}{_came_of(record)}"
 
@@ -288,7 +288,7 @@ def _came_of(record: OperatorAction) -> str:
     if result == DONE:
         return ""
     if result.kind == "ruled" and result.frame_id == record.arguments.get("frame"):
-        return f": {ruled_text(result)}"
+        return f": {decision_text(result)}"
     return f": {text(result)}"
 
 

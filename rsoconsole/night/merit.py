@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 from rsoconsole.words import number
 
 
-class Figure(NamedTuple):
+class MeritFigure(NamedTuple):
     """Figure of merit of a night: its label, and the format of its value."""
 
     label: str
@@ -14,18 +14,20 @@ class Figure(NamedTuple):
 
 
 SOUND: Mapping[bool | None, str] = {True: " ✓", False: " ✗", None: ""}
-RMS = Figure("residual rms", lambda f: number(f.residual_rms_arcsec, ".2f", "″"))
-NIS_MEAN = Figure("NIS mean (2)", lambda f: number(f.nis_mean, ".2f") + SOUND[f.is_nis_sound])
-BAND = Figure("its band", lambda f: "{:.2f} to {:.2f}".format(*f.nis_band) if f.nis_band else "-")
-INSIDE = Figure("3σ holds", lambda f: number(f.inside_3sigma, ".0%"))
-LOG_L = Figure("log L ↑ is better", lambda f: number(f.log_likelihood_mean, "+.2f"))
-LOCK = Figure(
+RMS = MeritFigure("residual rms", lambda f: number(f.residual_rms_arcsec, ".2f", "″"))
+NIS_MEAN = MeritFigure("NIS mean (2)", lambda f: number(f.nis_mean, ".2f") + SOUND[f.is_nis_sound])
+BAND = MeritFigure(
+    "its band", lambda f: "{:.2f} to {:.2f}".format(*f.nis_band) if f.nis_band else "-"
+)
+INSIDE = MeritFigure("3σ holds", lambda f: number(f.inside_3sigma, ".0%"))
+LOG_L = MeritFigure("log L ↑ is better", lambda f: number(f.log_likelihood_mean, "+.2f"))
+LOCK = MeritFigure(
     "lock",
     lambda f: "never" if f.locked_after_frames is None else f"after {f.locked_after_frames} frames",
 )
-UPDATES = Figure("updates", lambda f: str(f.updates))
-MISSES = Figure("misses", lambda f: str(f.misses))
-STATE = Figure("state", lambda f: f.state or "-")
+UPDATES = MeritFigure("updates", lambda f: str(f.updates))
+MISSES = MeritFigure("misses", lambda f: str(f.misses))
+STATE = MeritFigure("state", lambda f: f.state or "-")
 
 TUNED = (RMS, NIS_MEAN, LOG_L, INSIDE, MISSES, STATE)
 """Figures compared for a setting on trial over the last frames."""

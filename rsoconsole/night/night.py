@@ -86,7 +86,7 @@ class Night:
             changed=self.frames.settings,
             measured=last_measured(self.frames.seen(), rows),
             tracks=self._tracks.in_order(),
-            dropped=self._tracks.can_be_taken_back(0 if frame is None else frame.frame_id),
+            dropped=self._tracks.restorable_track_ids(0 if frame is None else frame.frame_id),
             rows=tuple(rows.values()),
             log=tuple(self._log),
         )
@@ -152,7 +152,7 @@ class Night:
         taken = [each.frame_id for each in self.frames.seen() if each.taken is not None]
         return tuple(reversed(taken))
 
-    def has_been_read(self) -> None:
+    def mark_past_read(self) -> None:
         """Note that the past has been read: every further record is news."""
         self._now.is_read = True
 

@@ -11,7 +11,7 @@ from rsoconsole.records import TrackState
 from rsoconsole.tracking import Consistency, consistency, mean_band
 
 
-class Update(NamedTuple):
+class FilterUpdate(NamedTuple):
     """Innovation of a measurement with its sigmas and NIS."""
 
     residual_arcsec: tuple[float, float]
@@ -65,16 +65,16 @@ class Quality:
         return self.nis_band[0] <= self.nis_mean <= self.nis_band[1]
 
 
-def updates_of(states: Iterable[TrackState | None]) -> list[Update]:
+def updates_of(states: Iterable[TrackState | None]) -> list[FilterUpdate]:
     """Return the updates among some states of a track."""
     return [
-        Update(each.innovation_arcsec, each.sigma_innovation_arcsec, each.nis)
+        FilterUpdate(each.innovation_arcsec, each.sigma_innovation_arcsec, each.nis)
         for each in states
         if each is not None and each.innovation_arcsec is not None
     ]
 
 
-def quality_of(updates: Sequence[Update]) -> Quality:
+def quality_of(updates: Sequence[FilterUpdate]) -> Quality:
     """Compute the figures of some updates."""
     nis = [each.nis for each in updates if each.nis is not None]
     terms = [term for each in updates if (term := each.log_likelihood) is not None]

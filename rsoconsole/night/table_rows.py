@@ -4,7 +4,15 @@ import json
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
-from rsoconsole.records import SUPERSEDED, TABLES, Column, FollowedAgain, Reason, Table, member
+from rsoconsole.records import (
+    SUPERSEDED,
+    TABLES,
+    Column,
+    FollowedAgain,
+    Reason,
+    Table,
+    column_value,
+)
 from rsoconsole.session import to_json_value
 from rsoconsole.words import text
 
@@ -53,7 +61,7 @@ def _parts(table: Table, record: Any) -> Iterable[tuple[Any, Any]]:
 def _member(number: Any, part: Any, column: Column) -> Any:
     if column.place in {"#", "="}:
         return number if column.place == "#" else part
-    return member(part, column)
+    return column_value(part, column)
 
 
 def _plain(value: Any) -> Any:

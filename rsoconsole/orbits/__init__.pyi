@@ -10,7 +10,7 @@ from .determination.join import probability_of as probability_of
 from .determination.join import state_at as state_at
 from .determination.join import tracklet_orbit as tracklet_orbit
 from .determination.regimes import PriorName as PriorName
-from .determination.regimes import sigma_of_a_km as sigma_of_a_km
+from .determination.regimes import semi_major_axis_sigma_km as semi_major_axis_sigma_km
 from .elements.catalogue import CatalogueEntry as CatalogueEntry
 from .elements.catalogue import Satellite as Satellite
 from .elements.catalogue import find_object as find_object
@@ -24,15 +24,15 @@ from .elements.omm_messages import omm as omm
 from .elements.sgp4_fit import ANALYST_NUMBERS as ANALYST_NUMBERS
 from .elements.sgp4_fit import MeanElements as MeanElements
 from .elements.sgp4_fit import mean_elements as mean_elements
-from .first.directions import Sightings as Sightings
+from .first.directions import MeasuredDirections as MeasuredDirections
 from .first.directions import State as State
-from .first.directions import at_epoch as at_epoch
 from .first.directions import is_plausible as is_plausible
-from .first.directions import sightings as sightings
-from .first.directions import three_lines as three_lines
+from .first.directions import reduce_directions as reduce_directions
+from .first.directions import state_at_line_epoch as state_at_line_epoch
+from .first.directions import three_sight_lines as three_sight_lines
 from .first.gooding_iteration import GoodingOrbit as GoodingOrbit
 from .first.gooding_iteration import gooding as gooding
-from .first.population import bending as bending
+from .first.population import orbit_path_bend as orbit_path_bend
 from .identification.element_errors import ASSUMED as ASSUMED
 from .identification.element_errors import ERROR_REGIMES as ERROR_REGIMES
 from .identification.element_errors import ElementErrors as ElementErrors
@@ -56,18 +56,22 @@ from .identification.field_match import FieldMatch as FieldMatch
 from .identification.field_match import Line as Line
 from .identification.field_match import LineMatch as LineMatch
 from .identification.field_match import match_field as match_field
+from .identification.joint_identification import (
+    identify_compared_tracks as identify_compared_tracks,
+)
 from .identification.joint_identification import identify_jointly as identify_jointly
-from .identification.joint_identification import name_together as name_together
 from .identification.single import SURE as SURE
 from .identification.single import CatalogueComparison as CatalogueComparison
 from .identification.single import Identification as Identification
-from .identification.single import Match as Match
+from .identification.single import ObjectMatch as ObjectMatch
 from .identification.single import compare_with_catalogue as compare_with_catalogue
 from .identification.uncorrelated import SURE_SAME as SURE_SAME
 from .identification.uncorrelated import Correlation as Correlation
 from .identification.uncorrelated import EarlierTrack as EarlierTrack
-from .identification.uncorrelated import attributable as attributable
 from .identification.uncorrelated import correlate_tracks as correlate_tracks
+from .identification.uncorrelated import (
+    mid_track_direction_and_rates as mid_track_direction_and_rates,
+)
 from .low.leap_track import LeapTrack as LeapTrack
 from .low.leap_track import begin_leap_track as begin_leap_track
 from .low.leap_track import leap_track_after_miss as leap_track_after_miss
@@ -79,14 +83,14 @@ from .low.low_fit import UNSEEN_ARCSEC as UNSEEN_ARCSEC
 from .low.low_fit import LowOrbit as LowOrbit
 from .low.low_fit import StreakEnds as StreakEnds
 from .low.low_fit import Timing as Timing
-from .motion.ahead import SkyAhead as SkyAhead
-from .motion.ahead import SkyPath as SkyPath
-from .motion.forces import Forces as Forces
+from .motion.ahead import PredictedPosition as PredictedPosition
+from .motion.ahead import PredictedSkyPath as PredictedSkyPath
+from .motion.forces import PerturbedPropagator as PerturbedPropagator
 from .motion.prediction import KnownOrbit as KnownOrbit
 from .motion.prediction import orbit_from_record as orbit_from_record
 from .motion.prediction import predict as predict
 from .motion.prediction import predict_motion as predict_motion
-from .motion.two_body import PointMass as PointMass
+from .motion.two_body import TwoBodyPropagator as TwoBodyPropagator
 from .motion.two_body import elements_of as elements_of
 from .motion.two_body import period_s as period_s
 from .motion.two_body import propagate as propagate

@@ -3,7 +3,7 @@ from .columns import TABLES as TABLES
 from .columns import Column as Column
 from .columns import ColumnType as ColumnType
 from .columns import Table as Table
-from .columns import member as member
+from .columns import column_value as column_value
 from .field import ClosestKind as ClosestKind
 from .field import ExpectedMembers as ExpectedMembers
 from .field import PairMotion as PairMotion

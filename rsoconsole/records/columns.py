@@ -317,7 +317,7 @@ TABLES: Mapping[str, Table] = MappingProxyType({each.name: each for each in _ABO
 """Tables by name, in the order of the documentation."""
 
 
-def member(record: Any, column: Column) -> Any:
+def column_value(record: Any, column: Column) -> Any:
     """Return a column's value of a record, or of the part of it that a row is; None for none."""
     value = record
     for step in column.place.split("."):
@@ -339,7 +339,7 @@ def documentation() -> str:
     return "\n".join(lines)
 
 
-def documented(page: str) -> str:
+def with_documentation(page: str) -> str:
     """Return a page with its tables replaced by the present documentation."""
     first, *_, last = (line for line in page.splitlines() if _is_of_table(line))
     before, _, rest = page.partition(first)
@@ -352,4 +352,4 @@ def _is_of_table(line: str) -> bool:
 
 if __name__ == "__main__":
     for path in map(Path, sys.argv[1:]):
-        path.write_text(documented(path.read_text(encoding="utf-8")), encoding="utf-8")
+        path.write_text(with_documentation(path.read_text(encoding="utf-8")), encoding="utf-8")

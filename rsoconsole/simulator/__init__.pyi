@@ -30,7 +30,7 @@ from .nights.scenarios import all_scenarios as all_scenarios
 from .nights.scenarios import elements_path as elements_path
 from .nights.scenarios import scenario_named as scenario_named
 from .nights.world_laws import LAWS as LAWS
-from .nights.world_laws import Law as Law
+from .nights.world_laws import SettingDistribution as SettingDistribution
 from .nights.world_laws import random_world as random_world
 from .scene.scene import NS as NS
 from .scene.scene import Scene as Scene

@@ -46,7 +46,7 @@ from rsoconsole.sky import icrs_of_hour_angle, icrs_to_jnow
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Stage:
+class ObservatoryStage:
     """Site, time, telescope and sky of a simulated night."""
 
     site: Site
@@ -60,7 +60,7 @@ class Stage:
     """Imperfections; the scene knows its own part of them."""
 
 
-def open_stage(settings: ObservatorySettings) -> Stage:
+def open_stage(settings: ObservatorySettings) -> ObservatoryStage:
     """The stage of a named scenario, of a plan, or of the function that the settings name.
 
     Raises ConfigError for a name that no scenario has, and for a world that cannot be.
@@ -68,11 +68,11 @@ def open_stage(settings: ObservatorySettings) -> Stage:
     if settings.stage is None:
         return _scenario_stage(settings)
     module, _, function = settings.stage.partition(":")
-    stage: Stage = getattr(importlib.import_module(module), function)(settings)
+    stage: ObservatoryStage = getattr(importlib.import_module(module), function)(settings)
     return stage
 
 
-def _scenario_stage(settings: ObservatorySettings) -> Stage:
+def _scenario_stage(settings: ObservatorySettings) -> ObservatoryStage:
     plan = None if settings.plan is None else plan_of_table(settings.plan)
     scenario = scenario_named(settings.scenario) if plan is None else scenario_of(plan)
     world = world_from(settings.world)
@@ -90,7 +90,7 @@ def _scenario_stage(settings: ObservatorySettings) -> Stage:
         scenario.start_declination_deg,
         scenario.t_start_utc_ns,
     )
-    return Stage(
+    return ObservatoryStage(
         site=scenario.site,
         optics=optics,
         t_start_utc_ns=scenario.t_start_utc_ns,
@@ -113,7 +113,7 @@ _QUICK_ACK: int | None = getattr(socket, "TCP_QUICKACK", None)
 class ObservatoryDriver(IPyDriver):  # type: ignore[misc]
     """Driver that passes every request to the device it is meant for."""
 
-    def __init__(self, stage: Stage, settings: ObservatorySettings) -> None:
+    def __init__(self, stage: ObservatoryStage, settings: ObservatorySettings) -> None:
         self._tasks: set[asyncio.Task[None]] = set()
         site, optics = stage.site, stage.optics
         self._clock = VirtualClock(stage.t_start_utc_ns, settings.speed)

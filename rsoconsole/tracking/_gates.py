@@ -22,11 +22,11 @@ from rsoconsole.tracking.filters.agreement import (
     LONGER_TOLERANCE,
     PART_TOLERANCE,
     Motion,
-    disagreement,
     motion_between,
+    motion_mismatch,
 )
-from rsoconsole.tracking.filters.estimator import Update
-from rsoconsole.tracking.filters.streak_length import shows_parts
+from rsoconsole.tracking.filters.estimator import CandidateUpdate
+from rsoconsole.tracking.filters.streak_length import flashes_by_lengths
 from rsoconsole.tracking.initiation import chains
 from rsoconsole.tracking.initiation.acquisition import errors_of
 
@@ -39,7 +39,7 @@ def track_updates(
     before: LiveTrack,
     seen: FrameInput,
     settings: FollowSettings,
-) -> dict[Measurement, Update]:
+) -> dict[Measurement, CandidateUpdate]:
     """Updates of a track with each measurement it may accept, and its streak's errors."""
     expected = expected_motion(predicted, seen.exposure_s)
     pairs = [(m, errors_of(m, expected, before.streaks, settings)) for m in measured]
@@ -49,7 +49,7 @@ def track_updates(
 def refusals(  # noqa: PLR0917 -- one call, each argument a different thing
     predicted: TrackState,
     expected: Motion,
-    updated: dict[Measurement, Update],
+    updated: dict[Measurement, CandidateUpdate],
     before: LiveTrack,
     seen: FrameInput,
     settings: FollowSettings,
@@ -58,11 +58,11 @@ def refusals(  # noqa: PLR0917 -- one call, each argument a different thing
     reasons: dict[Measurement, NotTaken] = {}
     shares = (LENGTH_TOLERANCE, LENGTH_TOLERANCE)
     if settings.filter.preset == "adaptive":
-        is_flashing = shows_parts(before.streaks.excesses_arcsec, expected.length_arcsec)
+        is_flashing = flashes_by_lengths(before.streaks.excesses_arcsec, expected.length_arcsec)
         shares = (FLASHING_TOLERANCE if is_flashing else PART_TOLERANCE, LONGER_TOLERANCE)
     bent_deg = BENT_TOLERANCE_DEG if chains.uses_window(settings) else DIRECTION_TOLERANCE_DEG
     for measurement in updated:
-        mismatch = disagreement(measurement, expected, *shares, bent_deg)
+        mismatch = motion_mismatch(measurement, expected, *shares, bent_deg)
         reason = None if mismatch is None else NotTaken(kind="moves otherwise", mismatch=mismatch)
         if reason is None and measurement.is_clipped:
             reason = _too_far_for_clipped(measurement, predicted, expected)
@@ -126,16 +126,16 @@ def _too_far_for_clipped(
 
 
 def rejections(
-    reasons: dict[Measurement, NotTaken], updated: dict[Measurement, Update]
+    reasons: dict[Measurement, NotTaken], updated: dict[Measurement, CandidateUpdate]
 ) -> tuple[NotFollowed, ...]:
     return tuple(not_followed(m, reason, updated[m].nis) for m, reason in reasons.items())
 
 
-def nis_of(update: TrackState | Update) -> float:
+def nis_of(update: TrackState | CandidateUpdate) -> float:
     return update.nis or 0.0
 
 
-def off_nis(updated: TrackState, settings: FollowSettings) -> float:
+def mixture_moments_nis(updated: TrackState, settings: FollowSettings) -> float:
     """NIS by the moments of the mixture alone; the mixture itself allows for more."""
     if settings.filter.preset != "adaptive" or updated.innovation_arcsec is None:
         return nis_of(updated)

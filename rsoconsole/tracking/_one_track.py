@@ -11,8 +11,13 @@ from rsoconsole.records import (
     TrackLost,
     TrackState,
 )
-from rsoconsole.tracking._gates import INDISTINGUISHABLE, off_nis, rejections, track_updates
-from rsoconsole.tracking._takeover import Step, is_in_field, with_rivals
+from rsoconsole.tracking._gates import (
+    INDISTINGUISHABLE,
+    mixture_moments_nis,
+    rejections,
+    track_updates,
+)
+from rsoconsole.tracking._takeover import Step, coasted_with_rivals, is_in_field
 from rsoconsole.tracking.association.following import (
     NO_DETECTION,
     FollowSettings,
@@ -27,7 +32,7 @@ from rsoconsole.tracking.initiation.acquisition import (
     NOT_CHOSEN,
     neighbours_with,
     new_track,
-    streaks_with,
+    streak_history_with,
 )
 from rsoconsole.tracking.joint import TrackCandidates
 
@@ -69,7 +74,7 @@ def stepped_track(
         return step
     is_absent = reason.kind in _ABSENT and not reason.hidden_by
     is_absent = is_absent and is_in_field(predicted, seen.field)
-    return with_rivals(step, before, predicted, reasons, is_absent, seen, settings)
+    return coasted_with_rivals(step, before, predicted, reasons, is_absent, seen, settings)
 
 
 def shared_track(
@@ -89,7 +94,7 @@ def _records(
     return (weighed.predicted, updated, *rejections(reasons, weighed.updated))
 
 
-def initiated_again(
+def reinitiated_track(
     step: Step, before: LiveTrack, track_id: int, seen: FrameInput, settings: FollowSettings
 ) -> Step:
     """Initiate a new track in the place of one that had gone astray."""
@@ -129,7 +134,7 @@ def _measured(
         track=track,
         taken=taken,
         neighbours=neighbours_with(before.neighbours, track, taken, seen),
-        streaks=streaks_with(before.streaks, track, taken, seen),
+        streaks=streak_history_with(before.streaks, track, taken, seen),
         rivals=(),
         unexplained=0,
         ambiguous=0,
@@ -144,7 +149,7 @@ def follow_chosen(
     predicted = estimator.predict(before.track, seen.t_mid_utc_ns, settings.filter, seen.frame_id)
     others = tuple(not_followed(m, NOT_CHOSEN) for m in seen.measurements if m != chosen)
     updated = track_updates(predicted, (chosen,), before, seen, settings)[chosen].state
-    if off_nis(updated, settings) > ANOTHER_OBJECT_NIS:
+    if mixture_moments_nis(updated, settings) > ANOTHER_OBJECT_NIS:
         return Step(records=(predicted, *others), after=None, begins_with=chosen)
     return _measured(updated, before, chosen, seen, (predicted, updated, *others))
 

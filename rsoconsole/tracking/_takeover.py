@@ -18,7 +18,7 @@ from rsoconsole.tracking.association.following import (
 )
 from rsoconsole.tracking.association.neighbours import Field
 from rsoconsole.tracking.filters import estimator, lqe
-from rsoconsole.tracking.filters.agreement import SHORTER_TOLERANCE, disagreement, motion_between
+from rsoconsole.tracking.filters.agreement import SHORTER_TOLERANCE, motion_between, motion_mismatch
 from rsoconsole.tracking.filters.streak_length import StreakErrors, along_error_arcsec
 from rsoconsole.tracking.initiation.acquisition import track_through
 from rsoconsole.tracking.initiation.chains import agree
@@ -67,7 +67,7 @@ class Step:
     reacquired: Reacquired | None = None
 
 
-def with_rivals(  # noqa: PLR0917 -- one call, each argument a different thing
+def coasted_with_rivals(  # noqa: PLR0917 -- one call, each argument a different thing
     step: Step,
     before: LiveTrack,
     predicted: TrackState,
@@ -195,7 +195,7 @@ def _rival_updated(
 ) -> TrackState | None:
     """Update a track predicted to a later measurement; None where it does not fit."""
     expected = expected_motion(predicted, seen.exposure_s)
-    if disagreement(m, expected, SHORTER_TOLERANCE) is not None:
+    if motion_mismatch(m, expected, SHORTER_TOLERANCE) is not None:
         return None
     errors = StreakErrors(along_error_arcsec(m, expected))
     update = estimator.candidate_update(predicted, m, settings.filter, errors)

@@ -17,7 +17,7 @@ import numpy as np
 
 from rsoconsole.records import FloatArray, Measurement, TrackState
 from rsoconsole.tracking.association.following import FollowSettings, FrameInput, expected_motion
-from rsoconsole.tracking.association.pattern import Pattern
+from rsoconsole.tracking.association.pattern import TrackPattern
 from rsoconsole.tracking.filters import estimator, lqe
 from rsoconsole.tracking.filters.agreement import streak_motion
 from rsoconsole.tracking.filters.sky_path import Plane
@@ -48,7 +48,7 @@ class SharedStreak:
 def shared_streaks(
     weighed: Sequence[TrackCandidates],
     given: Assignment,
-    pattern: Pattern,
+    pattern: TrackPattern,
     seen: FrameInput,
     settings: FollowSettings,
 ) -> dict[int, SharedStreak]:

@@ -43,7 +43,7 @@ class SolvedPointing:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Rate:
+class HourlyRate:
     """Slope and its one sigma, per hour."""
 
     value: float
@@ -56,10 +56,10 @@ class Drift:
 
     frames: int
     hours: float
-    east_arcsec_h: Rate
+    east_arcsec_h: HourlyRate
     """Rate of the plate's direction over the mount's, eastward on the sky."""
-    north_arcsec_h: Rate
-    rotation_deg_h: Rate
+    north_arcsec_h: HourlyRate
+    rotation_deg_h: HourlyRate
     """Rate of the field's rotation, east of north."""
 
 
@@ -154,13 +154,13 @@ def _slews(looks: Sequence[SolvedPointing]) -> IntArray:
     return np.concatenate([[0], np.cumsum(moved)])
 
 
-def _better(t_h: FloatArray, values: FloatArray, *groupings: IntArray) -> Rate:
+def _better(t_h: FloatArray, values: FloatArray, *groupings: IntArray) -> HourlyRate:
     """Slope by the grouping with the smaller error."""
     rates = [rate for each in groupings if (rate := _slope(t_h, values, each)) is not None]
     return min(rates, key=lambda rate: rate.sigma)
 
 
-def _slope(t_h: FloatArray, values: FloatArray, groups: IntArray) -> Rate | None:
+def _slope(t_h: FloatArray, values: FloatArray, groups: IntArray) -> HourlyRate | None:
     """Least-squares slope with a constant for each group; None where no group has a span."""
     t, y = t_h.copy(), values.copy()
     count = int(groups[-1]) + 1
@@ -174,4 +174,4 @@ def _slope(t_h: FloatArray, values: FloatArray, groups: IntArray) -> Rate | None
         return None
     value = float(t @ y) / spread
     scatter = float(np.sum((y - value * t) ** 2)) / freedom
-    return Rate(value=value, sigma=math.sqrt(scatter / spread))
+    return HourlyRate(value=value, sigma=math.sqrt(scatter / spread))

@@ -22,8 +22,8 @@ from rsoconsole.tracking import blended, further_tracks, track_decisions
 from rsoconsole.tracking._gates import INDISTINGUISHABLE, nis_of, refusals, track_updates
 from rsoconsole.tracking._one_track import (
     follow_chosen,
-    initiated_again,
     predicted_track,
+    reinitiated_track,
     shared_track,
     stepped_track,
 )
@@ -40,7 +40,7 @@ from rsoconsole.tracking.association.following import (
     not_followed,
     with_track_id,
 )
-from rsoconsole.tracking.association.pattern import Pattern, Place
+from rsoconsole.tracking.association.pattern import Place, TrackPattern
 from rsoconsole.tracking.initiation import chains
 from rsoconsole.tracking.initiation.acquisition import REFUSED, acquire
 from rsoconsole.tracking.joint import TrackCandidates, assign
@@ -54,13 +54,13 @@ def follow(
     before = track_decisions.with_decisions(before, seen, settings)
     if before.state not in ("TRACK", "COAST") or not before.tracks:
         steps = _steps_of_dropped(before, seen, settings)
-        dropped, said = track_decisions.dropped_after(before.dropped, steps, seen)
+        dropped, said = track_decisions.step_dropped_tracks(before.dropped, steps, seen)
         after, records = acquire(before, track_decisions.without_taken(seen, steps), settings)
         after, records = replace(after, dropped=dropped), (*records, *said)
     else:
         after, records = _follow_tracks(before, seen, settings)
     after, records = track_decisions.with_decisions_on_new(after, records, seen)
-    records = track_decisions.marked_kept(records, before, after)
+    records = track_decisions.with_kept_states_marked(records, before, after)
     records += with_track_id(crossings, before.track_id)
     if after.state != before.state and not any(isinstance(r, StateChange) for r in records):
         change = StateChange(
@@ -116,7 +116,9 @@ def _follow_tracks(
         if before.dropped:
             steps += _steps_of_dropped(before, track_decisions.without_taken(seen, steps), settings)
     of_dropped = steps[len(steps) - len(before.dropped) :]
-    dropped, of_those_dropped = track_decisions.dropped_after(before.dropped, of_dropped, seen)
+    dropped, of_those_dropped = track_decisions.step_dropped_tracks(
+        before.dropped, of_dropped, seen
+    )
     if before.dropped:
         before = replace(before, dropped=dropped)
     records: tuple[FoldRecord, ...] = ()
@@ -126,7 +128,7 @@ def _follow_tracks(
         if step.reacquired is not None:
             last_track_id += 1
             causes += [step.reacquired.cause] * (number == 0)
-            done = initiated_again(step, each, last_track_id, seen, settings)
+            done = reinitiated_track(step, each, last_track_id, seen, settings)
         ended.append(done)
         refused = seen.refused if number == 0 else ()
         said = (*done.records, *(not_followed(m, REFUSED) for m in refused))
@@ -173,7 +175,7 @@ def _with_chosen_lead(
     return before, seen
 
 
-def _pattern(before: Following, after: Following, seen: FrameInput) -> Pattern:
+def _pattern(before: Following, after: Following, seen: FrameInput) -> TrackPattern:
     """Return the relative positions of the tracks after a frame."""
     tracks = (*after.tracks, *after.dropped)
     shown = {
@@ -243,7 +245,7 @@ def _steps_of_all(before: Following, seen: FrameInput, settings: FollowSettings)
         )
     if not chains.uses_window(settings):
         return steps
-    return further_tracks.without_ghost(steps, all_tracks, seen, settings)
+    return further_tracks.without_ghost_lead(steps, all_tracks, seen, settings)
 
 
 def _steps_of_dropped(before: Following, seen: FrameInput, settings: FollowSettings) -> list[Step]:

@@ -1,7 +1,7 @@
 """Tracks beside the lead: measurements that no track has accepted may initiate another one. Pure.
 
-Frames that agree on one motion initiate it, as they do the first. On trial (``chains.trials``) it
-ends with its first miss, so that false streaks cost a frame or two, and its last streak may
+Frames that agree on one motion initiate it, as they do the first. On trial
+(``chains.trial_lengths``) it ends with its first miss, so that false streaks cost a frame or two, and its last streak may
 initiate another one. A track seen three or four times coasts for less time than one seen all night.
 One that has left the field ends too: only the lead is searched for.
 """
@@ -25,10 +25,10 @@ from rsoconsole.tracking.association.following import (
 )
 from rsoconsole.tracking.filters import adaptive, lqe
 from rsoconsole.tracking.filters.agreement import (
-    disagreement,
+    measurement_displacement,
     motion_between,
+    motion_mismatch,
     streak_motion,
-    way_between,
 )
 from rsoconsole.tracking.initiation import chains
 from rsoconsole.tracking.initiation.acquisition import new_track
@@ -60,7 +60,7 @@ def with_fewer_filters(before: Following) -> Following:
 
 
 def _lightened(one: LiveTrack) -> LiveTrack:
-    return replace(one, track=adaptive.thinned(one.track))
+    return replace(one, track=adaptive.with_coarse_bank(one.track))
 
 
 def within_reach(
@@ -84,7 +84,7 @@ def within_reach(
     return tuple(near)
 
 
-def without_ghost(
+def without_ghost_lead(
     steps: list[Step], tracks: Sequence[LiveTrack], seen: FrameInput, settings: FollowSettings
 ) -> list[Step]:
     """Return the steps without a missed lead on trial where another track is confirmed: that leads.
@@ -166,7 +166,7 @@ def begin_tracks(  # noqa: PLR0917 -- one call, each argument a different thing
     tracks = tuple(
         new_track(chain, last_track_id + number, seen, settings, is_lead=False, trial=trial)
         for number, (chain, trial) in enumerate(
-            zip(each, chains.trials(each, settings, rates), strict=True), 1
+            zip(each, chains.trial_lengths(each, settings, rates), strict=True), 1
         )
     )
     return tracks, {m for chain in each for m in chain}
@@ -201,7 +201,7 @@ def free_measurements(
         and m not in claimed
         and not any(
             m.measurement_id == t.measurement_id
-            or way_between(m, t).length_arcsec < _SAME_STREAK_ARCSEC
+            or measurement_displacement(m, t).length_arcsec < _SAME_STREAK_ARCSEC
             for t in taken
         )
     )
@@ -230,7 +230,7 @@ def _is_whole(refused: NotFollowed, step: Step, seen: FrameInput) -> bool:
     if step.after is None:
         return False
     expected = expected_motion(step.after.track, seen.exposure_s)
-    return disagreement(refused.measurement, expected) is None
+    return motion_mismatch(refused.measurement, expected) is None
 
 
 def with_new_tracks(  # noqa: PLR0917 -- one call, each argument a different thing

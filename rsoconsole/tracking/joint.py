@@ -25,13 +25,13 @@ from rsoconsole.tracking.association.pattern import (
     NO_PATTERN,
     OTHER_MOTION_ARCSEC_S,
     BoolArray,
-    Pattern,
+    TrackPattern,
     own_covariance,
 )
 from rsoconsole.tracking.filters import adaptive, lqe
-from rsoconsole.tracking.filters.agreement import way_between
-from rsoconsole.tracking.filters.bank_update import inverted
-from rsoconsole.tracking.filters.estimator import Update
+from rsoconsole.tracking.filters.agreement import measurement_displacement
+from rsoconsole.tracking.filters.bank_update import inverses_and_log_dets
+from rsoconsole.tracking.filters.estimator import CandidateUpdate
 from rsoconsole.tracking.filters.sky_path import Plane
 
 DETECTION_PROBABILITY = 0.9
@@ -51,7 +51,7 @@ class TrackCandidates:
     """Candidates of one track among a frame's measurements."""
 
     predicted: TrackState
-    updated: dict[Measurement, Update]
+    updated: dict[Measurement, CandidateUpdate]
     """Updates of the track with the frame's candidate measurements."""
     reasons: dict[Measurement, NotTaken]
     """Reasons why some of them do not belong to it."""
@@ -104,7 +104,7 @@ class _Explanation:
     """Column of each track; from the number of streaks on: it was not seen."""
 
 
-def assign(tracks: Sequence[TrackCandidates], pattern: Pattern | None = None) -> Assignment:
+def assign(tracks: Sequence[TrackCandidates], pattern: TrackPattern | None = None) -> Assignment:
     """Find the likeliest assignment of the frame's measurements to the tracks.
 
     ``pattern``: their relative positions in the frames before.
@@ -134,7 +134,7 @@ def assign(tracks: Sequence[TrackCandidates], pattern: Pattern | None = None) ->
     return Assignment(taken=tuple(taken), is_ambiguous=tuple(is_ambiguous))
 
 
-def _pairs(tracks: Sequence[TrackCandidates], pattern: Pattern) -> _Pairs:
+def _pairs(tracks: Sequence[TrackCandidates], pattern: TrackPattern) -> _Pairs:
     columns = list(dict.fromkeys(m for each in tracks for m in each.fitting))
     plane = Plane.at(*lqe.direction_icrs_deg(tracks[0].predicted))
     alone = np.full((len(tracks), len(columns)), np.nan)
@@ -154,7 +154,7 @@ def _pairs(tracks: Sequence[TrackCandidates], pattern: Pattern) -> _Pairs:
             {
                 k
                 for k, m in enumerate(columns)
-                if way_between(each, m).length_arcsec < NEAREST_ARCSEC
+                if measurement_displacement(each, m).length_arcsec < NEAREST_ARCSEC
             }
             for each in columns
         ],
@@ -168,7 +168,7 @@ def _pairs(tracks: Sequence[TrackCandidates], pattern: Pattern) -> _Pairs:
 
 
 def _ways(
-    tracks: Sequence[TrackCandidates], pattern: Pattern, plane: Plane
+    tracks: Sequence[TrackCandidates], pattern: TrackPattern, plane: Plane
 ) -> tuple[FloatArray, FloatArray]:
     """Ways between all tracks and their covariances, by the pattern or by the predictions."""
     predicted = [each.predicted for each in tracks]
@@ -203,7 +203,7 @@ def _costs(pairs: _Pairs) -> list[FloatArray]:
         for column in order[: min(_ANCHORS, int(may[row].sum()))]:
             off = pairs.places[None] - pairs.places[column] - pairs.ways[row][:, None]
             spread = pairs.own + pairs.own[row, column] + pairs.ways_covariance[row][:, None]
-            inverse, log_det = inverted(spread)
+            inverse, log_det = inverses_and_log_dets(spread)
             nis = np.einsum("tmi,tmij,tmj->tm", off, inverse, off)
             # One end behind a star or a cloud happens: tails as of Student's law, not of Gauss's.
             cost = (_FREEDOM + 2.0) * np.log1p(nis / _FREEDOM) + log_det

@@ -56,7 +56,7 @@ def with_decisions_on_new(
     return _without(replace(after, tracks=tracks), gone), events
 
 
-def dropped_after(
+def step_dropped_tracks(
     dropped: tuple[LiveTrack, ...], steps: list[Step], seen: FrameInput
 ) -> tuple[tuple[LiveTrack, ...], tuple[FoldRecord, ...]]:
     """Return the dropped tracks after a frame, and records of the streaks that were theirs.
@@ -90,7 +90,9 @@ def without_taken(seen: FrameInput, steps: list[Step]) -> FrameInput:
     return replace(seen, measurements=tuple(left))
 
 
-def marked_kept(records: tuple[FoldRecord, ...], *known: Following) -> tuple[FoldRecord, ...]:
+def with_kept_states_marked(
+    records: tuple[FoldRecord, ...], *known: Following
+) -> tuple[FoldRecord, ...]:
     """Mark the states of kept tracks as kept."""
     kept = {each.track.track_id for one in known for each in one.tracks if each.is_kept}
     if not kept:

@@ -15,8 +15,8 @@ from .detector.earlier_light import Mapping2d as Mapping2d
 from .detector.earlier_light import Profile as Profile
 from .detector.earlier_light import earlier_light as earlier_light
 from .detector.measured_detection import Candidate as Candidate
-from .detector.measured_detection import Focus as Focus
 from .detector.measured_detection import LineLight as LineLight
+from .detector.measured_detection import PointImage as PointImage
 from .detector.measured_detection import is_same_streak as is_same_streak
 from .detector.measured_detection import with_fit as with_fit
 from .detector.measured_detection import with_trace as with_trace

@@ -83,7 +83,7 @@ def number(value: float | None, form: str, unit: str = "") -> str:
     return "-" if value is None else f"{value:{form}}{unit}"
 
 
-def counted(count: int, noun: str, plural: str | None = None) -> str:
+def count_words(count: int, noun: str, plural: str | None = None) -> str:
     """Format a number of things: "1 streak", "2 streaks", "3 galaxies"."""
     return f"{count} {noun if count == 1 else plural or f'{noun}s'}"
 
@@ -93,7 +93,7 @@ def joined(words: Sequence[str]) -> str:
     return words[0] if len(words) == 1 else f"{', '.join(words[:-1])} and {words[-1]}"
 
 
-def short(value: float) -> str:
+def short_figure(value: float) -> str:
     """Format a figure to two decimals, without the zero before the point."""
     return f"{value:.2f}".removeprefix("0")
 

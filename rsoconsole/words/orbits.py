@@ -4,26 +4,26 @@ from collections.abc import Iterable
 
 from rsoconsole.records import CatalogueMatch, Identified, LedgerName, PairMotion, UnseenMember
 from rsoconsole.words.angles import angle, plus_minus
-from rsoconsole.words.times import NS_PER_S, Clock, age, clock, span
+from rsoconsole.words.times import NS_PER_S, Clock, clock, duration_words, element_age_words
 
 
-def size_words(a_km: float, sigma_a_km: float) -> str:
+def semi_major_axis_words(a_km: float, sigma_a_km: float) -> str:
     """Format a semi-major axis: a 42165±9 km."""
     return f"a {plus_minus(a_km, sigma_a_km)} km"
 
 
-def due(what: str, t_utc_ns: int, now_utc_ns: int, form: Clock = "minute") -> str:
+def due_words(what: str, t_utc_ns: int, now_utc_ns: int, form: Clock = "minute") -> str:
     """Format a coming event: sets 04:23Z (2h00)."""
-    return f"{what} {clock(t_utc_ns, form)} ({span((t_utc_ns - now_utc_ns) / NS_PER_S)})"
+    return f"{what} {clock(t_utc_ns, form)} ({duration_words((t_utc_ns - now_utc_ns) / NS_PER_S)})"
 
 
-def turn_words(
+def set_or_rise_words(
     t_utc_ns: int | None, now_utc_ns: int, form: Clock = "minute", *, is_up: bool
 ) -> str:
     """Say when an object sets that is up, or rises that is below."""
     if t_utc_ns is None:
         return f"does not {'set' if is_up else 'rise'} within a day"
-    return due("sets" if is_up else "rises", t_utc_ns, now_utc_ns, form)
+    return due_words("sets" if is_up else "rises", t_utc_ns, now_utc_ns, form)
 
 
 def eclipse_words(
@@ -38,15 +38,15 @@ def eclipse_words(
     begins, ends = eclipse_utc_ns
     until = f" to {clock(ends, 'minute')}" if ends else ""
     is_in = begins <= from_utc_ns
-    return ("in eclipse" if is_in else due("eclipse", begins, now_utc_ns, form)) + until
+    return ("in eclipse" if is_in else due_words("eclipse", begins, now_utc_ns, form)) + until
 
 
-def apart_words(pair: PairMotion) -> str:
+def separation_words(pair: PairMotion) -> str:
     """Format a pair's separation: 253.2 ± 0.5″."""
     return f"{pair.separation_arcsec:.1f} ± {pair.sigma_separation_arcsec:.1f}″"
 
 
-def nearing_words(pair: PairMotion) -> str:
+def separation_rate_words(pair: PairMotion) -> str:
     """Format the rate of a separation: -1.44 ± 0.03″/min, below 0 while they approach."""
     sigma = pair.sigma_separation_rate_arcsec_min
     return f"{pair.separation_rate_arcsec_min:+.2f} ± {sigma:.2f}″/min"
@@ -71,7 +71,7 @@ def unseen_words(name: str, member: UnseenMember) -> str:
     return f"{name} x {member.x_px:.0f} y {member.y_px:.0f} {why}".rstrip()
 
 
-def called(name: str | None, norad_id: int) -> str:
+def catalogued_name(name: str | None, norad_id: int) -> str:
     """Format a catalogued object: INTELSAT 14 (36097), or its number where it has no name."""
     return f"{name} ({norad_id})" if name else str(norad_id)
 
@@ -89,7 +89,7 @@ def identity(found: Identified | None) -> str:
     return (best.name or str(best.norad_id)) + ("" if found.verdict == "identified" else "?")
 
 
-def off_words(match: CatalogueMatch) -> str:
+def offset_words(match: CatalogueMatch) -> str:
     """Format the separation from a catalogue orbit: 0.45″, 3.1″, 4.2′."""
     return angle(match.separation_arcsec, "cell")
 
@@ -97,19 +97,19 @@ def off_words(match: CatalogueMatch) -> str:
 def match_words(match: CatalogueMatch) -> list[str]:
     """Format a catalogue match: 98%, 3.1″ off, elements 0.4 d old."""
     return [
-        chance(match.probability),
-        f"{off_words(match)} off",
-        f"elements {age(match.tle_age_days)}",
+        probability_words(match.probability),
+        f"{offset_words(match)} off",
+        f"elements {element_age_words(match.tle_age_days)}",
     ]
 
 
 def ledger_words(past: LedgerName) -> str:
     """Format a name of the ledger: UCT 7, seen 2026-11-20; perhaps UCT 7, seen 2026-11-20 (93%)."""
     words = f"{past.name}, seen {clock(past.t_last_utc_ns, 'day', '')}"
-    return words if past.is_sure else f"perhaps {words} ({chance(past.probability)})"
+    return words if past.is_sure else f"perhaps {words} ({probability_words(past.probability)})"
 
 
-def chance(probability: float) -> str:
+def probability_words(probability: float) -> str:
     """Format a probability in percent, at most ">99%", at least "<1%"."""
     if probability >= 0.995:
         return ">99%"

@@ -166,7 +166,7 @@ def _result(result: CommandResult) -> str:  # noqa: PLR0911 -- one case a kind
         case "done":
             return result.detail or "done"
         case "ruled":
-            return f"frame {result.frame_id}: {ruled_text(result)}"
+            return f"frame {result.frame_id}: {decision_text(result)}"
         case "answered":
             return answered_text(result.stop_ms or 0.0, result.stop_path, result.stop_ordered_ms)
         case "measured":
@@ -221,7 +221,7 @@ def ordered_text(ordered_ms: float | None, within: str = "; {}", unknown: str = 
     return unknown if ordered_ms is None else within.format(f"ordered in {ordered_ms:.0f} ms")
 
 
-def ruled_text(result: CommandResult) -> str:
+def decision_text(result: CommandResult) -> str:
     """Say the outcome of a decision on a frame that has been named before."""
     if result.sigma_arcsec is not None:
         return _mark_text(result, result.sigma_arcsec)

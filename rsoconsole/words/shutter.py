@@ -3,7 +3,7 @@
 from datetime import date
 
 from rsoconsole.config import CalibratedTiming, ExposureConfig
-from rsoconsole.words.angles import counted
+from rsoconsole.words.angles import count_words
 
 OLD_DAYS = 180
 """Age in days from which on a calibration is old: drivers are updated, cables changed."""
@@ -30,7 +30,7 @@ def timing_words(timing: CalibratedTiming, today: date) -> str:
     return (
         f"{timing.bias_s * 1e3:+.1f} ± {timing.bias_sigma_s * 1e3:.1f} ms late, scatter"
         f" {timing.scatter_s * 1e3:.1f} ± {timing.scatter_sigma_s * 1e3:.1f} ms,"
-        f" lines {line_words(timing)}, {age_words(timing, today)}"
+        f" lines {line_time_words(timing)}, {age_words(timing, today)}"
     )
 
 
@@ -44,7 +44,7 @@ def errors_words(timing: CalibratedTiming) -> str:
     )
 
 
-def line_words(timing: CalibratedTiming) -> str:
+def line_time_words(timing: CalibratedTiming) -> str:
     """Format the line time, and whether it was measured."""
     value = f"{timing.line_time_us:.1f}"
     if timing.line_time_sigma_us is None:
@@ -72,5 +72,5 @@ def shutter_words(exposure: ExposureConfig, today: date) -> str:
         )
     newest = max(exposure.calibrated, key=lambda each: each.measured_on)
     others = len(exposure.calibrated) - 1
-    more = f" (and {counted(others, 'other mode')})" if others else ""
+    more = f" (and {count_words(others, 'other mode')})" if others else ""
     return f"shutter at {mode_words(newest.mode)}: {timing_words(newest, today)}{more}"

@@ -9,17 +9,17 @@ PLAIN = ("satellite", "undetermined")
 """Classes of detections that may start a track."""
 
 
-def name_of(streak: Detection) -> str:
+def streak_name(streak: Detection) -> str:
     """Format a streak's kind, class with probability, and train; empty where all is undetermined.
 
     A whole streak is named by its class alone.
     """
-    return name_words(
+    return streak_name_words(
         streak.kind, streak.object_class, streak.class_probability, train=streak.train
     )
 
 
-def name_words(kind: str, object_class: str, probability: float, *, train: int) -> str:
+def streak_name_words(kind: str, object_class: str, probability: float, *, train: int) -> str:
     """Format single figures as ``name_of`` does."""
     words = [] if kind == "streak" else [kind]
     if object_class != "undetermined":
@@ -44,11 +44,11 @@ def size_of(streak: Detection) -> str:
 def parts_of(streak: Detection) -> list[str]:
     """Format a streak's size, SNR, name and pulse, each as one part."""
     snr = f"SNR {streak.snr:.0f}" if streak.snr else ""
-    parts = (size_of(streak), snr, name_of(streak), pulse_of(streak))
+    parts = (size_of(streak), snr, streak_name(streak), streak_pulse_words(streak))
     return [each for each in parts if each]
 
 
-def pulse_of(streak: Detection) -> str:
+def streak_pulse_words(streak: Detection) -> str:
     """Format period and depth of a streak's varying light; empty where it is steady."""
     return pulse_words(
         streak.modulation_period_px, streak.modulation_period_s, streak.modulation_depth
@@ -68,7 +68,7 @@ def pulse_words(period_px: float | None, period_s: float | None, depth: float | 
 def notable_streaks(streaks: Iterable[Detection]) -> str:
     """Name the streaks that start no track in one line; empty where there are none."""
     counts = Counter(
-        name_of(each)
+        streak_name(each)
         for each in streaks
         if each.kind == "crossing" or each.train or each.object_class not in PLAIN
     )

@@ -35,7 +35,7 @@ def clock(t_utc_ns: int | None, form: Clock = "second", zone: str = "Z") -> str:
     return utc_ns_to_iso(t_utc_ns, 0)[_CUTS[form]].replace("T", " ") + zone
 
 
-def when(first_utc_ns: int | None, last_utc_ns: int | None) -> str:
+def date_span_words(first_utc_ns: int | None, last_utc_ns: int | None) -> str:
     """Format a span of time from its ends, the day once where it is one."""
     if first_utc_ns is None or last_utc_ns is None:
         return "nothing on record yet"
@@ -44,7 +44,7 @@ def when(first_utc_ns: int | None, last_utc_ns: int | None) -> str:
     return f"{clock(first_utc_ns, 'dated', '')} to {until} UTC"
 
 
-def span(seconds: float, form: Literal["cell", "line"] = "cell") -> str:
+def duration_words(seconds: float, form: Literal["cell", "line"] = "cell") -> str:
     """Format a duration: 8s, 12m04, 3h05; in a line 8 s, 12 min 4 s, 3 h 5 min."""
     whole = max(int(seconds), 0)
     hours, minutes, rest = whole // 3600, whole // 60 % 60, whole % 60
@@ -56,11 +56,11 @@ def span(seconds: float, form: Literal["cell", "line"] = "cell") -> str:
     return " ".join(f"{number} {unit}" for number, unit in parts if number) or "0 s"
 
 
-def left(seconds: float) -> str:
+def time_left_words(seconds: float) -> str:
     """Format a remaining time in whole minutes, under two in seconds."""
     return f"{seconds / 60:.0f} min" if seconds >= 120.0 else f"{max(seconds, 0.0):.0f} s"
 
 
-def age(days: float) -> str:
+def element_age_words(days: float) -> str:
     """Format the age of elements at an instant: 0.4 d old, 0.2 d younger."""
     return f"{abs(days):.1f} d {'old' if days >= 0.0 else 'younger'}"

@@ -15,8 +15,8 @@ import numpy as np
 
 from rsoconsole.config import Config
 from rsoconsole.instruments import read_frame
-from rsoconsole.pipeline import FieldRun, PlateMode, open_field_reader
-from rsoconsole.pipeline.field.field_frame import FieldReader, FrameAnswer
+from rsoconsole.pipeline import CatalogueMatcher, PlateMode, open_field_reader
+from rsoconsole.pipeline.field.field_frame import FieldReader, FrameMatches
 from rsoconsole.simulator.camera.truth import FrameTruth, SatelliteTruth
 from tests.truth.simulated_fields import OPTICS, crowd, frames_in
 
@@ -42,7 +42,7 @@ def asked_for(truth: FrameTruth) -> Iterator[tuple[SatelliteTruth, np.ndarray]]:
             yield each, path
 
 
-def judged(answer: FrameAnswer, truth: FrameTruth, low: frozenset[int]) -> Counter[str]:
+def judged(answer: FrameMatches, truth: FrameTruth, low: frozenset[int]) -> Counter[str]:
     """Counts by kind and word."""
     counted: Counter[str] = Counter()
     of_object: set[int] = set()
@@ -71,7 +71,7 @@ def judged(answer: FrameAnswer, truth: FrameTruth, low: frozenset[int]) -> Count
     return counted
 
 
-def _word(answer: FrameAnswer, n: int, number: int) -> str:
+def _word(answer: FrameMatches, n: int, number: int) -> str:
     matched = answer.match.lines[n]
     best = matched.choices[0].candidate
     if matched.verdict == "ambiguous":
@@ -82,8 +82,8 @@ def _word(answer: FrameAnswer, n: int, number: int) -> str:
 
 
 def answers(
-    reader: FieldReader, run: FieldRun, paths: Sequence[Path]
-) -> Iterator[tuple[Path, FrameAnswer]]:
+    reader: FieldReader, run: CatalogueMatcher, paths: Sequence[Path]
+) -> Iterator[tuple[Path, FrameMatches]]:
     """Of each frame."""
     for number, path in enumerate(paths, start=1):
         yield path, run.frame(reader.read(read_frame(path, number)))
@@ -100,7 +100,7 @@ def main() -> None:
         for seed in seeds:
             many = crowd(seed)
             made = frames_in(many, Path(folder), seed, count)
-            run = FieldRun(config, many.entries)
+            run = CatalogueMatcher(config, many.entries)
             for (_, truth, low), (path, answer) in zip(
                 made, answers(reader, run, [path for path, _, _ in made]), strict=True
             ):

@@ -15,10 +15,10 @@ import numpy as np
 from rsoconsole.orbits import (
     CatalogueEntry,
     Identification,
-    Sightings,
+    MeasuredDirections,
     covariance_rtn,
     parse_catalogue,
-    sightings,
+    reduce_directions,
     states_gcrs,
 )
 from rsoconsole.orbits.identification.element_errors import UNDISTURBED
@@ -37,7 +37,7 @@ SIGMA_ARCSEC = 1.0
 
 def seen_off_elements(
     entry: CatalogueEntry, error_rtn: FloatArray, site: Site, t_utc_ns: IntArray, noise: FloatArray
-) -> Sightings:
+) -> MeasuredDirections:
     """Directions (N,) of an object that is off its elements by (radial, along, across; rates)."""
     middle_ns = int(np.mean(t_utc_ns))
 
@@ -53,7 +53,7 @@ def seen_off_elements(
 
     places = astrometric_places(position_of, site, t_utc_ns)
     sigma_2 = SIGMA_ARCSEC**2
-    return sightings(
+    return reduce_directions(
         site,
         t_utc_ns,
         places.ra_icrs_deg + noise[:, 0] / 3600.0 / np.cos(np.radians(places.dec_icrs_deg)),

@@ -18,7 +18,7 @@ import numpy as np
 from rsoconsole.orbits import (
     CatalogueEntry,
     Identification,
-    Sightings,
+    MeasuredDirections,
     covariance_rtn,
     identify_jointly,
     parse_catalogue,
@@ -76,7 +76,7 @@ def night(
     *,
     is_shared: bool,
     random: np.random.Generator,
-) -> tuple[list[Sightings], list[int]]:
+) -> tuple[list[MeasuredDirections], list[int]]:
     """What is seen of each, in no order, and which it is."""
     epoch_ns = int(np.median([each.epoch_utc_ns for each in members]))
     start_ns = epoch_ns + round((age_days + random.uniform(-0.3, 0.3)) * NS_PER_DAY)

@@ -16,10 +16,10 @@ import numpy as np
 from rsoconsole.orbits import (
     CatalogueEntry,
     EarlierTrack,
-    Sightings,
-    attributable,
+    MeasuredDirections,
     correlate_tracks,
     determine,
+    mid_track_direction_and_rates,
     parse_catalogue,
 )
 from rsoconsole.orbits.identification.uncorrelated import log_density
@@ -32,16 +32,16 @@ FORTY = 40
 
 def seen_by_sgp4(
     entry: CatalogueEntry, start_ns: int, minutes: float, random: np.random.Generator
-) -> Sightings:
+) -> MeasuredDirections:
     """A direction every 30 s with 1 arcsec of noise."""
     count = max(3, round(minutes * 2.0))
     t = start_ns + np.arange(count) * 30 * NS_PER_S
     return seen_off_elements(entry, np.zeros(6), SITE, t, random.normal(0.0, 1.0, (count, 2)))
 
 
-def kept_of(number: int, seen: Sightings) -> EarlierTrack:
+def kept_of(number: int, seen: MeasuredDirections) -> EarlierTrack:
     """What the ledger keeps of a track."""
-    t, ra, dec, rate, _ = attributable(seen)
+    t, ra, dec, rate, _ = mid_track_direction_and_rates(seen)
     orbit = determine(seen)
     has_orbit = orbit is not None and orbit.label in ("free", "constrained by prior")
     return EarlierTrack(

@@ -26,7 +26,7 @@ from unittest.mock import patch
 import numpy as np
 
 from rsoconsole.config import Config
-from rsoconsole.orbits import Orbit, Sightings, determine, elements_of, predict
+from rsoconsole.orbits import MeasuredDirections, Orbit, determine, elements_of, predict
 from rsoconsole.orbits.determination.fit import Prior
 from rsoconsole.orbits.determination.regimes import REGIMES
 from rsoconsole.pipeline import OnlineOrbit
@@ -308,7 +308,7 @@ def _site(site: Site) -> dict[str, float]:
     }
 
 
-def _followed(seen: Sightings, n: int) -> tuple[Measurement, TrackState]:
+def _followed(seen: MeasuredDirections, n: int) -> tuple[Measurement, TrackState]:
     """What the loop puts on record of a direction that the track takes."""
     t_utc_ns, frame_id = int(seen.t_utc_ns[n]), n + 1
     ra, dec = float(seen.ra_icrs_deg[n]), float(seen.dec_icrs_deg[n])

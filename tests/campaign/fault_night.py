@@ -117,7 +117,7 @@ class FaultNight:
         self.destroyed |= set(self.acknowledged[self._life_from :])
 
     @property
-    def exposed(self) -> int:
+    def note_frame(self) -> int:
         """The frames seen last."""
         return self.frames_of_earlier + self._of_this
 

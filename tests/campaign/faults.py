@@ -54,7 +54,7 @@ def night(seed: int, frames: int, folder: Path, kinds: Sequence[str] = tuple(KIN
         said = "".join(running.said) + (running.folder / "said.txt").read_text(errors="replace")
         return {
             "seed": seed,
-            "frames": running.exposed,
+            "frames": running.note_frame,
             "wall_s": round(time.monotonic() - begun_s, 1),
             "rows": [_row_json(row) for row in rows],
             "acknowledged": len(running.acknowledged),
@@ -77,7 +77,7 @@ def _rows(running: FaultNight, frames: int, kinds: Sequence[str]) -> list[Row]:
     rows: list[Row] = []
     names: list[str] = []
     alive = [kind for kind in kinds if kind not in ENDS_IT]
-    frame, was_late = running.exposed, False
+    frame, was_late = running.note_frame, False
     while frame < frames:
         is_late = frame >= frames * (1.0 - LAST_SHARE) or not alive
         is_first_of_late = is_late and not was_late
@@ -103,13 +103,13 @@ def _rows(running: FaultNight, frames: int, kinds: Sequence[str]) -> list[Row]:
         rows.append(row)
         if not running.is_living():
             break
-        frame, begun_s = running.exposed, time.monotonic()
+        frame, begun_s = running.note_frame, time.monotonic()
         with suppress(AssertionError):
             wait_for(lambda goal=frame + EVERY - 1: running.frames() >= goal, "frames", BETWEEN_S)
-        if not is_late and running.exposed > frame:
-            cycle_s = (time.monotonic() - begun_s) / (running.exposed - frame)
-            running.sample(running.exposed, cycle_s)
-        frame = running.exposed
+        if not is_late and running.note_frame > frame:
+            cycle_s = (time.monotonic() - begun_s) / (running.note_frame - frame)
+            running.sample(running.note_frame, cycle_s)
+        frame = running.note_frame
         words = "; ".join(row.wrong)
         print(f"{frame:5} {row.kind:30} {row.recovered_s:5.1f} s  {words}", flush=True)
     return rows

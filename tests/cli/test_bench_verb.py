@@ -11,7 +11,7 @@ from rsoconsole.base import SessionError
 from rsoconsole.cli.app import app
 from rsoconsole.cli.demo.bench import draw_fits
 from rsoconsole.config import Config
-from rsoconsole.engine import STAGES, judge, machine_identity, measure, summary_lines
+from rsoconsole.engine import STAGES, machine_identity, measure, summarise_bench, summary_lines
 from rsoconsole.engine.doctor import bench
 from rsoconsole.engine.doctor.bench import BenchResult, BenchStage, BenchSummary
 from rsoconsole.instruments import frame_from_bytes
@@ -95,7 +95,7 @@ def test_a_field_without_stars_of_the_index_is_told_and_the_bench_goes_on(tmp_pa
     result = measure(config, draw_fits(config), budget_s=0.0)
     assert any(note.startswith("not solved: ") for note in result.notes)
     assert result.median_ms("solve") is None
-    assert judge(config, result, PLENTY, NOW).processing_s > 0.0
+    assert summarise_bench(config, result, PLENTY, NOW).processing_s > 0.0
 
 
 def test_a_disk_that_is_nearly_full_is_left_alone(
@@ -135,7 +135,7 @@ def told(**ms: float) -> BenchResult:
 
 
 def verdict(result: BenchResult, **sections: dict[str, object]) -> BenchSummary:
-    return judge(Config.model_validate(sections), result, PLENTY, NOW)
+    return summarise_bench(Config.model_validate(sections), result, PLENTY, NOW)
 
 
 def test_a_cycle_is_the_sum_of_its_parts() -> None:
@@ -178,7 +178,9 @@ def test_a_disk_too_slow_for_the_cadence_is_told() -> None:
 
 def test_a_night_is_counted_with_the_frames_real_size() -> None:
     small = verdict(told())
-    large = judge(Config(), dataclasses.replace(told(), compressed_bytes=20_000_000), PLENTY, NOW)
+    large = summarise_bench(
+        Config(), dataclasses.replace(told(), compressed_bytes=20_000_000), PLENTY, NOW
+    )
     assert large.night_mb / small.night_mb == pytest.approx(20.1 / 10.1)
 
 

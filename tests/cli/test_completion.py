@@ -10,7 +10,7 @@ from types import SimpleNamespace
 import pytest
 
 from rsoconsole.cli.words import completion
-from rsoconsole.config import Config, walk
+from rsoconsole.config import Config, every_setting
 from tests.nights.samples import SAMPLE
 from tests.rigs.in_process import run_here
 
@@ -207,7 +207,7 @@ def test_values_of_settings_that_are_a_few_words() -> None:
 
 def test_names_of_settings_are_all_and_of_a_running_engine_those_that_may_change() -> None:
     every = {name for name, _ in completion.setting_names(context(), "")}
-    assert every == {name for name, _, _ in walk(Config())}
+    assert every == {name for name, _, _ in every_setting(Config())}
     tunable = {name for name, _ in completion.tunable_names(context(), "")}
     assert "detector.tau" in tunable
     assert "site.latitude_deg" not in tunable

@@ -7,7 +7,7 @@ import pytest
 
 from rsoconsole.base import nearest, plain_fault
 from rsoconsole.cli.app import main
-from rsoconsole.cli.words.usage import folded
+from rsoconsole.cli.words.usage import unwrapped_paragraphs
 
 
 def said(capsys, monkeypatch, *words: str) -> tuple[int, str, str]:
@@ -64,10 +64,10 @@ def test_the_setting_that_was_meant(name, meant):
 
 def test_a_value_out_of_bounds_is_said_in_the_settings_own_terms():
     from rsoconsole.config import Config
-    from rsoconsole.engine.tasks.pace import changed
+    from rsoconsole.engine.tasks.pace import config_with_setting
 
     with pytest.raises(ValueError, match=r"^detector\.tau = 2\.0: must be below 1$"):
-        changed(Config(), "detector.tau", 2.0)
+        config_with_setting(Config(), "detector.tau", 2.0)
     assert plain_fault("Input should be greater than or equal to 3") == "must be at least 3"
 
 
@@ -86,6 +86,6 @@ def test_help_is_broken_where_the_terminal_ends_and_keeps_its_brackets(capsys, m
 
 def test_lines_of_help_that_stand_for_themselves_stay():
     text = "What it\nis.\n\ntdm, iod: messages\nto others\nhtml: a report\nExample: it --out [x]"
-    assert folded(text) == (
+    assert unwrapped_paragraphs(text) == (
         "What it is.\n\ntdm, iod: messages to others\nhtml: a report\nExample: it --out \\[x]"
     )

@@ -18,7 +18,7 @@ from rsoconsole.control import ON_RECORD, Outcome, Seek, mount_words, read_statu
 from rsoconsole.engine.tasks.watch import Watch
 from rsoconsole.instruments import MountReport, StopResult
 from rsoconsole.instruments.motion import Motion
-from rsoconsole.instruments.ports import unheard
+from rsoconsole.instruments.ports import ignore_stop_result
 from rsoconsole.night import LogLine, line_of
 from rsoconsole.night.log_lines import append_line
 from rsoconsole.records import (
@@ -116,7 +116,9 @@ def tell(r: Rig, verb: str) -> Outcome:
 def test_a_stop_that_is_not_answered_is_a_fault_until_the_mount_is_measured_to_stand(tracking: Rig):
     abort = tracking.mount.abort
 
-    def unsure(*_: Any, on_news: Callable[[StopResult], None] = unheard, **__: Any) -> StopResult:
+    def unsure(
+        *_: Any, on_news: Callable[[StopResult], None] = ignore_stop_result, **__: Any
+    ) -> StopResult:
         silent = StopResult(is_answered=False, ms=800.0, path="mount", detail="the mount is silent")
         on_news(dataclasses.replace(silent, motion=Motion(), measured_ms=10_000.0))
         return silent

@@ -14,7 +14,7 @@ from rsoconsole.console.drawing.blocks import (
     QUADRANTS,
     SEXTANTS,
     Blocks,
-    fitted,
+    fit_to_cells,
     runs,
 )
 from rsoconsole.console.drawing.terminal_query import TerminalAnswer, blocks_of, parse_answer
@@ -62,7 +62,7 @@ def test_octants_fill_their_block_of_unicode_once():
 def test_two_greys_in_a_cell_are_shown_as_they_are(blocks: Blocks):
     rng = np.random.default_rng(3)
     cells = np.where(rng.random((4 * blocks.down, 9 * blocks.across)) < 0.4, 20, 5)
-    shown = fitted(cells.astype(np.uint8), blocks)
+    shown = fit_to_cells(cells.astype(np.uint8), blocks)
     written = [runs(shown, blocks, {}, row) for row in range(4)]
     assert np.array_equal(_picture_of(written, blocks), cells)
 
@@ -70,7 +70,7 @@ def test_two_greys_in_a_cell_are_shown_as_they_are(blocks: Blocks):
 @given(st.lists(st.integers(0, 23), min_size=8, max_size=8))
 def test_no_other_two_groups_lie_nearer(values: list[int]):
     parts = np.array(values, np.uint8).reshape(4, 2)
-    cells = fitted(parts, OCTANTS)
+    cells = fit_to_cells(parts, OCTANTS)
     pattern, flat = int(cells.pattern[0, 0]), np.array(values, float)
     if parts.max() - parts.min() <= 1:
         assert cells.bright[0, 0] == cells.dark[0, 0]
@@ -88,7 +88,7 @@ def test_no_other_two_groups_lie_nearer(values: list[int]):
 def test_one_bright_part_in_a_dark_cell_stays_bright(blocks: Blocks):
     greys = np.full((blocks.down, blocks.across), 2, np.uint8)
     greys[-1, -1] = 23
-    cells = fitted(greys, blocks)
+    cells = fit_to_cells(greys, blocks)
     assert cells.bright[0, 0] == 23
     assert cells.dark[0, 0] == 2
     # Under a sign it still shows.
@@ -100,14 +100,14 @@ def test_neighbours_share_their_colours_where_they_can():
     greys = np.full((2, 8), 3, np.uint8)
     greys[:, 2:4] = 20
     greys[0, 5] = 20
-    parts = runs(fitted(greys, QUADRANTS), QUADRANTS, {}, 0)
+    parts = runs(fit_to_cells(greys, QUADRANTS), QUADRANTS, {}, 0)
     assert [(len(text), set(key)) for text, key in parts] == [(1, {3}), (3, {3, 20})]
 
 
 def test_a_sign_keeps_the_light_below_it():
     greys = np.full((2, 6), 3, np.uint8)
     greys[:, 2:4] = 20
-    parts = runs(fitted(greys, QUADRANTS), QUADRANTS, {(1, 0): ("·", "predicted")}, 0)
+    parts = runs(fit_to_cells(greys, QUADRANTS), QUADRANTS, {(1, 0): ("·", "predicted")}, 0)
     assert ("·", ("predicted", 20)) in parts
 
 

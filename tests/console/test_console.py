@@ -22,7 +22,7 @@ from rsoconsole.console.actions import seat
 from rsoconsole.console.actions.second_press import RELEASED_S
 from rsoconsole.console.app import ConsoleApp
 from rsoconsole.console.dialogs.dialogs import LeaveDialog, Tick
-from rsoconsole.console.drawing.pane_layout import banner_box, fold
+from rsoconsole.console.drawing.pane_layout import banner_box, pane_boxes
 from rsoconsole.console.drawing.plot import Column, residual_limit, residual_plot
 from rsoconsole.console.night.engine_view import engine_view
 from rsoconsole.console.panes.last_line import key_line, keys_for
@@ -377,7 +377,7 @@ def test_panes_never_overlap_and_the_last_to_go_are_state_and_stop() -> None:
     for width in range(20, 210, 7):
         for height in range(3, 70, 3):
             for alert_rows in (0, 1, 2):
-                boxes = fold(width, height, alert_rows=alert_rows)
+                boxes = pane_boxes(width, height, alert_rows=alert_rows)
                 cells = [
                     (x, y)
                     for box in boxes.values()
@@ -391,7 +391,7 @@ def test_panes_never_overlap_and_the_last_to_go_are_state_and_stop() -> None:
 
 def test_a_smaller_terminal_loses_plots_then_picture_then_log() -> None:
     def rows(width: int, height: int) -> dict[str, int]:
-        return {name: box.height for name, box in fold(width, height).items()}
+        return {name: box.height for name, box in pane_boxes(width, height).items()}
 
     assert rows(80, 24)["confidence"] > 1
     assert rows(79, 24)["confidence"] == 1
@@ -658,7 +658,7 @@ def test_what_came_of_a_stop_never_covers_the_first_lines_nor_the_keys() -> None
     for width in (20, 40, 60, 71, 72, 80, 200):
         for height in range(4, 61):
             for alert_rows in (0, 1, 2):
-                boxes = fold(width, height, alert_rows=alert_rows)
+                boxes = pane_boxes(width, height, alert_rows=alert_rows)
                 banner = banner_box(width, height, alert_rows=alert_rows)
                 assert banner.height >= 1
                 assert banner.y >= boxes["top"].height

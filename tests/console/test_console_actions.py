@@ -18,7 +18,7 @@ from rsoconsole.console.commands.keymap import Orders, key_words, load_keymap
 from rsoconsole.console.dialogs.help import help_text
 from rsoconsole.console.panes.log_pane import LogPane
 from rsoconsole.console.panes.panes import SIGHTS, FramePane
-from rsoconsole.console.screens.night_screen import DrawnFrom
+from rsoconsole.console.screens.night_screen import ChangedPartsDrawer
 from rsoconsole.control import Command, Hold, MarkByHand, Outcome
 from rsoconsole.records import Detections, Event, NotSolved
 from rsoconsole.session import SessionWriter
@@ -99,7 +99,7 @@ def test_what_is_drawn_from_several_facts_is_drawn_once_when_they_come_together(
         app._engine_watch.close()
         app._session_watch.close()
         await pilot.pause(0.2)
-        DrawnFrom(live, {both: ("night", "engine"), night_alone: ("night",)})
+        ChangedPartsDrawer(live, {both: ("night", "engine"), night_alone: ("night",)})
         live.night, live.engine = live.night, live.engine
         await until(pilot, lambda: bool(drawn))
         assert drawn == ["both", "night"]

@@ -14,7 +14,7 @@ from rsoconsole.console.actions.second_press import REPEAT_S
 from rsoconsole.console.app import ConsoleApp
 from rsoconsole.console.commands.commands import COMMANDS
 from rsoconsole.console.dialogs.dialogs import Dialog
-from rsoconsole.control import Command, Later, Outcome, Request, Sender
+from rsoconsole.control import Command, Outcome, PendingOutcome, Request, Sender
 from rsoconsole.engine.service._command_handler import CommandHandler
 from rsoconsole.records import OperatorAction, Ruling
 from rsoconsole.session import SessionWriter
@@ -58,7 +58,7 @@ class DeskWire:
         elif verb not in {"status", "preview"}:
             self._rig.engine.commands.execute_waiting()
             self._rig.engine._parking.see_to_it()
-        return outcome.outcome() if isinstance(outcome, Later) else outcome
+        return outcome.outcome() if isinstance(outcome, PendingOutcome) else outcome
 
 
 def decisions(r: Rig) -> list[Ruling]:

@@ -8,9 +8,13 @@ from textual.pilot import Pilot
 from textual.widgets import Static
 
 from rsoconsole.console.app import ConsoleApp
-from rsoconsole.console.dialogs.candidates import CandidatesDialog, candidate_lines, fate
+from rsoconsole.console.dialogs.candidates import (
+    CandidatesDialog,
+    candidate_lines,
+    detection_outcome,
+)
 from rsoconsole.console.dialogs.dialogs import ConfirmDialog
-from rsoconsole.console.frame._sheet_marks import faint_ends
+from rsoconsole.console.frame._sheet_marks import points_beyond_ends
 from rsoconsole.console.panes.panes import FramePane
 from rsoconsole.console.picture.marks import Mark
 from rsoconsole.control import MarkByHand, Outcome
@@ -147,10 +151,10 @@ def test_a_mark_that_is_not_taken_or_is_old_changes_nothing_of_the_details(
 
 def test_far_off_a_streak_that_is_marked_keeps_a_point_beyond_each_end():
     streak = Mark(x_px=500.0, y_px=300.0, kind="followed", ends_px=((450.0, 300.0), (550.0, 300.0)))
-    (faint,) = faint_ends([streak], 8.0)
+    (faint,) = points_beyond_ends([streak], 8.0)
     assert faint.outline_px == ((434.0, 300.0), (566.0, 300.0))
-    assert faint_ends([streak], 2.0) == ()
-    assert faint_ends([Mark(x_px=1.0, y_px=1.0, kind="predicted")], 8.0) == ()
+    assert points_beyond_ends([streak], 2.0) == ()
+    assert points_beyond_ends([Mark(x_px=1.0, y_px=1.0, kind="predicted")], 8.0) == ()
 
 
 def test_the_automatic_streak_of_a_marked_frame_is_set_aside_not_followed():
@@ -163,11 +167,11 @@ def test_the_automatic_streak_of_a_marked_frame_is_set_aside_not_followed():
     )
     detail = NightFrame(detections=found, measurements=(automatic,))
     marked = dataclasses.replace(detail, decision=Ruling(frame_id=4, taken=by_hand))
-    assert fate(streak, marked)[0] == "set aside"
-    assert fate(other, marked)[0] == "not measured"
+    assert detection_outcome(streak, marked)[0] == "set aside"
+    assert detection_outcome(other, marked)[0] == "not measured"
     assert any("by your hand" in line for line in candidate_lines(marked, 0.1))
     chosen = dataclasses.replace(detail, decision=Ruling(frame_id=4, taken=automatic))
-    assert fate(streak, chosen)[0] == "followed"
+    assert detection_outcome(streak, chosen)[0] == "followed"
 
 
 def test_signs_give_way_to_the_mark_that_is_made(wire: FakeWire):

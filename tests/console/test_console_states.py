@@ -33,7 +33,7 @@ from rsoconsole.records import Event
 from rsoconsole.session import SessionWriter
 from rsoconsole.simulator import start_observatory
 from rsoconsole.simulator.launch import Observatory
-from rsoconsole.simulator.server import ObservatorySettings, Stage
+from rsoconsole.simulator.server import ObservatorySettings, ObservatoryStage
 from tests.makers import NS
 from tests.nights import made_up_night as night
 from tests.rigs.seat_rig import (
@@ -146,7 +146,7 @@ def test_a_simulated_night_whose_observatory_dies_ends_and_says_why(engine, sky)
         assert seat.process.poll() is None
 
 
-def open_near_the_pole(settings: ObservatorySettings) -> Stage:
+def open_near_the_pole(settings: ObservatorySettings) -> ObservatoryStage:
     """Above every limit at any hour."""
     return dataclasses.replace(open_plain(settings), start_dec_icrs_deg=85.0)
 

@@ -55,7 +55,7 @@ from rsoconsole.records import (
     Topic,
 )
 from rsoconsole.session import SessionReader
-from rsoconsole.words import span
+from rsoconsole.words import duration_words
 from tests.makers import NS
 from tests.nights import made_up_night as night
 from tests.nights.orbit_night import estimate_of, folded, state, to
@@ -434,7 +434,7 @@ def test_changes_of_state_that_come_out_the_same_are_told_once_and_a_coast_goes_
     now = night.t_of(8)
     engine = engine_view({"state": "COAST", "holder": "autonomy", "now_utc_ns": now})
     # Since frame 5, in which it was measured last, however often it came to a coast since.
-    since = span((now - night.state_of(5, 0.0, 0.0, "updated").t_utc_ns) / NS)
+    since = duration_words((now - night.state_of(5, 0.0, 0.0, "updated").t_utc_ns) / NS)
     assert f"COAST {since}" in plain(top_lines(view, engine, False, 120, 1))
 
 

@@ -18,14 +18,14 @@ from textual.pilot import Pilot
 from rsoconsole.config import Config, with_setting
 from rsoconsole.console.app import ConsoleApp
 from rsoconsole.console.dialogs.help import help_text
-from rsoconsole.console.frame._sheet import Sheet
+from rsoconsole.console.frame._sheet import FrameScreenState
 from rsoconsole.console.frame.frame_sheet import FrameSheet
-from rsoconsole.console.frame.sheet_actions import MarkTo
+from rsoconsole.console.frame.sheet_actions import MarkCallbacks
 from rsoconsole.console.panes.last_line import MARKABLE
 from rsoconsole.console.panes.panes import LinesPane
 from rsoconsole.console.picture.marking import FAR
 from rsoconsole.console.picture.sheet_pixels import STEPS
-from rsoconsole.console.watches.sheet_worker import Opened
+from rsoconsole.console.watches.sheet_worker import FrameOpened
 from rsoconsole.control import MarkByHand
 from rsoconsole.instruments import read_frame
 from rsoconsole.night import NightFrame
@@ -94,7 +94,7 @@ def look(
     config: Config | None = None,
     size: tuple[int, int] = (80, 24),
     wire: FakeWire | None = None,
-    mark_to: MarkTo | None = None,
+    mark_to: MarkCallbacks | None = None,
     **of_app: object,
 ) -> None:
     """Open a frame over a seat, wait until all is said of it, and act."""
@@ -157,8 +157,8 @@ class Engine:
         return f"mark sent, frame {mark.frame_id} …"
 
     @property
-    def mark_to(self) -> MarkTo:
-        return MarkTo(
+    def mark_callbacks(self) -> MarkCallbacks:
+        return MarkCallbacks(
             send=self.send,
             begin=self.begin,
             leave=self.left.append,
@@ -309,9 +309,9 @@ def test_another_tau_says_what_the_detector_would_have_said(impatient_seat: None
 
 
 def test_tau_stops_at_its_bounds_and_comes_back_by_the_same_steps():
-    sheet = Sheet(frame_id=KEPT)
+    sheet = FrameScreenState(frame_id=KEPT)
     recorded = recorded_frame(SessionReader(SAMPLE), KEPT)
-    sheet.opened = Opened(
+    sheet.opened = FrameOpened(
         recorded=recorded, detail=NightFrame(), preview=None, bytes=0, candidates=()
     )
     seen = []
@@ -494,7 +494,7 @@ def test_a_streak_is_marked_at_full_resolution(impatient_seat: None, size: tuple
         assert app.screen is app.live
         assert app.live.notice[0] == f"mark sent, frame {KEPT} …"
 
-    look(act, size=size, mark_to=engine.mark_to)
+    look(act, size=size, mark_to=engine.mark_callbacks)
 
 
 def test_a_frame_that_is_too_old_to_mark_says_so_before_anything_is_done(impatient_seat: None):
@@ -521,7 +521,7 @@ def test_a_frame_that_is_too_old_to_mark_says_so_before_anything_is_done(impatie
         assert not sheet.sheet.is_marking
         assert not engine.sent
 
-    look(act, mark_to=engine.mark_to)
+    look(act, mark_to=engine.mark_callbacks)
 
 
 def test_while_a_mark_is_made_no_sign_lies_over_the_streak(impatient_seat: None):
@@ -538,7 +538,7 @@ def test_while_a_mark_is_made_no_sign_lies_over_the_streak(impatient_seat: None)
         await pilot.press("escape")
         assert "[" in drawn(sheet)
 
-    look(act, mark_to=engine.mark_to)
+    look(act, mark_to=engine.mark_callbacks)
 
 
 def test_a_shifted_arrow_moves_the_cross_further(impatient_seat: None):
@@ -624,7 +624,7 @@ def test_a_frame_whose_pixels_were_not_kept_offers_no_mark(impatient_seat: None)
         await pilot.press("m")
         assert "its pixels were not kept" in words(sheet, "keys")
 
-    look(act, frame_id=LEFT_OUT, mark_to=engine.mark_to)
+    look(act, frame_id=LEFT_OUT, mark_to=engine.mark_callbacks)
 
 
 def test_enter_sets_an_end_while_a_mark_is_made(wire: FakeWire):

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from rsoconsole.console.picture.graphics import painted
+from rsoconsole.console.picture.graphics import paint_picture
 from rsoconsole.console.picture.marks import Mark, Window
 from tests.nights import made_up_night as night
 from tests.rigs.terminal import Terminal
@@ -80,7 +80,9 @@ def test_marks_lie_where_their_pixels_are():
     window = Window(x0_px=99.5, y0_px=199.5, width_px=40.0, height_px=20.0, columns=20, rows=5)
     grey = np.zeros((20, 40), np.float32)
     mark = Mark(x_px=120.0, y_px=210.0, kind="predicted")
-    picture = np.asarray(painted(grey, window, (mark,), {"predicted": (1, 2, 250)}, cell=(8, 16)))
+    picture = np.asarray(
+        paint_picture(grey, window, (mark,), {"predicted": (1, 2, 250)}, cell=(8, 16))
+    )
     assert picture.shape == (80, 160, 3)
     rows, columns = np.nonzero((picture == (1, 2, 250)).all(axis=2))
     assert (columns.mean(), rows.mean()) == pytest.approx((82.0, 42.0), abs=1.0)
@@ -89,7 +91,7 @@ def test_marks_lie_where_their_pixels_are():
 def test_in_the_night_colours_a_picture_is_red():
     window = Window(x0_px=-0.5, y0_px=-0.5, width_px=4.0, height_px=4.0, columns=4, rows=2)
     picture = np.asarray(
-        painted(np.ones((4, 4), np.float32), window, (), {}, cell=(8, 16), is_red=True)
+        paint_picture(np.ones((4, 4), np.float32), window, (), {}, cell=(8, 16), is_red=True)
     )
     red, green, blue = picture[0, 0]
     assert red > 3 * green > 3 * blue

@@ -10,7 +10,7 @@ from textual.pilot import Pilot
 
 from rsoconsole.config import Config, ConsoleConfig
 from rsoconsole.console.app import ConsoleApp
-from rsoconsole.console.drawing.pane_layout import FULL, LARGE, THREE_COLUMNS, fold, orbit_box
+from rsoconsole.console.drawing.pane_layout import FULL, LARGE, THREE_COLUMNS, orbit_box, pane_boxes
 from rsoconsole.console.drawing.plain import plain
 from rsoconsole.console.night.engine_view import EngineView, OrbitAhead, orbit_ahead
 from rsoconsole.console.orbit.lines import OrbitFacts, orbit_facts, orbit_lines, target_words
@@ -22,7 +22,7 @@ from rsoconsole.console.watches import watch as outlook_watch
 from rsoconsole.console.watches.watch import OutlookWatch
 from rsoconsole.console.words.words import top_lines
 from rsoconsole.night import NightView
-from rsoconsole.pipeline import Ahead, OrbitOutlook
+from rsoconsole.pipeline import OrbitOutlook, PlaceAhead
 from rsoconsole.records import FollowedAgain
 from tests.makers import NS
 from tests.nights import made_up_night as night
@@ -47,8 +47,8 @@ WIDE = replace(BEST, name="実践衛星")
 SIZES = ((47, 15), (59, 8), (57, 12), (80, 30), (40, 11), (120, 20), (20, 4), (1, 1))
 
 
-def place(after_s: int, **changes: Any) -> Ahead:
-    where = Ahead(
+def place(after_s: int, **changes: Any) -> PlaceAhead:
+    where = PlaceAhead(
         t_utc_ns=NOW + after_s * NS,
         ra_icrs_deg=83.04,
         dec_icrs_deg=-5.87,
@@ -373,7 +373,7 @@ def test_the_first_line_has_the_target_and_cuts_it_first() -> None:
 @pytest.mark.parametrize("size", [(80, 24), (120, 40), (200, 60), (112, 36), (60, 16), (40, 12)])
 def test_it_has_a_place_in_every_terminal_and_leaves_state_keys_and_picture(size) -> None:
     for rows in (0, 3):
-        box, boxes = orbit_box(*size, timeline_rows=rows), fold(*size, timeline_rows=rows)
+        box, boxes = orbit_box(*size, timeline_rows=rows), pane_boxes(*size, timeline_rows=rows)
         assert box.x + box.width <= size[0]
         assert box.y >= boxes["top"].height
         assert box.y + box.height <= size[1] - 1 - rows

@@ -11,7 +11,7 @@ from textual.pilot import Pilot
 
 from rsoconsole.config import ConsoleConfig
 from rsoconsole.console.app import ConsoleApp
-from rsoconsole.console.drawing.plain import PlainFilter, plain, spelled
+from rsoconsole.console.drawing.plain import PlainFilter, plain, spell_out_signs
 from tests.rigs.seat_rig import FakeWire, play, until
 
 BLACK = Color(0, 0, 0)
@@ -36,7 +36,7 @@ def test_what_the_seat_says_stays_readable():
 
 def test_signs_are_spelled_out_where_the_line_has_room():
     def said(*texts: str) -> str:
-        return "".join(spelled(texts))
+        return "".join(spell_out_signs(texts))
 
     assert said("a = 42166±1 km", "    02:23:27Z") == "a = 42166+-1 km   02:23:27Z"
     assert said("─ δ residual ", "──────", " 3σ 2.1″ ─") == '- Dec residual -- 3sig 2.1" -'
@@ -49,7 +49,7 @@ def test_signs_are_spelled_out_where_the_line_has_room():
 
 @given(st.lists(st.text(alphabet="ab ─±°στ┤α", max_size=9), max_size=5))
 def test_spelled_out_a_line_is_as_long_as_before(texts):
-    made = spelled(texts)
+    made = spell_out_signs(texts)
     assert len("".join(made)) == len("".join(texts))
     assert "".join(made).isascii()
 

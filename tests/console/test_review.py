@@ -18,7 +18,7 @@ from rsoconsole.console.panes.panes import FramePane, LinesPane, MomentField
 from rsoconsole.console.screens._compare import CompareDialog
 from rsoconsole.console.screens._review_log import ReviewLogPane
 from rsoconsole.console.screens.review import ReviewScreen
-from rsoconsole.console.timeline.lines import strip_place
+from rsoconsole.console.timeline.lines import strip_columns
 from rsoconsole.console.tuning.tuning_pane import TunePane
 from tests.nights import eventful_night, made_up_night
 from tests.rigs.review_rig import frame_shown, is_there, play_review, press
@@ -205,7 +205,7 @@ def test_a_step_by_hand_ends_playing(eventful: Path):
 
 def test_the_mouse_goes_where_it_is_clicked_and_drawn_on_the_time_line(eventful: Path):
     async def scene(review: ReviewScreen, pilot: Pilot[str]) -> None:
-        x, columns = strip_place(LARGE[0])
+        x, columns = strip_columns(LARGE[0])
         await pilot.click("#timeline", offset=(x + columns // 2, 1))
         await until(pilot, lambda: is_there(review))
         assert abs((frame_shown(review) or 0) - FRAMES // 2) <= 2

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from rsoconsole.console import parse_place
 from rsoconsole.console.timeline import moments as moments_module
-from rsoconsole.console.timeline.lines import FILLS, SIGNS, Place, time_at, timeline_lines
+from rsoconsole.console.timeline.lines import FILLS, SIGNS, Place, cell_end_utc_ns, timeline_lines
 from rsoconsole.console.timeline.moments import Moments
 from rsoconsole.console.timeline.timeline import (
     SPEEDS,
@@ -51,7 +51,7 @@ def opened(folder: Path) -> Moments:
 @pytest.fixture(scope="module")
 def read(eventful: Path) -> Moments:
     moments = opened(eventful)
-    assert moments.read_on(60.0)
+    assert moments.read_for(60.0)
     return moments
 
 
@@ -59,7 +59,7 @@ def folded(folder: Path, seqs: Collection[int]) -> dict[int, tuple[NightView, Ni
     """What one fold of the log from its beginning, as the live seat's, has at these places."""
     reader = SessionReader(folder)
     night = Night(folder, reader.about(), reader.config())
-    night.has_been_read()
+    night.mark_past_read()
     seen = {}
     for at, t_utc_ns, record in reader.records():
         night.take(t_utc_ns, record, at)
@@ -98,7 +98,7 @@ def test_a_ruling_changes_an_earlier_frame_only_from_its_own_moment_on(
     def row(at: int):
         return next(row for row in read.at(at).view.rows if row.frame_id == frame_id)
 
-    end = read.timeline().end_of(read.timeline().index_of(seq))
+    end = read.timeline().frame_end_seq(read.timeline().index_of(seq))
     assert row(seq - 1).is_followed
     assert row(seq - 1).miss is None
     assert not row(end).is_followed
@@ -121,7 +121,7 @@ def test_a_moment_is_what_a_live_seat_showed_when_the_log_had_come_so_far(tmp_pa
         watch._look()  # as its thread does four times a second
     writer.close()
     moments = opened(folder)
-    assert moments.read_on(60.0)
+    assert moments.read_for(60.0)
     for seq, (live, picture) in seen.items():
         if seq == 0 or not live.is_read:
             continue
@@ -141,7 +141,7 @@ def test_a_jump_before_the_log_is_read_looks_for_no_frames_pixels(
 ):
     """A folder of thousands of frames on a card or a share takes its time."""
     moments = opened(eventful)
-    seq = moments.timeline().end_of(200)
+    seq = moments.timeline().frame_end_seq(200)
     monkeypatch.setattr(SessionReader, "frames_with_pixels", lambda _: pytest.fail("it looked"))
     assert not moments.at(seq).is_whole
 
@@ -151,10 +151,10 @@ def test_what_has_not_been_read_yet_is_shown_from_near_before_and_said_to_be_so(
     timeline = moments.timeline()
     assert len(timeline.frames) == FRAMES  # before a single record has been folded
     assert timeline.read_seq == 0
-    seq = timeline.end_of(200)
+    seq = timeline.frame_end_seq(200)
     partly = moments.at(seq)
     assert not partly.is_whole
-    assert moments.read_on(60.0)
+    assert moments.read_for(60.0)
     whole = moments.at(seq)
     assert whole.is_whole
     assert partly.view.frame == whole.view.frame
@@ -171,32 +171,32 @@ def test_what_has_not_been_read_yet_is_shown_from_near_before_and_said_to_be_so(
 
 def test_a_frame_without_a_picture_gets_no_other_frames_picture(read: Moments):
     timeline = read.timeline()
-    assert read.at(timeline.end_of(101 - 1)).picture is not None
-    assert read.at(timeline.end_of(101 - 1)).picture.frame_id == 101
-    assert read.at(timeline.end_of(104 - 1)).picture is None
+    assert read.at(timeline.frame_end_seq(101 - 1)).picture is not None
+    assert read.at(timeline.frame_end_seq(101 - 1)).picture.frame_id == 101
+    assert read.at(timeline.frame_end_seq(104 - 1)).picture is None
 
 
 def test_a_log_that_grows_is_read_on_and_its_moments_with_it(tmp_path: Path):
     folder = tmp_path / "live"
     writer = eventful_night.write(folder, 60)
     moments = opened(folder)
-    assert moments.read_on(60.0)
+    assert moments.read_for(60.0)
     before = moments.timeline()
-    early = moments.at(before.end_of(20)).view
+    early = moments.at(before.frame_end_seq(20)).view
     eventful_night.go_on(writer, range(61, 121))
-    assert moments.read_on(60.0)
+    assert moments.read_for(60.0)
     after = moments.timeline()
     writer.close()
     whole = opened(folder)
-    whole.read_on(60.0)
+    whole.read_for(60.0)
     expected = whole.timeline()
     assert (len(before.frames), len(after.frames)) == (60, 120)
     assert after.frames == expected.frames
     assert after.states == expected.states
     missed = [h for h in expected.events if h.kind == "miss"]
     assert [h for h in after.events if h.kind == "miss"] == missed
-    assert moments.at(after.end_of(20)).view == early
-    seq = after.end_of(100)
+    assert moments.at(after.frame_end_seq(20)).view == early
+    seq = after.frame_end_seq(100)
     assert replace(moments.at(seq).view, is_closed=True) == folded(folder, {seq})[seq][0]
 
 
@@ -210,13 +210,13 @@ def test_a_damaged_record_is_an_alarm_in_its_place_and_the_rest_is_there(tmp_pat
         database.execute("UPDATE log SET body = '{}' WHERE seq = ?", (taken,))
         database.commit()
     moments = opened(folder)
-    assert moments.read_on(60.0)
+    assert moments.read_for(60.0)
     timeline = moments.timeline()
     assert len(timeline.frames) == 30
     line = next(line for line in moments.log() if line.level == "alarm")
     assert line.seq == taken
     assert "damaged" in line.text
-    assert moments.at(timeline.end_of(29)).view.frame.frame_id == 30
+    assert moments.at(timeline.frame_end_seq(29)).view.frame.frame_id == 30
 
 
 # -- the time line ------------------------------------------------------------------------------
@@ -243,7 +243,7 @@ THREE = Timeline(
 
 
 def test_a_step_goes_from_frames_end_to_frames_end():
-    assert [THREE.end_of(index) for index in range(3)] == [19, 29, 40]
+    assert [THREE.frame_end_seq(index) for index in range(3)] == [19, 29, 40]
     assert THREE.step(3, 1) == 19  # before the first frame
     assert THREE.step(19, 1) == 29
     assert THREE.step(25, 1) == 29  # from within a frame: its own end first
@@ -256,15 +256,15 @@ def test_a_step_goes_from_frames_end_to_frames_end():
 
 def test_a_jump_goes_to_where_the_event_is_seen_and_never_stays():
     kinds = ("miss", "note")
-    miss = THREE.jump(0, kinds, is_on=True)
+    miss = THREE.next_event(0, kinds, is_on=True)
     assert THREE.moment_of(miss) == 19  # a miss: with all that its frame led to
-    note = THREE.jump(19, kinds, is_on=True)
+    note = THREE.next_event(19, kinds, is_on=True)
     assert THREE.moment_of(note) == 25  # a note: when it was made
-    assert THREE.moment_of(THREE.jump(25, kinds, is_on=True)) == 40
-    assert THREE.jump(40, kinds, is_on=True) is None
-    assert THREE.moment_of(THREE.jump(40, kinds, is_on=False)) == 25
-    assert THREE.moment_of(THREE.jump(40, ("miss",), is_on=False)) == 19
-    assert THREE.jump(19, kinds, is_on=False) is None
+    assert THREE.moment_of(THREE.next_event(25, kinds, is_on=True)) == 40
+    assert THREE.next_event(40, kinds, is_on=True) is None
+    assert THREE.moment_of(THREE.next_event(40, kinds, is_on=False)) == 25
+    assert THREE.moment_of(THREE.next_event(40, ("miss",), is_on=False)) == 19
+    assert THREE.next_event(19, kinds, is_on=False) is None
 
 
 @given(st.integers(0, 45), st.integers(-5, 5))
@@ -334,7 +334,7 @@ def test_no_two_signs_of_the_time_line_are_the_same_not_even_in_ascii():
 @given(st.integers(1, 200), st.floats(0, 1))
 def test_a_click_on_a_cell_goes_to_a_time_within_it(columns: int, share: float):
     column = min(int(share * columns), columns - 1)
-    t = time_at(THREE, column, columns)
+    t = cell_end_utc_ns(THREE, column, columns)
     assert t is not None
     cell = (t - NS) / (90 * NS) * columns
     assert column <= cell <= column + 1.001
@@ -433,7 +433,7 @@ def test_a_session_without_frames_has_a_time_line_all_the_same(tmp_path: Path):
     made_up_night.armed(writer)
     writer.close()
     moments = opened(tmp_path / "night")
-    assert moments.read_on(10.0)
+    assert moments.read_for(10.0)
     timeline = moments.timeline()
     assert not timeline.frames
     assert timeline.step(0, 1) is None

@@ -11,7 +11,7 @@ from textual.widgets import Button
 
 from rsoconsole.config import Config
 from rsoconsole.console.actions import seat
-from rsoconsole.console.actions.mark_actions import too_late_to_mark
+from rsoconsole.console.actions.mark_actions import late_mark_reason
 from rsoconsole.console.actions.second_press import WITHIN_S
 from rsoconsole.console.app import ConsoleApp
 from rsoconsole.console.drawing.plot import Line
@@ -512,7 +512,7 @@ def test_a_mark_in_a_frame_that_takes_none_any_more_is_refused_at_its_first_end(
 
 def test_which_frames_take_a_mark_is_said_shortly():
     def said(*frames: int, newest: int = 40) -> str:
-        return too_late_to_mark(tracking(markable_frames=frames, frame_id=newest), 3)
+        return late_mark_reason(tracking(markable_frames=frames, frame_id=newest), 3)
 
     next_key = "; on the main screen enter opens the newest"
     too_old = "frame 3 is too old to mark: only"
@@ -523,8 +523,8 @@ def test_which_frames_take_a_mark_is_said_shortly():
     # The record is ahead of the engine's last word.
     assert said(1, 2, newest=2) == ""
     assert said(newest=3) == ""
-    assert too_late_to_mark(tracking(), 3) == ""  # an engine that does not say it
-    assert too_late_to_mark(EngineView(reach="gone", markable_frames=(9,)), 3) == ""
+    assert late_mark_reason(tracking(), 3) == ""  # an engine that does not say it
+    assert late_mark_reason(EngineView(reach="gone", markable_frames=(9,)), 3) == ""
 
 
 def test_the_engine_says_which_frames_take_a_mark():

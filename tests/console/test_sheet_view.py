@@ -15,10 +15,10 @@ from rsoconsole.console.picture.picture import FLOOR, STRETCHES
 from rsoconsole.console.picture.sheet_pixels import (
     CLOSEST,
     SheetPixels,
-    View,
-    averaged,
+    ZoomedFrame,
+    block_means,
     map_shares,
-    map_sigma,
+    map_snr,
     whole,
 )
 from rsoconsole.vision import FrameMap, make_map
@@ -37,7 +37,7 @@ views = st.builds(
 )
 
 
-def _zoomed(view: View, zooms: int) -> View:
+def _zoomed(view: ZoomedFrame, zooms: int) -> ZoomedFrame:
     for _ in range(zooms):
         view = view.zoomed(-1)
     return view
@@ -47,7 +47,7 @@ def _zoomed(view: View, zooms: int) -> View:
 
 
 @given(views)
-def test_the_cross_is_always_in_what_is_seen(view: View):
+def test_the_cross_is_always_in_what_is_seen(view: ZoomedFrame):
     window = view.window
     assert window.has(*window.cell(view.x_px, view.y_px))
     assert 1 <= window.columns <= view.columns
@@ -55,7 +55,9 @@ def test_the_cross_is_always_in_what_is_seen(view: View):
 
 
 @given(views)
-def test_what_is_seen_begins_in_the_frame_and_ends_within_two_squares_of_its_edge(view: View):
+def test_what_is_seen_begins_in_the_frame_and_ends_within_two_squares_of_its_edge(
+    view: ZoomedFrame,
+):
     window, square = view.window, view.px_per_square
     assert window.x0_px >= -0.5
     assert window.y0_px >= -0.5
@@ -64,7 +66,7 @@ def test_what_is_seen_begins_in_the_frame_and_ends_within_two_squares_of_its_edg
 
 
 @given(views)
-def test_squares_are_powers_of_two_pixels_down_to_a_quarter(view: View):
+def test_squares_are_powers_of_two_pixels_down_to_a_quarter(view: ZoomedFrame):
     if view.zoom is None:
         assert (view.window.width_px, view.window.height_px) == (view.width_px, view.height_px)
     else:
@@ -75,7 +77,7 @@ def test_squares_are_powers_of_two_pixels_down_to_a_quarter(view: View):
 
 
 @given(views)
-def test_nearer_and_back_is_where_one_was(view: View):
+def test_nearer_and_back_is_where_one_was(view: ZoomedFrame):
     nearer = view.zoomed(-1)
     if nearer != view:
         assert nearer.zoomed(1) == view
@@ -83,14 +85,14 @@ def test_nearer_and_back_is_where_one_was(view: View):
 
 
 @given(views)
-def test_from_afar_all_of_it_is_seen(view: View):
+def test_from_afar_all_of_it_is_seen(view: ZoomedFrame):
     for _ in range(16):
         view = view.zoomed(1)
     assert view.zoom is None
 
 
 @given(views, st.floats(-9000, 9000), st.floats(-9000, 9000))
-def test_the_cross_stays_in_the_frame(view: View, across: float, down: float):
+def test_the_cross_stays_in_the_frame(view: ZoomedFrame, across: float, down: float):
     moved = view.moved(across, down)
     assert 0 <= moved.x_px <= view.width_px - 1
     assert 0 <= moved.y_px <= view.height_px - 1
@@ -112,7 +114,7 @@ def test_the_cross_is_in_the_middle_where_the_frame_goes_on():
 
 
 @given(views, st.integers(1, 220), st.integers(1, 60))
-def test_in_another_terminal_the_cross_is_where_it_was(view: View, columns: int, rows: int):
+def test_in_another_terminal_the_cross_is_where_it_was(view: ZoomedFrame, columns: int, rows: int):
     other = view.resized(columns, rows)
     assert (other.x_px, other.y_px) == (view.x_px, view.y_px)
     assert other.window.has(*other.window.cell(other.x_px, other.y_px))
@@ -121,7 +123,7 @@ def test_in_another_terminal_the_cross_is_where_it_was(view: View, columns: int,
 
 @pytest.mark.parametrize(("wide_px", "high_px", "zoom"), [(120, 4, 1), (30, 30, 0), (4, 200, 3)])
 def test_a_streak_is_shown_whole_and_as_near_as_it_fits(wide_px: float, high_px: float, zoom: int):
-    view = whole(4656, 3520, 80, 20).at(2000, 1700).showing(wide_px, high_px)
+    view = whole(4656, 3520, 80, 20).at(2000, 1700).zoomed_to_fit(wide_px, high_px)
     assert view.zoom == zoom
     assert view.window.width_px >= wide_px
     assert view.window.height_px >= high_px
@@ -142,7 +144,7 @@ def test_means_over_blocks_are_means_of_what_there_is(
     height: int, width: int, block: int, dtype: type, seed: int
 ):
     pixels = np.random.default_rng(seed).integers(0, 65536, (height, width)).astype(dtype)
-    means = averaged(pixels, block)
+    means = block_means(pixels, block)
     for j, i in np.ndindex(means.shape):
         piece = pixels[j * block : (j + 1) * block, i * block : (i + 1) * block]
         # Single precision: seven digits of 65535.
@@ -214,7 +216,7 @@ def test_a_faint_streak_stands_out_of_the_noise_pixel_by_pixel_and_from_afar():
     sheet = SheetPixels(sky_with((x, y, flux)))
     for zoom, rows in ((0, 25), (2, 25)):
         view = whole(400, 400, 50, rows).at(200, 180)
-        view = View(**{**_fields(view), "zoom": zoom})
+        view = ZoomedFrame(**{**_fields(view), "zoom": zoom})
         window = view.window
         shares = sheet.shares(window, "streaks")
         along = np.linspace(-20, 20, 41)
@@ -227,7 +229,7 @@ def test_a_faint_streak_stands_out_of_the_noise_pixel_by_pixel_and_from_afar():
         assert on > shares.mean() + 1.5 * shares.std()
 
 
-def _fields(view: View) -> dict[str, object]:
+def _fields(view: ZoomedFrame) -> dict[str, object]:
     return {name: getattr(view, name) for name in view.__dataclass_fields__}
 
 
@@ -252,7 +254,7 @@ def test_the_map_is_shown_cell_by_cell_as_it_is():
 def test_the_maps_word_at_a_place_is_in_sigmas():
     x, y, flux = streak(200.0, 180.0, 0.0, 120.0, 3.0)
     frame_map = make_map(sky_with((x, y, flux)), "fast", 8)
-    on, off = map_sigma(frame_map, 200.0, 180.0), map_sigma(frame_map, 60.0, 60.0)
+    on, off = map_snr(frame_map, 200.0, 180.0), map_snr(frame_map, 60.0, 60.0)
     assert on > 5.0
     assert -2.0 <= off < 4.0
 

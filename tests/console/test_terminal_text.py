@@ -23,7 +23,7 @@ from textual.color import Color
 import rsoconsole.cli
 from rsoconsole.base import resource
 from rsoconsole.cli import main
-from rsoconsole.console.drawing.plain import CleanFilter, clean
+from rsoconsole.console.drawing.plain import CleanFilter, without_terminal_commands
 from tests.console.test_review_terminal import COMMAND, home, shown_after, wait_for
 from tests.nights.samples import SAMPLE
 from tests.rigs.terminal import Terminal
@@ -218,7 +218,7 @@ def test_a_line_of_the_screen_keeps_its_width_and_loses_its_commands():
 
 @pytest.mark.parametrize("sign", ["─", "█", "▘", "⣿", "±", "″", "\U0001cd00", "\U0010eeee\u0305"])
 def test_signs_that_the_screen_draws_with_are_left_alone(sign):
-    assert clean(sign) == sign
+    assert without_terminal_commands(sign) == sign
 
 
 def test_no_screen_passes_on_what_a_session_commands(foreign, home):

@@ -5,7 +5,7 @@ import re
 import pytest
 
 from rsoconsole.console.drawing.plain import plain
-from rsoconsole.console.drawing.track_marks import Numbered, placed_numbers
+from rsoconsole.console.drawing.track_marks import NumberedTrack, placed_numbers
 from rsoconsole.console.picture.marks import Window, marks_of, overlay
 from tests.nights import eight_tracks as eight
 from tests.nights.made_up_night import HEIGHT_PX, WIDTH_PX
@@ -60,7 +60,7 @@ def test_from_near_each_number_stands_at_its_own_streak():
 
 def test_no_number_lies_on_a_streak_or_beside_another_number():
     crowd = [
-        Numbered(text=f"{n}", left=(10 + n % 3, 5), right=(11 + n % 3, 5), kind="member")
+        NumberedTrack(text=f"{n}", left=(10 + n % 3, 5), right=(11 + n % 3, 5), kind="member")
         for n in range(1, 13)
     ]
     streaks = {(column, 5) for column in range(10, 15)}
@@ -74,7 +74,7 @@ def test_no_number_lies_on_a_streak_or_beside_another_number():
 
 
 def test_a_track_outside_the_picture_has_no_number_in_it():
-    outside = Numbered(text="9", left=(50, 5), right=(51, 5), kind="coasted")
+    outside = NumberedTrack(text="9", left=(50, 5), right=(51, 5), kind="coasted")
     assert placed_numbers([outside], (40, 12), {}, set()) == {}
 
 

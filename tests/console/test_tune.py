@@ -12,7 +12,7 @@ from textual.widgets import Input, Static
 from rsoconsole.base import ConfigError
 from rsoconsole.config import Config, with_setting
 from rsoconsole.console.app import ConsoleApp
-from rsoconsole.console.drawing.pane_layout import THREE_COLUMNS, fold, tune_box
+from rsoconsole.console.drawing.pane_layout import THREE_COLUMNS, pane_boxes, tune_box
 from rsoconsole.console.tuning.lines import tune_lines
 from rsoconsole.console.tuning.tuning_pane import (
     NAMES,
@@ -223,7 +223,7 @@ def test_a_file_that_is_none_is_refused(tmp_path: Path, text: str):
 
 @pytest.mark.parametrize("size", [(80, 24), (120, 40), (200, 60), (60, 16), (40, 12)])
 def test_the_pane_has_a_place_in_every_terminal_and_leaves_state_keys_and_picture(size):
-    box, boxes = tune_box(*size), fold(*size)
+    box, boxes = tune_box(*size), pane_boxes(*size)
     assert box.x + box.width <= size[0]
     assert box.y >= boxes["top"].height
     assert box.y + box.height <= size[1] - 1

@@ -12,7 +12,7 @@ from textual.widgets import Input, Static
 from rsoconsole.config import Config, LimitsConfig
 from rsoconsole.console.app import ConsoleApp
 from rsoconsole.console.dialogs.ask import UNREAD, GotoDialog
-from rsoconsole.console.dialogs.up_list import UpListDialog
+from rsoconsole.console.dialogs.up_list import VisibleSatellitesDialog
 from rsoconsole.console.panes.panes import LinesPane
 from rsoconsole.control import Outcome
 from rsoconsole.orbits import parse_catalogue
@@ -99,7 +99,7 @@ def test_one_is_found_by_typing_and_gone_to_by_the_plan_of_every_go_to(wire: Fak
         config = Config.model_validate({"catalogue": {"tle_files": [elements_path()]}})
         app.live.night = dataclasses.replace(app.live.night, config=config)
         await pilot.press("5")
-        await until(pilot, lambda: isinstance(app.screen, UpListDialog))
+        await until(pilot, lambda: isinstance(app.screen, VisibleSatellitesDialog))
         rows = app.screen.query_one("#rows", LinesPane)
         await until(pilot, lambda: "INTELSAT 14" in rows.text)
         assert "by altitude" in rows.text
@@ -130,7 +130,7 @@ def test_what_is_asked_before_the_night_is_read_waits_for_its_settings(wire: Fak
         config = Config.model_validate({"catalogue": {"tle_files": [elements_path()]}})
         app.live.night = dataclasses.replace(read, config=None, is_read=False)
         await pilot.press(key)
-        await until(pilot, lambda: isinstance(app.screen, GotoDialog | UpListDialog))
+        await until(pilot, lambda: isinstance(app.screen, GotoDialog | VisibleSatellitesDialog))
         await pilot.press(*"intelsat 14")
         shown = "#understood" if key == "g" else "#rows"
         said = lambda: str(app.screen.query_one(shown).render())  # noqa: E731
@@ -148,7 +148,7 @@ def test_what_is_asked_before_the_night_is_read_waits_for_its_settings(wire: Fak
 def test_without_element_files_it_says_where_to_name_them(wire: FakeWire):
     async def scene(app: ConsoleApp, pilot: Pilot[str]) -> None:
         await pilot.press("5")
-        await until(pilot, lambda: isinstance(app.screen, UpListDialog))
+        await until(pilot, lambda: isinstance(app.screen, VisibleSatellitesDialog))
         rows = app.screen.query_one("#rows", LinesPane)
         await until(pilot, lambda: "catalogue.tle_files" in rows.text)
 
@@ -167,7 +167,7 @@ def test_what_cannot_be_computed_is_said_and_in_the_log(wire: FakeWire, monkeypa
         config = Config.model_validate({"catalogue": {"tle_files": [elements_path()]}})
         app.live.night = dataclasses.replace(app.live.night, config=config)
         await pilot.press("5")
-        await until(pilot, lambda: isinstance(app.screen, UpListDialog))
+        await until(pilot, lambda: isinstance(app.screen, VisibleSatellitesDialog))
         rows = app.screen.query_one("#rows", LinesPane)
         await until(pilot, lambda: "it cannot be computed" in rows.text)
 

@@ -8,9 +8,9 @@ import pytest
 from rsoconsole.control import (
     COMMANDS,
     Accept,
+    AimOffset,
     AnswerSeat,
     Arm,
-    Beside,
     Choose,
     Command,
     Goto,
@@ -43,7 +43,7 @@ OLDER: list[tuple[str, dict[str, Any], Command]] = [
     (
         "preview",
         {"lead_s": 2.0, "along_arcmin": 0.0, "across_arcmin": 1.0},
-        Preview(move=Beside(lead_s=2.0, along_arcmin=0.0, across_arcmin=1.0)),
+        Preview(move=AimOffset(lead_s=2.0, along_arcmin=0.0, across_arcmin=1.0)),
     ),
     ("hold", {"until": "clear"}, Hold(until="clear")),
     ("hold", {"until": None}, Hold()),

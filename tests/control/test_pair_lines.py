@@ -61,9 +61,9 @@ def test_a_track_that_no_catalogued_object_explains_is_named_so():
     unknown = replace(eight.name_of(12, 4, ""), verdict="unknown", matches=())
     night.take(t_of(12), unknown)
     assert "not in the catalogue: track 4" in " ".join(words(night, (100, 30)))
-    from rsoconsole.console.words.track_lines import name_words
+    from rsoconsole.console.words.track_lines import track_name_words
 
-    assert name_words(night.view(), 4) == "not in catalogue"
+    assert track_name_words(night.view(), 4) == "not in catalogue"
 
 
 def test_two_that_part_and_two_that_still_near_have_no_instant():

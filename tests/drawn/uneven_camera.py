@@ -45,7 +45,7 @@ class UnevenCamera:
             response *= 1.0 - 0.15 * np.exp(-(((away - 14.0) / 4.0) ** 2))
         return cls(dark, response, rng)
 
-    def exposed(self, light_e: FloatArray | float, scale: float = 1.0) -> FloatArray:
+    def note_frame(self, light_e: FloatArray | float, scale: float = 1.0) -> FloatArray:
         """Whole ADU, float64; ``scale``: of the exposure that the dark current belongs to."""
         light = self.rng.poisson(light_e * self.response).astype(float)
         light += self.rng.poisson(scale * self.dark_e) + self.rng.normal(
@@ -63,7 +63,7 @@ class UnevenCamera:
             around = np.s_[row - 6 : row + 7, column - 6 : column + 7]
             light[around] += self.rng.exponential(3000.0) * point
         values = {"frame_id": 1, "name": "a", "exposure_s": 10.0, "scale_arcsec_px": 1.26} | other
-        return Frame(pixels=self.exposed(light).astype(np.uint16), **values)
+        return Frame(pixels=self.note_frame(light).astype(np.uint16), **values)
 
     def master(self, light_e: float = 0.0, scale: float = 1.0) -> FloatArray:
         """The mean of some frames: as many as they are, their electrons are one draw."""

@@ -39,8 +39,8 @@ from rsoconsole.control import (
     status_json,
 )
 from rsoconsole.engine import services_of
-from rsoconsole.engine.alerts._news import Alert, News
-from rsoconsole.engine.alerts._spool import MOST, OLDEST_NS, Spool, Waiting
+from rsoconsole.engine.alerts._news import Alert, SessionAlerts
+from rsoconsole.engine.alerts._spool import MOST, OLDEST_NS, QueuedMessage, Spool
 from rsoconsole.engine.alerts.child import Limiter
 from rsoconsole.engine.alerts.process import AlertProcess, _log_file
 from rsoconsole.engine.alerts.services import AlertSender, SendResult, Service, send
@@ -95,7 +95,7 @@ def messages(server: BadServer) -> list[dict[str, str]]:
 
 
 def told(*records: Record) -> list[tuple[str, str]]:
-    news = News()
+    news = SessionAlerts()
     return [(a.kind, a.text) for each in records for a in news.take(5, each)]
 
 
@@ -183,7 +183,7 @@ def test_what_the_operator_did_and_what_is_no_news_is_not_told() -> None:
 
 def test_another_name_for_a_track_is_told_and_done_names_what_was_seen() -> None:
     assert len(told(identified(), identified(name="SES-10"))) == 2
-    news = News()
+    news = SessionAlerts()
     news.take(1, identified())
     assert "INTELSAT 14 (36097)" in news.done(2).text
 
@@ -197,32 +197,32 @@ def alert(kind: str, text: str = "x") -> Alert:
 
 def test_a_kind_rests_and_what_was_held_back_is_counted() -> None:
     limiter = Limiter(events=ALERT_KINDS, quiet_s=600.0, most_per_hour=20)
-    assert limiter.passed(alert("lock"), 0.0) is not None
-    assert limiter.passed(alert("lock"), 599.0) is None
-    assert limiter.passed(alert("loss"), 599.0) is not None
-    later = limiter.passed(alert("lock"), 600.0)
+    assert limiter.alert_if_allowed(alert("lock"), 0.0) is not None
+    assert limiter.alert_if_allowed(alert("lock"), 599.0) is None
+    assert limiter.alert_if_allowed(alert("loss"), 599.0) is not None
+    later = limiter.alert_if_allowed(alert("lock"), 600.0)
     assert later is not None
     assert "1 more" in later.text
 
 
 def test_another_fault_is_told_at_once_and_a_flood_of_them_is_bounded() -> None:
     limiter = Limiter(events=ALERT_KINDS, quiet_s=600.0, most_per_hour=5)
-    passed = [limiter.passed(alert("fault", f"no {n}"), n) for n in range(100)]
+    passed = [limiter.alert_if_allowed(alert("fault", f"no {n}"), n) for n in range(100)]
     assert sum(each is not None for each in passed) == 5
-    assert limiter.passed(alert("lock"), 100.0) is not None
-    assert limiter.passed(alert("fault", "later"), 3700.0) is not None
+    assert limiter.alert_if_allowed(alert("lock"), 100.0) is not None
+    assert limiter.alert_if_allowed(alert("fault", "later"), 3700.0) is not None
 
 
 def test_what_is_not_wanted_is_not_told() -> None:
     limiter = Limiter(events=("fault",), quiet_s=0.0, most_per_hour=5)
-    assert limiter.passed(alert("lock"), 0.0) is None
+    assert limiter.alert_if_allowed(alert("lock"), 0.0) is None
 
 
 # The spool and the services
 
 
 def add(spool: Spool, n: int, to: list[str], t_utc_ns: int = 5) -> None:
-    spool.add(Waiting(kind="lock", title="t", body=str(n), t_utc_ns=t_utc_ns, pending=to))
+    spool.add(QueuedMessage(kind="lock", title="t", body=str(n), t_utc_ns=t_utc_ns, pending=to))
 
 
 def test_the_spool_outlives_its_process_is_bounded_and_holds_no_address(tmp_path: Path) -> None:
@@ -267,9 +267,9 @@ def test_what_two_engines_have_to_say_is_in_one_spool_when_the_first_has_ended(
     tmp_path: Path,
 ) -> None:
     first, second = Spool(tmp_path), Spool(tmp_path, claim_again_s=0.0)
-    one = Waiting(kind="lock", title="t", body="first", t_utc_ns=1, pending=["a"])
+    one = QueuedMessage(kind="lock", title="t", body="first", t_utc_ns=1, pending=["a"])
     first.add(one, ("night 1", 7))
-    other = Waiting(kind="lock", title="t", body="second", t_utc_ns=2, pending=["a"])
+    other = QueuedMessage(kind="lock", title="t", body="second", t_utc_ns=2, pending=["a"])
     second.add(other, ("night 2", 9))
     held = second.first_for("a")
     assert held is not None
@@ -284,7 +284,7 @@ def test_what_two_engines_have_to_say_is_in_one_spool_when_the_first_has_ended(
     left = third.first_for("a")
     assert left is not None
     assert (left.body, len(third)) == ("first", 1)
-    assert (third.seen_of("night 1"), third.seen_of("night 2")) == (7, 9)
+    assert (third.last_alerted_record("night 1"), third.last_alerted_record("night 2")) == (7, 9)
     third.sent(left.number, "a")
     assert len(third) == 0
 
@@ -294,7 +294,11 @@ def test_a_spool_of_the_first_form_is_read(tmp_path: Path) -> None:
     told = {"format": 1, "seen": ["night 1", 7], "waiting": [row]}
     (tmp_path / "spool.json").write_text(json.dumps(told))
     spool = Spool(tmp_path)
-    assert (len(spool), spool.seen_of("night 1"), spool.seen_of("night 2")) == (1, 7, 0)
+    assert (
+        len(spool),
+        spool.last_alerted_record("night 1"),
+        spool.last_alerted_record("night 2"),
+    ) == (1, 7, 0)
 
 
 def test_messages_for_services_of_another_engine_are_not_waited_for(tmp_path: Path) -> None:
@@ -312,7 +316,7 @@ def test_messages_for_services_of_another_engine_are_not_waited_for(tmp_path: Pa
 LEAK = """
 import io, json, logging, sys, threading
 from rsoconsole.engine.alerts import child
-child.own_words_alone(sys.stderr)
+child.log_own_messages_only(sys.stderr)
 logging.getLogger("urllib3.connectionpool").warning("Retrying: /bot%s/sendMessage", "T0KEN")
 logging.getLogger("apprise").error("T0KEN")
 logging.getLogger("requests").exception("T0KEN")
@@ -367,7 +371,7 @@ def test_a_service_that_hangs_or_fails_delays_no_other_and_gets_its_message_late
     sender = AlertSender(services, Spool(tmp_path), send=send_, first_again_s=0.05)
     began = time.monotonic()
     for n in range(3):
-        sender.add(Waiting(kind="lock", title="t", body=str(n), t_utc_ns=time.time_ns()))
+        sender.add(QueuedMessage(kind="lock", title="t", body=str(n), t_utc_ns=time.time_ns()))
     assert time.monotonic() - began < 5.0
     until(lambda: got == [("x://good", "0"), ("x://good", "1"), ("x://good", "2")])
     is_up = True

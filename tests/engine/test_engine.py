@@ -8,7 +8,7 @@ import pytest
 from rsoconsole.base import InstrumentError
 from rsoconsole.config import Config
 from rsoconsole.control import Seek
-from rsoconsole.engine.tasks.pace import changed
+from rsoconsole.engine.tasks.pace import config_with_setting
 from rsoconsole.instruments import MountReport, StopResult
 from rsoconsole.instruments.motion import Motion
 from rsoconsole.pipeline import Reduction
@@ -367,7 +367,7 @@ def test_the_same_false_streak_in_every_frame_does_not_hold_the_search():
 )
 def test_what_cannot_be_set_is_refused_with_the_reason(name, value, word):
     with pytest.raises(ValueError, match=word):
-        changed(CONFIG, name, value)
+        config_with_setting(CONFIG, name, value)
 
 
 def test_a_verb_that_there_is_not_is_refused_with_those_that_there_are():

@@ -5,7 +5,7 @@ from typing import Any
 import pytest
 
 from rsoconsole.base import InstrumentError
-from rsoconsole.control import ON_RECORD, Later, Outcome
+from rsoconsole.control import ON_RECORD, Outcome, PendingOutcome
 from rsoconsole.engine.aim.instrument_controller import Interrupted
 from rsoconsole.engine.aim.states import LimitMet, Stopped
 from rsoconsole.engine.service._command_handler import MOUNT_WORD_S, SENT, WAITS, CommandHandler
@@ -27,10 +27,10 @@ def idle() -> Rig:
     return rig(set())
 
 
-def begun(r: Rig, verb: str, arguments: dict[str, Any] | None = None) -> Later:
+def begun(r: Rig, verb: str, arguments: dict[str, Any] | None = None) -> PendingOutcome:
     """The answer, as the wire waits for it."""
     later = command_handler_of(r, LONG_S).begin(asked(verb, arguments))
-    assert isinstance(later, Later), later
+    assert isinstance(later, PendingOutcome), later
     return later
 
 
@@ -114,13 +114,13 @@ def test_the_bound_is_two_seconds_since_the_command_came(idle: Rig):
     assert MOUNT_WORD_S == 2.0
     request = asked("goto", ASIDE)
     later = CommandHandler(idle.engine, idle.queue, idle.engine.config.session.root).begin(request)
-    assert isinstance(later, Later)
+    assert isinstance(later, PendingOutcome)
     assert later.until_s == request.came_s + MOUNT_WORD_S
 
 
 def test_behind_the_bound_it_says_how_far_the_order_has_come(idle: Rig):
     later = command_handler_of(idle, 0.0).begin(asked("goto", ASIDE))
-    assert isinstance(later, Later)
+    assert isinstance(later, PendingOutcome)
     assert (later.outcome().ok, later.outcome().message) == (True, WAITS)
     said: list[Outcome] = []
     idle.mount.slew = lambda *_arguments: said.append(later.outcome())  # type: ignore[method-assign]

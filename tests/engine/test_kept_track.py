@@ -9,7 +9,7 @@ from rsoconsole.engine import CHECKS
 from rsoconsole.engine.aim.states import ClockSet, LimitMet, Marked
 from rsoconsole.pipeline import Reduction, replay
 from rsoconsole.pipeline.cycle.track_assignment import KEPT_S, NS
-from rsoconsole.pipeline.replays.refold import Walk
+from rsoconsole.pipeline.replays.refold import ReplayState
 from rsoconsole.records import Event, Frame, NotSolved, OperatorAction, StateChange
 from rsoconsole.session import decode, encode
 from rsoconsole.words import text
@@ -200,7 +200,7 @@ def test_arming_and_following_again_at_once_checks_the_pointing_first(tracking: 
 
 def kept_by_replay(r: Rig) -> int | None:
     """What a replay of the log so far holds to be followed again, by its track id."""
-    walk = Walk.begin(CONFIG)
+    walk = ReplayState.begin(CONFIG)
     for record in r.memory.records:
         list(walk.receive(decode(*encode(record)[::2])))
     return None if walk.kept is None else walk.kept.track_id

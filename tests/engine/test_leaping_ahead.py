@@ -443,7 +443,7 @@ def test_what_the_streaks_tell_of_the_shutter_is_waited_for_unless_the_frame_com
     assert steady_s is not None
     assert scattered_s is not None
     assert scattered_s == pytest.approx(0.5 + 0.2 + 4 * 0.1, abs=0.01)
-    times.examined(7 * NS + round(0.9 * NS))  # 0.2 s after the last shutter closed
+    times.learn_processing_time(7 * NS + round(0.9 * NS))  # 0.2 s after the last shutter closed
     assert times.closed_after_s(0.2, 0.1) is None
     assert times.closed_after_s(0.2) == steady_s
 

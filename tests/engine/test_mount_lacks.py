@@ -11,7 +11,7 @@ import pytest
 from rsoconsole.base import InstrumentError
 from rsoconsole.config import Config, MountConfig
 from rsoconsole.engine.doctor import doctor
-from rsoconsole.engine.doctor.mount_lacks import PROPERTIES, Lack, lacks_of
+from rsoconsole.engine.doctor.mount_lacks import PROPERTIES, MissingAbility, missing_abilities
 from rsoconsole.engine.service import service
 from rsoconsole.engine.service._command_handler import CommandHandler
 from rsoconsole.engine.service.machine_watch import driver_health
@@ -57,7 +57,7 @@ def server() -> Iterator[Serve]:
 
 
 def names(abilities: MountAbilities, mount: MountConfig | None = None) -> list[str]:
-    return [lack.name for lack in lacks_of(abilities, mount or MountConfig())]
+    return [lack.name for lack in missing_abilities(abilities, mount or MountConfig())]
 
 
 def test_a_mount_that_offers_all_lacks_nothing():
@@ -65,7 +65,7 @@ def test_a_mount_that_offers_all_lacks_nothing():
 
 
 def test_each_lack_is_told_with_what_follows():
-    found = lacks_of(BARE, MountConfig())
+    found = missing_abilities(BARE, MountConfig())
     assert [lack.name for lack in found] == list(PROPERTIES)
     told = {lack.name: lack.text for lack in found}
     assert told["abort"] == "the mount has no ABORT: STOP cannot end a slew: cut its power"
@@ -74,7 +74,7 @@ def test_each_lack_is_told_with_what_follows():
 
 
 def test_a_mount_that_parks_at_a_limit_may_be_armed_without_a_tracking_switch():
-    (lack,) = lacks_of(MountAbilities(can_set_tracking=False), MountConfig())
+    (lack,) = missing_abilities(MountAbilities(can_set_tracking=False), MountConfig())
     assert not lack.needs_override
     assert lack.follows == "tracking cannot be ended at a limit: it parks there"
 
@@ -184,7 +184,7 @@ def test_a_driver_that_defines_its_properties_bit_by_bit_is_waited_for(monkeypat
 
 def test_status_and_health_tell_what_the_mount_cannot(tmp_path):
     r = rig(set())
-    lacks = lacks_of(BARE, MountConfig())
+    lacks = missing_abilities(BARE, MountConfig())
     status = CommandHandler(r.engine, r.queue, tmp_path, lacks=lacks).status()
     assert status.mount_lacks == tuple(lack.text for lack in lacks)
     (driver,) = [each for each in status.health if each.name == "driver"]
@@ -192,7 +192,7 @@ def test_status_and_health_tell_what_the_mount_cannot(tmp_path):
 
 
 def test_what_a_mount_only_does_not_tell_is_no_matter_of_health():
-    lacks = lacks_of(MountAbilities(has_time=False, has_site=False), MountConfig())
+    lacks = missing_abilities(MountAbilities(has_time=False, has_site=False), MountConfig())
     assert len(lacks) == 2
     assert driver_health(lacks) == ()
     assert driver_health(()) == ()
@@ -214,7 +214,9 @@ def test_arming_an_unsafe_mount_needs_its_override_by_name(tmp_path, able, name)
     refused = handler.handle(asked("arm", {"override": others}))
     assert not refused.ok
     assert f"--override {name}" in refused.message
-    assert handler.status().mount_lacks == tuple(e.text for e in lacks_of(able, MountConfig()))
+    assert handler.status().mount_lacks == tuple(
+        e.text for e in missing_abilities(able, MountConfig())
+    )
     assert handler.handle(asked("arm", {"override": [*others, name]})).ok
     r.engine.run(frames=2)
     assert r.engine.authority.is_autonomous
@@ -223,4 +225,4 @@ def test_arming_an_unsafe_mount_needs_its_override_by_name(tmp_path, able, name)
 
 
 def test_a_lack_is_a_line():
-    assert "\n" not in Lack(name="time", what="no time", follows="compare it").text
+    assert "\n" not in MissingAbility(name="time", what="no time", follows="compare it").text

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from rsoconsole.config import Config
-from rsoconsole.engine.aim.night import darkness_words, lasting_overrides, night_end
+from rsoconsole.engine.aim.night import darkness_words, night_end, overrides_still_needed
 from rsoconsole.instruments import SkyReport
 from rsoconsole.records import Site
 from rsoconsole.sky import iso_to_utc_ns, night_span
@@ -184,11 +184,11 @@ def test_a_configured_station_that_nobody_asks_ends_the_night() -> None:
 def test_an_override_falls_when_its_reason_is_gone() -> None:
     given = {"sun", "weather", "dome", "clock"}
     storm = SkyReport(weather="alert", dome="closed")
-    assert lasting_overrides(guarded(), NOON, storm, given) == given
-    assert lasting_overrides(guarded(), MIDNIGHT, storm, given) == given - {"sun"}
-    assert lasting_overrides(guarded(), MIDNIGHT, CLEAR, given) == {"clock"}
+    assert overrides_still_needed(guarded(), NOON, storm, given) == given
+    assert overrides_still_needed(guarded(), MIDNIGHT, storm, given) == given - {"sun"}
+    assert overrides_still_needed(guarded(), MIDNIGHT, CLEAR, given) == {"clock"}
     # So a Sun let pass at dusk ends the night at dawn.
-    kept = lasting_overrides(guarded(), MIDNIGHT, CLEAR, {"sun"})
+    kept = overrides_still_needed(guarded(), MIDNIGHT, CLEAR, {"sun"})
     assert night_end(guarded(), NOON, CLEAR, kept) is not None
 
 

@@ -54,7 +54,7 @@ class Loop:
         self.frame_id += 1
         self.now_ns = plan.t_start_utc_ns + 12 * NS
         frame = Frame(frame_id=self.frame_id, name="", pixels=np.zeros((4, 4), np.uint16))
-        self.planner.exposed(frame, plan.t_start_utc_ns)
+        self.planner.note_frame(frame, plan.t_start_utc_ns)
         self.planner.followed(before, after, self.now_ns)
         return self.hour_angle(plan)
 
@@ -138,7 +138,7 @@ def test_the_first_look_needs_no_slew_and_counts_where_it_is_the_first_field(
     settings = {"search": {"pattern": pattern, "hour_angle_deg": hour_angle_deg}}
     settings["search"] |= {"targets": TARGETS, "belt_fields": 3}
     loop = Loop(settings)
-    plan = loop.planner.first_look(T0_UTC_NS)
+    plan = loop.planner.plan_exposure_here(T0_UTC_NS)
     assert plan.slew is None
     assert plan.t_start_utc_ns == T0_UTC_NS
     loop.expose(plan, SEARCHING, SEARCHING)
@@ -148,7 +148,7 @@ def test_the_first_look_needs_no_slew_and_counts_where_it_is_the_first_field(
 def test_what_the_first_look_shows_is_waited_for_in_place():
     """Also where the search itself is elsewhere; after that it goes on there."""
     loop = Loop(LIST)
-    loop.expose(loop.planner.first_look(T0_UTC_NS), SEARCHING, WAITING)
+    loop.expose(loop.planner.plan_exposure_here(T0_UTC_NS), SEARCHING, WAITING)
     plan = loop.planner.plan(WAITING, loop.now_ns)
     assert plan.slew is not None
     assert plan.slew.reason == "wait for a second frame"
@@ -158,7 +158,7 @@ def test_what_the_first_look_shows_is_waited_for_in_place():
 
 def test_a_place_of_the_first_look_that_is_refused_gives_way_to_the_search():
     loop = Loop({"search": {"pattern": "stay", "hour_angle_deg": -20.0}})
-    loop.expose(loop.planner.first_look(T0_UTC_NS), SEARCHING, WAITING)
+    loop.expose(loop.planner.plan_exposure_here(T0_UTC_NS), SEARCHING, WAITING)
     plan = loop.planner.plan(WAITING, loop.now_ns, refuses(-40.0))
     assert loop.hour_angle(plan) == -20.0
 
@@ -166,7 +166,7 @@ def test_a_place_of_the_first_look_that_is_refused_gives_way_to_the_search():
 def test_a_lost_satellite_is_looked_for_where_it_was_lost_before_the_list_goes_on():
     loop = Loop(LIST)
     loop.search(1)
-    loop.planner.solved(solution_at(report(10.0).ra_icrs_deg, -4.7))
+    loop.planner.note_solution(solution_at(report(10.0).ra_icrs_deg, -4.7))
     loop.planner.followed(Following(state="COAST"), Following(state="LOST"), T0_UTC_NS)
     # Between the loss and the aim the sky turns; the place over the ground is kept.
     assert loop.search(5) == pytest.approx([10, 10, -30, -30, 5], abs=0.1)
@@ -222,8 +222,8 @@ def test_the_time_of_a_flip_is_computed_with():
 def test_the_first_look_teaches_the_offset_and_a_move_by_hand_keeps_it():
     loop = Loop(LIST)
     here = report()
-    loop.expose(loop.planner.first_look(T0_UTC_NS), SEARCHING, SEARCHING)
-    loop.planner.solved(solution_at(here.ra_icrs_deg, here.dec_icrs_deg + 0.1))
+    loop.expose(loop.planner.plan_exposure_here(T0_UTC_NS), SEARCHING, SEARCHING)
+    loop.planner.note_solution(solution_at(here.ra_icrs_deg, here.dec_icrs_deg + 0.1))
     offset = loop.planner._pointing.last
     assert (offset.samples, offset.north_arcsec) == (1, pytest.approx(360.0, abs=0.1))
     moved = report(-38.0)
@@ -237,7 +237,7 @@ def test_the_first_look_teaches_the_offset_and_a_move_by_hand_keeps_it():
 def test_a_mount_that_does_not_track_teaches_no_offset():
     loop = Loop(LIST)
     loop.planner.moved_by_hand(report(is_tracking=False))
-    loop.planner.solved(solution_at(10.0, 10.0))
+    loop.planner.note_solution(solution_at(10.0, 10.0))
     assert loop.planner._pointing.last.samples == 0
 
 
@@ -245,8 +245,8 @@ def test_the_offset_is_that_of_the_side_the_mount_will_choose_when_it_is_told():
     """Hour angle 0.45 deg at the order, past the hysteresis at the aim: the mount stays west."""
     loop = Loop(LIST, hour_angle_deg=-0.3)
     here = report(-0.3)
-    loop.expose(loop.planner.first_look(T0_UTC_NS), SEARCHING, SEARCHING)
-    loop.planner.solved(solution_at(here.ra_icrs_deg, here.dec_icrs_deg + 0.1))
+    loop.expose(loop.planner.plan_exposure_here(T0_UTC_NS), SEARCHING, SEARCHING)
+    loop.planner.note_solution(solution_at(here.ra_icrs_deg, here.dec_icrs_deg + 0.1))
     search = {"pattern": "targets", "targets": [{"name": "it", "hour_angle_deg": 0.55}]}
     loop.planner.configure(Config.model_validate({"search": search}))
     plan = loop.planner.plan(SEARCHING, loop.now_ns)

@@ -509,7 +509,7 @@ def test_a_plain_hold_does_not_end_by_the_sky_when_one_that_would_came_before():
 
 def test_an_exposure_for_some_frames_goes_back_to_the_night_s_own():
     """Not to the one that the track had it changed to, which no track's end would set back."""
-    from rsoconsole.engine.tasks.pace import Pace, TemporarySettings, changed
+    from rsoconsole.engine.tasks.pace import Pace, TemporarySettings, config_with_setting
     from tests.engine.test_pace import track
 
     night = Config.model_validate({"exposure": {"automatic": True}})
@@ -517,8 +517,8 @@ def test_an_exposure_for_some_frames_goes_back_to_the_night_s_own():
     temporary = TemporarySettings(pace.of_night)
     paced, _ = pace.after(night, track(167.0))
     assert paced.exposure.exposure_s != night.exposure.exposure_s
-    temporary.lend(paced, "exposure.exposure_s", 1)
-    lent = changed(paced, "exposure.exposure_s", 4.0)
+    temporary.remember_setting(paced, "exposure.exposure_s", 1)
+    lent = config_with_setting(paced, "exposure.exposure_s", 4.0)
     after, _ = pace.after(lent, track(167.0))
     back, _ = temporary.count(after)
     ended, _ = pace.after(back, None)

@@ -470,14 +470,14 @@ def test_cameras_that_write_whole_seconds_or_are_late_at_random_are_believed():
     times = FrameTimes()
     for number, late_s in enumerate((0.0, 0.9, 0.4, 0.7, 0.1, 0.95, 0.5, 1.4, 0.2, 0.8)):
         opened_ns = number * 30 * NS
-        assert times.judge(opened_ns - round(late_s * NS), opened_ns).is_believed
+        assert times.check_frame_time(opened_ns - round(late_s * NS), opened_ns).is_believed
 
 
 def test_a_camera_s_clock_that_was_always_off_is_its_own_affair():
     times = FrameTimes()
     for number in range(10):
         opened_ns = number * 30 * NS
-        assert times.judge(opened_ns + 7200 * NS, opened_ns).is_believed
+        assert times.check_frame_time(opened_ns + 7200 * NS, opened_ns).is_believed
 
 
 def test_slews_go_on_being_recorded_in_order_after_the_clock_went_back():

@@ -10,9 +10,14 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from rsoconsole.base import ExportError
-from rsoconsole.library import ExportOptions, ReadAs, Target, read_observations, render
+from rsoconsole.library import ExportOptions, ReadOptions, Target, read_observations, render
 from rsoconsole.library.formats._iod_reader import parse_iod
-from rsoconsole.library.formats.iod import mx, position_sigma_arcsec, to_iod, to_the_millisecond
+from rsoconsole.library.formats.iod import (
+    mantissa_exponent_code,
+    position_sigma_arcsec,
+    rounded_to_ms_ns,
+    to_iod,
+)
 from rsoconsole.library.formats.night import read_night
 from rsoconsole.records import Site
 from rsoconsole.sky import iso_to_utc_ns, wrap_180
@@ -204,15 +209,15 @@ def test_seconds_are_rounded_as_time_goes(iso, written):
 @settings(deadline=None)
 @given(st.integers(LEAP - 3 * NS, LEAP + 3 * NS))
 def test_no_rounding_is_wrong_by_a_second(t_utc_ns):
-    assert abs(to_the_millisecond(t_utc_ns) - t_utc_ns) <= 1_000_000
-    assert to_the_millisecond(t_utc_ns) % 1_000_000 == 0
-    assert (to_the_millisecond(t_utc_ns) >= LEAP) == (t_utc_ns >= LEAP)
+    assert abs(rounded_to_ms_ns(t_utc_ns) - t_utc_ns) <= 1_000_000
+    assert rounded_to_ms_ns(t_utc_ns) % 1_000_000 == 0
+    assert (rounded_to_ms_ns(t_utc_ns) >= LEAP) == (t_utc_ns >= LEAP)
 
 
 @settings(deadline=None)
 @given(st.floats(1e-8, 90.0))
 def test_an_uncertainty_is_written_to_one_digit(value):
-    text = mx(value)
+    text = mantissa_exponent_code(value)
     assert int(text[0]) * 10.0 ** (int(text[1]) - 8) == pytest.approx(value, rel=0.34)
 
 
@@ -229,7 +234,7 @@ def test_an_uncertainty_is_written_to_one_digit(value):
     ],
 )
 def test_uncertainties_beyond_the_field_are_its_ends(value, text):
-    assert mx(value) == text
+    assert mantissa_exponent_code(value) == text
 
 
 def test_the_position_is_as_sure_as_in_its_worst_direction():
@@ -271,7 +276,7 @@ def test_the_shutters_error_is_read_back_once(tmp_path: Path):
     path.write_text(to_iod(night_of(rows), (1,), target=Target()))
     assert all(1.7 < each.position_sigma_arcsec < 2.5 for each in read_iod(path))
     site = Site(latitude_deg=29.19, longitude_deg=-81.05, elevation_m=10.0)
-    ((read,),) = read_observations(path, ReadAs(site=site))
+    ((read,),) = read_observations(path, ReadOptions(site=site))
     whitening = read.seen.whitening
     cov = np.linalg.inv(np.swapaxes(whitening, 1, 2) @ whitening)
     # The time's field has one digit: 0.01 or 0.02 s for 0.015. Counted twice it would be 64.
@@ -328,7 +333,7 @@ def test_a_damaged_file_names_its_line(tmp_path: Path):
     path = tmp_path / "x.iod"
     path.write_text(f"# a word before\n\n{HEAD} 25 0000000 000000 39\n{HEAD} 25 000000 000000 39\n")
     with pytest.raises(ExportError, match=r"line 3: .*columns"):
-        read_observations(path, ReadAs())
+        read_observations(path, ReadOptions())
 
 
 def test_a_cut_streak_is_not_reported(tmp_path: Path):

@@ -13,7 +13,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 
 from rsoconsole.base import ExportError, OrbitError
-from rsoconsole.library import ExportOptions, ReadAs, Target, export, read_observations, render
+from rsoconsole.library import ExportOptions, ReadOptions, Target, export, read_observations, render
 from rsoconsole.library.formats._tdm_reader import parse_tdm
 from rsoconsole.library.formats.night import read_night
 from rsoconsole.library.formats.tdm import LONGEST_LINE, aberration_deg, to_tdm
@@ -343,6 +343,6 @@ def test_what_is_no_text_is_no_message(tmp_path: Path):
     path = tmp_path / "x.tdm"
     path.write_bytes(b"\xff\xfe\x00")
     with pytest.raises(OrbitError, match="cannot be read"):
-        read_observations(path, ReadAs())
+        read_observations(path, ReadOptions())
     with pytest.raises(OrbitError, match="does not exist"):
-        read_observations(tmp_path / "none.tdm", ReadAs())
+        read_observations(tmp_path / "none.tdm", ReadOptions())

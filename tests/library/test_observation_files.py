@@ -12,7 +12,7 @@ from typer.testing import CliRunner
 
 from rsoconsole.base import ExportError, OrbitError
 from rsoconsole.cli.app import app
-from rsoconsole.library import ExportOptions, ReadAs, Target, read_observations, render
+from rsoconsole.library import ExportOptions, ReadOptions, Target, read_observations, render
 from rsoconsole.library.formats._iod_reader import parse_uk
 from rsoconsole.library.formats._tdm_reader import parse_tdm
 from rsoconsole.library.formats.night import read_night
@@ -25,7 +25,7 @@ DATA = Path(__file__).resolve().parents[3] / "shared" / "data"
 IOD, OBSERVED = DATA / "formats" / "iod", DATA / "observations"
 needs_samples = pytest.mark.skipif(not IOD.exists(), reason=f"{IOD} is not here")
 HERE = Site(latitude_deg=52.1358, longitude_deg=-2.3264, elevation_m=70.0)
-ASK = ReadAs(site=HERE)
+ASK = ReadOptions(site=HERE)
 GAINED_BY_ROUNDING_ARCSEC = 1.0
 
 
@@ -52,7 +52,7 @@ def test_each_export_is_read_back_as_the_sessions_own_directions(kind: Any, tmp_
     path = tmp_path / f"night.{kind}"
     text, _ = render(SAMPLE, kind, ExportOptions(site_line=True))
     path.write_text(text)
-    ask = ReadAs(site=own.site) if kind in {"csv", "jsonl"} else ReadAs()
+    ask = ReadOptions(site=own.site) if kind in {"csv", "jsonl"} else ReadOptions()
     ((read,),) = read_observations(path, ask)
     assert read.site.latitude_deg == pytest.approx(own.site.latitude_deg, abs=1e-5)
     assert read.site.longitude_deg == pytest.approx(own.site.longitude_deg, abs=1e-5)
@@ -168,7 +168,7 @@ def test_an_iod_file_begins_with_the_station_and_its_place(tmp_path: Path) -> No
     first, second, *_ = path.read_text().splitlines()
     assert first.startswith("# 4171 ")
     assert second[16:20] == "4171"
-    ((read,),) = read_observations(path, ReadAs())
+    ((read,),) = read_observations(path, ReadOptions())
     assert read.site.latitude_deg == pytest.approx(
         read_night(SAMPLE).config.site.latitude_deg, abs=1e-5
     )
@@ -224,7 +224,7 @@ def test_files_of_others_lead_to_an_object_or_to_a_sentence_that_says_what_to_do
     )
     assert found["observations"] == 4
     uk = IOD / "UK_data_compliant.txt"
-    ((read,),) = read_observations(uk, ReadAs(site=HERE, target="1991-076C"))
+    ((read,),) = read_observations(uk, ReadOptions(site=HERE, target="1991-076C"))
     assert len(read.seen) == 2
     for path in sorted((DATA / "formats" / "tdm").iterdir()):
         words = said("orbit", path)
@@ -311,7 +311,7 @@ def test_several_objects_of_a_table_are_told_apart(tmp_path: Path) -> None:
     path = table(tmp_path, "\n".join(["time,ra_deg,dec_deg,norad", *lines]))
     with pytest.raises(OrbitError, match=r"2 objects: 7 \(2\), 8 \(2\)"):
         read_observations(path, ASK)
-    ((read,),) = read_observations(path, ReadAs(site=HERE, target="8"))
+    ((read,),) = read_observations(path, ReadOptions(site=HERE, target="8"))
     assert len(read.seen) == 2
 
 
@@ -323,17 +323,17 @@ def test_each_station_of_a_file_has_its_own_place(tmp_path: Path) -> None:
     )
     lines = [f"{t},{ra},{dec},{name}" for name in ("2701", "4171") for t, ra, dec in ROWS]
     path = table(tmp_path, "\n".join(["time,ra_deg,dec_deg,station", *lines]))
-    groups = read_observations(path, ReadAs(stations=stations))
+    groups = read_observations(path, ReadOptions(stations=stations))
     assert [each[0].site.elevation_m for each in groups] == [230.0, 10.0]
     stations.write_text("2701 somewhere\n")
     with pytest.raises(ExportError, match="line 1: a station is"):
-        read_observations(path, ReadAs(stations=stations))
+        read_observations(path, ReadOptions(stations=stations))
 
 
 def test_a_time_that_is_known_badly_is_known_badly_along_the_motion(tmp_path: Path) -> None:
     lines = [f"{t},{ra},{dec},0.5" for t, ra, dec in ROWS]
     path = table(tmp_path, "\n".join(["time,ra_deg,dec_deg,time_sigma_s", *lines]))
-    ((read,),) = read_observations(path, ReadAs(site=HERE, sigma_arcsec=1.0))
+    ((read,),) = read_observations(path, ReadOptions(site=HERE, sigma_arcsec=1.0))
     covariance = np.linalg.inv(np.einsum("nji,njk->nik", read.seen.whitening, read.seen.whitening))
     # 0.3 deg in 60 s times cos Dec is 17.9 arcsec/s, 0.1 deg is 6.
     assert math.sqrt(covariance[0][0, 0]) == pytest.approx(math.hypot(1.0, 0.5 * 17.93), rel=1e-3)
@@ -369,7 +369,7 @@ def test_degrees_that_look_like_radians_are_taken_where_somebody_says_so(tmp_pat
     path = table(tmp_path, "\n".join(["time,ra,dec", *lines]))
     with pytest.raises(OrbitError, match="--radians or --degrees"):
         read_observations(path, ASK)
-    ((read,),) = read_observations(path, ReadAs(site=HERE, is_radians=False))
+    ((read,),) = read_observations(path, ReadOptions(site=HERE, is_radians=False))
     np.testing.assert_allclose(read.seen.ra_icrs_deg, [1.0, 1.03])
 
 
@@ -382,14 +382,14 @@ def test_lines_of_hours_and_minutes_are_never_taken_for_radians(tmp_path: Path) 
     ((read,),) = read_observations(path, ASK)
     assert read.seen.ra_icrs_deg.max() < 2.0 * math.pi
     with pytest.raises(OrbitError, match="leave --radians out"):
-        read_observations(path, ReadAs(site=HERE, is_radians=True))
+        read_observations(path, ReadOptions(site=HERE, is_radians=True))
 
 
 def test_json_without_a_site_takes_the_one_that_is_said(tmp_path: Path) -> None:
     path = tmp_path / "bare.json"
     path.write_text(json.dumps({"obs": [[t, ra, dec] for t, ra, dec in ROWS]}))
     with pytest.raises(OrbitError, match=r"no site .* --site"):
-        read_observations(path, ReadAs())
+        read_observations(path, ReadOptions())
     ((read,),) = read_observations(path, ASK)
     assert read.site == HERE
 

@@ -9,13 +9,13 @@ import numpy as np
 import pytest
 
 from rsoconsole.base import ExportError, OrbitError
-from rsoconsole.library import ReadAs, read_observations
+from rsoconsole.library import ReadOptions, read_observations
 from rsoconsole.library.formats._iod_reader import is_uk, parse_uk
 from rsoconsole.records import Site
 from rsoconsole.sky import iso_to_utc_ns
 
 HERE = Site(latitude_deg=52.1358, longitude_deg=-2.3264, elevation_m=70.0)
-ASK = ReadAs(site=HERE)
+ASK = ReadOptions(site=HERE)
 ROWS = [("2023-06-22T03:00:00", 10.0, 5.0), ("2023-06-22T03:01:00", 10.3, 5.1)]
 
 
@@ -45,7 +45,7 @@ def test_a_form_that_says_its_unit_is_never_asked_nor_converted(name: str, tmp_p
     ((read,),) = read_observations(path, ASK)
     np.testing.assert_allclose(read.seen.ra_icrs_deg, [1.0, 1.03])
     with pytest.raises(OrbitError, match=r"leave --radians out|write them so"):
-        read_observations(path, ReadAs(site=HERE, is_radians=True))
+        read_observations(path, ReadOptions(site=HERE, is_radians=True))
 
 
 @pytest.mark.parametrize("head", ["ra_rad,dec_rad", "ra_hours,dec_deg"])
@@ -56,7 +56,7 @@ def test_what_a_name_says_is_converted_once(head: str, tmp_path: Path) -> None:
     wanted = math.degrees(0.01) if head == "ra_rad,dec_rad" else 0.15
     assert read.seen.ra_icrs_deg[0] == pytest.approx(wanted)
     with pytest.raises(OrbitError, match="leave --radians out"):
-        read_observations(path, ReadAs(site=HERE, is_radians=True))
+        read_observations(path, ReadOptions(site=HERE, is_radians=True))
 
 
 def test_radians_beside_a_name_without_a_unit_are_no_direction(tmp_path: Path) -> None:
@@ -150,7 +150,7 @@ def test_who_sees_whom_is_said_by_the_path(
     path: str, seen: str, station: str, tmp_path: Path
 ) -> None:
     text = tdm(ROWS, path=path)
-    ((read,),) = read_observations(table(tmp_path, text), ReadAs(site=HERE, target=seen))
+    ((read,),) = read_observations(table(tmp_path, text), ReadOptions(site=HERE, target=seen))
     assert read.name.endswith(f"station {station}")
 
 

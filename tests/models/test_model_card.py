@@ -7,7 +7,7 @@ import pytest
 
 from models.card import CARD, FIGURES, PEERS, README, TIMES, read_json, rewritten
 from models.figures import BELOW_TAU, average_precision, figures, outcome_of
-from rsoconsole.vision import FEATURES, ConfidenceCurve, Focus
+from rsoconsole.vision import FEATURES, ConfidenceCurve, PointImage
 from tests.makers import straight_detection
 
 CURVE = ConfidenceCurve(tuple(4.0 if name.endswith("network") else 0.0 for name in FEATURES))
@@ -42,7 +42,7 @@ def row(kind: str, number: int, trails: list[dict], candidates: list[dict]) -> d
     return {
         "kind": kind,
         "number": number,
-        "focus": asdict(Focus(fwhm_px=2.4)),
+        "focus": asdict(PointImage(fwhm_px=2.4)),
         "seeing_px": 2.2,
         "sky_e": 132.0,
         "stars": 200,

@@ -18,7 +18,7 @@ from rsoconsole.orbits import (
     match_field,
 )
 from rsoconsole.orbits.elements.sky_paths import Observer
-from rsoconsole.pipeline import FieldFrame, FieldRun
+from rsoconsole.pipeline import CatalogueMatcher, FieldFrame
 from rsoconsole.pipeline.field.field_points import Points
 from rsoconsole.records import Detection, FloatArray, Solution
 from rsoconsole.sky import site_gcrs, unit_to_direction
@@ -276,11 +276,11 @@ def test_what_is_below_tau_counts_where_an_object_explains_it(low):
             }
         }
     )
-    found = FieldRun(config, [low]).frame(frame)
+    found = CatalogueMatcher(config, [low]).frame(frame)
     assert [each.confidence for each in found.detections] == [0.05]
     assert found.match.lines[0].verdict == "identified"
     assert found.match.taken[0] > 0.95
-    nothing = FieldRun(config, [low]).frame(replace(frame, lines=(other, other)))
+    nothing = CatalogueMatcher(config, [low]).frame(replace(frame, lines=(other, other)))
     assert nothing.detections == ()
     assert nothing.match.taken == (0.0,)
 

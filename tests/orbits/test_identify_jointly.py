@@ -9,7 +9,7 @@ from rsoconsole.config import Config
 from rsoconsole.orbits import (
     CatalogueEntry,
     Identification,
-    Sightings,
+    MeasuredDirections,
     compare_with_catalogue,
     identify_jointly,
     parse_catalogue,
@@ -50,7 +50,7 @@ def tracks(
     slot: dict[int, float] | None = None,
     since_s: float = 0.0,
     seed: int = 5,
-) -> list[Sightings]:
+) -> list[MeasuredDirections]:
     """What is seen of members that stand beside where their elements put them."""
     random, places = np.random.default_rng(seed), slot or SLOT
     return [
@@ -177,7 +177,7 @@ def test_a_track_that_ended_and_the_next_one_may_be_of_one_object() -> None:
     assert named(identify_jointly([before, after], DAYTONA, catalogue(1, 2, 3))) == [2, 2]
 
 
-def track_at(number: int, t_utc_ns: IntArray, seed: int = 5) -> Sightings:
+def track_at(number: int, t_utc_ns: IntArray, seed: int = 5) -> MeasuredDirections:
     elements = geostationary(
         90000 + number, SLOT[number], epoch_utc_ns=T0_UTC_NS - round(DAYS_OLD * NS_PER_DAY)
     )

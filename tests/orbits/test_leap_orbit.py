@@ -8,8 +8,8 @@ import pytest
 from rsoconsole.orbits import (
     UNSEEN_ARCSEC,
     ExpectedPass,
-    Forces,
     LeapTrack,
+    PerturbedPropagator,
     StreakEnds,
     Timing,
     begin_leap_track,
@@ -18,7 +18,7 @@ from rsoconsole.orbits import (
     update_leap_track,
 )
 from rsoconsole.orbits.low import low_fit
-from rsoconsole.orbits.low.leap_track import in_sense_of
+from rsoconsole.orbits.low.leap_track import streak_along_motion
 from rsoconsole.orbits.low.low_fit import fit_streaks
 from rsoconsole.orbits.motion.forces import Zonal
 from rsoconsole.sky import iso_to_utc_ns, site_gcrs
@@ -234,7 +234,7 @@ def test_an_end_beyond_the_rim_is_no_measurement_along(followed) -> None:
     track = begin_leap_track(SITE, earlier[0], TIMING)
     for one in earlier[1:]:
         track = update_leap_track(track, one)
-    whole = in_sense_of(streak_of(each.one, t, np.random.default_rng(2)), track.ahead(t))
+    whole = streak_along_motion(streak_of(each.one, t, np.random.default_rng(2)), track.ahead(t))
     # The last third lies outside: the line ends at the rim.
     cut_ra = whole.ra_icrs_deg.copy()
     cut_dec = whole.dec_icrs_deg.copy()
@@ -295,7 +295,7 @@ def test_the_flattened_earth_moves_it_as_all_forces_do() -> None:
     r, v = np.array([6900.0, 0.0, 0.0]), np.array([0.0, 4.0, 6.4])
     t = np.array([-600.0, -7.0, 0.0, 3.0, 333.3, 600.0, 5_800.0])
     quick = Zonal(epoch_utc_ns=epoch).states(r, v, t)
-    all_forces = Forces(epoch_utc_ns=epoch, area_to_mass_m2_kg=0.0).states(r, v, t)
+    all_forces = PerturbedPropagator(epoch_utc_ns=epoch, area_to_mass_m2_kg=0.0).states(r, v, t)
     off_m = 1000.0 * np.linalg.norm(quick[0] - all_forces[0], axis=-1)
     assert np.all(off_m[:-1] < 25.0)
     assert off_m[-1] < 1_000.0

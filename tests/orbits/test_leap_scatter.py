@@ -5,7 +5,13 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
-from rsoconsole.orbits import LeapTrack, SkyAhead, Timing, begin_leap_track, update_leap_track
+from rsoconsole.orbits import (
+    LeapTrack,
+    PredictedPosition,
+    Timing,
+    begin_leap_track,
+    update_leap_track,
+)
 from rsoconsole.sky import wrap_180
 from rsoconsole.words import NS_PER_S
 from tests.truth.low_passes import (
@@ -29,7 +35,7 @@ pytestmark = [
 ]
 
 
-def sigmas_along(one: LowPass, place: SkyAhead, late_s: float) -> float:
+def sigmas_along(one: LowPass, place: PredictedPosition, late_s: float) -> float:
     """How far along the way the light was when the shutter opened so late."""
     true = one.satellite.astrometric_place(
         SITE, np.array([place.t_utc_ns + round(late_s * NS_PER_S)])

@@ -12,9 +12,9 @@ from rsoconsole.base import OrbitError
 from rsoconsole.orbits import (
     ANALYST_NUMBERS,
     MeanElements,
+    MeasuredDirections,
     Orbit,
     Satellite,
-    Sightings,
     determine,
     mean_elements,
     omm,
@@ -51,7 +51,7 @@ def satellite(text: str) -> Satellite:
     return Satellite(parse_elements("\n".join(lines))[0])
 
 
-def observed(published: Satellite, sigma: float) -> tuple[Sightings, Orbit]:
+def observed(published: Satellite, sigma: float) -> tuple[MeasuredDirections, Orbit]:
     t = T0 + (TWO_NIGHTS_S * NS_PER_S).astype(np.int64)
     places = published.astrometric_place(DAYTONA, t)
     seen = seen_with_noise(np.random.default_rng(4), DAYTONA, places, sigma)

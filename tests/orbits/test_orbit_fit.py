@@ -12,14 +12,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from rsoconsole.orbits import (
-    Forces,
+    MeasuredDirections,
     Orbit,
-    PointMass,
-    Sightings,
+    PerturbedPropagator,
+    TwoBodyPropagator,
     determine,
     elements_of,
     predict,
-    sightings,
+    reduce_directions,
 )
 from rsoconsole.orbits.determination.regimes import FREE_SIGMA_A_KM
 from rsoconsole.records import Site
@@ -42,7 +42,9 @@ def one_geo(
     return geostationary(random, 1, t0_utc_ns=T0, i_deg=i_deg, e=np.array([e]), a_km=(a_km, 0.0))
 
 
-def seen_at(flight: Flight, since_s: np.ndarray, sigma: float = 1.0, seed: int = 2) -> Sightings:
+def seen_at(
+    flight: Flight, since_s: np.ndarray, sigma: float = 1.0, seed: int = 2
+) -> MeasuredDirections:
     random = np.random.default_rng(seed)
     return seen_with_noise(random, flight.site, flight.places(since_s)[0], sigma)
 
@@ -61,11 +63,13 @@ def test_the_forces_are_those_of_an_independent_integration() -> None:
     for i_deg, seed in ((0.05, 1), (60.0, 2)):
         flight = one_geo(seed, i_deg=i_deg)
         truth = flight.states(since_s)[:, 0, :3]
-        ours, _ = Forces(epoch_utc_ns=T0).states(flight.start[0, :3], flight.start[0, 3:], since_s)
+        ours, _ = PerturbedPropagator(epoch_utc_ns=T0).states(
+            flight.start[0, :3], flight.start[0, 3:], since_s
+        )
         one_metre_km = 1e-3
         np.testing.assert_allclose(ours, truth, atol=one_metre_km)
         # Each of them counts: about a point mass it is kilometres.
-        plain, _ = PointMass().states(flight.start[0, :3], flight.start[0, 3:], since_s)
+        plain, _ = TwoBodyPropagator().states(flight.start[0, :3], flight.start[0, 3:], since_s)
         assert np.linalg.norm(plain[-1] - truth[-1]) > 3.0
 
 
@@ -196,7 +200,9 @@ def test_one_wild_direction_in_ten_moves_the_orbit_by_no_sigma(seed: int) -> Non
     wild[[0, -1]] = True  # the worst place: seeds are made of them
     dec = clean.dec_icrs_deg + wild * random.uniform(-0.3, 0.3, len(clean))
     ra = clean.ra_icrs_deg + wild * random.uniform(-0.3, 0.3, len(clean))
-    spoilt = sightings(DAYTONA, clean.t_utc_ns, ra, dec, np.tile([1.0, 0.0, 1.0], (len(ra), 1)))
+    spoilt = reduce_directions(
+        DAYTONA, clean.t_utc_ns, ra, dec, np.tile([1.0, 0.0, 1.0], (len(ra), 1))
+    )
     with_them, without = determine(spoilt), determine(clean)
     assert with_them is not None
     assert without is not None
@@ -211,7 +217,9 @@ def test_directions_that_scatter_more_than_they_claim_widen_the_covariance() -> 
     places = flight.places(since_s)[0]
     claimed = np.tile([1.0, 0.0, 1.0], (len(since_s), 1))
     noisy = seen_with_noise(np.random.default_rng(3), DAYTONA, places, 3.0)
-    seen = sightings(DAYTONA, noisy.t_utc_ns, noisy.ra_icrs_deg, noisy.dec_icrs_deg, claimed)
+    seen = reduce_directions(
+        DAYTONA, noisy.t_utc_ns, noisy.ra_icrs_deg, noisy.dec_icrs_deg, claimed
+    )
     honest, boasting = determine(noisy, prior="geo"), determine(seen, prior="geo")
     assert honest is not None
     assert boasting is not None
@@ -238,7 +246,7 @@ def test_a_days_error_is_bent_and_the_stated_ellipse_holds_it_all_the_same() -> 
     flight = one_geo(i_deg=7.0)
     orbit = determine(seen_at(flight, np.arange(0.0, HOUR_S, 60.0)), prior="geo")
     assert orbit is not None
-    orbit = replace(orbit, forces=PointMass())
+    orbit = replace(orbit, forces=TwoBodyPropagator())
     random = np.random.default_rng(1)
     drawn = random.multivariate_normal(np.zeros(6), orbit.covariance, 200, method="eigh")
     t = orbit.epoch_utc_ns + np.array([int(DAY_S * 1.1)]) * NS_PER_S
@@ -280,7 +288,7 @@ def test_too_little_to_tell_an_orbit_gives_none(since_s: list[float]) -> None:
 def test_a_direction_that_is_no_number_is_refused() -> None:
     rows = np.array([10.0, np.nan])
     with pytest.raises(ValueError, match="not a number"):
-        sightings(
+        reduce_directions(
             DAYTONA, np.array([T0, T0 + NS_PER_S]), rows, rows, np.tile([1.0, 0, 1.0], (2, 1))
         )
 
@@ -306,7 +314,7 @@ def test_whatever_is_seen_gives_numbers_and_an_honest_label(
     t = T0 + (since_s * NS_PER_S).astype(np.int64)
     covariance = np.tile([sigma**2, 0.0, sigma**2], (len(t), 1))
     site = Site(latitude_deg=-33.0, longitude_deg=18.0, elevation_m=100.0)
-    orbit = determine(sightings(site, t, ra, dec, covariance))
+    orbit = determine(reduce_directions(site, t, ra, dec, covariance))
     if orbit is None:
         return
     assert np.all(np.isfinite(np.concatenate([orbit.r_km, orbit.v_km_s])))

@@ -8,15 +8,15 @@ import numpy as np
 import pytest
 
 from rsoconsole.orbits import (
+    MeasuredDirections,
     Satellite,
-    Sightings,
     determine,
     elements_of,
     gooding,
     parse_elements,
     predict,
-    sightings,
-    three_lines,
+    reduce_directions,
+    three_sight_lines,
 )
 from rsoconsole.records import Site
 from rsoconsole.sky import iso_to_utc_ns
@@ -31,7 +31,7 @@ pytestmark = [
 ]
 
 
-def observed(name: str, sigma_arcsec: float) -> tuple[dict[str, Any], Site, Sightings]:
+def observed(name: str, sigma_arcsec: float) -> tuple[dict[str, Any], Site, MeasuredDirections]:
     given = json.loads((SHARED / name).read_text(encoding="utf-8"))
     place = given["site"]
     site = Site(
@@ -42,12 +42,12 @@ def observed(name: str, sigma_arcsec: float) -> tuple[dict[str, Any], Site, Sigh
     t, ra, dec = zip(*given["obs"], strict=True)
     covariance = np.tile([sigma_arcsec**2, 0.0, sigma_arcsec**2], (len(t), 1))
     instants = np.array([iso_to_utc_ns(each) for each in t])
-    return given, site, sightings(site, instants, np.array(ra), np.array(dec), covariance)
+    return given, site, reduce_directions(site, instants, np.array(ra), np.array(dec), covariance)
 
 
 def test_kazsat_2_by_goodings_method_is_where_orekit_has_it() -> None:
     given, _, seen = observed("kazsat2_37749.json", 1.0)
-    (found,) = gooding(three_lines(seen))
+    (found,) = gooding(three_sight_lines(seen))
     one_percent = 0.01
     theirs = given["orekit_gooding"]
     ours = elements_of(found.r_km, found.v_km_s)

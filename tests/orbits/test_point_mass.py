@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from rsoconsole.orbits import PointMass, determine, predict
+from rsoconsole.orbits import TwoBodyPropagator, determine, predict
 from rsoconsole.sky import iso_to_utc_ns
 from tests.truth.orbit_cases import state_of
 from tests.truth.orbit_truth import DAYTONA, geostationary, off_arcsec, seen_with_noise
@@ -21,14 +21,14 @@ ONE_METRE_KM, ONE_MILLIMETRE_KM = 1e-3, 1e-6
 
 @pytest.mark.parametrize("state", [GEO, LEO], ids=["GEO", "LEO"])
 def test_the_papers_steps_follow_the_exact_motion_for_an_hour_and_a_half(state) -> None:
-    r, v = PointMass().states(*state, TIMES_S)
+    r, v = TwoBodyPropagator().states(*state, TIMES_S)
     r_steps, v_steps = SteppedPointMass().states(*state, TIMES_S)
     np.testing.assert_allclose(r_steps, r, atol=ONE_METRE_KM)
     np.testing.assert_allclose(v_steps, v, atol=ONE_METRE_KM / 100.0)
 
 
 def test_halving_the_step_lessens_the_error_by_its_fourth_power() -> None:
-    exact, _ = PointMass().states(*LEO, np.array([6000.0]))
+    exact, _ = TwoBodyPropagator().states(*LEO, np.array([6000.0]))
     errors = [
         float(
             np.linalg.norm(SteppedPointMass(step_s=h).states(*LEO, np.array([6000.0]))[0] - exact)
@@ -41,7 +41,7 @@ def test_halving_the_step_lessens_the_error_by_its_fourth_power() -> None:
 
 
 def test_forwards_and_back_again_is_home() -> None:
-    motion = PointMass()
+    motion = TwoBodyPropagator()
     r, v = motion.states(*GEO, np.array([3605.0]))
     home, _ = motion.states(r[0], v[0], np.array([-3605.0]))
     np.testing.assert_allclose(home[0], GEO[0], atol=ONE_MILLIMETRE_KM)
@@ -56,7 +56,7 @@ def test_a_day_moved_as_in_the_paper_is_a_minute_of_arc_off() -> None:
     orbit = determine(seen)
     assert orbit is not None
     paper = replace(orbit, forces=SteppedPointMass())
-    exact = replace(orbit, forces=PointMass())
+    exact = replace(orbit, forces=TwoBodyPropagator())
     real_arcsec, paper_arcsec, exact_arcsec = (
         float(np.linalg.norm(off_arcsec(predict(each, DAYTONA, later.t_utc_ns).places, later)))
         for each in (orbit, paper, exact)

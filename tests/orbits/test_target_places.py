@@ -6,7 +6,7 @@ import pytest
 from rsoconsole.config import OpticsConfig
 from rsoconsole.orbits import Satellite, parse_catalogue
 from rsoconsole.simulator import SensorModel
-from rsoconsole.simulator.sky.passes import Sight, satellite_passes
+from rsoconsole.simulator.sky.passes import ExposureGeometry, satellite_passes
 from rsoconsole.sky import separation_deg, sky_to_pixel, tan_wcs, times
 from tests.orbits.test_places import earth, site_below, skyfield_site, skyfield_timescale
 from tests.tiers import plain_first
@@ -100,7 +100,7 @@ def test_the_way_of_a_low_satellite_is_drawn_to_a_tenth_of_a_pixel():
         )
         [found] = satellite_passes(
             [(satellite, lambda at: np.zeros(len(at)))],
-            Sight(
+            ExposureGeometry(
                 site=site,
                 sensor=SensorModel(),
                 wcs=wcs,

@@ -8,7 +8,7 @@ from rsoconsole.config import OpticsConfig
 from rsoconsole.simulator import Scene, scenario_named, start_observatory
 from rsoconsole.simulator.launch import Observatory
 from rsoconsole.simulator.nights.scenarios import ScenarioSatellite
-from rsoconsole.simulator.server import ObservatorySettings, Stage, open_stage
+from rsoconsole.simulator.server import ObservatorySettings, ObservatoryStage, open_stage
 from tests.pages.command_things import BELT, site_toml
 from tests.truth.seen_satellites import geostationary
 
@@ -25,7 +25,7 @@ THIRD_EAST_DEG = -66.75
 """Where SES 10 and SES 17 stand at -66.9 and -67.1."""
 
 
-def three(settings: ObservatorySettings) -> Stage:
+def three(settings: ObservatorySettings) -> ObservatoryStage:
     """The stage of ``ses-10`` with three satellites alike, near each other."""
     night = scenario_named("ses-10")
     pair = [each for each in night.satellites if each.element_set.norad_id in {SES_10, SES_17}]

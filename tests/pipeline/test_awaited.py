@@ -13,7 +13,13 @@ from rsoconsole.config import Config
 from rsoconsole.engine.leaps import awaiting
 from rsoconsole.orbits import KnownOrbit
 from rsoconsole.orbits.motion.forces import Zonal
-from rsoconsole.pipeline import AwaitedPass, awaited_pass, came, expected_at, next_awaited_pass
+from rsoconsole.pipeline import (
+    AwaitedPass,
+    awaited_pass,
+    expected_at,
+    measured_pass_offset,
+    next_awaited_pass,
+)
 from rsoconsole.records import Event, SlewCommand
 from rsoconsole.simulator import elements_path
 from rsoconsole.sky import Limits, icrs_to_altaz, separation_deg
@@ -101,7 +107,7 @@ def test_the_first_streak_says_how_late_it_is_and_how_far_across(late_s) -> None
         late = late_by(one, late_s)
         t = awaited.stare.t_through_utc_ns + round(late_s * NS_PER_S)
         drawn = streak_of(late, t, random)
-        found = came(awaited, SITE, drawn)
+        found = measured_pass_offset(awaited, SITE, drawn)
         assert found is not None
         assert found[0].late_s == pytest.approx(late_s, abs=0.1)
         assert abs(found[0].across_arcmin) < 0.5
@@ -125,8 +131,8 @@ def test_what_goes_another_way_is_not_the_one_that_is_waited_for() -> None:
         ra_icrs_deg=middle[0] - north / np.cos(np.radians(middle[1])),
         dec_icrs_deg=middle[1] + east,
     )
-    assert came(awaited, SITE, drawn) is not None
-    assert came(awaited, SITE, turned) is None
+    assert measured_pass_offset(awaited, SITE, drawn) is not None
+    assert measured_pass_offset(awaited, SITE, turned) is None
 
 
 def _is_awaited(one) -> bool:
@@ -256,11 +262,11 @@ def test_a_window_that_has_begun_is_not_waited_for_again() -> None:
 def test_a_streak_like_its_own_hours_before_is_another_one() -> None:
     one, awaited = lit_pass()
     own = streak_of(one, awaited.stare.t_through_utc_ns, np.random.default_rng(3))
-    assert came(awaited, SITE, own) is not None
+    assert measured_pass_offset(awaited, SITE, own) is not None
     hours_ns = 3 * 3600 * NS_PER_S
     before = replace(
         own,
         t_open_utc_ns=own.t_open_utc_ns - hours_ns,
         t_close_utc_ns=own.t_close_utc_ns - hours_ns,
     )
-    assert came(awaited, SITE, before) is None
+    assert measured_pass_offset(awaited, SITE, before) is None

@@ -21,7 +21,7 @@ from rsoconsole.cli.app import app
 from rsoconsole.config import Config
 from rsoconsole.pipeline import NightOutcome, WorkerPool, choose_pool, nights_in, run_tasks
 from rsoconsole.pipeline.batch import batch_nights
-from rsoconsole.pipeline.batch.batch_nights import process_nights, working_in
+from rsoconsole.pipeline.batch.batch_nights import lock_batch_folder, process_nights
 from rsoconsole.records import Event
 from rsoconsole.session import SessionReader, encode
 from tests.cli.test_cli_frames import objects, rsoconsole
@@ -243,9 +243,9 @@ def test_two_nights_of_one_name_and_two_batches_in_one_folder_are_refused(nights
     with pytest.raises(BatchError, match="two nights"):
         nights_in([nights[0], other], tmp_path, Config())
     with (
-        working_in(tmp_path / "out"),
+        lock_batch_folder(tmp_path / "out"),
         pytest.raises(BatchError, match="another batch"),
-        working_in(tmp_path / "out"),
+        lock_batch_folder(tmp_path / "out"),
     ):
         pytest.fail("both work there")
 

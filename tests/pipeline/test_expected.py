@@ -8,7 +8,7 @@ import pytest
 
 from rsoconsole.config import Config
 from rsoconsole.pipeline import Orbits
-from rsoconsole.pipeline.orbits.expected import EVERY, Expected
+from rsoconsole.pipeline.orbits.expected import EVERY, UnfollowedMembers
 from rsoconsole.records import (
     Event,
     ExpectedMembers,
@@ -89,7 +89,7 @@ def named(k: int, verdict: str = "identified") -> Identified:
 
 
 def looked(records, config: Config = CONFIG) -> tuple[Record, ...]:
-    expected = Expected(config, geostationary)
+    expected = UnfollowedMembers(config, geostationary)
     for record in records:
         expected.receive(record)
     return expected.refine()
@@ -159,7 +159,7 @@ def test_in_the_shadow_of_the_earth_nobody_is_said_to_be_missing():
 
 
 def test_a_missing_member_is_said_once_after_some_looks():
-    expected = Expected(CONFIG, geostationary)
+    expected = UnfollowedMembers(CONFIG, geostationary)
     words, looks = [], 0
     for n in range(1, 8 * EVERY):
         for record in (named(0), *frame(n, (0,))):
@@ -175,7 +175,7 @@ def test_a_missing_member_is_said_once_after_some_looks():
 
 def test_a_frame_without_a_plate_or_a_catalogue_expects_nobody():
     assert looked([each for each in frame(5, ()) if not isinstance(each, Solution)]) == ()
-    nobody = Expected(CONFIG, tuple)
+    nobody = UnfollowedMembers(CONFIG, tuple)
     for record in frame(5, ()):
         nobody.receive(record)
     assert nobody.refine() == ()
@@ -196,7 +196,7 @@ def test_a_catalogue_that_cannot_be_read_is_said_once_and_stops_nothing(tmp_path
 
 def test_a_look_at_the_catalogue_costs_the_loop_little():
     """1,665 sets: on a quiet machine 5 ms, every fourth frame."""
-    expected = Expected(CONFIG, geostationary)
+    expected = UnfollowedMembers(CONFIG, geostationary)
     spent = []
     for n in range(1, 4 * EVERY):
         for record in frame(n, (0,)):

@@ -78,7 +78,7 @@ def test_its_orbit_states_what_the_parts_leave_open():
 def test_as_errors_of_their_own_the_orbit_would_be_sure_and_wrong(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr(PartErrors, "widened", lambda _self, fresh, *_: tuple(fresh))
+    monkeypatch.setattr(PartErrors, "with_shared_errors", lambda _self, fresh, *_: tuple(fresh))
     assert np.sqrt(np.mean(np.square(shortfalls()))) > 5.0
 
 
@@ -97,4 +97,4 @@ def test_streaks_of_another_rate_an_hour_ago_are_no_parts():
     taken = [each for each in watched.log if isinstance(each, Measurement)]
     frames = [each for each in watched.log if isinstance(each, FrameTaken)]
     exposures = {each.frame_id: each.exposure_s for each in frames}
-    assert PartErrors().widened(taken, taken, fastest, exposures) == tuple(taken)
+    assert PartErrors().with_shared_errors(taken, taken, fastest, exposures) == tuple(taken)

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from rsoconsole.config import Config, LimitsConfig, MountConfig
-from rsoconsole.orbits import SkyAhead
+from rsoconsole.orbits import PredictedPosition
 from rsoconsole.orbits.motion.ahead import path_of
 from rsoconsole.pipeline import (
     Leap,
@@ -17,16 +17,16 @@ from rsoconsole.pipeline import (
     NoLeap,
     PassPlan,
     Telescope,
-    duty,
     exposure_for,
-    learned,
+    learned_motion,
     next_leap,
+    open_shutter_share,
     plan_pass,
     terms_of,
 )
 from rsoconsole.pipeline.leaps import leaps as mount_motion
-from rsoconsole.pipeline.leaps.awaited_passes import Stare
-from rsoconsole.pipeline.leaps.leaps import LENGTH_PX, LONGEST_S, SHORTEST_S, within_field
+from rsoconsole.pipeline.leaps.awaited_passes import StarePoint
+from rsoconsole.pipeline.leaps.leaps import LENGTH_PX, LONGEST_S, SHORTEST_S, both_ends_probability
 from rsoconsole.sky import (
     Limits,
     Pose,
@@ -116,7 +116,7 @@ def straight(speed_deg_s, sigma_arcsec=20.0, *, ra=180.0, dec=10.0, t0=0, second
     places = []
     for n in range(0, seconds + 1, 2):
         places.append(
-            SkyAhead(
+            PredictedPosition(
                 t_utc_ns=t0 + n * NS_PER_S,
                 ra_icrs_deg=(ra + speed_deg_s * n / np.cos(np.radians(dec))) % 360.0,
                 dec_icrs_deg=dec,
@@ -135,7 +135,7 @@ def test_a_streak_is_as_long_as_is_measured_well(speed_deg_s) -> None:
     assert length_px == pytest.approx(
         min(LENGTH_PX, 3600 * speed_deg_s * LONGEST_S / 1.26), rel=1e-3
     )
-    assert within_field(place, exposure_s, TERMS) > 0.999
+    assert both_ends_probability(place, exposure_s, TERMS) > 0.999
 
 
 def test_an_unsure_place_gets_a_short_exposure_and_one_too_unsure_none() -> None:
@@ -197,7 +197,9 @@ def test_both_ends_in_the_field_are_as_probable_as_is_said() -> None:
     is_in = (np.abs(off[:, 0]) + half < TERMS.half_short_deg) & (
         np.abs(off[:, 1]) < TERMS.half_short_deg
     )
-    assert within_field(place, exposure_s, TERMS) == pytest.approx(np.mean(is_in), abs=0.01)
+    assert both_ends_probability(place, exposure_s, TERMS) == pytest.approx(
+        np.mean(is_in), abs=0.01
+    )
 
 
 def test_a_mount_that_cannot_keep_up_is_said_to_be_too_slow() -> None:
@@ -224,12 +226,12 @@ def test_slews_of_the_night_teach_the_law_of_a_mount() -> None:
         took = 0.8 + travel_s(max(way), 2.5, 1.2) + float(random.normal(0.0, 0.05))
         seen.append(MeasuredSlew(travel_deg=way, seconds=took))
     seen[7] = replace(seen[7], seconds=seen[7].seconds + 15.0)  # sent twice
-    motion = learned(MountConfig(), seen)
+    motion = learned_motion(MountConfig(), seen)
     for way_deg in (0.5, 2.0, 5.0, 15.0):
         true_s = 0.8 + travel_s(way_deg, 2.5, 1.2)
         assert motion.slew_s((way_deg, 0.0)) == pytest.approx(true_s, abs=0.15)
     assert 0.03 < motion.scatter_s < 0.2
-    before = mount_motion.configured(MountConfig())
+    before = mount_motion.apply_new_settings(MountConfig())
     assert before.slew_s((15.0, 0.0)) < 8.0 < true_s + 0.8  # what was configured was far off
 
 
@@ -249,7 +251,7 @@ def test_a_mount_that_reports_at_once_is_learned_slew_after_slew() -> None:
     seen = []
     for n, (way, took_s) in enumerate(zip(WAYS_DEG, TOOK_S, strict=True)):
         if n > 5:
-            law = learned(MountConfig(), seen)
+            law = learned_motion(MountConfig(), seen)
             assert law.slew_s((way, 0.0)) == pytest.approx(took_s, abs=0.15, rel=0.02)
             assert law.scatter_s < 0.15
         seen.append(MeasuredSlew(travel_deg=(way, 0.0), seconds=took_s))
@@ -260,8 +262,8 @@ def test_a_slew_is_surely_over_in_98_of_100() -> None:
     ways = random.exponential(4.0, 400)
     took = [0.4 + travel_s(way, 4.0, 2.0) + float(random.normal(0.0, 0.15)) for way in ways]
     seen = [MeasuredSlew(travel_deg=(w, 0.0), seconds=s) for w, s in zip(ways, took, strict=True)]
-    motion = learned(MountConfig(), seen[:60])
-    late = [each.seconds > motion.surely_s(each.travel_deg) for each in seen[60:]]
+    motion = learned_motion(MountConfig(), seen[:60])
+    late = [each.seconds > motion.slew_98_percent_s(each.travel_deg) for each in seen[60:]]
     assert np.mean(late) < 0.04
 
 
@@ -278,7 +280,7 @@ def plan_of(one, mount=None, limits=None, **terms) -> PassPlan:
     )
     path = path_of(
         [
-            SkyAhead(
+            PredictedPosition(
                 t_utc_ns=int(t[n]),
                 ra_icrs_deg=float(seen.ra_icrs_deg[n]),
                 dec_icrs_deg=float(seen.dec_icrs_deg[n]),
@@ -364,7 +366,7 @@ def test_early_or_late_it_comes_through_the_field_that_is_stared_at() -> None:
     t = one.rise_utc_ns
     r, _ = one.satellite.position_gcrs(np.array([t]))
     x, y, z = r[0].tolist()
-    stare = Stare(
+    stare = StarePoint(
         t_through_utc_ns=t,
         from_utc_ns=t - 21 * NS_PER_S,
         until_utc_ns=t + 21 * NS_PER_S,
@@ -379,4 +381,4 @@ def test_early_or_late_it_comes_through_the_field_that_is_stared_at() -> None:
 
 
 def test_the_duty_of_a_stare_is_the_share_of_open_shutter() -> None:
-    assert duty(0.2, 0.3, 0.5) == pytest.approx(0.2)
+    assert open_shutter_share(0.2, 0.3, 0.5) == pytest.approx(0.2)

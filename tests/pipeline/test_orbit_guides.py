@@ -192,7 +192,7 @@ def test_a_stranger_seen_while_a_lost_one_is_waited_for_is_waited_for_where_it_w
     )
     assert separation_deg(plan.slew.ra_icrs_deg, plan.slew.dec_icrs_deg, *same) < 0.3
     itself = measured_place(lost[0] + 0.001, lost[1], now_ns)
-    planner._search.leave_here()
+    planner._search.return_to_round()
     plan = planner.plan(Following(state="ACQUIRE", candidates=(itself,)), now_ns)
     assert plan.slew is not None
     assert plan.slew.reason == "where its orbit says"

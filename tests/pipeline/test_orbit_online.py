@@ -12,7 +12,13 @@ import pytest
 
 from rsoconsole.config import Config
 from rsoconsole.engine.aim.guide import Guide, PredictedPath
-from rsoconsole.orbits import Forces, KnownOrbit, elements_of, orbit_from_record, predict
+from rsoconsole.orbits import (
+    KnownOrbit,
+    PerturbedPropagator,
+    elements_of,
+    orbit_from_record,
+    predict,
+)
 from rsoconsole.pipeline import FrameObservations, OnlineOrbit, Orbits, StarHistory, fold
 from rsoconsole.pipeline.cycle.predictor_scores import PredictorScores, Score
 from rsoconsole.pipeline.orbits._naming import Naming
@@ -260,7 +266,7 @@ def test_between_the_places_of_a_way_one_may_interpolate(elements):
         r_km=start[:3],
         v_km_s=start[3:],
         covariance=np.diag([1e-4] * 3 + [1e-10] * 3),
-        forces=Forces(epoch_utc_ns=T0_UTC_NS),
+        forces=PerturbedPropagator(epoch_utc_ns=T0_UTC_NS),
     )
     way = PredictedPath.of(orbit, DAYTONA, T0_UTC_NS - 200 * 10**9)
     t = T0_UTC_NS - 200 * 10**9 + np.random.default_rng(3).integers(0, 890 * 10**9, 50)
@@ -475,7 +481,7 @@ def test_what_promises_the_same_but_for_a_tenth_is_close(by_orbit_arcsec: float,
         by_filter = Score(nis=2.0, log_size=0.0)
         rivals.compare(Score(nis=2.0, log_size=4.0 * math.log(by_orbit_arcsec)), by_filter)
     assert rivals.is_close is is_close
-    rivals.filter_failed(41.26, 11.83)
+    rivals.add_filter_failure(41.26, 11.83)
     assert not rivals.is_close
     assert rivals.words.endswith("the filter's prediction: NIS 41.3 by that, gate 11.8")
 

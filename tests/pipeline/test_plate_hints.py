@@ -13,7 +13,7 @@ import pytest
 from rsoconsole.config import Config
 from rsoconsole.instruments import PlateSolver, SolveHint
 from rsoconsole.instruments.solver import index_files
-from rsoconsole.pipeline.frame.hints import hint_of, overridden, relaxed, wrong_hints
+from rsoconsole.pipeline.frame.hints import hint_of, hint_with_overrides, relaxed_hints, wrong_hints
 from rsoconsole.pipeline.frame.plate import PlateFinder
 from rsoconsole.records import CameraMode, FloatArray, Frame, NotSolved, Solution
 from rsoconsole.sky import separation_deg
@@ -107,7 +107,7 @@ def test_both_hints_may_be_wrong(solver, stars):
 
 
 def test_what_an_operator_gave_is_called_given(solver, stars):
-    hint = overridden(hint_of(frame(None), CONFIG), None, None, None, (5.0, 6.0))
+    hint = hint_with_overrides(hint_of(frame(None), CONFIG), None, None, None, (5.0, 6.0))
     found = expect_right(PlateFinder(solver, CONFIG).solve_in_full(frame(None), stars, hint))
     (wrong,) = wrong_hints(hint, found, frame(None), CONFIG)
     assert wrong.words == "the given scale of 5 to 6 arcsec/px is wrong: the stars say 1.264"
@@ -246,14 +246,16 @@ def test_too_few_stars_are_not_searched_for_elsewhere(stars):
 
 def test_a_hint_is_weakened_step_by_step_and_nothing_is_tried_twice():
     whole = hint_of(frame(), CONFIG)
-    assert [(h.scale_low_arcsec_px is None, h.position_deg is None) for h in relaxed(whole)] == [
+    assert [
+        (h.scale_low_arcsec_px is None, h.position_deg is None) for h in relaxed_hints(whole)
+    ] == [
         (True, False),
         (False, True),
         (True, True),
     ]
-    assert len(relaxed(hint_of(frame(scale=None), CONFIG))) == 1
-    assert len(relaxed(hint_of(frame(ra_deg=None, dec_deg=None), CONFIG))) == 1
-    assert relaxed(SolveHint()) == ()
+    assert len(relaxed_hints(hint_of(frame(scale=None), CONFIG))) == 1
+    assert len(relaxed_hints(hint_of(frame(ra_deg=None, dec_deg=None), CONFIG))) == 1
+    assert relaxed_hints(SolveHint()) == ()
 
 
 @pytest.mark.parametrize(

@@ -11,7 +11,7 @@ from scipy.stats import multivariate_normal
 from rsoconsole.base import ConfigError, SessionError
 from rsoconsole.pipeline import Proposal, propose, replay, save_branch, what_if_session
 from rsoconsole.pipeline.tuning._propose_likelihood import arcs_of, innovations
-from rsoconsole.pipeline.tuning._propose_search import Parameter, Search
+from rsoconsole.pipeline.tuning._propose_search import LikelihoodSearch, Parameter
 from rsoconsole.records import Measurement, TrackState
 from rsoconsole.session import SessionReader
 from rsoconsole.tracking.filters import lqe
@@ -108,7 +108,7 @@ def test_the_search_finds_the_top_of_a_tilted_hill_and_its_profile_width():
         x = np.log([settings.get("a", 1.0), settings.get("b", 1.0)]) - top
         return -0.5 * x @ np.linalg.inv(covariance) @ x
 
-    search = Search(hill)
+    search = LikelihoodSearch(hill)
     a, b = parameter("a"), parameter("b")
     best = search.fit((a, b))
     assert best.values == pytest.approx((0.2, 30.0), rel=0.05)
@@ -118,10 +118,10 @@ def test_the_search_finds_the_top_of_a_tilted_hill_and_its_profile_width():
 
 
 def test_an_end_that_the_likelihood_does_not_reach_is_open():
-    search = Search(lambda settings: -(max(math.log(settings.get("a", 1.0)), 0.0) ** 2))
+    search = LikelihoodSearch(lambda settings: -(max(math.log(settings.get("a", 1.0)), 0.0) ** 2))
     a = parameter("a")
     best = search.fit((a,))
-    assert search.open_ends(a, best) == (True, False)
+    assert search.unbounded_sides(a, best) == (True, False)
     low, high = search.interval(a, best)
     assert low == pytest.approx(a.low)
     assert high == pytest.approx(math.exp(0.5**0.5), rel=0.1)

@@ -12,7 +12,13 @@ import pytest
 from rsoconsole.base import ConfigError, FrameError, ModelError, SessionError, SolverError
 from rsoconsole.config import Config, with_setting
 from rsoconsole.instruments import read_frame
-from rsoconsole.pipeline import RecordedFrame, Reprocessor, compare, read_pixels, recorded_frame
+from rsoconsole.pipeline import (
+    RecordedFrame,
+    Reprocessor,
+    compare,
+    read_recorded_frame,
+    recorded_frame,
+)
 from rsoconsole.pipeline.replays import reprocess
 from rsoconsole.records import (
     Detection,
@@ -42,7 +48,7 @@ def recorded() -> RecordedFrame:
 
 @pytest.fixture(scope="module")
 def frame(recorded: RecordedFrame) -> Frame:
-    return read_pixels(recorded)
+    return read_recorded_frame(recorded)
 
 
 @pytest.fixture(scope="module")
@@ -159,7 +165,7 @@ def test_nothing_is_written(copy: Path):
 
     before = state()
     recorded = recorded_frame(SessionReader(copy), KEPT)
-    Reprocessor(recorded, read_pixels(recorded)).run(tau=0.5)
+    Reprocessor(recorded, read_recorded_frame(recorded)).run(tau=0.5)
     assert state() == before
 
 
@@ -171,14 +177,14 @@ def test_a_frame_that_was_not_kept_says_why():
     assert recorded.path is None
     assert recorded.seen.detections is not None
     with pytest.raises(FrameError, match="frame 8 was not kept: pruned on 2023-06-23"):
-        read_pixels(recorded)
+        read_recorded_frame(recorded)
 
 
 def test_a_frame_that_is_not_written_yet_says_so(tmp_path: Path):
     writer = night.begin(tmp_path / "night")
     night.add_frames(writer, range(1, 2))
     with pytest.raises(FrameError, match="not written yet"):
-        read_pixels(recorded_frame(SessionReader(writer.folder), 1))
+        read_recorded_frame(recorded_frame(SessionReader(writer.folder), 1))
     writer.close()
 
 
@@ -191,7 +197,7 @@ def test_a_truncated_file_is_named(copy: Path):
     path = copy / "frames" / "000009.fits.fz"
     path.write_bytes(path.read_bytes()[:1_000_000])
     with pytest.raises(FrameError, match=r"000009\.fits\.fz is truncated"):
-        read_pixels(recorded_frame(SessionReader(copy), KEPT))
+        read_recorded_frame(recorded_frame(SessionReader(copy), KEPT))
 
 
 @pytest.mark.parametrize("what", ["size", "instant"])
@@ -202,7 +208,7 @@ def test_the_file_of_another_exposure_is_refused(copy: Path, frame: Frame, what:
     (copy / "frames" / "000009.fits.fz").write_bytes(compress_frame(other))
     words = "128 x 128 px, but frame 9 was 2328 x 1760" if what == "size" else "another instant"
     with pytest.raises(FrameError, match=words):
-        read_pixels(recorded_frame(SessionReader(copy), KEPT))
+        read_recorded_frame(recorded_frame(SessionReader(copy), KEPT))
 
 
 def test_the_pixels_are_those_of_the_file(recorded: RecordedFrame, frame: Frame):

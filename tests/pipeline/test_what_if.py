@@ -292,13 +292,13 @@ def test_the_operators_word_has_its_frames_followed_again_in_the_retold_night(se
 
 def ruled_log(log: list[tuple[int, Any]], config: Config, frame_id: int) -> list[tuple[int, Any]]:
     """The log to two frames after one, and the operator's refusal of that one."""
-    from rsoconsole.pipeline.cycle.decisions import on_record_again
-    from rsoconsole.pipeline.replays.refold import Walk
+    from rsoconsole.pipeline.cycle.decisions import decision_records
+    from rsoconsole.pipeline.replays.refold import ReplayState
 
     until = next(
         n for n, (_, record) in enumerate(log) if getattr(record, "frame_id", 0) == frame_id + 3
     )
-    walk = Walk.begin(config)
+    walk = ReplayState.begin(config)
     taken = None
     for _, record in log[:until]:
         list(walk.receive(record))
@@ -308,7 +308,7 @@ def ruled_log(log: list[tuple[int, Any]], config: Config, frame_id: int) -> list
     decision = Ruling(frame_id=frame_id, refused=(taken,))
     again = [(each.frame_id, each.records) for each in walk.folds.apply(decision)]
     t_utc_ns = log[until - 1][0]
-    return [*log[:until], *((t_utc_ns, r) for r in on_record_again(decision, again))]
+    return [*log[:until], *((t_utc_ns, r) for r in decision_records(decision, again))]
 
 
 # -- branches ---------------------------------------------------------------------------------

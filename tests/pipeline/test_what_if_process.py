@@ -12,7 +12,7 @@ import pytest
 
 from rsoconsole.base import ConfigError, RsoconsoleError, SessionError
 from rsoconsole.config import Config
-from rsoconsole.pipeline import Question, WhatIfProcess, what_if
+from rsoconsole.pipeline import WhatIfProcess, WhatIfQuestion, what_if
 from rsoconsole.session import SessionReader
 from tests.nights.samples import SAMPLE
 from tests.rigs.whole_engine import wait_for
@@ -37,7 +37,7 @@ def lasting():
 
 
 def question(changes=WIDER, **more):
-    return Question(folder=SAMPLE, config=CONFIG, changes=changes, **more)
+    return WhatIfQuestion(folder=SAMPLE, config=CONFIG, changes=changes, **more)
 
 
 def test_the_figures_are_those_computed_here(lasting):
@@ -55,7 +55,7 @@ def test_one_process_answers_all_and_what_cannot_be_tried_is_said(lasting):
     with pytest.raises(ConfigError, match="must be above 0"):
         lasting.ask(question({"filter.q_multiplier": -1.0}))
     with pytest.raises(SessionError, match="holds no session"):
-        lasting.ask(Question(folder=SAMPLE.parent, config=CONFIG, changes=WIDER))
+        lasting.ask(WhatIfQuestion(folder=SAMPLE.parent, config=CONFIG, changes=WIDER))
     lasting.ask(question())
     assert lasting.pid == pid
 
@@ -85,7 +85,7 @@ def test_one_that_is_started_ahead_answers_and_ends_like_any_other():
 
 def test_what_breaks_there_is_in_the_log_here_and_the_operator_hears_one_line(lasting, caplog):
     with pytest.raises(SessionError, match="the effect cannot be computed") as caught:
-        lasting.ask(Question(folder=SAMPLE, config=cast(Config, None), changes=WIDER))
+        lasting.ask(WhatIfQuestion(folder=SAMPLE, config=cast(Config, None), changes=WIDER))
     assert "Traceback" not in str(caught.value)
     assert "Traceback" in caplog.text
     lasting.ask(question())

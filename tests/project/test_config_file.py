@@ -15,9 +15,9 @@ from rsoconsole.config import (
     config_faults,
     config_to_toml,
     effective_settings,
+    every_setting,
     load_config,
     runtime_dir,
-    walk,
     write_initial_config,
 )
 from rsoconsole.config.file import initial_config_text
@@ -44,7 +44,7 @@ def test_the_first_file_names_every_setting_with_its_default() -> None:
     text = initial_config_text()
     assert tomllib.loads(text) == {section: {} for section in Config.model_fields}
     assert Config.model_validate(tomllib.loads(uncommented(text))) == Config()
-    for name, value, description in walk(Config()):
+    for name, value, description in every_setting(Config()):
         key = name.partition(".")[2]
         assert f"# {key} = " in text or (value is None and f"# {key} is not set" in text)
         assert description in text
@@ -103,7 +103,7 @@ def test_an_effective_configuration_comes_back_from_its_toml(
 def test_every_value_says_where_it_came_from(tmp_path: Path) -> None:
     path = written(tmp_path, "[detector]\ntau = 0.3\nthreads = 3\n[search]\npattern = 'belt'\n")
     rows = {row.name: row for row in effective_settings(path, {"detector.threads": 4})}
-    assert list(rows) == [name for name, _, _ in walk(Config())]
+    assert list(rows) == [name for name, _, _ in every_setting(Config())]
     assert (rows["detector.tau"].value, rows["detector.tau"].origin) == (0.3, "file")
     assert (rows["detector.threads"].value, rows["detector.threads"].origin) == (4, "command line")
     # Set to the default, but by the operator.

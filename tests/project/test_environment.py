@@ -18,8 +18,8 @@ from rsoconsole.config import (
     config_to_toml,
     effective_settings,
     environment_warnings,
+    every_setting,
     load_config,
-    walk,
 )
 from rsoconsole.config.settings import OTHERS, variable_of
 from tests.pages.json_page import expect_documented
@@ -63,7 +63,7 @@ def test_every_setting_can_be_given_by_its_variable(monkeypatch: pytest.MonkeyPa
         text = value if isinstance(value, str) else json.dumps(value)
         monkeypatch.setenv(variable_of(name), text)
     assert load_config(environ=os.environ) == Config()
-    assert set(table) <= {name for name, _, _ in walk(Config())}
+    assert set(table) <= {name for name, _, _ in every_setting(Config())}
     assert len(table) > 100
 
 
@@ -84,7 +84,7 @@ def test_lists_are_one_value_or_json(
     name: str, text: str, value: object, file: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv(variable_of(name), text)
-    found = {each: given for each, given, _ in walk(load_config())}
+    found = {each: given for each, given, _ in every_setting(load_config())}
     if isinstance(value, tuple) and isinstance(value[0], Path):
         value = tuple(path.expanduser() for path in value)
     assert found[name] == value

@@ -23,7 +23,7 @@ from rsoconsole.config import config_faults, load_config
 from rsoconsole.console.commands.keymap import load_keymap
 from rsoconsole.console.tuning.tuning_pane import load_presets
 from rsoconsole.control.wire import read_outcome
-from rsoconsole.library import ReadAs, read_observations
+from rsoconsole.library import ReadOptions, read_observations
 from rsoconsole.orbits import parse_catalogue
 from rsoconsole.orbits.elements import catalogue
 from rsoconsole.pipeline import read_catalogue, read_observed_tracks
@@ -46,7 +46,7 @@ READERS: dict[str, Callable[[Path], object]] = {
     "presets": load_presets,
     "world": load_world,
     "elements": lambda path: read_catalogue([path]),
-    "tdm": lambda path: read_observations(path, ReadAs()),
+    "tdm": lambda path: read_observations(path, ReadOptions()),
 }
 
 

@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from rsoconsole.records.columns import documentation, documented
+from rsoconsole.records.columns import documentation, with_documentation
 from tests.rigs.worked_example import expect_used
 
 ROOT = Path(__file__).parents[2]
@@ -108,8 +108,8 @@ def test_a_new_column_takes_two_files_and_is_in_every_table(tmp_path: Path) -> N
 
 def test_the_page_is_written_from_the_columns() -> None:
     page = (ROOT / "sessions" / "README.md").read_text(encoding="utf-8")
-    assert documented(page) == page
+    assert with_documentation(page) == page
     stale = page.replace(", measurement_id |", " |")
     assert stale != page
-    assert documented(stale) == page
+    assert with_documentation(stale) == page
     assert documentation() in page

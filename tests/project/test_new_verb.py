@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from rsoconsole.base import resource
-from rsoconsole.control import COMMANDS, Beside, Command, Preview
+from rsoconsole.control import COMMANDS, AimOffset, Command, Preview
 from rsoconsole.engine.operator.handlers import Handler
 from tests.rigs.engine_rig import command_handler_of, rig
 from tests.rigs.worked_example import expect_used
@@ -126,4 +126,4 @@ def test_the_settings_of_a_look_beside_the_prediction_are_those_of_the_configura
     from rsoconsole.config import AimConfig
 
     # The policy says which of several tracks, not how far beside it.
-    assert {each.name for each in fields(Beside)} == set(AimConfig.model_fields) - {"policy"}
+    assert {each.name for each in fields(AimOffset)} == set(AimConfig.model_fields) - {"policy"}

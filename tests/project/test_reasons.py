@@ -165,7 +165,7 @@ def time_line(log: list[tuple[int, Any]]) -> Any:
 def alarms(folder: Path, log: list[tuple[int, Any]]) -> list[tuple[int, str]]:
     """(place in the log, alert): after every record the seat looks."""
     night = Night(folder, {}, CONFIG)
-    night.has_been_read()
+    night.mark_past_read()
     engine = EngineView(reach="attached")
     rung: list[tuple[int, str]] = []
     before = night.view()

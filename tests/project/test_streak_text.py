@@ -5,7 +5,7 @@ from rsoconsole.console.picture.marks import mark_of
 from rsoconsole.night import line_of
 from rsoconsole.pipeline import detections_report
 from rsoconsole.records import Detection, Detections
-from rsoconsole.words import name_of, notable_streaks, pulse_of
+from rsoconsole.words import notable_streaks, streak_name, streak_pulse_words
 from tests.makers import straight_detection
 
 PLAIN = straight_detection(object_class="satellite", class_probability=0.97)
@@ -25,12 +25,12 @@ def found(*streaks: Detection) -> Detections:
 
 
 def test_a_streak_is_called_by_what_is_known_of_it():
-    assert name_of(LIGHTS) == "crossing, aircraft 0.83"
-    assert name_of(PLAIN) == "satellite 0.97"
-    assert name_of(TRAIN) == "clipped, train of 5"
-    assert name_of(OPEN) == ""
-    assert pulse_of(LIGHTS) == "pulses every 14.2 px, depth 0.70"
-    assert pulse_of(OPEN) == ""
+    assert streak_name(LIGHTS) == "crossing, aircraft 0.83"
+    assert streak_name(PLAIN) == "satellite 0.97"
+    assert streak_name(TRAIN) == "clipped, train of 5"
+    assert streak_name(OPEN) == ""
+    assert streak_pulse_words(LIGHTS) == "pulses every 14.2 px, depth 0.70"
+    assert streak_pulse_words(OPEN) == ""
 
 
 def test_detect_says_it_in_words_and_in_json():

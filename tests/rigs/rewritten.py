@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from rsoconsole.config import Config
 from rsoconsole.pipeline import ReplayedFrame
 from rsoconsole.pipeline.replays._rewrite_log import LogRewriter
-from rsoconsole.pipeline.replays.refold import ReduceAgain, Walk
+from rsoconsole.pipeline.replays.refold import ReduceAgain, ReplayState
 from rsoconsole.records import Record
 
 
@@ -32,7 +32,7 @@ def rewrite_log(
     rewritten: list[tuple[int, Record]] = []
     frames: list[ReplayedFrame] = []
     rewriter = LogRewriter(
-        Walk.begin(config, changes, reduce_again),
+        ReplayState.begin(config, changes, reduce_again),
         on_record=lambda t_utc_ns, record: rewritten.append((t_utc_ns, record)),
         on_frame=frames.append,
     )

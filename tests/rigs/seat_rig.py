@@ -23,7 +23,7 @@ from rsoconsole.console.panes.panes import LinesPane, StopBanner
 from rsoconsole.console.tuning import what_if_watch
 from rsoconsole.control import BeginMark, Command, Outcome
 from rsoconsole.night import TrackFigures
-from rsoconsole.pipeline import Question, WhatIfProcess
+from rsoconsole.pipeline import WhatIfProcess, WhatIfQuestion
 from rsoconsole.session import SessionWriter
 from tests.makers import NS
 from tests.nights import made_up_night as night
@@ -153,7 +153,7 @@ class _SharedTrials(WhatIfProcess):
         self._turn = threading.Lock()
         atexit.register(super().close)
 
-    def ask(self, question: Question) -> TrackFigures:
+    def ask(self, question: WhatIfQuestion) -> TrackFigures:
         """One seat after the other."""
         with self._turn:
             return super().ask(question)
@@ -203,7 +203,7 @@ def has_outlook(app: ConsoleApp) -> bool:
 
 async def can_answer(app: ConsoleApp, pilot: Pilot[str]) -> None:
     """Wait for a dialog, and until it takes an answer."""
-    await until(pilot, lambda: isinstance(app.screen, Dialog) and not app.screen.is_deaf)
+    await until(pilot, lambda: isinstance(app.screen, Dialog) and not app.screen.ignores_keys)
 
 
 def pane(app: ConsoleApp, name: str) -> str:

@@ -22,7 +22,7 @@ from rsoconsole.session import (
     verify_session,
 )
 from rsoconsole.session.log import database as bounds
-from rsoconsole.session.log.database import is_interrupted
+from rsoconsole.session.log.database import is_query_limit_error
 from rsoconsole.session.log.schema import VIEWS as VIEWS_OF_TODAY
 
 SAMPLE = Path(__file__).resolve().parents[2] / "sessions" / "intelsat-14"
@@ -201,7 +201,7 @@ def test_a_query_without_end_is_ended(foreign):
     with closing(SessionReader(foreign).connect()) as connection:
         with pytest.raises(sqlite3.OperationalError, match="interrupted") as error:
             connection.execute(f"{ENDLESS} count(*) FROM n").fetchall()
-        assert is_interrupted(error.value)
+        assert is_query_limit_error(error.value)
     assert time.monotonic() - began_s < MAX_S
 
 

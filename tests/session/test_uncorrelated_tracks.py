@@ -11,7 +11,7 @@ from typer.testing import CliRunner
 from rsoconsole.cli.app import app
 from rsoconsole.config import Config
 from rsoconsole.engine.tasks.session_log import keep_uncorrelated, read_past
-from rsoconsole.orbits import ElementSet, attributable, correlate_tracks
+from rsoconsole.orbits import ElementSet, correlate_tracks, mid_track_direction_and_rates
 from rsoconsole.pipeline import keep_night
 from rsoconsole.pipeline.orbits._naming import Naming
 from rsoconsole.records import Identified
@@ -227,7 +227,7 @@ def test_a_track_is_named_by_the_ledger_while_it_is_followed(tmp_path: Path, tle
 
 def test_an_attributable_is_where_it_is_and_moves_as_it_does() -> None:
     exact, noisy = (
-        attributable(seen(OTHER, instants(0.0, 20), random=each))
+        mid_track_direction_and_rates(seen(OTHER, instants(0.0, 20), random=each))
         for each in (None, np.random.default_rng(4))
     )
     assert exact[0] == noisy[0]

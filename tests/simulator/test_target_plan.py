@@ -31,7 +31,7 @@ from rsoconsole.simulator.nights.night_plan import (
     scenario_of,
 )
 from rsoconsole.simulator.sky.other_objects import Nearby
-from rsoconsole.simulator.sky.passes import Sight, satellite_passes
+from rsoconsole.simulator.sky.passes import ExposureGeometry, satellite_passes
 from rsoconsole.sky import (
     hour_angle_icrs_deg,
     icrs_to_altaz,
@@ -231,7 +231,7 @@ def test_nobody_who_crosses_a_frame_is_passed_over():
         )
         passes = satellite_passes(
             [(each, lambda at: np.zeros(len(at))) for each in everybody],
-            Sight(
+            ExposureGeometry(
                 site=DAYTONA_BEACH,
                 sensor=sensor,
                 wcs=wcs,

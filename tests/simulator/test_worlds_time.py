@@ -8,7 +8,7 @@ import pytest
 from rsoconsole.records import Site
 from rsoconsole.simulator import SensorModel
 from rsoconsole.simulator.camera.truth import TrueShutter
-from rsoconsole.simulator.sky.passes import Sight, satellite_passes
+from rsoconsole.simulator.sky.passes import ExposureGeometry, satellite_passes
 from rsoconsole.sky import Places, pixel_to_sky, tan_wcs
 from tests.rigs.world_rig import (
     NS,
@@ -140,7 +140,7 @@ def test_a_rolling_shutter_draws_out_what_runs_with_it_exactly():
     )
     t0, rate_px_s, line_time_s = 1_687_500_000 * NS, 1800.0, 25e-6
     satellite = StraightSatellite(plate, (400.0, 300.0), (20.0, rate_px_s), t0)
-    sight = Sight(
+    sight = ExposureGeometry(
         site=Site(latitude_deg=29.0, longitude_deg=-81.0, elevation_m=0.0),
         sensor=sensor,
         wcs=plate,

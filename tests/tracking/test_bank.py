@@ -16,7 +16,7 @@ from sgp4.api import WGS72, Satrec
 from sgp4.exporter import export_tle
 
 from rsoconsole.config import FilterConfig
-from rsoconsole.orbits import Satellite, bending, parse_elements
+from rsoconsole.orbits import Satellite, orbit_path_bend, parse_elements
 from rsoconsole.records import FloatArray, Measurement, TrackState
 from rsoconsole.session import decode, encode
 from rsoconsole.sky import Places, direction_to_unit, separation_deg
@@ -102,7 +102,7 @@ def measured(name: str, scatter_s: float, seed: int, frames: int = FRAMES) -> li
 
 def begun(first: Measurement, second: Measurement, *, is_shutter_known: bool = False) -> TrackState:
     rate = np.array(lqe.sky_rate_arcsec_s(lqe.initialise(first, second, ADAPTIVE)))
-    told = bending(
+    told = orbit_path_bend(
         DAYTONA,
         first.t_mid_utc_ns,
         (first.ra_icrs_deg, first.dec_icrs_deg),
@@ -127,7 +127,7 @@ def followed(
     """(predicted, updated) of every measurement but the first two."""
     state = begun(*measurements[:2], is_shutter_known=is_shutter_known)
     if is_one_of_many:
-        state = adaptive.thinned(state)
+        state = adaptive.with_coarse_bank(state)
     predicted, updated = [], []
     for each in measurements[2:]:
         predicted.append(estimator.predict(state, each.t_mid_utc_ns, ADAPTIVE, each.frame_id))
@@ -175,14 +175,14 @@ def test_every_orbit_is_followed_whatever_the_shutter_does(
 def test_fewer_filters_believe_what_the_many_did() -> None:
     night = measured("transfer orbit", 0.2, 3)
     state = followed(night[:12])[1][-1]
-    fewer = adaptive.thinned(state)
+    fewer = adaptive.with_coarse_bank(state)
     assert (fewer.x, fewer.P, fewer.mixture) == (state.x, state.P, state.mixture)
     before, after = adaptive._bank_of(state), adaptive._bank_of(fewer)
     assert len(after.means) < len(before.means) / 4
     for one, other in zip(before.moments(), after.moments(), strict=True):
         np.testing.assert_allclose(other, one, rtol=1e-6, atol=1e-9)
     np.testing.assert_allclose(after.motion_probabilities, before.motion_probabilities, atol=1e-9)
-    assert adaptive._bank_of(adaptive.thinned(fewer)) is after
+    assert adaptive._bank_of(adaptive.with_coarse_bank(fewer)) is after
 
 
 @pytest.mark.parametrize(
@@ -284,7 +284,7 @@ def test_wherever_it_runs_numbers_stay_numbers(
     ra: float, dec: float, rate: float, angle: float
 ) -> None:
     """Across RA 0h, near the pole, fast and slow; covariances stay positive."""
-    seen = bank.Position(
+    seen = bank.BankMeasurement(
         t_utc_ns=T0_UTC_NS, ra_icrs_deg=ra, dec_icrs_deg=dec, covariance=0.25 * np.eye(2)
     )
     motion = (rate * math.cos(angle), rate * math.sin(angle))
@@ -295,7 +295,7 @@ def test_wherever_it_runs_numbers_stay_numbers(
         assert np.all(np.isfinite(mean))
         assert np.linalg.eigvalsh(_scaled(covariance))[0] > -1e-9
         at = held.plane.direction_of(float(mean[0]), float(mean[1]))
-        told = bank.Position(
+        told = bank.BankMeasurement(
             t_utc_ns=held.t_utc_ns,
             ra_icrs_deg=at[0],
             dec_icrs_deg=at[1],
@@ -314,12 +314,14 @@ def _scaled(covariance: FloatArray) -> FloatArray:
 
 def test_the_words_call_the_shutter_only_under_a_condition() -> None:
     state = followed(measured("geostationary", 0.2, 9))[1][-1]
-    words = adaptive.scatter_words(state, 0.015)
+    words = adaptive.timing_scatter_words(state, 0.015)
     assert words is not None
     assert words.startswith("along-track scatter ")
     assert "s if it is the shutter" in words
     assert (
-        adaptive.scatter_words(lqe.initialise(*measured("geostationary", 0, 9)[:2], ADAPTIVE), 0)
+        adaptive.timing_scatter_words(
+            lqe.initialise(*measured("geostationary", 0, 9)[:2], ADAPTIVE), 0
+        )
         is None
     )
 

@@ -8,7 +8,7 @@ import pytest
 from rsoconsole.config import FilterConfig
 from rsoconsole.records import Measurement, NotFollowed, TrackState
 from rsoconsole.tracking import Following, FollowSettings, FrameInput, Motion, follow
-from rsoconsole.tracking.filters.streak_length import across_error_arcsec, half_turn_arcsec
+from rsoconsole.tracking.filters.streak_length import across_error_arcsec, end_offset_arcsec
 from rsoconsole.tracking.initiation import acquisition
 from tests.makers import NS, T0_UTC_NS, geo_measurement
 
@@ -93,7 +93,7 @@ def test_more_is_added_the_further_it_turns():
     added = []
     for turn in (0.0, 5.0, 20.0):
         m = streak(1, -turn, turn)
-        assert half_turn_arcsec(m, EAST) == pytest.approx(turn, abs=1e-3)
+        assert end_offset_arcsec(m, EAST) == pytest.approx(turn, abs=1e-3)
         added.append(across_error_arcsec(m, EAST, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)))
     assert added[0] < 0.02 < added[1] < added[2] / 3.0
 
@@ -102,4 +102,4 @@ def test_the_sense_of_a_streak_is_not_known_and_does_not_matter():
     m = streak(1, -7.0, 7.0)
     assert m.ends_icrs_deg is not None
     reverse = dataclasses.replace(m, ends_icrs_deg=m.ends_icrs_deg[::-1])
-    assert half_turn_arcsec(m, EAST) == half_turn_arcsec(reverse, EAST)
+    assert end_offset_arcsec(m, EAST) == end_offset_arcsec(reverse, EAST)

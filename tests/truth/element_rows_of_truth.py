@@ -16,13 +16,13 @@ from rsoconsole.orbits import (
     CatalogueEntry,
     ElementErrors,
     ElementRow,
-    Sightings,
+    MeasuredDirections,
     compare_with_catalogue,
     manoeuvred_probability,
     parse_catalogue,
     places_of,
+    reduce_directions,
     row_of,
-    sightings,
     states_gcrs,
 )
 from rsoconsole.orbits.identification.element_errors import Spread
@@ -49,7 +49,7 @@ def times(spread: Spread, at_epoch: float, by_age: float, across: float) -> Spre
     )
 
 
-def seen_of(true: CatalogueEntry, t_utc_ns: int, rng: np.random.Generator) -> Sightings:
+def seen_of(true: CatalogueEntry, t_utc_ns: int, rng: np.random.Generator) -> MeasuredDirections:
     """Six directions in ten seconds about an instant, with noise."""
     t = t_utc_ns + np.arange(-5, 7, 2) * NS_PER_S
     places = places_of(true, SITE, t)
@@ -57,7 +57,7 @@ def seen_of(true: CatalogueEntry, t_utc_ns: int, rng: np.random.Generator) -> Si
     dec = places.dec_icrs_deg + rng.normal(0.0, sigma_deg, len(t))
     aside = rng.normal(0.0, sigma_deg, len(t)) / np.cos(np.radians(dec))
     cov = np.tile([NOISE_ARCSEC**2, 0.0, NOISE_ARCSEC**2], (len(t), 1))
-    return sightings(SITE, t, (places.ra_icrs_deg + aside) % 360.0, dec, cov)
+    return reduce_directions(SITE, t, (places.ra_icrs_deg + aside) % 360.0, dec, cov)
 
 
 def low_orbit(rng: np.random.Generator, norad_id: int, epoch_utc_ns: int) -> CatalogueEntry:
@@ -120,7 +120,7 @@ def low_rows(
 
 def row_by(
     session: str,
-    seen: Sightings,
+    seen: MeasuredDirections,
     entries: list[CatalogueEntry],
     errors: ElementErrors,
 ) -> ElementRow | None:

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rsoconsole.orbits import SkyAhead, SkyPath, propagate
+from rsoconsole.orbits import PredictedPosition, PredictedSkyPath, propagate
 from rsoconsole.orbits.motion.ahead import path_of
 from rsoconsole.pipeline import Leap, LeapTerms, MountMotion, NoLeap, Telescope, next_leap
 from rsoconsole.sky import (
@@ -32,7 +32,7 @@ PER_PATH = 4
 class Asked:
     """One question, and its answer."""
 
-    path: SkyPath
+    path: PredictedSkyPath
     start: Pose
     telescope: Telescope
     answer: Leap | NoLeap
@@ -83,7 +83,7 @@ def random_leaps(observatory: str, count: int, seed: int, judge: Limits | None =
         yield Asked(path, start, telescope, next_leap(path, start, now, telescope))
 
 
-def _path(site, now_ns, random) -> SkyPath:
+def _path(site, now_ns, random) -> PredictedSkyPath:
     """A circle through a place above the site, some of it below the horizon."""
     altitude, azimuth = float(random.uniform(5.0, 89.0)), float(random.uniform(0.0, 360.0))
     ra, dec = altaz_to_icrs(site, altitude, azimuth, now_ns)
@@ -109,7 +109,7 @@ def _path(site, now_ns, random) -> SkyPath:
     sigma = float(np.exp(random.uniform(0.0, np.log(900.0))))
     return path_of(
         [
-            SkyAhead(
+            PredictedPosition(
                 t_utc_ns=int(t[n]),
                 ra_icrs_deg=float(ra[n]),
                 dec_icrs_deg=float(dec[n]),

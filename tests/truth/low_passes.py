@@ -8,7 +8,7 @@ from functools import cache
 
 import numpy as np
 
-from rsoconsole.orbits import Satellite, SkyAhead, StreakEnds
+from rsoconsole.orbits import PredictedPosition, Satellite, StreakEnds
 from rsoconsole.records import FloatArray, Site
 from rsoconsole.sky import icrs_to_altaz, iso_to_utc_ns, site_gcrs, wrap_180
 from rsoconsole.words import NS_PER_S
@@ -127,7 +127,7 @@ def streak_of(
     return streak if random.random() < 0.5 else streak.reversed
 
 
-def off_arcsec(one: LowPass, place: SkyAhead, site: Site = SITE) -> FloatArray:
+def off_arcsec(one: LowPass, place: PredictedPosition, site: Site = SITE) -> FloatArray:
     """(2,) truth minus a predicted place, east and north."""
     true = one.satellite.astrometric_place(site, np.array([place.t_utc_ns]))
     east = wrap_180(float(true.ra_icrs_deg[0]) - place.ra_icrs_deg)
@@ -135,7 +135,7 @@ def off_arcsec(one: LowPass, place: SkyAhead, site: Site = SITE) -> FloatArray:
     return 3600.0 * np.array([east, float(true.dec_icrs_deg[0]) - place.dec_icrs_deg])
 
 
-def sigmas_off(off: FloatArray, place: SkyAhead) -> float:
+def sigmas_off(off: FloatArray, place: PredictedPosition) -> float:
     """Its length in units of the ellipse that was stated."""
     return float(np.sqrt(off @ np.linalg.solve(place.covariance_arcsec2, off)))
 

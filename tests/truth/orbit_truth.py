@@ -12,7 +12,7 @@ import numpy as np
 from scipy.integrate import solve_ivp
 from scipy.interpolate import CubicSpline
 
-from rsoconsole.orbits import Sightings, sightings
+from rsoconsole.orbits import MeasuredDirections, reduce_directions
 from rsoconsole.records import FloatArray, Site
 from rsoconsole.sky import IntArray, Places, astrometric_places, jd_ut1
 from rsoconsole.sky.times import jd_tt
@@ -183,13 +183,13 @@ def geostationary(
 
 def seen_with_noise(
     random: np.random.Generator, site: Site, places: Places, sigma_arcsec: float
-) -> Sightings:
+) -> MeasuredDirections:
     """The same noise east and north, of the stated size."""
     north = random.normal(0.0, sigma_arcsec, len(places.t_utc_ns)) / 3600.0
     east = random.normal(0.0, sigma_arcsec, len(places.t_utc_ns)) / 3600.0
     ra = places.ra_icrs_deg + east / np.cos(np.radians(places.dec_icrs_deg))
     covariance = np.tile([sigma_arcsec**2, 0.0, sigma_arcsec**2], (len(ra), 1))
-    return sightings(site, places.t_utc_ns, ra, places.dec_icrs_deg + north, covariance)
+    return reduce_directions(site, places.t_utc_ns, ra, places.dec_icrs_deg + north, covariance)
 
 
 def off_arcsec(one: Places, other: Places) -> FloatArray:

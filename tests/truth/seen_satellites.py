@@ -9,7 +9,13 @@ import numpy as np
 from sgp4.api import WGS72, Satrec
 from sgp4.exporter import export_tle
 
-from rsoconsole.orbits import ElementSet, Satellite, Sightings, parse_elements, sightings
+from rsoconsole.orbits import (
+    ElementSet,
+    MeasuredDirections,
+    Satellite,
+    parse_elements,
+    reduce_directions,
+)
 from rsoconsole.records import Site
 from rsoconsole.sky import IntArray
 from rsoconsole.words import NS_PER_DAY, NS_PER_S
@@ -69,7 +75,7 @@ def seen(
     sigma_arcsec: float = 1.0,
     random: np.random.Generator | None = None,
     site: Site = DAYTONA,
-) -> Sightings:
+) -> MeasuredDirections:
     """Directions with noise; without ``random`` they are exact, and claim the same sigma."""
     places = Satellite(elements).astrometric_place(site, t_utc_ns)
     noise = np.zeros((len(t_utc_ns), 2))
@@ -77,4 +83,4 @@ def seen(
         noise = random.normal(0.0, sigma_arcsec / 3600.0, noise.shape)
     ra = places.ra_icrs_deg + noise[:, 0] / np.cos(np.radians(places.dec_icrs_deg))
     cov = np.tile([sigma_arcsec**2, 0.0, sigma_arcsec**2], (len(t_utc_ns), 1))
-    return sightings(site, t_utc_ns, ra % 360.0, places.dec_icrs_deg + noise[:, 1], cov)
+    return reduce_directions(site, t_utc_ns, ra % 360.0, places.dec_icrs_deg + noise[:, 1], cov)

@@ -7,14 +7,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from rsoconsole.base import ModelError, model_resource
-from rsoconsole.vision import FEATURES, Candidate, ConfidenceCurve, Focus, LineLight
+from rsoconsole.vision import FEATURES, Candidate, ConfidenceCurve, LineLight, PointImage
 from rsoconsole.vision.detector.confidence import LENGTH_ERROR
 from tests.makers import straight_detection
 
 CARD = json.loads(model_resource("streak_ssd.json").read_text(encoding="utf-8"))
 CURVE = ConfidenceCurve.from_card(CARD)
 PSF_PX = 2.4
-FOCUS = Focus(fwhm_px=PSF_PX)
+FOCUS = PointImage(fwhm_px=PSF_PX)
 
 
 def seen_so(even: bool = True, **found: float) -> Candidate:
@@ -94,7 +94,7 @@ def test_drawn_out_stars_keep_a_streak_no_company():
         confidence=0.05, snr=90.0, length_px=40.0, width_px=PSF_PX, x_px=500.0, y_px=300.0
     )
     still = CURVE.confidence(streak, FOCUS, [streak, beside])
-    drift = Focus(fwhm_px=PSF_PX, trail_px=25.0, trail_deg=90.0)
+    drift = PointImage(fwhm_px=PSF_PX, trail_px=25.0, trail_deg=90.0)
     assert CURVE.confidence(streak, FOCUS) > still
     assert CURVE.confidence(streak, drift, [streak, beside]) == CURVE.confidence(streak, drift)
 
@@ -104,7 +104,7 @@ def test_under_drift_what_runs_as_the_stars_do_is_believed_less():
     angle = streak.found.angle_deg
     said = [
         CURVE.confidence(
-            streak, Focus(fwhm_px=PSF_PX, trail_px=25.0, trail_deg=(angle + off) % 180.0)
+            streak, PointImage(fwhm_px=PSF_PX, trail_px=25.0, trail_deg=(angle + off) % 180.0)
         )
         for off in (0.0, 10.0, 30.0, 80.0)
     ]
@@ -114,7 +114,7 @@ def test_under_drift_what_runs_as_the_stars_do_is_believed_less():
 
 def test_a_clear_line_is_believed_although_the_network_sees_nothing():
     """As in the video frames: sixty pixels long, each quarter of it far above the noise."""
-    wide = Focus(fwhm_px=4.7)
+    wide = PointImage(fwhm_px=4.7)
     clear = seen_so(confidence=0.0017, snr=166.0, length_px=64.0, width_px=2.8)
     dim = seen_so(confidence=0.0017, snr=16.0, length_px=64.0, width_px=2.8)
     assert CURVE.confidence(clear, wide) > max(0.1, CURVE.confidence(dim, wide))

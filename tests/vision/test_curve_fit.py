@@ -20,8 +20,8 @@ from rsoconsole.vision import (
     FEATURES,
     IMAGE_KINDS,
     Candidate,
-    Focus,
     LineLight,
+    PointImage,
     confidence_features,
 )
 from tests.makers import straight_detection
@@ -133,7 +133,7 @@ def _seen(detection, *others):
         Candidate(found=each, light=LineLight(lower_quartile_snr=each.snr, roughness=0.0))
         for each in (detection, *others)
     )
-    features = confidence_features(one, Focus(fwhm_px=PSF_PX), (one, *rest))
+    features = confidence_features(one, PointImage(fwhm_px=PSF_PX), (one, *rest))
     return dict(zip(FEATURES, features, strict=True))
 
 
@@ -199,7 +199,9 @@ def test_a_light_that_only_a_line_of_star_images_explains_is_heard_against_the_n
             lower_quartile_snr=60.0, roughness=0.0, bend=2.0, over_stars=over_stars, left=left
         )
         one = Candidate(found=found, light=light)
-        return dict(zip(FEATURES, confidence_features(one, Focus(fwhm_px=PSF_PX)), strict=True))
+        return dict(
+            zip(FEATURES, confidence_features(one, PointImage(fwhm_px=PSF_PX)), strict=True)
+        )
 
     nothing, streak, ray = looked(0.0, 0.0), looked(1000.0, 1.0), looked(1000.0, 9.0)
     assert nothing["like_line"] == nothing["unlike"] == nothing["like_stars"] == 0.0

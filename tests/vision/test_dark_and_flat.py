@@ -55,7 +55,9 @@ def test_a_streak_that_an_uneven_camera_hides_is_found_and_nothing_else(detector
 
     assert not any(map(is_true, detector.detect(frame).detections))
     dark, flat = camera.masters()
-    found = detector.detect(DarkAndFlat(dark, flat.astype(np.float32)).applied(frame)).detections
+    found = detector.detect(
+        DarkAndFlat(dark, flat.astype(np.float32)).calibrated_frame(frame)
+    ).detections
     assert [is_true(each) for each in found] == [True]
     assert found[0].confidence > 0.9
 
@@ -64,9 +66,9 @@ def test_what_is_left_is_the_noise_of_light_and_readout():
     """The variance of a Poisson process over the response, and nothing of the pattern."""
     camera = UnevenCamera.made(7)
     sky_e = 6000.0
-    values = camera.exposed(sky_e)
+    values = camera.note_frame(sky_e)
     dark, flat = camera.masters()
-    left = DarkAndFlat(dark, flat.astype(np.float32)).applied(of(stored(values))).pixels
+    left = DarkAndFlat(dark, flat.astype(np.float32)).calibrated_frame(of(stored(values))).pixels
     quiet = camera.dark_e < 100.0
     response = camera.response / np.median(camera.response)
     # One frame over masters of 16: the frame's own variance and a little of theirs.
@@ -90,7 +92,7 @@ def test_a_dark_of_nothing_and_a_flat_of_one_change_nothing(sigma, master_dtype,
     nothing, one = np.zeros(SHAPE, master_dtype), np.ones(SHAPE, master_dtype)
     for frame in (of(pixels), of(pixels.astype(np.float32))):
         ready = DarkAndFlat(nothing, one, has_mosaic=has_mosaic)
-        same = ready.applied(frame)
+        same = ready.calibrated_frame(frame)
         assert same.pixels.dtype == frame.pixels.dtype
         assert np.array_equal(same.pixels, frame.pixels)
         assert replace(same, pixels=frame.pixels).saturation_adu == frame.saturation_adu
@@ -99,7 +101,9 @@ def test_a_dark_of_nothing_and_a_flat_of_one_change_nothing(sigma, master_dtype,
 def test_the_detector_says_the_same_of_it(detector):
     frame = UnevenCamera.made(3).frame()
     shape = frame.pixels.shape
-    same = DarkAndFlat(np.zeros(shape, np.uint16), np.ones(shape, np.float32)).applied(frame)
+    same = DarkAndFlat(np.zeros(shape, np.uint16), np.ones(shape, np.float32)).calibrated_frame(
+        frame
+    )
     one, other = detector.analyse(frame), detector.analyse(same)
     assert one.detections.detections == other.detections.detections
     assert one.detections.rejected == other.detections.rejected
@@ -113,7 +117,7 @@ def test_threads_and_the_frame_given_change_nothing(threads: int):
     flat = rng.uniform(0.5, 1.5, SHAPE).astype(np.float32)
     before = pixels.copy()
     pixels.flags.writeable = False
-    found = DarkAndFlat(dark, flat).applied(of(pixels), Workers(threads)).pixels
+    found = DarkAndFlat(dark, flat).calibrated_frame(of(pixels), Workers(threads)).pixels
     level, light = np.rint(np.median(dark[::5, ::5])), flat / np.median(flat[::5, ::5])
     truth = (before - dark.astype(float)) / light + level
     # Half of a whole number, and a gain in 65,535 steps.
@@ -131,15 +135,15 @@ def test_threads_and_the_frame_given_change_nothing(threads: int):
 def test_pixels_stay_whole_numbers_where_that_costs_nothing(sigma, dark_step, dtype):
     dark = np.full(SHAPE, OFFSET, np.float32)
     dark[::2] += dark_step
-    assert DarkAndFlat(dark).applied(of(stored(sky(sigma=sigma)))).pixels.dtype == dtype
+    assert DarkAndFlat(dark).calibrated_frame(of(stored(sky(sigma=sigma)))).pixels.dtype == dtype
     floats = sky(sigma=sigma).astype(np.float32)
-    assert DarkAndFlat(dark).applied(of(floats)).pixels.dtype == np.float32
+    assert DarkAndFlat(dark).calibrated_frame(of(floats)).pixels.dtype == np.float32
 
 
 def test_the_noise_of_a_dark_sky_is_not_cut_off():
     dark = np.random.default_rng(5).normal(OFFSET, 3.0, SHAPE).astype(np.float32)
     pixels = stored(sky(level=OFFSET, sigma=8.0))
-    left = DarkAndFlat(dark).applied(of(pixels)).pixels.astype(float)
+    left = DarkAndFlat(dark).calibrated_frame(of(pixels)).pixels.astype(float)
     assert left.mean() == pytest.approx(OFFSET, abs=0.5)
     assert left.std() == pytest.approx(np.hypot(8.0, 3.0), rel=0.03)
 
@@ -159,7 +163,7 @@ def test_a_saturated_star_is_still_known_as_one(full: float):
     dark = rng.normal(OFFSET, 2.0, SHAPE).astype(np.float32)
     raw = np.minimum(np.rint(dark + response * (sky(level=200.0) + light)), full)
     frame = of(stored(raw), saturation_adu=full)
-    even = DarkAndFlat(dark, response.astype(np.float32)).applied(frame)
+    even = DarkAndFlat(dark, response.astype(np.float32)).calibrated_frame(frame)
     assert even.saturation_adu == full
     stars = find_stars(even.pixels, saturation_adu=even.saturation_adu)
     is_saturated = dict(zip(np.rint(stars.x_px / 10) * 10, stars.is_saturated, strict=True))
@@ -175,7 +179,7 @@ def test_a_hot_pixel_that_saturates_takes_its_neighbours_value():
     for row, column in hot:
         pixels[row, column] = 65535
     ready = DarkAndFlat(dark)
-    even = ready.applied(of(pixels)).pixels.astype(float)
+    even = ready.calibrated_frame(of(pixels)).pixels.astype(float)
     assert ready.defects(65535.0) == len(hot)
     for row, column in hot:
         assert even[row, column] == pytest.approx(SKY + OFFSET, abs=4 * SIGMA)
@@ -193,7 +197,7 @@ def test_a_pixel_without_light_in_the_flat_takes_its_neighbours_value(light: flo
     flat[33, 44] = light * 20000.0
     pixels = stored(sky() + OFFSET)
     pixels[:, 100] = pixels[33, 44] = OFFSET
-    even = DarkAndFlat(np.full(SHAPE, OFFSET, np.float32), flat).applied(of(pixels)).pixels
+    even = DarkAndFlat(np.full(SHAPE, OFFSET, np.float32), flat).calibrated_frame(of(pixels)).pixels
     assert even[33, 44] == pytest.approx(SKY + OFFSET, abs=4 * SIGMA)
     column = even[:, 100].astype(float)
     # The median of eight neighbours has less noise than a pixel.
@@ -205,7 +209,7 @@ def test_a_corner_without_light_is_never_raised_more_than_tenfold():
     y, x = np.mgrid[:HEIGHT, :WIDTH]
     flat = (1.0 - np.clip(1.4 - np.hypot(x, y) / 60.0, 0.0, 1.0)).astype(np.float32)
     pixels = stored(OFFSET + flat * sky())
-    even = DarkAndFlat(np.full(SHAPE, OFFSET, np.float32), flat).applied(of(pixels)).pixels
+    even = DarkAndFlat(np.full(SHAPE, OFFSET, np.float32), flat).calibrated_frame(of(pixels)).pixels
     lit = flat > 0.1
     assert abs(even[lit].mean() - SKY - OFFSET) < 2.0
     assert even[~lit].max() < OFFSET + 1.2 * SKY
@@ -219,7 +223,9 @@ def test_a_flat_without_light_is_refused():
     with pytest.raises(ValueError, match="does not fit"):
         DarkAndFlat(np.zeros(SHAPE, np.float32), np.ones((10, 10), np.float32))
     with pytest.raises(ValueError, match="do not fit"):
-        DarkAndFlat(np.zeros(SHAPE, np.float32)).applied(of(np.ones((300, 300), np.uint16)))
+        DarkAndFlat(np.zeros(SHAPE, np.float32)).calibrated_frame(
+            of(np.ones((300, 300), np.uint16))
+        )
 
 
 def test_the_colours_of_a_mosaic_keep_their_levels():
@@ -231,7 +237,7 @@ def test_the_colours_of_a_mosaic_keep_their_levels():
     pixels = stored(OFFSET + vignette * sky())
     dark = np.full(SHAPE, OFFSET, np.float32)
     ready = DarkAndFlat(dark, (20000.0 * colours * vignette).astype(np.float32), has_mosaic=True)
-    even = ready.applied(of(pixels)).pixels.astype(float) - OFFSET
+    even = ready.calibrated_frame(of(pixels)).pixels.astype(float) - OFFSET
     assert ready.defects(65535.0) == 0
     for row in (0, 1):
         rows = even[row::2, 1::2].mean(axis=1)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from rsoconsole.vision.lines.line_or_points import drawn_along, line_over_points
+from rsoconsole.vision.lines.line_or_points import line_over_points_chi2, trail_along_line_px
 from rsoconsole.vision.lines.line_strip import LineProfile
 
 SIGMA_PX = 1.7
@@ -41,7 +41,7 @@ def points(places_px, lights, size: int = 160, length_px: float = 0.0) -> np.nda
 
 
 def preferred(light, length_px: float, rng, drawn_px: float = 0.0) -> float:
-    return line_over_points(
+    return line_over_points_chi2(
         profile(light, rng), (FIRST_PX, FIRST_PX + length_px), 1.0, drawn_px=drawn_px
     )
 
@@ -101,10 +101,10 @@ def test_what_is_long_or_hardly_seen_is_not_asked_about():
     even = line(120.0, lambda t: 12.0 + 0.0 * t, size=400)
     assert preferred(even, 31.0 * FWHM_PX, rng) == 0.0
     hidden = LineProfile(light=even, error=np.full(even.size, np.inf), sigma=SIGMA_PX)
-    assert line_over_points(hidden, (FIRST_PX, FIRST_PX + 20.0), 1.0) == 0.0
+    assert line_over_points_chi2(hidden, (FIRST_PX, FIRST_PX + 20.0), 1.0) == 0.0
 
 
 def test_a_trail_crosses_a_line_for_a_part_of_its_length():
-    assert drawn_along(30.0, 0.0, 4.0) == pytest.approx(30.0)
-    assert drawn_along(30.0, 90.0, 4.0) == pytest.approx(0.0, abs=0.01)
-    assert drawn_along(30.0, 30.0, 4.0) == pytest.approx(12.0)
+    assert trail_along_line_px(30.0, 0.0, 4.0) == pytest.approx(30.0)
+    assert trail_along_line_px(30.0, 90.0, 4.0) == pytest.approx(0.0, abs=0.01)
+    assert trail_along_line_px(30.0, 30.0, 4.0) == pytest.approx(12.0)

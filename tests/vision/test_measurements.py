@@ -5,8 +5,8 @@ import math
 import numpy as np
 
 from rsoconsole.records import Frame
-from rsoconsole.vision import Focus, find_stars, local_background
-from rsoconsole.vision.detector._candidates import Measurements, proposals
+from rsoconsole.vision import PointImage, find_stars, local_background
+from rsoconsole.vision.detector._candidates import FrameCandidates, merged_proposals
 from rsoconsole.vision.lines.line_filter import CellLine
 from tests.drawn.drawn_lines import exposed, line_of_light
 
@@ -15,13 +15,13 @@ SIGMA_PX = 1.2
 FWHM_PX = 2.3548 * SIGMA_PX
 
 
-def measured(light, *lines: CellLine) -> Measurements:
+def measured(light, *lines: CellLine) -> FrameCandidates:
     """Everything that is proposed, in its order."""
     pixels = exposed(light, np.random.default_rng(4))
     frame = Frame(frame_id=1, name="drawn", pixels=pixels, exposure_s=10.0)
     sky = local_background(pixels)
-    it = Measurements(frame, sky, find_stars(pixels, sky), Focus(fwhm_px=FWHM_PX))
-    for each in proposals([], lines):
+    it = FrameCandidates(frame, sky, find_stars(pixels, sky), PointImage(fwhm_px=FWHM_PX))
+    for each in merged_proposals([], lines):
         if not it.has(each):
             it.measure(each)
     return it
@@ -50,9 +50,9 @@ def test_a_piece_of_what_is_measured_is_not_measured_again():
     piece = about(170.0, 131.0, 20.0, 32.0, is_light=True)
     elsewhere = about(170.0, 181.0, 20.0, 32.0, is_light=True)
     it = measured(light, whole)
-    of_piece, of_other = proposals([], [piece, elsewhere])
+    of_piece, of_other = merged_proposals([], [piece, elsewhere])
     assert it.has(of_piece)
     assert not it.has(of_other)
     # A sum of the line filter is looked at for itself.
-    (as_sum,) = proposals([], [about(170.0, 131.0, 20.0, 32.0)])
+    (as_sum,) = merged_proposals([], [about(170.0, 131.0, 20.0, 32.0)])
     assert not it.has(as_sum)

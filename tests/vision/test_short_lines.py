@@ -10,7 +10,7 @@ from rsoconsole.records import Frame
 from rsoconsole.sky import turn_deg
 from rsoconsole.vision import find_stars, local_background
 from rsoconsole.vision.lines.line_filter import CellLine
-from rsoconsole.vision.lines.short_lines import MAX_SHORT, in_turn, short_lines
+from rsoconsole.vision.lines.short_lines import MAX_SHORT, interleaved_lines, short_lines
 from tests.campaign.streaks import detector
 from tests.drawn.drawn_lines import exposed, line_of_light
 
@@ -87,7 +87,7 @@ def test_the_best_of_either_comes_first():
         return CellLine(x_a=place, y_a=0.0, x_b=place, y_b=9.0, snr=9.0)
 
     found, short = [line(1.0), line(2.0), line(3.0)], [line(10.0)]
-    assert [each.x_a for each in in_turn(found, short)] == [1.0, 10.0, 2.0, 3.0]
+    assert [each.x_a for each in interleaved_lines(found, short)] == [1.0, 10.0, 2.0, 3.0]
 
 
 def test_among_drawn_out_stars_what_lies_otherwise_is_proposed():

@@ -3,11 +3,11 @@
 from collections.abc import Sequence
 from pathlib import Path
 
-from rsoconsole.base import ConfigError, raised_as
+from rsoconsole.base import ConfigError, value_errors_as
 from rsoconsole.config import Config
 from rsoconsole.simulator import NightPlan
 from rsoconsole.sky import iso_to_utc_ns
-from rsoconsole.words import clock, left
+from rsoconsole.words import clock, time_left_words
 
 
 def plan_targets(
@@ -75,11 +75,11 @@ def plan_words(plan: NightPlan) -> str:
     """The plan in a sentence for people: objects, place, start, length, exposures."""
     return (
         f"{plan.title} from {plan.site.latitude_deg:+.2f} {plan.site.longitude_deg:+.2f},"
-        f" {clock(plan.t_start_utc_ns, 'dated')}, to be seen for {left(plan.visible_s)};"
+        f" {clock(plan.t_start_utc_ns, 'dated')}, to be seen for {time_left_words(plan.visible_s)};"
         f" {plan.exposure_s:g} s every {plan.cadence_s:g} s"
     )
 
 
 def _instant(text: str) -> int:
-    with raised_as(ConfigError, "--at: "):
+    with value_errors_as(ConfigError, "--at: "):
         return iso_to_utc_ns(text)

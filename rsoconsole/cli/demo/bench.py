@@ -5,7 +5,7 @@ from typing import Any
 
 from rsoconsole.cli.words import output
 from rsoconsole.config import Config
-from rsoconsole.words import NS_PER_S, counted, utc_ns_to_iso
+from rsoconsole.words import NS_PER_S, count_words, utc_ns_to_iso
 
 _BESIDE_DEG = 0.05
 """Error of the header's direction, like that of a mount."""
@@ -18,12 +18,12 @@ def run_bench(config: Config, *, json_: bool) -> None:
     from rsoconsole.engine import (
         STAGES,
         free_bytes,
-        judge,
         load_share,
         machine_identity,
         measure,
         medium_of,
         read_machine,
+        summarise_bench,
         summary_lines,
         troubles_of,
     )
@@ -31,11 +31,13 @@ def run_bench(config: Config, *, json_: bool) -> None:
 
     here, busy, before = machine_identity(), load_share(), read_machine()
     medium = medium_of(config.session.root)
-    output.complain(f"drawing a frame of {config.optics.width_px} x {config.optics.height_px} px")
+    output.print_to_stderr(
+        f"drawing a frame of {config.optics.width_px} x {config.optics.height_px} px"
+    )
     fits = draw_fits(config)
-    result = measure(config, fits, report=output.complain)
+    result = measure(config, fits, report=output.print_to_stderr)
     after = read_machine()
-    summary = judge(config, result, free_bytes(config.session.root), utc_now_ns())
+    summary = summarise_bench(config, result, free_bytes(config.session.root), utc_now_ns())
     notes = list(result.notes)
     if busy > BUSY_SHARE:
         notes.append(f"other programs had {busy:.0%} of the cores when it began: repeat it alone")
@@ -59,8 +61,8 @@ def run_bench(config: Config, *, json_: bool) -> None:
     else:
         output.say(here.words)
         output.say(
-            f"{result.width_px} x {result.height_px} px, {counted(result.threads, 'thread')}, "
-            f"{counted(result.detections, 'streak')} detected, session.root on "
+            f"{result.width_px} x {result.height_px} px, {count_words(result.threads, 'thread')}, "
+            f"{count_words(result.detections, 'streak')} detected, session.root on "
             f"{medium.kind}{f' {medium.device}' if medium.device else ''}"
             + _heat(before.cpu_temperature_c, after.cpu_temperature_c)
         )

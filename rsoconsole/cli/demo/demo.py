@@ -16,7 +16,7 @@ from rsoconsole.cli.words.options import JsonOption, SessionOption, site_of
 from rsoconsole.config import Config, load_config
 from rsoconsole.instruments import stop_past_engine
 from rsoconsole.records import Site
-from rsoconsole.words import direction, number, size_words
+from rsoconsole.words import direction, number, semi_major_axis_words
 
 if TYPE_CHECKING:
     from rsoconsole.engine import Engine
@@ -179,7 +179,7 @@ def demo(
     if is_seen and not lines:
         _watch_night(config, night)
         return
-    with waits_reported_to(output.complain):
+    with waits_reported_to(output.print_to_stderr):
         found = run_night(config, night) if headless or json_ else _print_night(config, night)
     if json_:
         output.emit_json(found)
@@ -331,7 +331,7 @@ def _track_words(track: dict[str, Any]) -> tuple[str, str]:
     orbit = track["orbit"]
     words = "no orbit"
     if orbit is not None:
-        words = f"{orbit['label']}, {size_words(orbit['a_km'], orbit['sigma_a_km'])}"
+        words = f"{orbit['label']}, {semi_major_axis_words(orbit['a_km'], orbit['sigma_a_km'])}"
     return f"{name}: measured in {track['frames']} frames, {ending}", f"  {words}"
 
 
@@ -364,5 +364,7 @@ def _own_settings() -> Config:
     except (ConfigError, OSError) as error:
         own = Config()
         root = own.session.root
-        output.complain(f"rsoconsole: {error}; the demo does without, its session goes to {root}")
+        output.print_to_stderr(
+            f"rsoconsole: {error}; the demo does without, its session goes to {root}"
+        )
         return own

@@ -187,7 +187,7 @@ class _Judge:
             self.tallies[number].tracked_after_lock += any(
                 taken == number == self.followed.get(n) for n, taken in taken_by.items()
             )
-        self._judge_lead(lead_of(steps), sky, taken_by)
+        self._judge_lead(lead_track_id(steps), sky, taken_by)
         for found in frame.names:
             on = self.followed.get(found.track_id)
             if found.track_id in steps and on is not None and on in self.tallies:
@@ -322,7 +322,7 @@ def _judge_bounds(
 def taken_of(frame: NightFrame) -> Measurement | None:
     """The measurement that the lead took; None where it took none."""
     steps = steps_of(frame)
-    lead = lead_of(steps)
+    lead = lead_track_id(steps)
     return None if lead is None else _taken(frame, steps[lead])
 
 
@@ -331,7 +331,7 @@ def steps_of(frame: NightFrame) -> dict[int, FrameTrack]:
     return {each.track_id: each for each in frame.tracks}
 
 
-def lead_of(steps: Mapping[int, FrameTrack]) -> int | None:
+def lead_track_id(steps: Mapping[int, FrameTrack]) -> int | None:
     """Track id of the lead of a frame; where one takes over from another, of the later one."""
     return next((n for n in reversed(list(steps)) if steps[n].is_lead), None)
 

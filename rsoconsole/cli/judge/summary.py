@@ -12,7 +12,7 @@ from rsoconsole.base import json_of
 from rsoconsole.cli.judge._objects import (
     identified_norad_id,
     is_on_a_streak,
-    lead_of,
+    lead_track_id,
     objects_figures,
     offset_arcsec,
     offset_of,
@@ -192,7 +192,7 @@ def _lead_track(frames: Iterable[NightFrame]) -> tuple[_LeadTrack, int]:
     """The last lead track, and the number of misses of all leads."""
     led, misses = _LeadTrack(), 0
     for frame in frames:
-        lead = lead_of(steps_of(frame))
+        lead = lead_track_id(steps_of(frame))
         led.track_id = led.track_id if lead is None else lead
         misses += sum(each.track_id in (None, led.track_id) for each in frame.misses)
         for orbit in frame.orbits:

@@ -45,7 +45,7 @@ def identify_field(
     from rsoconsole.instruments import EXTENSION_KEY, read_frames
     from rsoconsole.pipeline import (
         FEWEST,
-        FieldRun,
+        CatalogueMatcher,
         errors_report,
         frame_report,
         movers_report,
@@ -56,7 +56,7 @@ def identify_field(
     config = load_config(config_path)
     _expect_site(config_path)
     paths, tle = files.paths[:frame_count], files.paths[frame_count:]
-    run = FieldRun(config, catalogue_of(tle or list(config.catalogue.tle_files)))
+    run = CatalogueMatcher(config, catalogue_of(tle or list(config.catalogue.tle_files)))
     read: list[tuple[str, FieldFrame]] = []
     with open_field_reader(config, plate) as reader:
 
@@ -143,9 +143,13 @@ class SessionLedger:
         kept = keep(self._folder, self._unknown, self._named, self._path)
         say_moved_aside(kept.moved_aside)
         for number in kept.too_short:
-            output.complain(f"rsoconsole: track {number} has fewer than {MIN_TRACKS} directions")
+            output.print_to_stderr(
+                f"rsoconsole: track {number} has fewer than {MIN_TRACKS} directions"
+            )
         for number in kept.taken_back:
-            output.complain(f"rsoconsole: track {number} has a catalogued name: not kept any more")
+            output.print_to_stderr(
+                f"rsoconsole: track {number} has a catalogued name: not kept any more"
+            )
         return [
             {"track": each.track, "number": each.number, "is_new": each.is_new}
             for each in kept.tracks
@@ -156,10 +160,10 @@ class SessionLedger:
         try:
             ledger = read_ledger(self._path)
         except SessionError as error:
-            output.complain(f"rsoconsole: {error}")
+            output.print_to_stderr(f"rsoconsole: {error}")
             return {}
         if words := damage_words(ledger.unreadable, self._path):
-            output.complain(f"rsoconsole: {words}")
+            output.print_to_stderr(f"rsoconsole: {words}")
         if not self._unknown:
             return {}
         session = "" if self._folder is None else self._folder.resolve().name

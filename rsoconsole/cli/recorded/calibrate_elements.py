@@ -10,7 +10,7 @@ from rsoconsole.base import OrbitError, SessionError
 from rsoconsole.cli.words import completion, output
 from rsoconsole.cli.words.batch_options import progress
 from rsoconsole.cli.words.options import ConfigOption, JsonOption, TleOption, WriteOption
-from rsoconsole.cli.words.standard_input import InputFiles, piped
+from rsoconsole.cli.words.standard_input import InputFiles, open_input_files
 from rsoconsole.cli.words.usage import write_to_config
 from rsoconsole.config import Config, load_config
 
@@ -69,14 +69,14 @@ def calibrate_elements(
         )
     settings = load_config(config)
     path = element_ledger_path(is_simulated=simulated)
-    with piped([*(nights or []), *(tle or [])]) as files:
+    with open_input_files([*(nights or []), *(tle or [])]) as files:
         found, failures = _read(files, len(nights or []), settings, simulated=simulated)
     ledger = _kept([each for _, each in found], path)
     fitted = fit_factors(ledger.rows)
     report: dict[str, Any] = {
         "ledger": path,
         "simulated": simulated,
-        "nights": [{"night": night, **output.keyed(rows)} for night, rows in found],
+        "nights": [{"night": night, **output.with_unit_keys(rows)} for night, rows in found],
         "tracks": len(ledger.rows),
         "regimes": [regime_report(each, ledger.rows, settings.catalogue) for each in fitted],
         "written": _write(fitted, config) if write else None,
@@ -86,7 +86,9 @@ def calibrate_elements(
     else:
         output.say(*element_ledger_lines(report))
         if not ledger.rows:
-            output.complain(f"no track is kept in {path}: name nights whose tracks are named")
+            output.print_to_stderr(
+                f"no track is kept in {path}: name nights whose tracks are named"
+            )
         elif report["written"]:
             output.say("", f"written to {report['written']}: what is named from now on uses it")
         elif not simulated:
@@ -133,7 +135,7 @@ def _read(
             except (OrbitError, SessionError) as error:
                 failures += 1
                 with bar.aside():
-                    output.complain(f"rsoconsole: {files.words(str(error))}")
+                    output.print_to_stderr(f"rsoconsole: {files.words(str(error))}")
             bar()
     return found, failures
 
@@ -160,7 +162,7 @@ def _kept(found: "Sequence[NightRows]", path: Path) -> "ElementLedger":
     if not found:
         ledger = read_element_ledger(path)
         if words := damage_words(ledger.unreadable, path):
-            output.complain(f"rsoconsole: {words}")
+            output.print_to_stderr(f"rsoconsole: {words}")
         return ledger
     sessions = [session for each in found for session in each.sessions]
     ledger, aside = keep_rows(sessions, [row for each in found for row in each.rows], path)

@@ -87,7 +87,7 @@ def calibrate_time(
     if not json_:  # what --force would write is seen before it is refused
         output.say(*timing_lines(found))
         for words in cautions(found):
-            output.complain(f"rsoconsole: {words}")
+            output.print_to_stderr(f"rsoconsole: {words}")
     try:
         written = _write(found, config, force=force) if write else None
     except ConfigError:

@@ -7,13 +7,13 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from rsoconsole.base import ControlError, OrbitError, raised_as
+from rsoconsole.base import ControlError, OrbitError, value_errors_as
 from rsoconsole.cli.words import output
 from rsoconsole.cli.words.batch_options import progress
 from rsoconsole.cli.words.options import ConfigOption, JsonOption, SocketOption
 from rsoconsole.cli.words.usage import write_to_config
 from rsoconsole.config import Config, home_path, load_config, shown
-from rsoconsole.words import counted, utc_ns_to_iso
+from rsoconsole.words import count_words, utc_ns_to_iso
 
 if TYPE_CHECKING:
     from rsoconsole.pipeline import Source, SourceStatus, SourceUpdate, SourceUpdater
@@ -59,7 +59,7 @@ def update(
             bar()
             with bar.aside():
                 _report(each, settings, json_)
-    output.exit_if(faults, f"{counted(faults, 'source')} could not be fetched; each says why")
+    output.exit_if(faults, f"{count_words(faults, 'source')} could not be fetched; each says why")
 
 
 def _report(each: "SourceUpdate", settings: Config, json_: bool) -> None:
@@ -160,7 +160,7 @@ def _source_of(text: str) -> "Source":
     """A source as people write it: a file and an address need no kind. Raises OrbitError."""
     from rsoconsole.pipeline import parse_source
 
-    with raised_as(OrbitError):
+    with value_errors_as(OrbitError):
         if text.startswith(("http://", "https://")):
             text = f"url:{text}"
         elif text.startswith(("~", "file:")) or Path(text).exists():
@@ -258,7 +258,10 @@ def _kept_row(kept: "SourceStatus") -> dict[str, Any]:
         return None if t_utc_ns is None else round((now_utc_ns - t_utc_ns) / NS_PER_HOUR, 2)
 
     ages = {"age_h": kept.fetched_utc_ns, "middle_age_h": kept.middle_epoch_utc_ns}
-    return {**output.keyed(kept), **{name: hours(t_utc_ns) for name, t_utc_ns in ages.items()}}
+    return {
+        **output.with_unit_keys(kept),
+        **{name: hours(t_utc_ns) for name, t_utc_ns in ages.items()},
+    }
 
 
 def _line(row: dict[str, Any]) -> str:

@@ -138,7 +138,7 @@ def _folder_to_make(kind: str, out: str | None) -> Path | None:
 
 def _say_created(folder: Path | None) -> None:
     if folder is not None:
-        output.complain(f"created the folder {folder}")
+        output.print_to_stderr(f"created the folder {folder}")
 
 
 def _say_recorded_name(session: Path) -> None:
@@ -151,9 +151,11 @@ def _say_recorded_name(session: Path) -> None:
     for track_id, row in sorted(named.items()):
         name, number = row["name"], row["norad_id"]
         if len(last) == 1:
-            output.complain(f"on record it is {name} ({number}): --norad {number} writes that")
+            output.print_to_stderr(
+                f"on record it is {name} ({number}): --norad {number} writes that"
+            )
         else:
-            output.complain(
+            output.print_to_stderr(
                 f"on record track {track_id} is {name} ({number}):"
                 f" --track {track_id} --norad {number} writes that"
             )
@@ -162,9 +164,9 @@ def _say_recorded_name(session: Path) -> None:
 def _say_left_out(made: Any) -> None:
     if made.left_out:
         words = ", ".join(f"{number} {what}" for what, number in made.left_out.items())
-        output.complain(f"left out: {words}")
+        output.print_to_stderr(f"left out: {words}")
     if made.is_simulated and made.format in MESSAGES:
-        output.complain("this night was simulated: send it to nobody")
+        output.print_to_stderr("this night was simulated: send it to nobody")
 
 
 def _report(session: Path, out: str | None, json_: bool, *, is_forced: bool) -> None:

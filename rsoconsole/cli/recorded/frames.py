@@ -19,9 +19,14 @@ from rsoconsole.cli.words.batch_options import (
     resolved_paths,
 )
 from rsoconsole.cli.words.options import ConfigOption, JsonOption, PresetOption, TauOption
-from rsoconsole.cli.words.standard_input import FilesFromOption, InputFiles, given_files, piped
+from rsoconsole.cli.words.standard_input import (
+    FilesFromOption,
+    InputFiles,
+    given_files,
+    open_input_files,
+)
 from rsoconsole.config import Config, load_config
-from rsoconsole.words import counted, direction, name_words, pulse_words
+from rsoconsole.words import count_words, direction, pulse_words, streak_name_words
 
 if TYPE_CHECKING:
     from rsoconsole.pipeline import Night, NightOutcome, WorkerPool
@@ -34,7 +39,7 @@ def process_nights(
     from rsoconsole.pipeline.batch import batch_nights
 
     is_whole = True
-    with batch_nights.working_in(root), progress("nights", len(nights)) as bar:
+    with batch_nights.lock_batch_folder(root), progress("nights", len(nights)) as bar:
         for outcome in batch_nights.process_nights(nights, pool_of, on_done=bar):
             is_whole = is_whole and outcome.error is None and not outcome.unreadable
             with bar.aside():
@@ -45,7 +50,7 @@ def process_nights(
 def _say(outcome: "NightOutcome", json_: bool) -> None:
     output.emit_json(_night_report(outcome)) if json_ else output.say(_night_words(outcome))
     for words in (*outcome.unreadable, *filter(None, (outcome.error,))):
-        output.complain(f"rsoconsole: {outcome.source.name}: {words}")
+        output.print_to_stderr(f"rsoconsole: {outcome.source.name}: {words}")
 
 
 _AS_IT_IS = (
@@ -147,7 +152,7 @@ def warn(name: str, notes: list[str], noted: set[str]) -> None:
     for note in notes:
         if note not in noted:
             noted.add(note)
-            output.complain(f"rsoconsole: {name}: {note}")
+            output.print_to_stderr(f"rsoconsole: {name}: {note}")
 
 
 def process(
@@ -221,7 +226,7 @@ def process(
         )
         process_nights(nights, session.resolve(), pool_of, json_)
         return
-    with piped(given) as files:
+    with open_input_files(given) as files:
         _process_frames(files, session, settings, extension, json_)
 
 
@@ -300,7 +305,7 @@ def detect(
                 notes=notes,
             )
 
-    with piped(given) as files:
+    with open_input_files(given) as files:
         _each(files, json_, work, _detect_lines)
 
 
@@ -334,7 +339,7 @@ def solve(
         raise typer.BadParameter("give both --ra and --dec, or neither")
     settings = load_config(config)
     given = given_files(frames, files_from)
-    with piped(given) as files, FrameSolver.open(settings) as solver:
+    with open_input_files(given) as files, FrameSolver.open(settings) as solver:
 
         def work(path: Path, number: int) -> Iterator[dict[str, Any]]:
             frames_of = read_frames(
@@ -379,7 +384,7 @@ def _process_words(found: dict[str, Any]) -> str:
 
 
 def _detect_lines(found: dict[str, Any]) -> list[str]:
-    lines = [f"{_name(found)}: {counted(len(found['detections']), 'streak')}"]
+    lines = [f"{_name(found)}: {count_words(len(found['detections']), 'streak')}"]
     lines.extend(
         f"  confidence {d['confidence']:.2f} at ({d['x']:.1f}, {d['y']:.1f})"
         f" length {d['length']:.0f} px, SNR {d['snr']:.0f}{_named_words(d)}"
@@ -391,7 +396,7 @@ def _detect_lines(found: dict[str, Any]) -> list[str]:
 
 def _named_words(detection: dict[str, Any]) -> str:
     """Kind and class of a streak in its report: ``, crossing, aircraft 0.83``."""
-    name = name_words(
+    name = streak_name_words(
         detection["kind"],
         detection["class"],
         detection["class_probability"],

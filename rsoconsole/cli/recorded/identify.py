@@ -18,11 +18,11 @@ from rsoconsole.cli.recorded.orbit import (
 from rsoconsole.cli.words import completion, output
 from rsoconsole.cli.words.batch_options import progress
 from rsoconsole.cli.words.options import ConfigOption, JsonOption, TleOption, element_files
-from rsoconsole.cli.words.standard_input import FilesFromOption, given_files, piped
+from rsoconsole.cli.words.standard_input import FilesFromOption, given_files, open_input_files
 from rsoconsole.config import Config, load_config
 
 if TYPE_CHECKING:
-    from rsoconsole.library import ReadAs
+    from rsoconsole.library import ReadOptions
     from rsoconsole.pipeline import ObservedTrack
 
 
@@ -113,7 +113,7 @@ def identify(
 
         if keep or track is not None:
             raise typer.BadParameter("--keep and --track are for sessions", param_hint="--field")
-        with piped([*given, *(tle or [])]) as files:
+        with open_input_files([*given, *(tle or [])]) as files:
             identify_field(files, len(given), plate, config, extension=extension, json_=json_)
         return
     if extension is not None:
@@ -121,7 +121,7 @@ def identify(
     if len(given) != 1:
         raise typer.BadParameter("one session or file at a time; frames need --field")
     ask = read_as(sigma, site, stations, object_, is_radians=radians)
-    with piped([*given, *(tle or [])]) as files:
+    with open_input_files([*given, *(tle or [])]) as files:
         path, *element_sets = files.paths
         report, is_several = _report(
             path, element_sets, load_config(config), ask, track=track, gate_deg=gate, is_kept=keep
@@ -147,7 +147,7 @@ def _report(
     path: Path,
     tle: list[Path],
     settings: Config,
-    ask: "ReadAs",
+    ask: "ReadOptions",
     *,
     track: int | None,
     gate_deg: float,
@@ -189,7 +189,7 @@ def _report(
 
 
 def _tracks_of(
-    path: Path, ask: "ReadAs", track: int | None
+    path: Path, ask: "ReadOptions", track: int | None
 ) -> "tuple[tuple[ObservedTrack, ...], ObservedTrack]":
     """Tracks that are named together, and the object that is reported in full."""
     from rsoconsole.library import read_observations
@@ -197,13 +197,15 @@ def _tracks_of(
     groups = read_observations(path, ask)
     tracks = max(groups, key=lambda each: len(each[0].seen))
     if len(groups) > 1:
-        output.complain(f"rsoconsole: {len(groups)} stations; by {tracks[0].name}, which has most")
+        output.print_to_stderr(
+            f"rsoconsole: {len(groups)} stations; by {tracks[0].name}, which has most"
+        )
     if track is not None:
         chosen = [each for each in tracks if each.number == track or each.track_id is None]
         # Asked for one that is not there, it says which there are.
         return tracks, chosen[0] if chosen else read_observations(path, ask, track=track)[0][0]
     if len(tracks) > 1:
-        output.complain(
+        output.print_to_stderr(
             f"rsoconsole: {len(tracks)} tracks, named together; the longest in full, see --track"
         )
     return tracks, tracks[0]

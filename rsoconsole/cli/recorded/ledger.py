@@ -53,7 +53,7 @@ def list_(*, simulated: SimulatedOption = False, json_: JsonOption = False) -> N
     for each in found.objects:
         output.answer(json_, each, object_line)
     if not found.objects:
-        output.complain(f"no object is kept in {ledger_path(is_simulated=simulated)}")
+        output.print_to_stderr(f"no object is kept in {ledger_path(is_simulated=simulated)}")
 
 
 @ledger_app.command()
@@ -147,7 +147,7 @@ def _read(*, simulated: bool) -> Any:
     path = ledger_path(is_simulated=simulated)
     found = read_ledger(path)
     if words := damage_words(found.unreadable, path):
-        output.complain(f"rsoconsole: {words}")
+        output.print_to_stderr(f"rsoconsole: {words}")
     return found
 
 

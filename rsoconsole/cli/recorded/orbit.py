@@ -9,12 +9,12 @@ from rsoconsole.base import ConfigError, ExportError
 from rsoconsole.cli.words import completion, output
 from rsoconsole.cli.words.batch_options import progress
 from rsoconsole.cli.words.options import ConfigOption, JsonOption, site_of
-from rsoconsole.cli.words.standard_input import piped
+from rsoconsole.cli.words.standard_input import open_input_files
 from rsoconsole.cli.words.usage import as_usage_error
 from rsoconsole.config import load_config
 
 if TYPE_CHECKING:
-    from rsoconsole.library import ReadAs
+    from rsoconsole.library import ReadOptions
 
 PriorChoice: TypeAlias = Literal["auto", "none", "slot", "geo", "meo"]
 SigmaOption = Annotated[
@@ -133,7 +133,7 @@ def orbit(
     ask = read_as(sigma, site, stations, object_, is_radians=radians)
     with as_usage_error("--cospar", ExportError):
         target = Target(cospar=cospar)
-    with piped(paths) as files, progress("orbit"):
+    with open_input_files(paths) as files, progress("orbit"):
         read = [
             group for path in files.paths for group in read_observations(path, ask, track=track)
         ]
@@ -154,12 +154,14 @@ def orbit(
     report = orbit_report(found, outlook, elements.tle)
     for part in found.parts:
         if part.is_used and part.probability is not None and part.probability < _ANOTHER:
-            output.complain(f"rsoconsole: {part.name} is probably of another object: leave it out")
+            output.print_to_stderr(
+                f"rsoconsole: {part.name} is probably of another object: leave it out"
+            )
     if out is not None and form is not None:
         words = write_elements(elements, out, form, force=force)
         if str(out) == "-":
             return
-        output.complain(words)
+        output.print_to_stderr(words)
     names = [path.name for path in paths]
     output.answer(json_, report, lambda found: orbit_lines(names, found))
 
@@ -171,13 +173,13 @@ def read_as(
     target: str | None,
     *,
     is_radians: bool | None,
-) -> "ReadAs":
+) -> "ReadOptions":
     """Reading options made of the command line. Raises BadParameter for an invalid site."""
-    from rsoconsole.library import ReadAs
+    from rsoconsole.library import ReadOptions
 
     with as_usage_error("", ConfigError):
         place = None if site is None else site_of(site)
-    return ReadAs(
+    return ReadOptions(
         sigma_arcsec=sigma_arcsec,
         site=place,
         stations=stations,

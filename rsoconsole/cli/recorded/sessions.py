@@ -70,7 +70,7 @@ def list_(
         schemas = sessions_words.schemas(each.schema)
         output.answer(json_, each, sessions_words.summary_words, **schemas)
     if not found:
-        output.complain(f"no session is kept in {folder}")
+        output.print_to_stderr(f"no session is kept in {folder}")
 
 
 @sessions_app.command()
@@ -212,7 +212,9 @@ def prune(
     if yes:
         prune_sessions(steps, policy, now_utc_ns)
     for step in steps:
-        output.answer(json_, step, sessions_words.step_words, what=what, is_done=yes and step.goes)
+        output.answer(
+            json_, step, sessions_words.pruning_step_words, what=what, is_done=yes and step.goes
+        )
     if not json_:
         sessions_words.say_plan(steps, folder, what, yes)
 

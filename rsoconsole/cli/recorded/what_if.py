@@ -26,7 +26,7 @@ from rsoconsole.cli.words.options import (
 from rsoconsole.words import settings_words, utc_ns_to_iso
 
 if TYPE_CHECKING:
-    from rsoconsole.pipeline import BatchQuestion, Branch, WorkerPool
+    from rsoconsole.pipeline import BatchWhatIf, Branch, WorkerPool
 
 SetOption = Annotated[
     list[str] | None,
@@ -41,7 +41,7 @@ SHARED_FROM = 8
 """Number of sessions from which a refold alone is worth further processes."""
 
 
-class SetTakesTwo(TyperCommand):
+class SetOptionCommand(TyperCommand):
     """Command whose ``--set NAME VALUE`` becomes NAME=VALUE: typer repeats no pairs of values."""
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
@@ -107,7 +107,7 @@ def what_if(
 
     A branch lies in SESSION/branches/NAME and can be shown, drawn and exported like a session.
     """
-    from rsoconsole.pipeline import BatchQuestion, choose_pool
+    from rsoconsole.pipeline import BatchWhatIf, choose_pool
 
     named = {
         "detector.tau": tau,
@@ -137,7 +137,7 @@ def what_if(
         _propose(sessions, save, json_, force=force)
         return
     questions = [
-        BatchQuestion(
+        BatchWhatIf(
             session=path,
             changes=changes,
             detector=detector,
@@ -158,11 +158,11 @@ def what_if(
     _answer(questions, pool, json_)
 
 
-def _answer(questions: "list[BatchQuestion]", pool: "WorkerPool", json_: bool) -> None:
+def _answer(questions: "list[BatchWhatIf]", pool: "WorkerPool", json_: bool) -> None:
     from dataclasses import replace
 
     from rsoconsole.cli.words.what_if_words import answer_lines
-    from rsoconsole.pipeline import answer, no_answer, run_tasks
+    from rsoconsole.pipeline import answer, failed_what_if, run_tasks
 
     failures = 0
     is_alone = len(questions) == 1
@@ -174,7 +174,7 @@ def _answer(questions: "list[BatchQuestion]", pool: "WorkerPool", json_: bool) -
         whole = [replace(q, session=path) for q, path in zip(questions, paths, strict=True)]
         with progress("sessions", len(questions)) as on_done:
             found_of = run_tasks(
-                answer, whole, pool, failed=no_answer, paths=paths, on_done=on_done
+                answer, whole, pool, failed=failed_what_if, paths=paths, on_done=on_done
             )
             answers = list(found_of)
     for question, found in zip(questions, answers, strict=True):

@@ -47,7 +47,7 @@ def goto(
         ControlClient,
         MovePreview,
         Sender,
-        answer_of,
+        ask_engine,
         preview_lines,
         read_record,
         status_of,
@@ -61,7 +61,7 @@ def goto(
         dec_icrs_deg=found.dec_icrs_deg,
         override=tuple(override or ()),
     )
-    preview = read_record(MovePreview, answer_of(client, Preview(move=move)))
+    preview = read_record(MovePreview, ask_engine(client, Preview(move=move)))
     if not json_:
         careful = [f"careful  {found.caution}"] if found.caution else []
         output.say(f"understood: {found.words}", *careful, *preview_lines(preview))

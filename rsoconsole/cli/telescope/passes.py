@@ -11,7 +11,7 @@ from rsoconsole.base import OrbitError
 from rsoconsole.cli.words import output
 from rsoconsole.cli.words.batch_options import progress
 from rsoconsole.cli.words.options import ConfigOption, JsonOption, TleOption, catalogue_of
-from rsoconsole.cli.words.standard_input import piped
+from rsoconsole.cli.words.standard_input import open_input_files
 from rsoconsole.cli.words.usage import as_usage_error
 from rsoconsole.config import Config, load_config
 from rsoconsole.words import NS_PER_S, clock, no_night, utc_ns_to_iso
@@ -59,7 +59,7 @@ def passes(
     Example: rsoconsole passes --tle active.tle --top 45
     """
     loaded = load_config(config)
-    with piped(tle or list(loaded.catalogue.tle_files)) as files:
+    with open_input_files(tle or list(loaded.catalogue.tle_files)) as files:
         entries = _entries(files.paths, norad or [])
     span = _span(loaded, at, hours)
     found = _looked_for(entries, loaded, span, is_low_only=not (every or norad))

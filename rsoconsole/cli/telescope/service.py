@@ -76,7 +76,7 @@ def service_install(config: ConfigOption = None) -> None:
     output.say(f"wrote {path}")
     if is_possible is not True:
         names = ", ".join(line.partition("=")[0] for line in namespace_lines())
-        output.complain(
+        output.print_to_stderr(
             f"{APP}: {_WITHOUT[is_possible]}; it is without {names}, and otherwise the same"
         )
     if fault := _systemctl("daemon-reload")[1]:
@@ -84,7 +84,7 @@ def service_install(config: ConfigOption = None) -> None:
     elif _word("is-active") == "active":
         output.say(f"it runs still as it was: systemctl --user restart {APP}")
     if own := variables_set():
-        output.complain(
+        output.print_to_stderr(
             f"{APP}: of your environment the service has nothing: write what {', '.join(own)}"
             f" {'say' if len(own) > 1 else 'says'} into the file"
         )
@@ -110,7 +110,7 @@ def service_remove() -> None:
         return
     _refuse_foreign(path)
     if shutil.which("systemctl") and (fault := _systemctl("disable", "--now", UNIT)[1]):
-        output.complain(f"{APP}: systemd did not stop it ({fault}): 'rsoconsole quit' does")
+        output.print_to_stderr(f"{APP}: systemd did not stop it ({fault}): 'rsoconsole quit' does")
     path.unlink()
     if shutil.which("systemctl"):
         _systemctl("daemon-reload")

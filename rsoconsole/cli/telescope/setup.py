@@ -13,7 +13,7 @@ from rsoconsole.cli.words import output
 from rsoconsole.cli.words.batch_options import byte_progress
 from rsoconsole.cli.words.options import ConfigOption, JsonOption
 from rsoconsole.config import APP, default_config_path, load_config
-from rsoconsole.words import counted
+from rsoconsole.words import count_words
 
 if TYPE_CHECKING:
     from rsoconsole.config import Setting
@@ -55,7 +55,7 @@ def doctor(
     for check in run_checks(load_config(config)):
         failed += check.ok is False
         output.answer(json_, check, _check_lines)
-    output.exit_if(failed, f"{counted(failed, 'check')} failed; each says what to do")
+    output.exit_if(failed, f"{count_words(failed, 'check')} failed; each says what to do")
 
 
 def _check_lines(check: "Check") -> Iterator[str]:
@@ -111,12 +111,12 @@ def config_check(config: ConfigOption = None, json_: JsonOption = False) -> None
     faults = config_faults(config)
     for fault in faults:
         output.answer(json_, fault, lambda f: f"{f.name or 'file'}: {f.problem}: {f.remedy}")
-    output.exit_if(len(faults), f"{counted(len(faults), 'fault')} in the configuration")
+    output.exit_if(len(faults), f"{count_words(len(faults), 'fault')} in the configuration")
     if not json_:
-        output.say(*sound_lines(config))
+        output.say(*valid_config_lines(config))
 
 
-def sound_lines(config: Path | None) -> list[str]:
+def valid_config_lines(config: Path | None) -> list[str]:
     """Lines on the file that is sound; without a file, the defaults that hold."""
     path = config or default_config_path()
     if path.exists():
@@ -211,7 +211,7 @@ def send_test(config: ConfigOption = None, json_: JsonOption = False) -> None:
         else:
             output.say(f"{'ok  ' if done.ok else 'FAIL'} {name:16} {done.detail}")
     failed = sum(not done.ok for _, done in results)
-    output.exit_if(failed, f"{counted(failed, 'service')} did not take it; each says why")
+    output.exit_if(failed, f"{count_words(failed, 'service')} did not take it; each says why")
 
 
 @contextlib.contextmanager

@@ -7,7 +7,7 @@ from typing import Annotated, Any
 
 import typer
 
-from rsoconsole.base import ControlError, said_as, waits_reported_to
+from rsoconsole.base import ControlError, system_errors_as, waits_reported_to
 from rsoconsole.cli.words import completion, output
 from rsoconsole.cli.words.options import (
     ConfigOption,
@@ -65,7 +65,7 @@ def console(
         graphics=graphics,
     )
     if ending == "stop engine":
-        output.complain(ENGINE_ENDS)
+        output.print_to_stderr(ENGINE_ENDS)
 
 
 def engine(
@@ -120,7 +120,7 @@ def engine(
             overrides["catalogue.tle_files"] = [str(each.resolve()) for each in tle]
         entry_of(load_config(config, overrides))  # now, not when the night has begun
     waits = "" if arm else "; it waits for 'rsoconsole arm'"
-    with waits_reported_to(output.complain):
+    with waits_reported_to(output.print_to_stderr):
         run_engine(
             load_config(config, overrides),
             RunSettings(
@@ -130,7 +130,7 @@ def engine(
                 is_armed=arm,
                 lifted=frozenset(override or ()),
             ),
-            on_start=lambda folder: output.complain(f"engine runs; session {folder}{waits}"),
+            on_start=lambda folder: output.print_to_stderr(f"engine runs; session {folder}{waits}"),
         )
 
 
@@ -168,7 +168,7 @@ def status(
         ControlClient,
         Machine,
         Sender,
-        answer_of,
+        ask_engine,
         fault_words,
         held_words,
         holder_words,
@@ -176,7 +176,7 @@ def status(
         read_status,
     )
 
-    answer = answer_of(ControlClient(socket, sender=Sender(name="status")), AskStatus())
+    answer = ask_engine(ControlClient(socket, sender=Sender(name="status")), AskStatus())
     if json_:
         output.emit_json(dict(answer))
         return
@@ -217,7 +217,7 @@ def _write_metrics(socket: Path | None, out: Path | None) -> None:
     if out is None:
         output.emit_text(text)
         return
-    with said_as(ControlError, f"{out} cannot be written: "):
+    with system_errors_as(ControlError, f"{out} cannot be written: "):
         write_durably(out, text.encode(), mode=0o644)
 
 
@@ -270,4 +270,4 @@ def stop(
 
 
 def _say_fault(words: str) -> None:
-    output.complain(f"rsoconsole: {words}")
+    output.print_to_stderr(f"rsoconsole: {words}")

@@ -8,7 +8,7 @@ from typing import Any
 from rsoconsole.cli.words import output
 from rsoconsole.orbits import MIN_MEASUREMENTS, SYSTEMS, Estimate, ShutterTiming
 from rsoconsole.pipeline import FoundSatellite, FoundTiming, Mode
-from rsoconsole.words import counted, mode_words
+from rsoconsole.words import count_words, mode_words
 
 _SOURCES = {
     "broadcast": "broadcast ephemerides (2 m)",
@@ -30,7 +30,7 @@ def timing_report(found: FoundTiming, written: Path | None) -> dict[str, Any]:
         "of_most_streaks": max(measured, key=lambda each: each["measurements"], default=None),
         "modes": modes,
         "nights": [
-            {**output.keyed(night), "drift_arcsec": drift, "is_separated": is_separated}
+            {**output.with_unit_keys(night), "drift_arcsec": drift, "is_separated": is_separated}
             for night, drift, is_separated in of_nights
         ],
         "satellites": found.satellites,
@@ -46,14 +46,14 @@ def timing_report(found: FoundTiming, written: Path | None) -> dict[str, Any]:
 def _mode_report(mode: Mode, timing: ShutterTiming | None) -> dict[str, Any]:
     names = ("binning", "width", "height", "x0_px", "y0_px", "gain", "time_by")
     read_out = dict(zip(names, mode.read_out, strict=True))
-    known = {"bias_s": None} if timing is None else output.keyed(timing)
+    known = {"bias_s": None} if timing is None else output.with_unit_keys(timing)
     return {"mode": _mode(mode), "exposure_s": mode.exposure_s, **read_out, **known}
 
 
 def timing_lines(found: FoundTiming) -> Iterator[str]:
     """The result for people, for 80 columns."""
     streaks = sum(each.streaks for each in found.nights)
-    nights = counted(len(found.nights), "night")
+    nights = count_words(len(found.nights), "night")
     yield f"{streaks} streaks of {_satellites_words(found.satellites)}, {nights}"
     yield f"by {_SOURCES[found.kind]}"
     for reason, times in sorted(found.skipped.items()):
@@ -146,7 +146,7 @@ def _satellites_words(satellites: Sequence[FoundSatellite]) -> str:
         system = SYSTEMS.get(each.name[:1], "") if each.name[1:].isdigit() else ""
         systems[system] = systems.get(system, 0) + 1
     named = ", ".join(f"{count} {system}" for system, count in sorted(systems.items()) if system)
-    return counted(len(satellites), "satellite") + (f" ({named})" if named else "")
+    return count_words(len(satellites), "satellite") + (f" ({named})" if named else "")
 
 
 def _ms(value: Estimate, *, sign: str = "+") -> str:

@@ -11,12 +11,12 @@ from typing import Any, Literal, get_args, get_origin
 from pydantic import BaseModel
 
 from rsoconsole.base import RsoconsoleError
-from rsoconsole.config import Config, load_config, walk
+from rsoconsole.config import Config, every_setting, load_config
 
 Completer = Callable[[Any, str], list[Any]]
 
 
-def quietly(find: Callable[[Any], Iterable[Any]]) -> Completer:
+def completer_of(find: Callable[[Any], Iterable[Any]]) -> Completer:
     """A completer of what ``find`` finds for a context: words, or words with their help.
 
     Nothing is said where something is wrong: the line that is being typed is no place for it.
@@ -67,13 +67,13 @@ def session_names(incomplete: str) -> list[str]:
     return [each for each in names if each.startswith(incomplete)] or sessions(incomplete)
 
 
-presets = quietly(lambda _: choices_of("filter.preset"))
+presets = completer_of(lambda _: choices_of("filter.preset"))
 """Completer of filter presets."""
-map_modes = quietly(lambda _: choices_of("detector.map_mode"))
+map_modes = completer_of(lambda _: choices_of("detector.map_mode"))
 """Completer of detector maps."""
 
 
-@quietly
+@completer_of
 def scenarios(_: Any) -> Iterable[tuple[str, str]]:
     """Scenarios of the demo, each with its title."""
     from rsoconsole.simulator import all_scenarios
@@ -81,27 +81,27 @@ def scenarios(_: Any) -> Iterable[tuple[str, str]]:
     return [(each.name, each.title) for each in all_scenarios().values()]
 
 
-@quietly
+@completer_of
 def setting_names(_: Any) -> Iterable[tuple[str, str]]:
     """Names of all settings, each with its description."""
-    return [(name, description) for name, _, description in walk(Config())]
+    return [(name, description) for name, _, description in every_setting(Config())]
 
 
-@quietly
+@completer_of
 def tunable_names(_: Any) -> Iterable[tuple[str, str]]:
     """Settings that can be changed while the engine runs, each with its description."""
     from rsoconsole.engine import TUNABLE
 
-    return [(name, words) for name, _, words in walk(Config()) if name in TUNABLE]
+    return [(name, words) for name, _, words in every_setting(Config()) if name in TUNABLE]
 
 
-@quietly
+@completer_of
 def setting_values(ctx: Any) -> Iterable[str]:
     """Values of the setting whose name precedes."""
     return choices_of(str(ctx.params.get("name") or ""))
 
 
-@quietly
+@completer_of
 def checks(_: Any) -> Iterable[str]:
     """Names of the checks before arming."""
     from rsoconsole.engine import CHECKS
@@ -109,7 +109,7 @@ def checks(_: Any) -> Iterable[str]:
     return CHECKS
 
 
-@quietly
+@completer_of
 def branches(ctx: Any) -> Iterable[str]:
     """Branches of the sessions that precede."""
     found: list[str] = []

@@ -10,7 +10,7 @@ from rsoconsole.cli.words import output
 from rsoconsole.config import CatalogueConfig
 from rsoconsole.night import rms
 from rsoconsole.orbits import ElementRow, FittedFactors
-from rsoconsole.words import angle, counted, joined
+from rsoconsole.words import angle, count_words, joined
 
 AGES_DAYS = (0.0, 1.0, 3.0, 7.0, 14.0, 30.0, 60.0, math.inf)
 KINDS = {
@@ -33,7 +33,9 @@ def source_lines(errors: Sequence[dict[str, Any]], regimes: Collection[str]) -> 
 
 
 def _measured(each: dict[str, Any]) -> str:
-    words = f"{counted(each['tracks'], 'own track')} of {counted(each['objects'], 'object')}"
+    words = (
+        f"{count_words(each['tracks'], 'own track')} of {count_words(each['objects'], 'object')}"
+    )
     return f"errors of {KINDS[each['regime']]} by {words}, to {each['oldest_days']:.0f} days"
 
 
@@ -44,7 +46,7 @@ def regime_report(
     own = [each for each in rows if each.regime == fitted.regime]
     in_use = [each for each in catalogue.error_factors if each.regime == fitted.regime]
     return {
-        **output.keyed(fitted),
+        **output.with_unit_keys(fitted),
         "youngest_days": min(abs(each.age_days) for each in own),
         "in_use": in_use[0].model_dump(mode="json") if in_use else None,
         "ages": [
@@ -79,8 +81,8 @@ def element_ledger_lines(report: dict[str, Any]) -> Iterator[str]:
 def _regime_lines(each: dict[str, Any]) -> Iterator[str]:
     yield ""
     yield (
-        f"{KINDS[each['regime']]}: {counted(each['rows'], 'track')} of"
-        f" {counted(each['objects'], 'object')},"
+        f"{KINDS[each['regime']]}: {count_words(each['rows'], 'track')} of"
+        f" {count_words(each['objects'], 'object')},"
         f" weighed as {each['counted']:.0f}; to {each['t_last_utc'][:10]}"
     )
     yield f"  {'age, days':>9} {'tracks':>7} {'objects':>8} {'along, rms':>20} {'across, rms':>20}"

@@ -4,7 +4,16 @@ from collections.abc import Iterator, Sequence
 from typing import Any
 
 from rsoconsole.orbits import SURE_SAME
-from rsoconsole.words import age, called, chance, counted, direction, name_words, signed_angle, span
+from rsoconsole.words import (
+    catalogued_name,
+    count_words,
+    direction,
+    duration_words,
+    element_age_words,
+    probability_words,
+    signed_angle,
+    streak_name_words,
+)
 
 _NAME_WIDTH = 28
 
@@ -13,7 +22,7 @@ def frame_lines(found: dict[str, Any]) -> Iterator[str]:
     """One frame: its streaks with their names, and what crossed it and was not seen."""
     streaks, crossed = found["streaks"], found["crossed"]
     yield (
-        f"{found['frame']}: {counted(len(streaks), 'streak')}, {len(crossed)} of"
+        f"{found['frame']}: {count_words(len(streaks), 'streak')}, {len(crossed)} of"
         f" {found['compared']:,} catalogued objects can have crossed"
     )
     where = direction(found["ra"], found["dec"], "bare")
@@ -35,7 +44,7 @@ def movers_lines(report: dict[str, Any], fewest: int) -> Iterator[str]:
     if count < fewest:
         yield f"{count} frames: points that move are looked for in {fewest} or more"
         return
-    movers = counted(len(report["movers"]), "point")
+    movers = count_words(len(report["movers"]), "point")
     yield f"{count} frames: {movers} that move and are no star"
     for each in report["movers"]:
         head = (
@@ -51,7 +60,9 @@ def movers_lines(report: dict[str, Any], fewest: int) -> Iterator[str]:
 
 
 def _streak_lines(each: dict[str, Any]) -> Iterator[str]:
-    kind = name_words(each["kind"], each["class"], each["class_probability"], train=each["train"])
+    kind = streak_name_words(
+        each["kind"], each["class"], each["class_probability"], train=each["train"]
+    )
     about = f", {kind}" if kind else ""
     about += ", below tau" if each["below_tau"] else ""
     yield (
@@ -73,10 +84,10 @@ def _matches(each: dict[str, Any]) -> Iterator[str]:
     """Lines on each candidate's errors along and across."""
     is_open = each["verdict"] == "ambiguous"
     for one in each["matches"]:
-        name = f"{chance(one['probability']):>5}  {_called(one)}: " if is_open else ""
+        name = f"{probability_words(one['probability']):>5}  {_called(one)}: " if is_open else ""
         yield f"    {name}{_errors(one)}"
     if is_open and each["not_catalogued"] >= 0.005:
-        yield f"    {chance(each['not_catalogued']):>5}  not in catalogue"
+        yield f"    {probability_words(each['not_catalogued']):>5}  not in catalogue"
 
 
 def _errors(one: dict[str, Any]) -> str:
@@ -85,33 +96,34 @@ def _errors(one: dict[str, Any]) -> str:
     digits = 1 if abs(along) >= 10.0 else 2
     across = signed_angle(one["cross_track_arcsec"])
     words = f"{abs(along):.{digits}f} s {sense} its elements, {across} across"
-    return f"{words}; elements {age(one['tle_age_days'])}"
+    return f"{words}; elements {element_age_words(one['tle_age_days'])}"
 
 
 def _unseen_lines(each: dict[str, Any]) -> Iterator[str]:
     yield (
-        f"    {_called(each)}: {each['unseen_because']}; {chance(each['chance'])} to have crossed"
+        f"    {_called(each)}: {each['unseen_because']};"
+        f" {probability_words(each['chance'])} to have crossed"
     )
     yield (
         f"      {each['rate_arcsec_s']:.1f}″/s, {each['range_km']:,.0f} km, sought"
         f" ±{each['gate_along_s']:.0f} s along and ±{each['gate_across_arcmin']:.1f}' across;"
-        f" elements {age(each['tle_age_days'])}"
+        f" elements {element_age_words(each['tle_age_days'])}"
     )
 
 
 def _called(one: dict[str, Any]) -> str:
-    return called(one["name"][:_NAME_WIDTH], one["norad_id"])
+    return catalogued_name(one["name"][:_NAME_WIDTH], one["norad_id"])
 
 
 def named_tracks_lines(tracks: Sequence[dict[str, Any]]) -> Iterator[str]:
     """One line a track, in order of time, with the candidates below where they are several."""
     for each in tracks:
-        arc = f"{each['directions']} in {span(each['arc_s'], 'line')}"
+        arc = f"{each['directions']} in {duration_words(each['arc_s'], 'line')}"
         head = f"track {each['track']}: {each['verdict']}"
         if each["verdict"] == "identified":
             best = each["candidates"][0]
-            name = called(best["name"], best["norad_id"])
-            yield f"{head}: {name}, {chance(best['probability'])}; {arc}"
+            name = catalogued_name(best["name"], best["norad_id"])
+            yield f"{head}: {name}, {probability_words(best['probability'])}; {arc}"
             continue
         past = each["ledger"]
         if each["verdict"] == "unknown" and past is not None:
@@ -119,8 +131,9 @@ def named_tracks_lines(tracks: Sequence[dict[str, Any]]) -> Iterator[str]:
         yield f"{head}; {arc}"
         if each["verdict"] == "ambiguous":
             for one in each["candidates"]:
-                yield f"  {chance(one['probability']):>5}  {called(one['name'], one['norad_id'])}"
-            yield f"  {chance(each['not_catalogued']):>5}  not in catalogue"
+                name = catalogued_name(one["name"], one["norad_id"])
+                yield f"  {probability_words(one['probability']):>5}  {name}"
+            yield f"  {probability_words(each['not_catalogued']):>5}  not in catalogue"
 
 
 def past_tracks_lines(report: dict[str, Any]) -> Iterator[str]:
@@ -138,4 +151,4 @@ def past_tracks_lines(report: dict[str, Any]) -> Iterator[str]:
 def _past_words(past: dict[str, Any]) -> str:
     seen = past["t_last_utc"][:10]
     doubt = "" if past["probability"] >= SURE_SAME else "perhaps "
-    return f"{doubt}{past['name']}, seen {seen} ({chance(past['probability'])})"
+    return f"{doubt}{past['name']}, seen {seen} ({probability_words(past['probability'])})"

@@ -52,7 +52,7 @@ def object_lines(known: LedgerObject) -> Iterator[str]:
 def say_moved_aside(aside: Path | None) -> None:
     """Report where a damaged ledger was moved to, if there was one."""
     if aside is not None:
-        output.complain(
+        output.print_to_stderr(
             f"rsoconsole: the ledger was damaged: it is in {aside} as it was, and goes on with the"
             " lines that can be read"
         )

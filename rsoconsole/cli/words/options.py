@@ -123,5 +123,7 @@ def element_files(path: Path, configured: Sequence[Path]) -> list[Path]:
     used = elements_used(path, configured, _OPTION)
     if used.is_recorded:
         named = ", ".join(map(str, used.files))
-        output.complain(f"rsoconsole: by the elements that the session was recorded with: {named}")
+        output.print_to_stderr(
+            f"rsoconsole: by the elements that the session was recorded with: {named}"
+        )
     return list(used.files)

@@ -18,10 +18,10 @@ from rsoconsole.sky import iso_to_utc_ns
 from rsoconsole.words import (
     angle,
     direction,
+    duration_words,
     eclipse_words,
+    set_or_rise_words,
     signed_angle,
-    span,
-    turn_words,
     with_sigma,
 )
 
@@ -83,7 +83,7 @@ def _wrapped(text: str) -> list[str]:
 
 
 def _data_words(report: dict[str, Any]) -> str:
-    words = [f"{report['observations']} directions over {span(report['arc_s'], 'line')}"]
+    words = [f"{report['observations']} directions over {duration_words(report['arc_s'], 'line')}"]
     if report["rms_arcsec"] is not None:
         words.append(f"rms {report['rms_arcsec']:.2f}″")
     if report["outliers"]:
@@ -126,7 +126,7 @@ def _ahead_lines(report: dict[str, Any]) -> Iterator[str]:
     yield f"  {'UTC':11} {'RA':13} {'Dec':13} {'±':>8} {'alt':>6} {'az':>6}"
     first = report["t_last_utc"]
     for each in report["predicted"]:
-        name = span((iso_to_utc_ns(each["t_utc"]) - iso_to_utc_ns(first)) / 1e9, "line")
+        name = duration_words((iso_to_utc_ns(each["t_utc"]) - iso_to_utc_ns(first)) / 1e9, "line")
         shade = "" if each["lit"] >= 1.0 else "  in shadow" if each["lit"] <= 0.0 else "  penumbra"
         clock, place = (
             _clock(each["t_utc"], seconds=True),
@@ -144,7 +144,7 @@ def _event_lines(report: dict[str, Any]) -> Iterator[str]:
     )
     is_up, now = bool(report["is_up"]), last or 0
     down = "" if is_up else "is down; "
-    turn = turn_words(sets if is_up else rises, now, "dated minute", is_up=is_up)
+    turn = set_or_rise_words(sets if is_up else rises, now, "dated minute", is_up=is_up)
     yield f"  by the telescope's limit it {down}{turn}"
     yield f"  {eclipse_words(None if begins is None else (begins, ends), now, now, 'dated minute')}"
 

@@ -49,7 +49,7 @@ def emit_json(found: Any, **more: Any) -> None:
 
     It carries the number of the schema, and the keys with units beside those without.
     """
-    whole = {"schema": SCHEMA, **keyed(found), **keyed(more)}
+    whole = {"schema": SCHEMA, **with_unit_keys(found), **with_unit_keys(more)}
     typer.echo(json.dumps(_finite(whole), allow_nan=False))
 
 
@@ -73,7 +73,7 @@ def say(*lines: str) -> None:
         typer.echo(one_line(line))
 
 
-def complain(*lines: str) -> None:
+def print_to_stderr(*lines: str) -> None:
     """Print lines for a person on stderr; a line break inside one of them becomes a space."""
     for line in lines:
         typer.echo(one_line(line), err=True)
@@ -82,7 +82,7 @@ def complain(*lines: str) -> None:
 def exit_if(failed: int, words: str = "") -> None:
     """End with 1 where something has failed, and say so."""
     if failed and words:
-        complain(f"rsoconsole: {words}")
+        print_to_stderr(f"rsoconsole: {words}")
     if failed:
         raise typer.Exit(1)
 
@@ -91,7 +91,7 @@ def report_fault(json_: bool, words: str, **of: Any) -> None:
     """Report why one of several inputs failed: on stderr, and in the JSON with its name."""
     if json_:
         emit_json({**of, "error": words})
-    complain(f"rsoconsole: {words}")
+    print_to_stderr(f"rsoconsole: {words}")
 
 
 def emit_text(text: str) -> None:
@@ -99,13 +99,13 @@ def emit_text(text: str) -> None:
     typer.echo(printable(text) if sys.stdout.isatty() else text, nl=False)
 
 
-def keyed(value: Any) -> Any:
+def with_unit_keys(value: Any) -> Any:
     """Records as mappings, at every depth; beside each key without its unit stands one with it.
 
     A record has the names of its fields and properties, an instant also as ``NAME_utc``.
     """
     if isinstance(value, list | tuple):
-        return [keyed(item) for item in value]
+        return [with_unit_keys(item) for item in value]
     is_record = is_dataclass(value)
     if is_record:
         value = {name: getattr(value, name) for name in _names_of(value)}
@@ -113,7 +113,7 @@ def keyed(value: Any) -> Any:
         return value
     result: dict[str, Any] = {}
     for key, item in value.items():
-        result[str(key)] = keyed(item)
+        result[str(key)] = with_unit_keys(item)
         if key in WITH_UNITS:
             result.setdefault(WITH_UNITS[key], result[key])
         if is_record and key.endswith("_utc_ns"):

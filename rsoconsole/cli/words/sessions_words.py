@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from rsoconsole.cli.words import output
 from rsoconsole.control import SCHEMA
-from rsoconsole.words import clock, counted, file_size, span
+from rsoconsole.words import clock, count_words, duration_words, file_size
 
 if TYPE_CHECKING:
     from rsoconsole.session import (
@@ -46,7 +46,7 @@ def summary_words(each: "SessionSummary") -> str:
         + (", KEEP" if each.is_kept else "")
         + "".join(f", branch {b}" for b in each.branches)
     )
-    length = "-" if each.duration_s is None else span(each.duration_s)
+    length = "-" if each.duration_s is None else duration_words(each.duration_s)
     return (
         f"{begin:16} {length:>8} {each.frames:7d} {share:>9} "
         f"{file_size(each.size_bytes):>10}  {each.state:8}  {name}{marks}"
@@ -118,7 +118,7 @@ def archive_words(made: "Archive") -> str:
     return f"{made.path}: {made.files} files, {size}, read back and verified{gone}"
 
 
-def step_words(step: "PruningStep") -> str:
+def pruning_step_words(step: "PruningStep") -> str:
     """One line on a step of pruning."""
     deed = f"{file_size(step.bytes):>9}" if step.goes else "    stays"
     return f"{deed}  {step.session.name:36} {step.why}"
@@ -128,7 +128,7 @@ def say_plan(steps: "tuple[PruningStep, ...]", folder: Path, what: str, is_done:
     """Print the total of a pruning plan."""
     going = [step for step in steps if step.goes]
     total = file_size(sum(step.bytes for step in going))
-    number = counted(len(going), "session")
+    number = count_words(len(going), "session")
     what_goes = f"{number} whole" if what == "all" else f"the {what} of {number}"
     free = shutil.disk_usage(folder).free if folder.exists() else 0
     if is_done:

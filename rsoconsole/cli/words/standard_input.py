@@ -50,7 +50,7 @@ class InputFiles:
 
 
 @contextlib.contextmanager
-def piped(paths: Sequence[Path]) -> Iterator[InputFiles]:
+def open_input_files(paths: Sequence[Path]) -> Iterator[InputFiles]:
     """The files, with the content of standard input where one is ``-``.
 
     Errors of the program that come through here name it so. Raises BadParameter for two of them

@@ -21,19 +21,21 @@ OWN_LINE = re.compile(r"Example: |--|[a-z]+(?:, [a-z]+)*: ")
 """Beginnings of lines of help that stay lines of their own."""
 
 
-def fold_helps(app: typer.Typer) -> None:
+def unwrap_help_texts(app: typer.Typer) -> None:
     """Let every verb's help be broken where the terminal ends, not where its source is."""
     for command in app.registered_commands:
-        command.help = folded(command.help or inspect.getdoc(command.callback) or "")
+        command.help = unwrapped_paragraphs(command.help or inspect.getdoc(command.callback) or "")
     callback = app.registered_callback
     if callback is not None and callback.callback is not None:
-        callback.help = folded(callback.help or inspect.getdoc(callback.callback) or "") or None
+        callback.help = (
+            unwrapped_paragraphs(callback.help or inspect.getdoc(callback.callback) or "") or None
+        )
     for group in app.registered_groups:
         if group.typer_instance is not None:
-            fold_helps(group.typer_instance)
+            unwrap_help_texts(group.typer_instance)
 
 
-def folded(text: str) -> str:
+def unwrapped_paragraphs(text: str) -> str:
     """Paragraphs of one line each, but for lines that stand for themselves; no markup in it."""
     paragraphs: list[str] = []
     for paragraph in inspect.cleandoc(text).split("\n\n"):
@@ -78,7 +80,7 @@ def write_to_config(
     path = config or default_config_path()
     write_settings(path, settings, is_secret=is_secret)
     for each in active_variables(settings, os.environ):
-        output.complain(f"{APP}: {each} is set and counts more than the file: unset it")
+        output.print_to_stderr(f"{APP}: {each} is set and counts more than the file: unset it")
     return path
 
 

@@ -4,16 +4,16 @@ import math
 from collections.abc import Callable, Iterator, Sequence
 from typing import TYPE_CHECKING
 
-from rsoconsole.words import counted, number
+from rsoconsole.words import count_words, number
 
 if TYPE_CHECKING:
     from rsoconsole.night import TrackFigures, merit
-    from rsoconsole.pipeline import Answer, Proposal, Soundness, WhatIf
+    from rsoconsole.pipeline import Proposal, Soundness, WhatIf, WhatIfFigures
 
 LABEL, COLUMN = 22, 20
 
 
-def answer_lines(session: str, answer: "Answer") -> Iterator[str]:
+def answer_lines(session: str, answer: "WhatIfFigures") -> Iterator[str]:
     """Lines of at most 80 columns, but for long names."""
     assert answer.recorded is not None
     assert answer.what_if is not None
@@ -25,7 +25,7 @@ def answer_lines(session: str, answer: "Answer") -> Iterator[str]:
     if answer.rerun is not None:
         kept, gone = answer.rerun.rerun, answer.rerun.not_kept + answer.rerun.unreadable
         rest = f"; {gone} without their pixels stay as recorded" if gone else ""
-        yield f"  {counted(kept, 'frame')} reduced again{rest}"
+        yield f"  {count_words(kept, 'frame')} reduced again{rest}"
     if not answer.is_reproduced:
         yield (
             "  the recorded settings do not give the recorded track: another version"
@@ -89,23 +89,32 @@ def _minus(value: float | None) -> float | None:
 _Worth = Callable[["TrackFigures"], float | None]
 
 
-def _rows() -> list[tuple["merit.Figure", _Worth | None]]:
+def _rows() -> list[tuple["merit.MeritFigure", _Worth | None]]:
     from rsoconsole.night import merit
 
     return [
-        (merit.Figure("frames", lambda f: str(f.frames)), None),
-        (merit.Figure("locked after", _locked), lambda f: _minus(f.locked_after_s)),
-        (merit.Figure("lock held", lambda f: number(f.lock_held, ".1%")), lambda f: f.lock_held),
+        (merit.MeritFigure("frames", lambda f: str(f.frames)), None),
+        (merit.MeritFigure("locked after", _locked), lambda f: _minus(f.locked_after_s)),
+        (
+            merit.MeritFigure("lock held", lambda f: number(f.lock_held, ".1%")),
+            lambda f: f.lock_held,
+        ),
         (merit.UPDATES, lambda f: float(f.updates)),
         (merit.MISSES, lambda f: -float(f.misses)),
-        (merit.Figure("lost", lambda f: str(f.losses)), lambda f: -float(f.losses)),
+        (merit.MeritFigure("lost", lambda f: str(f.losses)), lambda f: -float(f.losses)),
         (merit.RMS, lambda f: _minus(f.residual_rms_arcsec)),
-        (merit.Figure("  east", lambda f: number(f.residual_east_rms_arcsec, ".2f", "″")), None),
-        (merit.Figure("  north", lambda f: number(f.residual_north_rms_arcsec, ".2f", "″")), None),
+        (
+            merit.MeritFigure("  east", lambda f: number(f.residual_east_rms_arcsec, ".2f", "″")),
+            None,
+        ),
+        (
+            merit.MeritFigure("  north", lambda f: number(f.residual_north_rms_arcsec, ".2f", "″")),
+            None,
+        ),
         (merit.NIS_MEAN, _nis_worth),
         (merit.BAND, None),
         (merit.INSIDE, _inside_worth),
-        (merit.Figure("widest 3σ", lambda f: number(f.max_3sigma_arcmin, ".3g", "′")), None),
+        (merit.MeritFigure("widest 3σ", lambda f: number(f.max_3sigma_arcmin, ".3g", "′")), None),
         (merit.STATE, None),
     ]
 

@@ -46,7 +46,7 @@ class CommandOutcomes(MarkActions):
             self.report_mark_accepted(command, outcome)
         elif outcome.ok:
             said = f"{name}: {outcome.message or 'done'}"
-            self.say(self.tune.done_words(command) or said, "good")
+            self.say(self.tune.applied_setting_words(command) or said, "good")
             if isinstance(command, Arm):
                 self.show_stop(None)
             elif isinstance(command, Shutdown):
@@ -61,7 +61,7 @@ class CommandOutcomes(MarkActions):
             self._ask_to_replace(command, outcome)
         else:
             self.say("")
-            self.ask_unasked(MessageDialog(f"{name}: not done", outcome.message))
+            self.open_unrequested_dialog(MessageDialog(f"{name}: not done", outcome.message))
 
     def _ask_to_override(
         self, outcome: Outcome, ticked: tuple[str, ...], then: Command | None
@@ -75,7 +75,9 @@ class CommandOutcomes(MarkActions):
                 self.send(Arm(override=names), then)
 
         self.say("not armed", "warn")
-        self.ask_unasked(ArmDialog(outcome.message, checks, ticked or self._ticked), decided)
+        self.open_unrequested_dialog(
+            ArmDialog(outcome.message, checks, ticked or self._ticked), decided
+        )
 
     def _expect_refusal(self, command: Command, seq: int) -> None:
         """Note a refusal that has been shown, so that its record, perhaps read by now, is not."""
@@ -108,7 +110,7 @@ class CommandOutcomes(MarkActions):
                 self.send(AskSeat())
 
         text = f"{holder} has control. Who is asked and says nothing for 30 s gives it up."
-        self.ask_unasked(
+        self.open_unrequested_dialog(
             ConfirmDialog("another console acts", text, yes="Ask for it", letter="y"),
             decided,
         )

@@ -10,7 +10,7 @@ from rsoconsole.console.night.engine_view import EngineView
 from rsoconsole.console.picture.marking import Marking
 from rsoconsole.console.picture.marks import Mark
 from rsoconsole.console.picture.picture import Picture
-from rsoconsole.console.watches.messages import Pointed, call_in_turn
+from rsoconsole.console.watches.messages import Pointed, call_between_messages
 from rsoconsole.control import (
     BeginMark,
     MarkByHand,
@@ -55,8 +55,8 @@ class MarkActions(Seat):
             self.say("there is no picture to mark in", "warn")
             return
         frame_id = self.picture.frame_id
-        too_late = too_late_to_mark(self.engine, frame_id)
-        why_not = why_no_mark(frame_id, self.picture.detail) or too_late
+        too_late = late_mark_reason(self.engine, frame_id)
+        why_not = no_mark_reason(frame_id, self.picture.detail) or too_late
         if why_not:
             self.say(why_not, "warn", REFUSAL_S)
             return
@@ -73,7 +73,7 @@ class MarkActions(Seat):
                 why = f"{seat} has control" if seat else outcome.message
                 refused(f"no mark in frame {frame_id}: {why}")
 
-        self.orders.send(BeginMark(frame_id=frame_id), partial(call_in_turn, self, came))
+        self.orders.send(BeginMark(frame_id=frame_id), partial(call_between_messages, self, came))
 
     def _refuse_mark(self, why_not: str) -> None:
         if self.marking is not None:
@@ -100,14 +100,14 @@ class MarkActions(Seat):
             self.picture, self.newer_picture = self.newer_picture, None
         self.show_picture()
 
-    def take_picture(self, picture: Picture | None) -> None:
+    def receive_picture(self, picture: Picture | None) -> None:
         """Show the newest picture; while a mark is made in another frame, keep it waiting."""
         if self.marking is None or picture is None or picture.frame_id == self.marking.frame_id:
             self.picture = picture
         else:
             self.newer_picture = picture
 
-    def look_again(self) -> None:
+    def handle_view_change(self) -> None:
         """Continue the mark after the view has changed."""
         drawing = self.drawing
         if self.marking is not None and drawing is not None:
@@ -129,7 +129,7 @@ class MarkActions(Seat):
             self._show_mark()
         return True
 
-    def mark_at(self, message: Pointed) -> None:
+    def set_mark_end(self, message: Pointed) -> None:
         """Set an end of the mark where the mouse is."""
         assert self.marking is not None
         self.marking.cursor_px = (message.x_px, message.y_px)
@@ -138,7 +138,7 @@ class MarkActions(Seat):
 
     def _set_mark_end(self, px_per_square: float | None = None) -> None:
         assert self.marking is not None
-        if why_not := too_late_to_mark(self.engine, self.marking.frame_id):
+        if why_not := late_mark_reason(self.engine, self.marking.frame_id):
             self._end_mark()
             self.say(why_not, "warn", REFUSAL_S)
             return
@@ -193,7 +193,7 @@ class MarkActions(Seat):
             f"Frame {mark.frame_id} has it measured to ±{better} already.\n\n"
             "Enter again takes yours instead; esc leaves it as it is."
         )
-        self.ask_unasked(
+        self.open_unrequested_dialog(
             ConfirmDialog("a better measurement", text, yes="Take mine", letter="m", is_yes=True),
             decided,
         )
@@ -223,12 +223,12 @@ class MarkActions(Seat):
         """True while a mark is made without the streaks' signs: they would cover its ends."""
         return self.marking is not None and not self.marking.shows_signs
 
-    def marks_by_hand(self) -> tuple[Mark, ...]:
+    def unfinished_mark_signs(self) -> tuple[Mark, ...]:
         """The signs of the mark that is being made."""
         return () if self.marking is None else self.marking.marks()
 
 
-def why_no_mark(frame_id: int, detail: NightFrame) -> str:
+def no_mark_reason(frame_id: int, detail: NightFrame) -> str:
     """Return the reason why a frame takes no mark, before its ends are set; empty: it does."""
     if isinstance(detail.solution, NotSolved):
         reason = detail.solution.reason
@@ -238,7 +238,7 @@ def why_no_mark(frame_id: int, detail: NightFrame) -> str:
     return ""
 
 
-def too_late_to_mark(engine: EngineView, frame_id: int) -> str:
+def late_mark_reason(engine: EngineView, frame_id: int) -> str:
     """Return the reason why the engine takes no mark in that frame any more; empty: it does."""
     frames = engine.markable_frames
     if not engine.is_attached or frames is None or frame_id in frames:

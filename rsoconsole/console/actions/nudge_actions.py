@@ -12,7 +12,7 @@ STEPS_ARCSEC = (1800.0, 600.0, 180.0, 60.0, 20.0, 5.0)
 FIRST_STEP = 3
 
 
-def step_words(arcsec: float) -> str:
+def nudge_step_words(arcsec: float) -> str:
     """A step in words: 30′ or 20″."""
     return f"{arcsec / 60:g}′" if arcsec >= 60 else f"{arcsec:g}″"
 
@@ -71,7 +71,7 @@ class NudgeActions(Seat):
 
     def _change_step(self, by: int) -> None:
         self._nudge_step = min(max(self._nudge_step + by, 0), len(STEPS_ARCSEC) - 1)
-        self.say(f"nudge by {step_words(STEPS_ARCSEC[self._nudge_step])}")
+        self.say(f"nudge by {nudge_step_words(STEPS_ARCSEC[self._nudge_step])}")
 
     action_smaller_step = partialmethod(_change_step, 1)
     action_larger_step = partialmethod(_change_step, -1)

@@ -4,7 +4,7 @@ import math
 
 from rsoconsole.console.actions.seat import Seat
 from rsoconsole.console.panes.panes import SIGHTS, FramePane, Sight
-from rsoconsole.console.picture.picture import STRETCHES, Drawing, Picture, fitted_cells
+from rsoconsole.console.picture.picture import STRETCHES, DrawnPicture, Picture, fitted_cells
 from rsoconsole.console.words import words
 
 SEEN_COLUMNS = 3.0
@@ -26,7 +26,7 @@ class PictureActions(Seat):
         """Draw the chosen view in the large pane, and the other one in the small pane."""
         large, stretch = SIGHTS[self._sight_now], STRETCHES[self._stretch]
         small: Sight = "close-up" if large == "field" else "field"
-        subject, marks = (self.night.frame, stretch, self.hides_signs), self.marks_by_hand()
+        subject, marks = (self.night.frame, stretch, self.hides_signs), self.unfinished_mark_signs()
         for pane, sight in zip(self._picture_panes(), (large, small), strict=True):
             pane.hides_signs = self.hides_signs
             pane.show(self.picture, sight, stretch, subject, marks)
@@ -54,7 +54,7 @@ class PictureActions(Seat):
         return math.dist(*streak.ends_px) / detail.detections.width_px * columns < SEEN_COLUMNS
 
     def picture_words(
-        self, picture: Picture | None, sight: Sight, drawing: Drawing | None
+        self, picture: Picture | None, sight: Sight, drawing: DrawnPicture | None
     ) -> tuple[list[str], list[str]]:
         """Title and caption of a picture, each in parts, the most important first."""
         stretch = STRETCHES[self._stretch]
@@ -75,7 +75,7 @@ class PictureActions(Seat):
         """Take the next view: the whole field, the close-up, the close-up pixel by pixel."""
         self._sight = (self._sight_now + 1) % len(SIGHTS)
         self.show_picture()
-        self.look_again()
+        self.handle_view_change()
         self.say(f"picture: {SIGHTS[self._sight]}")
 
     def action_stretch(self) -> None:

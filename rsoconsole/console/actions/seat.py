@@ -21,8 +21,8 @@ from rsoconsole.console.orbit.lines import OrbitFacts, orbit_facts, target_words
 from rsoconsole.console.panes.last_line import Key
 from rsoconsole.console.panes.panes import FramePane, LinesPane
 from rsoconsole.console.picture.marks import Mark
-from rsoconsole.console.picture.picture import Drawing, Picture
-from rsoconsole.console.watches.messages import StopNewsCame, call_in_turn
+from rsoconsole.console.picture.picture import DrawnPicture, Picture
+from rsoconsole.console.watches.messages import StopNewsCame, call_between_messages
 from rsoconsole.console.words import words
 from rsoconsole.console.words.leaving import kept_words
 from rsoconsole.console.words.words import present_utc_ns
@@ -97,7 +97,7 @@ class Seat(Screen[None]):
         if text:
             self.set_timer(seconds + 0.1, self.show_keys)
 
-    def ask_unasked(
+    def open_unrequested_dialog(
         self, dialog: Dialog[Answer], decided: Callable[[Answer | None], None] | None = None
     ) -> None:
         """Open a dialog because of the engine's answer: it takes no key for a moment."""
@@ -155,7 +155,7 @@ class Seat(Screen[None]):
         return self.query_one(f"#{name}", LinesPane)
 
     @property
-    def drawing(self) -> Drawing | None:
+    def drawing(self) -> DrawnPicture | None:
         """Drawing of the large pane's picture; None while nothing is drawn."""
         return self.query_one("#frame", FramePane).drawing
 
@@ -165,7 +165,7 @@ class Seat(Screen[None]):
     def show_picture(self) -> None:
         """Draw the shown frame in both picture panes."""
 
-    def look_again(self) -> None:
+    def handle_view_change(self) -> None:
         """Follow a picture that lies elsewhere, or shows another piece of the frame."""
 
     @property
@@ -173,7 +173,7 @@ class Seat(Screen[None]):
         """True where the signs of streaks would cover the streak being marked."""
         return False
 
-    def marks_by_hand(self) -> tuple[Mark, ...]:
+    def unfinished_mark_signs(self) -> tuple[Mark, ...]:
         """Signs of the mark that is being made."""
         return ()
 
@@ -246,7 +246,7 @@ class Seat(Screen[None]):
         """
         self.say(f"{command.label()} …")
         came = partial(self.handle_outcome, command, self.stops, self.night.seq, then)
-        self.orders.send(command, partial(call_in_turn, self, came))
+        self.orders.send(command, partial(call_between_messages, self, came))
 
     def handle_outcome(
         self, command: Command, stops: int, seq: int, then: Command | None, outcome: Outcome
@@ -267,7 +267,7 @@ class Seat(Screen[None]):
         """STOP: send it first, then put away whatever is open, then show it."""
         number = self.stops + 1
         came = self.on_stop_news_came
-        self.orders.stop(lambda news: call_in_turn(self, came, StopNewsCame(news, number)))
+        self.orders.stop(lambda news: call_between_messages(self, came, StopNewsCame(news, number)))
         self.stops = number
         self._stopped_utc_ns = self.engine.now_utc_ns
         self._is_stop_seen = False

@@ -7,7 +7,7 @@ from rsoconsole.console.actions.seat import Seat
 from rsoconsole.console.commands.keymap import first_key
 from rsoconsole.console.night.engine_view import EngineView
 from rsoconsole.console.words.words import present_utc_ns
-from rsoconsole.words import NS_PER_S, span
+from rsoconsole.words import NS_PER_S, duration_words
 
 WITHIN_S = 2.0
 REPEAT_S = 0.08
@@ -74,7 +74,7 @@ class TwicePressed:
         """
         seat, press = self._seat, self.press
         if seat.is_click:
-            self.name_key(name, what)
+            self.show_key_to_press(name, what)
             return
         stage = press.receive(name, seat.now_s())
         key = key or first_key(name, seat.keymap)
@@ -91,7 +91,7 @@ class TwicePressed:
 
             seat.set_timer(SETTLES_S, unless_held)
 
-    def name_key(self, name: str, what: str) -> None:
+    def show_key_to_press(self, name: str, what: str) -> None:
         """Show the key that does the clicked action by two presses."""
         self.press.forget()
         key = first_key(name, self._seat.keymap)
@@ -104,4 +104,4 @@ class TwicePressed:
         since, now = seat.night.track_since_utc_ns, present_utc_ns(seat.night, seat.engine)
         if since is None or now is None:
             return name
-        return f"{name} ({span((now - since) / NS_PER_S)})"
+        return f"{name} ({duration_words((now - since) / NS_PER_S)})"

@@ -133,7 +133,7 @@ class StreakActions:
             return
         if has_track(seat.engine) and not self.is_followed(pick.streak):
             self._keep_choice(pick, CLICKED_S)
-            self._twice.name_key("follow_next", self._track_end_words(pick))
+            self._twice.show_key_to_press("follow_next", self._track_end_words(pick))
         else:
             self._choose(pick)
 

@@ -17,7 +17,7 @@ from rsoconsole.console.dialogs.ask import (
     SettingsDialog,
 )
 from rsoconsole.console.dialogs.dialogs import ConfirmDialog
-from rsoconsole.console.dialogs.up_list import UpListDialog
+from rsoconsole.console.dialogs.up_list import VisibleSatellitesDialog
 from rsoconsole.console.night.engine_view import EngineView
 from rsoconsole.control import (
     Arm,
@@ -312,7 +312,7 @@ class TelescopeActions:
             if number is not None:
                 self._ask_where(number)
 
-        self._seat.app.push_screen(UpListDialog(self._config, self._now_utc_ns), decided)
+        self._seat.app.push_screen(VisibleSatellitesDialog(self._config, self._now_utc_ns), decided)
 
     def _config(self) -> Config | None:
         """Return the night's settings, the defaults where it has none; None until that is known."""

@@ -10,7 +10,7 @@ from rsoconsole.console.actions.second_press import TwicePressed, has_track
 from rsoconsole.console.panes.panes import LinesPane
 from rsoconsole.console.words.track_lines import (
     is_chosen,
-    name_words,
+    track_name_words,
 )
 from rsoconsole.control import Choose, Drop, Keep
 from rsoconsole.night import FollowedTrack, NightView
@@ -19,14 +19,14 @@ from rsoconsole.words import KEPT
 DROP_KEY = "-"
 
 
-def lead_of(night: NightView) -> FollowedTrack | None:
+def lead_track(night: NightView) -> FollowedTrack | None:
     """Return the track that the telescope follows."""
     return next((each for each in night.tracks if each.is_lead), None)
 
 
 def track_words(night: NightView, track: FollowedTrack) -> str:
     """Return a track in words: its number, and its name where it has one."""
-    name = name_words(night, track.track_id)
+    name = track_name_words(night, track.track_id)
     return f"track {track.number}{'' if name == '-' else f' ({name})'}"
 
 
@@ -73,7 +73,7 @@ class TrackActions(PlotActions):
 
     def action_make_lead(self) -> None:
         """Make the chosen track the lead; the others are still followed."""
-        night, track, lead = self.night, self.chosen_track, lead_of(self.night)
+        night, track, lead = self.night, self.chosen_track, lead_track(self.night)
         if track is None or track.is_lead:
             self.say("nothing is followed" if lead is None else f"track {lead.number} is the lead")
         elif self.may_act():
@@ -100,7 +100,7 @@ class TrackOrders(TrackActions):
 
     def action_drop_track(self) -> None:
         """Drop the track at the cursor; the lead asks for the same key once more."""
-        track = self.chosen_track or lead_of(self.night)
+        track = self.chosen_track or lead_track(self.night)
         if track is None:
             self.say("nothing is followed that could be dropped", "warn")
         elif self.may_act():
@@ -117,7 +117,7 @@ class TrackOrders(TrackActions):
 
     def action_keep_track(self) -> None:
         """Keep the track at the cursor whatever it misses in the field; if kept, no longer."""
-        track = self.chosen_track or lead_of(self.night)
+        track = self.chosen_track or lead_track(self.night)
         if track is None:
             self.say("nothing is followed that could be kept", "warn")
         elif self.may_act():

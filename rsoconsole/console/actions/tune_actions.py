@@ -25,7 +25,7 @@ from rsoconsole.console.tuning.what_if_watch import (
     count_by_present_settings,
     frames_of_track,
 )
-from rsoconsole.console.watches.messages import call_in_turn
+from rsoconsole.console.watches.messages import call_between_messages
 from rsoconsole.control import MAX_FRAMES, Command, Set
 
 if TYPE_CHECKING:
@@ -120,7 +120,7 @@ class TuneActions:
             return
         self._computed_s = time.monotonic()
         if self._watch is None:
-            self._watch = WhatIfWatch(partial(call_in_turn, seat, self.see))
+            self._watch = WhatIfWatch(partial(call_between_messages, seat, self.see))
         until_seq, last = self.scope()
         self._watch.ask(
             seat.night.folder,
@@ -130,7 +130,7 @@ class TuneActions:
             last=last,
         )
 
-    def compute_now_and_then(self) -> None:
+    def refresh_stale_figures(self) -> None:
         """Request the figures of a visible pane, where the last ones are old enough."""
         if not self._seat.night.is_read:
             return  # nobody knows yet over how many frames
@@ -146,12 +146,12 @@ class TuneActions:
         self.figures = (now, then)
         self.show()
 
-    def close_watch(self) -> None:
+    def end_figures_thread(self) -> None:
         """End the thread that computes."""
         if self._watch is not None:
             self._watch.close()
 
-    def do(self, message: TunePane.Wanted) -> None:
+    def handle_pane_request(self, message: TunePane.Wanted) -> None:
         """Act on one of the pane's keys."""
         if message.what == "type":
             self._type(message.begun)
@@ -238,7 +238,7 @@ class TuneActions:
             self.tuning.replaced[name] = self.tuning.present.get(name)
             self._seat.send(Set(name=name, value=value, frames=frames))
 
-    def done_words(self, command: Command) -> str:
+    def applied_setting_words(self, command: Command) -> str:
         """Return a setting with its values, where one was set here: the engine only confirms it.
 
         Empty for any other command.

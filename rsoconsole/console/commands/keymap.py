@@ -10,7 +10,7 @@ from pathlib import Path
 from textual.binding import Binding, InvalidBinding
 from textual.keys import KEY_NAME_REPLACEMENTS, Keys
 
-from rsoconsole.base import ConfigError, ControlError, raised_as, read_foreign, toml_of
+from rsoconsole.base import ConfigError, ControlError, read_foreign, toml_of, value_errors_as
 from rsoconsole.console.commands.command import BOTH, Place
 from rsoconsole.console.commands.commands import BY_NAME, COMMANDS, commands_in
 from rsoconsole.control import Command, ControlClient, DirectStop, Outcome, StopNews, Stopping
@@ -45,7 +45,7 @@ def load_keymap(path: Path) -> dict[str, str]:
         return {}
     except (OSError, UnicodeDecodeError) as error:
         raise ConfigError(f"{path} cannot be read: {error}") from error
-    with raised_as(ConfigError, f"{path}: "):
+    with value_errors_as(ConfigError, f"{path}: "):
         table = toml_of(text)
     unknown = [name for name in table if name not in BY_NAME]
     if unknown:

@@ -12,7 +12,7 @@ from textual.widgets import Input
 from rsoconsole.console.dialogs.dialogs import Dialog, Result
 from rsoconsole.console.drawing.plot import Ink, Line
 from rsoconsole.console.panes.panes import LinesPane
-from rsoconsole.console.words.words import clipped, first_shown
+from rsoconsole.console.words.words import cut_to_width, first_shown
 
 Row = TypeVar("Row")
 
@@ -80,13 +80,13 @@ class ListDialog(Dialog[Result], Generic[Result, Row]):
     def lines(self, width: int, height: int) -> list[Line]:
         """Return the head, and as many rows as there is room for, the chosen one among them."""
         rows, room = self.shown, max(height - 1, 1)
-        lines = [clipped([(self.head(width), "dim")], width)]
+        lines = [cut_to_width([(self.head(width), "dim")], width)]
         first = first_shown(self._at, len(rows), room)
         for number, row in enumerate(rows[first : first + room], first):
             is_chosen = number == self._at
             text, ink = self.row_words(row, width)
             text = f"{'▸' if is_chosen else ' '} {text}".ljust(width)
-            lines.append(clipped([(text, "here" if is_chosen else ink)], width))
+            lines.append(cut_to_width([(text, "here" if is_chosen else ink)], width))
         return lines[: max(height, 1)]
 
     def show(self) -> None:

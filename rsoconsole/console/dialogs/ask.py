@@ -11,10 +11,10 @@ from textual.widgets import Input, Static
 from rsoconsole.base import RsoconsoleError
 from rsoconsole.config import Config
 from rsoconsole.console.commands.keymap import Orders
-from rsoconsole.console.dialogs.dialogs import Dialog, Result, framed
-from rsoconsole.console.watches.messages import call_in_turn
+from rsoconsole.console.dialogs.dialogs import Dialog, Result, dialog_box
+from rsoconsole.console.watches.messages import call_between_messages
 from rsoconsole.control import (
-    Beside,
+    AimOffset,
     Goto,
     MovePreview,
     Outcome,
@@ -34,10 +34,10 @@ GOES = "enter goes there and stays with the stars: follows nothing, you have the
 
 
 def _ask_engine(
-    dialog: Dialog[Any], orders: Orders, move: Goto | Beside, answer: Callable[[Outcome], None]
+    dialog: Dialog[Any], orders: Orders, move: Goto | AimOffset, answer: Callable[[Outcome], None]
 ) -> None:
     """Request the engine's preview of a move; the dialog calls ``answer`` with the outcome."""
-    orders.send(Preview(move=move), partial(call_in_turn, dialog, answer))
+    orders.send(Preview(move=move), partial(call_between_messages, dialog, answer))
 
 
 class FieldDialog(Dialog[Result], Generic[Result]):
@@ -78,7 +78,7 @@ class GotoDialog(FieldDialog[tuple[float, float] | None]):
 
     def compose(self) -> ComposeResult:
         """Make a field, and a line for what it means."""
-        with framed("go to", "enter goes · esc back"):
+        with dialog_box("go to", "enter goes · esc back"):
             yield Input(self._begun, placeholder=GOTO_EXAMPLES, id="direction")
             yield Static("", id="understood", markup=False)
 
@@ -168,7 +168,7 @@ class MoveDialog(Dialog[bool | None]):
 
     def compose(self) -> ComposeResult:
         """Make a line for the engine's preview."""
-        with framed("centre the streak", "enter goes · esc back"):
+        with dialog_box("centre the streak", "enter goes · esc back"):
             yield Static("asking the engine …", id="told", markup=False)
 
     def on_mount(self) -> None:
@@ -205,7 +205,7 @@ class SettingsDialog(FieldDialog[dict[str, float] | None]):
 
     def compose(self) -> ComposeResult:
         """Make a field for each setting."""
-        with framed(self.HEAD, "enter takes them · tab the next field · esc back"):
+        with dialog_box(self.HEAD, "enter takes them · tab the next field · esc back"):
             for name, words in self.NAMES.items():
                 yield Static(words, markup=False)
                 yield Input(
@@ -277,7 +277,7 @@ class AimDialog(SettingsDialog):
         if wanted is None:
             return
         aim = {name.partition(".")[2]: value for name, value in wanted.items()}
-        _ask_engine(self, self._orders, Beside(**aim), partial(self._show_preview, self._asked))
+        _ask_engine(self, self._orders, AimOffset(**aim), partial(self._show_preview, self._asked))
 
     def _show_preview(self, number: int, outcome: Outcome) -> None:
         """Show the engine's preview of the last offset typed."""
@@ -301,7 +301,7 @@ class LineDialog(FieldDialog[str | None]):
 
     def compose(self) -> ComposeResult:
         """Make the field."""
-        with framed(self._title, "enter takes it · esc back"):
+        with dialog_box(self._title, "enter takes it · esc back"):
             yield Input(
                 self._value,
                 placeholder=self._words,

@@ -12,10 +12,18 @@ from textual.events import Key
 from textual.widgets import Button, Static
 
 from rsoconsole.console.commands.keymap import first_key
-from rsoconsole.console.dialogs.dialogs import Dialog, PagedDialog, framed
+from rsoconsole.console.dialogs.dialogs import Dialog, PagedDialog, dialog_box
 from rsoconsole.night import LastMeasured, NightFrame, is_of_streak
 from rsoconsole.records import Detection, Measurement, is_mark_id
-from rsoconsole.words import angle, clock, name_of, pulse_of, short, size_of, text
+from rsoconsole.words import (
+    angle,
+    clock,
+    short_figure,
+    size_of,
+    streak_name,
+    streak_pulse_words,
+    text,
+)
 
 COLUMNS = 70
 MARKED = "the frame you marked"
@@ -71,7 +79,7 @@ def candidate_lines(detail: NightFrame, tau: float) -> list[str]:
         return ["It is not known yet what the frame shows."]
     lines: list[str] = []
     for each in sorted(found.detections, key=lambda d: -d.confidence):
-        lines += _lines(each, *fate(each, detail))
+        lines += _lines(each, *detection_outcome(each, detail))
     rejected = sorted(found.rejected, key=lambda r: -r.detection.confidence)
     for one in rejected[:MAX_REJECTED]:
         lines += _lines(one.detection, "rejected", text(one.reason))
@@ -82,7 +90,7 @@ def candidate_lines(detail: NightFrame, tau: float) -> list[str]:
     left = len(rejected) - MAX_REJECTED
     if left > 0:
         lines.append(f"  and {left} less likely ones, rejected")
-    head = f"confidence against τ {short(tau)}; x, y in pixels of the frame"
+    head = f"confidence against τ {short_figure(tau)}; x, y in pixels of the frame"
     return [head, "", *lines]
 
 
@@ -96,10 +104,10 @@ def _by_hand(detail: NightFrame) -> list[Measurement]:
 
 def _sigmas(measured: Measurement) -> str:
     east, _, north = measured.cov_sky_arcsec2
-    return f"±{short(east**0.5)}″ RA ±{short(north**0.5)}″ Dec"
+    return f"±{short_figure(east**0.5)}″ RA ±{short_figure(north**0.5)}″ Dec"
 
 
-def fate(streak: Detection, detail: NightFrame) -> tuple[str, str]:
+def detection_outcome(streak: Detection, detail: NightFrame) -> tuple[str, str]:
     """Return the outcome of a detection above tau, and why where it was not followed."""
     followed = detail.followed
     if followed is not None and is_mark_id(followed.measurement_id):
@@ -131,8 +139,8 @@ def _lines(streak: Detection, fate: str, reason: str) -> list[str]:
     size = size_of(streak) if streak.length_px else ""
     place = f"at {streak.x_px:.0f}, {streak.y_px:.0f}"
     snr = f"SNR {streak.snr:.0f}" if streak.snr else ""
-    head = f"  {short(streak.confidence):>4}  {fate:<12}  {place:<14}  {snr:<8}  {size}".rstrip()
-    named = "; ".join(words for words in (name_of(streak), pulse_of(streak)) if words)
+    head = f"  {short_figure(streak.confidence):>4}  {fate:<12}  {place:<14}  {snr:<8}  {size}".rstrip()
+    named = "; ".join(words for words in (streak_name(streak), streak_pulse_words(streak)) if words)
     return [
         head,
         *([f"        {named}"] if named else []),
@@ -166,7 +174,7 @@ class RejectDialog(Dialog[int | None]):
 
     def compose(self) -> ComposeResult:
         """Make one line for each, the newest first."""
-        with framed("reject a measurement", "1-9 or enter rejects · esc back"):
+        with dialog_box("reject a measurement", "1-9 or enter rejects · esc back"):
             words = "Which one was something else? The track is as if without it."
             yield Static(words, markup=False)
             with Vertical(classes="choices"):

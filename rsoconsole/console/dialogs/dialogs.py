@@ -20,7 +20,7 @@ LeaveChoice = Literal["leave", "stop engine", "stay"]
 Result = TypeVar("Result")
 
 
-def framed(title: str, keys: str = "") -> VerticalScroll:
+def dialog_box(title: str, keys: str = "") -> VerticalScroll:
     """Return the box of a dialog: its title above, its keys below."""
     box = VerticalScroll()
     box.border_title, box.border_subtitle = title, keys
@@ -65,7 +65,7 @@ class Dialog(ModalScreen[Result], Generic[Result]):
         """
         if isinstance(event, Mount) and self not in self.app.screen_stack:
             return
-        if isinstance(event, Key) and event.key != "escape" and self.is_deaf:
+        if isinstance(event, Key) and event.key != "escape" and self.ignores_keys:
             self._dropped_s = time.monotonic()
             event.stop()
             event.prevent_default()
@@ -80,7 +80,7 @@ class Dialog(ModalScreen[Result], Generic[Result]):
         self._opened_s = time.monotonic()
 
     @property
-    def is_deaf(self) -> bool:
+    def ignores_keys(self) -> bool:
         """True while keys are dropped: they were meant for the screen below. Esc always works."""
         since_s = max(self._opened_s, self._dropped_s)
         return self.opens_unasked and time.monotonic() < since_s + UNASKED_DEAF_S
@@ -130,7 +130,7 @@ class Tick(Static, can_focus=True):
 
     def action_tick(self) -> None:
         """Toggle the tick."""
-        if isinstance(self.screen, Dialog) and self.screen.is_deaf:
+        if isinstance(self.screen, Dialog) and self.screen.ignores_keys:
             return
         self.is_on = not self.is_on
         self.update(f"[{'x' if self.is_on else ' '}] {self._words}")
@@ -149,7 +149,7 @@ class MessageDialog(Dialog[None]):
 
     def compose(self) -> ComposeResult:
         """Make the message; any key closes it, unless it opened by itself."""
-        with framed(self._title, "esc or enter back" if self.opens_unasked else "any key back"):
+        with dialog_box(self._title, "esc or enter back" if self.opens_unasked else "any key back"):
             yield Static(self._text, markup=False)
 
     def on_key(self, event: Key) -> None:
@@ -186,7 +186,7 @@ class ArmDialog(Dialog[tuple[str, ...] | None]):
 
     def compose(self) -> ComposeResult:
         """Make the message, a box to tick for each failed check, and two buttons."""
-        with framed("not armed", "space ticks · ↑↓ move · esc back"):
+        with dialog_box("not armed", "space ticks · ↑↓ move · esc back"):
             intro = "These stand against it; tick what you answer for, by name and on record."
             yield Static(intro if self._failed else self._message, markup=False)
             for number, check in enumerate(self._failed):
@@ -211,7 +211,7 @@ class ArmDialog(Dialog[tuple[str, ...] | None]):
     def on_button_pressed(self, event: Button.Pressed) -> None:
         """Arm anyway, or cancel."""
         event.stop()
-        if self.is_deaf:
+        if self.ignores_keys:
             return
         if event.button.id != "arm":
             self.dismiss(None)
@@ -237,7 +237,7 @@ class ConfirmDialog(Dialog[bool | None]):
 
     def compose(self) -> ComposeResult:
         """Make the question and two buttons."""
-        with framed(self._title):
+        with dialog_box(self._title):
             yield Static(self._text, markup=False)
             with Vertical(classes="choices"):
                 yield Button("esc  Back", id="back", compact=True)
@@ -250,14 +250,14 @@ class ConfirmDialog(Dialog[bool | None]):
     def on_button_pressed(self, event: Button.Pressed) -> None:
         """Confirm or cancel."""
         event.stop()
-        if not self.is_deaf:
+        if not self.ignores_keys:
             self.dismiss(event.button.id == "yes")
 
     def on_key(self, event: Key) -> None:
         """Confirm or cancel by letter."""
         if event.key == self._letter:
             event.stop()
-            if not self.is_deaf:
+            if not self.ignores_keys:
                 self.dismiss(True)
 
 
@@ -284,7 +284,7 @@ class LeaveDialog(Dialog[LeaveChoice | None]):
 
     def compose(self) -> ComposeResult:
         """Make three choices; the proposed one has the focus."""
-        with framed("leave the console"):
+        with dialog_box("leave the console"):
             yield Static(self._state_words, markup=False)
             with Vertical(classes="choices"):
                 for choice, words in self.CHOICES.items():

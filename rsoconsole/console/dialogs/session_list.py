@@ -12,10 +12,10 @@ from rsoconsole.base import SessionError
 from rsoconsole.config import home_path
 from rsoconsole.console.dialogs._list_dialog import ListDialog
 from rsoconsole.console.drawing.plot import Ink
-from rsoconsole.console.watches.messages import call_in_turn
+from rsoconsole.console.watches.messages import call_between_messages
 from rsoconsole.control import one_line
-from rsoconsole.session import DATABASE, SessionSummary, folders_in, summarise, written_ns
-from rsoconsole.words import clock, file_size, span
+from rsoconsole.session import DATABASE, SessionSummary, folders_in, last_write_utc_ns, summarise
+from rsoconsole.words import clock, duration_words, file_size
 
 BRANCHES = "branches"
 MIN_NAME_COLUMNS = 20
@@ -58,7 +58,7 @@ def sessions_under(root: Path, present: Path | None) -> list[SessionEntry]:
         present = present.parent.parent
     if present is not None and not any(_is_same(present, folder) for folder in folders):
         folders.append(present)
-    newest = sorted(folders, key=written_ns, reverse=True)
+    newest = sorted(folders, key=last_write_utc_ns, reverse=True)
     return [entry for folder in newest for entry in _with_branches(folder)]
 
 
@@ -107,7 +107,7 @@ def _facts(entry: SessionEntry) -> tuple[str, ...]:
         return ("", "", "", file_size(summary.size_bytes), entry.state)
     first, length_s = summary.t_first_utc_ns, summary.duration_s
     when = "" if not first else clock(first, "dated minute", "")
-    length = "" if length_s is None else span(length_s)
+    length = "" if length_s is None else duration_words(length_s)
     return (when, length, f"{summary.frames}", file_size(summary.size_bytes), entry.state)
 
 
@@ -143,13 +143,13 @@ class SessionListDialog(ListDialog[Path | None, SessionEntry]):
         try:
             entries = sessions_under(self._root, self._present)
         except SessionError as error:
-            call_in_turn(self, self._list_entries, [], str(error))
+            call_between_messages(self, self._list_entries, [], str(error))
             return
-        call_in_turn(self, self._list_entries, entries)
+        call_between_messages(self, self._list_entries, entries)
         for entry in entries:
             if self._is_over:
                 return
-            call_in_turn(self, self._update_entry, with_summary(entry))
+            call_between_messages(self, self._update_entry, with_summary(entry))
 
     def _list_entries(self, entries: list[SessionEntry], fault: str = "") -> None:
         """Show their names, or why they cannot be found; the present one is chosen."""

@@ -28,7 +28,7 @@ class TourMemory:
         """Return True until the tour has been shown."""
         return not self._path.exists()
 
-    def has_been_shown(self) -> None:
+    def record_tour_shown(self) -> None:
         """Note that it was shown; where that cannot be written the tour comes once more."""
         with contextlib.suppress(OSError):
             self._path.parent.mkdir(parents=True, exist_ok=True)

@@ -13,8 +13,8 @@ from rsoconsole.config import Config
 from rsoconsole.console.dialogs._list_dialog import ListDialog
 from rsoconsole.console.dialogs.ask import UNREAD_CHECK_S
 from rsoconsole.console.drawing.plot import Ink
-from rsoconsole.console.watches.messages import call_in_turn
-from rsoconsole.words import clock, span
+from rsoconsole.console.watches.messages import call_between_messages
+from rsoconsole.words import clock, duration_words
 
 if TYPE_CHECKING:
     from rsoconsole.pipeline import VisibleSatellite
@@ -27,7 +27,7 @@ SOON_MIN = 15.0
 NAME_COLUMNS = 24
 
 
-class UpListDialog(ListDialog[str | None, "VisibleSatellite"]):
+class VisibleSatellitesDialog(ListDialog[str | None, "VisibleSatellite"]):
     """Dialog of satellites above the limit; typing finds one. Gives its catalogue number."""
 
     BINDINGS: ClassVar[list[BindingType]] = [
@@ -62,7 +62,7 @@ class UpListDialog(ListDialog[str | None, "VisibleSatellite"]):
         files = config.catalogue.tle_files
         if not files:
             fault = "no element files are configured: name some in catalogue.tle_files"
-            call_in_turn(self, self._list_satellites, (), t_utc_ns, fault)
+            call_between_messages(self, self._list_satellites, (), t_utc_ns, fault)
             return
         site, limits = config.site.to_site(), config.limits
         self._limit_deg = limits.min_altitude_deg
@@ -75,7 +75,7 @@ class UpListDialog(ListDialog[str | None, "VisibleSatellite"]):
         except Exception:  # whatever it is, nobody waits for ever for the list
             log.exception("what is up cannot be computed")
             fault = "it cannot be computed: the console's log says why"
-        call_in_turn(self, self._list_satellites, found, t_utc_ns, fault)
+        call_between_messages(self, self._list_satellites, found, t_utc_ns, fault)
 
     def _list_satellites(
         self, found: "tuple[VisibleSatellite, ...]", t_utc_ns: int, fault: str
@@ -118,7 +118,7 @@ class UpListDialog(ListDialog[str | None, "VisibleSatellite"]):
 
     def row_words(self, row: "VisibleSatellite", width: int) -> tuple[str, Ink]:  # noqa: ARG002
         """Return its name, its direction, and how long it stays up."""
-        left = "12 h +" if row.minutes_left is None else span(row.minutes_left * 60.0)
+        left = "12 h +" if row.minutes_left is None else duration_words(row.minutes_left * 60.0)
         is_soon = row.minutes_left is not None and row.minutes_left < SOON_MIN
         text = (
             f"{row.name[:NAME_COLUMNS]:<{NAME_COLUMNS}}"

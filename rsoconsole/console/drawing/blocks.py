@@ -91,7 +91,7 @@ class Cells:
     """Grey behind text over a cell: light that fills only a part of the cell still shows."""
 
 
-def fitted(greys: ByteImage, blocks: Blocks) -> Cells:
+def fit_to_cells(greys: ByteImage, blocks: Blocks) -> Cells:
     """Fit two greys and a pattern to each cell's parts by least squares.
 
     ``greys``: (rows * down, columns * across). In one dimension a threshold separates the best two

@@ -62,7 +62,7 @@ class Box:
     height: int
 
 
-def fold(
+def pane_boxes(
     width: int,
     height: int,
     *,
@@ -110,7 +110,7 @@ def banner_box(width: int, height: int, *, alert_rows: int = 0) -> Box:
 
     The keys stay free of it; in a terminal of a few lines it covers the alert, then the keys.
     """
-    boxes = fold(width, height, alert_rows=alert_rows)
+    boxes = pane_boxes(width, height, alert_rows=alert_rows)
     wanted = BANNER_ROWS["wide" if width >= WIDE_BANNER_COLUMNS else "narrow"]
     y = _rows_above(boxes)
     if height - 1 - y < wanted:
@@ -139,7 +139,9 @@ def tune_box(
     In the widest layout it has a place of its own; in a small terminal all but the first line
     and the keys.
     """
-    boxes = fold(width, height, alert_rows=alert_rows, timeline_rows=timeline_rows, aspect=aspect)
+    boxes = pane_boxes(
+        width, height, alert_rows=alert_rows, timeline_rows=timeline_rows, aspect=aspect
+    )
     y0, y1 = _rows_above(boxes), height - 1 - timeline_rows
     room = max(y1 - y0, 1)
     frame = boxes.get("frame")
@@ -163,7 +165,9 @@ def orbit_box(
 
     In a small terminal over all but the first line and the keys.
     """
-    boxes = fold(width, height, alert_rows=alert_rows, timeline_rows=timeline_rows, aspect=aspect)
+    boxes = pane_boxes(
+        width, height, alert_rows=alert_rows, timeline_rows=timeline_rows, aspect=aspect
+    )
     first, last = boxes.get("confidence"), boxes.get("orbit") or boxes.get("nis")
     if first is None or last is None:
         y0 = _rows_above(boxes)

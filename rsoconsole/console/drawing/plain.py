@@ -56,7 +56,7 @@ def _one(character: str) -> str:
     return base if base.isascii() and base.isprintable() else "?"
 
 
-def spelled(texts: Sequence[str]) -> list[str]:
+def spell_out_signs(texts: Sequence[str]) -> list[str]:
     """Return a line's pieces in ASCII, ``SPELLED`` signs written out, as long in all as before.
 
     The columns that this takes come from blanks and rules: right before the sign where a gap stands
@@ -111,7 +111,7 @@ class PlainFilter(LineFilter):
         if any(HALF_BLOCK in segments[index].text for index in words):
             # Beside a picture nothing may move.
             return [self._plain(segment) for segment in segments]
-        texts = spelled([segments[index].text for index in words])
+        texts = spell_out_signs([segments[index].text for index in words])
         text_of = dict(zip(words, texts, strict=True))
         return [
             Segment(text_of[index], segment.style, segment.control)
@@ -150,7 +150,7 @@ _CURSOR = re.compile(r"\x1b\[\d+;\d+H")
 """Cursor command that stands before and behind a sixel picture, in a segment without any style."""
 
 
-def clean(text: str) -> str:
+def without_terminal_commands(text: str) -> str:
     """Return the text without control characters, as wide as before."""
     return _COMMANDS.sub(lambda found: " " * cell_len(found.group()), text)
 
@@ -168,7 +168,7 @@ class CleanFilter(LineFilter):
             return segment
         if not style and _CURSOR.fullmatch(text):
             return segment
-        return Segment(clean(text), style, control)
+        return Segment(without_terminal_commands(text), style, control)
 
 
 NIGHT = "night"

@@ -69,7 +69,7 @@ class Canvas:
         for level in (top, top + 1):
             self._dot(column, level, _LEFT[level % 4] | _RIGHT[level % 4], ink)
 
-    def thin(self, column: int, value: float) -> None:
+    def draw_line_dot(self, column: int, value: float) -> None:
         """Draw a small dot of a line; beyond the edge it lies on the edge."""
         clipped = min(max(value, self.low), self.high)
         level = min(max(round(self._level(clipped)), 0), 4 * self.rows - 1)
@@ -120,7 +120,7 @@ def confidence_plot(columns: Sequence[Column], tau: float, width: int, rows: int
     shown = list(columns)[-max(width - AXIS_COLUMNS, 0) :]
     canvas = Canvas(max(width - AXIS_COLUMNS, 0), rows, 0.0, 1.0)
     for column in range(canvas.columns):
-        canvas.thin(column, tau)
+        canvas.draw_line_dot(column, tau)
     _draw_confidences(canvas, shown, tau)
     labels = {0: "1", rows - 1: "0"}
     if rows > 2 and canvas.row_of(tau) not in labels:
@@ -137,7 +137,7 @@ def nis_plot(
     canvas = Canvas(max(width - AXIS_COLUMNS, 0), rows, 0.0, NIS_HEADROOM * band[1])
     for column in range(canvas.columns):
         for bound in band:
-            canvas.thin(column, bound)
+            canvas.draw_line_dot(column, bound)
     for at, _, what in _placed(canvas, shown):
         if what.value is not None:
             is_inside = band[0] <= what.value <= band[1]
@@ -227,8 +227,8 @@ def _draw_residuals(canvas: Canvas, shown: Sequence[Column], *, has_bounds: bool
     for at, cells, what in _placed(canvas, shown):
         if what.bound is not None and has_bounds:
             for column in range(at, at + cells):
-                canvas.thin(column, what.bound)
-                canvas.thin(column, -what.bound)
+                canvas.draw_line_dot(column, what.bound)
+                canvas.draw_line_dot(column, -what.bound)
         if what.value is not None:
             is_outside = what.bound is not None and abs(what.value) > what.bound
             canvas.point(at, what.value, "alarm" if is_outside else "good")

@@ -21,7 +21,7 @@ _LEFT_OUT = 1.5
 """Cost of a place on another sign, in units of the reach: taken where there is no other."""
 
 
-class Numbered(NamedTuple):
+class NumberedTrack(NamedTuple):
     """Track's number and the cells of its streak or of its predicted place."""
 
     text: str
@@ -31,7 +31,7 @@ class Numbered(NamedTuple):
 
 
 def placed_numbers(
-    numbered: Sequence[Numbered],
+    numbered: Sequence[NumberedTrack],
     size: tuple[int, int],
     taken: Mapping[Cell, object],
     streaks: Collection[Cell],
@@ -58,7 +58,7 @@ def placed_numbers(
 
 
 def _best_place(  # noqa: PLR0917 -- one call, each argument a different thing
-    each: Numbered,
+    each: NumberedTrack,
     centre: tuple[float, float],
     size: tuple[int, int],
     taken: Mapping[Cell, object],
@@ -86,13 +86,13 @@ def _best_place(  # noqa: PLR0917 -- one call, each argument a different thing
     return None if best is None else best[1]
 
 
-def _distance(each: Numbered, cells: Sequence[Cell]) -> float:
+def _distance(each: NumberedTrack, cells: Sequence[Cell]) -> float:
     """Return the distance from the number's nearer end to the streak's, in cell widths."""
     ends = (each.left, each.right)
     return min(_away(cell, end) for cell in (cells[0], cells[-1]) for end in ends)
 
 
-def _outwards(each: Numbered, cells: Sequence[Cell], centre: tuple[float, float]) -> float:
+def _outwards(each: NumberedTrack, cells: Sequence[Cell], centre: tuple[float, float]) -> float:
     """Return the cosine between number and outward direction, seen from the streak: -1 to 1."""
     x, y = _middle(each)
     at = (cells[0][0] + cells[-1][0]) / 2.0 - x, CELL_HEIGHT * (cells[0][1] - y)
@@ -101,7 +101,7 @@ def _outwards(each: Numbered, cells: Sequence[Cell], centre: tuple[float, float]
     return (at[0] * out[0] + at[1] * out[1]) / length if length else 0.0
 
 
-def _middle(each: Numbered) -> tuple[float, float]:
+def _middle(each: NumberedTrack) -> tuple[float, float]:
     return (each.left[0] + each.right[0]) / 2.0, (each.left[1] + each.right[1]) / 2.0
 
 

@@ -6,9 +6,9 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from rsoconsole.console.picture.picture import STRETCHES, Stretch
-from rsoconsole.console.picture.sheet_pixels import STEPS, View
+from rsoconsole.console.picture.sheet_pixels import STEPS, ZoomedFrame
 from rsoconsole.console.tuning.tuning_pane import Tunable
-from rsoconsole.console.watches.sheet_worker import Done, FrameSettings, Opened
+from rsoconsole.console.watches.sheet_worker import FrameOpened, FrameProcessed, FrameSettings
 from rsoconsole.pipeline import HELD
 from rsoconsole.records import MapMode, Solution
 from rsoconsole.words import direction
@@ -22,18 +22,18 @@ TAU = Tunable(name="detector.tau", label="τ", low=0.001, high=0.99)
 
 
 @dataclass(slots=True)
-class Sheet:
+class FrameScreenState:
     """State of a frame's screen."""
 
     frame_id: int
-    opened: Opened | None = None
+    opened: FrameOpened | None = None
     pixels: "SheetPixels | None" = None
-    done: Done | None = None
+    done: FrameProcessed | None = None
     fault: str = ""
     """Reason why the frame's pixels cannot be shown; empty: they can."""
     failure: str = ""
     """Reason why the frame could not be processed the last time; empty: it could."""
-    view: View | None = None
+    view: ZoomedFrame | None = None
     step: int = 1
     """Index in STEPS of the cross's step by an arrow key."""
     stretch: Stretch = STRETCHES[0]
@@ -119,7 +119,7 @@ class Sheet:
         )
 
 
-def title_parts(sheet: Sheet) -> list[str]:
+def title_parts(sheet: FrameScreenState) -> list[str]:
     """Return the settings to process the frame with now."""
     parts = [f"frame {sheet.frame_id:04d}", *([sheet.end_words] if sheet.is_marking else [])]
     opened = sheet.opened
@@ -138,13 +138,13 @@ def title_parts(sheet: Sheet) -> list[str]:
     return [*parts, sheet.stretch]
 
 
-def step_px(sheet: Sheet) -> float:
+def step_px(sheet: FrameScreenState) -> float:
     """Return the pixels that an arrow moves the cross by."""
     squares = STEPS[sheet.step]
     return squares * (1.0 if sheet.view is None else sheet.view.px_per_square)
 
 
-def step_words(sheet: Sheet) -> str:
+def cross_step_words(sheet: FrameScreenState) -> str:
     """Return the step of an arrow in words: step 4 squares = 16 px."""
     squares, px = STEPS[sheet.step], step_px(sheet)
     if squares == px:
@@ -152,14 +152,14 @@ def step_words(sheet: Sheet) -> str:
     return f"step {squares} square{'s' if squares > 1 else ''} = {px:.3g} px"
 
 
-def mark_words(sheet: Sheet) -> str:
+def marking_instructions(sheet: FrameScreenState) -> str:
     """Say how to go on with a mark by hand."""
     keys = "arrows move ╋ (shift: far), enter sets it"
     kept = f"frame {sheet.frame_id} stays markable meanwhile, for {HELD} frames"
-    return f"{sheet.end_words}: {keys}; {step_words(sheet)}, [ ] changes it; {kept}"
+    return f"{sheet.end_words}: {keys}; {cross_step_words(sheet)}, [ ] changes it; {kept}"
 
 
-def scale_words(view: View) -> str:
+def scale_words(view: ZoomedFrame) -> str:
     """Say the scale of a view."""
     if view.zoom is None:
         return "whole field"
@@ -168,7 +168,7 @@ def scale_words(view: View) -> str:
     return "pixel by pixel" if view.zoom == 0 else f"{2**view.zoom} px a square"
 
 
-def readout_parts(sheet: Sheet) -> list[str]:
+def readout_parts(sheet: FrameScreenState) -> list[str]:
     """The parts of the read-out at the cross: pixel, step, value, direction."""
     view, pixels = sheet.view, sheet.pixels
     if view is None or pixels is None:
@@ -177,9 +177,9 @@ def readout_parts(sheet: Sheet) -> list[str]:
     parts = [f"╋ {x},{y}", f"step {step_px(sheet):.3g} px"]
     frame_map = sheet.map
     if frame_map is not None and frame_map.mode == "fast":
-        from rsoconsole.console.picture.sheet_pixels import map_sigma
+        from rsoconsole.console.picture.sheet_pixels import map_snr
 
-        parts.append(f"{map_sigma(frame_map, x, y):.1f}σ")
+        parts.append(f"{map_snr(frame_map, x, y):.1f}σ")
     else:
         parts.append(f"{pixels.adu(x, y):g} ADU")
     solution = sheet.solution

@@ -1,10 +1,10 @@
 """The picture of a frame at full resolution: its characters, or the terminal's own graphics."""
 
-from rsoconsole.console.frame._sheet import Sheet, readout_parts, title_parts
-from rsoconsole.console.frame._sheet_marks import faint_ends, sheet_marks
+from rsoconsole.console.frame._sheet import FrameScreenState, readout_parts, title_parts
+from rsoconsole.console.frame._sheet_marks import points_beyond_ends, sheet_marks
 from rsoconsole.console.panes.panes import SIGHTS, FramePane, Sight
 from rsoconsole.console.picture.marks import Mark
-from rsoconsole.console.picture.picture import Drawing, LightImage, Picture, greys
+from rsoconsole.console.picture.picture import DrawnPicture, LightImage, Picture, greys
 
 MAX_FINER = 4
 """Most squares of a picture along one of the terminal's: more cost time and show nothing."""
@@ -13,7 +13,7 @@ MAX_FINER = 4
 class SheetPane(FramePane):
     """Shows the view of a sheet; until the pixels are read, the session's small picture."""
 
-    def __init__(self, sheet: Sheet, *, id: str | None = None) -> None:  # noqa: A002 -- as all widgets have it
+    def __init__(self, sheet: FrameScreenState, *, id: str | None = None) -> None:  # noqa: A002 -- as all widgets have it
         super().__init__(self._said, id=id)
         self._sheet = sheet
 
@@ -35,24 +35,24 @@ class SheetPane(FramePane):
         return max(self.size.width, 1), max(self.size.height - 2, 1)
 
     def _said(
-        self, _picture: Picture | None, _sight: Sight, _drawing: Drawing | None
+        self, _picture: Picture | None, _sight: Sight, _drawing: DrawnPicture | None
     ) -> tuple[list[str], list[str]]:
         return title_parts(self._sheet), readout_parts(self._sheet)
 
-    def _drawing(self, width: int, rows: int) -> Drawing | None:
+    def _drawing(self, width: int, rows: int) -> DrawnPicture | None:
         view = self._sheet.view
         if self._sheet.pixels is None or view is None:
             return super()._drawing(width, rows)
         if not width or not rows:
             return None
-        return Drawing(
+        return DrawnPicture(
             greys=greys(self._shares_of(self.blocks.across, self.blocks.down)),
             blocks=self.blocks,
             window=view.window,
             px_per_square=view.px_per_square,
         )
 
-    def _light(self, drawing: Drawing, cell_px: tuple[int, int]) -> LightImage:
+    def _light(self, drawing: DrawnPicture, cell_px: tuple[int, int]) -> LightImage:
         if self._sheet.pixels is None:
             return super()._light(drawing, cell_px)
         finer = max(min(int(drawing.px_per_square), cell_px[0], MAX_FINER), 1)
@@ -77,7 +77,11 @@ class SheetPane(FramePane):
         marks = sheet_marks(sheet.opened.detail, candidates, sheet.chosen)
         if not sheet.are_marks_shown:
             is_faint = sheet.is_marking and sheet.view is not None and sheet.pixels is not None
-            marks = faint_ends(marks, sheet.view.px_per_square) if is_faint and sheet.view else ()
+            marks = (
+                points_beyond_ends(marks, sheet.view.px_per_square)
+                if is_faint and sheet.view
+                else ()
+            )
         if sheet.view is None or sheet.pixels is None:
             return marks
         if sheet.first_px is not None:

@@ -6,13 +6,13 @@ import time
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
-from rsoconsole.console.dialogs.candidates import fate
+from rsoconsole.console.dialogs.candidates import detection_outcome
 from rsoconsole.console.drawing.plot import Ink, Line
-from rsoconsole.console.frame._sheet import Sheet
-from rsoconsole.console.words.words import Item, clipped, rule
+from rsoconsole.console.frame._sheet import FrameScreenState
+from rsoconsole.console.words.words import Item, cut_to_width, rule
 from rsoconsole.records import Detection, Measurement, Solution
 from rsoconsole.sky import wrap_180
-from rsoconsole.words import parts_of, short
+from rsoconsole.words import parts_of, short_figure
 
 if TYPE_CHECKING:
     from rsoconsole.pipeline import ComparedCandidate
@@ -32,20 +32,20 @@ STAGES = {
 }
 
 
-def panel_lines(sheet: Sheet) -> Callable[[int, int], list[Line]]:
+def panel_lines(sheet: FrameScreenState) -> Callable[[int, int], list[Line]]:
     """Return the builder of the panel's lines; in up to three rows a summary."""
 
     def build(width: int, height: int) -> list[Line]:
         if height <= 3:
-            return [clipped(line, width) for line in _summary(sheet)][:height]
+            return [cut_to_width(line, width) for line in _summary(sheet)][:height]
         head = [rule("processed once more", "", width), *_settings(sheet, width)]
         lines = _candidates(sheet, width, height - len(head))
-        return [clipped(line, width) for line in (*head, *lines)][:height]
+        return [cut_to_width(line, width) for line in (*head, *lines)][:height]
 
     return build
 
 
-def _settings(sheet: Sheet, width: int) -> list[Line]:
+def _settings(sheet: FrameScreenState, width: int) -> list[Line]:
     if sheet.opened is None:
         return [[(" reading the session …", "dim")]]
     before, tau = sheet.recorded_tau, sheet.tau
@@ -78,7 +78,7 @@ def _setting(label: str, before: str, now: str | None, key: str, width: int) -> 
     return [*line, (key.rjust(max(width - columns - 1, 0)), "dim")]
 
 
-def _course(sheet: Sheet) -> list[Item]:
+def _course(sheet: FrameScreenState) -> list[Item]:
     """Return the state of the processing: under way, done with its duration, or the fault."""
     if sheet.fault:
         return [("no pixels, nothing to process", "warn")]
@@ -101,7 +101,7 @@ def _course(sheet: Sheet) -> list[Item]:
     return said
 
 
-def _candidates(sheet: Sheet, width: int, room: int) -> list[Line]:
+def _candidates(sheet: FrameScreenState, width: int, room: int) -> list[Line]:
     """Return the candidates in a few lines each; in little room those about the chosen one."""
     pairs = sheet.candidates
     if sheet.opened is None:
@@ -124,7 +124,9 @@ def _candidates(sheet: Sheet, width: int, room: int) -> list[Line]:
     return [head, *lines]
 
 
-def _block(sheet: Sheet, number: int, pair: "ComparedCandidate", width: int) -> list[Line]:
+def _block(
+    sheet: FrameScreenState, number: int, pair: "ComparedCandidate", width: int
+) -> list[Line]:
     is_chosen = number == sheet.chosen
     place = pair.shown
     first = f"{_confidence(pair, 'was')} → {_confidence(pair, 'now')}"
@@ -146,10 +148,10 @@ def _block(sheet: Sheet, number: int, pair: "ComparedCandidate", width: int) -> 
 
 def _confidence(pair: "ComparedCandidate", when: str) -> str:
     judged = pair.was if when == "was" else pair.now
-    return "-" if judged is None else short(judged.detection.confidence)
+    return "-" if judged is None else short_figure(judged.detection.confidence)
 
 
-def _outcomes(sheet: Sheet, pair: "ComparedCandidate") -> list[Item]:
+def _outcomes(sheet: FrameScreenState, pair: "ComparedCandidate") -> list[Item]:
     """Return a candidate's outcome as recorded and now; once where they are the same."""
     was = "not a candidate"
     if pair.was is not None:
@@ -167,12 +169,12 @@ def _outcomes(sheet: Sheet, pair: "ComparedCandidate") -> list[Item]:
     return [(f"then {was}", "dim"), (f"now {now}", ink), *said]
 
 
-def _fate(sheet: Sheet, streak: Detection) -> str:
+def _fate(sheet: FrameScreenState, streak: Detection) -> str:
     assert sheet.opened is not None
-    return ", ".join(word for word in fate(streak, sheet.opened.detail) if word)
+    return ", ".join(word for word in detection_outcome(streak, sheet.opened.detail) if word)
 
 
-def _moved(sheet: Sheet, pair: "ComparedCandidate") -> str:
+def _moved(sheet: FrameScreenState, pair: "ComparedCandidate") -> str:
     """Return the separation of the new measurement from the recorded one; empty: unknown."""
     if sheet.done is None or pair.was is None or pair.now is None:
         return ""
@@ -192,7 +194,7 @@ def _measurement_of(streak: Detection, measurements: tuple[Measurement, ...]) ->
     return next((m for m in measurements if (m.x_px, m.y_px) == (streak.x_px, streak.y_px)), None)
 
 
-def _summary(sheet: Sheet) -> list[Line]:
+def _summary(sheet: FrameScreenState) -> list[Line]:
     """Return the panel in two lines."""
     if sheet.opened is None:
         return [[(" reading the session …", "dim")]]

@@ -15,16 +15,23 @@ from rsoconsole.config import Config
 from rsoconsole.console.actions.seat import Seat
 from rsoconsole.console.drawing.pane_layout import sheet_boxes
 from rsoconsole.console.drawing.plot import Ink, Line
-from rsoconsole.console.frame._sheet import Sheet, mark_words, step_px
+from rsoconsole.console.frame._sheet import FrameScreenState, marking_instructions, step_px
 from rsoconsole.console.frame._sheet_marks import lead_place
 from rsoconsole.console.frame._sheet_pane import SheetPane
 from rsoconsole.console.frame._sheet_panel import panel_lines
-from rsoconsole.console.frame.sheet_actions import SAID_S, MarkTo, SheetActions
+from rsoconsole.console.frame.sheet_actions import SAID_S, MarkCallbacks, SheetActions
 from rsoconsole.console.night.engine_view import EngineView
 from rsoconsole.console.panes.last_line import Key, Mode, action_at, key_line, keys_for, notice_rows
 from rsoconsole.console.panes.panes import LinesPane
 from rsoconsole.console.picture.sheet_pixels import whole
-from rsoconsole.console.watches.sheet_worker import Done, Fault, Loaded, News, Opened, SheetWorker
+from rsoconsole.console.watches.sheet_worker import (
+    FrameFault,
+    FrameOpened,
+    FrameProcessed,
+    News,
+    PixelsLoaded,
+    SheetWorker,
+)
 from rsoconsole.console.words.words import wrapped
 from rsoconsole.session import SessionReader
 
@@ -62,13 +69,13 @@ class FrameSheet(SheetActions):
         status: Callable[[int, int], list[Line]] | None = None,
         alert: Callable[[], str] | None = None,
         keymap: Mapping[str, str] | None = None,
-        mark_to: MarkTo | None = None,
+        mark_to: MarkCallbacks | None = None,
         seat: Seat | None = None,
     ) -> None:
         """``config``: None takes the session's own; ``status`` builds the first line and ``alert``
         the alert, where a telescope is at work meanwhile; ``seat``: the screen below, which shows
         the notices of this one too; None: there is none."""
-        super().__init__(Sheet(frame_id=frame_id), mark_to)
+        super().__init__(FrameScreenState(frame_id=frame_id), mark_to)
         self._folder, self._config, self._seat = folder, config, seat
         self._said: tuple[str, Ink, float] = ("", "", 0.0)
         self._notice_shown: tuple[str, Ink] = ("", "")
@@ -125,7 +132,7 @@ class FrameSheet(SheetActions):
         if self._seat is not None:
             said = self._seat.notice
         if self.sheet.is_marking and said[1] != "warn":
-            return mark_words(self.sheet), "title"
+            return marking_instructions(self.sheet), "title"
         return said
 
     # -- what the worker says ------------------------------------------------------------------
@@ -139,11 +146,11 @@ class FrameSheet(SheetActions):
         """Show the worker's news."""
         sheet, news = self.sheet, message.news
         match news:
-            case Opened():
+            case FrameOpened():
                 sheet.opened, place = news, lead_place(news.detail)
                 if sheet.view is not None and place is not None:
                     sheet.view = sheet.view.at(*place)  # as near as the frame before was seen
-            case Loaded():
+            case PixelsLoaded():
                 sheet.pixels = news.pixels
                 height, width = news.pixels.pixels.shape
                 before = sheet.view
@@ -154,13 +161,13 @@ class FrameSheet(SheetActions):
                     likeliest = sheet.candidates[0].shown
                     sheet.view = sheet.view.at(likeliest.x_px, likeliest.y_px)
                 self.process()
-            case Done():
+            case FrameProcessed():
                 sheet.done, sheet.failure = news, ""
-            case Fault(wanted=None):
+            case FrameFault(wanted=None):
                 sheet.fault = news.text
-            case Fault():
+            case FrameFault():
                 sheet.failure = news.text
-        if isinstance(news, Done | Fault) and news.wanted == sheet.wanted:
+        if isinstance(news, FrameProcessed | FrameFault) and news.wanted == sheet.wanted:
             sheet.wanted = None
         self.show()
 

@@ -7,9 +7,9 @@ from typing import ClassVar
 from textual.binding import Binding, BindingType
 from textual.screen import Screen
 
-from rsoconsole.console.actions.mark_actions import MARK_SAID_S, why_no_mark
+from rsoconsole.console.actions.mark_actions import MARK_SAID_S, no_mark_reason
 from rsoconsole.console.drawing.plot import Ink
-from rsoconsole.console.frame._sheet import Sheet, step_words
+from rsoconsole.console.frame._sheet import FrameScreenState, cross_step_words
 from rsoconsole.console.frame._sheet_pane import SheetPane
 from rsoconsole.console.picture.marking import FAR, MOVES
 from rsoconsole.console.picture.picture import STRETCHES
@@ -25,7 +25,7 @@ REFUSED_S = 15.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class MarkTo:
+class MarkCallbacks:
     """Callbacks that send a mark by hand from an opened frame to the engine."""
 
     send: Callable[[MarkByHand], str]
@@ -71,7 +71,7 @@ class SheetActions(Screen[None]):
         Binding("L", "list", "List", show=False),
     ]
 
-    def __init__(self, sheet: Sheet, mark_to: MarkTo | None = None) -> None:
+    def __init__(self, sheet: FrameScreenState, mark_to: MarkCallbacks | None = None) -> None:
         """``mark_to``: where a mark is sent; None: nowhere, as in a night that is over."""
         super().__init__()
         self.sheet = sheet
@@ -104,7 +104,7 @@ class SheetActions(Screen[None]):
     def action_step(self, by: int) -> None:
         """Change the step of an arrow key."""
         self.sheet.step = min(max(self.sheet.step + by, 0), len(STEPS) - 1)
-        self.say(f"{step_words(self.sheet)} ([ smaller, ] larger)")
+        self.say(f"{cross_step_words(self.sheet)} ([ smaller, ] larger)")
         self.show()
 
     def action_zoom_by(self, by: int) -> None:
@@ -149,7 +149,7 @@ class SheetActions(Screen[None]):
             view = sheet.view.at(streak.x_px, streak.y_px)
             if view.zoom is None:
                 wide, high = abs(streak.x_b_px - streak.x_a_px), abs(streak.y_b_px - streak.y_a_px)
-                view = view.showing(wide + 2.0 * ROOM_PX, high + 2.0 * ROOM_PX)
+                view = view.zoomed_to_fit(wide + 2.0 * ROOM_PX, high + 2.0 * ROOM_PX)
             sheet.view = view
         self.show()
 
@@ -174,7 +174,7 @@ class SheetActions(Screen[None]):
         elif detail is None or sheet.view is None:
             why_not = "no mark yet: the frame is still being read, press it again then"
         else:
-            why_not = why_no_mark(sheet.frame_id, detail) or mark_to.refusal(sheet.frame_id)
+            why_not = no_mark_reason(sheet.frame_id, detail) or mark_to.refusal(sheet.frame_id)
         if why_not or mark_to is None:
             self.say(why_not, "warn", REFUSED_S)
             return

@@ -12,7 +12,14 @@ from typing import TYPE_CHECKING
 from rsoconsole.console.drawing.plot import Ink, Line
 from rsoconsole.console.night.engine_view import EngineView, OrbitAhead
 from rsoconsole.console.tuning.what_if_watch import TrackQuality, track_quality
-from rsoconsole.console.words.words import Item, clipped, packed, present_utc_ns, rule, wrapped
+from rsoconsole.console.words.words import (
+    Item,
+    cut_to_width,
+    items_in_rows,
+    present_utc_ns,
+    rule,
+    wrapped,
+)
 from rsoconsole.control import one_line
 from rsoconsole.night import NightView, merit
 from rsoconsole.records import CatalogueMatch, Identified, OrbitEstimate
@@ -20,9 +27,10 @@ from rsoconsole.tracking import NIS_BAND
 from rsoconsole.words import (
     NS_PER_S,
     angle,
-    called,
+    catalogued_name,
     clock,
-    counted,
+    count_words,
+    duration_words,
     eclipse_words,
     format_dec,
     format_ra,
@@ -30,9 +38,8 @@ from rsoconsole.words import (
     match_words,
     number,
     plus_minus,
-    size_words,
-    span,
-    turn_words,
+    semi_major_axis_words,
+    set_or_rise_words,
 )
 
 MIN_MEASUREMENTS = 3
@@ -132,7 +139,7 @@ def _measured(night: NightView) -> int:
 
 
 if TYPE_CHECKING:
-    from rsoconsole.pipeline import Ahead, OrbitOutlook
+    from rsoconsole.pipeline import OrbitOutlook, PlaceAhead
 
 Ranked = tuple[int, Line]
 
@@ -165,14 +172,14 @@ def orbit_lines(shown: OrbitFacts, width: int, height: int) -> list[Line]:
     if estimate is not None or shown.identified is not None:
         lines += _name_lines(shown, width)
     if shown.since_word_s is not None:
-        age = f"from {span(shown.since_word_s)} ago"
+        age = f"from {duration_words(shown.since_word_s)} ago"
         lines += _ranked(_said(f"{age}: being fitted again after your word", "warn", width), 1)
     if estimate is not None:
         lines += _element_lines(shown, estimate, width)
         lines += _ahead_lines(shown, width)
         lines += _quality_lines(shown, estimate, width)
     kept = sorted(range(len(lines)), key=lambda n: (lines[n][0], n))[: max(height, 0)]
-    return [clipped(lines[n][1], width) for n in sorted(kept)]
+    return [cut_to_width(lines[n][1], width) for n in sorted(kept)]
 
 
 def target_words(shown: OrbitFacts) -> tuple[str, str, str]:
@@ -205,7 +212,7 @@ def _title(shown: OrbitFacts, width: int) -> Line:
     if len(f"─ {head} · {with_prior} ") <= width:
         label = with_prior
     ink = LABEL_INKS.get(estimate.label, "")
-    arc = f"{estimate.observations} in {span(estimate.arc_s)}"
+    arc = f"{estimate.observations} in {duration_words(estimate.arc_s)}"
     return rule([(head, "title"), (" · ", "dim"), (label, ink)], arc, width)
 
 
@@ -225,22 +232,22 @@ def _name_lines(shown: OrbitFacts, width: int) -> list[Ranked]:
         is_sure = found.verdict == "identified"
         items: list[Item] = [(_called(best, is_sure=is_sure), "good" if is_sure else "warn")]
         items += [(word, "") for word in match_words(best)]
-        lines += _ranked(packed(items, width, MAX_ROWS), 1, 5)
+        lines += _ranked(items_in_rows(items, width, MAX_ROWS), 1, 5)
         if others:
             then = (f"then {_called(others[0])}", *match_words(others[0])[:2])
-            lines += _ranked(packed([(word, "") for word in then], width, 2), 4, 8)
+            lines += _ranked(items_in_rows([(word, "") for word in then], width, 2), 4, 8)
         if not is_sure:
             lines += _ranked(_said(f"ambiguous: {found.reason}", "warn", width), 6)
     if found.hint:
         lines += _ranked(_said(f"manoeuvre? {found.hint}", "warn", width), 2, 3)
     compared = f"by {found.observations} directions against {found.catalogued} objects"
     if found.named_with:
-        compared += f", with {counted(found.named_with, 'other track')}"
+        compared += f", with {count_words(found.named_with, 'other track')}"
     return [*lines, (9, [(f" {compared}", "dim")])]
 
 
 def _called(match: CatalogueMatch, *, is_sure: bool = True) -> str:
-    return _one_wide(called(match.name, match.norad_id)) + ("" if is_sure else "?")
+    return _one_wide(catalogued_name(match.name, match.norad_id)) + ("" if is_sure else "?")
 
 
 def _element_lines(shown: OrbitFacts, estimate: OrbitEstimate, width: int) -> list[Ranked]:
@@ -249,7 +256,7 @@ def _element_lines(shown: OrbitFacts, estimate: OrbitEstimate, width: int) -> li
     ink = LABEL_INKS.get(estimate.label, "")
     ink = "" if ink == "good" else ink
     items: list[Item] = [
-        (size_words(estimate.a_km, estimate.sigma_a_km) + _by_prior(estimate), ink),
+        (semi_major_axis_words(estimate.a_km, estimate.sigma_a_km) + _by_prior(estimate), ink),
         (f"e {plus_minus(estimate.e, sigmas.get('e'))}", ""),
         (f"i {plus_minus(estimate.i_deg, sigmas.get('i_deg'))}°", ""),
     ]
@@ -258,7 +265,7 @@ def _element_lines(shown: OrbitFacts, estimate: OrbitEstimate, width: int) -> li
         if value is not None and sigma is not None and sigma < KNOWN_DEG:
             turned = 0.0 if value > 359.95 else value
             items.append((f"{name} {plus_minus(turned, sigma)}°", ""))
-    return _ranked(packed(items, width, MAX_ROWS), 1, 7)
+    return _ranked(items_in_rows(items, width, MAX_ROWS), 1, 7)
 
 
 def _ahead_lines(shown: OrbitFacts, width: int) -> list[Ranked]:
@@ -276,10 +283,10 @@ def _ahead_lines(shown: OrbitFacts, width: int) -> list[Ranked]:
     events = _event_items(ahead.outlook, ahead.from_utc_ns, shown.now_utc_ns)
     if width >= WIDE_COLUMNS and ahead.outlook.ahead:
         events.append(("± is 1σ", "dim"))
-    return [*lines, *_ranked(packed(events, width, 2), 3, 7)]
+    return [*lines, *_ranked(items_in_rows(events, width, 2), 3, 7)]
 
 
-def _place_line(place: "Ahead", from_utc_ns: int, width: int) -> Line:
+def _place_line(place: "PlaceAhead", from_utc_ns: int, width: int) -> Line:
     """Return one predicted place; dim where it is below the horizon."""
     seconds = (place.t_utc_ns - from_utc_ns) / NS_PER_S
     value, unit = (seconds / 60.0, "min") if seconds < 3600.0 else (seconds / 3600.0, "h")
@@ -303,7 +310,7 @@ def _event_items(outlook: "OrbitOutlook", from_utc_ns: int, now: int | None) -> 
     is_up, eclipse = outlook.is_up, outlook.eclipse_utc_ns
     turns = outlook.sets_utc_ns if is_up else outlook.rises_utc_ns
     coming = [
-        (turn_words(turns, now, is_up=is_up), turns),
+        (set_or_rise_words(turns, now, is_up=is_up), turns),
         (eclipse_words(eclipse, from_utc_ns, now), None if eclipse is None else eclipse[0]),
     ]
     items: list[Item] = [] if is_up else [("is down", "warn")]
@@ -326,7 +333,7 @@ def _track_lines(quality: TrackQuality, width: int) -> list[Ranked]:
             "" if quality.is_nis_sound else "warn",
         ),
     ]
-    lines = _ranked(packed(items, width, MAX_ROWS), 2, 3)
+    lines = _ranked(items_in_rows(items, width, MAX_ROWS), 2, 3)
     if quality.lag_one is not None:
         bound = quality.lag_one_bound
         said = f" lag-1 {quality.lag_one:+.2f} (sound ±{bound:.2f})"
@@ -343,12 +350,12 @@ def _quality_lines(shown: OrbitFacts, estimate: OrbitEstimate, width: int) -> li
         is_far = estimate.nis > NIS_BAND[1]
         items.append((f"orbit's NIS {estimate.nis:.1f} /1 (ideal 2)", "warn" if is_far else ""))
     items.append((f"rms {_fine(estimate.rms_arcsec)}", ""))
-    items.append((f"{estimate.observations} directions in {span(estimate.arc_s)}", ""))
+    items.append((f"{estimate.observations} directions in {duration_words(estimate.arc_s)}", ""))
     if estimate.outliers:
         items.append((f"{estimate.outliers} left out", "warn"))
     why = wrapped(_one_wide(estimate.reason), max(width - 2, 1), 3)
     return [
-        *_ranked(packed(items, width, MAX_ROWS), 4, 7),
+        *_ranked(items_in_rows(items, width, MAX_ROWS), 4, 7),
         *_ranked([[(" ", ""), (line[0][0], "dim")] for line in why], 8),
     ]
 

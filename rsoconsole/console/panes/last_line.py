@@ -11,7 +11,7 @@ from rsoconsole.console.commands.commands import BY_NAME
 from rsoconsole.console.commands.keymap import first_key
 from rsoconsole.console.drawing.plot import Ink, Line
 from rsoconsole.console.night.engine_view import EngineView
-from rsoconsole.console.words.words import clipped, wrapped
+from rsoconsole.console.words.words import cut_to_width, wrapped
 from rsoconsole.pipeline import HELD
 
 Mode = Literal[
@@ -250,7 +250,7 @@ def key_line(
             return [*said, _line(_fitting(keys, width), width)]
         line = _line(keys[:1] if words else _fitting(keys, width), width)
         columns = sum(len(text) for text, _ in line)
-        return [[*line, *clipped([notice], max(width - columns, 0))] if words else line]
+        return [[*line, *cut_to_width([notice], max(width - columns, 0))] if words else line]
 
     return build
 
@@ -303,4 +303,4 @@ def _line(keys: list[Key], width: int) -> Line:
     spare = sum(len(text) for text, _ in line) - width
     if 0 < spare <= len(_GAP):
         line[-1] = (line[-1][0][:-spare], line[-1][1])
-    return clipped(line, width)
+    return cut_to_width(line, width)

@@ -14,13 +14,13 @@ from textual.strip import Strip
 from textual.widget import Widget
 from textual.widgets import Input
 
-from rsoconsole.console.drawing.blocks import QUADRANTS, Blocks, RunKey, fitted, runs
+from rsoconsole.console.drawing.blocks import QUADRANTS, Blocks, RunKey, fit_to_cells, runs
 from rsoconsole.console.drawing.plain import NIGHT
 from rsoconsole.console.drawing.plot import Line
 from rsoconsole.console.picture.marks import Mark, MarkKind, overlay
 from rsoconsole.console.picture.picture import (
     GREYS,
-    Drawing,
+    DrawnPicture,
     LightImage,
     Picture,
     Stretch,
@@ -28,10 +28,10 @@ from rsoconsole.console.picture.picture import (
     draw_field,
     shares,
 )
-from rsoconsole.console.timeline.lines import strip_place
+from rsoconsole.console.timeline.lines import strip_columns
 from rsoconsole.console.timeline.timeline import EXAMPLES
 from rsoconsole.console.watches.messages import Pointed
-from rsoconsole.console.words.words import fitted as fitted_words
+from rsoconsole.console.words.words import join_fitting_parts as fitted_words
 from rsoconsole.console.words.words import wrapped
 
 Build = Callable[[int, int], list[Line]]
@@ -94,7 +94,7 @@ KINDS: tuple[MarkKind, ...] = get_args(MarkKind)
 Sight = Literal["field", "close-up", "full resolution"]
 """Part of a frame that is shown: all, the followed streak's surroundings, those pixel by pixel."""
 SIGHTS: tuple[Sight, ...] = ("field", "close-up", "full resolution")
-Words = Callable[[Picture | None, Sight, Drawing | None], tuple[list[str], list[str]]]
+Words = Callable[[Picture | None, Sight, DrawnPicture | None], tuple[list[str], list[str]]]
 """Function that returns a pane's title and caption: the parts, most important first."""
 
 
@@ -131,7 +131,7 @@ class FramePane(Widget):
         self._sight: Sight = "field"
         self._stretch: Stretch = "streaks"
         self._strips: list[Strip] = []
-        self._drawn: Drawing | None = None
+        self._drawn: DrawnPicture | None = None
         self._marks: tuple[Mark, ...] = ()
         self.absent = "no picture yet"
         """Text shown where there is no picture."""
@@ -155,7 +155,7 @@ class FramePane(Widget):
     """True where the picture's own marks are left out."""
 
     @property
-    def drawing(self) -> Drawing | None:
+    def drawing(self) -> DrawnPicture | None:
         """Drawing of the picture; None while nothing is drawn."""
         if not self._strips:
             self._strips = self._make_strips()
@@ -235,7 +235,7 @@ class FramePane(Widget):
 
     def _paint(self) -> None:
         """Paint the picture by the terminal's own graphics."""
-        from rsoconsole.console.picture.graphics import cell_px, painted
+        from rsoconsole.console.picture.graphics import cell_px, paint_picture
 
         drawing = self.drawing
         self._pixels.display = drawing is not None
@@ -243,7 +243,7 @@ class FramePane(Widget):
             return
         window, cell = drawing.window, cell_px()
         self._pixels.styles.width, self._pixels.styles.height = window.columns, window.rows
-        self._pixels.image = painted(
+        self._pixels.image = paint_picture(
             self._light(drawing, cell),
             window,
             self._shown_marks(),
@@ -252,7 +252,7 @@ class FramePane(Widget):
             is_red=self.app.theme == NIGHT,
         )
 
-    def _light(self, drawing: Drawing, _cell_px: tuple[int, int]) -> LightImage:
+    def _light(self, drawing: DrawnPicture, _cell_px: tuple[int, int]) -> LightImage:
         """Return the drawn light, from dark 0 to bright 1, at its own resolution."""
         assert self.picture is not None
         return shares(self.picture, drawing, self._stretch, is_field=self._sight == "field")
@@ -288,7 +288,7 @@ class FramePane(Widget):
             ),
         ]
 
-    def _drawing(self, width: int, rows: int) -> Drawing | None:
+    def _drawing(self, width: int, rows: int) -> DrawnPicture | None:
         picture = self.picture
         if not width or not rows or picture is None:
             return None
@@ -303,7 +303,7 @@ class FramePane(Widget):
             blocks=self.blocks,
         )
 
-    def _picture_strips(self, drawing: Drawing | None, width: int, rows: int) -> list[Strip]:
+    def _picture_strips(self, drawing: DrawnPicture | None, width: int, rows: int) -> list[Strip]:
         if not width or not rows:
             return []
         if drawing is None:
@@ -320,7 +320,7 @@ class FramePane(Widget):
         blank = Strip.blank(width, style)
         if self._pixels is not None:
             return [blank] * rows
-        cells = fitted(drawing.greys, drawing.blocks)
+        cells = fit_to_cells(drawing.greys, drawing.blocks)
         return [
             self._row(runs(cells, drawing.blocks, marks, row)).adjust_cell_length(width, style)
             for row in range(window.rows)
@@ -404,7 +404,7 @@ class TimelinePane(LinesPane):
 
     def _point(self, event: MouseEvent) -> None:
         event.stop()
-        x, columns = strip_place(self.size.width)
+        x, columns = strip_columns(self.size.width)
         if self.size.height > 1:
             self.post_message(self.Pointed(event.x - x, columns))
 

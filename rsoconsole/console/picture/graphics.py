@@ -81,7 +81,7 @@ def cell_px() -> tuple[int, int]:
     return size.width, size.height
 
 
-def painted(
+def paint_picture(
     grey: npt.NDArray[np.float32],
     window: Window,
     marks: tuple[Mark, ...],

@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 
 from rsoconsole.console.picture.marks import Mark
-from rsoconsole.console.picture.picture import Drawing
+from rsoconsole.console.picture.picture import DrawnPicture
 
 MOVES: dict[str, tuple[int, int]] = {
     "up": (0, -1),
@@ -31,7 +31,7 @@ class Marking:
     """Side of the largest square in which an end was set: its uncertainty."""
 
     @classmethod
-    def begin(cls, frame_id: int, drawing: Drawing) -> "Marking":
+    def begin(cls, frame_id: int, drawing: DrawnPicture) -> "Marking":
         """Begin in the middle of the drawn view."""
         low, high = _bounds(drawing)
         return cls(
@@ -42,7 +42,7 @@ class Marking:
             cursor_px=((low[0] + high[0]) / 2.0, (low[1] + high[1]) / 2.0),
         )
 
-    def look(self, drawing: Drawing) -> None:
+    def look(self, drawing: DrawnPicture) -> None:
         """Continue in another view of the same frame."""
         self.low_px, self.high_px = _bounds(drawing)
         self.px_per_square = drawing.px_per_square
@@ -97,7 +97,7 @@ class Marking:
         return Mark(x_px=a, y_px=b, kind="cursor", label="1"), cursor
 
 
-def _bounds(drawing: Drawing) -> tuple[tuple[float, float], tuple[float, float]]:
+def _bounds(drawing: DrawnPicture) -> tuple[tuple[float, float], tuple[float, float]]:
     """Return the first and the last pixel of the drawn view."""
     window = drawing.window
     low = window.x0_px + 0.5, window.y0_px + 0.5

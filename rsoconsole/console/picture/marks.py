@@ -4,11 +4,11 @@ import math
 from dataclasses import dataclass, replace
 from typing import Literal, get_args
 
-from rsoconsole.console.drawing.track_marks import Numbered, placed_numbers
+from rsoconsole.console.drawing.track_marks import NumberedTrack, placed_numbers
 from rsoconsole.night import FrameTrack, NightFrame, is_of_streak, outline_px
 from rsoconsole.records import Detection, Measurement, Solution, TrackState
 from rsoconsole.sky import sky_to_pixel
-from rsoconsole.words import short, short_name_of
+from rsoconsole.words import short_figure, short_name_of
 
 OUTLINE_POINTS = 72
 SHOWN_REJECTED = 0.01
@@ -162,7 +162,7 @@ def mark_of(detection: Detection, kind: MarkKind, followed: Measurement | None =
         y_px=detection.y_px,
         ends_px=(min(ends), max(ends)),
         kind="followed" if is_followed else kind,
-        label=f"{short(detection.confidence)} {short_name_of(detection)}".rstrip(),
+        label=f"{short_figure(detection.confidence)} {short_name_of(detection)}".rstrip(),
     )
 
 
@@ -200,12 +200,12 @@ def overlay(marks: tuple[Mark, ...], window: Window, *, has_rejected: bool = Fal
     return cells | placed_numbers(numbers, (window.columns, window.rows), cells, streaks)
 
 
-def _number_of(mark: Mark, window: Window) -> Numbered:
+def _number_of(mark: Mark, window: Window) -> NumberedTrack:
     """Return a track's number and the cells of its streak, or of its predicted place."""
     left = right = window.cell(mark.x_px, mark.y_px)
     if mark.ends_px is not None:
         left, right = (window.cell(*end) for end in mark.ends_px)
-    return Numbered(text=mark.label, left=left, right=right, kind=mark.kind)
+    return NumberedTrack(text=mark.label, left=left, right=right, kind=mark.kind)
 
 
 def _streak_cells(marks: list[Mark], window: Window) -> dict[tuple[int, int], bool]:

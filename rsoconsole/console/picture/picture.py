@@ -67,7 +67,7 @@ class Picture:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Drawing:
+class DrawnPicture:
     """A picture in cells."""
 
     greys: ByteImage
@@ -79,7 +79,7 @@ class Drawing:
     """Pixels of the frame across a cell, or down half of one."""
 
 
-def read_codes(path: Path) -> ByteImage | None:
+def read_preview(path: Path) -> ByteImage | None:
     """Read a small picture of a session, (height, width); None when it cannot be read (yet)."""
     import cv2
 
@@ -115,14 +115,14 @@ def _sky_of(codes: ByteImage) -> LightImage:
 
 def draw_field(
     picture: Picture, stretch: Stretch, columns: int, rows: int, blocks: Blocks = QUADRANTS
-) -> Drawing:
+) -> DrawnPicture:
     """Draw the whole frame in the most cells that fit."""
     columns, rows = fitted_cells(picture.aspect, columns, rows)
     light = _field_light(picture, stretch)
     found = picture.detail.detections
     size = (found.width_px, found.height_px) if found is not None else light.shape[::-1]
     window = Window.at((-0.5, -0.5), (float(size[0]), float(size[1])), (columns, rows))
-    return Drawing(
+    return DrawnPicture(
         greys=greys(shares_of(_reduced(light, columns, rows, blocks), stretch)),
         blocks=blocks,
         window=window,
@@ -138,7 +138,7 @@ def draw_closeup(
     *,
     is_native: bool = False,
     blocks: Blocks = QUADRANTS,
-) -> Drawing | None:
+) -> DrawnPicture | None:
     """Draw the close-up's middle at a whole number of pixels a square; None: there is none.
 
     That number shows the streak in the middle; it is 1 where ``is_native``.
@@ -160,7 +160,7 @@ def draw_closeup(
     corner_px = place.x0_px + x0 - 0.5, place.y0_px + y0 - 0.5
     window = Window.at(corner_px, (float(n * columns), float(2 * n * rows)), (columns, rows))
     made = greys(shares_of(_reduced(light, columns, rows, blocks), shown))
-    return Drawing(greys=made, blocks=blocks, window=window, px_per_square=float(n))
+    return DrawnPicture(greys=made, blocks=blocks, window=window, px_per_square=float(n))
 
 
 def _pixels_a_square(
@@ -217,7 +217,9 @@ def shares_of(light: LightImage, stretch: Stretch) -> LightImage:
     return np.asarray(FLOOR + (1 - FLOOR) * share, np.float32)
 
 
-def shares(picture: Picture, drawing: Drawing, stretch: Stretch, *, is_field: bool) -> LightImage:
+def shares(
+    picture: Picture, drawing: DrawnPicture, stretch: Stretch, *, is_field: bool
+) -> LightImage:
     """Return the light of a drawing in the picture's own squares: (height, width), 0 to 1."""
     if is_field:
         light = _field_light(picture, stretch)
@@ -245,7 +247,7 @@ def read_picture(reader: SessionReader, frame_id: int, detail: NightFrame) -> Pi
     Raises SessionError.
     """
     path = reader.preview_path(frame_id)
-    codes = read_codes(path) if path is not None else None
+    codes = read_preview(path) if path is not None else None
     if codes is None:
         return None
     return Picture(
@@ -264,4 +266,4 @@ def read_closeup(reader: SessionReader, detail: NightFrame) -> ByteImage | None:
     if detail.closeup is None:
         return None
     path = reader.closeup_path(detail.closeup.frame_id)
-    return read_codes(path) if path is not None else None
+    return read_preview(path) if path is not None else None

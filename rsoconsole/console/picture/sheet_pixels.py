@@ -45,7 +45,7 @@ class SheetPixels:
         self._sky: Background | None = None
         self._levels: dict[tuple[Kind, int], LightImage] = {}
 
-    def warm(self) -> None:
+    def prepare_block_means(self) -> None:
         """Make the maps of the first view, which takes a tenth of a second."""
         self._level("streaks", COARSE)
 
@@ -110,9 +110,9 @@ class SheetPixels:
         made = self._levels.get((kind, level))
         if made is None:
             if level > COARSE:
-                made = averaged(self._level(kind, level - 1), 2)
+                made = block_means(self._level(kind, level - 1), 2)
             elif kind == "means":
-                made = averaged(self.pixels, 1 << COARSE)
+                made = block_means(self.pixels, 1 << COARSE)
             else:
                 made = self._standing_out()
             self._levels[kind, level] = made
@@ -140,7 +140,7 @@ class SheetPixels:
         return np.asarray(np.arcsinh((light - level) / np.float32(softening)), np.float32)
 
 
-def averaged(pixels: npt.NDArray[np.generic], block: int) -> LightImage:
+def block_means(pixels: npt.NDArray[np.generic], block: int) -> LightImage:
     """Return means over blocks of pixels; blocks cut by the edge over their part in the frame."""
     import cv2
 
@@ -177,7 +177,7 @@ def map_shares(frame_map: FrameMap, window: Window, across: int = 1, down: int =
     return shares
 
 
-def map_sigma(frame_map: FrameMap, x_px: float, y_px: float) -> float:
+def map_snr(frame_map: FrameMap, x_px: float, y_px: float) -> float:
     """Return the SNR that a map of mode ``fast`` shows at a place."""
     rows, columns = frame_map.values.shape
     row = min(max(int(frame_map.to_cells(y_px)), 0), rows - 1)
@@ -228,7 +228,7 @@ STEPS = (1, 4, 16, 64)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class View:
+class ZoomedFrame:
     """Frame seen through a grid of cells, each two squares high, with a cross at one place."""
 
     width_px: int
@@ -280,7 +280,7 @@ class View:
         size = columns * scale, 2 * rows * scale
         return Window.at((column * scale - 0.5, square * scale - 0.5), size, (columns, rows))
 
-    def zoomed(self, by: int) -> "View":
+    def zoomed(self, by: int) -> "ZoomedFrame":
         """Return a nearer (below 0) or farther view about the cross; the same at the ends."""
         farthest = self.farthest
         if farthest < CLOSEST:
@@ -290,33 +290,33 @@ class View:
         zoom = max(self.zoom + by, CLOSEST)
         return replace(self, zoom=None if zoom > farthest else zoom)
 
-    def moved(self, across: float, down: float) -> "View":
+    def moved(self, across: float, down: float) -> "ZoomedFrame":
         """Return the view with the cross moved by some squares, within the frame."""
         step = self.px_per_square
         return self.at(self.x_px + across * step, self.y_px + down * step)
 
-    def at(self, x_px: float, y_px: float) -> "View":
+    def at(self, x_px: float, y_px: float) -> "ZoomedFrame":
         """Return the view with the cross at a pixel, or at the nearest one of the frame."""
         x = min(max(x_px, 0.0), self.width_px - 1.0)
         y = min(max(y_px, 0.0), self.height_px - 1.0)
         return replace(self, x_px=x, y_px=y)
 
-    def showing(self, wide_px: float, high_px: float) -> "View":
+    def zoomed_to_fit(self, wide_px: float, high_px: float) -> "ZoomedFrame":
         """Return the nearest view with that much room about the cross, at most pixel by pixel."""
         squares = max(wide_px / self.columns, high_px / (2 * self.rows), 1.0)
         zoom = math.ceil(math.log2(squares))
         return replace(self, zoom=None if zoom > self.farthest else zoom)
 
-    def resized(self, columns: int, rows: int) -> "View":
+    def resized(self, columns: int, rows: int) -> "ZoomedFrame":
         """Return the view in another number of cells; the whole frame where that has room now."""
         other = replace(self, columns=max(columns, 1), rows=max(rows, 1))
         is_all = other.zoom is not None and other.zoom > other.farthest
         return replace(other, zoom=None) if is_all else other
 
 
-def whole(width_px: int, height_px: int, columns: int, rows: int) -> View:
+def whole(width_px: int, height_px: int, columns: int, rows: int) -> ZoomedFrame:
     """Return a view of the whole frame, with the cross in its middle."""
-    return View(
+    return ZoomedFrame(
         width_px=width_px,
         height_px=height_px,
         columns=max(columns, 1),

@@ -9,25 +9,25 @@ from textual.app import ComposeResult
 from textual.binding import Binding, BindingType
 
 from rsoconsole.console.commands.keymap import first_key
-from rsoconsole.console.dialogs.dialogs import Dialog, framed
+from rsoconsole.console.dialogs.dialogs import Dialog, dialog_box
 from rsoconsole.console.drawing.plot import Line
 from rsoconsole.console.panes.panes import LinesPane
 from rsoconsole.console.screens._review_moves import ReviewMoves
-from rsoconsole.console.timeline.lines import SIGNS, recorded_holder
+from rsoconsole.console.timeline.lines import SIGNS, recorded_controller
 from rsoconsole.console.timeline.moments import Moment
 from rsoconsole.console.timeline.timeline import KINDS, Timeline, TimelineEventKind
-from rsoconsole.console.words.words import clipped, cos_deg
+from rsoconsole.console.words.words import cos_deg, cut_to_width
 from rsoconsole.night import FrameRow, predicted_sigma_arcsec
 from rsoconsole.records import Solution
 from rsoconsole.words import (
     NS_PER_S,
     angle,
     clock,
+    duration_words,
     format_dec,
     format_ra,
-    short,
+    short_figure,
     signed_angle,
-    span,
 )
 
 ABSENT = "-"
@@ -66,15 +66,15 @@ def _course(a: Moment, b: Moment) -> list[ComparedRow]:
     since = ""
     if t_a and t_b:
         sign = "-" if t_b < t_a else "+"
-        since = sign + span(abs(t_b - t_a) / NS_PER_S)
+        since = sign + duration_words(abs(t_b - t_a) / NS_PER_S)
     ids = [None if m.view.frame is None else m.view.frame.frame_id for m in (a, b)]
     frames = "" if ids[0] is None or ids[1] is None else f"{ids[1] - ids[0]:+d}"
     return [
         ComparedRow(label="time", a=clock(t_a), b=clock(t_b), difference=since),
         ComparedRow(label="frame", a=_number(ids[0]), b=_number(ids[1]), difference=frames),
         _both("state", a, b, lambda m: m.view.state),
-        _both("mount", a, b, lambda m: recorded_holder(m.view)),
-        _both("τ", a, b, lambda m: short(m.view.tau)),
+        _both("mount", a, b, lambda m: recorded_controller(m.view)),
+        _both("τ", a, b, lambda m: short_figure(m.view.tau)),
         _both("filter", a, b, _filter_words),
         _both("Q, R", a, b, _multiplier_words),
     ]
@@ -111,7 +111,7 @@ def _measured(a: Moment, b: Moment) -> list[ComparedRow]:
         _numbers("residual α", [r and r[0] for r in residuals], signed_angle),
         _numbers("residual δ", [r and r[1] for r in residuals], signed_angle),
         unsigned("NIS", lambda row: row.nis, lambda v: f"{v:.2f}"),
-        unsigned("confidence", lambda row: row.confidence, short),
+        unsigned("confidence", lambda row: row.confidence, short_figure),
         _both("not taken", a, b, _refusal),
         unsigned("star width", lambda row: row.fwhm_px, lambda v: f"{v:.2f} px"),
         _numbers("stars", matched, lambda v: f"{v:.0f}", is_signed=False),
@@ -146,7 +146,7 @@ def compare_lines(rows: list[ComparedRow], ends: list[str], width: int, height: 
     columns = max((width - LABEL_COLUMNS) // (3 if has_difference else 2), MIN_VALUE_COLUMNS)
     head: Line = [(" " * LABEL_COLUMNS, ""), ("A".ljust(columns), "title")]
     head += [("B".ljust(columns), "title"), ("B - A" if has_difference else "", "dim")]
-    lines = [clipped(head, width)]
+    lines = [cut_to_width(head, width)]
     for row in rows:
         is_same = row.a == row.b
         line: Line = [
@@ -156,10 +156,10 @@ def compare_lines(rows: list[ComparedRow], ends: list[str], width: int, height: 
         ]
         if has_difference:
             line.append((row.difference, "dim"))
-        lines.append(clipped(line, width))
+        lines.append(cut_to_width(line, width))
     lines.append([("", "")])
     lines += [
-        clipped([("between     " if not n else " " * 12, "dim"), (text, "")], width)
+        cut_to_width([("between     " if not n else " " * 12, "dim"), (text, "")], width)
         for n, text in enumerate(ends)
     ]
     return lines[:height]
@@ -184,7 +184,7 @@ class CompareDialog(Dialog[Choice | None]):
 
     def compose(self) -> ComposeResult:
         """Make the table."""
-        with framed("compare A with B, this moment", "B blinks · K keeps B as A · esc back"):
+        with dialog_box("compare A with B, this moment", "B blinks · K keeps B as A · esc back"):
             table = LinesPane(id="compared")
             table.styles.height = len(self._rows) + len(self._ends) + 2
             yield table

@@ -10,7 +10,7 @@ from textual.widgets import OptionList
 from textual.widgets.option_list import Option
 
 from rsoconsole.console.actions.seat import Seat
-from rsoconsole.console.dialogs.dialogs import Dialog, framed
+from rsoconsole.console.dialogs.dialogs import Dialog, dialog_box
 from rsoconsole.console.panes.log_pane import LogPane
 from rsoconsole.console.tuning.tuning_pane import TunePane
 from rsoconsole.night import LogLine
@@ -40,7 +40,7 @@ class MessageListDialog(Dialog[str | None]):
 
     def compose(self) -> ComposeResult:
         """Make one option a message, over as many rows as it takes."""
-        with framed("messages", "↑↓ choose · enter copies · esc back"):
+        with dialog_box("messages", "↑↓ choose · enter copies · esc back"):
             yield OptionList(*(Option(Content(each)) for each in self._messages))
 
     def on_mount(self) -> None:

@@ -9,7 +9,7 @@ from rsoconsole.console.actions.seat import Seat
 from rsoconsole.console.dialogs.candidates import CandidatesDialog
 from rsoconsole.console.dialogs.dialogs import Dialog
 from rsoconsole.console.frame.frame_sheet import FrameSheet
-from rsoconsole.console.frame.sheet_actions import MarkTo
+from rsoconsole.console.frame.sheet_actions import MarkCallbacks
 
 ENTER_PAUSE_S = 1.0
 """Seconds after a dialog has closed during which enter opens no frame."""
@@ -26,7 +26,7 @@ class OpeningActions(Seat):
         """Monotonic time in seconds; only dialogs closed after it delay enter."""
 
     @property
-    def mark_to(self) -> MarkTo | None:
+    def mark_callbacks(self) -> MarkCallbacks | None:
         """Callbacks for a mark of the opened frame; None: a night that is over takes none."""
         return None
 
@@ -46,7 +46,7 @@ class OpeningActions(Seat):
                 status=self.top,
                 alert=self._alert_elsewhere,
                 keymap=self.keymap,
-                mark_to=self.mark_to,
+                mark_to=self.mark_callbacks,
                 seat=self,
             )
         )

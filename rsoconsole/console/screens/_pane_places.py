@@ -13,9 +13,9 @@ from rsoconsole.console.drawing.pane_layout import (
     Box,
     Name,
     banner_box,
-    fold,
     has_tuning_column,
     orbit_box,
+    pane_boxes,
     timeline_rows,
     tune_box,
 )
@@ -55,7 +55,7 @@ class PanePlaces(TrackActions):
         alert_rows = self._placed_alert_rows = self._alert_rows()
         over_keys = timeline_rows(height) if "timeline" in self.PANES else 0
         aspect = aspect_of(self.picture)
-        boxes = fold(
+        boxes = pane_boxes(
             width,
             height,
             alert_rows=alert_rows,
@@ -109,7 +109,7 @@ class PanePlaces(TrackActions):
         pane.show(lambda width, height: words.wrapped(f" {said}", width, height, cut))
         if self._alert_rows() != self._placed_alert_rows:
             self.place_panes()
-            self.call_after_refresh(self.look_again)
+            self.call_after_refresh(self.handle_view_change)
 
     # -- the last line --------------------------------------------------------------------------
 

@@ -9,7 +9,13 @@ from textual.widgets import Input
 
 from rsoconsole.console.panes.panes import MomentField, TimelinePane
 from rsoconsole.console.screens.night_screen import NightScreen
-from rsoconsole.console.timeline.lines import SIGNS, Place, place_words, reading_words, time_at
+from rsoconsole.console.timeline.lines import (
+    SIGNS,
+    Place,
+    cell_end_utc_ns,
+    place_words,
+    reading_words,
+)
 from rsoconsole.console.timeline.moments import Moment
 from rsoconsole.console.timeline.timeline import (
     KINDS,
@@ -96,7 +102,7 @@ class ReviewMoves(NightScreen):
     def on_timeline_pane_pointed(self, message: TimelinePane.Pointed) -> None:
         """Go where the mouse is on the time line."""
         timeline = self.timeline
-        t_utc_ns = time_at(timeline, message.column, message.columns)
+        t_utc_ns = cell_end_utc_ns(timeline, message.column, message.columns)
         seq = None if t_utc_ns is None else timeline.at_time(t_utc_ns)
         if seq != self.seq:
             self.go(seq)
@@ -148,7 +154,7 @@ class ReviewMoves(NightScreen):
         index = self.timeline.index_of(line.seq)
         if line.kind not in _IN_FRAME or index is None:
             return line.seq
-        return self.timeline.end_of(index)
+        return self.timeline.frame_end_seq(index)
 
     def _jump(self, *, is_on: bool) -> None:
         if self.kind == FOUND:
@@ -156,7 +162,7 @@ class ReviewMoves(NightScreen):
             seq = (min if is_on else max)(ahead, default=None)
             what = f"{self.searched!r}"
         else:
-            event = self.timeline.jump(self.seq, self.kinds, is_on=is_on)
+            event = self.timeline.next_event(self.seq, self.kinds, is_on=is_on)
             seq = None if event is None else self.timeline.moment_of(event)
             what = self.kind if seq is None else ", ".join(self.timeline.kinds_at(seq))
         if seq is None:
@@ -246,7 +252,7 @@ class ReviewMoves(NightScreen):
             return ["no session"]
         moment, timeline = self.moment, self.timeline
         is_there = moment is not None and moment.seq == self.seq
-        t_utc_ns = self.night.last_utc_ns if is_there else timeline.time_of(self.seq)
+        t_utc_ns = self.night.last_utc_ns if is_there else timeline.frame_start_utc_ns(self.seq)
         speed = speed_words(self.player.speed)
         pace = f"{'play' if self.player.is_playing else 'paused'} {speed}"
         if self.is_at_head:

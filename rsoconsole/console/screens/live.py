@@ -8,7 +8,7 @@ from textual.binding import BindingType
 
 from rsoconsole.base import RsoconsoleError
 from rsoconsole.console.actions.command_outcomes import CommandOutcomes
-from rsoconsole.console.actions.mark_actions import too_late_to_mark
+from rsoconsole.console.actions.mark_actions import late_mark_reason
 from rsoconsole.console.actions.nudge_actions import NudgeActions
 from rsoconsole.console.actions.second_press import TwicePressed, has_track
 from rsoconsole.console.actions.streak_actions import StreakActions
@@ -19,7 +19,7 @@ from rsoconsole.console.dialogs.ask import LineDialog
 from rsoconsole.console.dialogs.candidates import MARKED, CandidatesDialog
 from rsoconsole.console.dialogs.dialogs import LeaveDialog
 from rsoconsole.console.dialogs.tour import intro_text
-from rsoconsole.console.frame.sheet_actions import MarkTo
+from rsoconsole.console.frame.sheet_actions import MarkCallbacks
 from rsoconsole.console.night.engine_view import EngineView
 from rsoconsole.console.panes.last_line import Key, Mode, keys_for
 from rsoconsole.console.picture.picture import Picture
@@ -82,10 +82,10 @@ class LiveScreen(NightScreen, TrackOrders, CommandOutcomes, NudgeActions):
         self.report_refusals(before)
         self.telescope.note_refused(self.refused_since(before))
         self.report_mark_result(before)
-        self.take_picture(picture)
+        self.receive_picture(picture)
         if has_other_shape:
             self.place_panes()
-        self.tune.compute_now_and_then()
+        self.tune.refresh_stale_figures()
 
     def update_engine(self, engine: EngineView) -> None:
         """Take the engine's new status."""
@@ -109,7 +109,7 @@ class LiveScreen(NightScreen, TrackOrders, CommandOutcomes, NudgeActions):
     def on_pointed(self, message: Pointed) -> None:
         """Set an end of a mark, or choose the streak that was clicked."""
         if self.marking is not None:
-            self.mark_at(message)
+            self.set_mark_end(message)
         elif not message.is_release:
             self.streaks.click(message)
 
@@ -124,12 +124,12 @@ class LiveScreen(NightScreen, TrackOrders, CommandOutcomes, NudgeActions):
         """True from the request to follow the kept track again until the engine does."""
         return self.telescope.is_following_again
 
-    def drawn_from(self) -> dict[Draw, tuple[str, ...]]:
+    def draw_dependencies(self) -> dict[Draw, tuple[str, ...]]:
         """Return the drawing table of any night, with the application's part and a STOP's words."""
         return {
             self._make_known: ("night", "engine"),
             self._show_log_that_is_read: ("engine",),
-            **super().drawn_from(),
+            **super().draw_dependencies(),
             self.show_stop_words: KNOWN,
         }
 
@@ -224,10 +224,10 @@ class LiveScreen(NightScreen, TrackOrders, CommandOutcomes, NudgeActions):
         """Return the reason why a frame takes no mark from this console; empty: it does."""
         if not self.can_act:
             return f"no mark in frame {frame_id}: no engine takes one from this console"
-        return too_late_to_mark(self.engine, frame_id)
+        return late_mark_reason(self.engine, frame_id)
 
     @property
-    def mark_to(self) -> MarkTo | None:
+    def mark_callbacks(self) -> MarkCallbacks | None:
         """Callbacks that send a mark of the opened frame to the engine; None: read-only."""
         if self.read_only:
             return None
@@ -236,7 +236,7 @@ class LiveScreen(NightScreen, TrackOrders, CommandOutcomes, NudgeActions):
             self.send(mark)
             return f"mark sent, frame {mark.frame_id} …"
 
-        return MarkTo(
+        return MarkCallbacks(
             send=send,
             begin=self.begin_mark,
             leave=self.leave_mark,

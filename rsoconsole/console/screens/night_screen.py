@@ -20,7 +20,7 @@ from rsoconsole.console.screens._message_list import MessageActions
 from rsoconsole.console.screens._opening_actions import OpeningActions
 from rsoconsole.console.screens._pane_places import PanePlaces
 from rsoconsole.console.tuning.tuning_pane import TunePane
-from rsoconsole.console.watches.messages import call_in_turn
+from rsoconsole.console.watches.messages import call_between_messages
 from rsoconsole.console.watches.watch import OutlookWatch
 from rsoconsole.console.words import words
 from rsoconsole.console.words.facts import fact_lines
@@ -33,7 +33,7 @@ if TYPE_CHECKING:
 Draw = Callable[[], None]
 
 
-class DrawnFrom:
+class ChangedPartsDrawer:
     """Draws each part of a screen once, after the message that changed one of its sources.
 
     A message usually changes several sources: a part with more than one of them is drawn once.
@@ -99,8 +99,8 @@ class NightScreen(PanePlaces, PictureActions, MessageActions, OpeningActions):
         super().__init__(*arguments, **named)
         self.tune = self.TUNE(self)
         self.outlook_watch = OutlookWatch(
-            partial(call_in_turn, self, self.update_outlook),
-            partial(call_in_turn, self, partial(setattr, self, "orbit_ahead")),
+            partial(call_between_messages, self, self.update_outlook),
+            partial(call_between_messages, self, partial(setattr, self, "orbit_ahead")),
         )
 
     def compose(self) -> ComposeResult:
@@ -122,7 +122,7 @@ class NightScreen(PanePlaces, PictureActions, MessageActions, OpeningActions):
     def on_mount(self) -> None:
         """Draw everything for the first time."""
         self.outlook_watch.start()
-        self.drawn = DrawnFrom(self, self.drawn_from())
+        self.drawn = ChangedPartsDrawer(self, self.draw_dependencies())
         self.place_panes()
         self.drawn.draw_all()
 
@@ -133,18 +133,18 @@ class NightScreen(PanePlaces, PictureActions, MessageActions, OpeningActions):
 
     def _look_after_resize(self) -> None:
         self.show_picture()
-        self.look_again()
+        self.handle_view_change()
 
     # -- the parts, their panes and messages --------------------------------------------------
 
     def on_tune_pane_wanted(self, message: TunePane.Wanted) -> None:
         """Act on one of the tuning pane's keys."""
         message.stop()
-        self.tune.do(message)
+        self.tune.handle_pane_request(message)
 
     def on_unmount(self) -> None:
         """End the threads that compute."""
-        self.tune.close_watch()
+        self.tune.end_figures_thread()
         self.outlook_watch.close()
 
     # -- what is known ----------------------------------------------------------------------
@@ -154,7 +154,7 @@ class NightScreen(PanePlaces, PictureActions, MessageActions, OpeningActions):
         self.outlook = outlook
         self.pane("sky").show(partial(sky_lines, self.night.config, outlook))
 
-    def drawn_from(self) -> dict[Draw, tuple[str, ...]]:
+    def draw_dependencies(self) -> dict[Draw, tuple[str, ...]]:
         """Return each part's drawing function and source reactives; a STOP waits for none."""
         return {
             self.show_picture: ("night", "picture"),
@@ -302,7 +302,7 @@ class NightScreen(PanePlaces, PictureActions, MessageActions, OpeningActions):
         is_ours = bool(self.seat_name) and self.engine.seat == self.seat_name
         return self.engine.seat_asked_by if is_ours else None
 
-    def answer_for_seat(self, *, gives: bool) -> None:
+    def answer_control_request(self, *, gives: bool) -> None:
         """Give control to the console that asks for it, or keep it."""
         if self.asker is None:
             self.say("nobody asks for control")
@@ -311,8 +311,8 @@ class NightScreen(PanePlaces, PictureActions, MessageActions, OpeningActions):
 
     def action_give_seat(self) -> None:
         """Give control to the console that asks for it."""
-        self.answer_for_seat(gives=True)
+        self.answer_control_request(gives=True)
 
     def action_keep_seat(self) -> None:
         """Keep control though another console asks for it."""
-        self.answer_for_seat(gives=False)
+        self.answer_control_request(gives=False)

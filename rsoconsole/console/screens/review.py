@@ -20,7 +20,7 @@ from rsoconsole.console.orbit.lines import target_words
 from rsoconsole.console.panes.last_line import Key, Mode, review_keys
 from rsoconsole.console.panes.log_pane import LogPane
 from rsoconsole.console.panes.panes import FramePane, MomentField, Sight, TimelinePane
-from rsoconsole.console.picture.picture import Drawing, Picture
+from rsoconsole.console.picture.picture import DrawnPicture, Picture
 from rsoconsole.console.screens._compare import ReviewCompare
 from rsoconsole.console.screens._pane_places import aspect_of
 from rsoconsole.console.screens._review_log import ReviewLogPane, ReviewTuneActions
@@ -29,7 +29,7 @@ from rsoconsole.console.screens.night_screen import NightScreen
 from rsoconsole.console.timeline.lines import recorded_engine, review_top_lines, timeline_lines
 from rsoconsole.console.timeline.moments import Moment, ReviewWatch
 from rsoconsole.console.timeline.timeline import Player, Timeline
-from rsoconsole.console.watches.messages import call_in_turn
+from rsoconsole.console.watches.messages import call_between_messages
 from rsoconsole.night import LogLine, NightView
 
 if TYPE_CHECKING:
@@ -75,9 +75,9 @@ class ReviewScreen(ReviewCompare):
         """Start of the session being opened; None once it is reached."""
         self._fault = ""
         self._watch_session = ReviewWatch(
-            partial(call_in_turn, self, self.update_timeline),
-            partial(call_in_turn, self, self.show_moment),
-            partial(call_in_turn, self, self.show_fault),
+            partial(call_between_messages, self, self.update_timeline),
+            partial(call_between_messages, self, self.show_moment),
+            partial(call_between_messages, self, self.show_fault),
         )
 
     def compose(self) -> ComposeResult:
@@ -223,7 +223,7 @@ class ReviewScreen(ReviewCompare):
         return " · ".join(part for part in (f"LIVE: {live}" if live else "", self._fault) if part)
 
     def picture_words(
-        self, picture: Picture | None, sight: Sight, drawing: Drawing | None
+        self, picture: Picture | None, sight: Sight, drawing: DrawnPicture | None
     ) -> tuple[list[str], list[str]]:
         """Return title and caption; the frame's number also where it has no picture."""
         frame = self.night.frame
@@ -321,10 +321,10 @@ class ReviewScreen(ReviewCompare):
         self.say("nothing is changed here: what is tried can be kept as a preset (w)")
         return False
 
-    def answer_for_seat(self, *, gives: bool) -> None:
+    def answer_control_request(self, *, gives: bool) -> None:
         """Answer for the live night behind, which has the control that is asked for."""
         if self._live is not None:
-            self._live.answer_for_seat(gives=gives)
+            self._live.answer_control_request(gives=gives)
 
     def action_put_away(self) -> None:
         """Close the night's overlays, then stop playing."""

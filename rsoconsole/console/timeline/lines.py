@@ -13,11 +13,16 @@ from itertools import groupby
 from rsoconsole.console.drawing.plot import Ink, Line, joined
 from rsoconsole.console.night.engine_view import EngineView
 from rsoconsole.console.timeline.timeline import Timeline, TimelineEventKind
-from rsoconsole.console.words.words import STATE_INKS, clipped, fitted, justified
+from rsoconsole.console.words.words import (
+    STATE_INKS,
+    cut_to_width,
+    join_fitting_parts,
+    with_right_text,
+)
 from rsoconsole.control import holder_words
 from rsoconsole.night import NightView
 from rsoconsole.records import LoopState
-from rsoconsole.words import NS_PER_S, clock, span
+from rsoconsole.words import NS_PER_S, clock, duration_words
 
 SIGNS: dict[TimelineEventKind, str] = {
     "loss": "▼",
@@ -77,33 +82,33 @@ def timeline_lines(timeline: Timeline, place: Place, width: int, height: int) ->
     """Build up to three rows: words and strip in one; strip, words; events, strip, words."""
     if height <= 0 or width <= 0:
         return []
-    words = f" {fitted(place.words, width - 1)}"
+    words = f" {join_fitting_parts(place.words, width - 1)}"
     if height == 1:
-        head = f" {fitted(place.words[:2], max(width - MIN_STRIP_COLUMNS, 0))} "
+        head = f" {join_fitting_parts(place.words[:2], max(width - MIN_STRIP_COLUMNS, 0))} "
         room = width - len(head) - 1
         if room < MIN_STRIP_COLUMNS // 2:
             return [[(words[:width], "title")]]
         strip, _ = _strip(timeline, place, room, is_one_row=True)
         return [[(head, "title"), *strip]]
-    x, columns = strip_place(width)
+    x, columns = strip_columns(width)
     strip, events = _strip(timeline, place, columns, is_one_row=height < 3)
     ends = ("", "")
     if x:
         first, last = timeline.first_utc_ns, timeline.last_utc_ns
         ends = (f"{clock(first, 'minute', ''):>{x - 1}} ", f" {clock(last, 'minute')}")
     line: Line = [(ends[0], "dim"), *strip, (ends[1], "dim")]
-    rows = [clipped(line, width), clipped([(words, "title")], width)]
-    return rows if height == 2 else [clipped([(" " * x, ""), *events], width), *rows]
+    rows = [cut_to_width(line, width), cut_to_width([(words, "title")], width)]
+    return rows if height == 2 else [cut_to_width([(" " * x, ""), *events], width), *rows]
 
 
-def strip_place(width: int) -> tuple[int, int]:
+def strip_columns(width: int) -> tuple[int, int]:
     """Return (first column, number of columns) of the strip in a pane of that width."""
     if width < MIN_STRIP_COLUMNS + 2 * END_COLUMNS:
         return 0, width
     return END_COLUMNS, width - 2 * END_COLUMNS - 1
 
 
-def time_at(timeline: Timeline, column: int, columns: int) -> int | None:
+def cell_end_utc_ns(timeline: Timeline, column: int, columns: int) -> int | None:
     """Return the last instant of a cell of the strip; None for a night without frames."""
     first, last = timeline.first_utc_ns, timeline.last_utc_ns
     if first is None or last is None or columns <= 0:
@@ -125,7 +130,7 @@ def _strip(
     if is_one_row:
         cells = [events.get(column, cell) for column, cell in enumerate(cells)]
     for seq, sign in ((place.kept_seq, KEPT), (place.seq, HERE)):
-        t = None if seq is None else timeline.time_of(seq)
+        t = None if seq is None else timeline.frame_start_utc_ns(seq)
         if t is not None and columns > 0:
             column = _column(timeline, t, columns)
             cells[column] = (sign, "here")
@@ -177,7 +182,7 @@ def _states(timeline: Timeline, columns: int) -> tuple[tuple[str, Ink], ...]:
         word = "" if is_known else _word(f"{state or ''}", length)
         named = state if word else named
         cells += [(character, ink) for character in word.ljust(length, fill)]
-    read = timeline.time_of(timeline.read_seq)
+    read = timeline.frame_start_utc_ns(timeline.read_seq)
     if not timeline.is_whole and read is not None:
         unread = _column(timeline, read, columns)
         cells[unread:] = [
@@ -206,7 +211,7 @@ def _events(
     if columns <= 0:
         return {}
     if found:
-        times = (timeline.time_of(seq) for seq in found)
+        times = (timeline.frame_start_utc_ns(seq) for seq in found)
         return {_column(timeline, t, columns): (FOUND, "title") for t in times if t is not None}
     counts: dict[int, Counter[TimelineEventKind]] = {}
     for each in timeline.events:
@@ -231,7 +236,7 @@ def _frames_in(timeline: Timeline, column: int, columns: int) -> int:
     return b - a
 
 
-def recorded_holder(night: NightView) -> str | None:
+def recorded_controller(night: NightView) -> str | None:
     """Return who had control by the recorded state; None where no state is on record."""
     if night.state is None:
         return None
@@ -244,7 +249,7 @@ def recorded_engine(night: NightView) -> EngineView:
     return EngineView(
         reach="recorded",
         state=night.state,
-        holder=recorded_holder(night),
+        holder=recorded_controller(night),
         now_utc_ns=night.last_utc_ns,
         session=night.folder,
     )
@@ -267,7 +272,7 @@ def review_top_lines(
     state = f"{night.state or 'no state yet'}"
     if night.state and night.state_since_utc_ns and night.last_utc_ns:
         since_s = (night.last_utc_ns - night.state_since_utc_ns) / NS_PER_S
-        state = f"{state} {span(since_s)}"
+        state = f"{state} {duration_words(since_s)}"
     holder = holder_words(engine.holder, "past")
     name = night.folder.name if night.folder is not None else ""
     at = f"{clock(night.last_utc_ns)} "
@@ -280,15 +285,22 @@ def review_top_lines(
     present = _live_words(live)
     if rows <= 1:
         line: Line = [*first, *([("  ", ""), present] if present else []), ("  ", ""), *then]
-        return [justified(_with_target(line, found, width - len(at)), at, width)]
+        return [with_right_text(_with_target(line, found, width - len(at)), at, width)]
     second: Line = [(" ", ""), *([present, ("  ", "")] if present else []), *then]
-    return [justified(first, at, width), clipped(_with_target(second, found, width), width)]
+    return [
+        with_right_text(first, at, width),
+        cut_to_width(_with_target(second, found, width), width),
+    ]
 
 
 def _with_target(line: Line, found: tuple[str, str, str], width: int) -> Line:
     room = width - sum(len(text) for text, _ in line) - 2
     parts = [part for part in found if part]
-    return [*line, ("  ", ""), (fitted(parts, room, " "), "")] if parts and room > 0 else line
+    return (
+        [*line, ("  ", ""), (join_fitting_parts(parts, room, " "), "")]
+        if parts and room > 0
+        else line
+    )
 
 
 def _live_words(live: tuple[NightView, EngineView] | None) -> tuple[str, Ink] | None:

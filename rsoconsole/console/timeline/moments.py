@@ -103,7 +103,7 @@ class Moments:
         """Note that the session is closed."""
         self._head.close()
 
-    def read_on(self, for_s: float) -> bool:
+    def read_for(self, for_s: float) -> bool:
         """Read for some seconds, or to the log's end; True when that is reached."""
         until_s = monotonic() + for_s
         # What has been fetched of the log and not taken yet is there for the next call.
@@ -141,7 +141,7 @@ class Moments:
 
     def _night(self) -> Night:
         night = Night(self.reader.folder, self._about, self._config)
-        night.has_been_read()
+        night.mark_past_read()
         return night
 
     def _outline(self) -> None:
@@ -293,7 +293,7 @@ class ReviewWatch(Poller):
             return  # which moment is wanted first, the time line's reader says now
         if self._show_wanted(moments) and not moments.is_read:
             self._wake.wait(BREATH_S)
-        has_all = moments.read_on(READ_AT_ONCE_S)
+        has_all = moments.read_for(READ_AT_ONCE_S)
         if has_all:
             self._see_whether_closed(moments)
         self._report(moments, is_due=has_all)

@@ -85,12 +85,12 @@ class Timeline:
         index = bisect_right(self.frames, seq, key=lambda mark: mark.seq) - 1
         return index if index >= 0 else None
 
-    def end_of(self, index: int) -> int:
+    def frame_end_seq(self, index: int) -> int:
         """Return the last place of a frame."""
         after = index + 1
         return self.frames[after].seq - 1 if after < len(self.frames) else self.last_seq
 
-    def time_of(self, seq: int) -> int | None:
+    def frame_start_utc_ns(self, seq: int) -> int | None:
         """Return the start of a place's frame; before the first frame, that of the night."""
         index = self.index_of(seq)
         return self.first_utc_ns if index is None else self.frames[index].t_utc_ns
@@ -105,27 +105,27 @@ class Timeline:
         index = self.index_of(seq)
         if index is None:
             wanted = by - 1
-        elif by > 0 and seq < self.end_of(index):
+        elif by > 0 and seq < self.frame_end_seq(index):
             wanted = index + by - 1
         else:
             wanted = index + by
-        return self.end_of(min(max(wanted, 0), len(self.frames) - 1))
+        return self.frame_end_seq(min(max(wanted, 0), len(self.frames) - 1))
 
     def at_time(self, t_utc_ns: int) -> int | None:
         """Return the end of the last frame begun by then; before the first, that of the first."""
         if not self.frames:
             return None
         index = bisect_right(self.frames, t_utc_ns, key=lambda mark: mark.t_utc_ns) - 1
-        return self.end_of(max(index, 0))
+        return self.frame_end_seq(max(index, 0))
 
     def moment_of(self, event: TimelineEvent) -> int:
         """Return the place from which an event is best seen."""
         index = self.index_of(event.seq)
         if event.kind not in _OF_FRAMES or index is None:
             return event.seq
-        return self.end_of(index)
+        return self.frame_end_seq(index)
 
-    def jump(
+    def next_event(
         self, seq: int, kinds: tuple[TimelineEventKind, ...], *, is_on: bool
     ) -> TimelineEvent | None:
         """Return the next event of these kinds whose moment is after (or before) a place."""
@@ -267,7 +267,7 @@ class Player:
     def begin(self, timeline: Timeline, seq: int) -> None:
         """Play from a place on."""
         self.is_playing = True
-        self._t_utc_ns = float(timeline.time_of(seq) or 0)
+        self._t_utc_ns = float(timeline.frame_start_utc_ns(seq) or 0)
 
     def after(self, timeline: Timeline, seq: int, by_s: float) -> int:
         """Return the place that is due ``by_s`` seconds after the last call.
@@ -278,10 +278,10 @@ class Player:
         if following is None or following == seq:
             self.is_playing = not timeline.is_closed and following is not None
             return seq
-        ahead_ns = (timeline.time_of(following) or 0) - self._t_utc_ns
+        ahead_ns = (timeline.frame_start_utc_ns(following) or 0) - self._t_utc_ns
         self._t_utc_ns += by_s * self.speed * 1e9
         if ahead_ns > GAP_CADENCES * timeline.cadence_s() * 1e9:
-            self._t_utc_ns = float(timeline.time_of(following) or 0)
+            self._t_utc_ns = float(timeline.frame_start_utc_ns(following) or 0)
         due = timeline.at_time(round(self._t_utc_ns))
         return seq if due is None else max(due, seq)
 
@@ -327,7 +327,7 @@ def seq_of(typed: TypedPlace, timeline: Timeline) -> int:
     if typed.frame_id is not None:
         numbers = [mark.frame_id for mark in timeline.frames]
         if typed.frame_id in numbers:
-            return timeline.end_of(numbers.index(typed.frame_id))
+            return timeline.frame_end_seq(numbers.index(typed.frame_id))
         bounds = f"{numbers[0]} to {numbers[-1]}"
         raise ValueError(f"there is no frame {typed.frame_id}: frames are {bounds}")
     t_utc_ns = _instant(typed, timeline)

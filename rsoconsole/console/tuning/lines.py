@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from rsoconsole.console.drawing.plot import Ink, Line
 from rsoconsole.console.tuning.tuning_pane import LAST_FRAMES, Tunable, Tuning
-from rsoconsole.console.words.words import clipped, rule, wrapped
+from rsoconsole.console.words.words import cut_to_width, rule, wrapped
 from rsoconsole.night import merit
 
 if TYPE_CHECKING:
@@ -64,7 +64,7 @@ def tune_lines(
         spare = max(height - len(lines) - len(figures) - 1, 0)
         lines += [[("", "")]] * spare
         lines += figures
-        return [clipped(line, width) for line in (*lines[: max(height - 1, 0)], keys)][:height]
+        return [cut_to_width(line, width) for line in (*lines[: max(height - 1, 0)], keys)][:height]
 
     return build
 

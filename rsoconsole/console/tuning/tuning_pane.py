@@ -10,7 +10,14 @@ from typing import ClassVar, Literal
 from textual.binding import Binding, BindingType
 from textual.message import Message
 
-from rsoconsole.base import ConfigError, raised_as, read_foreign, said_as, toml_of, write_durably
+from rsoconsole.base import (
+    ConfigError,
+    read_foreign,
+    system_errors_as,
+    toml_of,
+    value_errors_as,
+    write_durably,
+)
 from rsoconsole.config import Config, toml_value, with_setting
 from rsoconsole.console.panes.panes import LinesPane
 
@@ -282,7 +289,7 @@ def load_presets(path: Path) -> dict[str, dict[str, Value]]:
         for key, value in settings.items():
             if isinstance(value, bool):
                 raise ConfigError(f"{path}: preset {name!r}: {key} = {value} is no number")
-            with raised_as(ConfigError, f"{path}: preset {name!r}: ", ConfigError):
+            with value_errors_as(ConfigError, f"{path}: preset {name!r}: ", ConfigError):
                 with_setting(Config(), key, value)
         presets[name] = settings
     return presets
@@ -302,6 +309,6 @@ def save_preset(path: Path, name: str, settings: Mapping[str, Value | None]) -> 
         lines.append(f'["{each}"]')
         lines += [f'"{key}" = {toml_value(value)}' for key, value in sorted(values.items())]
         lines.append("")
-    with said_as(ConfigError, f"{path} cannot be written: "):
+    with system_errors_as(ConfigError, f"{path} cannot be written: "):
         path.parent.mkdir(parents=True, exist_ok=True)
         write_durably(path, "\n".join(lines).encode())

@@ -12,8 +12,8 @@ from rsoconsole.base import RsoconsoleError
 from rsoconsole.config import Config
 from rsoconsole.console.tuning.tuning_pane import LAST_FRAMES, NAMES, Value
 from rsoconsole.control import Poller
-from rsoconsole.night import FrameRow, NightView, Quality, Update, quality_of
-from rsoconsole.pipeline import LogOfOneSession, Question, WhatIfProcess
+from rsoconsole.night import FilterUpdate, FrameRow, NightView, Quality, quality_of
+from rsoconsole.pipeline import LogOfOneSession, WhatIfProcess, WhatIfQuestion
 from rsoconsole.tracking import lag_one
 from rsoconsole.words import NO_EFFECT
 
@@ -38,7 +38,7 @@ class WhatIfWatch(Poller):
         """``on_seen``: called with the recorded figures, those with the changes, and a fault."""
         super().__init__("what-if", IDLE_S)
         self._on_seen = on_seen
-        self._asked: Question | None = None
+        self._asked: WhatIfQuestion | None = None
         self._log, self._process = LogOfOneSession(), WhatIfProcess()
 
     def ask(
@@ -55,7 +55,7 @@ class WhatIfWatch(Poller):
         ``until_seq``: as of that place of the log, None: its end; ``last``: over how many frames,
         None: over all.
         """
-        self._asked = Question(
+        self._asked = WhatIfQuestion(
             folder=folder,
             config=config,
             changes=dict(changes),
@@ -90,7 +90,7 @@ class WhatIfWatch(Poller):
             log.exception(NO_EFFECT)
             self._on_seen(None, None, f"{NO_EFFECT}: {error}")
 
-    def _answer(self, asked: Question) -> None:
+    def _answer(self, asked: WhatIfQuestion) -> None:
         from rsoconsole.night import as_recorded
 
         records = self._log.until(asked.folder, asked.until_seq)
@@ -119,7 +119,7 @@ def track_quality(night: NightView, last: int = LAST_FRAMES) -> TrackQuality | N
     """Return the lead track's quality over its last frames; None before its first update."""
     rows = frames_of_track(night, last)
     updates = [
-        Update(row.residual_arcsec, row.sigma_arcsec, row.nis)
+        FilterUpdate(row.residual_arcsec, row.sigma_arcsec, row.nis)
         for row in rows
         if row.residual_arcsec is not None and row.nis is not None
     ]

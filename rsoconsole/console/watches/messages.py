@@ -10,7 +10,7 @@ from textual.message_pump import MessagePump
 from rsoconsole.control import StopNews
 
 
-def call_in_turn(screen: MessagePump, call: Callable[..., None], *arguments: Any) -> None:
+def call_between_messages(screen: MessagePump, call: Callable[..., None], *arguments: Any) -> None:
     """Have a screen make this call between two of its messages (any thread).
 
     Does nothing once the console has ended.

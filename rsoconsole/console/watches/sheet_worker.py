@@ -43,7 +43,7 @@ class FrameSettings:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Opened:
+class FrameOpened:
     """Recorded contents of the frame, before its pixels are read."""
 
     recorded: "RecordedFrame"
@@ -56,14 +56,14 @@ class Opened:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Loaded:
+class PixelsLoaded:
     """Pixels of the frame, once read."""
 
     pixels: "SheetPixels"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Done:
+class FrameProcessed:
     """Result of processing the frame with those settings."""
 
     wanted: FrameSettings
@@ -72,7 +72,7 @@ class Done:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Fault:
+class FrameFault:
     """Fault in words with the remedy."""
 
     text: str
@@ -80,7 +80,7 @@ class Fault:
     """The settings that failed; None: the frame itself cannot be read."""
 
 
-News = Opened | Loaded | Done | Fault
+News = FrameOpened | PixelsLoaded | FrameProcessed | FrameFault
 
 
 class SheetWorker:
@@ -125,17 +125,17 @@ class SheetWorker:
                     self._fulfil(processor, wanted)
         except RsoconsoleError as error:
             # The session is known; its path would take the room that the remedy needs.
-            self._post(Fault(text=str(error).replace(f"{self._folder}/", "")))
+            self._post(FrameFault(text=str(error).replace(f"{self._folder}/", "")))
         except Exception as error:  # the seat must go on, whatever lies in the folder
             log.exception("frame %d cannot be shown", self._frame_id)
-            self._post(Fault(text=f"frame {self._frame_id} cannot be shown: {error}"))
+            self._post(FrameFault(text=f"frame {self._frame_id} cannot be shown: {error}"))
         finally:
             if processor is not None:
                 processor.close()
 
     def _open(self) -> "Reprocessor | None":
         from rsoconsole.console.picture.sheet_pixels import SheetPixels
-        from rsoconsole.pipeline import Reprocessor, compare, read_pixels, recorded_frame
+        from rsoconsole.pipeline import Reprocessor, compare, read_recorded_frame, recorded_frame
 
         reader = SessionReader(self._folder)
         recorded = recorded_frame(reader, self._frame_id, self._config)
@@ -143,7 +143,7 @@ class SheetWorker:
         size = recorded.path.stat().st_size if recorded.path is not None else 0
         preview = read_picture(reader, self._frame_id, detail)
         self._post(
-            Opened(
+            FrameOpened(
                 recorded=recorded,
                 detail=detail,
                 preview=preview,
@@ -153,12 +153,12 @@ class SheetWorker:
         )
         if self._is_closing:
             return None
-        frame = read_pixels(recorded)
+        frame = read_recorded_frame(recorded)
         if self._is_closing:
             return None
         pixels = SheetPixels(frame.pixels)
-        pixels.warm()
-        self._post(Loaded(pixels=pixels))
+        pixels.prepare_block_means()
+        self._post(PixelsLoaded(pixels=pixels))
         return Reprocessor(recorded, frame)
 
     def _fulfil(self, processor: "Reprocessor", wanted: FrameSettings) -> None:
@@ -166,12 +166,12 @@ class SheetWorker:
             result = processor.run(wanted.tau, wanted.map_mode, solves_again=wanted.solves_again)
             maps = processor.maps(result.map_mode) if wanted.wants_map else ()
         except RsoconsoleError as error:
-            self._post(Fault(text=str(error), wanted=wanted))
+            self._post(FrameFault(text=str(error), wanted=wanted))
         except Exception as error:  # another try may go well
             log.exception("frame %d cannot be processed", self._frame_id)
-            self._post(Fault(text=f"the frame cannot be processed: {error}", wanted=wanted))
+            self._post(FrameFault(text=f"the frame cannot be processed: {error}", wanted=wanted))
         else:
-            self._post(Done(wanted=wanted, result=result, maps=maps))
+            self._post(FrameProcessed(wanted=wanted, result=result, maps=maps))
 
     def _post(self, news: News) -> None:
         if not self._is_closing:

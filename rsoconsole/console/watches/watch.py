@@ -105,7 +105,7 @@ class SessionWatch(Poller):
                 self._show()
                 shown_s = time.monotonic()
         is_first = not night.is_read
-        night.has_been_read()
+        night.mark_past_read()
         return is_first or self._seq != before or self._has_closed(reader, night)
 
     def _has_closed(self, reader: SessionReader, night: Night) -> bool:

@@ -6,11 +6,18 @@ from typing import Literal
 
 from rsoconsole.console.drawing.plot import Ink, Line, value_plot
 from rsoconsole.console.words.panels import NEWEST, PlotWindow, axis_lines
-from rsoconsole.console.words.words import clipped, rule
+from rsoconsole.console.words.words import cut_to_width, rule
 from rsoconsole.night import FRAME_FACTS, FrameFact, FrameRow, NightView
-from rsoconsole.tracking import Drift, PolarHint, Rate, SolvedPointing, drift_of, offsets_arcsec
+from rsoconsole.tracking import (
+    Drift,
+    HourlyRate,
+    PolarHint,
+    SolvedPointing,
+    drift_of,
+    offsets_arcsec,
+)
 from rsoconsole.tracking import polar_hint as hint_of
-from rsoconsole.words import span
+from rsoconsole.words import duration_words
 
 Page = Literal["quality", "focus", "alignment", "tracks"]
 LOOKS = 600
@@ -65,7 +72,7 @@ def focus_lines(night: NightView, width: int, height: int) -> list[Line]:
     config = night.config
     now, best = widths[-1], min(widths)
     lines = [rule("focus: FWHM of the stars", f"frame {rows[-1].frame_id:04d}", width)]
-    lines += [[(f"  {line}", "title")] for line in large(f"{now:.2f}")]
+    lines += [[(f"  {line}", "title")] for line in large_digits(f"{now:.2f}")]
     arcsec = "" if config is None else f" = {now * config.optics.scale_arcsec_px:.1f}″"
     best_row = next(row for row in rows if row.fwhm_px == best)
     figures = f"  FWHM {now:.2f} px{arcsec}   best {best:.2f} in frame {best_row.frame_id:04d}"
@@ -73,7 +80,7 @@ def focus_lines(night: NightView, width: int, height: int) -> list[Line]:
     words, ink = trend_words(widths)
     lines.append([(f"  {words}", ink)])
     lines.append(
-        clipped(
+        cut_to_width(
             [("  seeing widens it too: turn the focus, then wait for some frames", "dim")], width
         )
     )
@@ -82,7 +89,7 @@ def focus_lines(night: NightView, width: int, height: int) -> list[Line]:
     if left >= 2:
         lines += value_plot([row.fwhm_px for row in last], width, left)
         lines += axis_lines(last, width, 1)
-    return [clipped(line, width) for line in lines][:height]
+    return [cut_to_width(line, width) for line in lines][:height]
 
 
 def trend_words(widths: Sequence[float]) -> tuple[str, Ink]:
@@ -104,12 +111,12 @@ def trend_words(widths: Sequence[float]) -> tuple[str, Ink]:
 
 def alignment_lines(night: NightView, width: int, height: int) -> list[Line]:
     """Show the drift between mount and stars, the field's rotation, the error of the polar axis."""
-    looks = looks_of(night.rows)
+    looks = solved_pointings(night.rows)
     title = rule("pointing drift and polar alignment", f"{len(looks)} solved frames", width)
     drift = drift_of(looks)
     if drift is None:
         words = " five solved frames over three minutes on one side of the pier, at least"
-        return [title, clipped([(words, "dim")], width)][:height]
+        return [title, cut_to_width([(words, "dim")], width)][:height]
     lines = [title, *_drift_words(drift)]
     lines += _hint(night, looks, drift)
     left = (height - len(lines) - 1) // 2
@@ -121,15 +128,15 @@ def alignment_lines(night: NightView, width: int, height: int) -> list[Line]:
             lines.append(_title(FrameFact(name, name, "″", "+.0f"), values, width))
             lines += value_plot(values, width, left - 1)
         lines += axis_lines(rows, width, 1)
-    return [clipped(line, width) for line in lines][:height]
+    return [cut_to_width(line, width) for line in lines][:height]
 
 
-def looks_of(rows: Sequence[FrameRow]) -> list[SolvedPointing]:
+def solved_pointings(rows: Sequence[FrameRow]) -> list[SolvedPointing]:
     """Return the directions of the last solved frames, by the mount and by their plate."""
     return [look for row in rows[-LOOKS:] if (look := _look(row)) is not None]
 
 
-def large(text: str) -> list[str]:
+def large_digits(text: str) -> list[str]:
     """Return figures three cells high, as three lines."""
     rows = ["", "", ""]
     for character in text:
@@ -154,10 +161,10 @@ def _title(
 
 
 def _drift_words(drift: Drift) -> list[Line]:
-    def rate(value: Rate, form: str) -> str:
+    def rate(value: HourlyRate, form: str) -> str:
         return f"{value.value:{form}} ±{value.sigma:{form.lstrip('+')}}"
 
-    over = f"{drift.frames} frames, {span(drift.hours * 3600.0)}"
+    over = f"{drift.frames} frames, {duration_words(drift.hours * 3600.0)}"
     return [
         [(f" RA  {rate(drift.east_arcsec_h, '+.1f')} ″/h on the sky", "")],
         [(f" Dec {rate(drift.north_arcsec_h, '+.1f')} ″/h   over {over}", "")],

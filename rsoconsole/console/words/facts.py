@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 from rsoconsole.console.drawing.plot import Ink, Line
 from rsoconsole.console.night.engine_view import EngineView
 from rsoconsole.console.words.leaving import coast_words, leaving_words
-from rsoconsole.console.words.words import Item, cos_deg, packed, present_utc_ns
+from rsoconsole.console.words.words import Item, cos_deg, items_in_rows, present_utc_ns
 from rsoconsole.control import (
     is_silent,
     limit_left_s,
@@ -29,10 +29,10 @@ from rsoconsole.words import (
     angle,
     clock,
     direction,
-    due,
+    due_words,
     format_dec,
     format_ra,
-    short,
+    short_figure,
 )
 
 if TYPE_CHECKING:
@@ -107,15 +107,15 @@ def fact_lines(
             cycle,
             health,
         ]
-        return [line for group in groups for line in packed(group, width, 1) or [[("", "")]]]
+        return [line for group in groups for line in items_in_rows(group, width, 1) or [[("", "")]]]
     worst = [item for item in health if item[1]]
     if rows >= 3 and width >= WIDE_COLUMNS:
         # The cycle's stages are for the larger screens: what the mount may not do weighs more.
         margins = _margin_items(outlook, "to the limits: ")[:2]
         coming = [*worst, *ahead[:2], *margins] if ahead or margins else [*worst, *cycle]
         groups = [place, [*motion, *(plate if is_mounts else ()), *schedule[:1]], coming]
-        return [line for group in groups for line in packed(group, width, 1)]
-    return packed([*place, *worst, *motion, *schedule[:1], *cycle], width, rows)
+        return [line for group in groups for line in items_in_rows(group, width, 1)]
+    return items_in_rows([*place, *worst, *motion, *schedule[:1], *cycle], width, rows)
 
 
 def _place_items(night: NightView, engine: EngineView, now: int | None) -> list[Item]:
@@ -265,7 +265,7 @@ def _ahead_items(outlook: "Outlook | None", now: int | None) -> list[Item]:
     items: list[Item] = []
     for at, what in sorted(coming):
         left_s = (at - now) / NS_PER_S
-        words = what if left_s <= 0 else due(what, at, now)
+        words = what if left_s <= 0 else due_words(what, at, now)
         items.append((words, "warn" if left_s < SOON_S else ""))
     height = f"{outlook.moon_altitude_deg:+.0f}°"
     away = "" if outlook.moon_away_deg is None else f", {outlook.moon_away_deg:.0f}° away"
@@ -289,9 +289,9 @@ def _cycle_items(night: NightView, engine: EngineView) -> list[Item]:
     if night.timing is not None:
         stages = night.timing.stage_ms
         if "total" in stages:
-            items.append((f"cycle {short(stages['total'] / 1000)} s", ""))
+            items.append((f"cycle {short_figure(stages['total'] / 1000)} s", ""))
         items += [
-            (f"{STAGES[stage]} {short(stages[stage] / 1000)}", "")
+            (f"{STAGES[stage]} {short_figure(stages[stage] / 1000)}", "")
             for stage in STAGES
             if stage in stages
         ]
@@ -348,7 +348,7 @@ def _blocks(titled: dict[str, list[Item]], width: int, rows: int) -> list[Line]:
     label_columns = max(len(title) for title in titled) + 2
     lines: list[Line] = []
     for title, items in titled.items():
-        for number, line in enumerate(packed(items, width - label_columns, rows)):
+        for number, line in enumerate(items_in_rows(items, width - label_columns, rows)):
             label = f" {title}" if number == 0 else ""
             lines.append([(label.ljust(label_columns), "dim"), *line])
     return lines[:rows]

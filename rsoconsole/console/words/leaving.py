@@ -9,7 +9,7 @@ from rsoconsole.console.words.words import cos_deg
 from rsoconsole.night import ELSEWHERE, FrameRow, NightView
 from rsoconsole.records import TrackState
 from rsoconsole.sky import wrap_180
-from rsoconsole.words import NS_PER_S, clock, left
+from rsoconsole.words import NS_PER_S, clock, time_left_words
 
 MAX_S = 3600.0
 """Seconds ahead beyond which leaving the field is not said."""
@@ -43,7 +43,7 @@ def leaving_words(
         return f"{name} is outside the field: {key} follows it again"
     if left_s <= 0.0:
         return f"{name} is out of the field"
-    return f"{name} leaves the field in {left(left_s)}"
+    return f"{name} leaves the field in {time_left_words(left_s)}"
 
 
 def left_in_field_s(
@@ -108,7 +108,11 @@ def coast_words(night: NightView, now_utc_ns: int | None) -> str:
     seen_ns = night.last_seen_utc_ns
     parts = []
     if seen_ns is not None:
-        ago = "" if now_utc_ns is None else f", {left((now_utc_ns - seen_ns) / NS_PER_S)} ago"
+        ago = (
+            ""
+            if now_utc_ns is None
+            else f", {time_left_words((now_utc_ns - seen_ns) / NS_PER_S)} ago"
+        )
         parts.append(f"last seen {clock(seen_ns)}{ago}")
     reduced = [row for row in night.rows if row.is_reduced][-track.misses :]
     elsewhere = sum(row.miss == ELSEWHERE for row in reduced)
@@ -181,7 +185,7 @@ def kept_words(
         kept = f"{engine.kept} kept"
         timed, brief = kept, kept
         if engine.kept_until_utc_ns is not None and now_utc_ns is not None:
-            more = left((engine.kept_until_utc_ns - now_utc_ns) / NS_PER_S)
+            more = time_left_words((engine.kept_until_utc_ns - now_utc_ns) / NS_PER_S)
             timed, brief = f"{kept} for {more} more", f"{kept} {more}"
         return (
             f"{timed}: {undo} follows it again",

@@ -20,11 +20,11 @@ from rsoconsole.console.drawing.plot import (
     sparkline,
 )
 from rsoconsole.console.picture.marks import SHOWN_REJECTED
-from rsoconsole.console.words.words import clipped, rule
+from rsoconsole.console.words.words import cut_to_width, rule
 from rsoconsole.night import FrameRow, NightView
 from rsoconsole.pipeline import usual_sigma_s
-from rsoconsole.tracking import NIS_BAND, WINDOW, consistency, summary_words
-from rsoconsole.words import angle, clock, short, signed_angle
+from rsoconsole.tracking import NIS_BAND, WINDOW, consistency, filter_summary_words
+from rsoconsole.words import angle, clock, short_figure, signed_angle
 
 MAX_FRAMES_A_MARK = 64
 LABEL_COLUMNS = 12
@@ -117,7 +117,7 @@ def axis_lines(shown: Sequence[FrameRow], width: int, height: int, words: str = 
     text = " " * AXIS_COLUMNS + "".join(line)
     if words:
         text = f"{words}  {text[len(words) + 2 :]}" if len(words) + 2 < width else words
-    return [clipped([(text, "dim")], width)]
+    return [cut_to_width([(text, "dim")], width)]
 
 
 def _misfit(row: FrameRow) -> tuple[int, float]:
@@ -144,9 +144,11 @@ def confidence_lines(
     last = next((row for row in reversed(window.seen(night.rows)) if row.is_reduced), None)
     now = _confidence_words(last)
     if height <= 1:
-        label = f" conf {now} τ {short(night.tau)}"
+        label = f" conf {now} τ {short_figure(night.tau)}"
         return [_strip(label, width, confidence_strip(columns, night.tau, _strip_room(width)))]
-    title = rule(f"confidence {now}", f"{MISS} miss {REFUSED} refused  τ {short(night.tau)}", width)
+    title = rule(
+        f"confidence {now}", f"{MISS} miss {REFUSED} refused  τ {short_figure(night.tau)}", width
+    )
     return [title, *confidence_plot(columns, night.tau, width, height - 1)]
 
 
@@ -217,9 +219,9 @@ def nis_lines(
     title = rule(f"{mean} · {frames}", band, width)
     ink: Ink = "" if judged.verdict in {"sound", "too few"} else "warn"
     known_s = 0.0 if night.config is None else usual_sigma_s(night.config.exposure)
-    learnt = summary_words(night.track, known_s)
+    learnt = filter_summary_words(night.track, known_s)
     figures = " · ".join(each for each in (judged.words, learnt) if each)
-    said = clipped([(f" {figures}", ink or "dim")], width)
+    said = cut_to_width([(f" {figures}", ink or "dim")], width)
     return [title, *nis_plot(columns, NIS_BAND, width, height - 2), said]
 
 
@@ -251,9 +253,9 @@ def _confidence_words(row: FrameRow | None) -> str:
         return ""
     refused = likeliest_refused(row)
     if refused is not None:
-        return f"{REFUSED} {short(refused[0])} {refused[1]}"
+        return f"{REFUSED} {short_figure(refused[0])} {refused[1]}"
     if row.confidence is not None:
-        return short(row.confidence)
+        return short_figure(row.confidence)
     return "no detection"
 
 
@@ -263,4 +265,4 @@ def _strip_room(width: int) -> int:
 
 def _strip(label: str, width: int, strip: Line) -> Line:
     columns = min(STRIP_LABEL_COLUMNS, width)
-    return clipped([(f"{label[:columns]:<{columns}}", ""), *strip], width)
+    return cut_to_width([(f"{label[:columns]:<{columns}}", ""), *strip], width)

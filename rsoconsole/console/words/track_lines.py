@@ -5,7 +5,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 from rsoconsole.console.drawing.plot import Ink, Line
-from rsoconsole.console.words.words import Item, clipped, first_shown, packed, rule
+from rsoconsole.console.words.words import Item, cut_to_width, first_shown, items_in_rows, rule
 from rsoconsole.control import NextAim, aim_parts, one_line, state_words
 from rsoconsole.night import FollowedTrack, NightView
 from rsoconsole.records import PairMotion
@@ -13,14 +13,14 @@ from rsoconsole.words import (
     KEPT,
     NS_PER_S,
     angle,
-    apart_words,
     clock,
     closest_words,
+    duration_words,
     identity,
-    nearing_words,
     number,
+    separation_rate_words,
+    separation_words,
     signed_angle,
-    span,
     tracks_words,
     unseen_words,
 )
@@ -76,7 +76,7 @@ def track_list_lines(
         return [*listed, *aim]
     title = _title(night, width)
     if not tracks:
-        said = [clipped([(" nothing is followed", "dim")], width)]
+        said = [cut_to_width([(" nothing is followed", "dim")], width)]
         return [title, *said][: max(height, 1)]
     columns = columns_for(width)
 
@@ -109,11 +109,11 @@ def _listed(  # noqa: PLR0917 -- one call, each argument a different thing
         detail = detail[: max(room - len(tracks), 0)]
     room -= len(detail)
     first = first_shown(at, len(tracks), room)
-    lines = [clipped([(f" {heads}", "dim")], width)]
+    lines = [cut_to_width([(f" {heads}", "dim")], width)]
     for n, track in enumerate(tracks[first : first + room], first):
         text, ink = row(track)
         sign, ink = ("▸", "here") if n == at else (" ", ink)
-        lines.append(clipped([(f"{sign}{text}".ljust(width), ink)], width))
+        lines.append(cut_to_width([(f"{sign}{text}".ljust(width), ink)], width))
     lines += [[("", "")]] * max(height - len(lines) - len(detail), 0)
     return [*lines, *detail]
 
@@ -141,7 +141,7 @@ def _state(track: FollowedTrack) -> str:
     return state_words(state, misses, is_kept=track.state.is_kept)
 
 
-def name_words(night: NightView, track_id: int) -> str:
+def track_name_words(night: NightView, track_id: int) -> str:
     """Return a track's name in the catalogue, else in the ledger; "?" stands for doubt."""
     return one_line(identity(night.identifications.get(track_id)))
 
@@ -152,7 +152,7 @@ def detail_lines(
     """Return one track in full: its figures on the list, and those without room there."""
     orbit = night.orbits.get(track.track_id)
     parts = [
-        f"{track.number} {name_words(night, track.track_id)}",
+        f"{track.number} {track_name_words(night, track.track_id)}",
         {"trial": "on trial: one more measurement confirms it"}.get(_state(track), _state(track)),
         KEPT if track.state.is_kept else "",
     ]
@@ -166,13 +166,13 @@ def detail_lines(
     age = _age(night, track, now_utc_ns)
     parts.append(f"age {age}" if age else "")
     parts.append("no orbit yet" if orbit is None else f"orbit {orbit.label}")
-    return packed([(part, "") for part in parts if part], width, gap=" · ")
+    return items_in_rows([(part, "") for part in parts if part], width, gap=" · ")
 
 
 def aim_lines(aim: NextAim, width: int) -> list[Line]:
     """Return the telescope's aim after the next exposure, and its policy."""
     what, _place, *rest = aim_parts(aim)
-    return packed([(part, "dim") for part in (what, *rest)], width, gap=" · ")
+    return items_in_rows([(part, "dim") for part in (what, *rest)], width, gap=" · ")
 
 
 def columns_for(width: int) -> tuple[_Column, ...]:
@@ -219,7 +219,7 @@ def _nis(_night: NightView, track: FollowedTrack, _now: int | None) -> str:
 
 def _age(night: NightView, track: FollowedTrack, now_utc_ns: int | None) -> str:
     now = now_utc_ns or night.last_utc_ns
-    return "" if now is None else span((now - track.since_utc_ns) / NS_PER_S)
+    return "" if now is None else duration_words((now - track.since_utc_ns) / NS_PER_S)
 
 
 def _orbit(night: NightView, track: FollowedTrack, _now: int | None) -> str:
@@ -233,7 +233,7 @@ _COLUMNS = (
         head="name",
         width=0,
         rank=1,
-        words=lambda night, track, _now: name_words(night, track.track_id),
+        words=lambda night, track, _now: track_name_words(night, track.track_id),
         is_left=True,
     ),
     _Column(
@@ -264,7 +264,7 @@ def neighbour_lines(night: NightView, chosen: int | None, width: int, height: in
     title = rule(f"neighbours: {len(tracks)}", "← list", width)
     below = field_lines(night, width)
     if len(tracks) < 2:
-        said = clipped([(" no two are followed", "dim")], width)
+        said = cut_to_width([(" no two are followed", "dim")], width)
         return [title, said, *below][: max(height, 1)]
 
     def row(track: FollowedTrack) -> Item:
@@ -293,20 +293,20 @@ def pair_detail(night: NightView, track: FollowedTrack, width: int) -> list[Line
     """Return a track and its nearest neighbour with every error."""
     pair = nearest_of(night, track.track_id)
     if pair is None:
-        return [clipped([(f" {track.number}: no neighbour measured yet", "dim")], width)]
+        return [cut_to_width([(f" {track.number}: no neighbour measured yet", "dim")], width)]
     other = other_of(pair, track.track_id)
     turned = 0.0 if pair.track_id == track.track_id else 180.0
     angle_deg = (pair.position_angle_deg + turned) % 360.0
-    name = name_words(night, other)
+    name = track_name_words(night, other)
     parts = [
         f"{track.number} to {other}" + ("" if name == "-" else f" {name}"),
-        apart_words(pair),
+        separation_words(pair),
         f"PA {angle_deg:.1f} ± {pair.sigma_position_angle_deg:.1f}°",
-        nearing_words(pair),
+        separation_rate_words(pair),
         closest_words(pair) + (f", {pair.path} path" if pair.closest == "ahead" else ""),
     ]
     ink: Ink = "warn" if pair.is_close else ""
-    return packed([(part, ink) for part in parts], width, gap=" · ")
+    return items_in_rows([(part, ink) for part in parts], width, gap=" · ")
 
 
 def field_lines(night: NightView, width: int) -> list[Line]:
@@ -323,7 +323,7 @@ def field_lines(night: NightView, width: int) -> list[Line]:
         parts.append(f"{'expected, not seen: ' if n == 0 else ''}{unseen_words(name, each)}")
     if len(unseen) > _MAX_UNSEEN:
         parts.append(f"{len(unseen) - _MAX_UNSEEN} more")
-    return packed([(part, "dim") for part in parts], width, gap=" · ")
+    return items_in_rows([(part, "dim") for part in parts], width, gap=" · ")
 
 
 def other_of(pair: PairMotion, track_id: int) -> int:

@@ -8,11 +8,11 @@ from functools import lru_cache
 
 from rsoconsole.console.drawing.plot import Ink, Line
 from rsoconsole.console.night.engine_view import EngineView
-from rsoconsole.console.picture.picture import Drawing, Picture
+from rsoconsole.console.picture.picture import DrawnPicture, Picture
 from rsoconsole.control import STILL_STOPS, fault_words, held_words, holder_words
 from rsoconsole.night import NightView, is_of_streak
 from rsoconsole.records import Detection, NotSolved, Solution
-from rsoconsole.words import NS_PER_S, clock, direction, short, size_of, span
+from rsoconsole.words import NS_PER_S, clock, direction, duration_words, short_figure, size_of
 
 HELD = "AUTO watches, moves nothing"
 Item = tuple[str, Ink]
@@ -77,18 +77,18 @@ def top_lines(
         if not any(found) or not is_followed:
             return [*line, target_words]  # type: ignore[list-item]
         parts = [part for part in (found[0] or target_words[0], *found[1:]) if part]
-        return [*line, (fitted(parts, room - _columns(line), " "), "")]
+        return [*line, (join_fitting_parts(parts, room - _columns(line), " "), "")]
 
     if rows <= 1:
         left: Line = [*badge, (" ", ""), state_words, gap, holder, gap]  # type: ignore[list-item]
         # The date gives way to what is known of the target.
         whole, apart = with_target(left, width), 1
         shown = dated if _columns(whole) + apart + len(dated) <= width else brief
-        return [justified(with_target(left, width - len(shown) - apart), shown, width)]
+        return [with_right_text(with_target(left, width - len(shown) - apart), shown, width)]
     first: Line = [*badge, (" ", ""), state_words]
     second: Line = [(" ", ""), holder, gap]  # type: ignore[list-item]
     shown = dated if _columns(first) + len(dated) <= width else brief
-    return [justified(first, shown, width), clipped(with_target(second, width), width)]
+    return [with_right_text(first, shown, width), cut_to_width(with_target(second, width), width)]
 
 
 def demo_badge(night: NightView, width: int, engine: EngineView | None = None) -> Line:
@@ -124,7 +124,7 @@ def _state_words(
         # Whatever was followed again since: it coasts from where it was seen last.
         began_ns = night.last_seen_utc_ns or began_ns
     if night.state == state and began_ns and now:
-        since = " " + span((now - began_ns) / NS_PER_S)
+        since = " " + duration_words((now - began_ns) / NS_PER_S)
     holder = holder_words(engine.holder, "seat")
     ink: Ink = "warn" if engine.holder == "operator" else "title"
     if engine.is_held:
@@ -156,7 +156,7 @@ def first_shown(chosen: int, count: int, room: int) -> int:
     return min(max(chosen - room // 2, 0), max(count - room, 0))
 
 
-def fitted(parts: Sequence[str], width: int, gap: str = " · ") -> str:
+def join_fitting_parts(parts: Sequence[str], width: int, gap: str = " · ") -> str:
     """Join as many of the parts as fit, the first ones first; the first is cut where it must be."""
     kept = ""
     for part in parts:
@@ -193,7 +193,7 @@ def frame_title(
     return parts
 
 
-def closeup_title(picture: Picture | None, drawing: Drawing | None) -> list[str]:
+def closeup_title(picture: Picture | None, drawing: DrawnPicture | None) -> list[str]:
     """Return the parts of the close-up's title: frame, scale, SNR and size of the streak."""
     if picture is None or drawing is None:
         return ["close-up"]
@@ -219,7 +219,7 @@ def closeup_caption(picture: Picture | None, width: int = BADGE_COLUMNS) -> list
     close = place.replace("α ", "α").replace("δ ", "δ")
     ways = (f"measured {place}", f"meas {close}", place)
     said = next((each for each in ways if len(each) <= width), close)
-    return [said, f"1σ ±{short(math.sqrt(east))}″ ±{short(math.sqrt(north))}″"]
+    return [said, f"1σ ±{short_figure(math.sqrt(east))}″ ±{short_figure(math.sqrt(north))}″"]
 
 
 def _followed_detection(picture: Picture) -> Detection | None:
@@ -242,22 +242,22 @@ def frame_caption(picture: Picture | None) -> list[str]:
     east = _arrow(-sign * math.cos(turn), math.sin(turn))
     compass = f"N{north}E{east} {wide:.0f}′×{high:.0f}′"
     stars = f"{solution.matched} {'matched' if solution.path != 'shift' else 'left by cloud'}"
-    return [compass, stars, f"RMS {short(solution.rms_arcsec)}″"]
+    return [compass, stars, f"RMS {short_figure(solution.rms_arcsec)}″"]
 
 
 def _arrow(x: float, y: float) -> str:
     return ARROWS[round(math.degrees(math.atan2(y, x)) / 45.0) % 8]
 
 
-def justified(left: Line, right: str, width: int) -> Line:
+def with_right_text(left: Line, right: str, width: int) -> Line:
     """Put ``right`` at the right edge behind ``left``, which is cut where there is no room."""
     room = width - len(right)
-    cut = clipped(left, max(room, 0))
+    cut = cut_to_width(left, max(room, 0))
     pad = max(room - _columns(cut), 0)
     return [*cut, (" " * pad, ""), (right, "title")]
 
 
-def clipped(line: Line, width: int) -> Line:
+def cut_to_width(line: Line, width: int) -> Line:
     """Cut a line to a width, with "…" at the cut."""
     if _columns(line) <= width:
         return line
@@ -277,10 +277,10 @@ def rule(left: str | Line, right: str, width: int) -> Line:
     used = 3 + _columns(title)
     tail = f" {right} ─" if right and used + len(right) + 3 <= width else ""
     fill = "─" * max(width - used - len(tail), 0)
-    return clipped([("─ ", "dim"), *title, (f" {fill}{tail}", "dim")], width)
+    return cut_to_width([("─ ", "dim"), *title, (f" {fill}{tail}", "dim")], width)
 
 
-def packed(
+def items_in_rows(
     items: Iterable[Item], width: int, rows: int | None = None, gap: str = "  "
 ) -> list[Line]:
     """Spread items over as many rows as there are; items without room are left out."""
@@ -292,7 +292,7 @@ def packed(
             break
         else:
             lines.append([(" ", ""), (text, ink)])
-    return [clipped(line, width) for line in lines]
+    return [cut_to_width(line, width) for line in lines]
 
 
 def _columns(line: Line) -> int:

@@ -20,7 +20,7 @@ SAME_FIELD = 0.25
 """Share of the field's height up to which a telescope stands in a field of the search already."""
 
 
-class Search:
+class SearchRound:
     """The round of a search, counted in exposures.
 
     ``here`` is a place outside the round: the first look after arming is taken where the
@@ -69,15 +69,15 @@ class Search:
         return self._base is not None and self._base.widens
 
     @property
-    def is_here(self) -> bool:
+    def is_outside_round(self) -> bool:
         """True where the next exposure is taken where the telescope stands, outside the round."""
         return self._here is not None
 
-    def look_here(self, direction: Direction, t_utc_ns: int) -> None:
+    def stay_for_next_exposure(self, direction: Direction, t_utc_ns: int) -> None:
         """Take the next exposure where the telescope stands."""
         self._here = search_base_at(self._site, *direction, t_utc_ns)
 
-    def leave_here(self) -> bool:
+    def return_to_round(self) -> bool:
         """Go on with the round; False when that is where it stands anyway."""
         was_here, self._here = self._here is not None, None
         return was_here
@@ -102,7 +102,7 @@ class Search:
             reason = f"search: {target.name}"
         return self._field_direction(number, t_utc_ns), reason
 
-    def is_news(self, number: int) -> bool:
+    def is_first_refusal(self, number: int) -> bool:
         """True once for each place that is refused: the refusal is reported then."""
         place = self._place(number)
         is_new = place not in self._refused

@@ -7,7 +7,7 @@ import numpy as np
 
 from rsoconsole.config import AimConfig, Config
 from rsoconsole.orbits import KnownOrbit, predict
-from rsoconsole.pipeline import OnlineOrbit, beside, may_guide
+from rsoconsole.pipeline import OnlineOrbit, beside, may_orbit_guide
 from rsoconsole.records import FloatArray, Measurement, Site
 from rsoconsole.sky import IntArray, separation_deg
 from rsoconsole.words import NS_PER_S
@@ -46,7 +46,7 @@ class Guide:
     def lost_direction(self, t_mid_utc_ns: int) -> tuple[float, float] | None:
         """The direction in which a lost track is waited for, ICRS degrees; None where it is not."""
         seen = self._orbit.seen
-        if not may_guide(self._config) or seen is None:
+        if not may_orbit_guide(self._config) or seen is None:
             return None
         since_s = (t_mid_utc_ns - int(seen.t_utc_ns[-1])) / NS_PER_S
         is_time = 0.0 <= since_s <= 60.0 * self._config.orbit.wait_min
@@ -62,14 +62,18 @@ class Guide:
 
     def last_direction(self, t_utc_ns: int) -> tuple[float, float] | None:
         """The last track's direction by its orbit, ICRS degrees, however old that track is."""
-        return self._direction(t_utc_ns) if may_guide(self._config) else None
+        return self._direction(t_utc_ns) if may_orbit_guide(self._config) else None
 
     def prepare(self, now_utc_ns: int) -> None:
         """Predict the path of the next minutes while no frame waits for it."""
         orbit = self._orbit.orbit
-        if orbit is None or not may_guide(self._config):
+        if orbit is None or not may_orbit_guide(self._config):
             self._way = None
-        elif self._way is None or self._way.orbit is not orbit or not self._way.reaches(now_utc_ns):
+        elif (
+            self._way is None
+            or self._way.orbit is not orbit
+            or not self._way.extends_beyond(now_utc_ns)
+        ):
             self._way = PredictedPath.of(orbit, self._site, now_utc_ns)
 
     def _direction(
@@ -122,7 +126,7 @@ class PredictedPath:
         """True where an instant is within the path."""
         return bool(self.t_utc_ns[0] <= t_utc_ns < self.t_utc_ns[-1])
 
-    def reaches(self, t_utc_ns: int) -> bool:
+    def extends_beyond(self, t_utc_ns: int) -> bool:
         """True where the path goes on for some minutes beyond an instant."""
         return bool(self.t_utc_ns[0] <= t_utc_ns < self.t_utc_ns[_STEPS // 2])
 

@@ -39,7 +39,7 @@ def night_end(
     return None
 
 
-def lasting_overrides(
+def overrides_still_needed(
     config: Config, now_utc_ns: int, sky: SkyReport | None, overridden: Collection[str]
 ) -> frozenset[str]:
     """Return the overrides whose reason still stands; to be called once a cycle.

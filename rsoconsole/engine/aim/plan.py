@@ -4,7 +4,7 @@ from dataclasses import replace
 
 from rsoconsole.config import Config
 from rsoconsole.control import NextAim
-from rsoconsole.engine.aim._search import Direction, Search
+from rsoconsole.engine.aim._search import Direction, SearchRound
 from rsoconsole.engine.aim.guide import Guide
 from rsoconsole.engine.aim.instrument_controller import (
     CLOCKS_APART_NS,
@@ -36,7 +36,7 @@ class Planner:
         self._config = config
         self._guide = guide
         self._site = config.site.to_site()
-        self._search = Search(config)
+        self._search = SearchRound(config)
         self._is_block_reported = False
         self._is_waiting = False
         """True while a lost track is waited for where its orbit predicts it."""
@@ -86,7 +86,7 @@ class Planner:
         The pointing offset stays, by side and place.
         """
         self._is_waiting = False
-        self._search.leave_here()
+        self._search.return_to_round()
         self._stands_at(report)
 
     def looking_at(self, report: MountReport) -> Direction:
@@ -105,7 +105,7 @@ class Planner:
         is_kept = report.is_tracking and not report.is_slewing
         self._commanded = (report.ra_icrs_deg, report.dec_icrs_deg) if is_kept else None
 
-    def first_look(self, now_utc_ns: int) -> Plan:
+    def plan_exposure_here(self, now_utc_ns: int) -> Plan:
         """Plan an exposure where the telescope stands, without a slew.
 
         Its detections are waited for in place; where the telescope stands in the search's first
@@ -113,7 +113,7 @@ class Planner:
         """
         plan = self._in_place(now_utc_ns)
         if self._centre is not None:
-            self._search.look_here(self._centre, plan.t_mid_utc_ns)
+            self._search.stay_for_next_exposure(self._centre, plan.t_mid_utc_ns)
         return plan
 
     def pose(self, now_utc_ns: int) -> Pose | None:
@@ -128,7 +128,7 @@ class Planner:
             pier_side=self._pier_side,
         )
 
-    def to_place(
+    def plan_exposure_at(
         self,
         direction: Direction | None,
         t_start_utc_ns: int,
@@ -174,9 +174,9 @@ class Planner:
                 self._search.take(number)
                 return replace(plan, refused=tuple(news))
             refused.append((plan.slew, why))
-            if self._search.is_news(number):
+            if self._search.is_first_refusal(number):
                 news.append((plan.slew, why))
-        if self._search.leave_here():
+        if self._search.return_to_round():
             return self.plan(following, now_utc_ns, is_refused)
         return self._in_place(now_utc_ns, tuple(refused))
 
@@ -213,7 +213,7 @@ class Planner:
         ):
             # A stranger is waited for where it was seen.
             if self._centre is not None:
-                self._search.look_here(self._centre, self._last_mid_utc_ns)
+                self._search.stay_for_next_exposure(self._centre, self._last_mid_utc_ns)
             return None
         plan = self._plan_at(following, self._search.number, now_utc_ns)
         if plan.slew is None or is_refused is None:
@@ -311,7 +311,7 @@ class Planner:
             if config.aim.is_offset:
                 return direction, f"{reason}, offset by hand"
             return self._among(following, direction, t_mid_ns, reason)
-        if self._is_waiting and not self._search.is_here and self._guide is not None:
+        if self._is_waiting and not self._search.is_outside_round and self._guide is not None:
             by_orbit = self._guide.lost_direction(t_mid_ns)
             if by_orbit is not None:
                 return by_orbit, "where its orbit says"
@@ -403,7 +403,7 @@ class Planner:
         self._centre = (slew.ra_icrs_deg, slew.dec_icrs_deg)
         return has_flipped
 
-    def exposed(self, frame: Frame, opened_utc_ns: int) -> str | None:
+    def note_frame(self, frame: Frame, opened_utc_ns: int) -> str | None:
         """Note a frame; return what is wrong with its time, None when nothing is."""
         self._frame_id = frame.frame_id
         self._last_start_utc_ns = opened_utc_ns
@@ -418,7 +418,7 @@ class Planner:
             )
         return None
 
-    def solved(self, solution: Solution) -> None:
+    def note_solution(self, solution: Solution) -> None:
         """Learn the telescope's true direction from a plate solution."""
         self._centre = (solution.ra_icrs_deg, solution.dec_icrs_deg)
         if self._commanded is None:
@@ -444,9 +444,9 @@ class Planner:
         elif self._is_waiting:
             self._is_waiting = after.track is None
             if after.state != "ACQUIRE":
-                self._search.leave_here()
+                self._search.return_to_round()
         elif after.state == "SEARCH" or is_held:
             # A false streak in every frame must not hold the search for a night.
             self._search.count(self._centre, self._last_mid_utc_ns)
         elif after.state != "ACQUIRE":
-            self._search.leave_here()
+            self._search.return_to_round()

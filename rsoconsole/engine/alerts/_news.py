@@ -15,7 +15,7 @@ from rsoconsole.records import (
     StateChange,
     TrackState,
 )
-from rsoconsole.words import IN_FAULT, called, match_words, text
+from rsoconsole.words import IN_FAULT, catalogued_name, match_words, text
 
 URGENT: frozenset[AlertKind] = frozenset(("fault", "limit"))
 """Kinds for which an operator may have to get up."""
@@ -42,7 +42,7 @@ _ITS_OWN = frozenset(("looked for again", "operator's word", "STOP", "disarmed",
 
 
 @dataclass(slots=True)
-class News:
+class SessionAlerts:
     """The alerts of a session so far: a fold over its records."""
 
     frames: int = 0
@@ -103,7 +103,7 @@ class News:
         if found.verdict != "identified" or not found.matches:
             return
         best = found.matches[0]
-        name = called(best.name, best.norad_id)
+        name = catalogued_name(best.name, best.norad_id)
         if self.names.get(found.track_id) != name:
             self.names[found.track_id] = name
             off = ", ".join(match_words(best)[1:])

@@ -28,7 +28,7 @@ SPOOL, LOCK = "spool.json", "spool.lock"
 
 
 @dataclass(slots=True, kw_only=True)
-class Waiting:
+class QueuedMessage:
     """One message, and the services that it has not been sent to yet."""
 
     number: int = 0
@@ -52,7 +52,7 @@ class Spool:
         """``claim_again_s``: interval of attempts to own a file that another process owns, s."""
         self._folder, self._path = folder, folder / SPOOL
         self._lock = threading.Lock()
-        self._waiting: list[Waiting] = []
+        self._waiting: list[QueuedMessage] = []
         self._next = 1
         self._seen: dict[str, int] = {}
         self.fault: str | None = None
@@ -62,7 +62,7 @@ class Spool:
         self._owns: int | None = None
         self._claim_and_merge()
 
-    def add(self, waiting: Waiting, seen: tuple[str, int] = ("", 0)) -> None:
+    def add(self, waiting: QueuedMessage, seen: tuple[str, int] = ("", 0)) -> None:
         """Queue a message and give it its number; the oldest is dropped where there are too many.
 
         ``seen``: the session, and the record that the message is about.
@@ -74,14 +74,14 @@ class Spool:
             self._waiting = [*self._waiting, waiting][-MOST:]
             self._write()
 
-    def seen_of(self, session: str) -> int | None:
+    def last_alerted_record(self, session: str) -> int | None:
         """Return the last record of a session that alerts were made from; None where it was not
         kept."""
         if self._owns is None:
             return None
         return self._seen.get(session, 0)
 
-    def first_for(self, service: str) -> Waiting | None:
+    def first_for(self, service: str) -> QueuedMessage | None:
         """Return the oldest message that has not been sent to a service."""
         with self._lock:
             self._claim_if_due()
@@ -179,12 +179,12 @@ class Spool:
             self.fault = f"{self._path} cannot be written ({error.strerror})"
 
 
-_WAITING = TypeAdapter(Waiting)
+_WAITING = TypeAdapter(QueuedMessage)
 
 
-def _read(path: Path) -> tuple[list[Waiting], dict[str, int]]:
+def _read(path: Path) -> tuple[list[QueuedMessage], dict[str, int]]:
     """Read the messages of an earlier run; empty where the file is damaged."""
-    found: list[Waiting] = []
+    found: list[QueuedMessage] = []
     seen: dict[str, int] = {}
     with contextlib.suppress(OSError, ValueError, KeyError, TypeError, UnicodeDecodeError):
         fields_: dict[str, Any] = json_of(read_foreign(path))

@@ -20,8 +20,8 @@ from typing import Any, TextIO
 from rsoconsole.base import SessionError
 from rsoconsole.config import AlertKind
 from rsoconsole.control import one_line
-from rsoconsole.engine.alerts._news import KINDS, Alert, News
-from rsoconsole.engine.alerts._spool import Spool, Waiting
+from rsoconsole.engine.alerts._news import KINDS, Alert, SessionAlerts
+from rsoconsole.engine.alerts._spool import QueuedMessage, Spool
 from rsoconsole.engine.alerts.services import FIRST_AGAIN_S, AlertSender, Service, send_heartbeat
 from rsoconsole.session import SessionReader
 
@@ -41,7 +41,7 @@ class Limiter:
     )
     _held: dict[str, int] = field(default_factory=dict)
 
-    def passed(self, alert: Alert, now_s: float) -> Alert | None:
+    def alert_if_allowed(self, alert: Alert, now_s: float) -> Alert | None:
         """Return the alert, with the number of like ones held back before; None where it is held
         back.
 
@@ -83,7 +83,7 @@ FLUSH_S = 60.0
 MAX_TEXT = 600
 
 
-def own_words_alone(stream: TextIO) -> None:
+def log_own_messages_only(stream: TextIO) -> None:
     """Log what this program says, and nothing of what apprise and its libraries say.
 
     Their lines hold addresses, which are secrets.
@@ -124,7 +124,7 @@ def main() -> None:
     """Run until the engine is gone and all alerts are sent."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     signal.signal(signal.SIGTERM, signal.SIG_IGN)  # the engine's end says when to end
-    own_words_alone(sys.stderr)
+    log_own_messages_only(sys.stderr)
     settings: dict[str, Any] = json.loads(sys.stdin.readline())
     services = [Service(name, url) for name, url in settings["services"]]
     engine = EngineLink(float(settings.get("alive_s", ALIVE_S)))
@@ -139,7 +139,7 @@ def main() -> None:
         services, spool, first_again_s=float(settings.get("first_again_s", FIRST_AGAIN_S))
     )
     try:
-        _follow(engine, sender, spool.seen_of(settings["session"]), settings)
+        _follow(engine, sender, spool.last_alerted_record(settings["session"]), settings)
     finally:
         left = sender.finish(FLUSH_S)
         if left:
@@ -156,15 +156,15 @@ def _follow(
         quiet_s=float(settings["quiet_s"]),
         most_per_hour=int(settings["most_per_hour"]),
     )
-    news, seq = News(), 0
+    news, seq = SessionAlerts(), 0
     # In place of one that died, and without its place: what is there is taken for told.
     is_old = seen is None and bool(settings.get("is_again"))
     gone_s: float | None = None
 
     def send(alert: Alert) -> None:
-        passed = limiter.passed(alert, time.monotonic())
+        passed = limiter.alert_if_allowed(alert, time.monotonic())
         if passed is not None:
-            message = Waiting(
+            message = QueuedMessage(
                 kind=passed.kind,
                 title=one_line(f"{settings['title']}: {passed.kind}"),
                 body=one_line(passed.text)[:MAX_TEXT],

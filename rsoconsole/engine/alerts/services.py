@@ -8,10 +8,10 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from rsoconsole.base import ConfigError, raised_as, read_private
+from rsoconsole.base import ConfigError, read_private, value_errors_as
 from rsoconsole.config import AlertsConfig, expect_service, scheme_of
 from rsoconsole.engine.alerts._news import URGENT
-from rsoconsole.engine.alerts._spool import Spool, Waiting, digest_of
+from rsoconsole.engine.alerts._spool import QueuedMessage, Spool, digest_of
 
 SEND_S = 30.0
 
@@ -102,7 +102,7 @@ def _of_file(path: Path) -> Sequence[str]:
     lines = read_private(path, ConfigError, "alerts.services_file has one address a line")
     urls = [line for line in lines if not line.startswith("#")]
     for number, url in enumerate(urls, start=1):
-        with raised_as(ConfigError, f"{path}, address {number}: "):
+        with value_errors_as(ConfigError, f"{path}, address {number}: "):
             expect_service(url)
     return urls
 
@@ -137,7 +137,7 @@ class AlertSender:
         for thread in self._threads:
             thread.start()
 
-    def add(self, message: Waiting, seen: tuple[str, int] = ("", 0)) -> None:
+    def add(self, message: QueuedMessage, seen: tuple[str, int] = ("", 0)) -> None:
         """Queue a message for all services; ``seen``: its session and the number of its record."""
         message.pending = [digest_of(each.url) for each in self._services]
         if message.pending:

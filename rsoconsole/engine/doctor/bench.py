@@ -9,13 +9,13 @@ from pathlib import Path
 from statistics import median
 from typing import TypeAlias
 
-from rsoconsole.base import SessionError, said_as, write_durably
+from rsoconsole.base import SessionError, system_errors_as, write_durably
 from rsoconsole.config import Config
 from rsoconsole.engine.aim.instrument_controller import SLEW_OVERHEAD_S
 from rsoconsole.engine.doctor.doctor_system import free_bytes, nearest_existing
 from rsoconsole.engine.machine.medium import disk_outlook
 from rsoconsole.instruments import frame_from_bytes
-from rsoconsole.pipeline import Cycle, Reduction, open_reducer, timed
+from rsoconsole.pipeline import Cycle, Reduction, note_stage_ms, open_reducer
 from rsoconsole.records import Frame, NotSolved, Solution
 from rsoconsole.session import compress_frame
 from rsoconsole.tracking import Following
@@ -170,17 +170,17 @@ class _Bench:
             self.notes.append(f"not solved: {solution.reason}")
 
     def _record(self, frame: Frame, times: Times) -> None:
-        with timed(times, "compress"):
+        with note_stage_ms(times, "compress"):
             content = compress_frame(frame)
         self.compressed_bytes = len(content)
-        with timed(times, "read back"):
+        with note_stage_ms(times, "read back"):
             frame_from_bytes(content, 1, "bench.fits")
         try:
             if free_bytes(self._scratch) < SPARE_BYTES:
                 self.notes.append("the disk is nearly full: writing was not measured")
                 return
             path = self._scratch / "frame.fits"
-            with timed(times, "disk"):
+            with note_stage_ms(times, "disk"):
                 write_durably(path, content)
             path.unlink()
         except OSError as error:
@@ -191,7 +191,7 @@ class _Bench:
 def _scratch_folder(place: Path) -> Iterator[Path]:
     """Yield a folder on the recording's disk, removed afterwards."""
     remedy = "): give yourself the right to, or set session.root"
-    with said_as(SessionError, f"nothing can be written in {place} (", remedy):
+    with system_errors_as(SessionError, f"nothing can be written in {place} (", remedy):
         folder = tempfile.TemporaryDirectory(dir=place, prefix=".bench-")
     with folder as name:
         yield Path(name)
@@ -244,7 +244,9 @@ class BenchSummary:
         return self.is_held and self.is_recorded
 
 
-def judge(config: Config, result: BenchResult, free_bytes: int, now_utc_ns: int) -> BenchSummary:
+def summarise_bench(
+    config: Config, result: BenchResult, free_bytes: int, now_utc_ns: int
+) -> BenchSummary:
     """Add up one cycle: shutter, exposure, read-out, processing, slew.
 
     The recording runs beside the loop, but it shares the processor: it counts as kept up only

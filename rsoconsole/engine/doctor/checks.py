@@ -11,7 +11,7 @@ from rsoconsole.engine.machine.machine import HEAT_REMEDY, POWER_REMEDY, trouble
 from rsoconsole.engine.machine.medium import Medium, disk_outlook, medium_of
 from rsoconsole.engine.machine.time_source import TimeSource
 from rsoconsole.instruments import utc_now_ns
-from rsoconsole.pipeline import Master, Traits, is_same_exposure, nearest_dark, read_masters
+from rsoconsole.pipeline import Master, MasterTraits, is_same_exposure, nearest_dark, read_masters
 from rsoconsole.sky import day_of
 from rsoconsole.words import OLD_DAYS, TAKE_DARK, age_days, mode_words, shutter_words, timing_words
 
@@ -29,7 +29,7 @@ class Check:
     """Remedy; empty when all is well."""
 
 
-def well(detail: str, remedy: str = "") -> Check:
+def passed_check(detail: str, remedy: str = "") -> Check:
     """Return a passed check; the remedy is for what could be better."""
     return Check(ok=True, detail=detail, remedy=remedy)
 
@@ -73,7 +73,7 @@ _NOT_REPORTED = {
 def check_temperature(reading: Machine) -> Check:
     """Check that the processor is cool enough to run at its full speed."""
     if reading.cpu_temperature_c is None:
-        return well("this machine does not tell it")
+        return passed_check("this machine does not tell it")
     parts = [f"{reading.cpu_temperature_c:.0f} °C"]
     mhz, max_mhz = reading.cpu_frequency_mhz, reading.cpu_frequency_max_mhz
     if mhz is not None and max_mhz is not None:
@@ -81,13 +81,13 @@ def check_temperature(reading: Machine) -> Check:
     troubles = [each for each in troubles_of(reading) if each.name == "hot"]
     if troubles:
         return bad(", ".join([troubles[0].words, *parts[1:]]), HEAT_REMEDY)
-    return well(", ".join(parts))
+    return passed_check(", ".join(parts))
 
 
 def check_power(reading: Machine) -> Check:
     """Check that the power supply is strong enough, and that nothing slows the processor down."""
     if reading.is_under_voltage is None and reading.is_throttled is None:
-        return well(_NOT_REPORTED[reading.is_pi])
+        return passed_check(_NOT_REPORTED[reading.is_pi])
     troubles = [each for each in troubles_of(reading) if each.name in {"power", "throttled"}]
     if troubles:
         return bad("; ".join(each.words for each in troubles), troubles[0].remedy)
@@ -100,7 +100,7 @@ def check_power(reading: Machine) -> Check:
     words = (
         "no under-voltage" if reading.is_throttled is None else "no under-voltage, not throttled"
     )
-    return well(words)
+    return passed_check(words)
 
 
 def check_medium(config: Config, medium: Medium | None = None) -> Check:
@@ -124,7 +124,7 @@ def check_medium(config: Config, medium: Medium | None = None) -> Check:
     if found.kind == "memory":
         remedy = "set session.root to a disk: what lies in memory is gone with the power"
         return bad(detail, remedy)
-    return well(detail)
+    return passed_check(detail)
 
 
 def check_time_source(source: TimeSource) -> Check:
@@ -134,7 +134,7 @@ def check_time_source(source: TimeSource) -> Check:
     said = source.detail if source.kind == "unknown" else f"{source.kind}: {source.detail}"
     detail = f"{said}; {kept}"
     if source.kind in {"GPS", "NTP"}:
-        return well(detail)
+        return passed_check(detail)
     remedy = "'sudo timedatectl set-ntp true', or chrony with a GPS receiver"
     if not source.rtc:
         remedy += "; until it is reached after each start the time is wrong"
@@ -149,9 +149,9 @@ def check_calibration(config: Config) -> Check:
     """Check that the configured master frames exist, with the camera's size and the exposure's
     length."""
     if not config.calibration.files:
-        return well("no master frames: frames are used as they come")
+        return passed_check("no master frames: frames are used as they come")
     masters, faults = read_masters(config.calibration)
-    camera = Traits(
+    camera = MasterTraits(
         width_px=config.optics.width_px,
         height_px=config.optics.height_px,
         exposure_s=config.exposure.exposure_s,
@@ -171,7 +171,7 @@ def check_calibration(config: Config) -> Check:
     )
 
 
-def _doubts(masters: Sequence[Master], camera: Traits) -> Iterator[tuple[str, str]]:
+def _doubts(masters: Sequence[Master], camera: MasterTraits) -> Iterator[tuple[str, str]]:
     """Yield each reason why a master would not be used, or not be right, with its remedy."""
     for each in masters:
         if not each.traits.has_pixels_of(camera):

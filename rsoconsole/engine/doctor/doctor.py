@@ -13,10 +13,10 @@ from typing import TYPE_CHECKING
 from rsoconsole.base import InstrumentError, RsoconsoleError, indi_port_option, setup_check
 from rsoconsole.config import Config, IndiConfig, SiteConfig
 from rsoconsole.engine.doctor import checks, doctor_indi, doctor_system
-from rsoconsole.engine.doctor.checks import Check, bad, unsure, well
+from rsoconsole.engine.doctor.checks import Check, bad, passed_check, unsure
 from rsoconsole.engine.doctor.doctor_indi import import_faults
 from rsoconsole.engine.doctor.doctor_system import ClockReading
-from rsoconsole.engine.doctor.mount_lacks import PROPERTIES, lacks_of
+from rsoconsole.engine.doctor.mount_lacks import PROPERTIES, missing_abilities
 from rsoconsole.engine.machine.machine import read_machine
 from rsoconsole.engine.machine.medium import DISK_REMEDY, disk_outlook, disk_words
 from rsoconsole.engine.machine.time_source import read_time_source
@@ -81,7 +81,7 @@ def check_system() -> Check:
     detail = f"{64 if machine.is_64_bit else 32}-bit {machine.machine}, Python {python}"
     found = setup_check.faults(machine)
     if not found:
-        return well(detail)
+        return passed_check(detail)
     # It runs, so only the next installation would fail.
     return unsure(
         f"{detail}; rsoconsole could not be installed again: {'; '.join(found)}",
@@ -102,7 +102,7 @@ def check_libraries(_config: Config) -> Check:
             f"Python {version}; {what}",
             f"'{setup_check.APT_LINE}', and install again with the README's first command",
         )
-    return well(f"Python {version}, every library loads")
+    return passed_check(f"Python {version}, every library loads")
 
 
 def check_network(config: Config) -> Check:
@@ -113,7 +113,7 @@ def check_network(config: Config) -> Check:
         network = Network.load(config.detector.model, config.detector.threads)
     except (RsoconsoleError, FileNotFoundError) as error:
         return bad(str(error), f"reinstall rsoconsole, {ANOTHER_NETWORK}")
-    return well(network.version)
+    return passed_check(network.version)
 
 
 def check_camera(config: Config) -> Check:
@@ -123,7 +123,7 @@ def check_camera(config: Config) -> Check:
     optics, exposure_s = config.optics, config.exposure.exposure_s
     outside = range_cautions(optics.scale_arcsec_px, exposure_s, optics.width_px, optics.height_px)
     if not outside:
-        return well(
+        return passed_check(
             f"{optics.scale_arcsec_px:.3g} arcsec/px, {optics.width_px} x {optics.height_px} px,"
             f" {exposure_s:g} s"
         )
@@ -160,7 +160,7 @@ def check_index_files(config: Config) -> Check:
         )
     has_whole_sky = {file.scale for file in usable if file.is_whole_sky} >= set(scales)
     reach = "the whole sky" if has_whole_sky else _reach(usable)
-    return well(
+    return passed_check(
         "; ".join([f"{len(usable)} files for {field}, {reach}", *faulty]),
         "" if has_whole_sky else "'rsoconsole index install' gets the rest of the sky",
     )
@@ -177,7 +177,7 @@ def check_catalogue(config: Config) -> Check:
         " catalogue update')"
     )
     if not files:
-        return well(
+        return passed_check(
             "no element files: what is followed gets no name",
             f"{fetch}, or name files in catalogue.tle_files",
         )
@@ -205,7 +205,7 @@ def check_site(config: Config) -> Check:
     is_papers = site.latitude_deg == papers.latitude_deg
     is_papers = is_papers and site.longitude_deg == papers.longitude_deg
     if config.indi.simulated or not is_papers:
-        return well(place)
+        return passed_check(place)
     return unsure(
         f"{place}: still the default, {papers.name}. Is it really yours?",
         "set site.latitude_deg, site.longitude_deg (east positive) and site.elevation_m",
@@ -223,7 +223,7 @@ def check_indi_server(config: Config) -> Check:
     if missing_words := missing_protocol(config):
         return bad(missing_words)
     if not wanted:
-        return well(f"not used: mount by {others.mount}, camera by {others.camera}")
+        return passed_check(f"not used: mount by {others.mount}, camera by {others.camera}")
     try:
         found = doctor_indi.devices_there(indi.host, indi.port, wanted, config.waits.quiet_s)
     except OSError as error:
@@ -240,7 +240,7 @@ def check_indi_server(config: Config) -> Check:
             f"start the driver, or set {' and '.join(names)} to its device's name",
         )
     there = ", ".join(device for device in settings.values() if device is not None)
-    return well(f"{address}: {there}")
+    return passed_check(f"{address}: {there}")
 
 
 def check_mount_site(config: Config) -> Check:
@@ -260,7 +260,7 @@ def check_mount_site(config: Config) -> Check:
     )
     detail = f"{indi.mount} says {_place(reported)}, {apart_km:.1f} km from the settings' site"
     if apart_km <= SITE_KM:
-        return well(detail)
+        return passed_check(detail)
     option = f"LAT={own.latitude_deg:g};LONG={own.longitude_deg % 360.0:g};ELEV={own.elevation_m:g}"
     remedy = (
         "correct site.latitude_deg and site.longitude_deg, or tell the mount: indi_setprop"
@@ -282,9 +282,9 @@ def check_mount_driver(config: Config) -> Check:
         return unsure(str(error))
     if abilities is None:
         return unsure(f"{indi.mount} tells no position: is its driver connected to the mount?")
-    lacks = lacks_of(abilities, config.mount)
+    lacks = missing_abilities(abilities, config.mount)
     if not lacks:
-        return well(f"{indi.mount} offers all that is used")
+        return passed_check(f"{indi.mount} offers all that is used")
     missing = ", ".join(PROPERTIES[lack.name] for lack in lacks)
     detail = "; ".join(f"{lack.what}: {lack.follows}" for lack in lacks)
     unsafe = [lack.name for lack in lacks if lack.needs_override]
@@ -331,7 +331,7 @@ def check_disk(config: Config) -> Check:
     room = disk_words(free_bytes, outlook.dark_s, outlook.bytes_a_night)
     detail = f"{room}: room for {outlook.nights:.1f} nights"
     if outlook.warning is None:
-        return well(detail)
+        return passed_check(detail)
     is_enough = outlook.nights >= 1.0
     soon = f"; soon: {DISK_REMEDY}" if is_enough else ""
     return Check(ok=is_enough, detail=detail + soon, remedy=DISK_REMEDY)
@@ -342,7 +342,7 @@ def check_sessions_folder(config: Config) -> Check:
     root = config.session.root
     fault = doctor_system.write_fault(root)
     if fault is None:
-        return well(str(root))
+        return passed_check(str(root))
     return bad(f"{root}: {fault}", "give yourself the right to write there, or set session.root")
 
 

@@ -14,7 +14,7 @@ from collections.abc import Sequence
 from contextlib import closing
 
 from rsoconsole.config import Config
-from rsoconsole.engine.doctor.checks import Check, bad, well
+from rsoconsole.engine.doctor.checks import Check, bad, passed_check
 from rsoconsole.engine.doctor.mount_lacks import PROPERTIES
 from rsoconsole.instruments import (
     ANY_CLIENT,
@@ -65,7 +65,7 @@ def check_client(config: Config) -> Check:
     """Check that the configured INDI client library is installed and loads."""
     setting = config.indi.client
     if "indi" not in (config.instruments.mount, config.instruments.camera):
-        return well("not used: neither mount nor camera speaks INDI")
+        return passed_check("not used: neither mount nor camera speaks INDI")
     meant = allowed_libraries(setting)
     faults = import_faults([each.module for each in meant])
     found = [
@@ -76,7 +76,7 @@ def check_client(config: Config) -> Check:
     usable = [each for each in meant if each.module not in faults]
     if usable:
         detail = "; ".join([f"{usable[0].title} (indi.client is {setting})", *found])
-        return well(detail)
+        return passed_check(detail)
     found += [f"{each.package} is not installed" for each in meant if not each.is_there]
     remedy = f"'{meant[-1].install}'"
     return bad("; ".join(found), remedy if setting == "auto" else f"{remedy}, {ANY_CLIENT}")

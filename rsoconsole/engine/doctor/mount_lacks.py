@@ -20,7 +20,7 @@ PROPERTIES: dict[LackName, str] = {
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Lack:
+class MissingAbility:
     """One ability that a driver lacks."""
 
     name: LackName
@@ -36,7 +36,7 @@ class Lack:
         return f"the mount has {self.what}: {self.follows}"
 
 
-def lacks_of(abilities: MountAbilities, mount: MountConfig) -> tuple[Lack, ...]:
+def missing_abilities(abilities: MountAbilities, mount: MountConfig) -> tuple[MissingAbility, ...]:
     """Return all missing abilities, the unsafe first."""
     then = "it parks there" if abilities.can_park else "stay at its power switch"
     known: tuple[tuple[bool, LackName, str, str], ...] = (
@@ -59,7 +59,7 @@ def lacks_of(abilities: MountAbilities, mount: MountConfig) -> tuple[Lack, ...]:
     )
     unsafe = {"abort"} if abilities.can_park else {"abort", "tracking"}
     return tuple(
-        Lack(name=name, what=what, follows=follows, needs_override=name in unsafe)
+        MissingAbility(name=name, what=what, follows=follows, needs_override=name in unsafe)
         for is_there, name, what, follows in known
         if not is_there
     )

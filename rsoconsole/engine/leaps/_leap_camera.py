@@ -5,8 +5,8 @@ import logging
 from rsoconsole.base import InstrumentError
 from rsoconsole.config import Config
 from rsoconsole.engine.operator.by_hand import Parts
-from rsoconsole.engine.operator.handlers import Control
-from rsoconsole.engine.tasks.pace import EXPOSURE, change_record, changed, two_digits
+from rsoconsole.engine.operator.handlers import LoopControl
+from rsoconsole.engine.tasks.pace import EXPOSURE, change_record, config_with_setting, two_digits
 from rsoconsole.pipeline import binning_for
 
 log = logging.getLogger(__name__)
@@ -17,7 +17,7 @@ _WORTH_CHANGING = 0.15
 class LeapCamera:
     """Sets exposure and binning, on record, and restores the night's own."""
 
-    def __init__(self, control: Control, parts: Parts) -> None:
+    def __init__(self, control: LoopControl, parts: Parts) -> None:
         self._control, self._session_log = control, parts.session_log
         self._camera = parts.instrument_controller.instruments.camera
         self.binning = 1
@@ -111,7 +111,7 @@ class LeapCamera:
             words = f"the camera stays binned {self.binning} x {self.binning}: {error}"
             self._session_log.say("warning", words)
 
-    def configured(self, before: Config) -> None:
+    def apply_new_settings(self, before: Config) -> None:
         """Take new settings: an exposure that the operator sets during leaps holds after them."""
         if before.leap.subframe != self._control.config.leap.subframe:
             self._can_read_parts = True
@@ -122,6 +122,6 @@ class LeapCamera:
     def _set(self, exposure_s: float, by: str) -> None:
         config = self._control.config
         self._set_s = exposure_s
-        after = changed(config, EXPOSURE, exposure_s)
+        after = config_with_setting(config, EXPOSURE, exposure_s)
         self._session_log.append(change_record(config, after, EXPOSURE, by))
         self._control.configure(after)

@@ -8,23 +8,23 @@ from typing import Any
 import numpy as np
 
 from rsoconsole.engine.aim.instrument_controller import NS
-from rsoconsole.engine.leaps._leap_times import LeapParts, LeapTimes
+from rsoconsole.engine.leaps._leap_times import LeapDurations, LeapTimes
 from rsoconsole.engine.leaps.awaiting import (
-    last_words,
     next_pass_of,
     orbit_words,
+    pass_summary_words,
     pass_words,
-    rest_words,
+    remaining_pass_words,
 )
 from rsoconsole.engine.operator.by_hand import Parts
-from rsoconsole.engine.operator.handlers import Control
+from rsoconsole.engine.operator.handlers import LoopControl
 from rsoconsole.orbits import (
     ExpectedPass,
     KnownOrbit,
     LeapTrack,
     LowOrbit,
-    PointMass,
     StreakEnds,
+    TwoBodyPropagator,
     elements_of,
     path_of_orbit,
 )
@@ -34,7 +34,7 @@ from rsoconsole.sky import IntArray, Pose, lit_fraction, wrap_180
 
 
 def leap_record(
-    parts: LeapParts,
+    parts: LeapDurations,
     leap: Leap,
     before: LeapTrack,
     ends: StreakEnds | None,
@@ -115,15 +115,15 @@ class _Begun:
 class LeapLog:
     """Gathers the facts of each leap; slow computations wait until no frame needs the loop."""
 
-    def __init__(self, control: Control, parts: Parts, times: LeapTimes) -> None:
+    def __init__(self, control: LoopControl, parts: Parts, times: LeapTimes) -> None:
         self._control, self._times = control, times
         self._instrument_controller = parts.instrument_controller
         self._session_log = parts.session_log
         self._site = control.config.site.to_site()
         self._begun = _Begun()
-        self._unrecorded: Callable[[LeapParts], LeapDone] | None = None
+        self._unrecorded: Callable[[LeapDurations], LeapDone] | None = None
         """Makes the record of the last leap, when there is time for it."""
-        self._spent: list[LeapParts] = []
+        self._spent: list[LeapDurations] = []
         """The times of each leap of the pass."""
         self._frame_id = 0
         """Frame of the last leap or first streak."""
@@ -133,12 +133,14 @@ class LeapLog:
         self._begun, self._frame_id = _Begun(frame_id=frame_id, name=name), frame_id
         self._unrecorded, self._spent = None, []
 
-    def took(self, leap: Leap, *, waited_for_frame: bool) -> None:
+    def note_leap_times(self, leap: Leap, *, waited_for_frame: bool) -> None:
         """Note a leap's times, now that the next slew can be ordered."""
         now_ns = self._instrument_controller.now_utc_ns()
-        self._spent.append(self._times.parts_of(leap, now_ns, waited_for_frame=waited_for_frame))
+        self._spent.append(
+            self._times.leap_durations(leap, now_ns, waited_for_frame=waited_for_frame)
+        )
 
-    def came(
+    def note_leap_result(
         self,
         leap: Leap,
         order: LeapOrder,
@@ -204,13 +206,13 @@ class LeapLog:
         if is_first:
             self._begun.planned = len(plan.leaps)
         is_dark = len(lit) < len(t) and plan.end.kind == "it sets"
-        words = pass_words(plan) if is_first else rest_words(plan, is_dark=is_dark)
+        words = pass_words(plan) if is_first else remaining_pass_words(plan, is_dark=is_dark)
         self._session_log.say("info", words)
 
     def end(self, track: LeapTrack, why: str) -> None:
         """Log and record the orbit and the next pass of the satellite that was followed."""
         orbit = track.best.orbit
-        self._session_log.say("info", f"{why}: {last_words(track, self._spent)}")
+        self._session_log.say("info", f"{why}: {pass_summary_words(track, self._spent)}")
         later: ExpectedPass | None = None
         if orbit is not None:
             now_ns = self._instrument_controller.now_utc_ns()
@@ -220,7 +222,7 @@ class LeapLog:
                 self._session_log.say("info", line)
         self._record_pass(track, why, later)
 
-    def cut_off(self, track: LeapTrack, why: str) -> None:
+    def record_interrupted_pass(self, track: LeapTrack, why: str) -> None:
         """Record a pass that was cut short by something else."""
         self._record_pass(track, why, None)
 
@@ -270,7 +272,7 @@ def _likeliest(track: LeapTrack) -> KnownOrbit:
         r_km=cloud.r_km[heaviest],
         v_km_s=cloud.v_km_s[heaviest],
         covariance=_SURE,
-        forces=PointMass(),
+        forces=TwoBodyPropagator(),
     )
 
 

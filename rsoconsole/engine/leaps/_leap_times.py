@@ -18,7 +18,7 @@ from rsoconsole.pipeline import (
     MeasuredSlew,
     MountMotion,
     Telescope,
-    learned,
+    learned_motion,
     shutter_mid_utc_ns,
     shutter_time,
     terms_of,
@@ -182,7 +182,7 @@ _MIN_SCATTER_S = 0.01
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class LeapParts:
+class LeapDurations:
     """The times of one leap, in seconds."""
 
     total_s: float
@@ -269,7 +269,7 @@ class LeapTimes:
         self._latencies_s.append(latency_s)
         self._rows_s = rows_s
 
-    def examined(self, now_utc_ns: int) -> None:
+    def learn_processing_time(self, now_utc_ns: int) -> None:
         """Learn the time of read-out and reduction: the next slew can be ordered now."""
         took_s = self._since_closed_s(now_utc_ns)
         if took_s is not None:
@@ -298,7 +298,7 @@ class LeapTimes:
         is_slow = float(np.median(self._whole_s)) > float(np.median(ways_s))
         return _SUBFRAME if is_slow else 1.0
 
-    def record_readout(self, now_utc_ns: int) -> None:
+    def learn_whole_readout_time(self, now_utc_ns: int) -> None:
         """Learn the time from a whole-sensor frame until the next exposure can be ordered."""
         took_s = self._since_closed_s(now_utc_ns)
         if took_s is not None:
@@ -374,7 +374,7 @@ class LeapTimes:
     def telescope(self, binning: int) -> Telescope:
         """Return the telescope's motion, times and limits, as learned so far."""
         if self._motion is None:
-            self._motion = learned(self._config().mount, list(self._seen))
+            self._motion = learned_motion(self._config().mount, list(self._seen))
         return Telescope(
             motion=self._motion,
             terms=self.terms(binning),
@@ -382,7 +382,7 @@ class LeapTimes:
             lifted=self._watch.lifted_limits(),
         )
 
-    def configured(self, before: Config) -> None:
+    def apply_new_settings(self, before: Config) -> None:
         """Take new settings."""
         mount = self._config().mount
         if before.mount != mount:
@@ -391,13 +391,15 @@ class LeapTimes:
         if is_other or before.mount.settle_s != mount.settle_s:
             self._settle = SettleTrials(mount.settle_s)
 
-    def parts_of(self, leap: Leap, now_utc_ns: int, *, waited_for_frame: bool) -> LeapParts:
+    def leap_durations(
+        self, leap: Leap, now_utc_ns: int, *, waited_for_frame: bool
+    ) -> LeapDurations:
         """Return the times of a leap, from the order of its slew until now, when the next can go
         out."""
         terms = self.terms(leap.binning)
         readout_s = self._readouts_s[-1] if self._readouts_s else terms.readout_s
         while_settling_s = min(self._opens_s(), self._given_last_s)
-        return LeapParts(
+        return LeapDurations(
             total_s=(now_utc_ns - leap.t_order_utc_ns) / NS,
             slew_s=self._seen[-1].seconds if self._seen else leap.slew_s,
             settle_s=self._given_last_s,

@@ -5,8 +5,8 @@ from rsoconsole.engine.leaps._leap_camera import LeapCamera
 from rsoconsole.engine.leaps._leap_times import LeapTimes
 from rsoconsole.engine.leaps.awaiting import Awaiting
 from rsoconsole.engine.operator.by_hand import Parts
-from rsoconsole.engine.operator.handlers import Control
-from rsoconsole.pipeline import AwaitedPass, duty, expected_at, exposure_for
+from rsoconsole.engine.operator.handlers import LoopControl
+from rsoconsole.pipeline import AwaitedPass, expected_at, exposure_for, open_shutter_share
 from rsoconsole.sky import (
     Pose,
     hour_angle_icrs_deg,
@@ -29,7 +29,7 @@ class Staring:
 
     def __init__(
         self,
-        control: Control,
+        control: LoopControl,
         parts: Parts,
         times: LeapTimes,
         camera: LeapCamera,
@@ -61,14 +61,14 @@ class Staring:
         if self._stare is None:
             self._stare = self._where_to_stare(here, now_ns)
             readout_s = self._times.terms(self._camera.binning).readout_s
-            share = duty(stare_s, exposure.start_latency_s, readout_s)
+            share = open_shutter_share(stare_s, exposure.start_latency_s, readout_s)
             self._parts.session_log.say(
                 "info", f"stares for low satellites: the shutter is open {100 * share:.0f} %"
             )
         there = icrs_of_hour_angle(self._site, *self._stare, now_ns)
         if separation_deg(*here, *there) < self._drift_deg():
             return self.in_place(now_ns)
-        plan = self._parts.planner.to_place(there, now_ns, "stare", now_ns)
+        plan = self._parts.planner.plan_exposure_at(there, now_ns, "stare", now_ns)
         refused = self._parts.slews.order(plan, t_until_utc_ns=self._parts.planner.end_utc_ns(plan))
         if refused is not None:
             self._parts.session_log.say("warning", f"stares where it stands: {text(refused)}")
@@ -83,15 +83,17 @@ class Staring:
         stare = awaited.stare
         until_ns = stare.from_utc_ns - _GO_THERE_NS
         if now_ns < until_ns:
-            return self._parts.planner.to_place(None, min(until_ns, now_ns + _LOOK_NS), "", now_ns)
+            return self._parts.planner.plan_exposure_at(
+                None, min(until_ns, now_ns + _LOOK_NS), "", now_ns
+            )
         at_ns = max(now_ns, stare.from_utc_ns)
         place = expected_at(awaited, self._site, stare.t_through_utc_ns, 0.0)
         self._camera.expose_for(exposure_for(place, self._times.terms(self._camera.binning)))
         there = stare.direction_deg(self._site, at_ns)
         here = (pose.ra_icrs_deg, pose.dec_icrs_deg)
         if separation_deg(*here, *there) < self._drift_deg():
-            return self._parts.planner.to_place(None, at_ns, "", now_ns)
-        plan = self._parts.planner.to_place(there, at_ns, "await", now_ns)
+            return self._parts.planner.plan_exposure_at(None, at_ns, "", now_ns)
+        plan = self._parts.planner.plan_exposure_at(there, at_ns, "await", now_ns)
         end_ns = max(self._parts.planner.end_utc_ns(plan), stare.until_utc_ns)
         refused = self._parts.slews.order(plan, t_until_utc_ns=end_ns)
         if refused is not None:
@@ -103,7 +105,7 @@ class Staring:
 
     def in_place(self, now_ns: int) -> Plan:
         """Plan one more exposure where the telescope looks."""
-        return self._parts.planner.to_place(None, now_ns, "", now_ns)
+        return self._parts.planner.plan_exposure_at(None, now_ns, "", now_ns)
 
     def _note_slew(self, pose: Pose, there: tuple[float, float], now_ns: int) -> None:
         limits = self._times.telescope(self._camera.binning).limits

@@ -7,9 +7,9 @@ import numpy as np
 from rsoconsole.base import OrbitError
 from rsoconsole.config import Config
 from rsoconsole.engine.aim.instrument_controller import NS
-from rsoconsole.engine.leaps._leap_times import LeapParts
+from rsoconsole.engine.leaps._leap_times import LeapDurations
 from rsoconsole.engine.operator.by_hand import Parts
-from rsoconsole.engine.operator.handlers import Control
+from rsoconsole.engine.operator.handlers import LoopControl
 from rsoconsole.orbits import (
     CatalogueEntry,
     ExpectedPass,
@@ -77,7 +77,7 @@ def awaited_words(awaited: AwaitedPass) -> str:
     )
 
 
-def met_words(track: LeapTrack, seen: FrameStreak, leap: Leap | None) -> str:
+def successful_leap_words(track: LeapTrack, seen: FrameStreak, leap: Leap | None) -> str:
     """Return a successful leap in words: its number, its streak, how well the orbit fits."""
     best, number = track.best, len(track.best.streaks) - 1
     words = f"leap {number} met: {seen.detection.length_px:.0f} px"
@@ -96,7 +96,7 @@ def pass_words(plan: PassPlan) -> str:
     return f"up to {len(plan.leaps)} leaps{_flips_words(plan)}; then: {_end_words(plan)}"
 
 
-def rest_words(plan: PassPlan, *, is_dark: bool) -> str:
+def remaining_pass_words(plan: PassPlan, *, is_dark: bool) -> str:
     """Return the rest of a pass in words, by its own orbit: leaps, until when, and what ends it.
 
     ``is_dark``: True where the Earth's shadow ends it.
@@ -117,7 +117,7 @@ def _flips_words(plan: PassPlan) -> str:
     return f", {plan.flips} of them over the pier ({plan.longest_gap_s:.0f} s)"
 
 
-def last_words(track: LeapTrack, parts: Sequence[LeapParts]) -> str:
+def pass_summary_words(track: LeapTrack, parts: Sequence[LeapDurations]) -> str:
     """Return a finished pass in words: its streaks, and the median times of a leap."""
     streaks = track.best.streaks
     span_s = (streaks[-1].t_mid_utc_ns - streaks[0].t_mid_utc_ns) / NS_PER_S
@@ -125,7 +125,7 @@ def last_words(track: LeapTrack, parts: Sequence[LeapParts]) -> str:
     if not parts:
         return words
 
-    def median(of: Callable[[LeapParts], float]) -> float:
+    def median(of: Callable[[LeapDurations], float]) -> float:
         return float(np.median([of(each) for each in parts]))
 
     return (
@@ -168,7 +168,7 @@ _LOOKS_AGAIN_NS = 3600 * NS
 class Awaiting:
     """Finds the next pass, by elements or by the last satellite's own orbit."""
 
-    def __init__(self, control: Control, parts: Parts) -> None:
+    def __init__(self, control: LoopControl, parts: Parts) -> None:
         self._control = control
         self._parts = parts
         self._site = control.config.site.to_site()

@@ -18,9 +18,9 @@ from rsoconsole.engine.leaps._leap_camera import LeapCamera
 from rsoconsole.engine.leaps._leap_log import LeapLog
 from rsoconsole.engine.leaps._leap_times import LeapTimes
 from rsoconsole.engine.leaps._staring import Staring
-from rsoconsole.engine.leaps.awaiting import Awaiting, first_streak_words, met_words
+from rsoconsole.engine.leaps.awaiting import Awaiting, first_streak_words, successful_leap_words
 from rsoconsole.engine.operator.by_hand import Parts
-from rsoconsole.engine.operator.handlers import Control
+from rsoconsole.engine.operator.handlers import LoopControl
 from rsoconsole.instruments import MountReport
 from rsoconsole.orbits import (
     LeapTrack,
@@ -36,8 +36,8 @@ from rsoconsole.pipeline import (
     NoLeap,
     Reduction,
     Telescope,
-    came,
     is_dark,
+    measured_pass_offset,
     next_leap,
     shutter_mid_utc_ns,
     streaks_of,
@@ -66,7 +66,7 @@ LookAt = Callable[[Frame, float], Glance | None]
 class Leaping:
     """Follows a low satellite: determines where and when it is met next."""
 
-    def __init__(self, control: Control, parts: Parts, look_at: LookAt) -> None:
+    def __init__(self, control: LoopControl, parts: Parts, look_at: LookAt) -> None:
         self._control = control
         self._parts = parts
         self._site = control.config.site.to_site()
@@ -102,7 +102,7 @@ class Leaping:
         """End the leaps, with a reason for the record; later ones begin where the telescope then
         points."""
         if self.track is not None:
-            self._log.cut_off(self.track, why)
+            self._log.record_interrupted_pass(self.track, why)
         self.track = self._leap = None
         self.drop_early()
         self.times.forget_slew()
@@ -126,8 +126,8 @@ class Leaping:
         after = self._control.config
         if before.leap.pass_norad != after.leap.pass_norad:
             self._awaiting.forget_elements()
-        self._camera.configured(before)
-        self.times.configured(before)
+        self._camera.apply_new_settings(before)
+        self.times.apply_new_settings(before)
         if before.leap.enabled and not after.leap.enabled:
             self.forget("leaps were switched off")
 
@@ -227,15 +227,15 @@ class Leaping:
         if pose is None or not isinstance(plan := self._order(found, pose, now_ns), Plan):
             return False  # the whole frame says how it goes on
         if waited_for_frame:
-            self.times.examined(now_ns)
+            self.times.learn_processing_time(now_ns)
         if self._leap is not None:
-            self._log.took(self._leap, waited_for_frame=waited_for_frame)
+            self._log.note_leap_times(self._leap, waited_for_frame=waited_for_frame)
         self._early = plan, found, "by a look" if waited_for_frame else "at close"
         return True
 
     # --- what a frame shows
 
-    def saw(self, frame: Frame, reduction: Reduction) -> None:
+    def follow_frame(self, frame: Frame, reduction: Reduction) -> None:
         """Follow the satellite through one more frame, or begin with a streak of the frame."""
         if not self.is_on:
             return
@@ -259,7 +259,7 @@ class Leaping:
             if after is not None:
                 self._note_leap(leap, "met", each)
                 self.track, self._misses = after, 0
-                self._parts.session_log.say("info", met_words(after, each, leap))
+                self._parts.session_log.say("info", successful_leap_words(after, each, leap))
                 return
         self._note_leap(leap, "another streak" if found else "not in the frame")
         if self._begins_again(found, timing_of(frame, exposure), frame.frame_id):
@@ -277,9 +277,9 @@ class Leaping:
     def _learn(self, leap: Leap | None, reduction: Reduction) -> None:
         """Learn the last leap's times, and from the stars whether the mount had settled."""
         if self._early is None:
-            self.times.examined(self._parts.instrument_controller.now_utc_ns())
+            self.times.learn_processing_time(self._parts.instrument_controller.now_utc_ns())
             if leap is not None:
-                self._log.took(leap, waited_for_frame=True)
+                self._log.note_leap_times(leap, waited_for_frame=True)
         if words := self.times.add_star_width(reduction.fwhm_px):
             self._parts.session_log.say("info", words)
 
@@ -288,7 +288,7 @@ class Leaping:
     ) -> None:
         assert self.track is not None
         if leap is not None:
-            self._log.came(
+            self._log.note_leap_result(
                 leap,
                 self._order_by,
                 result,
@@ -307,7 +307,7 @@ class Leaping:
             if not each.may_begin or ends.speed_arcsec_s < config.leap.least_rate_arcsec_s:
                 continue
             awaited = self._awaiting.awaited
-            known = None if awaited is None else came(awaited, self._site, ends)
+            known = None if awaited is None else measured_pass_offset(awaited, self._site, ends)
             if awaited is not None and known is None:
                 self._parts.session_log.say("info", f"a low satellite that is not {awaited.name}")
                 continue
@@ -336,7 +336,7 @@ class Leaping:
         if first is None:
             return False
         self._log.record()
-        self._log.cut_off(self.track, "its next streak says otherwise")
+        self._log.record_interrupted_pass(self.track, "its next streak says otherwise")
         self._begin(first, frame_id)
         return True
 
@@ -372,7 +372,7 @@ class Leaping:
         Raises what ``Slews.order`` does.
         """
         if self._camera.share == 1.0:
-            self.times.record_readout(self._parts.instrument_controller.now_utc_ns())
+            self.times.learn_whole_readout_time(self._parts.instrument_controller.now_utc_ns())
         plan = self._next_plan(is_held=is_held)
         self._read_what_shows_it()
         return plan
@@ -427,7 +427,7 @@ class Leaping:
     def _order(self, found: Leap, pose: Pose, now_ns: int) -> Plan | SlewRefusal:
         """Order a leap's slew; return its plan or the refusal. Raises what ``Slews.order`` does."""
         direction = found.place.direction_deg
-        plan = self._parts.planner.to_place(
+        plan = self._parts.planner.plan_exposure_at(
             direction,
             found.t_expose_utc_ns,
             "leap",

@@ -13,7 +13,7 @@ from rsoconsole.engine.aim.instrument_controller import (
     StoppedElsewhere,
 )
 from rsoconsole.engine.aim.states import LimitMet, Stopped
-from rsoconsole.engine.operator.handlers import Control, Handlers
+from rsoconsole.engine.operator.handlers import Handlers, LoopControl
 from rsoconsole.engine.tasks.command_queue import (
     Alarm,
     CommandQueue,
@@ -35,7 +35,7 @@ class CommandTurn:
 
     def __init__(
         self,
-        control: Control,
+        control: LoopControl,
         instrument_controller: InstrumentController,
         queue: CommandQueue,
         session_log: SessionLog,
@@ -120,4 +120,6 @@ class CommandTurn:
         stopped = replace(trigger, is_obeyed=trigger.is_obeyed and is_answered)
         self._control.handle(stopped)
         if not stopped.is_obeyed:
-            self._faults.expect_stop(stopped, words, self._instrument_controller.now_utc_ns())
+            self._faults.add_disobeyed_stop(
+                stopped, words, self._instrument_controller.now_utc_ns()
+            )

@@ -8,7 +8,7 @@ from rsoconsole.engine.aim.states import Followed, NotPointing, Resumed
 from rsoconsole.engine.leaps.leaping import LEAP_POLL_NS, Leaping
 from rsoconsole.engine.operator.arming import pointing_check
 from rsoconsole.engine.operator.by_hand import ByHand, Parts
-from rsoconsole.engine.operator.handlers import Control
+from rsoconsole.engine.operator.handlers import LoopControl
 from rsoconsole.engine.tasks.exposures import Exposures
 from rsoconsole.engine.tasks.faults import Faults
 from rsoconsole.engine.tasks.field_tracks import AimAhead, aim_ahead
@@ -27,7 +27,7 @@ class FrameTurn:
 
     def __init__(
         self,
-        control: Control,
+        control: LoopControl,
         parts: Parts,
         *,
         exposures: Exposures,
@@ -119,7 +119,9 @@ class FrameTurn:
     def _order_next(self) -> Plan:
         """Plan the next exposure and order its slew; the mount is on its way when this returns."""
         if self._is_first_look:
-            return self._parts.planner.first_look(self._parts.instrument_controller.now_utc_ns())
+            return self._parts.planner.plan_exposure_here(
+                self._parts.instrument_controller.now_utc_ns()
+            )
         if self._leaping.is_on:
             return self._leaping.order_next(is_held=self._control.authority.is_held)
         return self._parts.slews.order_next(
@@ -134,7 +136,7 @@ class FrameTurn:
             self._parts.planner.moved_by_hand(report)
             self._parts.session_log.say("info", "the mount has arrived")
         frame, _ = self._exposures.take(
-            self._parts.planner.first_look(self._parts.instrument_controller.now_utc_ns())
+            self._parts.planner.plan_exposure_here(self._parts.instrument_controller.now_utc_ns())
         )
         place_px: tuple[float, float] | None = None
         try:
@@ -143,7 +145,7 @@ class FrameTurn:
             reduction, records = self._cycle.look(frame)
             place_px = self._places.of(frame, reduction, self._control.following)
             if isinstance(reduction.solution, Solution):
-                self._parts.planner.solved(reduction.solution)
+                self._parts.planner.note_solution(reduction.solution)
             self._parts.session_log.append_all(records)
             self._forgive()
             self._count_frame()
@@ -184,7 +186,7 @@ class FrameTurn:
         self._parts.session_log.append_all(result.records)
         self._control.handle(Followed(after=result.after))
         if isinstance(result.reduction.solution, Solution):
-            self._parts.planner.solved(result.reduction.solution)
+            self._parts.planner.note_solution(result.reduction.solution)
         self._parts.planner.followed(
             before, result.after, self._parts.instrument_controller.now_utc_ns()
         )
@@ -192,7 +194,7 @@ class FrameTurn:
         is_first_look, self._is_first_look = self._is_first_look, False
         if is_first_look and self._must_check_pointing:
             self._check_pointing(result.reduction)
-        self._leaping.saw(frame, result.reduction)
+        self._leaping.follow_frame(frame, result.reduction)
         if self._control.authority.is_autonomous:
             self._plan = self._order_next()
             self._exposures.next_start_utc_ns = self._plan.t_start_utc_ns

@@ -12,7 +12,7 @@ from typing import Literal
 from rsoconsole.base import InstrumentError
 from rsoconsole.engine.aim.states import ClockSet
 from rsoconsole.engine.operator.by_hand import ByHand, Parts
-from rsoconsole.engine.operator.handlers import Control
+from rsoconsole.engine.operator.handlers import LoopControl
 from rsoconsole.instruments import MIN_STEP_S, ClockFault, MountReport
 from rsoconsole.records import Topic
 from rsoconsole.sky import icrs_to_altaz
@@ -36,7 +36,7 @@ class Interruptions:
 
     def __init__(
         self,
-        control: Control,
+        control: LoopControl,
         parts: Parts,
         by_hand: ByHand,
         *,

@@ -163,7 +163,7 @@ def with_mark_figures(
     )
 
 
-def by_hand_result(decision: Ruling, records: tuple[Record, ...]) -> CommandResult:
+def unfollowed_frame_result(decision: Ruling, records: tuple[Record, ...]) -> CommandResult:
     """Return the result of a decision on a frame taken without autonomy."""
     states = [r for r in records if isinstance(r, TrackState) and r.frame_id == decision.frame_id]
     result = result_of(decision, ())

@@ -12,9 +12,9 @@ from rsoconsole.base import RsoconsoleError
 from rsoconsole.config import Config
 from rsoconsole.engine.aim.night import darkness_words, dome_fault, sun_fault, weather_fault
 from rsoconsole.engine.doctor import doctor, doctor_system
-from rsoconsole.engine.doctor.checks import Check, bad, unsure, well
+from rsoconsole.engine.doctor.checks import Check, bad, passed_check, unsure
 from rsoconsole.engine.doctor.doctor_system import ClockReading
-from rsoconsole.engine.doctor.mount_lacks import Lack, LackName, lacks_of
+from rsoconsole.engine.doctor.mount_lacks import LackName, MissingAbility, missing_abilities
 from rsoconsole.engine.machine.medium import DISK_REMEDY, bytes_until_dawn, disk_words
 from rsoconsole.instruments import Instruments, MountAbilities, MountReport, SiteCheck, SkyReport
 from rsoconsole.records import NotSolved, Solution
@@ -163,7 +163,7 @@ def _pointing(
         f"pointing offset {60 * apart_deg:.1f} arcmin: the stars lie beside where the mount says"
     )
     if apart_deg <= POINTING_DEG:
-        return well(detail)
+        return passed_check(detail)
     return bad(
         f"{detail}, {60 * POINTING_DEG:.0f} at most",
         f"{ALIGN} (its sync, its hand controller)",
@@ -193,7 +193,7 @@ def _clock(facts: ArmingFacts, config: Config) -> Check:
     """Check the machine's clock; the answer includes the shutter's timing, if it was measured."""
     found = doctor.check_clock(facts.clock, CLOCK_OFFSET_S)
     if facts.is_simulated:
-        found = well("the simulated observatory's own")
+        found = passed_check("the simulated observatory's own")
     if not config.exposure.calibrated:
         return found
     shutter = shutter_words(config.exposure, day_of(facts.now_utc_ns))
@@ -204,7 +204,7 @@ def _site(facts: ArmingFacts) -> Check:
     if facts.site is None:
         return _mount_is_silent(facts)
     if facts.site.is_consistent:
-        return well(facts.site.detail)
+        return passed_check(facts.site.detail)
     remedy = "correct site.latitude_deg and site.longitude_deg, or set the mount's site"
     return bad(facts.site.detail, remedy)
 
@@ -214,10 +214,10 @@ def _time(facts: ArmingFacts) -> Check:
         return _mount_is_silent(facts)
     offset_s = facts.mount_utc_offset_s
     if offset_s is None:
-        return well("the mount does not tell its time")
+        return passed_check("the mount does not tell its time")
     detail = f"the mount's clock is {offset_s:+.1f} s from this machine's"
     if abs(offset_s) <= MOUNT_TIME_S:
-        return well(detail)
+        return passed_check(detail)
     return bad(
         f"{detail}, {MOUNT_TIME_S:.0f} s at most",
         "set the mount's UTC time, or the hand controller's zone and summer time",
@@ -227,7 +227,7 @@ def _time(facts: ArmingFacts) -> Check:
 def _sun(facts: ArmingFacts, config: Config) -> Check:
     fault = sun_fault(config, facts.now_utc_ns)
     when = darkness_words(config, facts.now_utc_ns)
-    return bad(fault, when) if fault else well(when)
+    return bad(fault, when) if fault else passed_check(when)
 
 
 def _unparked(facts: ArmingFacts, config: Config) -> Check:
@@ -239,7 +239,7 @@ def _unparked(facts: ArmingFacts, config: Config) -> Check:
     detail = "the mount parks: arming ends that" if is_parking else "the mount is not parked"
     found = [_lack(name, facts, config) for name in ("park", "pier side")]
     lacks = [f"{lack.what}, {lack.follows}" for lack in found if lack is not None]
-    return well("; ".join([detail, *lacks]))
+    return passed_check("; ".join([detail, *lacks]))
 
 
 def _ability(
@@ -249,34 +249,34 @@ def _ability(
         return _mount_is_silent(facts)
     lack = _lack(name, facts, config)
     if lack is None:
-        return well(detail)
+        return passed_check(detail)
     remedy = "use a driver that can; else stay beside the mount" if lack.needs_override else ""
     return Check(ok=not lack.needs_override, detail=lack.follows, remedy=remedy)
 
 
-def _lack(name: LackName, facts: ArmingFacts, config: Config) -> Lack | None:
-    lacks = () if facts.abilities is None else lacks_of(facts.abilities, config.mount)
+def _lack(name: LackName, facts: ArmingFacts, config: Config) -> MissingAbility | None:
+    lacks = () if facts.abilities is None else missing_abilities(facts.abilities, config.mount)
     return next((lack for lack in lacks if lack.name == name), None)
 
 
 def _weather(facts: ArmingFacts, config: Config) -> Check:
     if config.indi.weather is None:
-        return well("no station is configured")
+        return passed_check("no station is configured")
     fault = weather_fault(config, facts.sky)
     if fault:
         remedy = "wait until it clears; for a silent station look at its driver and indi.weather"
         return bad(fault, remedy)
     word = facts.sky.weather if facts.sky else None
-    return well(f"{config.indi.weather} says {word}")
+    return passed_check(f"{config.indi.weather} says {word}")
 
 
 def _dome(facts: ArmingFacts, config: Config) -> Check:
     if config.indi.dome is None:
-        return well("none is configured")
+        return passed_check("none is configured")
     fault = dome_fault(config, facts.sky)
     if fault:
         return bad(fault, "open its shutter")
-    return well(f"{config.indi.dome} is open")
+    return passed_check(f"{config.indi.dome} is open")
 
 
 def _disk(facts: ArmingFacts, config: Config) -> Check:
@@ -288,7 +288,7 @@ def _disk(facts: ArmingFacts, config: Config) -> Check:
     need_bytes, dark_s = bytes_until_dawn(config, facts.now_utc_ns)
     detail = disk_words(facts.free_bytes, dark_s, need_bytes)
     if facts.free_bytes >= need_bytes:
-        return well(detail)
+        return passed_check(detail)
     return bad(detail, DISK_REMEDY)
 
 

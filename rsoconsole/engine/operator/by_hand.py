@@ -3,13 +3,13 @@
 import math
 from dataclasses import dataclass
 
-from rsoconsole.control import Beside, Command, Goto, MovePreview, Nudge, Preview, Track, Unpark
+from rsoconsole.control import AimOffset, Command, Goto, MovePreview, Nudge, Preview, Track, Unpark
 from rsoconsole.engine.aim.guide import Guide
 from rsoconsole.engine.aim.instrument_controller import NS, InstrumentController
 from rsoconsole.engine.aim.plan import Planner
 from rsoconsole.engine.aim.states import Taken
-from rsoconsole.engine.operator.handlers import Accepted, Control, Handler, Handlers
-from rsoconsole.engine.tasks.pace import changed
+from rsoconsole.engine.operator.handlers import Accepted, Handler, Handlers, LoopControl
+from rsoconsole.engine.tasks.pace import config_with_setting
 from rsoconsole.engine.tasks.session_log import SessionLog
 from rsoconsole.engine.tasks.slews import Slews
 from rsoconsole.engine.tasks.watch import LIFTS, Watch
@@ -49,7 +49,7 @@ class Parts:
 class ByHand:
     """Moves the mount within its limits and remembers where it was sent."""
 
-    def __init__(self, control: Control, parts: Parts) -> None:
+    def __init__(self, control: LoopControl, parts: Parts) -> None:
         self._control = control
         self._parts = parts
         self.move: HandMove | None = None
@@ -82,7 +82,7 @@ class ByHand:
             t_utc_ns=now_ns, ra_icrs_deg=direction[0], dec_icrs_deg=direction[1], pier_side=None
         )
         margins = self._parts.watch.limits.margins_deg(pose)
-        override = () if isinstance(preview.move, Beside) else preview.move.override
+        override = () if isinstance(preview.move, AimOffset) else preview.move.override
         return MovePreview(
             ra_icrs_deg=direction[0],
             dec_icrs_deg=direction[1],
@@ -174,25 +174,25 @@ class ByHand:
         self._control.end_park()
         return done("the mount is not parked any more")
 
-    def _wanted(self, move: Move | Beside) -> Direction:
+    def _wanted(self, move: Move | AimOffset) -> Direction:
         """Return the direction of a move, ICRS degrees."""
         if isinstance(move, Goto):
             return float(wrap_360(move.ra_icrs_deg)), move.dec_icrs_deg
-        if isinstance(move, Beside):
+        if isinstance(move, AimOffset):
             return self._beside(move)
         ra_deg, dec_deg = self._looks_at()
         dec_after_deg = min(max(dec_deg + move.north_arcmin / 60.0, -90.0), 90.0)
         cos_dec = max(math.cos(math.radians(dec_after_deg)), 1e-3)
         return float(wrap_360(ra_deg + move.east_arcmin / 60.0 / cos_dec)), dec_after_deg
 
-    def _beside(self, move: Beside) -> Direction:
+    def _beside(self, move: AimOffset) -> Direction:
         """Return a place beside the lead track, as it is at this moment."""
         track = self._control.following.track
         if track is None:
             raise ValueError("nothing is followed: there is no prediction to look beside")
         config = self._control.config
         for name, value in move.settings().items():
-            config = changed(config, name, value)
+            config = config_with_setting(config, name, value)
         now_ns = self._parts.instrument_controller.now_utc_ns()
         by_orbit = self._parts.guide.track_direction(now_ns, config.aim)
         return by_orbit or follow_direction(track, now_ns, config.filter, config.aim)

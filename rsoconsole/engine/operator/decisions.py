@@ -25,7 +25,6 @@ from rsoconsole.control import (
 from rsoconsole.engine.aim.states import Followed, Marked
 from rsoconsole.engine.operator._hand_marks import (
     better_measurement,
-    by_hand_result,
     detected_measurement,
     detection_of,
     marked_decision,
@@ -33,9 +32,16 @@ from rsoconsole.engine.operator._hand_marks import (
     refined_command,
     result_of,
     sigma_arcsec,
+    unfollowed_frame_result,
     with_mark_figures,
 )
-from rsoconsole.engine.operator.handlers import Accepted, Control, Handler, Handlers, RefusedError
+from rsoconsole.engine.operator.handlers import (
+    Accepted,
+    Handler,
+    Handlers,
+    LoopControl,
+    RefusedError,
+)
 from rsoconsole.engine.tasks.session_log import SessionLog
 from rsoconsole.pipeline import Cycle, FollowedFrames, FrameObservations, HandTrack, refined_mark
 from rsoconsole.records import (
@@ -136,7 +142,7 @@ class Decisions:
 
     def __init__(
         self,
-        control: Control,
+        control: LoopControl,
         cycle: Cycle,
         session_log: SessionLog,
         pixels_of: PixelsOf = lambda _frame_id: None,
@@ -177,14 +183,14 @@ class Decisions:
         frame_id = shown.taken.frame_id
         others = {n: pixels for n, pixels in self._marked_pixels.items() if n != frame_id}
         if not begun.is_on:
-            frames.let_go(frame_id)
+            frames.release_frame(frame_id)
             self._marked_pixels = others
             return frame_id
         frames.hold(frame_id)
         try:
             frames.shown(frame_id)
         except ValueError:  # a newer one has taken its place at this very moment
-            frames.let_go(frame_id)
+            frames.release_frame(frame_id)
             raise
         if self._control.config.session.keep_frames == "last":
             pixels = self._pixels_of(frame_id)
@@ -285,7 +291,7 @@ class Decisions:
         for record in records:
             self._session_log.append(record)
         self._control.handle(Marked(kept=kept))
-        return by_hand_result(decision, records)
+        return unfollowed_frame_result(decision, records)
 
     def _decision(self, command: Decision, by: str) -> Ruling:
         """Return the decision that a command makes. Raises ValueError where it cannot be made."""
@@ -316,7 +322,7 @@ class Decisions:
 
 def _take_back(command: TakeBack, folds: Frames, by: str) -> Ruling:
     """Return a decision without content: the detector's result alone counts for the frame again."""
-    frame_id = folds.said_last() if command.frame_id is None else command.frame_id
+    frame_id = folds.last_decided_frame_id() if command.frame_id is None else command.frame_id
     if frame_id is None:
         raise ValueError("nothing has been said of the last frames that could be taken back")
     if folds.shown(frame_id).decision is None:

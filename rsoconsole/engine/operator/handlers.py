@@ -24,7 +24,7 @@ from rsoconsole.engine.aim.states import (
     Trigger,
     step,
 )
-from rsoconsole.engine.tasks.pace import TemporarySettings, change_record, changed
+from rsoconsole.engine.tasks.pace import TemporarySettings, change_record, config_with_setting
 from rsoconsole.engine.tasks.session_log import SessionLog
 from rsoconsole.engine.tasks.slews import Slews
 from rsoconsole.pipeline import direction_at
@@ -36,7 +36,7 @@ from rsoconsole.words import text
 SOON = "in force from the next cycle"
 
 
-class Control(Protocol):
+class LoopControl(Protocol):
     """The part of the loop that handlers see: its state, and the ways to change it."""
 
     @property
@@ -117,7 +117,7 @@ def accept(_command: Command, _by: str) -> Accepted:
     return Accepted()
 
 
-def expect_nothing(_command: Command, _by: str) -> None:
+def need_no_state(_command: Command, _by: str) -> None:
     """Expect nothing of the loop's state."""
 
 
@@ -131,7 +131,7 @@ class Handler:
     check: Callable[[Any, str], Accepted] = accept
     """Checks the command on the wire's threads, before it is queued. Raises ValueError if it cannot
     be."""
-    expect: Callable[[Any, str], None] = expect_nothing
+    expect: Callable[[Any, str], None] = need_no_state
     """Checks conditions that earlier commands may still change: called only while none waits."""
 
 
@@ -152,7 +152,7 @@ def joined(parts: Iterable[Handlers]) -> dict[type[Command], Handler]:
 class Modes:
     """Turns commands into triggers of the state machine."""
 
-    def __init__(self, control: Control) -> None:
+    def __init__(self, control: LoopControl) -> None:
         self._control = control
 
     @property
@@ -218,7 +218,7 @@ class Settings:
     """Handles changes of settings while the loop runs."""
 
     def __init__(
-        self, control: Control, temporary: TemporarySettings, session_log: SessionLog
+        self, control: LoopControl, temporary: TemporarySettings, session_log: SessionLog
     ) -> None:
         self._control = control
         self._temporary = temporary
@@ -230,16 +230,16 @@ class Settings:
         return {Set: Handler(check=self._check, execute=self._set)}
 
     def _check(self, command: Set, _by: str) -> Accepted:
-        changed(self._control.config, command.name, command.value)
+        config_with_setting(self._control.config, command.name, command.value)
         return Accepted()
 
     def _set(self, command: Set, by: str) -> CommandResult:
         before = self._control.config
-        after = changed(before, command.name, command.value)
+        after = config_with_setting(before, command.name, command.value)
         if command.frames is None:
             self._temporary.keep(command.name)
         else:
-            self._temporary.lend(before, command.name, command.frames)
+            self._temporary.remember_setting(before, command.name, command.frames)
         self._session_log.append(change_record(before, after, command.name, by))
         self._control.configure(after)
         if after.filter.preset != before.filter.preset:
@@ -252,7 +252,7 @@ class Seeking:
 
     def __init__(
         self,
-        control: Control,
+        control: LoopControl,
         instrument_controller: InstrumentController,
         planner: Planner,
         slews: Slews,

@@ -18,9 +18,9 @@ from rsoconsole.control import (
     BeginMark,
     Command,
     LastStop,
-    Later,
     Note,
     Outcome,
+    PendingOutcome,
     Preview,
     Request,
     Sender,
@@ -32,7 +32,7 @@ from rsoconsole.control import (
     status_json,
 )
 from rsoconsole.engine.aim.states import Stopped
-from rsoconsole.engine.doctor.mount_lacks import Lack, lacks_of
+from rsoconsole.engine.doctor.mount_lacks import MissingAbility, missing_abilities
 from rsoconsole.engine.loop.loop import Engine
 from rsoconsole.engine.operator.arming import (
     arming_checks,
@@ -79,7 +79,7 @@ class CommandHandler:
         flush: Callable[[float], bool] = lambda _timeout_s: True,
         *,
         machine: Callable[[], MachineState | None] = lambda: None,
-        lacks: tuple[Lack, ...] = (),
+        lacks: tuple[MissingAbility, ...] = (),
         mount_word_s: float = MOUNT_WORD_S,
     ) -> None:
         """``flush``: wait until the disk has what was put on record, at most that long, in seconds.
@@ -121,9 +121,9 @@ class CommandHandler:
     def handle(self, request: Request) -> Outcome:
         """Handle a request to its end; a refusal gives the reason."""
         begun = self.begin(request)
-        return begun.outcome() if isinstance(begun, Later) else begun
+        return begun.outcome() if isinstance(begun, PendingOutcome) else begun
 
-    def begin(self, request: Request) -> Outcome | Later:
+    def begin(self, request: Request) -> Outcome | PendingOutcome:
         """Handle a request at once; an answer that needs the mount comes as a ``Later``."""
         command = request.command
         refused = self._seats.refusal(request.sender, needs_control=command.needs_control)
@@ -140,7 +140,7 @@ class CommandHandler:
 
     # -- through the loop -----------------------------------------------------------------------
 
-    def _accept(self, request: Request) -> Outcome | Later:
+    def _accept(self, request: Request) -> Outcome | PendingOutcome:
         """Check a request and queue it for the loop; what can be known at once is answered at
         once."""
         command, by = request.command, request.by
@@ -172,7 +172,7 @@ class CommandHandler:
         if not is_kept:
             return self._not_on_record("it is carried out", dict(accepted.data))
         if command.awaits_mount:
-            return Later(
+            return PendingOutcome(
                 until_s=request.came_s + self._mount_word_s,
                 wait=lambda wait_s: _first_word(request, accepted, wait_s),
             )
@@ -189,7 +189,7 @@ class CommandHandler:
         config = self._engine.config
         facts = gather_facts(self._instruments, config, self._session)
         if facts.abilities is not None:
-            self._lacks = lacks_of(facts.abilities, config.mount)
+            self._lacks = missing_abilities(facts.abilities, config.mount)
         checks = arming_checks(facts, config)
         if unknown := unknown_words(names):
             raise ValueError(unknown)

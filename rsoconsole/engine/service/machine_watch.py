@@ -14,7 +14,7 @@ from typing import Literal
 from rsoconsole.config import Config
 from rsoconsole.control import Health, Machine, Poller
 from rsoconsole.engine.doctor.doctor_system import free_bytes, read_clock
-from rsoconsole.engine.doctor.mount_lacks import Lack
+from rsoconsole.engine.doctor.mount_lacks import MissingAbility
 from rsoconsole.engine.loop.interruptions import ClockTrouble
 from rsoconsole.engine.machine.machine import Trouble, read_machine, troubles_of
 from rsoconsole.engine.machine.medium import Medium, medium_of, session_bytes
@@ -154,7 +154,7 @@ class HealthMeter:
         self,
         report: MountReport | None,
         trouble: ClockTrouble | None = None,
-        lacks: Sequence[Lack] = (),
+        lacks: Sequence[MissingAbility] = (),
     ) -> tuple[Health, ...]:
         """Return mount, clock, disk, temperature; what cannot be read is left out.
 
@@ -205,7 +205,7 @@ class HealthMeter:
         return Health(name="disk", ok=hours >= LOW_HOURS, text=text)
 
 
-def driver_health(lacks: Sequence[Lack]) -> tuple[Health, ...]:
+def driver_health(lacks: Sequence[MissingAbility]) -> tuple[Health, ...]:
     """Return the mount's missing abilities; nothing of what it only does not report."""
     missing = [lack.what for lack in lacks if lack.name in ("abort", "tracking", "park")]
     return (Health(name="driver", ok=False, text=", ".join(missing)),) if missing else ()

@@ -22,7 +22,7 @@ from rsoconsole.control import ControlServer, EngineLock, MountLock, default_soc
 from rsoconsole.engine.aim.instrument_controller import InstrumentController, Interrupted
 from rsoconsole.engine.alerts.process import AlertProcess
 from rsoconsole.engine.doctor.doctor_system import read_clock
-from rsoconsole.engine.doctor.mount_lacks import Lack, lacks_of
+from rsoconsole.engine.doctor.mount_lacks import MissingAbility, missing_abilities
 from rsoconsole.engine.loop.loop import Engine
 from rsoconsole.engine.machine.machine import hide_notify_socket, notify
 from rsoconsole.engine.machine.medium import disk_outlook
@@ -41,7 +41,7 @@ from rsoconsole.instruments import (
     MountPort,
     client_library,
     connect_instruments,
-    return_what_is_freed,
+    return_freed_blocks,
 )
 from rsoconsole.pipeline import Reduction, kept_pixels, open_reducer
 from rsoconsole.session import SessionWriter, cut_off_session, new_session_folder
@@ -86,7 +86,7 @@ def run_engine(
     SIGTERM and SIGINT are a safe stop: the mount stops, the session is closed. Raises
     InstrumentError, ModelError, SolverError, SessionError or ControlError before it starts.
     """
-    return_what_is_freed()
+    return_freed_blocks()
     hide_notify_socket()
     queue = CommandQueue()
     with contextlib.ExitStack() as stack:
@@ -256,15 +256,17 @@ def _load_ahead(config: Config) -> None:
         threading.Thread(target=import_module, args=(name,), daemon=True, name=name).start()
 
 
-def _mount_faults(mount: MountPort, config: Config) -> tuple[tuple[Lack, ...], str | None]:
+def _mount_faults(
+    mount: MountPort, config: Config
+) -> tuple[tuple[MissingAbility, ...], str | None]:
     """Return the abilities that the mount's driver lacks, and the fault of its site."""
     return _mount_lacks(mount, config), _site_fault(mount, config)
 
 
-def _mount_lacks(mount: MountPort, config: Config) -> tuple[Lack, ...]:
+def _mount_lacks(mount: MountPort, config: Config) -> tuple[MissingAbility, ...]:
     """Return the abilities that the driver lacks; a newly connected one defines them bit by bit."""
     ends_s = time.monotonic() + DEFINED_S
-    while lacks := lacks_of(mount.abilities(), config.mount):
+    while lacks := missing_abilities(mount.abilities(), config.mount):
         if time.monotonic() > ends_s:
             break
         time.sleep(DEFINED_S / 10.0)

@@ -53,7 +53,7 @@ class FrameTimes:
         self._usual.clear()
         self._off.clear()
 
-    def judge(self, t_start_utc_ns: int, opened_utc_ns: int) -> FrameTime:
+    def check_frame_time(self, t_start_utc_ns: int, opened_utc_ns: int) -> FrameTime:
         """Judge a frame's time: ``t_start_utc_ns`` by the frame, ``opened_utc_ns`` by this
         machine's clock."""
         apart_s = (t_start_utc_ns - opened_utc_ns) / 1e9
@@ -140,7 +140,7 @@ class Exposures:
         self._session_log.append(frame_taken_record(frame, plan.blocked))
         for text in self._instrument_controller.instruments.camera.take_messages():
             self._session_log.say("info", f"camera: {text}")
-        clocks_apart = self._planner.exposed(frame, opened_ns)
+        clocks_apart = self._planner.note_frame(frame, opened_ns)
         if clocks_apart is not None:
             self._session_log.say("warning", clocks_apart)
         return frame, read_ms
@@ -149,7 +149,7 @@ class Exposures:
         """Raise Interrupted for a frame whose time does not agree with those before it."""
         if frame.t_start_utc_ns is None:
             return
-        found = self.frame_times.judge(frame.t_start_utc_ns, opened_ns)
+        found = self.frame_times.check_frame_time(frame.t_start_utc_ns, opened_ns)
         if found.is_set:
             self.on_camera_set(found.off_s)
         if not found.is_believed:

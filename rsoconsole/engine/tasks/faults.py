@@ -31,7 +31,7 @@ class Faults:
         self._words.clear()
         self._was_blind, self._stop = False, None
 
-    def expect_stop(self, stopped: Stopped, words: str, now_utc_ns: int) -> None:
+    def add_disobeyed_stop(self, stopped: Stopped, words: str, now_utc_ns: int) -> None:
         """Note that a STOP was not obeyed: a fault until the mount is measured to be at rest."""
         self._words, self._stop = [words], (stopped, now_utc_ns)
 

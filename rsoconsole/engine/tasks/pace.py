@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from rsoconsole.base import ConfigError
-from rsoconsole.config import Config, unknown_setting, walk, with_setting
+from rsoconsole.config import Config, every_setting, unknown_setting, with_setting
 from rsoconsole.records import ParameterChange, TrackState
 from rsoconsole.tracking import sky_rate_arcsec_s
 
@@ -39,7 +39,7 @@ TUNABLE = {f"{section}.{key}" for section, keys in _BY_SECTION.items() for key i
 """Settings that may change while the loop runs."""
 
 
-def changed(config: Config, name: str, value: float | str) -> Config:
+def config_with_setting(config: Config, name: str, value: float | str) -> Config:
     """Return the configuration with one tunable set. Raises ValueError naming the allowed
     values."""
     check_tunable(name)
@@ -53,7 +53,7 @@ def check_tunable(name: str) -> None:
     """Raise ValueError, with the remedy, for a setting that cannot change while the loop runs."""
     if name in TUNABLE:
         return
-    if name in {each for each, _, _ in walk(Config())}:
+    if name in {each for each, _, _ in every_setting(Config())}:
         raise ValueError(
             f"{name} does not change while the engine runs: write it into the configuration file"
             " and start the engine again"
@@ -164,7 +164,7 @@ class Pace:
         """Return the configuration without the changes made for the track."""
         for name, value in self._before.items():
             if value_of(config, name) == self._own.get(name):
-                config = changed(config, name, value)
+                config = config_with_setting(config, name, value)
         return config
 
     def _changed_to(
@@ -174,7 +174,7 @@ class Pace:
         for name, value in values.items():
             if value == value_of(config, name):
                 continue
-            after = changed(config, name, value)
+            after = config_with_setting(config, name, value)
             changes.append(change_record(config, after, name, by))
             if self._before.setdefault(name, value_of(config, name)) == value:
                 self._before.pop(name)
@@ -206,7 +206,7 @@ class TemporarySettings:
         self._of_night = of_night
         self._loans: dict[str, _Loan] = {}
 
-    def lend(self, config: Config, name: str, frames: int) -> None:
+    def remember_setting(self, config: Config, name: str, frames: int) -> None:
         """Remember the present setting; the value before the first change comes back at the end."""
         known = self._loans.get(name)
         before = value_of(self._of_night(config), name) if known is None else known.before
@@ -229,7 +229,7 @@ class TemporarySettings:
                 self._loans[name] = _Loan(before=loan.before, frames=loan.frames - 1)
                 continue
             del self._loans[name]
-            after = changed(config, name, loan.before)
+            after = config_with_setting(config, name, loan.before)
             changes.append(change_record(config, after, name, "the end of its frames"))
             config = after
         return config, tuple(changes)

@@ -16,7 +16,7 @@ from typing import Literal
 from rsoconsole.base import RsoconsoleError
 from rsoconsole.config import Config
 from rsoconsole.engine.aim.instrument_controller import Ordered
-from rsoconsole.engine.aim.night import NightEnd, lasting_overrides, night_end
+from rsoconsole.engine.aim.night import NightEnd, night_end, overrides_still_needed
 from rsoconsole.engine.aim.states import LimitMet, NightEnded
 from rsoconsole.engine.machine.machine import notify
 from rsoconsole.engine.tasks._limit_stop import LimitStop
@@ -367,7 +367,7 @@ class Watch:
         else:
             self._said.pop("weather", None)
         with self._lock:
-            self.lifted = lasting_overrides(self._config, now_ns, sky, self.lifted)
+            self.lifted = overrides_still_needed(self._config, now_ns, sky, self.lifted)
             end = night_end(self._config, now_ns, sky, self.lifted)
             is_ours = end is not None and self._is_responsible
             if is_ours:

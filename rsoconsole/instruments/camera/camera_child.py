@@ -23,7 +23,7 @@ from rsoconsole.instruments.frames.plain_fits import read_plain
 from rsoconsole.instruments.indi.client_choice import open_client
 from rsoconsole.instruments.indi.indi_child import ReplyWriter, run_child
 from rsoconsole.instruments.indi.indi_client import IndiClient, Vector, without_timestamp
-from rsoconsole.instruments.process_memory import return_free_pages, return_what_is_freed
+from rsoconsole.instruments.process_memory import return_free_pages, return_freed_blocks
 from rsoconsole.records import Frame
 
 _EXPOSURE = "CCD_EXPOSURE"
@@ -221,7 +221,7 @@ def _driver_binning(info: Vector | None, order: dict[str, Any]) -> int:
 
 def main() -> None:
     """Serve orders until the parent goes away."""
-    return_what_is_freed()
+    return_freed_blocks()
     writer = ReplyWriter()
     child = CameraChild(writer)
     try:

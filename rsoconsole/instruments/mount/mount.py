@@ -23,7 +23,7 @@ from rsoconsole.instruments.ports import (
     SiteCheck,
     SlewEnd,
     StopResult,
-    unheard,
+    ignore_stop_result,
 )
 from rsoconsole.records import Site
 from rsoconsole.sky import separation_deg
@@ -120,7 +120,7 @@ class IndiMount:
         return latest
 
     def abort(
-        self, timeout_s: float = 2.0, *, on_news: Callable[[StopResult], None] = unheard
+        self, timeout_s: float = 2.0, *, on_news: Callable[[StopResult], None] = ignore_stop_result
     ) -> StopResult:
         """End motion at once, and measure how the mount then moves; never raises.
 

@@ -14,7 +14,11 @@ from rsoconsole.config import APP, Config, WaitsConfig
 from rsoconsole.instruments.clock_watch import ClockReadings, ClockWatch
 from rsoconsole.instruments.indi.indi_wire import IndiVector, IndiWire
 from rsoconsole.instruments.indi.safety_monitor import IndiSafetyMonitor
-from rsoconsole.instruments.observatory.protocols import ProtocolContext, camera_by, mount_by
+from rsoconsole.instruments.observatory.protocols import (
+    ProtocolContext,
+    create_camera,
+    create_mount,
+)
 from rsoconsole.instruments.ports import Clock, ClockFault, Instruments
 
 CLOCK_DEVICE = "Simulated Clock"
@@ -230,9 +234,9 @@ def connect_instruments(
     folder = log_dir or platformdirs.user_log_path(APP)
     with ExitStack() as release:
         context = ProtocolContext(config=config, log_dir=folder)
-        mount = mount_by(context)
+        mount = create_mount(context)
         release.callback(mount.close)
-        camera = camera_by(context)
+        camera = create_camera(context)
         release.callback(camera.close)
         with ThreadPoolExecutor(2) as both:
             starts = [both.submit(mount.start), both.submit(camera.start)]

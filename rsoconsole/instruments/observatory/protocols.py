@@ -30,7 +30,7 @@ class ProtocolContext:
     """Folder for a library's output in a process of its own."""
 
 
-def mount_by(context: ProtocolContext) -> MountPort:
+def create_mount(context: ProtocolContext) -> MountPort:
     """The configured mount, not yet connected.
 
     Raises InstrumentError where no such protocol is installed or its package cannot be loaded.
@@ -43,7 +43,7 @@ def mount_by(context: ProtocolContext) -> MountPort:
     return mount
 
 
-def camera_by(context: ProtocolContext) -> CameraPort:
+def create_camera(context: ProtocolContext) -> CameraPort:
     """The configured camera, not yet connected.
 
     Raises InstrumentError where no such protocol is installed or its package cannot be loaded.

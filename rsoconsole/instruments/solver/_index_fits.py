@@ -14,7 +14,7 @@ from typing import BinaryIO
 
 import numpy as np
 
-from rsoconsole.base import SolverError, said_as
+from rsoconsole.base import SolverError, system_errors_as
 from rsoconsole.records import FloatArray
 
 _BLOCK = 2880
@@ -57,7 +57,7 @@ def read_header(path: Path) -> IndexHeader:
 
     Raises SolverError where the file is not an index file, or is cut within a header.
     """
-    with said_as(SolverError, f"{path} cannot be read: "), path.open("rb") as stream:
+    with system_errors_as(SolverError, f"{path} cannot be read: "), path.open("rb") as stream:
         primary = _read_cards(stream, path)
         if "SCALE_L" not in primary or "SCALE_U" not in primary:
             raise SolverError(f"{path} is not an astrometry.net index file")

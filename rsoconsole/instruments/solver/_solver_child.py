@@ -5,7 +5,7 @@ import threading
 import time
 from multiprocessing.connection import Connection
 
-from rsoconsole.base import ChildProcess, LongWait, SolverError, said_as
+from rsoconsole.base import ChildProcess, LongWait, SolverError, system_errors_as
 from rsoconsole.config import WaitsConfig
 from rsoconsole.instruments.solver._solver_process import MatchReply, MatchRequest
 
@@ -102,7 +102,7 @@ class SolverChild:
         if self._child.has_died:
             self._end_dead()
         self._is_ready = False
-        with said_as(SolverError, "the solver process cannot start: "):
+        with system_errors_as(SolverError, "the solver process cannot start: "):
             return self._child.start()
 
     def _end_dead(self) -> None:

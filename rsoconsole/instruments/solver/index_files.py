@@ -15,7 +15,7 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from rsoconsole.base import SolverError, resource, said_as
+from rsoconsole.base import SolverError, resource, system_errors_as
 from rsoconsole.config import data_dir
 from rsoconsole.instruments.solver._index_fits import dec_limits_deg, read_header
 
@@ -253,7 +253,7 @@ def install(
     kept. Raises SolverError when any of them could not be installed.
     """
     target = into or user_index_dir()
-    with said_as(SolverError, f"{target} cannot be made: "):
+    with system_errors_as(SolverError, f"{target} cannot be made: "):
         target.mkdir(parents=True, exist_ok=True)
     wanted = sorted(set(scales))
     if unknown := [n for n in wanted if n not in SERIES_SCALES]:
@@ -295,7 +295,7 @@ def _place(source: Path, home: Path, report: Progress) -> None:
     total = source.stat().st_size
     handle, name = tempfile.mkstemp(prefix=".install-", dir=home.parent)
     try:
-        with said_as(SolverError, f"{home} cannot be written: "):
+        with system_errors_as(SolverError, f"{home} cannot be written: "):
             with os.fdopen(handle, "wb") as out, source.open("rb") as stream:
                 done = 0
                 while chunk := stream.read(_COPY_CHUNK):

@@ -10,7 +10,7 @@ import re
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from rsoconsole.base import ExportError, raised_as
+from rsoconsole.base import ExportError, value_errors_as
 from rsoconsole.library.formats.target import piece_letters
 from rsoconsole.sky import iso_to_utc_ns
 from rsoconsole.words import NS_PER_S
@@ -113,7 +113,7 @@ def full_year(two_digits: str) -> int:
 def _instant(day: str, clock: str) -> tuple[int, int]:
     full = clock.ljust(9, "0")
     text = f"{day[:4]}-{day[4:6]}-{day[6:]}T{full[:2]}:{full[2:4]}:{full[4:6]}.{full[6:]}Z"
-    with raised_as(ExportError):
+    with value_errors_as(ExportError):
         t_utc_ns = iso_to_utc_ns(text)
     steps_s = (86_400.0, 36_000.0, 3600.0, 600.0, 60.0, 10.0, 1.0, 0.1, 0.01, 0.001)
     return t_utc_ns, round(steps_s[len(clock)] * NS_PER_S)
@@ -230,7 +230,7 @@ def _piece(number: int) -> str:
 def _uk_instant(day: str, clock: str) -> tuple[int, int]:
     year, fraction = full_year(day[:2]), clock[6:]
     text = f"{year}-{day[2:4]}-{day[4:]}T{clock[:2]}:{clock[2:4]}:{clock[4:6]}.{fraction or '0'}Z"
-    with raised_as(ExportError):
+    with value_errors_as(ExportError):
         return iso_to_utc_ns(text), NS_PER_S // 10 ** len(fraction)
 
 

@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from rsoconsole.base import ExportError, json_of, raised_as
+from rsoconsole.base import ExportError, json_of, value_errors_as
 from rsoconsole.records import Site
 from rsoconsole.sky import iso_to_utc_ns
 
@@ -115,7 +115,7 @@ def _of_csv(text: str, head: str, name: str) -> Iterator[tuple[str, dict[str, st
     kept = [(n, line) for n, line in enumerate(text.splitlines(), 1) if _is_data(line)]
     lines = io.StringIO("\n".join(line for _, line in kept))
     reader = csv.reader(lines, delimiter=separator, skipinitialspace=True)
-    with raised_as(ExportError, f"{name} cannot be read as CSV: ", csv.Error):
+    with value_errors_as(ExportError, f"{name} cannot be read as CSV: ", csv.Error):
         names = [each.strip() for each in next(reader, [])]
         for fields in reader:
             number = kept[min(reader.line_num, len(kept)) - 1][0]
@@ -134,7 +134,7 @@ def _of_json_lines(text: str, name: str) -> Iterator[tuple[str, dict[str, str]]]
         if not _is_data(line):
             continue
         where = f"{name}, line {number}"
-        with raised_as(ExportError, f"{where}: "):
+        with value_errors_as(ExportError, f"{where}: "):
             values = json_of(line)
         if not isinstance(values, dict):
             raise ExportError(f"{where}: an object belongs there")
@@ -179,7 +179,7 @@ class _Columns:
             return None if found is None else _number(found, f"{where}, {self.find(wanted)}")
 
         ra, dec, is_degrees = self._direction(number, where)
-        with raised_as(ExportError, f"{where}: "):
+        with value_errors_as(ExportError, f"{where}: "):
             t_utc_ns = iso_to_utc_ns((text(_TIME) or "").replace(" ", "T"))
         latitude, longitude = number(_LATITUDE), number(_LONGITUDE)
         site = None

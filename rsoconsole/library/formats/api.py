@@ -11,7 +11,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Literal, get_args
 
-from rsoconsole.base import ExportError, said_as, write_durably
+from rsoconsole.base import ExportError, system_errors_as, write_durably
 from rsoconsole.library.formats import solved_fits as on_record
 from rsoconsole.library.formats.iod import STATION, check_station, site_line, to_iod
 from rsoconsole.library.formats.night import ExportedNight, read_night
@@ -267,7 +267,9 @@ def write_file(path: Path, content: bytes, *, is_forced: bool) -> None:
         raise ExportError(f"{path} is a folder: name a file with --out")
     if path.exists() and not is_forced:
         raise ExportError(f"{path} is there already: --force writes it again, --out names another")
-    with said_as(ExportError, f"{path} cannot be written: ", "; name another place with --out"):
+    with system_errors_as(
+        ExportError, f"{path} cannot be written: ", "; name another place with --out"
+    ):
         path.parent.mkdir(parents=True, exist_ok=True)
         write_durably(path, content)
 

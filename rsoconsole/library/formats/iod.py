@@ -92,15 +92,16 @@ def _line(
 ) -> str:
     """One IOD line; ``sigmas_s``: error of the time in the position's covariance, and in all."""
     shutter_s, time_sigma_s = sigmas_s
-    instant = utc_ns_to_iso(to_the_millisecond(row.t_mid_utc_ns))
+    instant = utc_ns_to_iso(rounded_to_ms_ns(row.t_mid_utc_ns))
     digits = re.sub(r"\D", "", instant)
     name = target.iod_name(row.track or 0, int(instant[:4]))
-    position = mx(position_sigma_arcsec(row, shutter_s) / 60.0)
+    position = mantissa_exponent_code(position_sigma_arcsec(row, shutter_s) / 60.0)
     angles = _angles(row.ra_icrs_deg, row.dec_icrs_deg)
-    return f"{name} {station} {sky} {digits} {mx(time_sigma_s)} 25 {angles} {position}"
+    timing = mantissa_exponent_code(time_sigma_s)
+    return f"{name} {station} {sky} {digits} {timing} 25 {angles} {position}"
 
 
-def to_the_millisecond(t_utc_ns: int) -> int:
+def rounded_to_ms_ns(t_utc_ns: int) -> int:
     """Instant rounded to 1 ms; never across a leap second, where half a ms becomes a second."""
     rounded = (t_utc_ns + NS_PER_MS // 2) // NS_PER_MS * NS_PER_MS
     if rounded % NS_PER_DAY == 0 and rounded > t_utc_ns:
@@ -151,7 +152,7 @@ def _rate_arcsec_s(row: MeasuredRow) -> tuple[float, float]:
     return east, (b_dec - a_dec) * 3600.0 / row.exposure_s
 
 
-def mx(value: float) -> str:
+def mantissa_exponent_code(value: float) -> str:
     """``MX`` for M x 10^(X - 8): one digit, from 1e-8 to 90; beyond, the nearest of these."""
     if value <= 1e-8:
         return "10"

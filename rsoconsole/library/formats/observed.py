@@ -18,8 +18,8 @@ from rsoconsole.base import (
     ExportError,
     OrbitError,
     json_of,
-    raised_as,
     read_foreign,
+    value_errors_as,
 )
 from rsoconsole.library.formats._iod_reader import (
     HORIZONTAL,
@@ -37,7 +37,7 @@ from rsoconsole.library.formats._observed_csv import (
 )
 from rsoconsole.library.formats._observed_tdm import rows_of_tdm
 from rsoconsole.library.formats._tdm_reader import parse_tdm
-from rsoconsole.orbits import sightings
+from rsoconsole.orbits import reduce_directions
 from rsoconsole.pipeline import ObservedTrack, read_observed_tracks
 from rsoconsole.records import FloatArray, Site
 from rsoconsole.sky import chart_to_icrs, wrap_180
@@ -52,7 +52,7 @@ SITE_USAGE = "--site LATITUDE,LONGITUDE,METRES (east positive), or --stations FI
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class ReadAs:
+class ReadOptions:
     """Reading options: values for what a file does not state."""
 
     sigma_arcsec: float = 1.0
@@ -67,7 +67,7 @@ class ReadAs:
 
 
 def read_observations(
-    path: Path, ask: ReadAs, *, track: int | None = None
+    path: Path, ask: ReadOptions, *, track: int | None = None
 ) -> tuple[tuple[ObservedTrack, ...], ...]:
     """The tracks of a session, the longest first; or of a file its one object, by station.
 
@@ -90,7 +90,7 @@ def read_observations(
 
 
 def _text(path: Path) -> str:
-    with raised_as(OrbitError, f"{path} cannot be read: ", (OSError, UnicodeDecodeError)):
+    with value_errors_as(OrbitError, f"{path} cannot be read: ", (OSError, UnicodeDecodeError)):
         return read_foreign(path, most_bytes=MAX_DATA_BYTES).removeprefix("\ufeff")
 
 
@@ -186,7 +186,7 @@ def _of_udl(text: str, name: str) -> tuple[ObservedRow, ...]:
     """Rows of EOObservation records, by the names of their fields."""
     import json
 
-    with raised_as(ExportError, f"{name} is not JSON: "):
+    with value_errors_as(ExportError, f"{name} is not JSON: "):
         records = json_of(text)
     lines = [json.dumps(_plain_record(each, name, n)) for n, each in enumerate(records, 1)]
     return read_table("\n".join(lines), name)
@@ -219,7 +219,9 @@ def _plain_record(record: object, name: str, number: int) -> dict[str, object]:
     return row
 
 
-def _in_degrees(rows: tuple[ObservedRow, ...], path: Path, ask: ReadAs) -> tuple[ObservedRow, ...]:
+def _in_degrees(
+    rows: tuple[ObservedRow, ...], path: Path, ask: ReadOptions
+) -> tuple[ObservedRow, ...]:
     if ask.is_radians and any(each.is_degrees for each in rows):
         raise OrbitError(
             f"{path} says its unit itself, by its form or its columns' names: leave --radians out"
@@ -273,7 +275,7 @@ def _listed(counted: "Counter[str | None]") -> str:
 
 
 def _of_station(
-    path: Path, station: str | None, rows: Sequence[ObservedRow], ask: ReadAs
+    path: Path, station: str | None, rows: Sequence[ObservedRow], ask: ReadOptions
 ) -> tuple[ObservedTrack, ...]:
     site = _site(path, station, rows, ask)
     t = np.array([each.t_utc_ns for each in rows], np.int64)
@@ -282,12 +284,12 @@ def _of_station(
     cov = np.array([_covariance(each, ask.sigma_arcsec) for each in rows])
     cov += _of_times(rows, t, ra, dec)
     name = path.name if station is None else f"{path.name}, station {station}"
-    with raised_as(OrbitError, f"{path}: "):
-        seen = sightings(site, t, ra, dec, cov)
+    with value_errors_as(OrbitError, f"{path}: "):
+        seen = reduce_directions(site, t, ra, dec, cov)
     return (ObservedTrack(name=name, site=site, limits=None, seen=seen),)
 
 
-def _site(path: Path, station: str | None, rows: Sequence[ObservedRow], ask: ReadAs) -> Site:
+def _site(path: Path, station: str | None, rows: Sequence[ObservedRow], ask: ReadOptions) -> Site:
     if rows[0].site is not None:
         return rows[0].site
     if ask.stations is not None and station is not None:

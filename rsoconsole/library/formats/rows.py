@@ -6,7 +6,7 @@ from dataclasses import dataclass, fields
 from typing import Annotated, Any, get_args
 
 from rsoconsole.night import FRAME_FACTS, NightFrame, facts_of
-from rsoconsole.records import TABLES, Column, ColumnType, Measurement, TrackState, member
+from rsoconsole.records import TABLES, Column, ColumnType, Measurement, TrackState, column_value
 from rsoconsole.sky import wrap_360
 from rsoconsole.tracking import sky_covariance_arcsec2, sky_rate_arcsec_s
 from rsoconsole.words import utc_ns_to_iso
@@ -160,7 +160,7 @@ def row_of(
         **_predicted(predicted),
         **_corrected(corrected, nis),
         beside=(
-            *((column.name, member(measurement, column)) for column in _BESIDE),
+            *((column.name, column_value(measurement, column)) for column in _BESIDE),
             *facts_of(frame.detections).items(),
         ),
     )

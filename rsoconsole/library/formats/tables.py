@@ -87,7 +87,7 @@ def _array(column: Column, values: Sequence[Any]) -> Any:
 
 def as_frame(columns: Sequence[Column], rows: Sequence[Row]) -> Any:
     """A pandas ``DataFrame``. Raises RsoconsoleError where pandas is not installed."""
-    pandas = needed("pandas", "a data frame")
+    pandas = optional_library("pandas", "a data frame")
     series = {}
     for column in columns:
         name = column.name
@@ -112,7 +112,7 @@ def _timestamps(pandas: Any, values: Sequence[int | None]) -> Any:
     return pandas.Series(whole.view("datetime64[ns]")).dt.tz_localize("UTC")
 
 
-def needed(library: str, what: str) -> Any:
+def optional_library(library: str, what: str) -> Any:
     """A library of the extra ``notebook``; RsoconsoleError names that where it is missing."""
     try:
         return import_module(library)

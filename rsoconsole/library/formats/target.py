@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 from rsoconsole.base import ExportError
 from rsoconsole.records import CatalogueMatch, Identified
-from rsoconsole.words import called, clock
+from rsoconsole.words import catalogued_name, clock
 
 _COSPAR = re.compile(r"(\d{4})-(\d{3})([A-Z]{1,3})", re.ASCII)
 LARGEST_NORAD = 999_999_999
@@ -80,7 +80,7 @@ def piece_letters(number: int) -> str:
 _LIKELY = 0.05
 
 
-def name_words(name: Identified) -> str:
+def identification_words(name: Identified) -> str:
     """Verdict, objects and probabilities, in one line of ASCII where the names are."""
     with_others = ""
     if name.named_with:
@@ -100,4 +100,4 @@ def name_words(name: Identified) -> str:
 
 
 def _called(match: CatalogueMatch) -> str:
-    return f"{called(match.name, match.norad_id)}, probability {match.probability:.3f}"
+    return f"{catalogued_name(match.name, match.norad_id)}, probability {match.probability:.3f}"

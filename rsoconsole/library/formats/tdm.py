@@ -23,7 +23,7 @@ import numpy as np
 from rsoconsole.base import ExportError
 from rsoconsole.library.formats.night import ExportedNight
 from rsoconsole.library.formats.rows import MeasuredRow
-from rsoconsole.library.formats.target import Target, name_words
+from rsoconsole.library.formats.target import Target, identification_words
 from rsoconsole.records import Site
 from rsoconsole.sky import (
     LIGHT_KM_S,
@@ -110,7 +110,7 @@ def _metadata(
     time_sigma_s = night.time_sigma_s(middle)
     yield f"COMMENT Times: mid-exposure; one sigma of the shutter {time_sigma_s:.3g} s"
     if track in night.names:
-        yield f"COMMENT Track {track} {name_words(night.names[track])}"
+        yield f"COMMENT Track {track} {identification_words(night.names[track])}"
     yield "COMMENT Angles are astrometric and along ICRS axes; EME2000 differs by 0.02 arcsec"
     yield "COMMENT CORRECTION_ABERRATION: size on the sky of what was taken out, deg"
     yield "COMMENT SIGMA in the data section: epoch, RA times cos Dec (arcsec), Dec (arcsec),"

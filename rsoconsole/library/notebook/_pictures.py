@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from rsoconsole.base import SessionError, said_as
+from rsoconsole.base import SessionError, system_errors_as
 from rsoconsole.library.notebook._recorded import RecordedSession
 from rsoconsole.library.notebook.night.overlay import overlay_svg, words_of
 from rsoconsole.library.notebook.night.svg import text
@@ -41,7 +41,7 @@ class Picture:
     def _repr_html_(self) -> str:
         return (
             f'<figure style="margin:0;max-width:{SHOWN_PX}px">'
-            f"{layered(self.png, self.overlay)}"
+            f"{picture_with_overlay_html(self.png, self.overlay)}"
             f'<figcaption style="font-size:90%">{text(self.words)}</figcaption></figure>'
         )
 
@@ -49,7 +49,7 @@ class Picture:
         return f"<{self.words}: {self.path}>"
 
 
-def layered(png: bytes, overlay: str, alt: str = "") -> str:
+def picture_with_overlay_html(png: bytes, overlay: str, alt: str = "") -> str:
     """HTML of a picture under its overlay, as wide as there is room."""
     return (
         '<div style="position:relative;line-height:0">'
@@ -226,7 +226,7 @@ class SessionPictures(RecordedSession):
 
         Raises SessionError where the frame was not kept or nothing was detected in it.
         """
-        from rsoconsole.library.notebook.figures.inline import NightFigure, styled
+        from rsoconsole.library.notebook.figures.inline import NightFigure, figure_style
 
         found = self._frame(frame_id).found
         if not found:
@@ -235,7 +235,7 @@ class SessionPictures(RecordedSession):
         parts = (f"confidence {detection.confidence:.2f}", *parts_of(detection))
         title = f"Frame {frame_id}: {', '.join(parts)}"
         figure = NightFigure(6.6, 5.0) if figure is None else figure
-        with styled():
+        with figure_style():
             draw_streak(figure, pixels, detection, title)
         return figure  # type: ignore[no-any-return]
 
@@ -244,7 +244,7 @@ class SessionPictures(RecordedSession):
 
         Raises SessionError where the frame was not kept or no track took anything of it.
         """
-        from rsoconsole.library.notebook.figures.inline import NightFigure, styled
+        from rsoconsole.library.notebook.figures.inline import NightFigure, figure_style
 
         frame, streaks = self._frame(frame_id), []
         for track in tracks_of(self._frames.seen()).values():
@@ -258,12 +258,12 @@ class SessionPictures(RecordedSession):
             raise SessionError(f"no track took a streak of frame {frame_id}")
         pixels = self.pixels(frame_id)
         figure = NightFigure(6.6, 4.4) if figure is None else figure
-        with styled():
+        with figure_style():
             draw_tracks(figure, pixels, streaks, f"Frame {frame_id}")
         return figure  # type: ignore[no-any-return]
 
     def _picture(self, frame_id: int, path: Path) -> Picture:
-        with said_as(SessionError, f"{path} cannot be read: "):
+        with system_errors_as(SessionError, f"{path} cannot be read: "):
             png = path.read_bytes()
         frame = self._frame(frame_id)
         return Picture(

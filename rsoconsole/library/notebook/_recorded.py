@@ -5,7 +5,7 @@ from typing import Any, Self
 
 from rsoconsole.config import Config
 from rsoconsole.library.notebook.figures.figures import NightPlots
-from rsoconsole.library.notebook.night.night import DrawnNight, night_of, nonempty, title_of
+from rsoconsole.library.notebook.night.night import DrawnNight, expect_frames, night_of, title_of
 from rsoconsole.night import Logged, NightFrames, NightTrack, Summary, summary_of, tracks_of
 from rsoconsole.session import SessionReader
 
@@ -74,7 +74,7 @@ class RecordedSession(NightPlots):
 
     def nights(self) -> tuple[DrawnNight, ...]:
         """The night that is drawn."""
-        return (nonempty(self._night(), self.path),)
+        return (expect_frames(self._night(), self.path),)
 
     def _night(self) -> DrawnNight:
         return night_of(self.title, self.config, self._frames.seen())

@@ -3,10 +3,10 @@
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
-from rsoconsole.library.notebook._pictures import Picture, layered
+from rsoconsole.library.notebook._pictures import Picture, picture_with_overlay_html
 from rsoconsole.library.notebook.night.svg import GREEN, GREY, RED, text
 from rsoconsole.night import StateSpan, Summary, merit
-from rsoconsole.words import span
+from rsoconsole.words import duration_words
 
 STATE_COLOURS = {
     "IDLE": "#9aa0a6",
@@ -79,8 +79,8 @@ def card_html(card: Card) -> str:
     if card.picture is not None:
         picture = (
             '<div style="flex:0 0 220px;max-width:220px">'
-            f"{layered(card.picture.png, card.picture.overlay, card.picture.words)}"
-            f'<div style="font-size:85%;{_DIM}">frame {card.picture.frame_id:04d}</div></div>'
+            + picture_with_overlay_html(card.picture.png, card.picture.overlay, card.picture.words)
+            + f'<div style="font-size:85%;{_DIM}">frame {card.picture.frame_id:04d}</div></div>'
         )
     return (
         '<div class="rsoconsole-session" style="color:var(--jp-ui-font-color1,inherit);'
@@ -112,7 +112,7 @@ def strip_svg(spells: Sequence[StateSpan], misses: Iterable[int] = ()) -> str:
         x = (spell.t_from_utc_ns - t_0) * scale
         width = max((spell.t_to_utc_ns - spell.t_from_utc_ns) * scale, _NARROWEST)
         colour = STATE_COLOURS.get(spell.state, GREY)
-        title = f"{spell.state}, {span(spell.seconds, 'line')}"
+        title = f"{spell.state}, {duration_words(spell.seconds, 'line')}"
         parts.append(
             f'<rect x="{x:.1f}" y="0" width="{width:.1f}" height="{_STRIP_HEIGHT:.0f}" '
             f'fill="{colour}"><title>{text(title)}</title></rect>'
@@ -140,4 +140,6 @@ def _strip_words(spells: Iterable[StateSpan]) -> str:
     total: dict[str, float] = {}
     for spell in spells:
         total[spell.state] = total.get(spell.state, 0.0) + spell.seconds
-    return " · ".join(f"{state} {span(s, 'line')}" for state, s in total.items() if s > 0.0)
+    return " · ".join(
+        f"{state} {duration_words(s, 'line')}" for state, s in total.items() if s > 0.0
+    )

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from rsoconsole.base import SessionError
 from rsoconsole.config import load_config
-from rsoconsole.library.formats.tables import as_frame, as_table, needed
+from rsoconsole.library.formats.tables import as_frame, as_table, optional_library
 from rsoconsole.library.notebook import card
 from rsoconsole.library.notebook._pictures import SessionPictures
 from rsoconsole.night import (
@@ -21,7 +21,7 @@ from rsoconsole.night import (
 from rsoconsole.records import TABLES, Column
 from rsoconsole.session import folders_in
 from rsoconsole.session.log import schema
-from rsoconsole.words import settings_words, when
+from rsoconsole.words import date_span_words, settings_words
 
 if TYPE_CHECKING:
     from rsoconsole.library.notebook._what_if import WhatIf
@@ -54,7 +54,7 @@ def live_panel(socket: Path | str | None = None, *, read_only: bool = False) -> 
     else. Without an engine it says so and waits for one. Raises RsoconsoleError where the extra
     ``rsoconsole[notebook]`` is not installed.
     """
-    needed("anywidget", "a live panel")
+    optional_library("anywidget", "a live panel")
     from rsoconsole.library.notebook.panel.panel import LivePanel
 
     return LivePanel(socket, read_only=read_only)
@@ -246,7 +246,7 @@ class Session(SessionPictures):
         return card.Card(
             title=self.title,
             folder=str(self.path),
-            when=when(t_first, t_last),
+            when=date_span_words(t_first, t_last),
             is_live=not self.is_closed,
             branch_of=None if parent is None else (self.path / str(parent)).resolve().name,
             changes=settings_words(changes),

@@ -17,7 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from rsoconsole.orbits.first.directions import LineOfSight, Sightings, State
+from rsoconsole.orbits.first.directions import LineOfSight, MeasuredDirections, State
 from rsoconsole.orbits.motion.forces import Motion
 from rsoconsole.orbits.motion.two_body import (
     eccentricity_vector,
@@ -93,7 +93,7 @@ class _Rows:
 class _Problem:
     """Directions, prior and line of sight of one fit, and its latest rows."""
 
-    seen: Sightings
+    seen: MeasuredDirections
     prior: Prior
     view: LineOfSight
     deviation: tuple[FloatArray, FloatArray] | None = None
@@ -180,7 +180,7 @@ class _Problem:
 
 
 def fit(
-    seen: Sightings,
+    seen: MeasuredDirections,
     start: State,
     *,
     prior: Prior | None = None,
@@ -202,7 +202,7 @@ def fit(
 
 
 def formal_covariances(
-    seen: Sightings, state: State, prior: Prior
+    seen: MeasuredDirections, state: State, prior: Prior
 ) -> tuple[FloatArray, FloatArray]:
     """Covariances (6, 6) that a fit near this state would have: with the prior, and without."""
     problem = _problem(seen, state, prior)
@@ -212,13 +212,13 @@ def formal_covariances(
         to_state = problem.view.slopes(unknowns)
         alone = slopes[: 2 * len(seen)]
         both = (
-            to_state @ inverse_of_normal(each.T @ each) @ to_state.T for each in (slopes, alone)
+            to_state @ inverse_normal_matrix(each.T @ each) @ to_state.T for each in (slopes, alone)
         )
         constrained, free = both
     return constrained, free
 
 
-def _problem(seen: Sightings, start: State, prior: Prior) -> _Problem:
+def _problem(seen: MeasuredDirections, start: State, prior: Prior) -> _Problem:
     nearest = int(np.argmin(np.abs(seen.t_s)))
     site_km = seen.sites_km[nearest] - seen.sites_km_s[nearest] * seen.t_s[nearest]
     view = LineOfSight.through(start, site_km, seen.sites_km_s[nearest])
@@ -321,7 +321,7 @@ def _finished(problem: _Problem, unknowns: FloatArray, is_converged: bool) -> Fi
     squares = _squares(problem, value)
     r, v = problem.view.state(unknowns)
     prior_chi2 = float(np.sum(value[2 * len(is_used) :] ** 2))
-    covariance = to_state @ inverse_of_normal(slopes[keep].T @ slopes[keep]) @ to_state.T
+    covariance = to_state @ inverse_normal_matrix(slopes[keep].T @ slopes[keep]) @ to_state.T
     return Fit(
         r_km=r,
         v_km_s=v,
@@ -358,7 +358,7 @@ def _used(squares: FloatArray) -> BoolArray:
     return np.asarray(squares <= bound)
 
 
-def inverse_of_normal(normal: FloatArray) -> FloatArray:
+def inverse_normal_matrix(normal: FloatArray) -> FloatArray:
     """Inverse of a normal matrix, scaled first: undetermined parts come out huge."""
     if not np.all(np.isfinite(normal)):
         return np.full_like(normal, np.nan)

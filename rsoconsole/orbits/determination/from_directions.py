@@ -21,17 +21,23 @@ from rsoconsole.orbits.determination.regimes import (
     Label,
     PriorName,
     Regime,
+    eccentricity_sigma,
     is_as_predicted,
     is_of_its_regime,
     label_of,
     passes,
-    sigma_of_a_km,
-    sigma_of_e,
-    starts_towards,
+    semi_major_axis_sigma_km,
+    starting_states_for_pass,
     widened_covariance,
 )
-from rsoconsole.orbits.first.directions import INWARD, Sightings, State, is_plausible, seeds
-from rsoconsole.orbits.motion.forces import Forces, Motion
+from rsoconsole.orbits.first.directions import (
+    INWARD,
+    MeasuredDirections,
+    State,
+    is_plausible,
+    seeds,
+)
+from rsoconsole.orbits.motion.forces import Motion, PerturbedPropagator
 from rsoconsole.orbits.motion.prediction import KnownOrbit
 from rsoconsole.orbits.motion.two_body import axis_and_inclination
 
@@ -92,7 +98,7 @@ class _Asked:
 
 
 def determine(
-    seen: Sightings,
+    seen: MeasuredDirections,
     *,
     prior: PriorName = "auto",
     start: State | None = None,
@@ -109,7 +115,7 @@ def determine(
     """
     if len(seen) < MIN_SIGHTINGS or seen.t_s[-1] <= seen.t_s[0]:
         return None
-    asked = _Asked(prior=prior, forces=Forces(epoch_utc_ns=seen.epoch_utc_ns))
+    asked = _Asked(prior=prior, forces=PerturbedPropagator(epoch_utc_ns=seen.epoch_utc_ns))
     found = None
     if start is not None:
         found = _settled(seen, (start,), asked)
@@ -118,7 +124,7 @@ def determine(
     return None if found is None else _labelled(seen, found, asked)
 
 
-def _from_nothing(seen: Sightings, asked: _Asked) -> _Found | None:
+def _from_nothing(seen: MeasuredDirections, asked: _Asked) -> _Found | None:
     """Determine without a start: from the longest pass to all of them, the nearest in time
     first."""
     known, *others = passes(seen)
@@ -129,7 +135,7 @@ def _from_nothing(seen: Sightings, asked: _Asked) -> _Found | None:
         starts: tuple[State, ...] = (found.state,)
         if not added:
             added = others[:1]
-            starts = starts_towards(found.state, covariance, seen.of(others[0]))
+            starts = starting_states_for_pass(found.state, covariance, seen.of(others[0]))
         known = np.sort(np.concatenate([known, *added]))
         others = [each for each in others if not any(each is one for one in added)]
         starts = _sifted(seen.of(known), starts, _belief(found.prior))
@@ -137,7 +143,7 @@ def _from_nothing(seen: Sightings, asked: _Asked) -> _Found | None:
     return found
 
 
-def _sifted(seen: Sightings, starts: tuple[State, ...], prior: Prior) -> tuple[State, ...]:
+def _sifted(seen: MeasuredDirections, starts: tuple[State, ...], prior: Prior) -> tuple[State, ...]:
     """The few of many starts that are worth the forces' price."""
     if len(starts) <= _MAX_STARTS:
         return starts
@@ -155,7 +161,7 @@ def _is_apart(found: Fit, others: Iterable[Fit]) -> bool:
     return all(float(np.linalg.norm(found.r_km - each.r_km)) > size for each in others)
 
 
-def _first_pass(seen: Sightings, asked: _Asked) -> _Found | None:
+def _first_pass(seen: MeasuredDirections, asked: _Asked) -> _Found | None:
     """Orbit through the longest pass; seeds through inner directions where the outer ones lead
     astray."""
     best: _Found | None = None
@@ -168,7 +174,7 @@ def _first_pass(seen: Sightings, asked: _Asked) -> _Found | None:
     return best
 
 
-def _settled(seen: Sightings, starts: tuple[State, ...], asked: _Asked) -> _Found | None:
+def _settled(seen: MeasuredDirections, starts: tuple[State, ...], asked: _Asked) -> _Found | None:
     """Best fit: with a prior where one is requested or needed, without where the directions
     suffice."""
     if asked.prior in REGIMES:
@@ -199,15 +205,15 @@ def _is_near(regime: Regime, starts: tuple[State, ...]) -> bool:
     return any(low <= each <= high for each in axes_km)
 
 
-def _needs_no_prior(seen: Sightings, state: State) -> bool:
+def _needs_no_prior(seen: MeasuredDirections, state: State) -> bool:
     """True where the directions alone give axis and eccentricity, hardly worse than with a
     prior."""
     near = [each.prior for each in REGIMES.values() if each.holds(state)]
     constrained, free = formal_covariances(seen, state, near[0] if near else Prior())
-    sigma_a_km, sigma_e = sigma_of_a_km(state, free), sigma_of_e(state, free)
+    sigma_a_km, sigma_e = semi_major_axis_sigma_km(state, free), eccentricity_sigma(state, free)
     return sigma_a_km <= min(
-        FREE_SIGMA_A_KM, _HELPED * sigma_of_a_km(state, constrained)
-    ) and sigma_e <= _HELPED * sigma_of_e(state, constrained)
+        FREE_SIGMA_A_KM, _HELPED * semi_major_axis_sigma_km(state, constrained)
+    ) and sigma_e <= _HELPED * eccentricity_sigma(state, constrained)
 
 
 def _is_astray(found: _Found) -> bool:
@@ -216,7 +222,7 @@ def _is_astray(found: _Found) -> bool:
 
 
 def _best(
-    seen: Sightings, starts: Iterable[State], name: PriorName, asked: _Asked
+    seen: MeasuredDirections, starts: Iterable[State], name: PriorName, asked: _Asked
 ) -> _Found | None:
     """The cheapest fit from any start, and how many others are as good."""
     motion = None if seen.t_s[-1] - seen.t_s[0] <= POINT_MASS_S else asked.forces
@@ -232,10 +238,10 @@ def _best(
     return _Found(fit=best, rivals=len(rivals), prior=name)
 
 
-def _labelled(seen: Sightings, found: _Found, asked: _Asked) -> Orbit:
+def _labelled(seen: MeasuredDirections, found: _Found, asked: _Asked) -> Orbit:
     best = found.fit
     covariance = widened_covariance(best)
-    sigma_a = sigma_of_a_km(found.state, covariance)
+    sigma_a = semi_major_axis_sigma_km(found.state, covariance)
     label, reason = label_of(seen, best, found.prior, found.rivals)
     used = best.residuals_arcsec[best.is_used]
     return Orbit(

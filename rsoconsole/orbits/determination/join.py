@@ -13,9 +13,9 @@ import numpy as np
 
 from rsoconsole.orbits.determination.from_directions import determine
 from rsoconsole.orbits.determination.regimes import PriorName
-from rsoconsole.orbits.first.directions import Sightings, State
+from rsoconsole.orbits.first.directions import MeasuredDirections, State
 from rsoconsole.orbits.first.population import Population, log_prior_density, population_of
-from rsoconsole.orbits.motion.forces import Forces
+from rsoconsole.orbits.motion.forces import PerturbedPropagator
 from rsoconsole.orbits.motion.two_body import MU_EARTH_KM3_S2, propagate
 from rsoconsole.records import FloatArray
 from rsoconsole.words import NS_PER_S
@@ -37,7 +37,7 @@ _HOPELESS = 2000.0
 class TrackletOrbit:
     """The orbit of a tracklet by itself, with its evidence."""
 
-    seen: Sightings
+    seen: MeasuredDirections
     state: State
     """State at the epoch of ``seen``."""
     population: Population
@@ -58,7 +58,7 @@ class JointOrbit:
     chi2: float
 
 
-def tracklet_orbit(seen: Sightings, prior: PriorName = "auto") -> TrackletOrbit | None:
+def tracklet_orbit(seen: MeasuredDirections, prior: PriorName = "auto") -> TrackletOrbit | None:
     """Fit an orbit to one tracklet by itself; None where no orbit passes through it."""
     orbit = determine(seen, prior=prior)
     if orbit is None:
@@ -94,7 +94,9 @@ def log_odds(first: TrackletOrbit, second: TrackletOrbit) -> float:
     return _log_odds(first.population, both, first.log_evidence, second)
 
 
-def log_odds_of_more(start: TrackletOrbit, used: Sequence[Sightings], more: TrackletOrbit) -> float:
+def log_odds_of_more(
+    start: TrackletOrbit, used: Sequence[MeasuredDirections], more: TrackletOrbit
+) -> float:
     """Logarithm of the odds that ``more`` is of the object of ``start`` and of ``used``."""
     if not used:
         return log_odds(start, more)
@@ -129,7 +131,7 @@ def probability_of(log_odds: float) -> float:
     return float(np.nan_to_num(expit(log_odds)))
 
 
-def merged_tracklets(parts: Sequence[Sightings]) -> tuple[Sightings, FloatArray]:
+def merged_tracklets(parts: Sequence[MeasuredDirections]) -> tuple[MeasuredDirections, FloatArray]:
     """Several tracklets as one, in order of time, and which of them each direction (N,) is of."""
     which = np.concatenate([np.full(len(each), n) for n, each in enumerate(parts)])
     t = np.concatenate([each.t_utc_ns for each in parts])
@@ -138,24 +140,24 @@ def merged_tracklets(parts: Sequence[Sightings]) -> tuple[Sightings, FloatArray]
     epoch = int(t[np.argmin(np.abs(t - t[0] - (t[-1] - t[0]) // 2))])
     arrays = {
         each.name: np.concatenate([getattr(part, each.name) for part in parts])[order]
-        for each in fields(Sightings)
+        for each in fields(MeasuredDirections)
         if each.name not in {"epoch_utc_ns", "t_utc_ns", "t_s"}
     }
     whole = replace(parts[0], t_utc_ns=t, t_s=(t - epoch) / NS_PER_S, epoch_utc_ns=epoch, **arrays)
     return whole, which[order]
 
 
-def common_error_arcsec(seen: Sightings) -> float:
+def common_error_arcsec(seen: MeasuredDirections) -> float:
     """One sigma of the error that all directions of a tracklet have in common, by its time span."""
     return float(np.hypot(STARS_ARCSEC, FORCES_ARCSEC_A_DAY * _span_s(seen) / 86_400.0))
 
 
-def _span_s(seen: Sightings) -> float:
+def _span_s(seen: MeasuredDirections) -> float:
     return float(seen.t_s[-1] - seen.t_s[0])
 
 
 def joint_orbit(
-    parts: Sequence[Sightings],
+    parts: Sequence[MeasuredDirections],
     start: State,
     epoch_utc_ns: int,
     population: Population,
@@ -166,7 +168,7 @@ def joint_orbit(
     Least squares; None where it leads nowhere, or leaves more than ``worst_chi2``.
     """
     seen, which = merged_tracklets(parts)
-    forces = Forces(epoch_utc_ns=seen.epoch_utc_ns)
+    forces = PerturbedPropagator(epoch_utc_ns=seen.epoch_utc_ns)
     state = np.concatenate(state_at(start, epoch_utc_ns, seen.epoch_utc_ns))
     offset_arcsec = common_error_arcsec(seen)
     last = float("inf")
@@ -207,14 +209,14 @@ def joint_orbit(
 def state_at(start: State, from_utc_ns: int, to_utc_ns: int) -> State:
     """A state at another instant."""
     since_s = np.array([(to_utc_ns - from_utc_ns) / NS_PER_S])
-    r, v = Forces(epoch_utc_ns=from_utc_ns).states(*start, since_s)
+    r, v = PerturbedPropagator(epoch_utc_ns=from_utc_ns).states(*start, since_s)
     return r[0], v[0]
 
 
 def _rows(
-    seen: Sightings,
+    seen: MeasuredDirections,
     which: FloatArray,
-    forces: Forces,
+    forces: PerturbedPropagator,
     state: FloatArray,
     sigma_e: float,
 ) -> tuple[FloatArray, FloatArray]:

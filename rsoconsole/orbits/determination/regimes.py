@@ -16,7 +16,7 @@ from typing import Literal
 import numpy as np
 
 from rsoconsole.orbits.determination.fit import Fit, Prior
-from rsoconsole.orbits.first.directions import Sightings, State, is_plausible
+from rsoconsole.orbits.first.directions import MeasuredDirections, State, is_plausible
 from rsoconsole.orbits.motion.two_body import (
     axis_and_inclination,
     eccentricity_vector,
@@ -103,7 +103,9 @@ def widened_covariance(found: Fit) -> FloatArray:
     return found.covariance * (found.chi2 / dof)
 
 
-def label_of(seen: Sightings, found: Fit, prior: PriorName, rivals: int) -> tuple[Label, str]:
+def label_of(
+    seen: MeasuredDirections, found: Fit, prior: PriorName, rivals: int
+) -> tuple[Label, str]:
     """Label of an orbit, and the reason in words."""
     doubt = _doubt(seen, found, prior, rivals)
     if doubt is not None:
@@ -111,7 +113,7 @@ def label_of(seen: Sightings, found: Fit, prior: PriorName, rivals: int) -> tupl
     times = float(np.sqrt(found.chi2 / found.degrees_of_freedom))
     scatter = f"; directions scatter {times:.0f} times what they claim" if times > _MUCH else ""
     if prior == "none":
-        sigma_a_km = sigma_of_a_km((found.r_km, found.v_km_s), widened_covariance(found))
+        sigma_a_km = semi_major_axis_sigma_km((found.r_km, found.v_km_s), widened_covariance(found))
         return "free", f"sigma of a is {sigma_a_km:.1f} km from the directions alone" + scatter
     return "constrained by prior", f"{REGIMES[prior].words} ({prior})" + scatter
 
@@ -122,11 +124,13 @@ def is_of_its_regime(found: Fit, regime: Regime) -> bool:
     return regime.holds((found.r_km, found.v_km_s)) and found.prior_chi2 < limit
 
 
-def _doubt(seen: Sightings, found: Fit, prior: PriorName, rivals: int) -> tuple[Label, str] | None:
+def _doubt(
+    seen: MeasuredDirections, found: Fit, prior: PriorName, rivals: int
+) -> tuple[Label, str] | None:
     covariance = widened_covariance(found)
     minutes = (seen.t_s[-1] - seen.t_s[0]) / 60.0
     state = (found.r_km, found.v_km_s)
-    sigma_a_km = sigma_of_a_km(state, covariance)
+    sigma_a_km = semi_major_axis_sigma_km(state, covariance)
     enough_km = FREE_SIGMA_A_KM
     if prior != "none":
         enough_km = CONSTRAINED_SIGMA_A * axis_and_inclination(*state)[0]
@@ -144,20 +148,20 @@ def _doubt(seen: Sightings, found: Fit, prior: PriorName, rivals: int) -> tuple[
     return doubt
 
 
-def _relative_sigma_of_range(seen: Sightings, found: Fit, covariance: FloatArray) -> float:
+def _relative_sigma_of_range(seen: MeasuredDirections, found: Fit, covariance: FloatArray) -> float:
     line = found.r_km - seen.sites_km[int(np.argmin(np.abs(seen.t_s)))]
     distance = float(np.linalg.norm(line))
     line = line / distance
     return float(np.sqrt(max(line @ covariance[:3, :3] @ line, 0.0))) / distance
 
 
-def sigma_of_a_km(state: State, covariance: FloatArray) -> float:
+def semi_major_axis_sigma_km(state: State, covariance: FloatArray) -> float:
     """Formal sigma of the semi-major axis."""
     _, slope = semi_major_axis(*state)
     return float(np.sqrt(max(float(slope @ covariance @ slope), 0.0)))
 
 
-def sigma_of_e(state: State, covariance: FloatArray) -> float:
+def eccentricity_sigma(state: State, covariance: FloatArray) -> float:
     """Formal sigma of the eccentricity vector, all its components together."""
     _, slopes = eccentricity_vector(*state)
     return float(np.sqrt(max(float(np.trace(slopes @ covariance @ slopes.T)), 0.0)))
@@ -175,7 +179,7 @@ _MAX_STEPS = 20
 _SIGMAS = 3.0
 
 
-def passes(seen: Sightings) -> tuple[IntArray, ...]:
+def passes(seen: MeasuredDirections) -> tuple[IntArray, ...]:
     """Indices of each pass: the longest first, then by nearness to it in time."""
     ends = np.flatnonzero(np.diff(seen.t_s) > GAP_S) + 1
     groups = [np.asarray(each, np.int64) for each in np.split(np.arange(len(seen)), ends)]
@@ -186,13 +190,15 @@ def passes(seen: Sightings) -> tuple[IntArray, ...]:
     )
 
 
-def is_as_predicted(state: State, covariance: FloatArray, later: Sightings) -> bool:
+def is_as_predicted(state: State, covariance: FloatArray, later: MeasuredDirections) -> bool:
     """True where an orbit predicts the other pass well enough that no revolution is miscounted."""
     distance, _, sigma_km = _weakest(state, covariance, later)
     return sigma_km < _SURE * distance
 
 
-def starts_towards(state: State, covariance: FloatArray, later: Sightings) -> tuple[State, ...]:
+def starting_states_for_pass(
+    state: State, covariance: FloatArray, later: MeasuredDirections
+) -> tuple[State, ...]:
     """States at the epoch along the line on which an orbit is least known, three sigma either way.
 
     Enough that one of them is near the truth whatever the number of revolutions up to the other
@@ -208,7 +214,7 @@ def starts_towards(state: State, covariance: FloatArray, later: Sightings) -> tu
 
 
 def _weakest(
-    state: State, covariance: FloatArray, later: Sightings
+    state: State, covariance: FloatArray, later: MeasuredDirections
 ) -> tuple[float, FloatArray, float]:
     """Distance (km) at the other pass, the step (6,) of the state to one sigma there, and that
     sigma (km)."""
@@ -223,5 +229,5 @@ def _weakest(
     return float(np.linalg.norm(r)), step, sigma_km
 
 
-def _span_s(seen: Sightings, chosen: IntArray) -> float:
+def _span_s(seen: MeasuredDirections, chosen: IntArray) -> float:
     return float(seen.t_s[chosen[-1]] - seen.t_s[chosen[0]])

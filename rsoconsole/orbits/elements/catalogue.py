@@ -28,7 +28,7 @@ from rsoconsole.sky import (
     phase_angle_deg,
     teme_to_gcrs_rotation,
 )
-from rsoconsole.words import called, utc_ns_to_iso
+from rsoconsole.words import catalogued_name, utc_ns_to_iso
 
 _OF_TWO_LINES = {
     "CLASSIFICATION_TYPE": "U",
@@ -257,7 +257,7 @@ def _plain(name: str) -> str:
 
 def _listed(entries: Iterable[CatalogueEntry]) -> str:
     names = {each.norad_id: each.name for each in entries}
-    words = [called(name, number) for number, name in sorted(names.items())]
+    words = [catalogued_name(name, number) for number, name in sorted(names.items())]
     more = len(words) - LISTED
     return ", ".join(words[:LISTED]) + (f" and {more} more" if more > 0 else "")
 

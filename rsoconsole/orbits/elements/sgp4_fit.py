@@ -17,7 +17,7 @@ import numpy as np
 from rsoconsole.base import OrbitError
 from rsoconsole.orbits.determination.from_directions import Orbit
 from rsoconsole.orbits.elements.elements import ALPHA_5, ElementSet, checksum, parse_elements
-from rsoconsole.orbits.first.directions import Sightings
+from rsoconsole.orbits.first.directions import MeasuredDirections
 from rsoconsole.orbits.motion.two_body import elements_of, period_s
 from rsoconsole.records import FloatArray
 from rsoconsole.sky import IntArray, jd_utc, teme_to_gcrs_rotation
@@ -113,7 +113,7 @@ class MeanElements:
 
 def mean_elements(
     orbit: Orbit,
-    seen: Sightings,
+    seen: MeasuredDirections,
     *,
     norad_id: int = ANALYST_NUMBERS.start,
     name: str = "UNKNOWN",
@@ -223,7 +223,7 @@ class _Frame:
         return r_gcrs, v_gcrs
 
 
-def _to_orbit(orbit: Orbit, seen: Sightings, frame: _Frame) -> Residuals:
+def _to_orbit(orbit: Orbit, seen: MeasuredDirections, frame: _Frame) -> Residuals:
     """Residuals (3 N,) against the orbit, as arcsec from the Earth's centre."""
     first, last = int(seen.t_utc_ns[0]), int(seen.t_utc_ns[-1])
     around_ns = int(86_400 / frame.revolutions_a_day * NS_PER_S)
@@ -239,7 +239,7 @@ def _to_orbit(orbit: Orbit, seen: Sightings, frame: _Frame) -> Residuals:
     return residuals
 
 
-def _to_directions(seen: Sightings, frame: _Frame) -> Residuals:
+def _to_directions(seen: MeasuredDirections, frame: _Frame) -> Residuals:
     """Residuals (2 N,) against the directions, arcsec."""
     to_gcrs = teme_to_gcrs_rotation(seen.t_utc_ns)
 

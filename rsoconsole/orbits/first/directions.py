@@ -29,7 +29,7 @@ from rsoconsole.words import NS_PER_S
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Sightings:
+class MeasuredDirections:
     """N directions in order of time, each with its site's place; every array starts with N."""
 
     t_utc_ns: IntArray
@@ -85,7 +85,7 @@ class Sightings:
             slopes.append((off / depth * self.towards - axis) / depth)
         return np.stack(slopes, axis=-2) / ARCSEC_RAD
 
-    def of(self, chosen: npt.NDArray[Any]) -> "Sightings":
+    def of(self, chosen: npt.NDArray[Any]) -> "MeasuredDirections":
         """The chosen directions, about the same epoch."""
         arrays = {
             each.name: getattr(self, each.name)[chosen]
@@ -103,13 +103,13 @@ class Sightings:
         return np.asarray(np.linalg.norm(positions_km - self.sites_km, axis=-1) / LIGHT_KM_S)
 
 
-def sightings(
+def reduce_directions(
     site: Site,
     t_utc_ns: IntArray,
     ra_icrs_deg: FloatArray,
     dec_icrs_deg: FloatArray,
     cov_sky_arcsec2: FloatArray,
-) -> Sightings:
+) -> MeasuredDirections:
     """Reduce N measured directions; ``cov_sky_arcsec2`` (N, 3): east-east, east-north, north-north.
 
     Put into order of time. Raises ValueError for a covariance that is none and for a direction
@@ -125,7 +125,7 @@ def sightings(
     sites_km, sites_km_s = site_gcrs(site, t)
     towards = direction_to_unit(ra, dec)
     east, north = east_and_north(ra, dec)
-    return Sightings(
+    return MeasuredDirections(
         t_utc_ns=t,
         t_s=(t - epoch) / NS_PER_S,
         epoch_utc_ns=epoch,
@@ -162,7 +162,7 @@ INWARD = (0.0, 0.1, 0.2)
 """Shares of the directions to leave out at either end: a wild one spoils the orbits through it."""
 
 
-def seeds(seen: Sightings, inward: float = 0.0) -> tuple[State, ...]:
+def seeds(seen: MeasuredDirections, inward: float = 0.0) -> tuple[State, ...]:
     """Plausible starts at the epoch: Gooding's orbits first, then circles.
 
     ``inward``: the share of the directions that is passed over at either end (`INWARD`).
@@ -170,7 +170,7 @@ def seeds(seen: Sightings, inward: float = 0.0) -> tuple[State, ...]:
     return (*_by_gooding(seen, inward), *_circles(seen, inward))
 
 
-def three_lines(seen: Sightings, inward: float = 0.0) -> Lines:
+def three_sight_lines(seen: MeasuredDirections, inward: float = 0.0) -> Lines:
     """Three lines of sight far apart, at the time of the light; several choices of the middle
     one."""
     first, last = _ends(seen, inward)
@@ -182,32 +182,32 @@ def three_lines(seen: Sightings, inward: float = 0.0) -> Lines:
     )
 
 
-def _ends(seen: Sightings, inward: float) -> tuple[int, int]:
+def _ends(seen: MeasuredDirections, inward: float) -> tuple[int, int]:
     """First and last direction that count, with one at least between them if there is any."""
     left_out = min(int(inward * len(seen)), max(len(seen) - 3, 0) // 2)
     return left_out, len(seen) - 1 - left_out
 
 
-def at_epoch(orbit: GoodingOrbit, lines: Lines) -> State:
+def state_at_line_epoch(orbit: GoodingOrbit, lines: Lines) -> State:
     """State of an orbit through three lines at the epoch of their times."""
     # The light of the middle line left so much earlier.
     since = -lines.t_s[1] + orbit.ranges_km[1] / LIGHT_KM_S
     return propagate(orbit.r_km, orbit.v_km_s, since)
 
 
-def _by_gooding(seen: Sightings, inward: float) -> Iterator[State]:
+def _by_gooding(seen: MeasuredDirections, inward: float) -> Iterator[State]:
     if len(seen) < 3:
         return
-    lines = three_lines(seen, inward)
+    lines = three_sight_lines(seen, inward)
     if len(np.unique(lines.t_s)) < 3:
         return
     for orbit in gooding(lines):
-        r, v = at_epoch(orbit, lines)
+        r, v = state_at_line_epoch(orbit, lines)
         if is_plausible(r, v):
             yield r, v
 
 
-def _circles(seen: Sightings, inward: float) -> Iterator[State]:
+def _circles(seen: MeasuredDirections, inward: float) -> Iterator[State]:
     """Circular orbits through two lines."""
     ends = _ends(seen, inward)
     dt_s = float(seen.t_s[ends[1]] - seen.t_s[ends[0]])

@@ -142,7 +142,7 @@ _ROUND, _ECCENTRIC_WEIGHT = 0.2, 0.2
 _EARTH_RAD_S = 7.292115e-5
 
 
-def bending(
+def orbit_path_bend(
     site: Site,
     t_utc_ns: int,
     direction_icrs_deg: tuple[float, float],
@@ -174,10 +174,10 @@ def bending(
     distance = np.linalg.norm(r, axis=1)
     pull = -MU_EARTH_KM3_S2 / distance[:, None] ** 3 * r - site_km_s2
     bent = (pull - 2.0 * rates[:, None] * u_rate) / ranges[:, None]
-    bending = np.stack([bent @ ahead / ARCSEC_RAD, bent @ left / speed**2], axis=1)
+    orbit_path_bend = np.stack([bent @ ahead / ARCSEC_RAD, bent @ left / speed**2], axis=1)
     weight = weight / weight.sum()
-    mean = weight @ bending
-    off = bending - mean
+    mean = weight @ orbit_path_bend
+    off = orbit_path_bend - mean
     return mean, (off * weight[:, None]).T @ off
 
 

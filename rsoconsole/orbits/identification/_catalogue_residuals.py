@@ -13,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from rsoconsole.orbits.elements.catalogue import CatalogueEntry, states_gcrs
-from rsoconsole.orbits.first.directions import Sightings
+from rsoconsole.orbits.first.directions import MeasuredDirections
 from rsoconsole.orbits.identification.element_errors import ASSUMED, ElementErrors
 from rsoconsole.records import FloatArray, Site
 from rsoconsole.sky import ARCSEC_RAD, LIGHT_KM_S, IntArray, earth_velocity_km_s, site_gcrs
@@ -25,7 +25,7 @@ _SLOWEST_RAD_S = 1e-9
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Comparison:
+class CatalogueResiduals:
     """M objects against N directions, at the middle of them; arcsec and arcsec/s.
 
     D is 4 (along, across, and their rates), or 2 where all directions are of one instant.
@@ -61,11 +61,11 @@ class _ExpectedPlaces:
 
 
 def compare(
-    seen: Sightings,
+    seen: MeasuredDirections,
     site: Site,
     entries: Sequence[CatalogueEntry],
     errors: ElementErrors = ASSUMED,
-) -> Comparison:
+) -> CatalogueResiduals:
     """Compare every entry with the directions, leaving out entries at which SGP4 fails."""
     beside_ns = round(_BESIDE_S * NS_PER_S)
     about = seen.epoch_utc_ns + np.array([-beside_ns, 0, beside_ns])
@@ -76,7 +76,7 @@ def compare(
     offsets, covariance, misfit = _offsets(seen, expected)
     widening = max(1.0, float(np.min(misfit))) if misfit.size else 1.0
     middle = len(seen) + 1
-    return Comparison(
+    return CatalogueResiduals(
         entries=followed,
         offsets=offsets,
         covariance=covariance * widening,
@@ -123,7 +123,7 @@ def _some(expected: _ExpectedPlaces, chosen: npt.NDArray[np.bool_]) -> _Expected
 
 
 def _offsets(
-    seen: Sightings, expected: _ExpectedPlaces
+    seen: MeasuredDirections, expected: _ExpectedPlaces
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Offsets (M, D) at the middle with covariance (M, D, D), and chi2 a degree of freedom (M,)."""
     count, middle = len(seen), len(seen) + 1

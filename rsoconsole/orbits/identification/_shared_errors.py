@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from rsoconsole.orbits.identification._assignments import Assignment
-from rsoconsole.orbits.identification._catalogue_residuals import Comparison
+from rsoconsole.orbits.identification._catalogue_residuals import CatalogueResiduals
 from rsoconsole.orbits.identification.element_errors import (
     covariance_rtn,
     manoeuvred_probability,
@@ -62,7 +62,7 @@ class Pair:
     moved_probability: float
 
 
-def pair_of(found: Comparison, n: int, t_utc_ns: int) -> Pair:
+def pair_of(found: CatalogueResiduals, n: int, t_utc_ns: int) -> Pair:
     """The pair of a track and the nth object of its comparison."""
     entry = found.entries[n]
     regime = regime_of(entry.revolutions_a_day, entry.eccentricity)

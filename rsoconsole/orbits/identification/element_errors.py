@@ -148,7 +148,7 @@ def covariance_rtn(spread: Spread, age_days: float, mean_motion_rad_s: float) ->
     sin(nt), N = B cos(nt), at any phase, beside its lead or lag (Clohessy & Wiltshire 1960).
     """
     along, across, shape = (
-        float(grown(each, age_days)) for each in (spread.along, spread.across, spread.shape)
+        float(sigma_at_age(each, age_days)) for each in (spread.along, spread.across, spread.shape)
     )
     n = mean_motion_rad_s
     covariance = np.diag(
@@ -170,12 +170,12 @@ def position_sigmas_km(
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """One-sigma errors radial, along (the swing of the shape with it) and across at ages (...)."""
     along, across, shape = (
-        grown(each, age_days) for each in (spread.along, spread.across, spread.shape)
+        sigma_at_age(each, age_days) for each in (spread.along, spread.across, spread.shape)
     )
     return shape, np.sqrt(along**2 + 4.0 * shape**2), across
 
 
-def grown(terms: _Terms, age_days: float | FloatArray) -> FloatArray:
+def sigma_at_age(terms: _Terms, age_days: float | FloatArray) -> FloatArray:
     at_epoch, by_day, by_day_2 = terms
     age = np.abs(age_days)
     return np.asarray(np.sqrt(at_epoch**2 + (by_day * age) ** 2 + (by_day_2 * age * age) ** 2))

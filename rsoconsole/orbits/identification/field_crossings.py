@@ -282,7 +282,7 @@ class FieldCatalogue:
         if not np.all(np.isfinite(middle.u)):
             return None
         speed = float(np.linalg.norm(middle.v_km_s[0, -1]))
-        across, sigma_across = across_of(spread, middle)
+        across, sigma_across = across_track_sigmas(spread, middle)
         ends = opening.u[0, :-1], closing.u[0, :-1]
         longest = float(np.linalg.norm(ends[1] - ends[0], axis=-1).max())
         parts = int(np.clip(np.ceil(longest / (_FINE * view.radius_rad)) + 1, *_PARTS))
@@ -333,7 +333,7 @@ def _leads(
     return np.linspace(*window, count)
 
 
-def across_of(spread: ElementSpread, seen: ObjectPlaces) -> tuple[FloatArray, FloatArray]:
+def across_track_sigmas(spread: ElementSpread, seen: ObjectPlaces) -> tuple[FloatArray, FloatArray]:
     """Unit vectors (M, L, 3) across paths, north of eastward, and sigmas (M, L, 3 cases), rad."""
     across, radial, pole = across_parts(seen)
     by_radial = radial[..., None] * spread.radial_km[:, None, :]

@@ -20,8 +20,8 @@ from rsoconsole.orbits.identification.field_crossings import (
     GATE_SIGMAS,
     Candidate,
     FieldOfView,
-    across_of,
     across_parts,
+    across_track_sigmas,
 )
 from rsoconsole.orbits.identification.single import Verdict
 from rsoconsole.records import FloatArray
@@ -271,7 +271,7 @@ def _met(
             return None
         if turn < _NEWTON:
             lead_s += float(off @ along) / pace**2
-    across, sigmas = across_of(candidate.spread, seen)
+    across, sigmas = across_track_sigmas(candidate.spread, seen)
     own = _sigma_towards(line, seen.u[0, 0], across[0, 0])
     _, by_radial, by_pole = across_parts(seen)
     across_rad = float(off @ across[0, 0])

@@ -15,7 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from rsoconsole.orbits.elements.catalogue import CatalogueEntry
-from rsoconsole.orbits.first.directions import Sightings
+from rsoconsole.orbits.first.directions import MeasuredDirections
 from rsoconsole.orbits.identification._assignments import Assignment, best_assignments
 from rsoconsole.orbits.identification._shared_errors import CASES, Pair, SharedErrors, pair_of
 from rsoconsole.orbits.identification.element_errors import ASSUMED, ElementErrors
@@ -25,19 +25,19 @@ from rsoconsole.orbits.identification.single import (
     UNCATALOGUED,
     CatalogueComparison,
     Identification,
-    Match,
+    ObjectMatch,
     compare_with_catalogue,
     identification,
     identification_alone,
 )
 from rsoconsole.records import FloatArray, Site
-from rsoconsole.words import NS_PER_S, called
+from rsoconsole.words import NS_PER_S, catalogued_name
 
 GAP_S = 600.0
 """Longest gap within a track: after a longer one it may have been lost meanwhile."""
 
 
-def seen_at_once(tracks: Sequence[Sightings]) -> npt.NDArray[np.bool_]:
+def seen_at_once(tracks: Sequence[MeasuredDirections]) -> npt.NDArray[np.bool_]:
     """True (T, T) where any two stretches of two tracks overlap, a gap being in neither."""
     stretches = [_stretches(each) for each in tracks]
     found = np.zeros((len(tracks), len(tracks)), bool)
@@ -49,7 +49,7 @@ def seen_at_once(tracks: Sequence[Sightings]) -> npt.NDArray[np.bool_]:
     return found
 
 
-def _stretches(seen: Sightings) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]:
+def _stretches(seen: MeasuredDirections) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]:
     """First and last instants of each stretch."""
     t = np.asarray(seen.t_utc_ns, np.int64)
     cuts = np.flatnonzero(np.diff(t) > GAP_S * NS_PER_S)
@@ -72,7 +72,7 @@ _LIKELIEST = 3
 
 
 def identify_jointly(
-    tracks: Sequence[Sightings],
+    tracks: Sequence[MeasuredDirections],
     site: Site,
     entries: Sequence[CatalogueEntry],
     *,
@@ -87,10 +87,10 @@ def identify_jointly(
         compare_with_catalogue(each, site, entries, gate_deg=gate_deg, errors=errors)
         for each in tracks
     ]
-    return name_together(compared, gate_deg=gate_deg)
+    return identify_compared_tracks(compared, gate_deg=gate_deg)
 
 
-def name_together(
+def identify_compared_tracks(
     compared: Sequence[CatalogueComparison], *, gate_deg: float = GATE_DEG
 ) -> tuple[Identification, ...]:
     """Identify tracks that were compared with the catalogue before: one answer for each."""
@@ -120,7 +120,7 @@ def _groups(compared: Sequence[CatalogueComparison]) -> list[list[int]]:
     return [sorted(members) for _, members in groups]
 
 
-def _candidates(compared: CatalogueComparison) -> list[Match]:
+def _candidates(compared: CatalogueComparison) -> list[ObjectMatch]:
     near = [
         each
         for each in compared.scored
@@ -160,7 +160,7 @@ def _taken_by_others(answer: Identification) -> Identification:
     if answer.verdict == "unknown":
         return answer
     near = min(answer.matches, key=lambda each: each.score)
-    name = called(near.name, near.norad_id)
+    name = catalogued_name(near.name, near.norad_id)
     reason = f"no catalogued object is left for it: {name}, the nearest, is another track's"
     return replace(answer, verdict="unknown", reason=reason)
 

@@ -17,8 +17,8 @@ from rsoconsole.orbits.elements.catalogue import (
     nearest_in_epoch_of_each,
     states_gcrs,
 )
-from rsoconsole.orbits.first.directions import Sightings
-from rsoconsole.orbits.identification._catalogue_residuals import Comparison, compare
+from rsoconsole.orbits.first.directions import MeasuredDirections
+from rsoconsole.orbits.identification._catalogue_residuals import CatalogueResiduals, compare
 from rsoconsole.orbits.identification.element_errors import (
     ASSUMED,
     ElementErrors,
@@ -28,7 +28,7 @@ from rsoconsole.orbits.identification.element_errors import (
     regime_of,
 )
 from rsoconsole.records import FloatArray, Site
-from rsoconsole.words import NS_PER_DAY, angle, called, clock
+from rsoconsole.words import NS_PER_DAY, angle, catalogued_name, clock
 
 Verdict = Literal["identified", "ambiguous", "unknown"]
 
@@ -54,7 +54,7 @@ there."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Match:
+class ObjectMatch:
     """One catalogued object against the directions at their middle; measured minus predicted."""
 
     norad_id: int
@@ -97,7 +97,7 @@ class Identification:
     reason: str
     hint: str
     """Hint at a manoeuvre; empty as a rule."""
-    matches: tuple[Match, ...]
+    matches: tuple[ObjectMatch, ...]
     """Matches, best first; the second is the runner-up, within the gate or not."""
     t_utc_ns: int
     gate_deg: float
@@ -115,9 +115,9 @@ class Identification:
 class CatalogueComparison:
     """One track beside the catalogued objects that stand near it."""
 
-    seen: Sightings
-    found: Comparison
-    scored: tuple[Match, ...]
+    seen: MeasuredDirections
+    found: CatalogueResiduals
+    scored: tuple[ObjectMatch, ...]
     """Matches, best first; their probabilities are weights as yet."""
     unknown_weight: float
     """Weight of objects that no catalogue knows, in the unit of the matches' weights."""
@@ -126,7 +126,7 @@ class CatalogueComparison:
 
 
 def compare_with_catalogue(
-    seen: Sightings,
+    seen: MeasuredDirections,
     site: Site,
     entries: Sequence[CatalogueEntry],
     *,
@@ -162,7 +162,7 @@ def identification_alone(compared: CatalogueComparison, gate_deg: float) -> Iden
 
 def identification(
     compared: CatalogueComparison,
-    matches: tuple[Match, ...],
+    matches: tuple[ObjectMatch, ...],
     not_catalogued: float,
     gate_deg: float,
 ) -> Identification:
@@ -182,7 +182,7 @@ def identification(
 
 
 def _close_by(
-    seen: Sightings, entries: Sequence[CatalogueEntry]
+    seen: MeasuredDirections, entries: Sequence[CatalogueEntry]
 ) -> tuple[list[CatalogueEntry], int]:
     """Entries worth a closer look, and the number that have no place at the middlemost
     direction."""
@@ -197,7 +197,9 @@ def _close_by(
     return [entries[n] for n in order[:count]], int(np.sum(~has_place))
 
 
-def _match(seen: Sightings, found: Comparison, n: int, gate_deg: float) -> Match:
+def _match(
+    seen: MeasuredDirections, found: CatalogueResiduals, n: int, gate_deg: float
+) -> ObjectMatch:
     """Compute one match, whose ``probability`` is a weight as yet."""
     entry, offset = found.entries[n], found.offsets[n]
     age_days = (seen.epoch_utc_ns - entry.epoch_utc_ns) / NS_PER_DAY
@@ -218,7 +220,7 @@ def _match(seen: Sightings, found: Comparison, n: int, gate_deg: float) -> Match
     along, across = float(offset[0]), float(offset[1])
     gate_along = max(gate_deg * 3600.0, 3.0 * float(sigma[0]))
     is_near = abs(along) <= gate_along and abs(across) <= gate_deg * 3600.0
-    return Match(
+    return ObjectMatch(
         norad_id=entry.norad_id,
         name=entry.name,
         regime=regime,
@@ -242,7 +244,9 @@ def _match(seen: Sightings, found: Comparison, n: int, gate_deg: float) -> Match
     )
 
 
-def _covariance(found: Comparison, n: int, age_days: float, *, is_moved: bool) -> FloatArray:
+def _covariance(
+    found: CatalogueResiduals, n: int, age_days: float, *, is_moved: bool
+) -> FloatArray:
     """Covariance (D, D) of the offsets of one object: measurement and elements."""
     entry = found.entries[n]
     regime = regime_of(entry.revolutions_a_day, entry.eccentricity)
@@ -257,7 +261,7 @@ def _log_size(covariance: FloatArray) -> float:
     return float(np.linalg.slogdet(2.0 * np.pi * covariance)[1]) / 2.0
 
 
-def _unknown_weight(found: Comparison, scored: Sequence[Match]) -> float:
+def _unknown_weight(found: CatalogueResiduals, scored: Sequence[ObjectMatch]) -> float:
     """Weight of objects that no catalogue knows, in the unit of the matches' weights."""
     if not scored:
         return 1.0
@@ -266,7 +270,7 @@ def _unknown_weight(found: Comparison, scored: Sequence[Match]) -> float:
     return UNCATALOGUED[len(found.offsets[n])] * float(np.exp(_log_size(fresh)))
 
 
-def _verdict(matches: Sequence[Match], gate_deg: float) -> tuple[Verdict, str]:
+def _verdict(matches: Sequence[ObjectMatch], gate_deg: float) -> tuple[Verdict, str]:
     near = [each for each in matches if each.is_within_gate]
     if not near:
         return "unknown", _unknown_words(matches, gate_deg)
@@ -285,7 +289,7 @@ def _verdict(matches: Sequence[Match], gate_deg: float) -> tuple[Verdict, str]:
     return "ambiguous", f"{names} fit alike: a longer arc or fresher elements may tell"
 
 
-def _unknown_words(matches: Sequence[Match], gate_deg: float) -> str:
+def _unknown_words(matches: Sequence[ObjectMatch], gate_deg: float) -> str:
     words = f"no catalogued object within {gate_deg:g} deg moves like this"
     if not matches:
         return words
@@ -293,17 +297,17 @@ def _unknown_words(matches: Sequence[Match], gate_deg: float) -> str:
     return f"{words}; the nearest, {_name(nearest)}, {_off_words(nearest)}"
 
 
-def _next_words(matches: Sequence[Match]) -> str:
+def _next_words(matches: Sequence[ObjectMatch]) -> str:
     if len(matches) < 2:
         return "and the catalogue has no other"
     return f"the runner-up {_name(matches[1])} {_off_words(matches[1])}"
 
 
-def _name(match: Match) -> str:
-    return called(match.name, match.norad_id)
+def _name(match: ObjectMatch) -> str:
+    return catalogued_name(match.name, match.norad_id)
 
 
-def _off_words(match: Match) -> str:
+def _off_words(match: ObjectMatch) -> str:
     words = f"is {angle(match.separation_arcsec, 'cell')}"
     rate = match.rate_difference_percent
     if rate is not None and (abs(rate) >= 1.0 or abs(match.rate_direction_deg or 0.0) >= 1.0):
@@ -311,12 +315,12 @@ def _off_words(match: Match) -> str:
     return f"{words} off"
 
 
-def _motion_words(match: Match) -> str:
+def _motion_words(match: ObjectMatch) -> str:
     turned = abs(match.rate_direction_deg or 0.0)
     return f"by {abs(match.rate_difference_percent or 0.0):.0f} % and {turned:.0f} deg"
 
 
-def _hint(matches: Sequence[Match], verdict: Verdict, gate_deg: float) -> str:
+def _hint(matches: Sequence[ObjectMatch], verdict: Verdict, gate_deg: float) -> str:
     """Hint at a manoeuvre: a known object, the right motion, off its elements, nothing else
     near."""
     if verdict == "identified" and matches[0].undisturbed_sigma ** 2 > _OFF_ELEMENTS:
@@ -333,7 +337,7 @@ def _hint(matches: Sequence[Match], verdict: Verdict, gate_deg: float) -> str:
     return f"perhaps {_moved_words(suspects[0])}" if len(suspects) == 1 else ""
 
 
-def _moved_words(match: Match) -> str:
+def _moved_words(match: ObjectMatch) -> str:
     epoch = clock(match.tle_epoch_utc_ns, "dated minute", "")
     way = "ahead of" if match.along_track_arcsec > 0.0 else "behind"
     between = "since" if match.tle_age_days >= 0.0 else "before"

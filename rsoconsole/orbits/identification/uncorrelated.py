@@ -13,13 +13,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rsoconsole.orbits.first.directions import Sightings
+from rsoconsole.orbits.first.directions import MeasuredDirections
 from rsoconsole.orbits.identification._assignments import best_assignments
 from rsoconsole.orbits.identification.element_errors import (
     MANOEUVRED,
-    grown,
     manoeuvred_probability,
     regime_of,
+    sigma_at_age,
 )
 from rsoconsole.orbits.identification.joint_identification import seen_at_once
 from rsoconsole.orbits.motion.prediction import KnownOrbit, SkyMotion, predict, predict_motion
@@ -112,7 +112,7 @@ class _Offset:
 
 
 def correlate_tracks(
-    tracks: Sequence[Sightings], site: Site, before: Sequence[EarlierTrack]
+    tracks: Sequence[MeasuredDirections], site: Site, before: Sequence[EarlierTrack]
 ) -> tuple[Correlation, ...]:
     """Correlate the tracks of a night with objects; two seen at once are of two objects.
 
@@ -122,7 +122,7 @@ def correlate_tracks(
     scores = np.full((len(tracks), len(numbers) + 1), -np.inf)
     off = np.full((len(tracks), len(numbers)), np.nan)
     for t, track in enumerate(tracks):
-        _, _, dec_deg, rate, _ = attributable(track)
+        _, _, dec_deg, rate, _ = mid_track_direction_and_rates(track)
         scores[t, -1] = np.log(_STRANGERS[_over_ground(rate, dec_deg) < BELT_ARCSEC_S])
         for each in before:
             n = numbers.index(each.number)
@@ -140,7 +140,9 @@ def correlate_tracks(
     return tuple(_answer(numbers, marginals[t, :-1], off[t]) for t in rows)
 
 
-def log_density(before: EarlierTrack, seen: Sightings, site: Site) -> tuple[float, float] | None:
+def log_density(
+    before: EarlierTrack, seen: MeasuredDirections, site: Site
+) -> tuple[float, float] | None:
     """Logarithm of the density of a track's offset, and the size of the offset in arcsec.
 
     None where it is beyond the gate, or where the earlier track predicts nothing for that instant.
@@ -169,7 +171,9 @@ def log_density(before: EarlierTrack, seen: Sightings, site: Site) -> tuple[floa
     return None if nearest is None else (whole, nearest[1])
 
 
-def attributable(seen: Sightings) -> tuple[int, float, float, tuple[float, float], FloatArray]:
+def mid_track_direction_and_rates(
+    seen: MeasuredDirections,
+) -> tuple[int, float, float, tuple[float, float], FloatArray]:
     """Direction and rates of a track about its middle.
 
     Instant, right ascension and declination, rates (east, north) in arcsec/s, and the covariance
@@ -202,7 +206,7 @@ def _answer(numbers: Sequence[int], shares: FloatArray, off: FloatArray) -> Corr
     )
 
 
-def _middle_of(seen: Sightings) -> Sightings:
+def _middle_of(seen: MeasuredDirections) -> MeasuredDirections:
     """Sightings of a few directions about the middle, evenly chosen."""
     near = np.flatnonzero(np.abs(seen.t_s) <= _MIDDLE_S)
     step = max(1, -(-len(near) // _MAX_DIRECTIONS))
@@ -218,7 +222,7 @@ def _over_ground(rate_arcsec_s: tuple[float, float], dec_deg: float) -> float:
     )
 
 
-def _is_slow(track: Sightings) -> bool:
+def _is_slow(track: MeasuredDirections) -> bool:
     """True where its rate is nearer to that of the ground than to that of the stars."""
     span_s = float(track.t_s[-1] - track.t_s[0])
     if span_s <= 0.0:
@@ -242,7 +246,7 @@ def _revolutions(a_km: float) -> float:
     return float(np.sqrt(MU_EARTH_KM3_S2 / a_km**3) * 86_400.0 / (2.0 * np.pi))
 
 
-def _is_near(orbit: KnownOrbit, track: Sightings) -> bool:
+def _is_near(orbit: KnownOrbit, track: MeasuredDirections) -> bool:
     """True where the two-body prediction is within its gate, which costs nothing."""
     middle = int(np.argmin(np.abs(track.t_s)))
     since_s = np.array([(int(track.t_utc_ns[middle]) - orbit.epoch_utc_ns) / NS_PER_S])
@@ -253,7 +257,7 @@ def _is_near(orbit: KnownOrbit, track: Sightings) -> bool:
     return bool(np.isfinite(cosine)) and cosine > float(np.cos(np.radians(min(gate, 90.0))))
 
 
-def _is_over_there(before: EarlierTrack, track: Sightings, site: Site) -> bool:
+def _is_over_there(before: EarlierTrack, track: MeasuredDirections, site: Site) -> bool:
     """True where it is near the earlier place above the ground, which costs nothing to compute."""
     middle = int(np.argmin(np.abs(track.t_s)))
     instant = track.t_utc_ns[middle : middle + 1]
@@ -264,7 +268,7 @@ def _is_over_there(before: EarlierTrack, track: Sightings, site: Site) -> bool:
 
 
 def _by_orbit(
-    before: EarlierTrack, track: Sightings, site: Site, days: float, share: float
+    before: EarlierTrack, track: MeasuredDirections, site: Site, days: float, share: float
 ) -> list[tuple[float, _Offset]]:
     """Offsets from its orbit, undisturbed and moved, with their weights."""
     orbit = before.orbit
@@ -282,7 +286,7 @@ def _by_orbit(
         (1.0 - share, (forces, forces / 4.0)),
         (
             share / 2.0 if before.is_in_belt else share,
-            (float(grown(spread.along, days)), float(grown(spread.across, days))),
+            (float(sigma_at_age(spread.along, days)), float(sigma_at_age(spread.across, days))),
         ),
     ):
         growth = _on_sky(motion, sizes, range_km, n)
@@ -292,7 +296,7 @@ def _by_orbit(
 
 
 def _predicted(
-    orbit: KnownOrbit, track: Sightings, site: Site, back_ns: int = 0
+    orbit: KnownOrbit, track: MeasuredDirections, site: Site, back_ns: int = 0
 ) -> tuple[SkyMotion, _Offset, float] | None:
     """Prediction of an orbit, ``back_ns`` earlier: motion, offset of the track from it, and
     distance in km.
@@ -311,7 +315,9 @@ def _predicted(
     return motion, offset, float(np.median(places.range_km))
 
 
-def _held(before: EarlierTrack, track: Sightings, site: Site, days: float) -> list[_Offset]:
+def _held(
+    before: EarlierTrack, track: MeasuredDirections, site: Site, days: float
+) -> list[_Offset]:
     """Offset from its orbit at the same sidereal time within half a day: held in its slot.
 
     The object may stand anywhere in the slot, and its swings about that place change by the week.
@@ -333,7 +339,7 @@ def _held(before: EarlierTrack, track: Sightings, site: Site, days: float) -> li
     ]
 
 
-def _over_its_place(before: EarlierTrack, track: Sightings, site: Site) -> _Offset:
+def _over_its_place(before: EarlierTrack, track: MeasuredDirections, site: Site) -> _Offset:
     """Offset from its earlier place above the ground, with the parallax of another site where it is
     another."""
     turned = _sidereal_deg(before.t_utc_ns, track.t_utc_ns)
@@ -350,7 +356,7 @@ def _over_its_place(before: EarlierTrack, track: Sightings, site: Site) -> _Offs
 
 
 def _from_there(
-    before: EarlierTrack, track: Sightings, ra_deg: FloatArray
+    before: EarlierTrack, track: MeasuredDirections, ra_deg: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
     """Directions from the track's site to an object in the belt, seen from the other one."""
     instants = np.asarray(track.t_utc_ns, np.int64)
@@ -369,7 +375,7 @@ def _sidereal_deg(from_utc_ns: int, to_utc_ns: IntArray) -> FloatArray:
 
 
 def _fitted(
-    track: Sightings, ra_deg: FloatArray, dec_deg: FloatArray, cos_dec: FloatArray
+    track: MeasuredDirections, ra_deg: FloatArray, dec_deg: FloatArray, cos_dec: FloatArray
 ) -> _Offset:
     """Offset and rate of the track, measured minus these places."""
     off = np.stack(

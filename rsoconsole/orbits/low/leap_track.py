@@ -11,9 +11,9 @@ from math import erf
 
 import numpy as np
 
-from rsoconsole.orbits.low.low_cloud import Cloud, cloud_ahead, cloud_through, nearest_state
+from rsoconsole.orbits.low.low_cloud import OrbitCloud, cloud_ahead, cloud_through, nearest_state
 from rsoconsole.orbits.low.low_fit import LowOrbit, StreakEnds, Timing, fit_streaks
-from rsoconsole.orbits.motion.ahead import SkyAhead, SkyPath, path_of
+from rsoconsole.orbits.motion.ahead import PredictedPosition, PredictedSkyPath, path_of
 from rsoconsole.orbits.motion.prediction import KnownOrbit, predict, predict_motion
 from rsoconsole.records import FloatArray, Site
 from rsoconsole.sky import IntArray, position_angle_deg, separation_deg, wrap_180
@@ -51,7 +51,7 @@ class Hypothesis:
 
     streaks: tuple[StreakEnds, ...]
     """Streaks in order of time, each in the sense of this hypothesis."""
-    cloud: Cloud
+    cloud: OrbitCloud
     """Low orbits through the first streak."""
     orbit: LowOrbit | None
     """Orbit, from the second streak on."""
@@ -77,7 +77,7 @@ class LeapTrack:
         """Likeliest hypothesis."""
         return self.hypotheses[0]
 
-    def ahead(self, t_utc_ns: int, number: int = 0) -> SkyAhead | None:
+    def ahead(self, t_utc_ns: int, number: int = 0) -> PredictedPosition | None:
         """Place by the n-th hypothesis; None where that is below the ground."""
         each = self.hypotheses[number]
         if each.orbit is None:
@@ -85,7 +85,7 @@ class LeapTrack:
         motion = predict_motion(each.orbit, self.site, t_utc_ns)
         if motion is None:
             return None
-        return SkyAhead(
+        return PredictedPosition(
             t_utc_ns=t_utc_ns,
             ra_icrs_deg=motion.ra_icrs_deg,
             dec_icrs_deg=motion.dec_icrs_deg,
@@ -95,7 +95,7 @@ class LeapTrack:
 
     def path(
         self, from_utc_ns: int, span_s: float, number: int = 0, step_s: float = 2.0
-    ) -> SkyPath | None:
+    ) -> PredictedSkyPath | None:
         """Path by the n-th hypothesis, as the shutter will find it.
 
         None where it sets within two steps. Covariances include the shutter's timing scatter.
@@ -111,7 +111,7 @@ class LeapTrack:
 
 def path_of_orbit(
     orbit: KnownOrbit, site: Site, t_utc_ns: IntArray, scatter_s: float = 0.0
-) -> SkyPath | None:
+) -> PredictedSkyPath | None:
     """Path of an orbit on the sky, at instants in order; None where it has come down.
 
     ``scatter_s`` of the shutter enters the covariances, along the path.
@@ -124,7 +124,7 @@ def path_of_orbit(
         return None
     return path_of(
         [
-            SkyAhead(
+            PredictedPosition(
                 t_utc_ns=int(t),
                 ra_icrs_deg=float(ra),
                 dec_icrs_deg=float(dec),
@@ -186,7 +186,7 @@ def update_leap_track(track: LeapTrack, streak: StreakEnds) -> LeapTrack | None:
         place = track.ahead(streak.t_mid_utc_ns, number)
         if place is None:
             continue
-        turned = in_sense_of(streak, place)
+        turned = streak_along_motion(streak, place)
         late_s = _late_s(place, turned)
         if abs(late_s) > _STRAIGHT_S:
             # Its path bends: it is held against where it was then.
@@ -200,7 +200,7 @@ def update_leap_track(track: LeapTrack, streak: StreakEnds) -> LeapTrack | None:
         amiss_arcsec = float(np.max(fitted.sigma_along_arcsec - turned.sigma_along_arcsec))
         if each.orbit is None and amiss_arcsec > 0.0:
             # Of two streaks that differ in their rate either may have shown a part.
-            first = each.streaks[0].of_unsure_length(amiss_arcsec)
+            first = each.streaks[0].with_length_error(amiss_arcsec)
             each = replace(each, streaks=(first,))  # noqa: PLW2901
         after = _with_streak(track, each, fitted)
         if after is not None:
@@ -227,7 +227,7 @@ def leap_track_after_miss(
     return _track(track.site, track.timing, changed)
 
 
-def in_sense_of(streak: StreakEnds, place: SkyAhead) -> StreakEnds:
+def streak_along_motion(streak: StreakEnds, place: PredictedPosition) -> StreakEnds:
     """Streak in the sense of the motion at this place."""
     s = np.radians(wrap_180(float(streak.ra_icrs_deg[1] - streak.ra_icrs_deg[0])))
     east = s * np.cos(np.radians(float(np.mean(streak.dec_icrs_deg))))
@@ -255,7 +255,7 @@ def _with_streak(track: LeapTrack, each: Hypothesis, streak: StreakEnds) -> Hypo
         state, epoch = (each.orbit.r_km, each.orbit.v_km_s), each.orbit.epoch_utc_ns
     for _ in range(_MAX_FITS):
         timing = replace(track.timing, scatter_s=scatter_s)
-        shaken = [one.shaken(shake_arcsec) for one in streaks]
+        shaken = [one.with_end_error(shake_arcsec) for one in streaks]
         orbit = fit_streaks(track.site, shaken, state, epoch, timing)
         if orbit is None or not orbit.is_converged:
             return None
@@ -300,7 +300,7 @@ def _shake_arcsec(streaks: Sequence[StreakEnds], orbit: LowOrbit) -> float:
 
 
 def _as_it_fits(
-    timing: Timing, each: Hypothesis, place: SkyAhead, streak: StreakEnds
+    timing: Timing, each: Hypothesis, place: PredictedPosition, streak: StreakEnds
 ) -> tuple[StreakEnds, float] | None:
     """Streak with its trusted ends, and its log likelihood; None where it is another object's.
 
@@ -315,13 +315,15 @@ def _as_it_fits(
         (each.shake_arcsec, latest_s),
         (gust_arcsec, latest_s),
     ):
-        found = _log_likelihood(place, streak.shaken(shake_arcsec), late_s)
+        found = _log_likelihood(place, streak.with_end_error(shake_arcsec), late_s)
         if found is not None:
             return streak, found
     return None
 
 
-def _of_sure_length(place: SkyAhead, streak: StreakEnds, shake_arcsec: float) -> StreakEnds:
+def _of_sure_length(
+    place: PredictedPosition, streak: StreakEnds, shake_arcsec: float
+) -> StreakEnds:
     """Streak whose ends along it are no surer than its length agrees with the rate.
 
     A mount that slews on before the shutter has closed hides one of them.
@@ -332,16 +334,16 @@ def _of_sure_length(place: SkyAhead, streak: StreakEnds, shake_arcsec: float) ->
     missing_arcsec = abs(expected_arcsec - streak.length_arcsec)
     rate_error_arcsec = _RATE_ERROR * expected_arcsec
     sigma_arcsec = np.sqrt(
-        float(np.sum(np.square(streak.shaken(shake_arcsec).sigma_along_arcsec)))
+        float(np.sum(np.square(streak.with_end_error(shake_arcsec).sigma_along_arcsec)))
         + rate_error_arcsec**2
     )
     is_whole = missing_arcsec < _WHOLE_SIGMAS * sigma_arcsec
     if is_whole or missing_arcsec > _MAX_MISSING * expected_arcsec:
         return streak
-    return streak.of_unsure_length(missing_arcsec)
+    return streak.with_length_error(missing_arcsec)
 
 
-def _log_likelihood(place: SkyAhead, streak: StreakEnds, scatter_s: float) -> float | None:
+def _log_likelihood(place: PredictedPosition, streak: StreakEnds, scatter_s: float) -> float | None:
     """Log likelihood of the middle of a streak by place, and of its rate; None beyond the gate.
 
     ``place`` at the middle of the frame, or when the light seems to have been there.
@@ -364,14 +366,14 @@ def _log_likelihood(place: SkyAhead, streak: StreakEnds, scatter_s: float) -> fl
     return -0.5 * (chi2 + float(np.linalg.slogdet(total)[1]))
 
 
-def _late_s(place: SkyAhead, streak: StreakEnds) -> float:
+def _late_s(place: PredictedPosition, streak: StreakEnds) -> float:
     """Delay of the light after the frame's time, along the motion, seconds."""
     off = 0.5 * (_offset(place, streak, 0) + _offset(place, streak, 1))
     since_s = float(np.mean(streak.t_utc_ns - place.t_utc_ns)) / NS_PER_S
     return float(off @ place.rate_arcsec_s) / place.speed_arcsec_s**2 - since_s
 
 
-def _offset(place: SkyAhead, streak: StreakEnds, end: int) -> FloatArray:
+def _offset(place: PredictedPosition, streak: StreakEnds, end: int) -> FloatArray:
     """Offset (2,) in arcsec east and north of the place; for less than a few degrees."""
     ra, dec = float(streak.ra_icrs_deg[end]), float(streak.dec_icrs_deg[end])
     away = 3600.0 * separation_deg(place.ra_icrs_deg, place.dec_icrs_deg, ra, dec)
@@ -379,7 +381,9 @@ def _offset(place: SkyAhead, streak: StreakEnds, end: int) -> FloatArray:
     return away * np.array([np.sin(towards), np.cos(towards)])
 
 
-def _share_within(place: SkyAhead, centre_deg: tuple[float, float], radius_deg: float) -> float:
+def _share_within(
+    place: PredictedPosition, centre_deg: tuple[float, float], radius_deg: float
+) -> float:
     """Probability of lying within a radius of a direction: by the distance along the line to it."""
     away = separation_deg(place.ra_icrs_deg, place.dec_icrs_deg, *centre_deg)
     sigma = max(place.sigma_arcsec / 3600.0, 1e-6)

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from rsoconsole.orbits.low.low_fit import StreakEnds
-from rsoconsole.orbits.motion.ahead import SkyAhead
+from rsoconsole.orbits.motion.ahead import PredictedPosition
 from rsoconsole.orbits.motion.prediction import KnownOrbit
 from rsoconsole.orbits.motion.two_body import (
     MU_EARTH_KM3_S2,
@@ -57,7 +57,7 @@ _MOST = 600
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Cloud:
+class OrbitCloud:
     """Orbits through a streak, as N states with weights that add up to 1."""
 
     epoch_utc_ns: int
@@ -71,7 +71,7 @@ class Cloud:
     streak: StreakEnds
 
 
-def cloud_through(site: Site, streak: StreakEnds) -> Cloud | None:
+def cloud_through(site: Site, streak: StreakEnds) -> OrbitCloud | None:
     """Find low orbits through a whole streak; None where there is none."""
     t = streak.t_utc_ns
     lines = line_of_sight_gcrs(streak.ra_icrs_deg, streak.dec_icrs_deg, t)
@@ -90,7 +90,7 @@ def cloud_through(site: Site, streak: StreakEnds) -> Cloud | None:
     keep = np.argsort(weight)[::-1][:_MOST]
     keep = keep[weight[keep] > _MIN_WEIGHT * weight[keep[0]]]
     tau_s = np.linalg.norm(r[keep] - places[0], axis=-1, keepdims=True) / LIGHT_KM_S
-    return Cloud(
+    return OrbitCloud(
         epoch_utc_ns=t_mid_ns,
         r_km=r[keep] + v[keep] * tau_s,
         v_km_s=v[keep],
@@ -100,7 +100,9 @@ def cloud_through(site: Site, streak: StreakEnds) -> Cloud | None:
     )
 
 
-def cloud_ahead(cloud: Cloud, site: Site, t_utc_ns: int, timing_sigma_s: float) -> SkyAhead | None:
+def cloud_ahead(
+    cloud: OrbitCloud, site: Site, t_utc_ns: int, timing_sigma_s: float
+) -> PredictedPosition | None:
     """Predict the mean place at an instant and the spread of all orbits, with the errors of the
     streak's ends.
 
@@ -123,7 +125,7 @@ def cloud_ahead(cloud: Cloud, site: Site, t_utc_ns: int, timing_sigma_s: float) 
     ends = cloud.streak.covariances_arcsec2
     reach = since_s / cloud.streak.exposure_s
     noise = (0.5 - reach) ** 2 * ends[0] + (0.5 + reach) ** 2 * ends[1]
-    return SkyAhead(
+    return PredictedPosition(
         t_utc_ns=t_utc_ns,
         ra_icrs_deg=ra_deg,
         dec_icrs_deg=dec_deg,
@@ -132,7 +134,9 @@ def cloud_ahead(cloud: Cloud, site: Site, t_utc_ns: int, timing_sigma_s: float) 
     )
 
 
-def nearest_state(cloud: Cloud, site: Site, streak: StreakEnds) -> tuple[FloatArray, FloatArray]:
+def nearest_state(
+    cloud: OrbitCloud, site: Site, streak: StreakEnds
+) -> tuple[FloatArray, FloatArray]:
     """State (3,), (3,) at the cloud's epoch of the orbit nearest to another streak."""
     t = streak.t_utc_ns
     t_mid_ns = int(t[0] + (t[1] - t[0]) // 2)
@@ -252,7 +256,7 @@ def passes_above(
                 yield found
 
 
-def errors_at(orbit: KnownOrbit, site: Site, t_utc_ns: int) -> tuple[float, float]:
+def along_s_and_across_deg(orbit: KnownOrbit, site: Site, t_utc_ns: int) -> tuple[float, float]:
     """One sigma along the orbit in seconds, and across it in degrees as seen from the site."""
     since_s = (t_utc_ns - orbit.epoch_utc_ns) / NS_PER_S
     _, _, slopes = propagate_with_slopes(orbit.r_km, orbit.v_km_s, np.array([since_s]))
@@ -296,7 +300,7 @@ def _pass(
     if not len(up):
         return None
     top = int(np.argmax(altitude))
-    sigma_s, across_deg = errors_at(orbit, site, int(fine[top]))
+    sigma_s, across_deg = along_s_and_across_deg(orbit, site, int(fine[top]))
     return ExpectedPass(
         rise_utc_ns=int(fine[up[0]]),
         set_utc_ns=int(fine[up[-1]]),

@@ -13,8 +13,13 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from rsoconsole.orbits.determination.fit import inverse_of_normal
-from rsoconsole.orbits.first.directions import LineOfSight, Sightings, State, sightings
+from rsoconsole.orbits.determination.fit import inverse_normal_matrix
+from rsoconsole.orbits.first.directions import (
+    LineOfSight,
+    MeasuredDirections,
+    State,
+    reduce_directions,
+)
 from rsoconsole.orbits.motion.forces import Zonal
 from rsoconsole.orbits.motion.prediction import KnownOrbit
 from rsoconsole.orbits.motion.two_body import (
@@ -94,7 +99,7 @@ class StreakEnds:
         parts = [along * s * s + across * c * c, both, both, along * c * c + across * s * s]
         return np.stack(parts, axis=-1).reshape(2, 2, 2)
 
-    def shaken(self, arcsec: float) -> "StreakEnds":
+    def with_end_error(self, arcsec: float) -> "StreakEnds":
         """Streak with a further error of each end, independent and in any direction."""
         return replace(
             self,
@@ -102,7 +107,7 @@ class StreakEnds:
             sigma_across_arcsec=np.hypot(self.sigma_across_arcsec, arcsec),
         )
 
-    def of_unsure_length(self, arcsec: float) -> "StreakEnds":
+    def with_length_error(self, arcsec: float) -> "StreakEnds":
         """Streak with a further error of each end along it."""
         return replace(self, sigma_along_arcsec=np.hypot(self.sigma_along_arcsec, arcsec))
 
@@ -162,7 +167,7 @@ class LowOrbit(KnownOrbit):
 
 @dataclass(slots=True, kw_only=True, eq=False)
 class _Problem:
-    seen: Sightings
+    seen: MeasuredDirections
     view: LineOfSight
     motion: Zonal
     whitening: FloatArray
@@ -198,7 +203,7 @@ class _Problem:
             by_unknown = np.vstack([by_unknown, by_shape])
         return value, by_unknown, measured
 
-    def later(self, bias_s: float) -> Sightings:
+    def later(self, bias_s: float) -> MeasuredDirections:
         """Directions as of ``bias_s`` later: the site has moved on."""
         sites_km = self.seen.sites_km + self.seen.sites_km_s * bias_s
         return replace(self.seen, t_s=self.seen.t_s + bias_s, sites_km=sites_km)
@@ -229,7 +234,7 @@ def fit_streaks(
 
     None where there is none. ``streaks`` in order of time, at least two.
     """
-    seen = sightings(
+    seen = reduce_directions(
         site,
         np.concatenate([each.t_utc_ns for each in streaks]),
         np.concatenate([each.ra_icrs_deg for each in streaks]),
@@ -348,7 +353,7 @@ def _is_eccentricity_known(problem: _Problem, unknowns: FloatArray) -> bool:
         return False
     to_state = problem.view.slopes(unknowns[:6])
     alone = slopes[: measured + 1]
-    covariance = to_state @ inverse_of_normal(alone.T @ alone)[:6, :6] @ to_state.T
+    covariance = to_state @ inverse_normal_matrix(alone.T @ alone)[:6, :6] @ to_state.T
     _, by_state = eccentricity_vector(*problem.view.state(unknowns[:6]))
     spread = by_state @ covariance @ by_state.T
     return bool(np.sqrt(np.trace(spread)) < _WELL_KNOWN * SIGMA_E)
@@ -360,7 +365,7 @@ def _finished(
     r, v = problem.view.state(unknowns[:6])
     value, slopes, _ = problem.rows(unknowns)
     to_state = problem.view.slopes(unknowns[:6])
-    covariance = to_state @ inverse_of_normal(slopes.T @ slopes)[:6, :6] @ to_state.T
+    covariance = to_state @ inverse_normal_matrix(slopes.T @ slopes)[:6, :6] @ to_state.T
     if not (np.all(np.isfinite(covariance)) and np.all(np.isfinite(value))):
         return None
     places, _, _ = problem.places(r, v, unknowns[6])

@@ -11,7 +11,7 @@ from rsoconsole.words import NS_PER_S
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class SkyAhead:
+class PredictedPosition:
     """Predicted place at one instant, as a plate solution would measure it, with its covariance."""
 
     t_utc_ns: int
@@ -54,7 +54,7 @@ class SkyAhead:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class SkyPath:
+class PredictedSkyPath:
     """Places at N instants in order, near enough for a cubic between two."""
 
     t_utc_ns: IntArray
@@ -75,7 +75,7 @@ class SkyPath:
         """Its last instant."""
         return int(self.t_utc_ns[-1])
 
-    def at(self, t_utc_ns: int) -> SkyAhead | None:
+    def at(self, t_utc_ns: int) -> PredictedPosition | None:
         """Predict the place at an instant; None before the first and after the last."""
         if not self.from_utc_ns <= t_utc_ns <= self.until_utc_ns:
             return None
@@ -103,7 +103,7 @@ class SkyPath:
         ).tolist()
         ee = e * e * aa - 2.0 * e * f * ax + f * f * xx
         en = e * f * (aa - xx) + (e * e - f * f) * ax
-        return SkyAhead(
+        return PredictedPosition(
             t_utc_ns=t_utc_ns,
             ra_icrs_deg=math.degrees(math.atan2(y, x)) % 360.0,
             dec_icrs_deg=math.degrees(math.atan2(z, aside)),
@@ -119,7 +119,7 @@ def _combined(by: _Four, values: _Four) -> float:
     return by[0] * values[0] + by[1] * values[1] + by[2] * values[2] + by[3] * values[3]
 
 
-def path_of(places: list[SkyAhead]) -> SkyPath:
+def path_of(places: list[PredictedPosition]) -> PredictedSkyPath:
     """Path through places in order of time, at least two."""
     ra, dec = (np.array([each.direction_deg[n] for each in places]) for n in (0, 1))
     lines = direction_to_unit(ra, dec)
@@ -127,7 +127,7 @@ def path_of(places: list[SkyAhead]) -> SkyPath:
     east = np.stack([-np.sin(a), np.cos(a), np.zeros_like(a)], axis=-1)
     north = np.cross(lines, east)
     on_sky = np.array([each.rate_arcsec_s for each in places]) * ARCSEC_RAD
-    return SkyPath(
+    return PredictedSkyPath(
         t_utc_ns=np.array([each.t_utc_ns for each in places], np.int64),
         lines=lines,
         rates=on_sky[:, :1] * east + on_sky[:, 1:] * north,

@@ -62,7 +62,7 @@ class Motion(Protocol):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Forces:
+class PerturbedPropagator:
     """Propagation with zonal harmonics, Moon, Sun and radiation pressure."""
 
     epoch_utc_ns: int
@@ -140,7 +140,7 @@ def _bodies(first_block: int, last_block: int) -> tuple[float, list[list[list[fl
 class _Field:
     """The acceleration everywhere over a span; axis, Moon and Sun are computed once."""
 
-    def __init__(self, forces: Forces, first_s: float, last_s: float) -> None:
+    def __init__(self, forces: PerturbedPropagator, first_s: float, last_s: float) -> None:
         import erfa
 
         self.first_s, self.last_s = first_s, last_s

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rsoconsole.orbits.motion.forces import Forces, Motion
+from rsoconsole.orbits.motion.forces import Motion, PerturbedPropagator
 from rsoconsole.orbits.motion.two_body import propagate, propagate_with_slopes
 from rsoconsole.records import FloatArray, OrbitEstimate, Site
 from rsoconsole.sky import (
@@ -45,7 +45,7 @@ def orbit_from_record(estimate: OrbitEstimate) -> KnownOrbit:
         r_km=np.array(estimate.r_gcrs_km),
         v_km_s=np.array(estimate.v_gcrs_km_s),
         covariance=np.array(estimate.covariance),
-        forces=Forces(epoch_utc_ns=estimate.epoch_utc_ns),
+        forces=PerturbedPropagator(epoch_utc_ns=estimate.epoch_utc_ns),
     )
 
 

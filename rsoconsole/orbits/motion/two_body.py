@@ -240,7 +240,7 @@ def _cross_of_one(one: FloatArray, other: FloatArray) -> FloatArray:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class PointMass:
+class TwoBodyPropagator:
     """Propagation (a `forces.Motion`) by the Earth's attraction from its centre alone."""
 
     def states(

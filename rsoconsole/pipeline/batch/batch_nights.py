@@ -24,7 +24,7 @@ from rsoconsole.base import (
     RsoconsoleError,
     SessionError,
     lock_file,
-    said_as,
+    system_errors_as,
 )
 from rsoconsole.config import Config
 from rsoconsole.night import TrackFigures
@@ -163,7 +163,7 @@ def failed_night(night: Night, reason: str) -> NightOutcome:
 
 
 @contextlib.contextmanager
-def working_in(root: Path) -> Iterator[None]:
+def lock_batch_folder(root: Path) -> Iterator[None]:
     """Lock a folder against other batches. Raises BatchError if one works there, or on failure."""
     try:
         root.mkdir(parents=True, exist_ok=True)
@@ -276,7 +276,7 @@ def _identity(night: Night) -> dict[str, Any]:
     network = Network.load(night.config.detector.model, 1)
     frames = []
     for number, path in night.frames:
-        with said_as(FrameError, f"{path} cannot be read: "):
+        with system_errors_as(FrameError, f"{path} cannot be read: "):
             found = path.stat()
         frames.append([number, path.name, found.st_size, found.st_mtime_ns])
     return {
@@ -299,7 +299,7 @@ def _frames_in(folder: Path) -> tuple[tuple[int, Path], ...]:
         numbers = [each.frame_id for each in taken if isinstance(each, FrameTaken)]
         kept = ((number, reader.frame_path(number)) for number in numbers)
         return tuple((number, path) for number, path in kept if path is not None)
-    with said_as(BatchError, f"{folder} cannot be looked into: "):
+    with system_errors_as(BatchError, f"{folder} cannot be looked into: "):
         paths = [
             p
             for p in folder.iterdir()
@@ -317,7 +317,7 @@ def _natural(name: str) -> list[tuple[int, str]]:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class BatchQuestion:
+class BatchWhatIf:
     """What-if of one session; arguments as those of ``what_if_session`` and ``save_branch``."""
 
     session: Path
@@ -329,7 +329,7 @@ class BatchQuestion:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Answer:
+class WhatIfFigures:
     """Figures of a what-if, without the frames and the log, which may be large."""
 
     changes: Mapping[str, float | str]
@@ -343,7 +343,7 @@ class Answer:
     """Reason why there is no answer; None where there is one."""
 
 
-def answer(question: BatchQuestion, on_frame: Callable[[], None] = lambda: None) -> Answer:
+def answer(question: BatchWhatIf, on_frame: Callable[[], None] = lambda: None) -> WhatIfFigures:
     """Run a what-if, and save it as a branch where a name is given; errors become the answer's."""
     try:
         if question.save is not None:
@@ -361,8 +361,8 @@ def answer(question: BatchQuestion, on_frame: Callable[[], None] = lambda: None)
         if question.save is not None:
             branch = save_branch(found, question.save, force=question.force)
     except (RsoconsoleError, OSError) as error:
-        return no_answer(question, str(error))
-    return Answer(
+        return failed_what_if(question, str(error))
+    return WhatIfFigures(
         changes=dict(found.changes),
         before=dict(found.before),
         recorded=found.recorded,
@@ -373,6 +373,6 @@ def answer(question: BatchQuestion, on_frame: Callable[[], None] = lambda: None)
     )
 
 
-def no_answer(question: BatchQuestion, reason: str) -> Answer:
+def failed_what_if(question: BatchWhatIf, reason: str) -> WhatIfFigures:
     """Answer to a question that failed, with the reason."""
-    return Answer(changes=dict(question.changes), error=reason)
+    return WhatIfFigures(changes=dict(question.changes), error=reason)

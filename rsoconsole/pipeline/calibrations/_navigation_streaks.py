@@ -41,7 +41,7 @@ _MIN_SIGMA_ARCSEC = 0.03
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class LightAlong:
+class MeasuredStreakLight:
     """Middle and length of a streak by its ends and its light together; arcsec.
 
     As ``vision/streaks/streak_middle.py`` measures them.
@@ -68,7 +68,7 @@ class Streak:
     """Covariance, (2, 2) arcsec^2; without the error of its time once the streak is matched."""
     time_sigma_s: float
     """Shutter's timing scatter as configured in its session, one sigma."""
-    light: LightAlong | None = None
+    light: MeasuredStreakLight | None = None
     """Midpoint and length by its light; None where they were not measured."""
     satellite: NavigationSatellite | None = None
     offset_arcsec: FloatArray = field(default_factory=lambda: np.zeros(2))
@@ -135,7 +135,9 @@ def _along(measurement: Measurement) -> FloatArray | None:
     return np.array([wrap_180(ra_b - ra_a) * cos_dec, dec_b - dec_a]) * 3600.0
 
 
-def _light_along(measurement: Measurement, detection: Detection | None) -> LightAlong | None:
+def _light_along(
+    measurement: Measurement, detection: Detection | None
+) -> MeasuredStreakLight | None:
     way = _along(measurement)
     if detection is None or way is None or detection.length_px <= 0.0:
         return None
@@ -144,7 +146,7 @@ def _light_along(measurement: Measurement, detection: Detection | None) -> Light
     if offset_px is None or sigma_px is None or length_px is None or length_sigma_px is None:
         return None
     scale = float(np.hypot(*way)) / detection.length_px
-    return LightAlong(
+    return MeasuredStreakLight(
         offset_arcsec=scale * offset_px,
         sigma_arcsec=scale * sigma_px,
         length_arcsec=scale * length_px,
@@ -194,7 +196,7 @@ def length_arcsec(streak: Streak) -> tuple[float, float]:
     return float(np.hypot(*way)), 2.0 * math.sqrt(float(ahead @ streak.covariance @ ahead))
 
 
-def header_mid(streak: Streak) -> int:
+def header_mid_utc_ns(streak: Streak) -> int:
     """Mid-exposure by the header (UTC ns), without any correction for the shutter."""
     return streak.taken.t_mid_utc_ns or 0
 
@@ -204,7 +206,7 @@ def match(streaks: Sequence[Streak], site: Site, satellites: Sequence[Navigation
     best = [math.inf] * len(streaks)
     for start in range(0, len(streaks), _CHUNK):
         some = streaks[start : start + _CHUNK]
-        t = np.array([header_mid(streak) for streak in some], np.int64)
+        t = np.array([header_mid_utc_ns(streak) for streak in some], np.int64)
         ra = np.array([streak.measurement.ra_icrs_deg for streak in some])
         dec = np.array([streak.measurement.dec_icrs_deg for streak in some])
         towards = direction_to_unit(ra, dec)
@@ -299,7 +301,7 @@ def match_later(streaks: Sequence[Streak], site: Site, late_s: FloatArray) -> No
     """Compute the offsets of one satellite's streaks at instants later by ``late_s``."""
     satellite = streaks[0].satellite
     assert satellite is not None
-    t = np.array([header_mid(s) for s in streaks], np.int64)
+    t = np.array([header_mid_utc_ns(s) for s in streaks], np.int64)
     t = t + np.rint(late_s * NS_PER_S).astype(np.int64)
     places = satellite.places(site, t)
     ra = np.array([s.measurement.ra_icrs_deg for s in streaks])

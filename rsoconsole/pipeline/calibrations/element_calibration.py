@@ -7,7 +7,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
-from rsoconsole.base import OrbitError, json_of, named_text
+from rsoconsole.base import OrbitError, json_of, read_named_file
 from rsoconsole.config import CatalogueConfig, MeasuredErrors
 from rsoconsole.orbits import (
     ERROR_REGIMES,
@@ -17,7 +17,7 @@ from rsoconsole.orbits import (
     ElementRow,
     FittedFactors,
     compare_with_catalogue,
-    name_together,
+    identify_compared_tracks,
     row_of,
 )
 from rsoconsole.pipeline.orbits.track_measurements import longest_arc, read_observed_tracks
@@ -64,7 +64,7 @@ def rows_of_session(
         )
         for each in tracks
     ]
-    named = name_together(compared, gate_deg=GATE_DEG)
+    named = identify_compared_tracks(compared, gate_deg=GATE_DEG)
     first_utc_ns = min(int(each.seen.t_utc_ns[0]) for each in tracks)
     session = _called(folder.resolve().name, first_utc_ns)
     found = (
@@ -84,7 +84,7 @@ def rows_of_lines(path: Path, *, is_simulated: bool) -> NightRows:
 
     Raises OrbitError where it is no such file.
     """
-    text = named_text(path, OrbitError, f"name {_SHAPE}")
+    text = read_named_file(path, OrbitError, f"name {_SHAPE}")
     sessions: dict[str, None] = {}
     tracks = 0
     rows: list[ElementRow] = []

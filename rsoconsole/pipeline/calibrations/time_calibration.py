@@ -31,7 +31,7 @@ from rsoconsole.pipeline.calibrations._navigation_streaks import (
     MAX_LATE_S,
     NightStreaks,
     Streak,
-    header_mid,
+    header_mid_utc_ns,
     label_of,
     length_arcsec,
     match,
@@ -133,7 +133,7 @@ def calibrate_time(folders: Sequence[Path], file: NavigationFile, source: str) -
             "these nights hold no streak with both its ends in the frame: expose navigation"
             " satellites for some seconds"
         )
-    instants = [header_mid(streak) for streak in every]
+    instants = [header_mid_utc_ns(streak) for streak in every]
     expect_covered(file, instants, source)
     for session in sessions:
         match(session.streaks, session.config.site.to_site(), file.satellites)
@@ -285,7 +285,7 @@ def _nights(sessions: Sequence[NightStreaks]) -> list[tuple[date, list[int]]]:
         if not session.streaks:
             continue
         site = session.config.site.to_site()
-        t = min(header_mid(streak) for streak in session.streaks)
+        t = min(header_mid_utc_ns(streak) for streak in session.streaks)
         noons = math.floor(t / NS_PER_DAY + site.longitude_deg / 360.0 - 0.5)
         place = (round(site.latitude_deg, 2), round(site.longitude_deg, 2), noons)
         found.setdefault(place, []).append(number)
@@ -410,14 +410,17 @@ def _tracks(used: Sequence[Streak]) -> Iterator[list[int]]:
     """Yield the tracks: numbers of one satellite's streaks in a session, until a pause."""
     order = sorted(
         range(len(used)),
-        key=lambda n: (used[n].session, label_of(used[n]), header_mid(used[n])),
+        key=lambda n: (used[n].session, label_of(used[n]), header_mid_utc_ns(used[n])),
     )
     track: list[int] = []
     for n in order:
         if track:
             last = used[track[-1]]
             is_same = (last.session, label_of(last)) == (used[n].session, label_of(used[n]))
-            if not is_same or header_mid(used[n]) - header_mid(last) > _PAUSE_S * NS_PER_S:
+            if (
+                not is_same
+                or header_mid_utc_ns(used[n]) - header_mid_utc_ns(last) > _PAUSE_S * NS_PER_S
+            ):
                 yield track
                 track = []
         track.append(n)
@@ -439,7 +442,7 @@ def _satellites(used: Iterable[Streak]) -> tuple[FoundSatellite, ...]:
                 streaks=len(streaks),
                 rate_arcsec_s=float(np.hypot(east, north)),
                 position_angle_deg=math.degrees(math.atan2(east, north)) % 360.0,
-                t_utc_ns=header_mid(streaks[0]),
+                t_utc_ns=header_mid_utc_ns(streaks[0]),
                 norad_id=satellite.norad_id,
             )
         )

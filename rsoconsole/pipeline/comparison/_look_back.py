@@ -45,7 +45,7 @@ class StreakComparison:
     """Reason why it is no streak; None where it may be one."""
 
 
-def to_field(
+def to_other_frame_px(
     here: SolvedField, other: SolvedField, x: FloatArray, y: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
     """Return the pixels of the same places of the sky in another frame."""
@@ -103,7 +103,7 @@ def _at_its_place(
     for each in before.streaks:
         if not _is_alike(each, streak):
             continue
-        x, y = to_field(before, here, np.array([each.x_px]), np.array([each.y_px]))
+        x, y = to_other_frame_px(before, here, np.array([each.x_px]), np.array([each.y_px]))
         if math.hypot(x[0] - streak.x_px, y[0] - streak.y_px) < streak.length_px:
             found.append((float(x[0]), float(y[0]), each.length_px))
     return found
@@ -138,7 +138,7 @@ _SAME_WAY_DEG, _SAME_LENGTH = 15.0, 2.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class LookBack:
+class EarlierFrame:
     """Comparison of a frame with the frame before it."""
 
     here: SolvedField
@@ -147,7 +147,7 @@ class LookBack:
     later_s: float
 
     @classmethod
-    def of(cls, here: SolvedField, before: SolvedField) -> "LookBack | None":
+    def of(cls, here: SolvedField, before: SolvedField) -> "EarlierFrame | None":
         """Compare two frames.
 
         None where the field is another, the exposures overlap in time, or their stars disagree.
@@ -157,7 +157,7 @@ class LookBack:
         if later_s is None or not is_alike or before.stars.trail is not None:
             return None
         bright = np.flatnonzero(~here.stars.is_saturated)[_BRIGHTEST]
-        x, y = to_field(here, before, here.stars.x_px[bright], here.stars.y_px[bright])
+        x, y = to_other_frame_px(here, before, here.stars.x_px[bright], here.stars.y_px[bright])
         agree = compare_stars(
             np.stack([x, y], axis=1),
             here.stars.flux[bright],
@@ -176,7 +176,9 @@ class LookBack:
         profile = Profile.of(here.frame.pixels, ends_of(streak), width_px)
         if profile is None:
             return None
-        light = self._light(profile, streak, partial(to_field, here, before), self.flux_ratio)
+        light = self._light(
+            profile, streak, partial(to_other_frame_px, here, before), self.flux_ratio
+        )
         found = "unclear" if light is None else light.finding
         if found == "same" and has_moved_on(streak, here, before, self.later_s):
             return None
@@ -200,7 +202,7 @@ class LookBack:
     def _may_be_sensors(self, streak: Detection) -> bool:
         """True where the sky has moved enough, and a moving light is no explanation."""
         x, y = np.array([streak.x_px]), np.array([streak.y_px])
-        was_x, was_y = to_field(self.before, self.here, x, y)
+        was_x, was_y = to_other_frame_px(self.before, self.here, x, y)
         # From where the sky that was at its pixels is now: what a light that stayed there has gone.
         dx, dy = float(x[0] - was_x[0]), float(y[0] - was_y[0])
         least_px = max(_MOVED_PX, _MOVED_FWHM * self.here.stars.median_fwhm_px)

@@ -16,7 +16,7 @@ import numpy as np
 
 from rsoconsole.base import RsoconsoleError
 from rsoconsole.pipeline.comparison._look_back import (
-    LookBack,
+    EarlierFrame,
     SolvedField,
     StreakComparison,
     ends_of,
@@ -235,7 +235,7 @@ def comparisons_of(
     if not streaks or here.stars.trail is not None:
         return {}
     words: dict[Detection, StreakComparison] = {}
-    back = None if before is None else LookBack.of(here, before)
+    back = None if before is None else EarlierFrame.of(here, before)
     if back is not None:
         words = {each: word for each in streaks if (word := back.compare(each)) is not None}
     left = [each for each in streaks if each not in words]

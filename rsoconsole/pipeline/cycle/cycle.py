@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from rsoconsole.config import Config
-from rsoconsole.pipeline.cycle.decisions import FollowedFrames, HandTrack, on_record_again
+from rsoconsole.pipeline.cycle.decisions import FollowedFrames, HandTrack, decision_records
 from rsoconsole.pipeline.cycle.frame_fold import (
     FrameObservations,
     fold,
@@ -101,7 +101,7 @@ class Cycle:
         is no longer possible.
         """
         after, again = self.hand.apply(decision, kept, last_track_id)
-        return after, on_record_again(decision, again)
+        return after, decision_records(decision, again)
 
     def apply_decision(self, decision: Ruling) -> tuple[Following, tuple[Record, ...]]:
         """Apply the operator's decision: fold a frame and those after it again.
@@ -110,7 +110,7 @@ class Cycle:
         no longer possible.
         """
         again = self.folds.apply(decision)
-        return again[-1].following, on_record_again(
+        return again[-1].following, decision_records(
             decision, [(each.frame_id, each.records) for each in again]
         )
 

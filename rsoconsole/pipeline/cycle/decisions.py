@@ -28,7 +28,7 @@ TAKEN_BACK = 60
 """Number of frames within which a decision on a held frame can be taken back."""
 
 
-def on_record_again(
+def decision_records(
     decision: Ruling, again: Sequence[tuple[int, tuple[Record, ...]]]
 ) -> tuple[Record, ...]:
     """Records of a decision and of all that follows from it, in the order of the record.
@@ -66,7 +66,7 @@ class LastFrames(Generic[OfFrame]):
         with self._lock:
             self._held = {**self._held, frame_id: HELD}
 
-    def let_go(self, frame_id: int) -> None:
+    def release_frame(self, frame_id: int) -> None:
         """Release a held frame (any thread)."""
         with self._lock:
             if any(each.frame_id == frame_id for each in self.decisions()):
@@ -92,7 +92,7 @@ class LastFrames(Generic[OfFrame]):
             f.observations.decision for f in self._open() if f.observations.decision is not None
         )
 
-    def said_last(self) -> int | None:
+    def last_decided_frame_id(self) -> int | None:
         """Return the number of the newest frame with a decision; None where there is none."""
         said = self.decisions()
         return said[-1].frame_id if said else None

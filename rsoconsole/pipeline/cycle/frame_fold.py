@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 
 from rsoconsole.base import FrameError
 from rsoconsole.config import Config
-from rsoconsole.orbits import bending, orbit_from_record, predict_motion
+from rsoconsole.orbits import orbit_from_record, orbit_path_bend, predict_motion
 from rsoconsole.pipeline.cycle.miss_reasons import (
     StarHistory,
     explain_absence,
@@ -20,7 +20,7 @@ from rsoconsole.pipeline.frame.measurement import (
     shutter_mid_utc_ns,
     shutter_time,
 )
-from rsoconsole.pipeline.frame.reduce import plain_absence
+from rsoconsole.pipeline.frame.reduce import miss_by_own_records
 from rsoconsole.records import (
     Detections,
     Frame,
@@ -46,7 +46,7 @@ from rsoconsole.tracking import (
 from rsoconsole.tracking.filters import estimator
 
 
-def may_guide(config: Config) -> bool:
+def may_orbit_guide(config: Config) -> bool:
     """True where an orbit may set the aim point and carry on a track.
 
     Preset ``paper`` is the paper's whole loop, which its filter alone leads.
@@ -104,7 +104,7 @@ def fold(
     stars = stars_of(taken, observed.detections)
     plain = Missed(kind="nothing fits")
     if not observed.measurements:
-        plain = plain_absence(observed.detections, observed.solution, t_mid_ns)
+        plain = miss_by_own_records(observed.detections, observed.solution, t_mid_ns)
     elif all(m.is_crossing for m in observed.measurements):
         plain = ONLY_CROSSING
     # Asked for by misses alone: the Sun and the Earth's shadow cost more than all the rest.
@@ -172,7 +172,7 @@ def _asks_orbit(
     before: Following, orbits: Mapping[int, OrbitEstimate], config: Config, t_mid_ns: int
 ) -> Callable[[TrackState], TrackState | None] | None:
     """Predictor by orbits for a filter that fails; None where no track's orbit may be used."""
-    if not may_guide(config):
+    if not may_orbit_guide(config):
         return None
     known_of = {
         each.track.track_id: orbit
@@ -244,6 +244,6 @@ def follow_settings(config: Config, frame: Frame | FrameTaken) -> FollowSettings
         filter=config.filter,
         half_field_deg=half_field_px * config.optics.scale_arcsec_px / 3600.0,
         choice=config.search.follow,
-        bend=functools.partial(bending, config.site.to_site()),
+        bend=functools.partial(orbit_path_bend, config.site.to_site()),
         is_shutter_known=calibrated_for(frame, config.exposure) is not None,
     )

@@ -26,7 +26,7 @@ class Score:
     """Logarithm of the determinant of the innovation's covariance, arcsec."""
 
     @property
-    def width_arcsec(self) -> float:
+    def stated_sigma_arcsec(self) -> float:
         """Predicted sigma: the geometric mean of both axes."""
         return math.exp(self.log_size / 4.0)
 
@@ -54,7 +54,7 @@ class PredictorScores:
             is_better = lead > (0.0 if self.is_orbit_ahead else _AHEAD)
             self.is_orbit_ahead = is_better and self._is_believed()
 
-    def filter_failed(self, nis: float | None = None, gate_nis: float | None = None) -> None:
+    def add_filter_failure(self, nis: float | None = None, gate_nis: float | None = None) -> None:
         """Put the orbit ahead: it predicted what the filter, with this NIS, did not."""
         self._scores.clear()
         self.is_orbit_ahead = True
@@ -66,7 +66,7 @@ class PredictorScores:
         """True where both predict the same width: within a tenth, or as written."""
         if not self._scores:
             return False
-        ours, theirs = (fmean(each[n].width_arcsec for each in self._scores) for n in (0, 1))
+        ours, theirs = (fmean(each[n].stated_sigma_arcsec for each in self._scores) for n in (0, 1))
         return abs(ours - theirs) < _CLOSE * max(ours, theirs) or f"{ours:.1f}" == f"{theirs:.1f}"
 
     @property
@@ -86,5 +86,5 @@ class PredictorScores:
 
 
 def _fared(scores: Sequence[Score]) -> str:
-    width = fmean(each.width_arcsec for each in scores)
+    width = fmean(each.stated_sigma_arcsec for each in scores)
     return f"±{width:.1f}″, NIS {fmean(each.nis for each in scores):.1f}"

@@ -283,7 +283,7 @@ TAKEN = 0.5
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class FrameAnswer:
+class FrameMatches:
     """Catalogued objects and streaks of one frame, matched."""
 
     frame: FieldFrame
@@ -306,7 +306,7 @@ class FrameAnswer:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class MoverAnswer:
+class MoverMatches:
     """One moving point and the catalogued objects that match it."""
 
     mover: Mover
@@ -314,14 +314,14 @@ class MoverAnswer:
     matched: LineMatch
 
 
-class FieldRun:
+class CatalogueMatcher:
     """Matching of one catalogue with one frame after another."""
 
     def __init__(self, config: Config, entries: Sequence[CatalogueEntry]) -> None:
         self._config = config
         self._catalogue = FieldCatalogue(entries, errors_of(config.catalogue))
 
-    def frame(self, frame: FieldFrame) -> FrameAnswer:
+    def frame(self, frame: FieldFrame) -> FrameMatches:
         """Match one frame with the catalogue."""
         view = frame.view(self._config)
         candidates = self._catalogue.candidates(view)
@@ -336,7 +336,7 @@ class FieldRun:
         for choice in (choice for each in lines for choice in each.choices):
             if choice.candidate is not None:
                 taken[choice.candidate] += choice.probability
-        return FrameAnswer(
+        return FrameMatches(
             frame=frame,
             candidates=candidates,
             match=FieldMatch(lines=lines, taken=tuple(min(each, 1.0) for each in taken)),
@@ -345,10 +345,10 @@ class FieldRun:
             too_old=self._catalogue.too_old,
         )
 
-    def movers(self, frames: Sequence[FieldFrame]) -> tuple[MoverAnswer, ...]:
+    def movers(self, frames: Sequence[FieldFrame]) -> tuple[MoverMatches, ...]:
         """Find the points that move through frames in order of time, and match them together."""
         found = movers_of([each.points for each in frames])
-        answers: dict[int, MoverAnswer] = {}
+        answers: dict[int, MoverMatches] = {}
         groups: dict[tuple[int, int], list[int]] = {}
         for place, mover in enumerate(found):
             groups.setdefault((mover.points[0][0], mover.points[-1][0]), []).append(place)
@@ -359,7 +359,7 @@ class FieldRun:
             candidates = self._catalogue.candidates(view)
             match = match_field(view, candidates, [each.line for each in movers])
             for n, mover, matched in zip(places, movers, match.lines, strict=True):
-                answers[n] = MoverAnswer(mover=mover, candidates=candidates, matched=matched)
+                answers[n] = MoverMatches(mover=mover, candidates=candidates, matched=matched)
         return tuple(answers[n] for n in range(len(found)))
 
 

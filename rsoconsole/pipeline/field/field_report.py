@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from rsoconsole.orbits import OLDEST_DAYS, Candidate, Choice, LineMatch, regime_of
-from rsoconsole.pipeline.field.field_frame import TAKEN, FieldFrame, FrameAnswer, MoverAnswer
+from rsoconsole.pipeline.field.field_frame import TAKEN, FieldFrame, FrameMatches, MoverMatches
 from rsoconsole.pipeline.words.reports import detection_report
 from rsoconsole.records import FloatArray
 from rsoconsole.sky import (
@@ -27,7 +27,7 @@ _POINT_PX = 8.0
 _ARCMIN_RAD = 60.0 * ARCSEC_RAD
 
 
-def frame_report(name: str, answer: FrameAnswer, movers: Mapping[int, int]) -> dict[str, Any]:
+def frame_report(name: str, answer: FrameMatches, movers: Mapping[int, int]) -> dict[str, Any]:
     """Report of one frame. ``movers``: number of the mover, by its catalogue number."""
     frame = answer.frame
     seen_as = _seen_as(answer)
@@ -81,7 +81,7 @@ def frame_report(name: str, answer: FrameAnswer, movers: Mapping[int, int]) -> d
 
 
 def movers_report(
-    names: Sequence[str], frames: Sequence[FieldFrame], answers: Sequence[MoverAnswer]
+    names: Sequence[str], frames: Sequence[FieldFrame], answers: Sequence[MoverMatches]
 ) -> dict[str, Any]:
     """Return the report of the movers through several frames."""
     return {
@@ -104,7 +104,7 @@ def movers_report(
     }
 
 
-def named_movers(answers: Sequence[MoverAnswer]) -> dict[int, int]:
+def named_movers(answers: Sequence[MoverMatches]) -> dict[int, int]:
     """Number of each named mover, by its catalogue number."""
     return {
         each.candidates[best].entry.norad_id: number
@@ -114,14 +114,14 @@ def named_movers(answers: Sequence[MoverAnswer]) -> dict[int, int]:
     }
 
 
-def _too_old(answer: FrameAnswer) -> list[str]:
+def _too_old(answer: FrameMatches) -> list[str]:
     if not answer.too_old:
         return []
     days = f"more than {OLDEST_DAYS:.0f} days from the frame"
     return [f"{answer.too_old:,} catalogued objects left out, their elements are {days}"]
 
 
-def _seen_as(answer: FrameAnswer) -> dict[int, int]:
+def _seen_as(answer: FrameMatches) -> dict[int, int]:
     """Return the number of each candidate's most likely streak, by the candidate's index."""
     found: dict[int, int] = {}
     for number, matched in enumerate(answer.match.lines, start=1):
@@ -131,7 +131,7 @@ def _seen_as(answer: FrameAnswer) -> dict[int, int]:
     return found
 
 
-def _why_unseen(answer: FrameAnswer, n: int, is_mover: bool) -> str | None:
+def _why_unseen(answer: FrameMatches, n: int, is_mover: bool) -> str | None:
     if is_mover or answer.match.taken[n] >= TAKEN:
         return None
     candidate, frame = answer.candidates[n], answer.frame

@@ -37,7 +37,7 @@ _PLAIN = "1x1"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Traits:
+class MasterTraits:
     """Traits that decide whether a master belongs to a frame."""
 
     width_px: int
@@ -57,11 +57,11 @@ class Traits:
         """Width by height."""
         return f"{self.width_px} x {self.height_px} px"
 
-    def has_size_of(self, other: "Traits") -> bool:
+    def has_size_of(self, other: "MasterTraits") -> bool:
         """True where both have the same number of columns and rows."""
         return (self.width_px, self.height_px) == (other.width_px, other.height_px)
 
-    def has_pixels_of(self, other: "Traits") -> bool:
+    def has_pixels_of(self, other: "MasterTraits") -> bool:
         """True where it has the same size, or the whole sensor of which the other is a part."""
         if self.has_size_of(other):
             return True
@@ -82,7 +82,7 @@ class Master:
     setting: str
     """Setting it belongs to: "darks", "flat" or "bias"."""
     path: Path
-    traits: Traits
+    traits: MasterTraits
     level_adu: float
     """Median level, ADU."""
 
@@ -93,7 +93,7 @@ class Master:
         return f"{self.path.name} ({', '.join([*traits, self.traits.size_words])})"
 
 
-def _exposure_and_temperature(traits: Traits) -> Iterable[str]:
+def _exposure_and_temperature(traits: MasterTraits) -> Iterable[str]:
     """Yield exposure and temperature in words, where they are known."""
     if traits.exposure_s is not None:
         yield f"{traits.exposure_s:g} s"
@@ -101,11 +101,11 @@ def _exposure_and_temperature(traits: Traits) -> Iterable[str]:
         yield f"{traits.temperature_c:.0f} °C"
 
 
-def traits_of(frame: Frame) -> Traits:
+def traits_of(frame: Frame) -> MasterTraits:
     """Return the traits of a frame, or of a master that was read as one."""
     mode = camera_mode(frame.header)
     has_corner = mode.x0_px is not None and mode.y0_px is not None
-    return Traits(
+    return MasterTraits(
         binning=mode.binning,
         corner_px=(mode.x0_px or 0, mode.y0_px or 0) if has_corner else None,
         width_px=frame.width_px,
@@ -129,7 +129,7 @@ def _plain(value: Any) -> str:
         return str(value).strip().upper()
 
 
-def read_pixels(path: Path) -> PixelArray:
+def read_master_pixels(path: Path) -> PixelArray:
     """Return the pixels of a master, (height, width) ADU, all finite. Raises FrameError."""
     return _read(path).pixels
 
@@ -166,7 +166,7 @@ def is_same_exposure(one_s: float | None, other_s: float | None) -> bool:
     return abs(one_s - other_s) <= max(SAME_EXPOSURE * max(one_s, other_s), SAME_EXPOSURE_S)
 
 
-def nearest_dark(masters: Iterable[Master], wanted: Traits) -> Master | None:
+def nearest_dark(masters: Iterable[Master], wanted: MasterTraits) -> Master | None:
     """Dark of the frame's size whose exposure, then temperature, is nearest to the frame's."""
 
     def apart(dark: Master) -> tuple[float, float]:
@@ -227,7 +227,7 @@ class Calibration:
         if not self._settings.files:
             return
         masters = self._masters[0]
-        usual = Traits(
+        usual = MasterTraits(
             width_px=config.optics.width_px,
             height_px=config.optics.height_px,
             exposure_s=config.exposure.exposure_s,
@@ -260,7 +260,7 @@ class Calibration:
             return frame, tuple(cautions)
         try:
             ready = self._ready(choice)
-            calibrated = ready.applied(frame, self._workers)
+            calibrated = ready.calibrated_frame(frame, self._workers)
         except (FrameError, ValueError) as error:
             words = f"the masters cannot be used: {error}; frames go without them"
             return frame, (*cautions, Caution(kind="calibration", words=words))
@@ -269,7 +269,7 @@ class Calibration:
         cautions.append(_in_force(used, choice, ready.defects(frame.saturation_adu)))
         return calibrated, tuple(cautions)
 
-    def _choice(self, wanted: Traits) -> _Choice | None:
+    def _choice(self, wanted: MasterTraits) -> _Choice | None:
         """Choose the masters for a frame; None where neither a dark nor a bias has its size."""
         masters = self._masters[0]
         fitting = [each for each in masters if each.traits.has_pixels_of(wanted)]
@@ -305,7 +305,7 @@ class Calibration:
         return ready
 
 
-def _window_of(wanted: Traits, chosen: list[Master]) -> tuple[int, int, int, int] | None:
+def _window_of(wanted: MasterTraits, chosen: list[Master]) -> tuple[int, int, int, int] | None:
     """Return the frame's part of the masters' pixels; None where all have the frame's size."""
     if wanted.corner_px is None or all(each.traits.has_size_of(wanted) for each in chosen):
         return None
@@ -314,7 +314,7 @@ def _window_of(wanted: Traits, chosen: list[Master]) -> tuple[int, int, int, int
 
 def _pixels_of(path: Path, choice: _Choice) -> PixelArray:
     """Return a master's pixels, cut to the frame's part where it shows more."""
-    pixels = read_pixels(path)
+    pixels = read_master_pixels(path)
     if choice.window is None:
         return pixels
     x0, y0, width, height = choice.window
@@ -339,7 +339,7 @@ def _dark_pixels(choice: _Choice) -> PixelArray:
 
 
 def _not_used(
-    masters: tuple[Master, ...], wanted: Traits, choice: _Choice | None
+    masters: tuple[Master, ...], wanted: MasterTraits, choice: _Choice | None
 ) -> Iterator[Caution]:
     """Yield cautions for masters that all have another size, and a flat without dark or bias."""
     for setting in ("darks", "bias", "flat"):
@@ -361,7 +361,7 @@ def _not_used(
         yield Caution(kind="calibration.flat alone", words=words)
 
 
-def _mismatches(used: list[Master], wanted: Traits, choice: _Choice) -> Iterator[Caution]:
+def _mismatches(used: list[Master], wanted: MasterTraits, choice: _Choice) -> Iterator[Caution]:
     """Yield cautions for each trait in which the chosen masters differ from the frame."""
     for each in used:
         own, name = each.traits, each.path.name
@@ -387,7 +387,7 @@ def _mismatches(used: list[Master], wanted: Traits, choice: _Choice) -> Iterator
                 )
 
 
-def _exposure_mismatch(name: str, own: Traits, wanted: Traits) -> Iterator[Caution]:
+def _exposure_mismatch(name: str, own: MasterTraits, wanted: MasterTraits) -> Iterator[Caution]:
     if is_same_exposure(own.exposure_s, wanted.exposure_s):
         return
     dark_s, frame_s = (

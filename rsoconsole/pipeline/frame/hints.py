@@ -35,7 +35,7 @@ def hint_of(frame: Frame, config: Config) -> SolveHint:
     )
 
 
-def overridden(
+def hint_with_overrides(
     hint: SolveHint,
     ra_icrs_deg: float | None,
     dec_icrs_deg: float | None,
@@ -53,7 +53,7 @@ def overridden(
     return hint
 
 
-def rescaled(hint: SolveHint, factor: float) -> SolveHint:
+def rescaled_hint(hint: SolveHint, factor: float) -> SolveHint:
     """Return the hint with its scale times ``factor``."""
     if hint.scale_low_arcsec_px is None or hint.scale_high_arcsec_px is None:
         return hint
@@ -64,7 +64,7 @@ def rescaled(hint: SolveHint, factor: float) -> SolveHint:
     )
 
 
-def relaxed(hint: SolveHint) -> tuple[SolveHint, ...]:
+def relaxed_hints(hint: SolveHint) -> tuple[SolveHint, ...]:
     """Return the hint without the scale, without the position, and without both; each once."""
     without_scale = replace(hint, scale_low_arcsec_px=None, scale_high_arcsec_px=None)
     without_place = replace(hint, ra_icrs_deg=None, dec_icrs_deg=None)

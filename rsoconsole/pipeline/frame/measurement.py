@@ -243,7 +243,7 @@ def measured(
     return tuple(m for m in made if m is not None)
 
 
-def numbered_like(
+def with_recorded_ids(
     measurements: Sequence[Measurement], recorded: Sequence[Measurement], found: Detections
 ) -> tuple[Measurement, ...]:
     """Number the measurements of a frame that is reduced again, by ids that are not used yet.

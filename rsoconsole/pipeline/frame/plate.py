@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 from rsoconsole.base import SolverError
 from rsoconsole.config import Config
 from rsoconsole.instruments import MIN_STARS, PlateSolver, SolveHint
-from rsoconsole.pipeline.frame.hints import hint_of, relaxed, rescaled
+from rsoconsole.pipeline.frame.hints import hint_of, relaxed_hints, rescaled_hint
 from rsoconsole.records import Detection, Detections, Frame, NotSolved, Solution, Wcs
 from rsoconsole.sky import wrap_180
 from rsoconsole.vision import StarList
@@ -36,7 +36,7 @@ class FramePart:
         columns = slice(self.x0_px, self.x0_px + width_px)
         return replace(frame, pixels=frame.pixels[rows, columns])
 
-    def of_part(self, plate: Wcs) -> Wcs:
+    def to_part_plate(self, plate: Wcs) -> Wcs:
         """Return the frame's plate solution in the part's pixels."""
         return self._shifted(plate, -1)
 
@@ -51,7 +51,7 @@ class FramePart:
             crpix_y_px=plate.crpix_y_px + sign * self.y0_px,
         )
 
-    def streaks_of_frame(self, found: Detections, frame: Frame) -> Detections:
+    def streaks_in_frame_px(self, found: Detections, frame: Frame) -> Detections:
         """Return the streaks that lie wholly in the part, in the frame's pixels."""
         whole = tuple(self.moved(each) for each in found.detections if not each.is_clipped)
         return replace(
@@ -78,7 +78,7 @@ class FramePart:
         )
 
 
-def middle_of(frame: Frame, reach_px: float) -> FramePart | None:
+def middle_part(frame: Frame, reach_px: float) -> FramePart | None:
     """Part of a frame ``reach_px`` about its centre; None where that is most of the frame."""
     least_px = max(MIN_PART_PX / 2.0, MIN_SHARE * min(frame.width_px, frame.height_px))
     half_px = max(reach_px, least_px)
@@ -182,7 +182,7 @@ class PlateFinder(GivenPlate):
             is_turn = turn & (turn - 1) == 0
             if self._last is not None and len(stars) < _CLOUD_SHARE * self._last_stars:
                 is_turn &= turn >= _CLOUD_TURNS
-            hint = rescaled(hint_of(frame, self._config), self._scale_factor)
+            hint = rescaled_hint(hint_of(frame, self._config), self._scale_factor)
             solution = self.solve_in_full(frame, stars, hint, is_relaxed=is_turn)
         self._failures = self._failures + 1 if isinstance(solution, NotSolved) else 0
         if isinstance(solution, Solution):
@@ -202,7 +202,7 @@ class PlateFinder(GivenPlate):
         last = self._last
         if last is None:
             return None
-        here = self._refit(frame, stars, part, replace(last, wcs=part.of_part(last.wcs)))
+        here = self._refit(frame, stars, part, replace(last, wcs=part.to_part_plate(last.wcs)))
         return None if here is None else replace(here, wcs=part.of_frame(here.wcs))
 
     def _factor_of(self, frame: Frame, solution: Solution) -> float:
@@ -226,7 +226,7 @@ class PlateFinder(GivenPlate):
         deadline_s = settings.blind_deadline_s if is_blind else settings.deadline_s
         end_s = started_s + deadline_s
         first = found = self._attempt(frame, stars, hint, deadline_s)
-        weaker = relaxed(hint) if is_relaxed and len(stars) >= MIN_STARS else ()
+        weaker = relaxed_hints(hint) if is_relaxed and len(stars) >= MIN_STARS else ()
         attempts = 0
         for number, less in enumerate(weaker):
             left_s = end_s - time.monotonic()
@@ -275,7 +275,7 @@ class PlateFinder(GivenPlate):
             between = part_between(before, frame)
             if between is None:
                 return None
-            last = replace(last, wcs=between.of_part(last.wcs))
+            last = replace(last, wcs=between.to_part_plate(last.wcs))
         if before.pointing_ra_icrs_deg is None or before.pointing_dec_icrs_deg is None:
             return None
         if frame.pointing_ra_icrs_deg is None or frame.pointing_dec_icrs_deg is None:

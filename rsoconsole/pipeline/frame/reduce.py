@@ -19,7 +19,7 @@ from rsoconsole.pipeline.comparison.fixed_light import (
 from rsoconsole.pipeline.frame.calibration import Calibration
 from rsoconsole.pipeline.frame.frame_cautions import Caution, cautions
 from rsoconsole.pipeline.frame.measurement import measured
-from rsoconsole.pipeline.frame.plate import GivenPlate, PlateFinder, middle_of
+from rsoconsole.pipeline.frame.plate import GivenPlate, PlateFinder, middle_part
 from rsoconsole.records import Detections, Frame, Measurement, Missed, NotSolved, Solution
 from rsoconsole.vision import (
     MIN_MATCHED,
@@ -152,12 +152,12 @@ class FrameReducer:
 
         None where the middle is no smaller, or where its stars do not fit the last plate.
         """
-        middle = middle_of(frame, reach_px)
+        middle = middle_part(frame, reach_px)
         if middle is None:
             return None
         even, _ = self._calibration.prepare(frame)
         analysis = self._glancer.analyse(middle.cut(even))
-        found = middle.streaks_of_frame(analysis.detections, frame)
+        found = middle.streaks_in_frame_px(analysis.detections, frame)
         if not found.detections:
             return None
         solution = self._plate.moved(frame, analysis.stars, middle)
@@ -172,7 +172,7 @@ class FrameReducer:
         in an unsolved frame makes no measurement: the mount's reported position never replaces one.
         """
         stage_ms: dict[str, float] = {}
-        with timed(stage_ms, "detect"):
+        with note_stage_ms(stage_ms, "detect"):
             even, noted = self._calibration.prepare(frame)
             analysis = self._detector.analyse(even)
         found = analysis.detections
@@ -181,11 +181,11 @@ class FrameReducer:
         stage_ms["detect"] = network_ms
         solution: Solution | NotSolved | None = None
         if found.detections or frame.pointing_ra_icrs_deg is not None:
-            with timed(stage_ms, "solve"):
+            with note_stage_ms(stage_ms, "solve"):
                 solution = self._plate.solve(frame, analysis.stars)
         measurements: tuple[Measurement, ...] = ()
         if isinstance(solution, Solution):
-            with timed(stage_ms, "compare"):
+            with note_stage_ms(stage_ms, "compare"):
                 found = self._comparison.compared(even, analysis, solution)
             measurements = measured(found, solution, frame, self._config.exposure)
         star_count = len(analysis.stars.x_px)
@@ -204,7 +204,7 @@ class FrameReducer:
             measurements=measurements,
             star_count=star_count,
             fwhm_px=fwhm_px,
-            absence=text(plain_absence(found, solution, frame.t_mid_utc_ns)),
+            absence=text(miss_by_own_records(found, solution, frame.t_mid_utc_ns)),
             stage_ms=stage_ms,
             cautions=(*noted, *cautions(frame, solution, self._config)),
         )
@@ -221,7 +221,7 @@ def typical_flux_adu(stars: StarList) -> float | None:
     return float(np.median(stars.flux[BRIGHTEST_STARS]))
 
 
-def plain_absence(
+def miss_by_own_records(
     found: Detections, solution: Solution | NotSolved | None, t_mid_utc_ns: int | None
 ) -> Missed:
     """Return the reason why a frame without a measurement has none, by its own records alone."""
@@ -233,7 +233,7 @@ def plain_absence(
 
 
 @contextmanager
-def timed(stage_ms: dict[str, float], stage: str) -> Iterator[None]:
+def note_stage_ms(stage_ms: dict[str, float], stage: str) -> Iterator[None]:
     """Write the time that a stage takes, in ms, into ``stage_ms``."""
     started_s = time.perf_counter()
     yield

@@ -17,9 +17,9 @@ from rsoconsole.orbits import (
     CatalogueEntry,
     ElementErrors,
     KnownOrbit,
+    PredictedPosition,
+    PredictedSkyPath,
     Satellite,
-    SkyAhead,
-    SkyPath,
     StreakEnds,
 )
 from rsoconsole.pipeline.leaps.leaps import Leap, NoLeap, Telescope, next_leap
@@ -66,7 +66,7 @@ class PassPlan:
 
 
 def plan_pass(
-    path: SkyPath,
+    path: PredictedSkyPath,
     start: Pose,
     now_utc_ns: int,
     telescope: Telescope,
@@ -95,7 +95,7 @@ def plan_pass(
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Stare:
+class StarePoint:
     """Point of an orbit at which the telescope waits for a pass, until it has surely gone by."""
 
     t_through_utc_ns: int
@@ -114,7 +114,7 @@ class Stare:
         return float(ra), float(dec)
 
 
-def duty(exposure_s: float, latency_s: float, readout_s: float) -> float:
+def open_shutter_share(exposure_s: float, latency_s: float, readout_s: float) -> float:
     """Return the share of time with the shutter open while exposures follow each other."""
     return exposure_s / (exposure_s + latency_s + readout_s)
 
@@ -136,7 +136,7 @@ class AwaitedPass:
 
     name: str
     states: StatesOf
-    stare: Stare
+    stare: StarePoint
     set_utc_ns: int
 
 
@@ -203,7 +203,7 @@ def awaited_pass(
         if lit_fraction(point, np.array([t]))[0] < LIT_SHARE:
             continue
         x, y, z = point[0].tolist()
-        stare = Stare(
+        stare = StarePoint(
             t_through_utc_ns=t,
             from_utc_ns=t - span_ns,
             until_utc_ns=t + span_ns,
@@ -221,14 +221,16 @@ def is_dark(orbit: KnownOrbit, t_utc_ns: int) -> bool:
 
 
 def _may_look(
-    stare: Stare, site: Site, t_utc_ns: int, held: Limits, lifted: Collection[LimitName]
+    stare: StarePoint, site: Site, t_utc_ns: int, held: Limits, lifted: Collection[LimitName]
 ) -> bool:
     ra, dec = stare.direction_deg(site, t_utc_ns)
     pose = Pose(t_utc_ns=t_utc_ns, ra_icrs_deg=ra, dec_icrs_deg=dec, pier_side=None)
     return held.refuse_pose(pose, is_slewing=False, lifted=lifted) is None
 
 
-def expected_at(awaited: AwaitedPass, site: Site, t_utc_ns: int, late_s: float) -> SkyAhead:
+def expected_at(
+    awaited: AwaitedPass, site: Site, t_utc_ns: int, late_s: float
+) -> PredictedPosition:
     """Return the predicted position at an instant of an object that is late by ``late_s``."""
     moved_ns = round(late_s * NS_PER_S)
 
@@ -238,7 +240,7 @@ def expected_at(awaited: AwaitedPass, site: Site, t_utc_ns: int, late_s: float) 
     seen = astrometric_places(states, site, np.array([t_utc_ns]))
     dec = float(seen.dec_icrs_deg[0])
     east = float(seen.ra_rate_deg_s[0]) * np.cos(np.radians(dec))
-    return SkyAhead(
+    return PredictedPosition(
         t_utc_ns=t_utc_ns,
         ra_icrs_deg=float(seen.ra_icrs_deg[0]),
         dec_icrs_deg=dec,
@@ -247,7 +249,7 @@ def expected_at(awaited: AwaitedPass, site: Site, t_utc_ns: int, late_s: float) 
     )
 
 
-def came(
+def measured_pass_offset(
     awaited: AwaitedPass, site: Site, streak: StreakEnds
 ) -> tuple[PassOffset, StreakEnds] | None:
     """Offset of a pass by one whole streak, and the streak in the sense of its motion.

@@ -14,7 +14,7 @@ from typing import Literal
 import numpy as np
 
 from rsoconsole.config import Config, MountConfig
-from rsoconsole.orbits import SkyAhead, SkyPath
+from rsoconsole.orbits import PredictedPosition, PredictedSkyPath
 from rsoconsole.pipeline.frame.plate import MIN_PART_PX
 from rsoconsole.records import FloatArray
 from rsoconsole.sky import LimitName, Limits, PierSide, Pose, Refusal
@@ -61,12 +61,12 @@ class MountMotion:
             return self.fixed_s + 2.0 * math.sqrt(way * ramp / rate)
         return self.fixed_s + way / rate + ramp
 
-    def surely_s(self, travel_deg: tuple[float, float]) -> float:
+    def slew_98_percent_s(self, travel_deg: tuple[float, float]) -> float:
         """Return the time after which a slew is over in 98 of 100 cases, s."""
         return self.slew_s(travel_deg) + 2.0 * self.scatter_s
 
 
-def configured(mount: MountConfig) -> MountMotion:
+def configured_motion(mount: MountConfig) -> MountMotion:
     """Return the model of the slews before the first one, as configured."""
     rate = mount.slew_rate_deg_s
     return MountMotion(
@@ -78,9 +78,9 @@ def configured(mount: MountConfig) -> MountMotion:
     )
 
 
-def learned(mount: MountConfig, seen: Sequence[MeasuredSlew]) -> MountMotion:
+def learned_motion(mount: MountConfig, seen: Sequence[MeasuredSlew]) -> MountMotion:
     """Return the model that fits the last slews best, near the configured one."""
-    start = configured(mount)
+    start = configured_motion(mount)
     last = [each for each in seen if max(each.travel_deg) > 0.0][-LAST_SLEWS:]
     if not last:
         return start
@@ -217,7 +217,7 @@ class Leap:
     """Instant at which the exposure is ordered, with the mount settled."""
     t_mid_utc_ns: int
     exposure_s: float
-    place: SkyAhead
+    place: PredictedPosition
     """Predicted position at mid-exposure: the middle of the field."""
     side: PierSide | None
     """Side of the pier at arrival."""
@@ -268,7 +268,7 @@ class NoLeap:
 
 
 def next_leap(
-    path: SkyPath,
+    path: PredictedSkyPath,
     start: Pose,
     now_utc_ns: int,
     telescope: Telescope,
@@ -297,7 +297,7 @@ def next_leap(
     return last
 
 
-def exposure_for(place: SkyAhead, terms: LeapTerms) -> float:
+def exposure_for(place: PredictedPosition, terms: LeapTerms) -> float:
     """Exposure, s, for a streak of good length, with room for three sigma to either side."""
     speed = max(place.speed_arcsec_s, 1e-3)
     sigma_arcsec = sqrt(max(place.along_arcsec2, 0.0))
@@ -307,7 +307,7 @@ def exposure_for(place: SkyAhead, terms: LeapTerms) -> float:
     return float(np.clip(wanted_s, SHORTEST_S, LONGEST_S))
 
 
-def within_field(place: SkyAhead, exposure_s: float, terms: LeapTerms) -> float:
+def both_ends_probability(place: PredictedPosition, exposure_s: float, terms: LeapTerms) -> float:
     """Return the probability that both ends are in a field centred on the place itself."""
     along, across = np.sqrt(np.maximum(np.diag(place.along_across_arcsec2), 1e-6))
     half = 3600.0 * terms.half_short_deg
@@ -316,7 +316,7 @@ def within_field(place: SkyAhead, exposure_s: float, terms: LeapTerms) -> float:
 
 
 def _meeting(
-    path: SkyPath,
+    path: PredictedSkyPath,
     start: Pose,
     now_utc_ns: int,
     earliest_ns: int,
@@ -339,7 +339,7 @@ def _meeting(
         met = path.at(t_mid_ns)
         if met is None:
             return NoLeap(kind="it sets")
-        slew_s = motion.surely_s(limits.travel_deg(start, *met.direction_deg))
+        slew_s = motion.slew_98_percent_s(limits.travel_deg(start, *met.direction_deg))
         there_ns = now_utc_ns + round((slew_s + terms.settle_s) * NS_PER_S)
         if there_ns <= t_ns:
             good = (t_ns, t_mid_ns, exposure_s, met, slew_s)
@@ -367,7 +367,7 @@ def _meeting(
         place=met,
         side=side,
         slew_s=slew_s,
-        within=within_field(met, exposure_s, terms),
+        within=both_ends_probability(met, exposure_s, terms),
         flips=None not in (side, start.pier_side) and side != start.pier_side,
         binning=terms.binning,
     )

@@ -11,10 +11,10 @@ from rsoconsole.orbits import (
     CatalogueComparison,
     CatalogueEntry,
     Identification,
-    Match,
-    Sightings,
+    MeasuredDirections,
+    ObjectMatch,
     compare_with_catalogue,
-    name_together,
+    identify_compared_tracks,
 )
 from rsoconsole.pipeline.orbits.elements_used import read_catalogue
 from rsoconsole.pipeline.orbits.expected import errors_of
@@ -97,7 +97,7 @@ class Naming:
         return self._catalogue.entries()
 
     def ask(
-        self, frame_id: int, seen: Mapping[int, Sightings], tracks: Collection[int]
+        self, frame_id: int, seen: Mapping[int, MeasuredDirections], tracks: Collection[int]
     ) -> tuple[Identified, ...]:
         """Identify the tracks that are due, where there is a catalogue.
 
@@ -128,10 +128,10 @@ class Naming:
         kept = [each for each in self._asked if each in tracks or each in due][-_MAX_TRACKS:]
         self._asked = {track_id: self._asked[track_id] for track_id in kept}
         compared = [each.compared for each in self._asked.values()]
-        answers = name_together(compared, gate_deg=gate_deg)
+        answers = identify_compared_tracks(compared, gate_deg=gate_deg)
         return tuple(self._said(frame_id, due, dict(zip(kept, answers, strict=True))))
 
-    def _is_due(self, track_id: int, seen: Sightings) -> bool:
+    def _is_due(self, track_id: int, seen: MeasuredDirections) -> bool:
         asked = self._asked.get(track_id)
         if asked is None or asked.begun_utc_ns != int(seen.t_utc_ns[0]):
             return len(seen) >= FIRST_AT
@@ -147,11 +147,13 @@ class Naming:
             said, asked = (found.verdict, best), self._asked[track_id]
             if track_id in due or said != asked.said:
                 self._asked[track_id] = replace(asked, said=said)
-                name = on_record(frame_id, track_id, found, len(asked.compared.seen))
+                name = identification_record(frame_id, track_id, found, len(asked.compared.seen))
                 yield _with_past(name, past.get(track_id))
 
 
-def on_record(frame_id: int, track_id: int, found: Identification, observations: int) -> Identified:
+def identification_record(
+    frame_id: int, track_id: int, found: Identification, observations: int
+) -> Identified:
     """Return the record of an identification."""
     return Identified(
         frame_id=frame_id,
@@ -174,5 +176,5 @@ def _with_past(name: Identified, past: LedgerName | None) -> Identified:
     return replace(name, ledger=past, reason=f"{ledger_words(past)}: {name.reason}")
 
 
-def _match(match: Match) -> CatalogueMatch:
+def _match(match: ObjectMatch) -> CatalogueMatch:
     return CatalogueMatch(**{f.name: getattr(match, f.name) for f in fields(CatalogueMatch)})

@@ -25,7 +25,7 @@ _LATE = 6
 """Number of new measurements after which a track of a large group waits for no missed one."""
 
 
-def in_turn(
+def refinement_order(
     tracks: Sequence[Track], known: Sequence[tuple[Measurement, ...]], newest_frame_id: int
 ) -> list[int]:
     """Numbers of the tracks to refine after a frame, in order; the first of all is the lead.
@@ -47,7 +47,7 @@ def in_turn(
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Predicted:
+class OrbitInnovation:
     """Innovation of one measurement by an orbit, with its score."""
 
     score: Score
@@ -57,7 +57,7 @@ class Predicted:
     """Sigma of the innovation, east and north."""
 
 
-def predicted_by(orbit: Orbit, site: Site, measured: Measurement) -> Predicted | None:
+def orbit_innovation(orbit: Orbit, site: Site, measured: Measurement) -> OrbitInnovation | None:
     """Innovation of a measurement by an orbit; None where the orbit predicts nothing there."""
     ahead = predict(orbit, site, np.array([measured.t_mid_utc_ns]))
     places = ahead.places
@@ -69,7 +69,7 @@ def predicted_by(orbit: Orbit, site: Site, measured: Measurement) -> Predicted |
     s = np.array([[ee, en], [en, nn]])
     if not np.all(np.isfinite(s)) or not np.all(np.isfinite(off)):
         return None
-    return Predicted(
+    return OrbitInnovation(
         score=Score(
             nis=float(off @ np.linalg.solve(s, off)), log_size=float(np.linalg.slogdet(s)[1])
         ),

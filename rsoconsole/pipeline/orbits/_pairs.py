@@ -31,10 +31,10 @@ from rsoconsole.tracking import (
     own_covariance,
     pair_motion,
     relative_path,
-    ways_between,
+    relative_positions,
 )
 from rsoconsole.tracking.filters import lqe
-from rsoconsole.words import NS_PER_S, apart_words, clock, closest_words, tracks_words
+from rsoconsole.words import NS_PER_S, clock, closest_words, separation_words, tracks_words
 
 Message = tuple[Literal["info", "warning"], str]
 LIKELY, UNLIKELY = 0.5, 0.2
@@ -73,7 +73,7 @@ class Approaches:
             if known is None:
                 if _is_close(each, limit_arcsec):
                     self._open[pair] = (each.separation_arcsec, t_utc_ns)
-                    warning = f"{apart_words(each)} apart, {closest_words(each)}"
+                    warning = f"{separation_words(each)} apart, {closest_words(each)}"
                     words.append(("warning", f"{tracks_words(pair)}: {warning}"))
                 continue
             known = self._open[pair] = min(known, (each.separation_arcsec, t_utc_ns))
@@ -309,7 +309,7 @@ class Pairs:
         known = self._paths.get((one, other))
         if known is not None and known[0] == last:
             return known[1]
-        ways = ways_between(tracks[one].as_sights(), tracks[other].as_sights())
+        ways = relative_positions(tracks[one].as_sights(), tracks[other].as_sights())
         if ways is None or last is None:
             return None
         path = relative_path(ways)

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from itertools import chain
 from pathlib import Path
 
-from rsoconsole.base import OrbitError, SessionError, named_text
+from rsoconsole.base import OrbitError, SessionError, read_named_file
 from rsoconsole.orbits import CatalogueEntry, parse_catalogue
 from rsoconsole.pipeline.sources.store import ElementStore, is_store
 from rsoconsole.session import SessionReader
@@ -100,4 +100,4 @@ def _of_folder(folder: Path) -> tuple[CatalogueEntry, ...]:
 
 
 def _of_file(path: Path) -> tuple[CatalogueEntry, ...]:
-    return parse_catalogue(named_text(path, OrbitError, NAME_ELEMENTS), str(path))
+    return parse_catalogue(read_named_file(path, OrbitError, NAME_ELEMENTS), str(path))

@@ -45,7 +45,7 @@ from rsoconsole.sky import (
     sky_to_pixel,
 )
 from rsoconsole.tracking import direction_icrs_deg
-from rsoconsole.words import NS_PER_DAY, called, unseen_words
+from rsoconsole.words import NS_PER_DAY, catalogued_name, unseen_words
 
 _TIMES = 3.0
 
@@ -126,7 +126,7 @@ class SolvedFrame:
     """Mid-exposure."""
 
 
-class Expected:
+class UnfollowedMembers:
     """Expected members that are not tracked, from the records of the log alone."""
 
     def __init__(self, config: Config, entries: Entries) -> None:
@@ -249,7 +249,7 @@ class Expected:
                 continue
             looks = self._missing[each.norad_id] = self._missing.get(each.norad_id, 0) + 1
             if looks == _SAID_AFTER:
-                name = called(each.name, each.norad_id)
+                name = catalogued_name(each.name, each.norad_id)
                 text = f"expected, not seen: {unseen_words(name, each)}"
                 words.append(Event(level="info", text=text, frame_id=members.frame_id))
         return tuple(words)

@@ -11,11 +11,10 @@ from rsoconsole.orbits import (
     MIN_SIGHTINGS,
     GoodingOrbit,
     MeanElements,
+    MeasuredDirections,
     Orbit,
     PriorName,
-    Sightings,
     TrackletOrbit,
-    at_epoch,
     common_error_arcsec,
     determine,
     elements_of,
@@ -27,13 +26,14 @@ from rsoconsole.orbits import (
     merged_tracklets,
     probability_of,
     propagate,
-    sigma_of_a_km,
+    semi_major_axis_sigma_km,
     state_at,
-    three_lines,
+    state_at_line_epoch,
+    three_sight_lines,
     tracklet_orbit,
 )
 from rsoconsole.pipeline.orbits.track_measurements import ObservedTrack, arcs
-from rsoconsole.words import NS_PER_S, counted
+from rsoconsole.words import NS_PER_S, count_words
 
 Method = Literal["least squares", "gooding"]
 SAME_OBJECT = 0.9
@@ -61,7 +61,7 @@ class FoundOrbit:
     method: Method
     orbit: Orbit | None
     reason: str
-    seen: Sightings
+    seen: MeasuredDirections
     """All directions that were used."""
     observed: ObservedTrack
     """Track with the longest arc."""
@@ -119,11 +119,11 @@ def find_by_gooding(observed: ObservedTrack) -> FoundOrbit:
     )
     if len(seen) < MIN_SIGHTINGS or seen.t_s[-1] <= seen.t_s[0]:
         return nothing
-    lines = three_lines(seen)
+    lines = three_sight_lines(seen)
     three = seen.of(np.searchsorted(seen.t_s, lines.t_s))
     fits: list[tuple[float, Orbit, GoodingOrbit]] = []
     for each in gooding(lines):
-        start = at_epoch(each, lines)
+        start = state_at_line_epoch(each, lines)
         orbit = determine(three, prior="none", start=start) if is_plausible(*start) else None
         if orbit is not None:
             fits.append((_misfit(seen, orbit), orbit, each))
@@ -140,7 +140,10 @@ def find_by_gooding(observed: ObservedTrack) -> FoundOrbit:
 
 
 def _determined(
-    seen: Sightings, used: Sequence[Sightings], start: TrackletOrbit | None, prior: PriorName
+    seen: MeasuredDirections,
+    used: Sequence[MeasuredDirections],
+    start: TrackletOrbit | None,
+    prior: PriorName,
 ) -> Orbit | None:
     """Determine an orbit over several arcs, from the longest on: no seed finds it at once."""
     if len(used) == 1 or start is None:
@@ -165,12 +168,12 @@ def _determined(
         r_km=grown.state[0],
         v_km_s=grown.state[1],
         covariance=grown.covariance,
-        sigma_a_km=sigma_of_a_km(grown.state, grown.covariance),
+        sigma_a_km=semi_major_axis_sigma_km(grown.state, grown.covariance),
         reason=f"{orbit.reason}; {words}",
     )
 
 
-def _loosened(seen: Sightings, by_arcsec: float) -> Sightings:
+def _loosened(seen: MeasuredDirections, by_arcsec: float) -> MeasuredDirections:
     """Return the same directions with an added error on each axis."""
     whitening = seen.whitening
     covariance = np.linalg.inv(np.swapaxes(whitening, -1, -2) @ whitening)
@@ -179,7 +182,10 @@ def _loosened(seen: Sightings, by_arcsec: float) -> Sightings:
 
 
 def _probability(
-    start: TrackletOrbit | None, used: Sequence[Sightings], arc: Sightings, prior: PriorName
+    start: TrackletOrbit | None,
+    used: Sequence[MeasuredDirections],
+    arc: MeasuredDirections,
+    prior: PriorName,
 ) -> float | None:
     """Return the probability that an arc is of the same object as those used."""
     more = tracklet_orbit(arc, prior) if start is not None else None
@@ -189,7 +195,7 @@ def _probability(
 
 
 def _part(
-    observed: ObservedTrack, arc: Sightings, *, is_used: bool, probability: float | None
+    observed: ObservedTrack, arc: MeasuredDirections, *, is_used: bool, probability: float | None
 ) -> OrbitArc:
     return OrbitArc(
         name=observed.name,
@@ -201,15 +207,15 @@ def _part(
     )
 
 
-def _why_none(seen: Sightings) -> str:
+def _why_none(seen: MeasuredDirections) -> str:
     if len(seen) < MIN_SIGHTINGS:
-        return f"{counted(len(seen), 'direction')}: at least {MIN_SIGHTINGS} are needed"
+        return f"{count_words(len(seen), 'direction')}: at least {MIN_SIGHTINGS} are needed"
     if seen.t_s[-1] <= seen.t_s[0]:
         return "all directions are of one instant: they tell no motion"
     return "no bound orbit fits the directions"
 
 
-def _misfit(seen: Sightings, orbit: Orbit) -> float:
+def _misfit(seen: MeasuredDirections, orbit: Orbit) -> float:
     """Return the sum of squares over all directions, in units of variance."""
     since_s = (seen.t_utc_ns - orbit.epoch_utc_ns) / NS_PER_S
     places, _ = propagate(orbit.r_km, orbit.v_km_s, since_s)

@@ -14,8 +14,8 @@ import numpy as np
 
 from rsoconsole.config import Config
 from rsoconsole.orbits import (
+    MeasuredDirections,
     Orbit,
-    Sightings,
     State,
     TrackletOrbit,
     determine,
@@ -24,10 +24,14 @@ from rsoconsole.orbits import (
     probability_of,
     tracklet_orbit,
 )
-from rsoconsole.pipeline.cycle.frame_fold import may_guide
+from rsoconsole.pipeline.cycle.frame_fold import may_orbit_guide
 from rsoconsole.pipeline.cycle.predictor_scores import PredictorScores, Score
 from rsoconsole.pipeline.cycle.track_assignment import Track, TrackAssignment
-from rsoconsole.pipeline.orbits._orbit_turns import Predicted, in_turn, predicted_by
+from rsoconsole.pipeline.orbits._orbit_turns import (
+    OrbitInnovation,
+    orbit_innovation,
+    refinement_order,
+)
 from rsoconsole.pipeline.orbits.orbit_determination import orbit_values
 from rsoconsole.pipeline.orbits.track_measurements import PartErrors, sightings_from_measurements
 from rsoconsole.pipeline.orbits.unassigned_measurements import UnassignedMeasurements
@@ -41,7 +45,7 @@ from rsoconsole.records import (
     TrackState,
 )
 from rsoconsole.tracking.filters import adaptive, estimator
-from rsoconsole.words import size_words, span
+from rsoconsole.words import duration_words, semi_major_axis_words
 
 ASKED_AT = (6, 12, 24, 48, 96)
 """Numbers of measurements at which a track is compared with earlier objects, and its orbit with
@@ -62,7 +66,7 @@ class Refined:
     """Orbit of one track as refined after one frame."""
 
     estimate: OrbitEstimate
-    seen: Sightings
+    seen: MeasuredDirections
     """Directions of the track itself."""
     events: tuple[Event, ...]
     """Changes, for the log of the night."""
@@ -75,13 +79,13 @@ class _Target:
     taken: tuple[Measurement, ...] = ()
     """Measurements accepted by the present track."""
     part_errors: PartErrors = field(default_factory=PartErrors)
-    own: Sightings | None = None
+    own: MeasuredDirections | None = None
     """Directions of the present track's measurements."""
     more: tuple[Measurement, ...] = ()
     """Measurements that no track accepted and the orbit claims."""
-    seen: Sightings | None = None
+    seen: MeasuredDirections | None = None
     """Directions of both."""
-    before: tuple[Sightings, ...] = ()
+    before: tuple[MeasuredDirections, ...] = ()
     """Directions of earlier tracks."""
     orbit: Orbit | None = None
     sought_from: int = 0
@@ -101,7 +105,7 @@ class _Target:
     """Messages that go on record with the next orbit."""
 
     @property
-    def parts(self) -> tuple[Sightings, ...]:
+    def parts(self) -> tuple[MeasuredDirections, ...]:
         return self.before if self.seen is None else (*self.before, self.seen)
 
 
@@ -147,7 +151,7 @@ class OnlineOrbit:
         return frozenset(each.track_id for each in self._tracks.tracks())
 
     @property
-    def seen(self) -> Sightings | None:
+    def seen(self) -> MeasuredDirections | None:
         """Directions of the lead, or of the last lead."""
         target = self._lead
         return None if target is None else target.seen
@@ -168,7 +172,7 @@ class OnlineOrbit:
         return self._guides(target)
 
     def _guides(self, target: _Target) -> bool:
-        return may_guide(self._config) and target.scores.is_orbit_ahead
+        return may_orbit_guide(self._config) and target.scores.is_orbit_ahead
 
     def refine(self) -> tuple[Refined, ...]:
         """Refine the orbit of each track with new measurements, through all of them.
@@ -186,7 +190,7 @@ class OnlineOrbit:
         self._is_begun = False
         targets = self._aimed_at(tracks)
         known = [target.taken for target in targets]
-        now = in_turn(tracks, known, self._tracks.newest_frame_id)
+        now = refinement_order(tracks, known, self._tracks.newest_frame_id)
         found = [self._refined(targets[n], tracks[n]) for n in now]
         return tuple(each for each in found if each is not None)
 
@@ -198,7 +202,7 @@ class OnlineOrbit:
         if len(target.taken) == count + 1 and target.orbit is not None:
             # By what was learnt before it, as the filter's own answer is.
             last = adaptive.with_learned_errors(target.taken[-2:], *learnt)[-1]
-            predicted = predicted_by(target.orbit, self._site, target.part_errors.last_of(last))
+            predicted = orbit_innovation(target.orbit, self._site, target.part_errors.last_of(last))
         self._ask_earlier(target)
         self._claim_unassigned(target, count)
         seen, _ = merged_tracklets(target.parts)
@@ -207,7 +211,7 @@ class OnlineOrbit:
             return None
         was_guide = self._guides(target)
         if track.last.foretold_by == "orbit":
-            target.scores.filter_failed(track.last.filter_nis, self._config.filter.gate_nis)
+            target.scores.add_filter_failure(track.last.filter_nis, self._config.filter.gate_nis)
         elif predicted is not None and (by_filter := self._by_filter(track)) is not None:
             target.scores.compare(predicted.score, by_filter)
         estimate = self._estimate(target, track, orbit, seen, predicted)
@@ -255,7 +259,7 @@ class OnlineOrbit:
         back = min(start, 1)
         fresh = adaptive.with_learned_errors(taken[start - back :], *target.learnt)[back:]
         target.part_errors = target.part_errors if is_longer else PartErrors()
-        fresh = target.part_errors.widened(fresh, taken, track.last, self._exposures_s)
+        fresh = target.part_errors.with_shared_errors(fresh, taken, track.last, self._exposures_s)
         seen = self._reduced(fresh)
         if (seen is None or len(seen) < len(fresh)) and not target.is_none_reported:
             target.is_none_reported = True
@@ -293,7 +297,7 @@ class OnlineOrbit:
             target.more = more
             self._put_together(target)
 
-    def _reduced(self, taken: Sequence[Measurement]) -> Sightings | None:
+    def _reduced(self, taken: Sequence[Measurement]) -> MeasuredDirections | None:
         """Return the directions of measurements, without those that are no directions."""
         try:
             return sightings_from_measurements(self._site, taken)
@@ -339,7 +343,7 @@ class OnlineOrbit:
             return 0.0
         return probability_of(log_odds_of_more(earlier.first, parts[1:], now))
 
-    def _determined(self, target: _Target, seen: Sightings) -> Orbit | None:
+    def _determined(self, target: _Target, seen: MeasuredDirections) -> Orbit | None:
         start: State | None = None
         if target.orbit is not None:
             r, v = target.orbit.states(np.array([seen.epoch_utc_ns]))
@@ -376,8 +380,8 @@ class OnlineOrbit:
         target: _Target,
         track: Track,
         orbit: Orbit,
-        seen: Sightings,
-        predicted: Predicted | None,
+        seen: MeasuredDirections,
+        predicted: OrbitInnovation | None,
     ) -> OrbitEstimate:
         return OrbitEstimate(
             **orbit_values(orbit),
@@ -413,6 +417,6 @@ def _news(target: _Target, estimate: OrbitEstimate) -> Sequence[str]:
         return ()
     target.label = estimate.label
     return (
-        f"orbit: {estimate.label}, {size_words(estimate.a_km, estimate.sigma_a_km)},"
-        f" {estimate.observations} in {span(estimate.arc_s)}",
+        f"orbit: {estimate.label}, {semi_major_axis_words(estimate.a_km, estimate.sigma_a_km)},"
+        f" {estimate.observations} in {duration_words(estimate.arc_s)}",
     )

@@ -18,7 +18,7 @@ _STEP_S = 60
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Ahead:
+class PlaceAhead:
     """Predicted position of the object at one instant."""
 
     t_utc_ns: int
@@ -37,7 +37,7 @@ class Ahead:
 class OrbitOutlook:
     """Outlook for the day after the last direction."""
 
-    ahead: tuple[Ahead, ...]
+    ahead: tuple[PlaceAhead, ...]
     is_up: bool
     """True where it is above the telescope's limit at the last direction."""
     sets_utc_ns: int | None
@@ -72,7 +72,7 @@ def orbit_outlook(
     )
 
 
-def _ahead(orbit: KnownOrbit, site: Site, t_utc_ns: IntArray) -> tuple[Ahead, ...]:
+def _ahead(orbit: KnownOrbit, site: Site, t_utc_ns: IntArray) -> tuple[PlaceAhead, ...]:
     predicted = predict(orbit, site, t_utc_ns)
     places, sigma = predicted.places, predicted.sigma_arcsec
     altitude_deg, azimuth_deg = icrs_to_altaz(
@@ -80,7 +80,7 @@ def _ahead(orbit: KnownOrbit, site: Site, t_utc_ns: IntArray) -> tuple[Ahead, ..
     )
     lit = lit_fraction(places.position_gcrs_km, t_utc_ns)
     return tuple(
-        Ahead(
+        PlaceAhead(
             t_utc_ns=int(t_utc_ns[n]),
             ra_icrs_deg=float(places.ra_icrs_deg[n]),
             dec_icrs_deg=float(places.dec_icrs_deg[n]),

@@ -10,7 +10,7 @@ from rsoconsole.base import OrbitError
 from rsoconsole.config import Config
 from rsoconsole.pipeline.orbits._naming import Naming
 from rsoconsole.pipeline.orbits._pairs import Pairs
-from rsoconsole.pipeline.orbits.expected import Expected
+from rsoconsole.pipeline.orbits.expected import UnfollowedMembers
 from rsoconsole.pipeline.orbits.orbit_online import OnlineOrbit, Refined
 from rsoconsole.pipeline.orbits.uncorrelated_tracks import Past
 from rsoconsole.records import Event, OrbitEstimate, Record
@@ -29,7 +29,7 @@ class Orbits:
         self.online = OnlineOrbit(config)
         self._naming = Naming(config, past)
         self.pairs = Pairs(config)
-        self.expected = Expected(config, self._naming.entries)
+        self.expected = UnfollowedMembers(config, self._naming.entries)
         self._faults: set[str] = set()
         self.last: Mapping[int, OrbitEstimate] = {}
         """Last orbit on record by track id; replaced, never changed, as frames keep it."""

@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from rsoconsole.base import OrbitError, SessionError, json_of, named_text, raised_as
+from rsoconsole.base import OrbitError, SessionError, json_of, read_named_file, value_errors_as
 from rsoconsole.config import Config, LimitsConfig
-from rsoconsole.orbits import Sightings, merged_tracklets, sightings
+from rsoconsole.orbits import MeasuredDirections, merged_tracklets, reduce_directions
 from rsoconsole.pipeline.cycle.track_assignment import Track, TrackAssignment
 from rsoconsole.records import FrameTaken, Measurement, Site, TrackState
 from rsoconsole.session import SessionReader
@@ -35,7 +35,7 @@ class PartErrors:
         self._added_arcsec2: tuple[float, ...] = (0.0, 0.0, 0.0)
         """Addition to the covariance of the last measurement."""
 
-    def widened(
+    def with_shared_errors(
         self,
         fresh: Sequence[Measurement],
         taken: Sequence[Measurement],
@@ -90,9 +90,9 @@ ARC_GAP_S = 3 * 3600.0
 """Longest gap within an arc, s."""
 
 
-def sightings_from_measurements(site: Site, taken: Sequence[Measurement]) -> Sightings:
+def sightings_from_measurements(site: Site, taken: Sequence[Measurement]) -> MeasuredDirections:
     """Reduce measurements to sightings. Raises ValueError for one that is no direction."""
-    return sightings(
+    return reduce_directions(
         site,
         np.array([each.t_mid_utc_ns for each in taken], np.int64),
         np.array([each.ra_icrs_deg for each in taken]),
@@ -110,7 +110,7 @@ class ObservedTrack:
     site: Site
     limits: LimitsConfig | None
     """Limits of the session's telescope; None for a file."""
-    seen: Sightings
+    seen: MeasuredDirections
     tracks: int = 1
     """Number of tracks in the session."""
     number: int = 1
@@ -137,14 +137,14 @@ def read_observed_tracks(
     return (_read_file(path, sigma_arcsec, site),)
 
 
-def arcs(seen: Sightings) -> tuple[Sightings, ...]:
+def arcs(seen: MeasuredDirections) -> tuple[MeasuredDirections, ...]:
     """Split into arcs, in order of time, at each gap of three hours."""
     starts = np.flatnonzero(np.diff(seen.t_s) > ARC_GAP_S) + 1
     groups = np.split(np.arange(len(seen)), starts)
     return tuple(merged_tracklets([seen.of(each)])[0] for each in groups)
 
 
-def longest_arc(seen: Sightings) -> Sightings:
+def longest_arc(seen: MeasuredDirections) -> MeasuredDirections:
     """Return the arc with the most directions."""
     return max(arcs(seen), key=len)
 
@@ -177,7 +177,7 @@ def _of_track(
     """``place``: number of the track, and how many there are."""
     site, (number, count) = config.site.to_site(), place
     measured = tuple(track.measurements)
-    taken = PartErrors().widened(measured, measured, track.last, exposures_s)
+    taken = PartErrors().with_shared_errors(measured, measured, track.last, exposures_s)
     try:
         seen = sightings_from_measurements(site, taken)
     except ValueError as error:
@@ -207,7 +207,7 @@ def _tracks(reader: SessionReader) -> tuple[list[Track], dict[int, float]]:
 
 
 def _read_file(path: Path, sigma_arcsec: float, elsewhere: Site | None) -> ObservedTrack:
-    text = named_text(path, OrbitError, "name a session's folder or a file of observations")
+    text = read_named_file(path, OrbitError, "name a session's folder or a file of observations")
     try:
         read = json_of(text)
     except ValueError as error:
@@ -223,7 +223,7 @@ def _read_file(path: Path, sigma_arcsec: float, elsewhere: Site | None) -> Obser
     t, ra, dec, east, north = (np.array(column) for column in zip(*parsed, strict=True))
     cov = np.stack([east**2, np.zeros_like(east), north**2], axis=-1)
     return ObservedTrack(
-        name=path.name, site=site, limits=None, seen=sightings(site, t, ra, dec, cov)
+        name=path.name, site=site, limits=None, seen=reduce_directions(site, t, ra, dec, cov)
     )
 
 
@@ -244,7 +244,7 @@ def _row(row: Any, where: str, sigma_arcsec: float) -> tuple[int, float, float, 
     """Return time, RA, Dec and the sigmas east and north, arcsec."""
     if not isinstance(row, list) or not 3 <= len(row) <= 5:
         raise OrbitError(f"{where}: [time, RA, Dec] in degrees is needed, then sigmas in arcsec")
-    with raised_as(OrbitError, f"{where}: ", (TypeError, ValueError)):
+    with value_errors_as(OrbitError, f"{where}: ", (TypeError, ValueError)):
         t_utc_ns = iso_to_utc_ns(row[0])
         ra, dec = _number(row[1], 360.0), _number(row[2], 90.0)
         sigmas = [_number(each, 3600.0) for each in row[3:]] or [sigma_arcsec]

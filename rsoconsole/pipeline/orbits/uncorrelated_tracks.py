@@ -12,16 +12,16 @@ from rsoconsole.orbits import (
     SURE_SAME,
     Correlation,
     EarlierTrack,
-    Forces,
     KnownOrbit,
+    MeasuredDirections,
     Orbit,
-    Sightings,
-    attributable,
+    PerturbedPropagator,
     common_error_arcsec,
     correlate_tracks,
     determine,
     merged_tracklets,
-    sightings,
+    mid_track_direction_and_rates,
+    reduce_directions,
 )
 from rsoconsole.pipeline.orbits.orbit_determination import orbit_values
 from rsoconsole.pipeline.orbits.track_measurements import (
@@ -89,7 +89,9 @@ class Past:
         self._objects = {each.number: each for each in ledger.objects}
         self._before = seen_before(ledger.objects)
 
-    def names_of(self, tracks: Mapping[int, Sightings], site: Site) -> dict[int, LedgerName]:
+    def names_of(
+        self, tracks: Mapping[int, MeasuredDirections], site: Site
+    ) -> dict[int, LedgerName]:
         """Return the names, by track id, of tracks that are or may be of an object seen before."""
         if not self._before or not tracks:
             return {}
@@ -186,7 +188,7 @@ def _short(tracks: Sequence[ObservedTrack]) -> tuple[int, ...]:
 
 
 def _kept_tracks(
-    session: str, ledger: Ledger, ready: Sequence[tuple[ObservedTrack, Sightings]]
+    session: str, ledger: Ledger, ready: Sequence[tuple[ObservedTrack, MeasuredDirections]]
 ) -> list[KeptTrack]:
     """Return each track with its object: known by its own entry, recognised, or new."""
     known = [ledger.number_of(session, each.track_id or 0) for each, _ in ready]
@@ -204,7 +206,7 @@ def _kept_tracks(
             [ready[n][1] for n in asked], ready[0][0].site, seen_before(before)
         )
         answers = dict(zip(asked, found, strict=True))
-    new: list[tuple[int, Sightings, Site]] = []
+    new: list[tuple[int, MeasuredDirections, Site]] = []
     done, following = [], ledger.next_number
     for n, (each, arc) in enumerate(ready):
         number, answer, is_new = known[n], answers.get(n), False
@@ -221,7 +223,7 @@ def _kept_tracks(
 
 
 def _of_this_night(
-    arc: Sightings, site: Site, new: Sequence[tuple[int, Sightings, Site]]
+    arc: MeasuredDirections, site: Site, new: Sequence[tuple[int, MeasuredDirections, Site]]
 ) -> int | None:
     """Return the object of an earlier track of this session that had ended, if it is the same."""
     at_once = {
@@ -233,8 +235,8 @@ def _of_this_night(
     return correlate_tracks([arc], site, before)[0].number if before else None
 
 
-def _of_arc(number: int, arc: Sightings, site: Site) -> EarlierTrack:
-    t, ra, dec, rate, _ = attributable(arc)
+def _of_arc(number: int, arc: MeasuredDirections, site: Site) -> EarlierTrack:
+    t, ra, dec, rate, _ = mid_track_direction_and_rates(arc)
     orbit = _determined(arc)
     return EarlierTrack(
         number=number,
@@ -248,7 +250,7 @@ def _of_arc(number: int, arc: Sightings, site: Site) -> EarlierTrack:
     )
 
 
-def _determined(arc: Sightings) -> Orbit | None:
+def _determined(arc: MeasuredDirections) -> Orbit | None:
     """Return an orbit that is worth keeping; None where there is none."""
     with np.errstate(all="ignore"):
         orbit = determine(arc)
@@ -258,9 +260,9 @@ def _determined(arc: Sightings) -> Orbit | None:
 
 
 def _ledger_track(
-    folder: Path, observed: ObservedTrack, arc: Sightings, *, is_simulated: bool
+    folder: Path, observed: ObservedTrack, arc: MeasuredDirections, *, is_simulated: bool
 ) -> LedgerTrack:
-    t, ra, dec, rate, covariance = attributable(arc)
+    t, ra, dec, rate, covariance = mid_track_direction_and_rates(arc)
     step = max(1, -(-len(arc) // _MAX_DIRECTIONS))
     some = arc.of(np.arange(0, len(arc), step))
     cov = np.linalg.inv(np.swapaxes(some.whitening, -1, -2) @ some.whitening)
@@ -297,7 +299,7 @@ def _ledger_track(
 
 
 def _ledger_orbit(
-    arc: Sightings, orbit: Orbit | None, before: LedgerObject | None, session: str
+    arc: MeasuredDirections, orbit: Orbit | None, before: LedgerObject | None, session: str
 ) -> LedgerOrbit | None:
     """Orbit through the object's latest tracks where one fits them all, else the track's own."""
     earlier = [] if before is None else [t for t in before.tracks if t.session != session]
@@ -323,11 +325,11 @@ def _site_of(track: LedgerTrack) -> Site:
     )
 
 
-def _sightings_of(track: LedgerTrack) -> Sightings:
+def _sightings_of(track: LedgerTrack) -> MeasuredDirections:
     rows = np.array(track.directions)
     t = track.t_utc_ns + np.round(rows[:, 0] * NS_PER_S).astype(np.int64)
     try:
-        return sightings(_site_of(track), t, rows[:, 1], rows[:, 2], rows[:, 3:])
+        return reduce_directions(_site_of(track), t, rows[:, 1], rows[:, 2], rows[:, 3:])
     except (ValueError, IndexError) as error:
         raise SessionError(
             f"the ledger's track of {track.session} holds no directions: {error}"
@@ -344,7 +346,7 @@ def _seen_before(number: int, track: LedgerTrack) -> EarlierTrack:
             r_km=np.array(orbit.r_gcrs_km),
             v_km_s=np.array(orbit.v_gcrs_km_s),
             covariance=np.array(orbit.covariance),
-            forces=Forces(epoch_utc_ns=orbit.epoch_utc_ns),
+            forces=PerturbedPropagator(epoch_utc_ns=orbit.epoch_utc_ns),
         )
     )
     return EarlierTrack(

@@ -14,7 +14,7 @@ from rsoconsole.night import FOLDED, is_from_outside
 from rsoconsole.pipeline.cycle.frame_fold import FrameObservations, ReducedFrame
 from rsoconsole.pipeline.frame.measurement import at_its_row, shutter_mid_utc_ns, shutter_time
 from rsoconsole.pipeline.replays.record_equality import are_alike
-from rsoconsole.pipeline.replays.refold import RecordRole, ReplayedFrame, Walk
+from rsoconsole.pipeline.replays.refold import RecordRole, ReplayedFrame, ReplayState
 from rsoconsole.records import (
     BesideRecord,
     Cause,
@@ -45,7 +45,7 @@ class LogRewriter:
 
     def __init__(
         self,
-        walk: Walk,
+        walk: ReplayState,
         *,
         on_record: Callable[[int, Record], None],
         on_frame: Callable[[ReplayedFrame], None],

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from rsoconsole import __version__
-from rsoconsole.base import SessionError, raised_as
+from rsoconsole.base import SessionError, value_errors_as
 from rsoconsole.pipeline.replays.what_if_log import WhatIf, rewritten_log
 from rsoconsole.session import DATABASE, SessionReader, SessionWriter, folders_in, put_in_place
 
@@ -105,7 +105,7 @@ def drop_branch(session: Path, name: str) -> Path:
         names = ", ".join(each.name for each in branches_of(session)) or "none"
         raise SessionError(f"{session} has no branch '{name}'; it has: {names}")
     gone = folder.with_name(f".{name}.gone")
-    with raised_as(SessionError, f"{folder} cannot be deleted: ", OSError):
+    with value_errors_as(SessionError, f"{folder} cannot be deleted: ", OSError):
         shutil.rmtree(gone, ignore_errors=True)
         folder.rename(gone)
         shutil.rmtree(gone)

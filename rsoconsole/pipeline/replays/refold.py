@@ -13,7 +13,7 @@ from dataclasses import dataclass, field, replace
 from typing import Literal, TypeAlias, assert_never
 
 from rsoconsole.config import Config, ExposureConfig, with_changes, with_setting
-from rsoconsole.night import FOLDED, is_from_outside, is_instruments
+from rsoconsole.night import FOLDED, is_from_outside, is_instrument_miss
 from rsoconsole.pipeline.cycle.decisions import FollowedFrames, HandTrack
 from rsoconsole.pipeline.cycle.frame_fold import (
     FoldedFrame,
@@ -171,7 +171,7 @@ def replay(
 
     Raises ConfigError for a setting that does not exist, or a value that it cannot have.
     """
-    walk = Walk.begin(config, changes)
+    walk = ReplayState.begin(config, changes)
     for record in records:
         yield from _folded(walk.receive(record))
     yield from _folded(walk.close())
@@ -182,7 +182,7 @@ def _folded(closed: Iterable[ReducedFrame]) -> Iterator[ReplayedFrame]:
 
 
 @dataclass(slots=True, kw_only=True)
-class Walk:
+class ReplayState:
     """State of a replay after the records so far."""
 
     config: Config
@@ -220,7 +220,7 @@ class Walk:
         config: Config,
         changes: Mapping[str, float | str] | None = None,
         reduce_again: ReduceAgain | None = None,
-    ) -> "Walk":
+    ) -> "ReplayState":
         """Return the state at the beginning of a log. Raises ConfigError as ``replay`` does."""
         changes = changes or {}
         return cls(
@@ -284,7 +284,7 @@ class Walk:
         if begun.arguments.get("on", True):
             frames.hold(frame_id)
         else:
-            frames.let_go(frame_id)
+            frames.release_frame(frame_id)
 
     def _receive_of_frame(
         self, record: FoldRecord | Solution | NotSolved | Measurement
@@ -315,7 +315,7 @@ class Walk:
     def _is_loops_own(self, record: Record) -> bool:
         """True for a failed instrument's miss, or a decision's change of state: not the fold's."""
         if isinstance(record, Miss):
-            return is_instruments(record)
+            return is_instrument_miss(record)
         return isinstance(record, StateChange) and self.is_ruled
 
     def close(self) -> Iterator[ReducedFrame]:

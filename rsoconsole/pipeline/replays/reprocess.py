@@ -158,7 +158,7 @@ def _in_force(reader: SessionReader, config: Config, seq_of_frame: int) -> Confi
     return config
 
 
-def read_pixels(recorded: RecordedFrame) -> Frame:
+def read_recorded_frame(recorded: RecordedFrame) -> Frame:
     """Read the frame as the camera gave it.
 
     Raises FrameError where it was not kept (with the reason), where its file is damaged, and where

@@ -14,17 +14,17 @@ from rsoconsole.instruments import read_frame
 from rsoconsole.night import FigureSum, TrackFigures
 from rsoconsole.pipeline.cycle.frame_fold import FrameObservations, ReducedFrame
 from rsoconsole.pipeline.frame.frame_cautions import calibration_warnings
-from rsoconsole.pipeline.frame.measurement import measured, numbered_like
+from rsoconsole.pipeline.frame.measurement import measured, with_recorded_ids
 from rsoconsole.pipeline.frame.plate import GivenPlate
 from rsoconsole.pipeline.frame.reduce import FrameReducer, open_reducer
 from rsoconsole.pipeline.replays._rewrite_log import LogRewriter
-from rsoconsole.pipeline.replays.refold import ReduceAgain, ReplayedFrame, Walk, replay
+from rsoconsole.pipeline.replays.refold import ReduceAgain, ReplayedFrame, ReplayState, replay
 from rsoconsole.records import Frame, FrameTaken, NotSolved, Record, Solution
 from rsoconsole.session import SessionReader
 from rsoconsole.vision import ConfidenceCurve, Network
 
 
-def once_each(frames: Iterable[ReplayedFrame]) -> list[ReplayedFrame]:
+def last_version_of_each(frames: Iterable[ReplayedFrame]) -> list[ReplayedFrame]:
     """Return the frames in order of their numbers; of a frame folded again the last version."""
     by_number = {each.taken.frame_id: each for each in frames}
     return [by_number[number] for number in sorted(by_number)]
@@ -114,7 +114,7 @@ class Rerun:
                 observed,
                 detections=reduction.detections,
                 solution=reduction.solution,
-                measurements=numbered_like(
+                measurements=with_recorded_ids(
                     reduction.measurements, observed.measurements, observed.detections
                 ),
             )
@@ -288,9 +288,9 @@ class _Both:
         reduce_again: ReduceAgain | None,
     ) -> Config:
         """Read each record once; return the configuration with which the other log begins."""
-        walk = Walk.begin(self._config)
+        walk = ReplayState.begin(self._config)
         rewriter = LogRewriter(
-            Walk.begin(self._config, changes, reduce_again),
+            ReplayState.begin(self._config, changes, reduce_again),
             on_record=self._keep_record,
             on_frame=self._add_changed,
         )
@@ -329,7 +329,7 @@ def rewritten_log(what_if: WhatIf) -> Iterator[tuple[int, Record]]:
         raise ValueError("frames were reduced again for it: its log must be kept")
     reader, rewritten = SessionReader(what_if.session), list[tuple[int, Record]]()
     rewriter = LogRewriter(
-        Walk.begin(reader.config(), what_if.changes),
+        ReplayState.begin(reader.config(), what_if.changes),
         on_record=lambda t_utc_ns, record: rewritten.append((t_utc_ns, record)),
         on_frame=lambda _: None,
     )

@@ -39,7 +39,7 @@ _MODULE = "rsoconsole.pipeline.replays.what_if_process"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Question:
+class WhatIfQuestion:
     """What-if question: which settings to change for which part of a session."""
 
     folder: Path
@@ -114,7 +114,7 @@ class WhatIfProcess:
             self._started()
             self._end_when_idle()
 
-    def ask(self, question: Question) -> "TrackFigures":
+    def ask(self, question: WhatIfQuestion) -> "TrackFigures":
         """Wait for the answer; raises RsoconsoleError with the reason where there is none."""
         with self._lock:
             if self._idle is not None:
@@ -179,7 +179,7 @@ def main(socket_fd: int) -> None:
     connection, session = Connection(socket_fd), LogOfOneSession()
     while True:
         try:
-            asked: Question = connection.recv()
+            asked: WhatIfQuestion = connection.recv()
         except (EOFError, OSError):
             return
         answer: TrackFigures | RsoconsoleError | Unexpected

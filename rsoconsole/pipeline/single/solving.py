@@ -8,7 +8,7 @@ from rsoconsole.config import Config
 from rsoconsole.instruments import PlateSolver, series_name
 from rsoconsole.pipeline.frame.calibration import Calibration
 from rsoconsole.pipeline.frame.frame_cautions import cautions
-from rsoconsole.pipeline.frame.hints import WrongHint, hint_of, overridden, wrong_hints
+from rsoconsole.pipeline.frame.hints import WrongHint, hint_of, hint_with_overrides, wrong_hints
 from rsoconsole.pipeline.frame.plate import PlateFinder
 from rsoconsole.records import Detections, Frame, NotSolved, Solution
 from rsoconsole.vision import ConfidenceCurve, Network, StreakDetector, find_stars
@@ -61,7 +61,7 @@ class FrameSolver:
         """
         prepared, calibrated = self._calibration.prepare(frame)
         stars = find_stars(prepared.pixels, saturation_adu=prepared.saturation_adu)
-        hint = overridden(
+        hint = hint_with_overrides(
             hint_of(frame, self._config), ra_icrs_deg, dec_icrs_deg, radius_deg, scale_arcsec_px
         )
         solution = self._finder.solve_in_full(frame, stars, hint)

@@ -24,7 +24,7 @@ from rsoconsole.base import (
     json_of,
     lock_file,
     read_foreign,
-    said_as,
+    system_errors_as,
     write_durably,
 )
 from rsoconsole.config import SourceKind, data_dir, home_path, shown, split_source
@@ -260,13 +260,15 @@ class ElementStore:
 
     def _write(self, name: str, content: bytes) -> None:
         remedy = "): free space there, or set its permissions"
-        with said_as(OrbitError, f"{self.folder / name} cannot be written (", remedy):
+        with system_errors_as(OrbitError, f"{self.folder / name} cannot be written (", remedy):
             write_durably(self.folder / name, content, mode=0o600)
 
     @contextlib.contextmanager
     def _writing(self) -> Iterator[None]:
         """Lock the cache for one writer at a time: a timer's or the operator's."""
-        with said_as(OrbitError, f"{self.folder} cannot be made (", "): set its permissions"):
+        with system_errors_as(
+            OrbitError, f"{self.folder} cannot be made (", "): set its permissions"
+        ):
             self.folder.mkdir(mode=0o700, parents=True, exist_ok=True)
             try:
                 lock = lock_file(self.folder / LOCK, wait_s=_WAIT_S)

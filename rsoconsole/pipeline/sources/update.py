@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from rsoconsole.base import OrbitError, raised_as, read_private, said_as
+from rsoconsole.base import OrbitError, read_private, system_errors_as, value_errors_as
 from rsoconsole.orbits import CatalogueEntry, parse_catalogue
 from rsoconsole.pipeline.sources.fetch import (
     DEADLINE_S,
@@ -161,14 +161,14 @@ class SourceUpdater:
 
 def _read(content: bytes, where: str) -> tuple[str, tuple[CatalogueEntry, ...]]:
     """Decode and parse elements. Raises OrbitError where the content is no catalogue."""
-    with raised_as(OrbitError, f"{where}: ", OrbitError):
+    with value_errors_as(OrbitError, f"{where}: ", OrbitError):
         text = text_of(content)
         reject_web_page(text)
     return text, parse_catalogue(text, where)
 
 
 def _file_content(path: Path) -> bytes:
-    with said_as(OrbitError, f"{path} cannot be read: "):
+    with system_errors_as(OrbitError, f"{path} cannot be read: "):
         if not path.is_file():
             raise OrbitError(f"{path} is no file: {NAME_ELEMENTS}")
         if path.stat().st_size > MAX_BYTES:

@@ -19,7 +19,7 @@ import numpy as np
 
 from rsoconsole.config import FilterConfig
 from rsoconsole.pipeline.replays.refold import ReplayedFrame
-from rsoconsole.pipeline.replays.what_if_log import once_each
+from rsoconsole.pipeline.replays.what_if_log import last_version_of_each
 from rsoconsole.records import FloatArray, Measurement, TrackState
 from rsoconsole.tracking.filters import lqe
 
@@ -89,7 +89,7 @@ def arcs_of(frames: Iterable[ReplayedFrame]) -> list[Arc]:
     """Return the tracks of a replayed session with their measurements."""
     arcs: list[Arc] = []
     candidates: tuple[Measurement, ...] = ()
-    for each in once_each(frames):
+    for each in last_version_of_each(frames):
         states = [record for record in each.records if isinstance(record, TrackState)]
         settings = each.config.filter
         for state in states:

@@ -61,7 +61,7 @@ class Fit:
 
 
 @dataclass(slots=True)
-class Search:
+class LikelihoodSearch:
     """Maximisation of a likelihood over the logarithms of parameters."""
 
     log_likelihood: Callable[[Mapping[str, float]], float]
@@ -124,7 +124,7 @@ class Search:
             heights.append(self.at((parameter, *best.parameters), logs))
         return max(heights) - best.log_likelihood
 
-    def open_ends(self, parameter: Parameter, best: Fit) -> tuple[bool, bool]:
+    def unbounded_sides(self, parameter: Parameter, best: Fit) -> tuple[bool, bool]:
         """(lower, upper): True where the likelihood at that edge is as good as the best."""
         place = next(n for n, p in enumerate(best.parameters) if p.names == parameter.names)
         others = [each for each in best.parameters if each.names != parameter.names]

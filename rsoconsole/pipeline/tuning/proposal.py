@@ -16,10 +16,10 @@ from rsoconsole.base import ConfigError, SessionError
 from rsoconsole.pipeline.frame.measurement import usual_sigma_s
 from rsoconsole.pipeline.replays.refold import replay
 from rsoconsole.pipeline.tuning._propose_likelihood import Arc, arcs_of
-from rsoconsole.pipeline.tuning.propose_inquiry import LEAST, Inquiry, Proposal
+from rsoconsole.pipeline.tuning.propose_inquiry import LEAST, ModelComparison, Proposal
 from rsoconsole.records import TrackState
 from rsoconsole.session import SessionReader
-from rsoconsole.tracking import scatter_words
+from rsoconsole.tracking import timing_scatter_words
 
 FIRST_GATE_NIS, GATE_NIS = 50.0, 25.0
 """NIS gates of the first and later rounds: wide, so that an R too small excludes no measurement
@@ -52,7 +52,7 @@ def propose(
     if len(presets) > 1:
         raise ConfigError("sessions of the presets tuned and paper share no Q: propose them apart")
     arcs, changes, rounds = _arcs(sessions, None), {}, 0
-    inquiry = Inquiry(arcs, presets[0], on_evaluation)
+    inquiry = ModelComparison(arcs, presets[0], on_evaluation)
     evaluations = 0
     while inquiry.count >= LEAST and rounds < MAX_ROUNDS:
         rounds += 1
@@ -62,7 +62,7 @@ def propose(
         if rounds == MAX_ROUNDS or _taken(again) == _taken(arcs):
             break
         arcs = again
-        inquiry = Inquiry(arcs, presets[0], on_evaluation)
+        inquiry = ModelComparison(arcs, presets[0], on_evaluation)
     folders = tuple(session.folder for session in sessions)
     if rounds == 0 or inquiry.count < LEAST:
         return _not_enough(folders, presets[0], inquiry.count, len(arcs))
@@ -76,7 +76,7 @@ def _nothing_to_propose(sessions: Sequence[_Session]) -> str:
         states = (r for r in session.records if isinstance(r, TrackState) and r.mixture is not None)
         last = deque(states, maxlen=1)
         known_s = usual_sigma_s(session.config.exposure)
-        words = scatter_words(last[0], known_s) if last else None
+        words = timing_scatter_words(last[0], known_s) if last else None
         if words is not None:
             lines.append(f"{session.folder.name}: {words}")
     learnt = "; ".join(lines) or "no track has learnt anything yet"

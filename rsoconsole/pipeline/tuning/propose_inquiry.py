@@ -8,7 +8,7 @@ from typing import Any, Literal, TypeAlias
 import numpy as np
 
 from rsoconsole.pipeline.tuning._propose_likelihood import Arc, Innovations, innovations
-from rsoconsole.pipeline.tuning._propose_search import HALF_WIDTH, Fit, Parameter, Search
+from rsoconsole.pipeline.tuning._propose_search import HALF_WIDTH, Fit, LikelihoodSearch, Parameter
 from rsoconsole.tracking import mean_band
 
 Verdict: TypeAlias = Literal["not enough to say", "no change is called for", "change"]
@@ -116,7 +116,7 @@ FLAT_DECADES = 4.0
 """Width of a 68 % interval, in powers of ten, from which the likelihood counts as flat."""
 
 
-class Inquiry:
+class ModelComparison:
     """Comparison of models of Q and R on one set of tracks."""
 
     def __init__(self, arcs: Sequence[Arc], preset: str, on_evaluation: Callable[[], None]) -> None:
@@ -124,7 +124,7 @@ class Inquiry:
         self._preset = preset
         self.count = sum(len(arc.measurements) for arc in arcs)
         self._widened = WIDENED[preset]
-        self.search = Search(lambda settings: _total(self._run(settings)), on_evaluation)
+        self.search = LikelihoodSearch(lambda settings: _total(self._run(settings)), on_evaluation)
         self._half = self.count // 2
         self.warnings: list[str] = []
         self._limited: set[str] = set()
@@ -172,7 +172,7 @@ class Inquiry:
         turns is lost with it.
         """
         for parameter in self._likeliest.parameters:
-            is_open = self.search.open_ends(parameter, self._likeliest)
+            is_open = self.search.unbounded_sides(parameter, self._likeliest)
             if is_open[0] == is_open[1]:
                 continue
             # Of a parameter that is sought alone the limit is the wider one, beside the other.
@@ -295,7 +295,7 @@ class Inquiry:
             found = self._run(settings)
             return -np.inf if found is None else float(np.sum(found.log_likelihood[:half]))
 
-        search = Search(of_first_half, self.search.on_evaluation)
+        search = LikelihoodSearch(of_first_half, self.search.on_evaluation)
         start = self._chosen if self._chosen.parameters else self._both
         fit = search.fit(parameters, start=start, is_coarse=True)
         before, after = self._run({}), self._run(fit.settings())

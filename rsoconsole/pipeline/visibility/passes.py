@@ -42,7 +42,7 @@ Axes = tuple[FloatArray, FloatArray, FloatArray]
 """Up, north and east of a site at instants, (N, 3) unit vectors along GCRS axes."""
 
 
-class Standing:
+class TopocentricPlaces:
     """Places of M objects at N instants; geometric, without refraction."""
 
     def __init__(
@@ -108,7 +108,7 @@ _FLATTENING_KM = 22.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Corner:
+class PassPoint:
     """Place of an object at one instant of its pass."""
 
     t_utc_ns: int
@@ -123,9 +123,9 @@ class NightPass:
 
     norad_id: int
     name: str
-    rise: Corner
-    top: Corner
-    set: Corner
+    rise: PassPoint
+    top: PassPoint
+    set: PassPoint
     lit_from_utc_ns: int | None
     """Begin of the sunlit part, to a minute; None: no part of its pass."""
     lit_until_utc_ns: int | None
@@ -303,8 +303,8 @@ def _pass(
         np.linalg.norm(path.r_km[nearest])
     )
 
-    def corner(n: int) -> Corner:
-        return Corner(t_utc_ns=int(t[n]), alt_deg=float(alt[n]), az_deg=float(az[n]))
+    def corner(n: int) -> PassPoint:
+        return PassPoint(t_utc_ns=int(t[n]), alt_deg=float(alt[n]), az_deg=float(az[n]))
 
     return NightPass(
         norad_id=entry.norad_id,
@@ -355,7 +355,9 @@ def visible_now(
     nearest = nearest_in_epoch_of_each(entries, t_utc_ns)
     if not nearest:
         return ()
-    now = Standing(nearest, site, np.array([t_utc_ns, t_utc_ns + RATE_STEP_S * NS_PER_S]), limits)
+    now = TopocentricPlaces(
+        nearest, site, np.array([t_utc_ns, t_utc_ns + RATE_STEP_S * NS_PER_S]), limits
+    )
     is_up = now.margin_deg[:, 0] > 0.0
     there = [each for each, up in zip(nearest, is_up, strict=True) if up]
     if not there:
@@ -387,7 +389,7 @@ def _minutes_left(
     """Return the minutes until each satellite sinks to the limit; infinite where it does not."""
     minutes = np.array(MINUTES)
     t = t_utc_ns + minutes.astype(np.int64) * 60 * NS_PER_S
-    margin = Standing(entries, site, t, limits).margin_deg
+    margin = TopocentricPlaces(entries, site, t, limits).margin_deg
     is_down = margin <= 0.0
     first = np.argmax(is_down, axis=1)
     rows = np.arange(len(entries))

@@ -30,7 +30,7 @@ from rsoconsole.sky import (
     planet_icrs,
     wrap_180,
 )
-from rsoconsole.words import NS_PER_DAY, age, called, format_ra
+from rsoconsole.words import NS_PER_DAY, catalogued_name, element_age_words, format_ra
 
 _DASHES = str.maketrans("−–—‐", "----")
 _POINT_FIRST = re.compile(r"(?<![\d.])\.(?=\d)")
@@ -291,12 +291,12 @@ def _satellite(elements: CatalogueEntry, site: Site, t_utc_ns: int) -> ParsedDir
     ra, dec = float(places.ra_icrs_deg[0]), float(places.dec_icrs_deg[0])
     if not np.isfinite(ra):
         raise ValueError(f"{elements.name} has no place: its elements are no good at this instant")
-    name = called(elements.name, elements.norad_id)
+    name = catalogued_name(elements.name, elements.norad_id)
     return ParsedDirection(
-        words=f"{name}, elements {age(age_days)}",
+        words=f"{name}, elements {element_age_words(age_days)}",
         ra_icrs_deg=ra,
         dec_icrs_deg=dec,
-        caution=f"elements {age(age_days)}" if abs(age_days) > OLD_DAYS else "",
+        caution=f"elements {element_age_words(age_days)}" if abs(age_days) > OLD_DAYS else "",
     )
 
 

@@ -9,14 +9,14 @@ from rsoconsole.orbits import (
     SURE,
     Identification,
     KnownOrbit,
-    Match,
+    MeasuredDirections,
+    ObjectMatch,
     Orbit,
-    Sightings,
     elements_of,
     period_s,
 )
 from rsoconsole.pipeline.orbits.orbit_determination import FoundOrbit, OrbitArc
-from rsoconsole.pipeline.orbits.orbit_outlook import Ahead, OrbitOutlook
+from rsoconsole.pipeline.orbits.orbit_outlook import OrbitOutlook, PlaceAhead
 from rsoconsole.records import FloatArray
 from rsoconsole.sky import wrap_180
 from rsoconsole.words import NS_PER_S, utc_ns_to_iso
@@ -86,7 +86,9 @@ def identification_report(name: str, found: Identification, arc_s: float) -> dic
     }
 
 
-def named_track_report(number: int, found: Identification, seen: Sightings) -> dict[str, Any]:
+def named_track_report(
+    number: int, found: Identification, seen: MeasuredDirections
+) -> dict[str, Any]:
     """Return one of the ``tracks`` of ``rsoconsole identify``: its name among all of the night."""
     candidates = [each for each in found.matches if each.probability >= 1.0 - SURE]
     best = found.matches[0] if found.matches and found.verdict == "identified" else None
@@ -163,7 +165,7 @@ def _outlook_values(outlook: OrbitOutlook | None) -> dict[str, Any]:
     )
 
 
-def _ahead_report(ahead: Ahead) -> dict[str, Any]:
+def _ahead_report(ahead: PlaceAhead) -> dict[str, Any]:
     return {
         "t_utc": utc_ns_to_iso(ahead.t_utc_ns),
         "ra": ahead.ra_icrs_deg,
@@ -187,7 +189,7 @@ def _part_report(part: OrbitArc) -> dict[str, Any]:
     }
 
 
-def _match_report(match: Match) -> dict[str, Any]:
+def _match_report(match: ObjectMatch) -> dict[str, Any]:
     return {**_values(match, _OF_MATCH), "tle_epoch_utc": utc_ns_to_iso(match.tle_epoch_utc_ns)}
 
 

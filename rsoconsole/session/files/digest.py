@@ -197,11 +197,11 @@ class Verification:
         """Add a finding: something of the record is lost or changed."""
         self._add("damage", place, what, remedy)
 
-    def leftover(self, place: str, what: str, remedy: str = REPAIR) -> None:
+    def add_leftover(self, place: str, what: str, remedy: str = REPAIR) -> None:
         """Add a finding: something waits to be repaired; nothing is lost."""
         self._add("leftover", place, what, remedy)
 
-    def remark(self, place: str, what: str, remedy: str = NOTHING_TO_DO) -> None:
+    def add_remark(self, place: str, what: str, remedy: str = NOTHING_TO_DO) -> None:
         """Add a finding that is good to know."""
         self._add("remark", place, what, remedy)
 

@@ -14,7 +14,7 @@ from pathlib import Path, PurePosixPath
 from tempfile import TemporaryDirectory
 from typing import IO, TypeAlias
 
-from rsoconsole.base import SessionError, said_as
+from rsoconsole.base import SessionError, system_errors_as
 from rsoconsole.session.log.schema import DATABASE
 
 PIECE_BYTES = 1 << 20
@@ -145,13 +145,13 @@ def _raise(error: OSError) -> None:
 
 def folders_in(root: Path) -> list[Path]:
     """Paths directly in a folder; empty where there is no folder. Raises SessionError."""
-    refused = said_as(SessionError, f"{root} cannot be looked into: ")
+    refused = system_errors_as(SessionError, f"{root} cannot be looked into: ")
     with refused, contextlib.suppress(FileNotFoundError):
         return list(root.iterdir())
     return []
 
 
-def written_ns(folder: Path) -> int:
+def last_write_utc_ns(folder: Path) -> int:
     """Time of the last write to a session's log, UTC ns; 0 where it is not known."""
     with contextlib.suppress(OSError):
         return (folder / DATABASE).stat().st_mtime_ns

@@ -10,7 +10,7 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
-from rsoconsole.base import SessionError, json_of, said_as, sync_folder, write_durably
+from rsoconsole.base import SessionError, json_of, sync_folder, system_errors_as, write_durably
 from rsoconsole.words import utc_ns_to_iso
 
 UPKEEP = "upkeep.jsonl"
@@ -24,7 +24,7 @@ def read_notes(folder: Path) -> list[Note]:
 
     Raises SessionError when the file is there and cannot be read.
     """
-    with said_as(SessionError, f"{folder / UPKEEP} cannot be read: "):
+    with system_errors_as(SessionError, f"{folder / UPKEEP} cannot be read: "):
         try:
             return parse_notes((folder / UPKEEP).read_bytes())
         except FileNotFoundError:
@@ -75,12 +75,12 @@ def is_kept(folder: Path) -> bool:
 
 def keep(folder: Path, why: str) -> None:
     """Mark the session so that nothing of it is ever pruned. Raises SessionError."""
-    with said_as(SessionError, f"{folder} cannot be marked: "):
+    with system_errors_as(SessionError, f"{folder} cannot be marked: "):
         write_durably(folder / KEEP, (why.strip() + "\n").encode() if why.strip() else b"")
 
 
 def release(folder: Path) -> None:
     """Remove the mark. Raises SessionError."""
-    with said_as(SessionError, f"{folder} cannot be released: "):
+    with system_errors_as(SessionError, f"{folder} cannot be released: "):
         (folder / KEEP).unlink(missing_ok=True)
         sync_folder(folder)

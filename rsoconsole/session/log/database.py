@@ -63,12 +63,12 @@ def limit_work(connection: sqlite3.Connection, path: Path) -> None:
     connection.set_progress_handler(is_over, STEPS_A_CALL)
 
 
-def is_interrupted(error: BaseException) -> bool:
+def is_query_limit_error(error: BaseException) -> bool:
     """True where a statement was ended because it needed too many steps."""
     return getattr(error, "sqlite_errorcode", None) == sqlite3.SQLITE_INTERRUPT
 
 
-def computed_part(connection: sqlite3.Connection) -> str | None:
+def untrusted_tables_reason(connection: sqlite3.Connection) -> str | None:
     """Reason why the tables cannot be trusted: one is missing or computes values; None where all is
     plain.
 
@@ -159,7 +159,7 @@ def connect_to_read(path: Path, *, is_immutable: bool = False) -> sqlite3.Connec
     return connection
 
 
-def finish_copy(folder: Path, scratch: Path) -> Path:
+def recovered_database_copy(folder: Path, scratch: Path) -> Path:
     """Copy the session's database into ``scratch`` and have SQLite complete an interrupted write.
 
     Returns the copy, one file. Raises OSError or sqlite3.Error.
@@ -167,7 +167,7 @@ def finish_copy(folder: Path, scratch: Path) -> Path:
     for name in (DATABASE, WAL, JOURNAL):
         if (folder / name).exists():
             shutil.copyfile(folder / name, scratch / name)
-    leave_wal(scratch / DATABASE, timeout_s=0.0)
+    merge_wal(scratch / DATABASE, timeout_s=0.0)
     return scratch / DATABASE
 
 
@@ -208,7 +208,7 @@ def lay_out_session(folder: Path, config_toml: bytes, facts: Mapping[str, Any]) 
     create_database(folder / DATABASE, facts)
 
 
-def leave_wal(path: Path, timeout_s: float) -> None:
+def merge_wal(path: Path, timeout_s: float) -> None:
     """Fold the write-ahead log into the database, so that it is one file any reader can open.
 
     Raises sqlite3.Error when readers hold it for longer than ``timeout_s``.

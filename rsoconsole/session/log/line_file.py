@@ -12,7 +12,14 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Protocol, TypeVar
 
-from rsoconsole.base import SessionError, json_of, lock_file, said_as, sync_folder, write_durably
+from rsoconsole.base import (
+    SessionError,
+    json_of,
+    lock_file,
+    sync_folder,
+    system_errors_as,
+    write_durably,
+)
 
 _WAIT_S = 20.0
 """Longest wait for another writer."""
@@ -23,7 +30,7 @@ Change = Mapping[str, Any]
 """Line to be added: ``did`` names the change."""
 
 
-class Folded(Protocol):
+class FoldedLines(Protocol):
     """State that all lines of a file add up to."""
 
     @property
@@ -31,7 +38,7 @@ class Folded(Protocol):
         """Numbers of the lines that cannot be read, from 1."""
 
 
-F = TypeVar("F", bound=Folded)
+F = TypeVar("F", bound=FoldedLines)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -45,7 +52,7 @@ class LineFile:
 
     def lines(self) -> list[bytes]:
         """Read all lines; none where there is no file. Raises SessionError."""
-        with said_as(SessionError, f"{self.called} {self.path} cannot be read: "):
+        with system_errors_as(SessionError, f"{self.called} {self.path} cannot be read: "):
             try:
                 if self.path.stat().st_size > _MAX_BYTES:
                     raise SessionError(f"{self.path} is larger than any ledger: move it away")
@@ -63,7 +70,7 @@ class LineFile:
         Raises SessionError where another writer takes too long, and where the file cannot be
         written.
         """
-        with said_as(
+        with system_errors_as(
             SessionError,
             f"{self.called} {self.path} cannot be written: ",
             "; free space there, or set its permissions",

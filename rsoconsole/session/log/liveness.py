@@ -11,7 +11,7 @@ _START_FIELD = 19
 """Place of ``starttime`` in /proc/PID/stat, counted after the name. Source: proc(5), field 22."""
 
 
-def writer_mark() -> dict[str, Any]:
+def writer_identity() -> dict[str, Any]:
     """Mark of this process, unique among all processes, as JSON values."""
     pid = os.getpid()
     return {"pid": pid, "boot_id": _boot_id(), "start_ticks": _start_ticks(pid)}

@@ -28,10 +28,10 @@ from rsoconsole.records import Event, Record
 from rsoconsole.session.files.upkeep_log import pruned_on, read_notes
 from rsoconsole.session.log.codec import KINDS, decode
 from rsoconsole.session.log.database import (
-    computed_part,
     connect_to_read,
-    finish_copy,
-    is_interrupted,
+    is_query_limit_error,
+    recovered_database_copy,
+    untrusted_tables_reason,
 )
 from rsoconsole.session.log.schema import (
     APPLICATION_ID,
@@ -113,7 +113,7 @@ class SessionReader:
         """
         connection = self._opened()
         try:
-            computed = computed_part(connection)
+            computed = untrusted_tables_reason(connection)
         except sqlite3.Error as error:
             connection.close()
             raise self._damaged(error) from error
@@ -334,7 +334,7 @@ class SessionReader:
             # What a cut has left can only be finished by writing: in a copy, as readers write not.
             scratch = Path(mkdtemp(prefix="rsoconsole-"))  # as long as this reader
             weakref.finalize(self, shutil.rmtree, scratch, ignore_errors=True)
-            self._database = finish_copy(self.folder, scratch)
+            self._database = recovered_database_copy(self.folder, scratch)
             return connect_to_read(self._database)
         except (sqlite3.Error, OSError) as error:
             raise self._damaged(error) from error
@@ -350,7 +350,7 @@ class SessionReader:
         return not os.access(self.folder, os.W_OK) or (self.folder / JOURNAL).exists()
 
     def _damaged(self, error: sqlite3.Error | OSError) -> SessionError:
-        if is_interrupted(error):
+        if is_query_limit_error(error):
             return SessionError(
                 f"{self.folder} is no session of this program: reading its database does not come"
                 " to an end"

@@ -27,12 +27,12 @@ from rsoconsole.session.log.database import (
     INSERT_RECORD,
     LOG_COLUMNS,
     Database,
-    computed_part,
     connect_to_write,
     create_database,
-    leave_wal,
     limit_work,
+    merge_wal,
     transaction,
+    untrusted_tables_reason,
 )
 from rsoconsole.session.log.pages import MAGIC, Fields, Pages
 from rsoconsole.session.log.schema import (
@@ -61,7 +61,7 @@ _LOG_FIELDS, _META_FIELDS, _FILES_FIELDS = 5, 2, 7
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Recovered:
+class RecoveryResult:
     """Session made from the readable parts of a damaged one."""
 
     folder: Path
@@ -73,7 +73,7 @@ class Recovered:
     """True where made now; False where an earlier repair made it."""
 
 
-def recover_session(folder: Path, now_utc_ns: int) -> Recovered:
+def recover_session(folder: Path, now_utc_ns: int) -> RecoveryResult:
     """Save the readable parts into ``NAME.recovered`` beside the damaged session.
 
     Frames and pictures are shared with the damaged one by hard links where the disk has them, else
@@ -91,7 +91,7 @@ def recover_session(folder: Path, now_utc_ns: int) -> Recovered:
             files = _save_files(folder, beside)
             with closing(connect_to_write(beside / DATABASE)) as connection:
                 mark_closed(connection)
-            leave_wal(beside / DATABASE, timeout_s=0.0)
+            merge_wal(beside / DATABASE, timeout_s=0.0)
             note = {"from": folder.name, "records": records, "missing": missing, "files": files}
             add_note(beside, "recover", now_utc_ns, note)
             beside.replace(target)
@@ -103,15 +103,15 @@ def recover_session(folder: Path, now_utc_ns: int) -> Recovered:
             f"{folder} is damaged, and nothing could be saved beside it: {error}; "
             "see that the disk has room and can be written"
         ) from error
-    return Recovered(folder=target, records=records, files=files, missing=missing, is_new=True)
+    return RecoveryResult(folder=target, records=records, files=files, missing=missing, is_new=True)
 
 
-def _as_it_is(target: Path) -> Recovered:
+def _as_it_is(target: Path) -> RecoveryResult:
     reader = SessionReader(target)
     counts = reader.counts()
     with closing(reader.connect()) as connection:
         ((files,),) = connection.execute("SELECT count(*) FROM files WHERE path IS NOT NULL")
-    return Recovered(
+    return RecoveryResult(
         folder=target,
         records=counts.records,
         files=files,
@@ -161,7 +161,7 @@ def _walk(database: Path, read: _Read) -> None:
         closing(sqlite3.connect(database, factory=Database)) as connection,
     ):
         limit_work(connection, database)
-        if computed_part(connection):
+        if untrusted_tables_reason(connection):
             return  # what its tables hold stands on the pages
         for row in _log_around_damage(connection):
             _take_log(read, row)

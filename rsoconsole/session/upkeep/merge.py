@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from rsoconsole.base import SessionError, raised_as
+from rsoconsole.base import SessionError, value_errors_as
 from rsoconsole.session.files.digest import META_KEY as DIGEST_KEY
 from rsoconsole.session.files.digest import LogDigest, digest_log, mark_closed
 from rsoconsole.session.files.upkeep_log import add_note
@@ -25,7 +25,7 @@ from rsoconsole.session.log.database import (
     LOG_ROW,
     LOG_ROWS,
     connect_to_write,
-    leave_wal,
+    merge_wal,
     transaction,
 )
 from rsoconsole.session.log.liveness import is_being_written
@@ -39,7 +39,7 @@ LEAVE_WAL_S = 3.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Merged:
+class MergeResult:
     """Result of merging a rescue session into its session; the rescue is gone."""
 
     rescue: Path
@@ -48,7 +48,7 @@ class Merged:
     files: int
 
 
-def rescued_session(folder: Path) -> Path | None:
+def session_of_rescue(folder: Path) -> Path | None:
     """Session that this one is a rescue of; None where it is none, or cannot be read."""
     try:
         named = SessionReader(folder).about().get("rescues")
@@ -76,24 +76,24 @@ def rescues_of(session: Path) -> tuple[Path, ...]:
     return tuple(
         rescue
         for rescue in find_rescues()
-        if (named := rescued_session(rescue)) is not None and named.resolve() == own
+        if (named := session_of_rescue(rescue)) is not None and named.resolve() == own
     )
 
 
-def merge_rescue(rescue: Path, now_utc_ns: int) -> Merged:
+def merge_rescue(rescue: Path, now_utc_ns: int) -> MergeResult:
     """Copy the records and files that only the rescue has into the session, verify that, and remove
     the rescue.
 
     No record is changed: where both have one and they differ, nothing is done. Raises SessionError
     with the reason; the rescue is kept then.
     """
-    session = rescued_session(rescue)
+    session = session_of_rescue(rescue)
     if session is None:
         raise SessionError(f"{rescue} does not say which session it is a rescue of")
     if session.resolve() == rescue.resolve():
         raise SessionError(f"{rescue} calls itself its own rescue")
     source = SessionReader(rescue)
-    with raised_as(SessionError, "its session is gone or cannot be read: ", SessionError):
+    with value_errors_as(SessionError, "its session is gone or cannot be read: ", SessionError):
         target = SessionReader(session)
     for reader in (source, target):
         about = reader.about()
@@ -103,14 +103,14 @@ def merge_rescue(rescue: Path, now_utc_ns: int) -> Merged:
             if page_faults(connection):
                 raise SessionError(f"the database of {reader.folder} is damaged")
     _expect_sound_digest(target)
-    with raised_as(SessionError, f"{session} does not take it: ", (sqlite3.Error, OSError)):
+    with value_errors_as(SessionError, f"{session} does not take it: ", (sqlite3.Error, OSError)):
         records, files = _insert(source, session / DATABASE)
-        leave_wal(session / DATABASE, LEAVE_WAL_S)
+        merge_wal(session / DATABASE, LEAVE_WAL_S)
         _expect_all(source, SessionReader(session))
         details: dict[str, Any] = {"rescue": str(rescue), "records": records, "files": files}
         add_note(session, "merge", now_utc_ns, details)
     remove_folder(rescue)
-    return Merged(rescue=rescue, session=session, records=records, files=files)
+    return MergeResult(rescue=rescue, session=session, records=records, files=files)
 
 
 def _expect_sound_digest(target: SessionReader) -> None:

@@ -14,17 +14,17 @@ from rsoconsole.base import PART, SessionError
 from rsoconsole.session.files.digest import content_fault, mark_closed, stray_file_row
 from rsoconsole.session.files.session_files import FolderFiles
 from rsoconsole.session.files.upkeep_log import add_note
-from rsoconsole.session.log.database import INSERT_FILE, connect_to_write, leave_wal, transaction
+from rsoconsole.session.log.database import INSERT_FILE, connect_to_write, merge_wal, transaction
 from rsoconsole.session.log.liveness import is_being_written
 from rsoconsole.session.log.schema import BRANCHES, DATABASE, JOURNAL, WAL, role_of
 from rsoconsole.session.reading.reader import OtherSchemaError, SessionReader
-from rsoconsole.session.upkeep._recover import Recovered, recover_session
+from rsoconsole.session.upkeep._recover import RecoveryResult, recover_session
 from rsoconsole.session.upkeep.merge import (
     LEAVE_WAL_S,
-    Merged,
+    MergeResult,
     merge_rescue,
-    rescued_session,
     rescues_of,
+    session_of_rescue,
 )
 from rsoconsole.session.upkeep.verify import page_faults
 
@@ -44,11 +44,11 @@ class Repair:
     """Half-written files that were removed."""
     left: dict[str, str] = field(default_factory=dict)
     """Files that were not adopted, with the reasons."""
-    merged: list[Merged] = field(default_factory=list)
+    merged: list[MergeResult] = field(default_factory=list)
     """Rescue sessions that were merged into their session, and are gone."""
     unmerged: dict[Path, str] = field(default_factory=dict)
     """Rescue sessions that were not merged, with the reasons."""
-    recovered: Recovered | None = None
+    recovered: RecoveryResult | None = None
     """New session with the readable parts of a damaged database; None where it was sound."""
 
     @property
@@ -69,7 +69,7 @@ def repair_session(folder: Path, now_utc_ns: int) -> Repair:
     about = _readable_about(folder)
     if is_being_written(about):
         raise SessionError(f"{folder} is being written, its engine lives: end the engine first")
-    rescues = (folder,) if rescued_session(folder) is not None else rescues_of(folder)
+    rescues = (folder,) if session_of_rescue(folder) is not None else rescues_of(folder)
     if _is_damaged(folder):
         done = Repair(session=folder, recovered=recover_session(folder, now_utc_ns))
         done.unmerged = dict.fromkeys(rescues, "the session's database is damaged")
@@ -133,7 +133,7 @@ def _repair(reader: SessionReader, about: dict[str, Any], now_utc_ns: int) -> Re
                 mark_closed(connection)
                 done.closed = True
         # With a stray alone this folds nothing, and does no harm.
-        leave_wal(folder / DATABASE, LEAVE_WAL_S)
+        merge_wal(folder / DATABASE, LEAVE_WAL_S)
         done.folded = is_split
     _remove_parts(folder, done)
     if done.has_changes:

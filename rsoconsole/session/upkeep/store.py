@@ -12,9 +12,9 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Literal, TypeAlias
 
-from rsoconsole.base import PART, SessionError, said_as, sample_resource, sync_folder
+from rsoconsole.base import PART, SessionError, sample_resource, sync_folder, system_errors_as
 from rsoconsole.session.files.digest import State, state_of
-from rsoconsole.session.files.session_files import folders_in, written_ns
+from rsoconsole.session.files.session_files import folders_in, last_write_utc_ns
 from rsoconsole.session.files.upkeep_log import add_note, is_kept
 from rsoconsole.session.log.liveness import is_being_written
 from rsoconsole.session.log.schema import BRANCHES, DATABASE, SCHEMA_VERSION
@@ -99,7 +99,7 @@ def cut_off_session(root: Path, *, is_simulated: bool) -> Path | None:
     Raises SessionError when the root cannot be looked into.
     """
     folders = filter(_is_session, folders_in(root))
-    for folder in sorted(folders, key=written_ns, reverse=True)[:MAX_SEARCHED]:
+    for folder in sorted(folders, key=last_write_utc_ns, reverse=True)[:MAX_SEARCHED]:
         try:
             about = SessionReader(folder).about()
         except SessionError:
@@ -161,7 +161,7 @@ def remove_folder(folder: Path) -> None:
     Raises SessionError.
     """
     going = folder.with_name(f"{REMOVED}{folder.name}")
-    with said_as(SessionError, f"{folder} cannot be removed: "):
+    with system_errors_as(SessionError, f"{folder} cannot be removed: "):
         folder.rename(going)
         shutil.rmtree(going)
         sync_folder(folder.parent)
@@ -213,7 +213,7 @@ def sample_copy(root: Path) -> Path:
     if (folder / "session.db").exists():
         return folder
     words = f"the sample session cannot be copied to {folder} ("
-    with said_as(SessionError, words, "): make room there, or set session.root"):
+    with system_errors_as(SessionError, words, "): make room there, or set session.root"):
         source = sample_resource()
         root.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryDirectory(prefix=".sample-", dir=root) as scratch:
@@ -270,7 +270,7 @@ def plan_pruning(root: Path, policy: PruningPolicy, now_utc_ns: int) -> tuple[Pr
     looked into.
     """
     ages = [
-        (max(written_ns(each.folder), each.t_last_utc_ns or 0), each)
+        (max(last_write_utc_ns(each.folder), each.t_last_utc_ns or 0), each)
         for each in list_sessions(root)
     ]
     ages.sort(key=lambda pair: pair[0])  # sessions of one age stay in order of name
@@ -308,7 +308,7 @@ def prune(steps: Iterable[PruningStep], policy: PruningPolicy, now_utc_ns: int) 
             remove_folder(step.session)
             continue
         remedy = "; see that you may write there, and prune again"
-        with said_as(SessionError, f"{step.session} cannot be pruned: ", remedy):
+        with system_errors_as(SessionError, f"{step.session} cannot be pruned: ", remedy):
             note = {"what": policy.what, "files": list(step.files), "bytes": step.bytes}
             add_note(step.session, "prune", now_utc_ns, note)
             for path in step.files:
@@ -316,7 +316,7 @@ def prune(steps: Iterable[PruningStep], policy: PruningPolicy, now_utc_ns: int) 
 
 
 def _free_bytes(root: Path) -> int:
-    with said_as(SessionError, f"{root} cannot be looked into: "):
+    with system_errors_as(SessionError, f"{root} cannot be looked into: "):
         return shutil.disk_usage(root).free
 
 

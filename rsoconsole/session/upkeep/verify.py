@@ -71,7 +71,7 @@ class FilesCheck:
             elif self._found.state != "live":
                 self._found.damage(path, "the file is not there")
         for t_utc, number in gone.items():
-            self._found.remark("files", f"{number} were pruned on {t_utc}")
+            self._found.add_remark("files", f"{number} were pruned on {t_utc}")
         manifest = parse_manifest(self._read(MANIFEST).decode("utf-8", errors="replace"))
         judged = {path for path, _, _ in self._rows} | set(pruned)
         self._judge_manifest(manifest, judged)
@@ -99,11 +99,11 @@ class FilesCheck:
             return
         if path in BESIDE_DATABASE:
             if is_closed and self._sizes[path] and path in (WAL, JOURNAL):
-                self._found.leftover(path, "the session is complete, but in two files")
+                self._found.add_leftover(path, "the session is complete, but in two files")
         elif path.endswith(PART):
-            self._found.leftover(path, "a file that was being written")
+            self._found.add_leftover(path, "a file that was being written")
         else:
-            self._found.leftover(
+            self._found.add_leftover(
                 path,
                 "the session does not know this file",
                 f"{REPAIR} where it is a frame or a picture",
@@ -123,7 +123,7 @@ class FilesCheck:
             elif hash_of(self._session_files, path) != manifest[path]:
                 self._found.damage(path, "its bytes are not those that were archived")
         if is_archive and not manifest:
-            self._found.remark(MANIFEST, "the archive has no list of hashes")
+            self._found.add_remark(MANIFEST, "the archive has no list of hashes")
 
     def _read(self, path: str) -> bytes:
         if path not in self._sizes:
@@ -195,7 +195,7 @@ def _verify_database(session_files: SessionFiles, found: Verification) -> list[F
         return None
     if found.state == "cut off":
         what = "its engine ended without closing it; every acknowledged record is there"
-        found.leftover(DATABASE, what)
+        found.add_leftover(DATABASE, what)
     return rows
 
 
@@ -227,7 +227,7 @@ def _verify_log(
     _judge_gaps(found, gaps)
     if unknown:
         what = f"{unknown} records are of kinds that this version does not know"
-        found.remark("log", what, "update rsoconsole")
+        found.add_remark("log", what, "update rsoconsole")
 
 
 def _judge_digest(found: Verification, digest: LogDigest, recorded: LogDigest | None) -> None:
@@ -246,6 +246,6 @@ def _judge_gaps(found: Verification, gaps: Iterable[tuple[int, int]]) -> None:
     for first, last in gaps:
         which = f"record {first}" if first == last else f"records {first} to {last}"
         if found.digest == "confirmed":
-            found.remark(which, "not in the log, nor when the session was closed")
+            found.add_remark(which, "not in the log, nor when the session was closed")
         else:
             found.damage(which, "missing in the order of the log")

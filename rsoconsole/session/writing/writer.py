@@ -23,9 +23,9 @@ from rsoconsole.records import Frame, Record
 from rsoconsole.session.files.digest import mark_closed, sha256_of
 from rsoconsole.session.files.frame_encoding import compress_frame, encode_preview
 from rsoconsole.session.log.codec import to_json_value
-from rsoconsole.session.log.database import connect_to_write, lay_out_session, leave_wal
+from rsoconsole.session.log.database import connect_to_write, lay_out_session, merge_wal
 from rsoconsole.session.log.liveness import META_KEY as WRITER_KEY
-from rsoconsole.session.log.liveness import writer_mark
+from rsoconsole.session.log.liveness import writer_identity
 from rsoconsole.session.log.schema import DATABASE, SCHEMA_VERSION, file_name
 from rsoconsole.session.writing.log_writer import KeptFile, LogWriter, Rescue
 from rsoconsole.session.writing.worker import BoundedWorker, Faults
@@ -67,7 +67,7 @@ class SessionWriter:
             "schema_version": SCHEMA_VERSION,
             "config": config.model_dump(mode="json"),
             "is_closed": False,
-            WRITER_KEY: writer_mark(),
+            WRITER_KEY: writer_identity(),
             **{key: to_json_value(value, key) for key, value in about.items()},
         }
         try:
@@ -153,7 +153,7 @@ class SessionWriter:
         try:
             with closing(connect_to_write(self._log.path)) as connection:
                 mark_closed(connection)
-            leave_wal(self._log.path, min(timeout_s, 3.0))
+            merge_wal(self._log.path, min(timeout_s, 3.0))
         except sqlite3.Error as error:
             self._faults.report("close", f"the session is complete but still in two files: {error}")
 

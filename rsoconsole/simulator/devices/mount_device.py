@@ -242,7 +242,7 @@ class MountDevice:
         turn_on(self._tracking, asked_for(event))
         await self._acknowledge(self._tracking)
         await self.report()
-        if asked_for(event) == "TRACK_OFF" and self.faults.takes_back_tracking_off():
+        if asked_for(event) == "TRACK_OFF" and self.faults.turns_tracking_on_again():
             self._model.set_tracking(True, t_utc_ns)
             await self.report()
 

@@ -140,7 +140,7 @@ class MountFaults:
         """True: an abort ends tracking too."""
         return self._values["ABORT_ENDS_TRACKING"] > 0
 
-    def takes_back_tracking_off(self) -> bool:
+    def turns_tracking_on_again(self) -> bool:
         """True where tracking is to be on again; counts down the announced times."""
         if self._values["TRACKING_RETURNS"] <= 0:
             return False

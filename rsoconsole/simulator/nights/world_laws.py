@@ -14,7 +14,7 @@ _STREAM = 40
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Law:
+class SettingDistribution:
     """Distribution of one setting."""
 
     name: str
@@ -45,34 +45,34 @@ class Law:
 
 
 LAWS = (
-    Law(name="shutter.scatter_s", low=0.01, high=1.0, kind="log-uniform"),
-    Law(name="shutter.latency_s", low=0.0, high=1.0),
-    Law(name="shutter.line_time_us", low=0.0, high=25.0),
-    Law(name="seeing.fwhm_arcsec", low=1.5, high=7.0),
-    Law(name="seeing.drift_percent_h", low=-10.0, high=30.0),
-    Law(name="seeing.image_motion_arcsec", low=0.0, high=1.0),
-    Law(name="focus.ring_px", low=0.0, high=10.0, share=0.2),
-    Law(name="stars.drift_px", low=0.0, high=20.0),
-    Law(name="stars.drift_angle_deg", low=0.0, high=360.0),
-    Law(name="stars.periodic_arcsec", low=0.0, high=15.0),
-    Law(name="stars.periodic_s", low=200.0, high=600.0),
-    Law(name="wind.rms_px", low=0.0, high=4.0),
-    Law(name="sensor.row_noise_sigma", low=0.0, high=2.0),
-    Law(name="sensor.column_noise_sigma", low=0.0, high=0.5),
-    Law(name="sensor.glow_e_s", low=1.0, high=100.0, kind="log-uniform", share=0.2),
-    Law(name="sensor.hot_fraction", low=1e-5, high=1e-3, kind="log-uniform"),
-    Law(name="clock.offset_s", low=-2.0, high=2.0),
-    Law(name="clock.drift_ppm", low=-20.0, high=20.0),
-    Law(name="optics.scale_error", low=-0.04, high=0.04),
-    Law(name="optics.distortion", low=-0.001, high=0.001),
-    Law(name="optics.camera_angle_deg", low=-180.0, high=180.0),
-    Law(name="catalogue.drift_arcsec", low=0.0, high=0.3),
-    Law(name="catalogue.drift_angle_deg", low=0.0, high=360.0),
-    Law(name="mount.arrival_arcsec", low=15.0, high=120.0, kind="log-uniform"),
-    Law(name="mount.settle_s", low=0.0, high=4.0),
-    Law(name="mount.settle_arcsec", low=5.0, high=60.0, kind="log-uniform"),
-    Law(name="mount.jump_arcsec", low=5.0, high=60.0, share=0.1),
-    Law(
+    SettingDistribution(name="shutter.scatter_s", low=0.01, high=1.0, kind="log-uniform"),
+    SettingDistribution(name="shutter.latency_s", low=0.0, high=1.0),
+    SettingDistribution(name="shutter.line_time_us", low=0.0, high=25.0),
+    SettingDistribution(name="seeing.fwhm_arcsec", low=1.5, high=7.0),
+    SettingDistribution(name="seeing.drift_percent_h", low=-10.0, high=30.0),
+    SettingDistribution(name="seeing.image_motion_arcsec", low=0.0, high=1.0),
+    SettingDistribution(name="focus.ring_px", low=0.0, high=10.0, share=0.2),
+    SettingDistribution(name="stars.drift_px", low=0.0, high=20.0),
+    SettingDistribution(name="stars.drift_angle_deg", low=0.0, high=360.0),
+    SettingDistribution(name="stars.periodic_arcsec", low=0.0, high=15.0),
+    SettingDistribution(name="stars.periodic_s", low=200.0, high=600.0),
+    SettingDistribution(name="wind.rms_px", low=0.0, high=4.0),
+    SettingDistribution(name="sensor.row_noise_sigma", low=0.0, high=2.0),
+    SettingDistribution(name="sensor.column_noise_sigma", low=0.0, high=0.5),
+    SettingDistribution(name="sensor.glow_e_s", low=1.0, high=100.0, kind="log-uniform", share=0.2),
+    SettingDistribution(name="sensor.hot_fraction", low=1e-5, high=1e-3, kind="log-uniform"),
+    SettingDistribution(name="clock.offset_s", low=-2.0, high=2.0),
+    SettingDistribution(name="clock.drift_ppm", low=-20.0, high=20.0),
+    SettingDistribution(name="optics.scale_error", low=-0.04, high=0.04),
+    SettingDistribution(name="optics.distortion", low=-0.001, high=0.001),
+    SettingDistribution(name="optics.camera_angle_deg", low=-180.0, high=180.0),
+    SettingDistribution(name="catalogue.drift_arcsec", low=0.0, high=0.3),
+    SettingDistribution(name="catalogue.drift_angle_deg", low=0.0, high=360.0),
+    SettingDistribution(name="mount.arrival_arcsec", low=15.0, high=120.0, kind="log-uniform"),
+    SettingDistribution(name="mount.settle_s", low=0.0, high=4.0),
+    SettingDistribution(name="mount.settle_arcsec", low=5.0, high=60.0, kind="log-uniform"),
+    SettingDistribution(name="mount.jump_arcsec", low=5.0, high=60.0, share=0.1),
+    SettingDistribution(
         name="satellite.flash_period_s",
         low=1.0,
         high=60.0,
@@ -80,19 +80,23 @@ LAWS = (
         share=0.1,
         group="flash",
     ),
-    Law(name="satellite.flash_duty", low=0.2, high=0.8, share=0.1, group="flash"),
-    Law(name="satellite.flash_depth_mag", low=1.0, high=5.0, share=0.1, group="flash"),
-    Law(name="clouds.rate_h", low=1.0, high=6.0, share=0.1, group="clouds"),
-    Law(name="clouds.duration_s", low=30.0, high=300.0, share=0.1, group="clouds"),
-    Law(name="clouds.extinction_mag", low=0.5, high=4.0, share=0.1, group="clouds"),
-    Law(name="moon.brightening_mag", low=0.0, high=2.0, share=0.25, group="moon"),
-    Law(name="moon.gradient", low=0.0, high=0.3, share=0.25, group="moon"),
-    Law(name="moon.gradient_angle_deg", low=0.0, high=360.0, share=0.25, group="moon"),
-    Law(name="traffic.low_satellite_rate", low=0.1, high=0.1),
-    Law(name="traffic.aircraft_rate", low=0.02, high=0.02),
-    Law(name="frames.failed_rate", low=0.0, high=0.03, share=0.1),
-    Law(name="frames.late_rate", low=0.0, high=0.1, share=0.1, group="late"),
-    Law(name="frames.late_s", low=1.0, high=20.0, share=0.1, group="late"),
+    SettingDistribution(name="satellite.flash_duty", low=0.2, high=0.8, share=0.1, group="flash"),
+    SettingDistribution(
+        name="satellite.flash_depth_mag", low=1.0, high=5.0, share=0.1, group="flash"
+    ),
+    SettingDistribution(name="clouds.rate_h", low=1.0, high=6.0, share=0.1, group="clouds"),
+    SettingDistribution(name="clouds.duration_s", low=30.0, high=300.0, share=0.1, group="clouds"),
+    SettingDistribution(name="clouds.extinction_mag", low=0.5, high=4.0, share=0.1, group="clouds"),
+    SettingDistribution(name="moon.brightening_mag", low=0.0, high=2.0, share=0.25, group="moon"),
+    SettingDistribution(name="moon.gradient", low=0.0, high=0.3, share=0.25, group="moon"),
+    SettingDistribution(
+        name="moon.gradient_angle_deg", low=0.0, high=360.0, share=0.25, group="moon"
+    ),
+    SettingDistribution(name="traffic.low_satellite_rate", low=0.1, high=0.1),
+    SettingDistribution(name="traffic.aircraft_rate", low=0.02, high=0.02),
+    SettingDistribution(name="frames.failed_rate", low=0.0, high=0.03, share=0.1),
+    SettingDistribution(name="frames.late_rate", low=0.0, high=0.1, share=0.1, group="late"),
+    SettingDistribution(name="frames.late_s", low=1.0, high=20.0, share=0.1, group="late"),
 )
 """The distribution. A camera's latency is known to its operator to 0.1 s in every world."""
 

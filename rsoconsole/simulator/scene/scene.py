@@ -41,8 +41,8 @@ from rsoconsole.simulator.sky.other_objects import Nearby, traffic
 from rsoconsole.simulator.sky.passes import (
     MARGIN_PX,
     NODES,
+    ExposureGeometry,
     ExtraMagnitude,
-    Sight,
     dimmed,
     satellite_passes,
     satellite_truth,
@@ -173,7 +173,7 @@ class Scene:
         true = true_shutter(self.world, scatter_s, t_start_utc_ns, t_night_utc_ns)
         reported_utc_ns = reported_start_utc_ns(self.world, t_start_utc_ns)
         motion_nodes = 1 if motion is None else len(motion.dx_px)
-        sight = Sight(
+        sight = ExposureGeometry(
             site=self.site,
             sensor=self.sensor,
             wcs=wcs,

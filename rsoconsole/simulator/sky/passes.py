@@ -48,7 +48,7 @@ class SatellitePass:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Sight:
+class ExposureGeometry:
     """Geometry and timing of one exposure."""
 
     site: Site
@@ -74,7 +74,7 @@ class Sight:
 
 
 def satellite_passes(
-    satellites: Iterable[tuple[Satellite, ExtraMagnitude]], sight: Sight
+    satellites: Iterable[tuple[Satellite, ExtraMagnitude]], sight: ExposureGeometry
 ) -> tuple[SatellitePass, ...]:
     """Passes whose streak comes near the sensor, sampled along the exposure.
 
@@ -119,7 +119,7 @@ def satellite_passes(
 
 
 def _way(
-    satellite: Satellite, sight: Sight
+    satellite: Satellite, sight: ExposureGeometry
 ) -> tuple[Places, Places, FloatArray, FloatArray, FloatArray]:
     """Places as the operator would name them, as truly seen, pixels, and the pace of time."""
     share = np.linspace(0.0, 1.0, sight.nodes)
@@ -133,7 +133,7 @@ def _way(
 
 
 def _truly_seen(
-    satellite: Satellite, sight: Sight, true: TrueShutter, share: FloatArray
+    satellite: Satellite, sight: ExposureGeometry, true: TrueShutter, share: FloatArray
 ) -> tuple[Places, FloatArray, FloatArray, FloatArray]:
     """Places, pixels, and how much time a step of the exposure takes, at the true instants.
 
@@ -155,7 +155,7 @@ def _truly_seen(
 
 
 def _on_frame(
-    sight: Sight, share: FloatArray, places: Places, later_s: float
+    sight: ExposureGeometry, share: FloatArray, places: Places, later_s: float
 ) -> tuple[FloatArray, FloatArray]:
     x, y = sky_to_pixel(
         sight.wcs,

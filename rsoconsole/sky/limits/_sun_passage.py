@@ -27,7 +27,7 @@ German mount with its counterweight down, a fork at the meridian."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Way:
+class SlewPath:
     """One slew as the motion of both axes."""
 
     polar_from_deg: float
@@ -73,13 +73,13 @@ def side_after(
     return "west" if hour_angle_deg < 0 else "east"
 
 
-def ways(
+def slew_paths(
     mount: MountConfig,
     limits: LimitsConfig,
     latitude_deg: float,
     start: tuple[float, float, PierSide | None],
     target: tuple[float, float],
-) -> Iterator[tuple[Way, PierSide | None]]:
+) -> Iterator[tuple[SlewPath, PierSide | None]]:
     """Yield every way a slew may take, with the side of the pier at its end (None: a fork).
 
     start: hour angle, declination of date and side of the pier; target: hour angle and declination.
@@ -112,7 +112,7 @@ def ways(
 
 def _polar_ways(
     here: tuple[float, float], there: tuple[float, float], reach_deg: tuple[float, float]
-) -> Iterator[Way]:
+) -> Iterator[SlewPath]:
     """Yield ways between (polar, declination) axis angles, with all that a pole leaves open."""
     first_deg, last_deg = reach_deg
     step_deg = (last_deg - first_deg) / (POLE_PLACES - 1)
@@ -126,7 +126,7 @@ def _polar_ways(
         ends = [] if stays else anywhere
     for from_deg in starts:
         for to_deg in ends or [from_deg]:
-            yield Way(
+            yield SlewPath(
                 polar_from_deg=from_deg,
                 polar_to_deg=to_deg,
                 declination_from_deg=here[1],
@@ -156,7 +156,11 @@ class SunPassage:
 
 
 def sun_passage(
-    way: Way, sun_hour_angle_deg: float, sun_dec_deg: float, cone_deg: float, slew_rate_deg_s: float
+    way: SlewPath,
+    sun_hour_angle_deg: float,
+    sun_dec_deg: float,
+    cone_deg: float,
+    slew_rate_deg_s: float,
 ) -> SunPassage | None:
     """Find where the way comes too near to the Sun; None when it is clear.
 
@@ -191,7 +195,7 @@ def sun_passage(
     )
 
 
-def _paces(way: Way, cone_deg: float, slew_rate_deg_s: float) -> FloatArray:
+def _paces(way: SlewPath, cone_deg: float, slew_rate_deg_s: float) -> FloatArray:
     """Paces from -1 (declination axis ahead) to 1 (polar axis); gaps narrower than the cone."""
     width_deg = LAG_S * slew_rate_deg_s + RATE_SPREAD * min(way.travel_deg)
     between = int(np.ceil(width_deg / max(cone_deg, 1.0)))
@@ -199,7 +203,7 @@ def _paces(way: Way, cone_deg: float, slew_rate_deg_s: float) -> FloatArray:
 
 
 def _along(
-    way: Way,
+    way: SlewPath,
     paces: FloatArray,
     lag_deg: float,
     step_deg: float,

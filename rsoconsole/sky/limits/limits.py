@@ -15,23 +15,23 @@ from rsoconsole.records import FloatArray, Site, SlewRefusal
 from rsoconsole.sky.epoch import Epoch, epoch_at
 from rsoconsole.sky.frames import PierSide
 from rsoconsole.sky.limits import refusals
-from rsoconsole.sky.limits._sun_passage import Way, side_after, sun_passage, ways
+from rsoconsole.sky.limits._sun_passage import SlewPath, side_after, slew_paths, sun_passage
 from rsoconsole.sky.limits.margins import (
     SUN_HARMLESS_DEG,
     Margin,
     TrackedPose,
     hour_angle_deg,
+    parking_margins,
+    slewing_margins,
     sun_altitude_deg,
-    while_parking,
-    while_slewing,
-    while_tracking,
+    tracking_margins,
 )
 from rsoconsole.sky.limits.refusals import LimitName, Refusal
 from rsoconsole.sky.limits.way_ahead import (
     SIDEREAL_DEG_S,
     Rates,
-    leads_to_its_end,
-    on_way_ahead,
+    keeps_to_slew_path,
+    path_ahead_margins,
     way_ahead,
 )
 from rsoconsole.sky.times import IntArray, iso_to_utc_ns
@@ -237,7 +237,7 @@ class Limits:
         # While it slews the mount turns with the sky: its way is one of the first instant.
         ha_deg = self._hour_angle_at(place, start.t_utc_ns)
         return any(
-            leads_to_its_end(way, place, ha_deg, rates, self._site.latitude_deg)
+            keeps_to_slew_path(way, place, ha_deg, rates, self._site.latitude_deg)
             for way, _ in self._ways(epoch, start, target)
         )
 
@@ -253,7 +253,9 @@ class Limits:
             return np.zeros(1), ()
         rates = rates or Rates(ra_deg_s=SIDEREAL_DEG_S, dec_deg_s=0.0)
         way = way_ahead(self._site, self._pose_track(pose), pose.t_utc_ns, rates, ahead_s)
-        return way.later_s, on_way_ahead(self._site, self._limits, self._mount, way, lifted=lifted)
+        return way.later_s, path_ahead_margins(
+            self._site, self._limits, self._mount, way, lifted=lifted
+        )
 
     def margins_deg(self, pose: Pose) -> tuple[tuple[LimitName, float], ...]:
         """Margin in degrees of each limit of a tracking mount at a pose, the nearest first.
@@ -313,9 +315,9 @@ class Limits:
 
     def _ways(
         self, epoch: Epoch, start: Pose, target: TrackedPose
-    ) -> Iterator[tuple[Way, PierSide | None]]:
+    ) -> Iterator[tuple[SlewPath, PierSide | None]]:
         here = self._track(epoch, start.ra_icrs_deg, start.dec_icrs_deg, start.pier_side)
-        return ways(
+        return slew_paths(
             self._mount,
             self._limits,
             self._site.latitude_deg,
@@ -331,7 +333,7 @@ class Limits:
         *,
         is_level_held: bool = True,
     ) -> Iterator[Margin]:
-        return while_tracking(
+        return tracking_margins(
             self._site,
             self._limits,
             self._mount,
@@ -346,13 +348,15 @@ class Limits:
 
     def _slewing_at(self, pose: Pose, lifted: Collection[LimitName]) -> Iterator[Margin]:
         track, t_ns = self._pose_track(pose), np.array([pose.t_utc_ns])
-        return while_slewing(self._site, self._limits, self._mount, track, t_ns, lifted=lifted)
+        return slewing_margins(self._site, self._limits, self._mount, track, t_ns, lifted=lifted)
 
     def _parking_at(self, pose: Pose, lifted: Collection[LimitName]) -> Iterator[Margin]:
         track, t_ns = self._pose_track(pose), np.array([pose.t_utc_ns])
-        return while_parking(self._site, self._limits, self._mount, track, t_ns, lifted=lifted)
+        return parking_margins(self._site, self._limits, self._mount, track, t_ns, lifted=lifted)
 
-    def _sun_on(self, epoch: Epoch, candidates: Iterable[Way], t_utc_ns: int) -> Refusal | None:
+    def _sun_on(
+        self, epoch: Epoch, candidates: Iterable[SlewPath], t_utc_ns: int
+    ) -> Refusal | None:
         if sun_altitude_deg(self._site, epoch, np.array([t_utc_ns]))[0] <= SUN_HARMLESS_DEG:
             return None
         sun_ra_deg, sun_dec_deg = epoch.sun_date_deg(t_utc_ns)
@@ -361,7 +365,7 @@ class Limits:
         for way in candidates:
             near = sun_passage(way, sun_ha_deg, float(sun_dec_deg), cone_deg, rate_deg_s)
             if near is not None:
-                return refusals.sun_on_the_way(
+                return refusals.sun_passage_refusal(
                     near.from_sun_deg, near.kept_deg, is_way_out=near.is_way_out
                 )
         return None
@@ -395,7 +399,7 @@ def _first_violation(margin: Iterable[Margin]) -> tuple[int, Margin] | None:
 def _direction_fault(ra_icrs_deg: float, dec_icrs_deg: float) -> Refusal | None:
     if 0.0 <= ra_icrs_deg < 360.0 and -90.0 <= dec_icrs_deg <= 90.0:  # NaN fails too
         return None
-    return refusals.no_direction(ra_icrs_deg, dec_icrs_deg)
+    return refusals.invalid_direction_refusal(ra_icrs_deg, dec_icrs_deg)
 
 
 def _instant_fault(t_utc_ns: int) -> Refusal | None:
@@ -405,7 +409,7 @@ def _instant_fault(t_utc_ns: int) -> Refusal | None:
         said = utc_ns_to_iso(t_utc_ns, 0)
     except (ValueError, OverflowError, TypeError):
         said = f"{t_utc_ns} ns"
-    return refusals.wrong_time(SlewRefusal(kind="clock", detail=said))
+    return refusals.instant_refusal(SlewRefusal(kind="clock", detail=said))
 
 
 def _slew_times_fault(now_ns: int, aim_ns: int, until_ns: int) -> Refusal | None:
@@ -415,11 +419,11 @@ def _slew_times_fault(now_ns: int, aim_ns: int, until_ns: int) -> Refusal | None
         return fault
     aim_s, until_s = (aim_ns - now_ns) / NS_PER_S, (until_ns - now_ns) / NS_PER_S
     if aim_s < -STALE_S:
-        return refusals.wrong_time(SlewRefusal.by_instant("aimed before", aim_s))
+        return refusals.instant_refusal(SlewRefusal.by_instant("aimed before", aim_s))
     if aim_s > AHEAD_S:
-        return refusals.wrong_time(SlewRefusal.by_instant("aimed ahead", aim_s))
+        return refusals.instant_refusal(SlewRefusal.by_instant("aimed ahead", aim_s))
     if until_s < 0.0 or until_ns < aim_ns:
-        return refusals.wrong_time(SlewRefusal(kind="ends before"))
+        return refusals.instant_refusal(SlewRefusal(kind="ends before"))
     if until_s > UNTIL_S:
-        return refusals.wrong_time(SlewRefusal.by_instant("ends ahead", until_s))
+        return refusals.instant_refusal(SlewRefusal.by_instant("ends ahead", until_s))
     return None

@@ -28,7 +28,7 @@ def horizon_altitude_deg(
     return np.asarray(np.interp(azimuth_deg, azimuths_deg, altitudes_deg, period=360.0))
 
 
-def level_deg(limits: LimitsConfig) -> float:
+def level_horizon_deg(limits: LimitsConfig) -> float:
     """Altitude of the horizon without walls: 0, or lower where the telescope may look lower."""
     return min(0.0, limits.min_altitude_deg)
 
@@ -37,7 +37,7 @@ def lowest_altitude_deg(limits: LimitsConfig, azimuth_deg: FloatArray) -> FloatA
     """Lowest allowed altitude: the mask, or the level horizon where none was drawn."""
     if limits.horizon:
         return horizon_altitude_deg(limits.horizon, azimuth_deg)
-    return np.full(azimuth_deg.shape, level_deg(limits))
+    return np.full(azimuth_deg.shape, level_horizon_deg(limits))
 
 
 SUN_HARMLESS_DEG = -6.0
@@ -63,7 +63,7 @@ class Margin:
     is_axis: bool = False
     """True where the value is the polar axis itself, not an hour angle."""
 
-    def but_where(self, is_let_be: NDArray[np.bool_]) -> "Margin":
+    def waived_where(self, is_let_be: NDArray[np.bool_]) -> "Margin":
         """Return the margin without a violation where the limit does not apply."""
         return replace(self, excess_deg=np.where(is_let_be, -np.inf, self.excess_deg))
 
@@ -71,7 +71,7 @@ class Margin:
         """Return the refusal at one instant; ``later_s``: seconds until then."""
         value_deg, bound_deg = float(self.value_deg[index]), float(self.bound_deg[index])
         if self.is_axis:
-            return refusals.axis_past_meridian(value_deg, bound_deg)
+            return refusals.past_meridian_refusal(value_deg, bound_deg)
         reason = SlewRefusal.beyond(
             self.limit,
             value_deg,
@@ -98,7 +98,7 @@ def hour_angle_deg(site: Site, track: TrackedPose, t_ns: IntArray) -> FloatArray
     return wrap_180(track.epoch.sidereal_deg(site.longitude_deg, t_ns) - track.ra_deg)
 
 
-def while_tracking(
+def tracking_margins(
     site: Site,
     limits: LimitsConfig,
     mount: MountConfig,
@@ -120,16 +120,16 @@ def while_tracking(
         site, ha_deg, np.full(ha_deg.shape, track.dec_deg)
     )
     if "altitude" not in lifted:
-        yield at_least("altitude", altitude_deg, limits.min_altitude_deg)
+        yield least_angle_margin("altitude", altitude_deg, limits.min_altitude_deg)
     # The level horizon is never higher than the least altitude.
     is_held = bool(limits.horizon) or (is_level_held and "altitude" in lifted)
     if is_held and "horizon" not in lifted:
         bound_deg = lowest_altitude_deg(limits, azimuth_deg)
-        yield at_least("horizon", altitude_deg, bound_deg, azimuth_deg)
+        yield least_angle_margin("horizon", altitude_deg, bound_deg, azimuth_deg)
     if is_pole(track.dec_deg):
         return
     if "hour angle" not in lifted:
-        yield within_hours(limits, ha_deg)
+        yield hour_angle_margin(limits, ha_deg)
     if mount.type == "german" and track.side is not None and "pier" not in lifted:
         past_deg = limits.past_meridian_deg if track.side == "west" else -limits.past_meridian_deg
         excess_deg = ha_deg - past_deg if track.side == "west" else past_deg - ha_deg
@@ -142,7 +142,7 @@ def while_tracking(
         )
 
 
-def while_slewing(
+def slewing_margins(
     site: Site,
     limits: LimitsConfig,
     mount: MountConfig,
@@ -163,10 +163,10 @@ def while_slewing(
     ha_deg = hour_angle_deg(site, track, t_ns)
     if mount.type == "fork":
         if "hour angle" not in lifted:
-            yield within_hours(limits, ha_deg)
+            yield hour_angle_margin(limits, ha_deg)
     elif track.side is not None and "pier" not in lifted:
         axis_deg = np.array([polar_deg(float(one), track.side) for one in ha_deg])
-        yield past_meridian(limits, axis_deg)
+        yield past_meridian_margin(limits, axis_deg)
 
 
 def sun_altitude_deg(site: Site, epoch: Epoch, t_ns: IntArray) -> FloatArray:
@@ -176,7 +176,7 @@ def sun_altitude_deg(site: Site, epoch: Epoch, t_ns: IntArray) -> FloatArray:
     return np.asarray(altaz_of_hour_angle(site, ha_deg, dec_deg)[0])
 
 
-def while_parking(
+def parking_margins(
     site: Site,
     limits: LimitsConfig,
     mount: MountConfig,
@@ -186,14 +186,14 @@ def while_parking(
     lifted: Collection[LimitName],
 ) -> Iterator[Margin]:
     """Yield the limits on the way to a park position, which may lie behind a wall or be level."""
-    yield from while_slewing(site, limits, mount, track, t_ns, lifted=lifted)
+    yield from slewing_margins(site, limits, mount, track, t_ns, lifted=lifted)
     if "horizon" not in lifted:
         ha_deg = hour_angle_deg(site, track, t_ns)
         altitude_deg, azimuth_deg = altaz_of_hour_angle(
             site, ha_deg, np.full(ha_deg.shape, track.dec_deg)
         )
-        lowest_deg = level_deg(limits) - PARKS_BELOW_DEG
-        yield at_least("horizon", altitude_deg, lowest_deg, azimuth_deg)
+        lowest_deg = level_horizon_deg(limits) - PARKS_BELOW_DEG
+        yield least_angle_margin("horizon", altitude_deg, lowest_deg, azimuth_deg)
 
 
 def from_sun(  # noqa: PLR0917 -- one place, its two coordinates and their instants
@@ -207,8 +207,8 @@ def from_sun(  # noqa: PLR0917 -- one place, its two coordinates and their insta
     """Margin of the Sun's cone; by night it is no violation."""
     sun_ra_deg, sun_dec_deg = epoch.sun_date_deg(t_ns)
     distance_deg = from_sun_deg(ra_deg, dec_deg, sun_ra_deg, sun_dec_deg)
-    margin = at_least("Sun", distance_deg, limits.sun_cone_deg)
-    return margin.but_where(sun_altitude_deg(site, epoch, t_ns) <= SUN_HARMLESS_DEG)
+    margin = least_angle_margin("Sun", distance_deg, limits.sun_cone_deg)
+    return margin.waived_where(sun_altitude_deg(site, epoch, t_ns) <= SUN_HARMLESS_DEG)
 
 
 def _of_track_from_sun(
@@ -217,7 +217,7 @@ def _of_track_from_sun(
     return from_sun(site, limits, track.epoch, track.ra_deg, track.dec_deg, t_ns)
 
 
-def past_meridian(limits: LimitsConfig, axis_deg: FloatArray) -> Margin:
+def past_meridian_margin(limits: LimitsConfig, axis_deg: FloatArray) -> Margin:
     """Margin of the angle by which a German mount's polar axis has raised its counterweight."""
     past_deg = np.maximum(axis_deg, -180.0 - axis_deg)
     bound_deg = np.full(axis_deg.shape, limits.past_meridian_deg)
@@ -230,14 +230,14 @@ def past_meridian(limits: LimitsConfig, axis_deg: FloatArray) -> Margin:
     )
 
 
-def within_hours(limits: LimitsConfig, ha_deg: FloatArray) -> Margin:
+def hour_angle_margin(limits: LimitsConfig, ha_deg: FloatArray) -> Margin:
     """Margin of the hour angle that the mount may reach."""
     bound_deg = np.copysign(limits.max_hour_angle_deg, ha_deg)
     excess_deg = np.abs(ha_deg) - limits.max_hour_angle_deg
     return Margin(limit="hour angle", value_deg=ha_deg, bound_deg=bound_deg, excess_deg=excess_deg)
 
 
-def at_least(
+def least_angle_margin(
     limit: AngleLimit,
     value_deg: FloatArray,
     bound_deg: float | FloatArray,

@@ -36,26 +36,26 @@ def beyond(limit: AngleLimit, value_deg: float, bound_deg: float) -> Refusal:
     return Refusal(limit=limit, value_deg=value_deg, bound_deg=bound_deg, reason=reason)
 
 
-def sun_on_the_way(from_sun_deg: float, kept_deg: float, *, is_way_out: bool) -> Refusal:
+def sun_passage_refusal(from_sun_deg: float, kept_deg: float, *, is_way_out: bool) -> Refusal:
     """Refuse the way of a slew that passes the Sun too near."""
     kind: SlewRefusalKind = "nearer to the Sun" if is_way_out else "past the Sun"
     reason = SlewRefusal.beyond(kind, from_sun_deg, kept_deg)
     return Refusal(limit="Sun", value_deg=from_sun_deg, bound_deg=kept_deg, reason=reason)
 
 
-def axis_past_meridian(past_deg: float, bound_deg: float) -> Refusal:
+def past_meridian_refusal(past_deg: float, bound_deg: float) -> Refusal:
     """Refuse a polar axis that has turned its counterweight up too far."""
     reason = SlewRefusal.beyond("polar axis", past_deg, bound_deg)
     return Refusal(limit="pier", value_deg=past_deg, bound_deg=bound_deg, reason=reason)
 
 
-def no_direction(ra_icrs_deg: float, dec_icrs_deg: float) -> Refusal:
+def invalid_direction_refusal(ra_icrs_deg: float, dec_icrs_deg: float) -> Refusal:
     """Refuse a direction that is not a number, or outside the circle."""
     said = f"RA {ra_icrs_deg} Dec {dec_icrs_deg}"
     reason = SlewRefusal(kind="direction", detail=said)
     return Refusal(limit="direction", value_deg=None, bound_deg=None, reason=reason)
 
 
-def wrong_time(reason: SlewRefusal) -> Refusal:
+def instant_refusal(reason: SlewRefusal) -> Refusal:
     """Refuse an impossible instant."""
     return Refusal(limit="time", value_deg=None, bound_deg=None, reason=reason)

@@ -12,16 +12,16 @@ import numpy as np
 from rsoconsole.config import LimitsConfig, MountConfig
 from rsoconsole.records import FloatArray, Site
 from rsoconsole.sky.frames import altaz_of_hour_angle
-from rsoconsole.sky.limits._sun_passage import Way, declination_axis_deg, is_pole, polar_deg
+from rsoconsole.sky.limits._sun_passage import SlewPath, declination_axis_deg, is_pole, polar_deg
 from rsoconsole.sky.limits.margins import (
     Margin,
     TrackedPose,
-    at_least,
     from_sun,
     hour_angle_deg,
+    hour_angle_margin,
+    least_angle_margin,
     lowest_altitude_deg,
-    past_meridian,
-    within_hours,
+    past_meridian_margin,
 )
 from rsoconsole.sky.limits.refusals import LimitName
 
@@ -56,7 +56,7 @@ class Rates:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class WayAhead:
+class PathAhead:
     """Places of a moving mount at later and later seconds, the first where it is now."""
 
     track: TrackedPose
@@ -70,7 +70,7 @@ class WayAhead:
 
 def way_ahead(
     site: Site, track: TrackedPose, t_utc_ns: int, rates: Rates, ahead_s: float
-) -> WayAhead:
+) -> PathAhead:
     """Extrapolate straight on from a place, in steps of at most half a degree of either axis."""
     fastest_deg_s = rates.fastest_deg_s(track.dec_deg)
     if fastest_deg_s > 0.0:
@@ -78,7 +78,7 @@ def way_ahead(
     steps = max(1, int(np.ceil(fastest_deg_s * ahead_s / _STEP_DEG)))
     later_s = np.linspace(0.0, max(ahead_s, 0.0), steps + 1)
     start_deg = float(hour_angle_deg(site, track, np.array([t_utc_ns]))[0])
-    return WayAhead(
+    return PathAhead(
         track=track,
         t_utc_ns=t_utc_ns,
         later_s=later_s,
@@ -87,11 +87,11 @@ def way_ahead(
     )
 
 
-def on_way_ahead(
+def path_ahead_margins(
     site: Site,
     limits: LimitsConfig,
     mount: MountConfig,
-    way: WayAhead,
+    way: PathAhead,
     *,
     lifted: Iterable[LimitName],
 ) -> Iterator[Margin]:
@@ -107,10 +107,10 @@ def on_way_ahead(
         yield from_sun(site, limits, track.epoch, ra_deg, way.declination_deg, t_ns)
     altitude_deg, azimuth_deg = altaz_of_hour_angle(site, way.hour_angle_deg, way.declination_deg)
     if "altitude" not in held:
-        yield at_least("altitude", altitude_deg, limits.min_altitude_deg)
+        yield least_angle_margin("altitude", altitude_deg, limits.min_altitude_deg)
     if "horizon" not in held:
         bound_deg = lowest_altitude_deg(limits, azimuth_deg)
-        yield at_least("horizon", altitude_deg, bound_deg, azimuth_deg)
+        yield least_angle_margin("horizon", altitude_deg, bound_deg, azimuth_deg)
     if is_pole(track.dec_deg):
         return
     dec_deg = np.degrees(np.arcsin(np.sin(np.radians(way.declination_deg))))
@@ -119,20 +119,20 @@ def on_way_ahead(
     if mount.type == "german" and track.side is not None and "pier" not in held:
         turned_deg = way.hour_angle_deg - way.hour_angle_deg[0]
         axis_deg = polar_deg(float(way.hour_angle_deg[0]), track.side) + turned_deg
-        yield _where_known(past_meridian(limits, axis_deg), dec_deg)
+        yield _where_known(past_meridian_margin(limits, axis_deg), dec_deg)
 
 
 def _hours_ahead(
-    site: Site, limits: LimitsConfig, mount: MountConfig, way: WayAhead, dec_deg: FloatArray
+    site: Site, limits: LimitsConfig, mount: MountConfig, way: PathAhead, dec_deg: FloatArray
 ) -> Margin:
     wrapped_deg = (way.hour_angle_deg + 180.0) % 360.0 - 180.0
     beyond_pole = np.cos(np.radians(way.declination_deg)) < 0.0
     ha_deg = np.where(beyond_pole, wrapped_deg % 360.0 - 180.0, wrapped_deg)
-    margin = within_hours(limits, ha_deg)
+    margin = hour_angle_margin(limits, ha_deg)
     if mount.type == "fork":
         return _where_known(margin, dec_deg)
     from_pole_deg = 90.0 - (dec_deg if site.latitude_deg >= 0 else -dec_deg)
-    return margin.but_where(from_pole_deg < FLIP_ROOM_DEG)
+    return margin.waived_where(from_pole_deg < FLIP_ROOM_DEG)
 
 
 def _where_known(margin: Margin, dec_deg: FloatArray) -> Margin:
@@ -142,11 +142,15 @@ def _where_known(margin: Margin, dec_deg: FloatArray) -> Margin:
     """
     is_unknown = np.abs(dec_deg) > 90.0 - POLE_ROOM_DEG
     is_unknown[0] = False
-    return margin.but_where(is_unknown)
+    return margin.waived_where(is_unknown)
 
 
-def leads_to_its_end(
-    way: Way, place: TrackedPose, hour_angle_deg: float, rates: Rates | None, latitude_deg: float
+def keeps_to_slew_path(
+    way: SlewPath,
+    place: TrackedPose,
+    hour_angle_deg: float,
+    rates: Rates | None,
+    latitude_deg: float,
 ) -> bool:
     """True where a mount at this place is on a slew's way, and does not leave it.
 

@@ -17,7 +17,7 @@ from rsoconsole.records import (
     TrackState,
 )
 from rsoconsole.tracking.association.neighbours import Field, Neighbour
-from rsoconsole.tracking.association.pattern import NO_PATTERN, Pattern
+from rsoconsole.tracking.association.pattern import NO_PATTERN, TrackPattern
 from rsoconsole.tracking.filters import lqe
 from rsoconsole.tracking.filters.adaptive import Bend
 from rsoconsole.tracking.filters.agreement import Motion
@@ -132,7 +132,7 @@ class Following:
     """Measurements of earlier frames that may still initiate one, with later frames that agree."""
     tracks: tuple[LiveTrack, ...] = ()
     """Tracks, the lead first; empty where there is none."""
-    pattern: Pattern = NO_PATTERN
+    pattern: TrackPattern = NO_PATTERN
     """Relative positions of the tracks."""
     last_track_id: int = 0
     """Number of the session's last track; 0 before the first."""

@@ -111,7 +111,7 @@ class Field:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Match:
+class FollowedMatch:
     """Measurement matched to the tracked object, with the margin of the match."""
 
     measurement: Measurement | None
@@ -128,7 +128,7 @@ def best_match(
     streak_arcsec: float = 0.0,
     field: Field | None = None,
     errors_arcsec: Sequence[float] | None = None,
-) -> Match:
+) -> FollowedMatch:
     """Find the tracked object among the measurements with its motion.
 
     For each pair of a measurement and a known object (the tracked one, its neighbours) the
@@ -165,7 +165,7 @@ def best_match(
 
 def _decided(
     costs: dict[int | None, float], alike: tuple[Measurement, ...], places: FloatArray
-) -> Match:
+) -> FollowedMatch:
     best = min(costs, key=lambda number: costs[number])
 
     def is_another(number: int | None) -> bool:
@@ -174,7 +174,7 @@ def _decided(
         return bool(np.hypot(*(places[number] - places[best])) >= NEAREST_ARCSEC)
 
     others = [cost for number, cost in costs.items() if is_another(number)]
-    return Match(
+    return FollowedMatch(
         measurement=None if best is None else alike[best],
         margin=min(others, default=np.inf) - costs[best],
     )

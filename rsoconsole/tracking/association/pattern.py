@@ -31,7 +31,7 @@ _MIN_ARCSEC = 0.5
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Pattern:
+class TrackPattern:
     """Relative positions of each two tracks, arcsec east and north, at the last frame of both."""
 
     track_ids: tuple[int, ...] = ()
@@ -43,7 +43,7 @@ class Pattern:
     """(N, N, 4, 4) covariances of the ways."""
 
     def __eq__(self, other: object) -> bool:
-        if not isinstance(other, Pattern) or self.track_ids != other.track_ids:
+        if not isinstance(other, TrackPattern) or self.track_ids != other.track_ids:
             return False
         ours = (self.t_utc_ns, self.ways, self.covariances)
         theirs = (other.t_utc_ns, other.ways, other.covariances)
@@ -121,16 +121,16 @@ class Place:
         )
 
 
-NO_PATTERN = Pattern()
+NO_PATTERN = TrackPattern()
 """Pattern of a field with fewer than two tracks."""
 
 
 def pattern_after(
-    before: Pattern,
+    before: TrackPattern,
     alive: Sequence[int],
     seen: Mapping[int, "Place"],
     t_utc_ns: int,
-) -> Pattern:
+) -> TrackPattern:
     """Return the pattern of the tracks ``alive``, updated with a frame.
 
     ``seen``: the place of each track in the frame.
@@ -157,11 +157,11 @@ def pattern_after(
     t += t.T
     ways -= np.swapaxes(ways, 0, 1)
     covariances += np.swapaxes(covariances, 0, 1)
-    return Pattern(tuple(alive), t, ways, covariances)
+    return TrackPattern(tuple(alive), t, ways, covariances)
 
 
 def _shown(
-    before: Pattern,
+    before: TrackPattern,
     tracks: IntArray,
     seen: Mapping[int, "Place"],
     pairs: tuple[IntArray, IntArray],

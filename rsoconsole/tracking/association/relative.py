@@ -55,7 +55,7 @@ class TrackDirections:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Ways:
+class RelativePositions:
     """Relative positions of two tracks in the N frames that showed both."""
 
     t_utc_ns: IntArray
@@ -99,7 +99,7 @@ class RelativePath:
         return np.asarray(rates * self.frequency_rad_s)
 
 
-def ways_between(one: TrackDirections, other: TrackDirections) -> Ways | None:
+def relative_positions(one: TrackDirections, other: TrackDirections) -> RelativePositions | None:
     """Relative positions in the frames that showed both; None: too few for a motion."""
     _, i, j = np.intersect1d(one.frame_id, other.frame_id, return_indices=True)
     if len(i) < MIN_FRAMES:
@@ -111,7 +111,7 @@ def ways_between(one: TrackDirections, other: TrackDirections) -> Ways | None:
     moved = other.rate_arcsec_s[j] * late_s[:, None]
     cov = one.cov_sky_arcsec2[i] + other.cov_sky_arcsec2[j]
     rates = np.stack([one.rate_arcsec_s[i[-1]], other.rate_arcsec_s[j[-1]]])
-    return Ways(
+    return RelativePositions(
         t_utc_ns=one.t_utc_ns[i],
         ways_arcsec=_way(here, there, east, north) + moved,
         covariance_arcsec2=np.stack([cov[:, :2], cov[:, 1:]], axis=1),
@@ -128,7 +128,7 @@ def axes_at(towards: FloatArray) -> tuple[FloatArray, FloatArray]:
     return east, north
 
 
-def relative_path(ways: Ways) -> RelativePath:
+def relative_path(ways: RelativePositions) -> RelativePath:
     """Fit the relative path of the two tracks, with all remaining uncertainty."""
     frequency = max(SIDEREAL_RAD_S, float(np.hypot(*ways.rate_arcsec_s)) * ARCSEC_RAD)
     ahead = ways.rate_arcsec_s / max(float(np.hypot(*ways.rate_arcsec_s)), 1e-9)

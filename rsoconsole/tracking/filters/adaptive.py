@@ -16,8 +16,8 @@ from rsoconsole.records import FloatArray, Measurement, Mixture, TrackState
 from rsoconsole.tracking.filters import bank as banks
 from rsoconsole.tracking.filters import bank_update, lqe
 from rsoconsole.tracking.filters.agreement import streak_axis
-from rsoconsole.tracking.filters.bank import Bank, Position
-from rsoconsole.tracking.filters.bank_update import Innovation
+from rsoconsole.tracking.filters.bank import Bank, BankMeasurement
+from rsoconsole.tracking.filters.bank_update import BankInnovation
 from rsoconsole.tracking.filters.sky_path import ACCELERATION, TURN, VX, VY, Plane
 from rsoconsole.tracking.filters.streak_length import NO_ERRORS, StreakErrors
 
@@ -108,7 +108,7 @@ def innovations(
     predicted: TrackState,
     measured: Sequence[tuple[Measurement, StreakErrors]],
     settings: FilterConfig,
-) -> list[Innovation]:
+) -> list[BankInnovation]:
     """Innovations of measurements at the predicted instant, with which ``taken`` begins.
 
     Each measurement comes with the errors that its streak adds.
@@ -118,7 +118,10 @@ def innovations(
 
 
 def taken(
-    predicted: TrackState, measurement: Measurement, found: Innovation, along_arcsec: float = 0.0
+    predicted: TrackState,
+    measurement: Measurement,
+    found: BankInnovation,
+    along_arcsec: float = 0.0,
 ) -> TrackState:
     """Update the track with a measurement, with its innovation."""
     said = bank_update.taken(found)
@@ -148,11 +151,11 @@ def restarted_from(
     )
 
 
-def thinned(state: TrackState) -> TrackState:
+def with_coarse_bank(state: TrackState) -> TrackState:
     """Return the same track with fewer filters, for less work; its record stays."""
     if not isinstance(state.memory, _Memory) or state.memory.x != state.x:
         return state
-    return replace(state, memory=replace(state.memory, bank=banks.thinned(state.memory.bank)))
+    return replace(state, memory=replace(state.memory, bank=banks.coarse_bank(state.memory.bank)))
 
 
 def log_det_innovation(
@@ -160,12 +163,12 @@ def log_det_innovation(
 ) -> float:
     """Logarithm of the determinant of the mixture's innovation covariance, arcsec^2 squared."""
     found = bank_update.innovation(_bank_of(predicted), _position(measurement, settings))
-    return float(np.linalg.slogdet(bank_update.covariance_of(found))[1])
+    return float(np.linalg.slogdet(bank_update.innovation_covariance_of(found))[1])
 
 
 def _position(
     measurement: Measurement, settings: FilterConfig, errors: StreakErrors = NO_ERRORS
-) -> Position:
+) -> BankMeasurement:
     noise = lqe.measurement_noise(measurement, settings) * lqe.ARCSEC_PER_DEG**2
     # An ellipse whatever a file may claim: what is more than correlated has no density.
     most = _MAX_CORRELATED * math.sqrt(noise[0, 0] * noise[1, 1])
@@ -177,7 +180,7 @@ def _position(
     if errors.across_arcsec and axis is not None:
         left = np.array([-axis[1], axis[0]])
         covariance += errors.across_arcsec**2 * np.outer(left, left)
-    return Position(
+    return BankMeasurement(
         t_utc_ns=measurement.t_mid_utc_ns,
         ra_icrs_deg=measurement.ra_icrs_deg,
         dec_icrs_deg=measurement.dec_icrs_deg,
@@ -295,7 +298,7 @@ def _state(
     )
 
 
-def scatter_words(state: TrackState, known_s: float) -> str | None:
+def timing_scatter_words(state: TrackState, known_s: float) -> str | None:
     """Text of the scatter along the motion that a track has learnt; None: nothing.
 
     One streak alone does not separate the shutter from a badly found end, so it is called the
@@ -313,7 +316,7 @@ def scatter_words(state: TrackState, known_s: float) -> str | None:
     )
 
 
-def summary_words(state: TrackState | None, known_s: float) -> str:
+def filter_summary_words(state: TrackState | None, known_s: float) -> str:
     """Text of the likeliest motion and timing scatter, short for a narrow screen; may be empty."""
     if state is None or state.mixture is None:
         return ""

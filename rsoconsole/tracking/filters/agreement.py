@@ -58,7 +58,7 @@ def motion_between(ra_a_deg: float, dec_a_deg: float, ra_b_deg: float, dec_b_deg
     )
 
 
-def way_between(one: Measurement, other: Measurement) -> Motion:
+def measurement_displacement(one: Measurement, other: Measurement) -> Motion:
     """Displacement from one measurement to another."""
     return motion_between(one.ra_icrs_deg, one.dec_icrs_deg, other.ra_icrs_deg, other.dec_icrs_deg)
 
@@ -85,7 +85,7 @@ def axis_difference_deg(a_deg: float, b_deg: float) -> float:
     return min(difference, 180.0 - difference)
 
 
-def disagreement(
+def motion_mismatch(
     measurement: Measurement,
     expected: Motion,
     shorter: float = LENGTH_TOLERANCE,
@@ -116,7 +116,7 @@ def disagreement(
     return None
 
 
-def pair_disagreement(
+def pair_motion_mismatch(
     first: Measurement, second: Measurement, exposure_s: float
 ) -> MotionMismatch | None:
     """Reason why two measurements of successive frames cannot be one object; None when they can.
@@ -127,7 +127,7 @@ def pair_disagreement(
     if in_exposure is None:
         return MotionMismatch(kind="order of time")
     for measurement in (first, second):
-        reason = disagreement(measurement, in_exposure)
+        reason = motion_mismatch(measurement, in_exposure)
         if reason is not None:
             return reason
     return None
@@ -162,5 +162,5 @@ def motion_in_exposure(first: Measurement, second: Measurement, exposure_s: floa
     dt_s = (second.t_mid_utc_ns - first.t_mid_utc_ns) / 1e9
     if dt_s <= 0:
         return None
-    moved, share = way_between(first, second), exposure_s / dt_s
+    moved, share = measurement_displacement(first, second), exposure_s / dt_s
     return Motion(moved.east_arcsec * share, moved.north_arcsec * share)

@@ -27,9 +27,9 @@ from rsoconsole.tracking.filters.sky_path import (
     ARCSEC_RAD,
     TURN,
     Plane,
-    parallel_of,
+    constant_rate_bend,
+    motion_and_slopes_on_plane,
     plane_after,
-    with_slopes,
 )
 
 MOTIONS = ("parallel", "great circle", "any orbit", "changing orbit")
@@ -63,7 +63,7 @@ class Grid:
         return np.tile(self.scatters_s, len(MOTIONS) * len(self.variance_scales))
 
     @functools.cached_property
-    def widened_by(self) -> FloatArray:
+    def filter_variance_scales(self) -> FloatArray:
         """(N,) factor of each filter's measured variances."""
         each = np.repeat(self.variance_scales, len(self.scatters_s))
         return np.tile(each, len(MOTIONS))
@@ -156,7 +156,7 @@ class Bank:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Position:
+class BankMeasurement:
     """One measured direction as input to a bank."""
 
     t_utc_ns: int
@@ -176,7 +176,7 @@ class Position:
 
 
 def initiate(
-    first: Position,
+    first: BankMeasurement,
     rate_arcsec_s: tuple[float, float],
     bend: tuple[FloatArray, FloatArray] | None,
     *,
@@ -193,7 +193,7 @@ def initiate(
     speed = max(float(np.hypot(*rate)), 1e-3)
     ahead = rate / speed
     mean, spread = unknown_bend(speed) if bend is None else bend
-    calm = parallel_of(first.dec_icrs_deg, rate)
+    calm = constant_rate_bend(first.dec_icrs_deg, rate)
     bends = (calm, np.zeros(2), mean, mean)
     means = np.array([[0.0, 0.0, *rate_arcsec_s, *each] for each in bends])
     covariances = np.zeros((len(MOTIONS), len(VARIANCE_SCALES), len(SCATTERS_S), 6, 6))
@@ -232,12 +232,12 @@ def _stepped(bank: Bank, dt_s: float, scale: FloatArray) -> Bank:
     per_motion = bank.grid.per_motion
     parallel = slice(PARALLEL * per_motion, (PARALLEL + 1) * per_motion)
     _, dec_deg = bank.plane.direction_deg
-    means[parallel, ACCELERATION:] = parallel_of(
+    means[parallel, ACCELERATION:] = constant_rate_bend(
         dec_deg + means[parallel, 1] / 3600.0, means[parallel, 2:4]
     )
     mean = bank.weights @ means
     onto = plane_after(bank.plane, mean, dt_s)
-    after, slopes = with_slopes(bank.plane, means, dt_s, onto)
+    after, slopes = motion_and_slopes_on_plane(bank.plane, means, dt_s, onto)
     covariances = slopes @ bank.covariances @ np.swapaxes(slopes, -1, -2)
     length = np.hypot(means[:, 2], means[:, 3]) * abs(dt_s) * ARCSEC_RAD
     covariances = covariances + scale * _noise(means, dt_s, bank.path_since_update_rad, length)
@@ -359,7 +359,7 @@ def restarted(
     """
     plane = Plane.at(*direction_deg)
     mean, spread = bend
-    calm = parallel_of(direction_deg[1], np.array(rate_arcsec_s))
+    calm = constant_rate_bend(direction_deg[1], np.array(rate_arcsec_s))
     bends = (calm, np.zeros(2), mean, mean)
     means = np.array([[0.0, 0.0, *rate_arcsec_s, *each] for each in bends])
     order = np.ix_([0, 2, 1, 3], [0, 2, 1, 3])
@@ -376,7 +376,7 @@ def restarted(
     )
 
 
-def thinned(bank: Bank) -> Bank:
+def coarse_bank(bank: Bank) -> Bank:
     """Bank on the ``COARSE`` grid: each filter has the moments of those it stands for."""
     if bank.grid is COARSE:
         return bank

@@ -18,16 +18,16 @@ from rsoconsole.tracking.filters.bank import (
     MIN_WEIGHT,
     VARIANCE_SCALES,
     Bank,
-    Position,
+    BankMeasurement,
 )
-from rsoconsole.tracking.filters.sky_path import ACCELERATION, Plane, moved
+from rsoconsole.tracking.filters.sky_path import ACCELERATION, Plane, motion_on_plane
 
 _MIN_SHARE = 1e-14
 """Least determinant, as a share of the product of both variances."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Innovations:
+class FilterInnovations:
     """Innovations of N filters for a measurement with a given noise."""
 
     off: FloatArray
@@ -44,7 +44,7 @@ class Innovations:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Answer:
+class FilterUpdates:
     """Updates of N filters with a measurement of a given noise."""
 
     s: FloatArray
@@ -56,7 +56,9 @@ class Answer:
     covariances: FloatArray
 
 
-def merged(usual: Answer, other: Answer, share: float) -> Answer:
+def merged_filter_updates(
+    usual: FilterUpdates, other: FilterUpdates, share: float
+) -> FilterUpdates:
     """Merge two answers into one, the other being right with probability ``share``."""
     log_usual = math.log(1.0 - share) + usual.log_likelihoods
     log_other = math.log(share) + other.log_likelihoods
@@ -65,7 +67,7 @@ def merged(usual: Answer, other: Answer, share: float) -> Answer:
     apart = np.sqrt(of_other * (1.0 - of_other)) * (usual.steps - other.steps)
     each = of_other[:, :, None]
     covariances = (1.0 - each) * usual.covariances + each * other.covariances
-    return Answer(
+    return FilterUpdates(
         s=(1.0 - share) * usual.s + share * other.s,
         nis=merged_nis(usual.nis, other.nis, share),
         log_likelihoods=log_likelihoods,
@@ -91,23 +93,23 @@ def log_sum(logs: FloatArray) -> float:
 
 def innovations(
     predicted: FloatArray, off: Sequence[FloatArray], noise: Sequence[FloatArray]
-) -> list[Innovations]:
+) -> list[FilterInnovations]:
     """Innovations of filters with covariances (N, 6, 6): offsets (N, 2), noises (N, 2, 2)."""
     every, number = np.concatenate(noise), len(predicted)
     s = every + np.tile(predicted[:, :2, :2], (len(noise), 1, 1))
-    inverse, log_det = inverted(s)
+    inverse, log_det = inverses_and_log_dets(s)
     x, y = np.concatenate(off).T
     nis = inverse[:, 0, 0] * x * x + 2.0 * inverse[:, 0, 1] * x * y + inverse[:, 1, 1] * y * y
     parts = [slice(k * number, (k + 1) * number) for k in range(len(noise))]
     return [
-        Innovations(
+        FilterInnovations(
             off=o, noise=each, s=s[at], inverse=inverse[at], nis=nis[at], log_det=log_det[at]
         )
         for o, each, at in zip(off, noise, parts, strict=True)
     ]
 
 
-def inverted(s: FloatArray) -> tuple[FloatArray, FloatArray]:
+def inverses_and_log_dets(s: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Inverses (..., 2, 2) of covariances and logarithms (...) of their determinants.
 
     Written out: for two rows a library's decomposition takes five times as long.
@@ -121,14 +123,14 @@ def inverted(s: FloatArray) -> tuple[FloatArray, FloatArray]:
     return inverse, np.log(det)
 
 
-def answer(predicted: FloatArray, found: Innovations) -> Answer:
+def answer(predicted: FloatArray, found: FilterInnovations) -> FilterUpdates:
     """Update the filters with covariances (N, 6, 6) that have these innovations."""
     gain = predicted[:, :, :2] @ found.inverse
     # Joseph's form keeps it positive; only two columns are measured.
     half = predicted - gain @ predicted[:, :2]
     across = np.swapaxes(gain, -1, -2)
     covariances = half - half[:, :, :2] @ across + gain @ found.noise @ across
-    return Answer(
+    return FilterUpdates(
         s=found.s,
         nis=found.nis,
         log_likelihoods=-0.5 * (found.nis + found.log_det) - math.log(2.0 * math.pi),
@@ -149,23 +151,23 @@ _MAX_LOG_ODDS = 3.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Innovation:
+class BankInnovation:
     """Innovation of a bank for a measurement, the first part of its update."""
 
     bank: Bank
     place: FloatArray
     """(2,) place on the bank's plane, arcsec."""
-    with_length: Innovations
-    without_length: Innovations | None
+    with_length: FilterInnovations
+    without_length: FilterInnovations | None
     """Innovations where the length of its streak says too much; None where it says nothing."""
-    rare: Innovations
+    rare: FilterInnovations
     """Innovations where the measurement has gone wrong."""
     nis: float
     """NIS as in ``Update``."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Update:
+class BankUpdate:
     """A bank updated with a measurement, and the mixture's innovation."""
 
     after: Bank
@@ -178,12 +180,12 @@ class Update:
     """(2, 2) covariance of the mixture's innovation, arcsec^2."""
 
 
-def innovation(bank: Bank, seen: Position) -> Innovation:
+def innovation(bank: Bank, seen: BankMeasurement) -> BankInnovation:
     """Compute the innovation of a measurement at the bank's instant: less work than an update."""
     return innovations_of(bank, (seen,))[0]
 
 
-def innovations_of(bank: Bank, seen: Sequence[Position]) -> list[Innovation]:
+def innovations_of(bank: Bank, seen: Sequence[BankMeasurement]) -> list[BankInnovation]:
     """Compute the innovations of several measurements at the bank's instant."""
     places = [bank.plane.place_of(each.ra_icrs_deg, each.dec_icrs_deg) for each in seen]
     off = [place - bank.means[:, :2] for place in places]
@@ -206,7 +208,7 @@ def innovations_of(bank: Bank, seen: Sequence[Position]) -> list[Innovation]:
             plain_nis = merged_nis(plain_nis, without_length[n].nis, _says_too_much(bank))
         nis = merged_nis(plain_nis, rare[n].nis, RARE)
         each_of.append(
-            Innovation(
+            BankInnovation(
                 bank=bank,
                 place=place,
                 with_length=with_length[n],
@@ -218,16 +220,16 @@ def innovations_of(bank: Bank, seen: Sequence[Position]) -> list[Innovation]:
     return each_of
 
 
-def update(bank: Bank, seen: Position) -> Update:
+def update(bank: Bank, seen: BankMeasurement) -> BankUpdate:
     """Update a bank with a measurement at its instant."""
     return taken(innovation(bank, seen))
 
 
-def taken(found: Innovation) -> Update:
+def taken(found: BankInnovation) -> BankUpdate:
     """Return the bank updated with the measurement of an innovation."""
     bank, log_weights = found.bank, _log_weights(found.bank)
     plain, length_log_odds = _plain(found, log_weights)
-    both = merged(plain, answer(bank.covariances, found.rare), RARE)
+    both = merged_filter_updates(plain, answer(bank.covariances, found.rare), RARE)
     total = log_weights + both.log_likelihoods
     log_likelihood = log_sum(total)
     after = replace(
@@ -242,15 +244,15 @@ def taken(found: Innovation) -> Update:
     calm = slice(0, ANY_ORBIT * per_motion)
     after.covariances[calm, ACCELERATION:, :] = after.covariances[calm, :, ACCELERATION:] = 0.0
     after.means[GREAT_CIRCLE * per_motion : ANY_ORBIT * per_motion, ACCELERATION:] = 0.0
-    return Update(
+    return BankUpdate(
         after=_centred(after),
         nis=found.nis,
         innovation=found.place - bank.weights @ bank.means[:, :2],
-        covariance=covariance_of(found),
+        covariance=innovation_covariance_of(found),
     )
 
 
-def covariance_of(found: Innovation) -> FloatArray:
+def innovation_covariance_of(found: BankInnovation) -> FloatArray:
     """(2, 2) covariance of the mixture's innovation, arcsec^2."""
     bank, weights, s = found.bank, found.bank.weights, found.with_length.s
     if found.without_length is not None:
@@ -271,7 +273,7 @@ def _says_too_much(bank: Bank) -> float:
     return 1.0 / (1.0 + math.exp(bank.length_log_odds))
 
 
-def _plain(found: Innovation, log_weights: FloatArray) -> tuple[Answer, float]:
+def _plain(found: BankInnovation, log_weights: FloatArray) -> tuple[FilterUpdates, float]:
     """Update by both hypotheses of the streak's length, and the new log-odds of them."""
     bank = found.bank
     with_length = answer(bank.covariances, found.with_length)
@@ -281,25 +283,25 @@ def _plain(found: Innovation, log_weights: FloatArray) -> tuple[Answer, float]:
     odds = log_sum(log_weights + with_length.log_likelihoods)
     odds -= log_sum(log_weights + without_length.log_likelihoods)
     after = min(max(bank.length_log_odds + odds, -_MAX_LOG_ODDS), _MAX_LOG_ODDS)
-    return merged(with_length, without_length, _says_too_much(bank)), after
+    return merged_filter_updates(with_length, without_length, _says_too_much(bank)), after
 
 
 def _centred(bank: Bank) -> Bank:
     """Return the same bank on the plane that touches the sky at its mixture."""
     x, y = bank.weights @ bank.means[:, :2]
     onto = Plane.at(*bank.plane.direction_of(float(x), float(y)))
-    return replace(bank, plane=onto, means=moved(bank.plane, bank.means, 0.0, onto))
+    return replace(bank, plane=onto, means=motion_on_plane(bank.plane, bank.means, 0.0, onto))
 
 
-def _measured_noise(bank: Bank, speed: FloatArray, seen: Position) -> FloatArray:
+def _measured_noise(bank: Bank, speed: FloatArray, seen: BankMeasurement) -> FloatArray:
     """(N, 2, 2) measured covariance, widened by each filter's factor, and its timing scatter."""
     shift = bank.means[:, 2:4] * bank.grid.late_s[:, None]
-    own = bank.grid.widened_by[:, None, None] * seen.covariance
+    own = bank.grid.filter_variance_scales[:, None, None] * seen.covariance
     noise = own + shift[:, :, None] * shift[:, None, :]
     return np.asarray(_with_length_error(noise, bank, speed, seen))
 
 
-def _rare_noise(bank: Bank, speed: FloatArray, seen: Position) -> FloatArray:
+def _rare_noise(bank: Bank, speed: FloatArray, seen: BankMeasurement) -> FloatArray:
     """(N, 2, 2) covariance of a measurement that has gone wrong."""
     shift = bank.means[:, 2:4] * _RARE_SCATTER_S
     noise = VARIANCE_SCALES[-1] * seen.covariance + shift[:, :, None] * shift[:, None, :]
@@ -307,7 +309,7 @@ def _rare_noise(bank: Bank, speed: FloatArray, seen: Position) -> FloatArray:
 
 
 def _with_length_error(
-    noise: FloatArray, bank: Bank, speed: FloatArray, seen: Position
+    noise: FloatArray, bank: Bank, speed: FloatArray, seen: BankMeasurement
 ) -> FloatArray:
     if seen.along_arcsec == 0.0:
         return noise

@@ -61,7 +61,7 @@ def predict(state: TrackState, t_utc_ns: int, settings: FilterConfig, frame_id: 
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Update:
+class CandidateUpdate:
     """Possible update of a track with a measurement: its NIS, and the track after it on demand.
 
     Most pairs of a crowded field need only the first; the second takes most of the time.
@@ -81,7 +81,7 @@ def candidate_update(
     measurement: Measurement,
     settings: FilterConfig,
     errors: StreakErrors = NO_ERRORS,
-) -> Update:
+) -> CandidateUpdate:
     """Compare a measurement with the track.
 
     ``errors``: those that its streak adds, for the presets that use them. With a rolling shutter
@@ -95,7 +95,7 @@ def candidate_updates(
     predicted: TrackState,
     measured: Sequence[tuple[Measurement, StreakErrors]],
     settings: FilterConfig,
-) -> dict[Measurement, Update]:
+) -> dict[Measurement, CandidateUpdate]:
     """``candidate_update`` for several measurements and their streaks' errors, in less time."""
     if all(m.t_mid_utc_ns == predicted.t_utc_ns for m, _ in measured):
         return _weighed_there(predicted, measured, settings)
@@ -104,14 +104,14 @@ def candidate_updates(
 
 def _weighed_there(
     there: TrackState, measured: Sequence[tuple[Measurement, StreakErrors]], settings: FilterConfig
-) -> dict[Measurement, Update]:
+) -> dict[Measurement, CandidateUpdate]:
     if not measured:
         return {}
     if settings.preset != "adaptive":
         return {m: _made(lqe.update(there, m, settings)) for m, _ in measured}
     innovations = adaptive.innovations(there, measured, settings)
     return {
-        m: Update(
+        m: CandidateUpdate(
             nis=found.nis,
             make=functools.partial(adaptive.taken, there, m, found, errors.along_arcsec),
         )
@@ -119,8 +119,8 @@ def _weighed_there(
     }
 
 
-def _made(state: TrackState) -> Update:
-    return Update(nis=state.nis, make=lambda: state)
+def _made(state: TrackState) -> CandidateUpdate:
+    return CandidateUpdate(nis=state.nis, make=lambda: state)
 
 
 def update(

@@ -108,7 +108,7 @@ def _unit_of(ra_icrs_deg: float, dec_icrs_deg: float) -> FloatArray:
     return unit
 
 
-def parallel_of(dec_icrs_deg: float | FloatArray, rate_arcsec_s: FloatArray) -> FloatArray:
+def constant_rate_bend(dec_icrs_deg: float | FloatArray, rate_arcsec_s: FloatArray) -> FloatArray:
     """Change of speed and turn, (..., 2), of constant rates in RA and Dec; ``rate`` (..., 2)."""
     east, north = rate_arcsec_s[..., 0], rate_arcsec_s[..., 1]
     tangent = np.tan(np.radians(np.clip(dec_icrs_deg, -89.9, 89.9)))
@@ -119,7 +119,9 @@ def parallel_of(dec_icrs_deg: float | FloatArray, rate_arcsec_s: FloatArray) -> 
     return np.stack([gain * ARCSEC_RAD, across / speed**2], axis=-1)
 
 
-def carried(plane: Plane, motion: FloatArray, dt_s: float) -> tuple[FloatArray, FloatArray]:
+def propagated_on_sky(
+    plane: Plane, motion: FloatArray, dt_s: float
+) -> tuple[FloatArray, FloatArray]:
     """Unit vectors and rates (rad/s), (..., 3), of motions (..., 6) after ``dt_s``."""
     unit, rate = plane._placed(motion)
     if dt_s == 0.0:
@@ -138,18 +140,18 @@ def carried(plane: Plane, motion: FloatArray, dt_s: float) -> tuple[FloatArray, 
     return _turned(unit, axis, c, n).rows(), moving.rows()
 
 
-def moved(plane: Plane, motion: FloatArray, dt_s: float, onto: Plane) -> FloatArray:
+def motion_on_plane(plane: Plane, motion: FloatArray, dt_s: float, onto: Plane) -> FloatArray:
     """Motions (..., 6) on another plane after a time; change of speed and turn stay."""
-    unit, rate = carried(plane, motion, dt_s)
+    unit, rate = propagated_on_sky(plane, motion, dt_s)
     return onto._seen(unit, rate, motion[..., 4:])
 
 
-def with_slopes(
+def motion_and_slopes_on_plane(
     plane: Plane, motion: FloatArray, dt_s: float, onto: Plane
 ) -> tuple[FloatArray, FloatArray]:
     """Compute ``moved`` and its slopes (..., 6, 6): of each number after by each before."""
     shifted = motion[None] + (_STEPS * np.eye(6)).reshape(6, *(1,) * (motion.ndim - 1), 6)
-    every = moved(plane, np.concatenate([motion[None], shifted]), dt_s, onto)
+    every = motion_on_plane(plane, np.concatenate([motion[None], shifted]), dt_s, onto)
     after = every[0]
     columns = (every[1:] - after) / _STEPS.reshape(6, *(1,) * motion.ndim)
     return after, np.moveaxis(columns, 0, -1)
@@ -157,7 +159,7 @@ def with_slopes(
 
 def plane_after(plane: Plane, motion: FloatArray, dt_s: float) -> Plane:
     """Plane that touches the sky where one motion (6,) leads."""
-    unit, _ = carried(plane, motion, dt_s)
+    unit, _ = propagated_on_sky(plane, motion, dt_s)
     ra, dec = unit_to_direction(unit)
     return Plane.at(float(ra), float(dec))
 

@@ -145,7 +145,7 @@ def with_part_error(
     return replace(measurement, cov_sky_arcsec2=wider)
 
 
-def shows_parts(excesses_arcsec: Sequence[float], length_arcsec: float) -> bool:
+def flashes_by_lengths(excesses_arcsec: Sequence[float], length_arcsec: float) -> bool:
     """True where enough of its streaks were parts of their length to say that it flashes."""
     parts = sum(1 for each in excesses_arcsec if each < -_PART_SHARE * length_arcsec)
     return parts >= max(_MIN_PARTS, _FLASHING_SHARE * len(excesses_arcsec))
@@ -173,7 +173,7 @@ _OF_TURN, _OF_EXCESS = 0.22, 0.021
 likeliest of those nights, by Student's law with ten degrees of freedom."""
 
 
-def half_turn_arcsec(measurement: Measurement, expected: Motion) -> float | None:
+def end_offset_arcsec(measurement: Measurement, expected: Motion) -> float | None:
     """Offset of an end from the line of the motion through the middle.
 
     To the left of the motion, seen from the earlier end; None: the streak has no direction.
@@ -202,7 +202,7 @@ def across_error_arcsec(
     """
     if not turns_arcsec or not excesses_arcsec:
         return 0.0
-    half, excess = half_turn_arcsec(measurement, expected), excess_arcsec(measurement, expected)
+    half, excess = end_offset_arcsec(measurement, expected), excess_arcsec(measurement, expected)
     if half is None or excess is None:
         return 0.0
     half -= statistics.median(turns_arcsec)
@@ -213,10 +213,10 @@ def across_error_arcsec(
     return math.hypot(_OF_TURN * half, _OF_EXCESS * excess)
 
 
-def half_turns_with(
+def end_offsets_with(
     before: Sequence[float], measurement: Measurement, expected: Motion
 ) -> tuple[float, ...]:
     """Half turns of the streaks up to this one, arcsec."""
-    half = half_turn_arcsec(measurement, expected)
+    half = end_offset_arcsec(measurement, expected)
     every = before if half is None else (*before, half)
     return tuple(every)[-REMEMBERED:]

@@ -15,15 +15,20 @@ from rsoconsole.tracking.association.following import (
     with_track_id,
 )
 from rsoconsole.tracking.association.neighbours import Neighbour, neighbours_after
-from rsoconsole.tracking.association.pattern import NO_PATTERN, Pattern, Place, learnt_error_arcsec
+from rsoconsole.tracking.association.pattern import (
+    NO_PATTERN,
+    Place,
+    TrackPattern,
+    learnt_error_arcsec,
+)
 from rsoconsole.tracking.filters import estimator
 from rsoconsole.tracking.filters.adaptive import Bend
 from rsoconsole.tracking.filters.agreement import (
     Motion,
-    disagreement,
-    pair_disagreement,
+    measurement_displacement,
+    motion_mismatch,
     pair_misfit_arcsec,
-    way_between,
+    pair_motion_mismatch,
 )
 from rsoconsole.tracking.filters.streak_length import (
     NO_ERRORS,
@@ -32,8 +37,8 @@ from rsoconsole.tracking.filters.streak_length import (
     StreakHistory,
     across_error_arcsec,
     along_error_arcsec,
+    end_offsets_with,
     excesses_with,
-    half_turns_with,
 )
 from rsoconsole.tracking.initiation import chains
 from rsoconsole.tracking.initiation.chains import Chain
@@ -95,7 +100,9 @@ def acquire(
 def _partner(candidates: Chain, second: Measurement, seen: FrameInput) -> Chain:
     """Partner of the frame before that agrees best, if any does."""
     partners = [
-        first for first in candidates if pair_disagreement(first, second, seen.exposure_s) is None
+        first
+        for first in candidates
+        if pair_motion_mismatch(first, second, seen.exposure_s) is None
     ]
     if not partners:
         return ()
@@ -126,7 +133,7 @@ def _begun(  # noqa: PLR0917 -- one call, each argument a different thing
             trial=trial,
         )
         for number, (chain, trial) in enumerate(
-            zip(begun_with, chains.trials(begun_with, settings), strict=True), 1
+            zip(begun_with, chains.trial_lengths(begun_with, settings), strict=True), 1
         )
     )
     used = {m for chain in begun_with for m in chain}
@@ -149,7 +156,7 @@ def _begun(  # noqa: PLR0917 -- one call, each argument a different thing
 
 def _pattern_of(
     tracks: tuple[LiveTrack, ...], begun_with: list[Chain], seen: FrameInput
-) -> Pattern:
+) -> TrackPattern:
     """Relative positions of tracks that begin together, from their frames."""
     found = NO_PATTERN
     alive = [each.track.track_id for each in tracks]
@@ -178,13 +185,13 @@ def new_track(
 ) -> LiveTrack:
     """Initiate a new track through two measurements or more."""
     track = track_through(chain[0], chain[1], track_id, seen, settings)
-    streaks = streaks_with(NO_STREAKS, track, chain[1], seen)
+    streaks = streak_history_with(NO_STREAKS, track, chain[1], seen)
     for m in chain[2:]:
         at = estimator.predict(track, m.t_mid_utc_ns, settings.filter, m.frame_id)
         expected = expected_motion(at, seen.exposure_s)
         errors = errors_of(m, expected, streaks, settings)
         track = estimator.update(at, m, settings.filter, errors)
-        streaks = streaks_with(streaks, track, m, seen)
+        streaks = streak_history_with(streaks, track, m, seen)
     if len(chain) > 2:
         track = replace(
             track,
@@ -214,7 +221,7 @@ def track_through(
     settings: FollowSettings,
 ) -> TrackState:
     """Initiate a track through two measurements."""
-    way = way_between(first, second)
+    way = measurement_displacement(first, second)
     share = seen.exposure_s * 1e9 / max(second.t_mid_utc_ns - first.t_mid_utc_ns, 1)
     moved = Motion(way.east_arcsec * share, way.north_arcsec * share)
     return estimator.initialise(
@@ -228,14 +235,14 @@ def track_through(
     )
 
 
-def streaks_with(
+def streak_history_with(
     before: StreakHistory, track: TrackState, taken: Measurement, seen: FrameInput
 ) -> StreakHistory:
     """Shapes of a track's streaks with that of one more; turns for preset ``adaptive`` only."""
     expected, turns = expected_motion(track, seen.exposure_s), before.half_turns_arcsec
     return StreakHistory(
         excesses_arcsec=excesses_with(before.excesses_arcsec, taken, expected),
-        half_turns_arcsec=() if track.mixture is None else half_turns_with(turns, taken, expected),
+        half_turns_arcsec=() if track.mixture is None else end_offsets_with(turns, taken, expected),
     )
 
 
@@ -258,7 +265,7 @@ def _bend_of(first: Measurement, second: Measurement, settings: FollowSettings) 
     """Possible bend of an orbit through the first of two measurements."""
     if settings.bend is None or settings.filter.preset != "adaptive":
         return None
-    way, here = way_between(first, second), (first.ra_icrs_deg, first.dec_icrs_deg)
+    way, here = measurement_displacement(first, second), (first.ra_icrs_deg, first.dec_icrs_deg)
     dt_s = (second.t_mid_utc_ns - first.t_mid_utc_ns) / 1e9
     return settings.bend(
         first.t_mid_utc_ns, here, (way.east_arcsec / dt_s, way.north_arcsec / dt_s)
@@ -276,7 +283,7 @@ def _no_partner(first: Measurement, usable: tuple[Measurement, ...], seen: Frame
     if not usable:
         return NotTaken(kind="no second frame", missed=seen.why_absent)
     nearest = min(usable, key=lambda m: pair_misfit_arcsec(first, m, seen.exposure_s))
-    mismatch = pair_disagreement(first, nearest, seen.exposure_s)
+    mismatch = pair_motion_mismatch(first, nearest, seen.exposure_s)
     return NotTaken(kind="no second frame", mismatch=mismatch)
 
 
@@ -291,6 +298,6 @@ def neighbours_with(
         for m in seen.measurements
         if m.measurement_id != taken.measurement_id
         and not m.is_clipped
-        and disagreement(m, expected) is None
+        and motion_mismatch(m, expected) is None
     }
     return neighbours_after(before, taken, others, learnt_error_arcsec(taken, track))

@@ -27,9 +27,9 @@ from rsoconsole.tracking.filters.agreement import (
     DIRECTION_TOLERANCE_DEG,
     SHORTEST_WITH_DIRECTION_ARCSEC,
     Motion,
+    measurement_displacement,
     motion_in_exposure,
     streak_motion,
-    way_between,
 )
 from rsoconsole.tracking.filters.sky_path import Plane
 from rsoconsole.tracking.initiation.link import MotionPrior, Tracklet, link_points
@@ -128,7 +128,7 @@ def _pairs(
             halves = _halves(first, second, exposure_s)
             if halves is None:
                 continue
-            way = way_between(first, second)
+            way = measurement_displacement(first, second)
             cost[row, column] = sum(each.cost for each in halves)
             bends[row, column] = [each.bend_deg for each in halves]
             sigmas[row, column] = [each.sigma_deg for each in halves]
@@ -268,7 +268,7 @@ def found_chains(
     return found | _of_points(points, before, seen, settings, ways)
 
 
-def trials(
+def trial_lengths(
     begun_with: Sequence[Chain],
     settings: FollowSettings,
     rates_arcsec_s: Sequence[tuple[float, float]] = (),
@@ -299,7 +299,7 @@ def trials(
 def _way(chain: Chain) -> FloatArray:
     """Displacement from a chain's first to its last, arcsec east and north."""
     first, last = chain[0], chain[-1]
-    moved = way_between(first, last)
+    moved = measurement_displacement(first, last)
     return np.array([moved.east_arcsec, moved.north_arcsec])
 
 

@@ -13,11 +13,11 @@ from rsoconsole.vision.detector.measured_detection import (
     SAME_STREAK_DEG,
     SHARP_PX,
     Candidate,
-    Focus,
     LineLight,
+    PointImage,
+    detection_from_fit,
+    detection_from_trace,
     from_box,
-    from_fit,
-    from_trace,
     is_same_streak,
     line_light_of,
 )
@@ -92,7 +92,7 @@ class Proposal:
     """True for one light of the star search, which may be a piece of something longer."""
 
 
-def proposals(boxes: Sequence[NetworkBox], lines: Sequence[CellLine]) -> list[Proposal]:
+def merged_proposals(boxes: Sequence[NetworkBox], lines: Sequence[CellLine]) -> list[Proposal]:
     """Proposals of both, each streak once: the filter's ends with the network's confidence."""
     is_left = np.ones(len(boxes), dtype=bool)
     said = np.array([box.confidence for box in boxes])
@@ -124,7 +124,7 @@ def proposals(boxes: Sequence[NetworkBox], lines: Sequence[CellLine]) -> list[Pr
     return found + [Proposal(box=box, is_line=False) for box in left]
 
 
-def in_order(found: Sequence[Proposal]) -> list[Proposal]:
+def ranked_proposals(found: Sequence[Proposal]) -> list[Proposal]:
     """Proposals, most promising first: the line filter's best and the network's in turn."""
     by_network = sorted(range(len(found)), key=lambda i: -found[i].box.confidence)
     by_filter = [i for i in range(len(found)) if found[i].is_line]
@@ -156,13 +156,13 @@ def _of_one_streak(boxes: FloatArray, line: Ends) -> BoolArray:
 
 
 @dataclass(slots=True)
-class Measurements:
+class FrameCandidates:
     """Measured candidates of a frame: those that are lines of light, and why others are not."""
 
     frame: Frame
     sky: Background
     stars: StarList
-    focus: Focus
+    focus: PointImage
     is_worth_fitting: Callable[[Candidate], bool] = lambda _: True
     """Return True where a candidate as it was traced is worth the time of a fit."""
     lights: ShortLights | None = None
@@ -171,7 +171,7 @@ class Measurements:
     """Candidates that are lines of light, with the network's confidence."""
     rejected: list[Rejection] = field(default_factory=list)
 
-    def fault_at_a_glance(self, proposal: Proposal) -> NotAStreak | None:
+    def reason_not_to_measure(self, proposal: Proposal) -> NotAStreak | None:
         """The reason not to measure a proposal, by a glance along it; None where it is worth it.
 
         Too little light where the network alone proposes it; light that is narrower than stars
@@ -208,13 +208,13 @@ class Measurements:
         except Exception:
             # One candidate must not cost the others of the frame, nor the night.
             log.exception("frame %d: the line fit broke on %s", self.frame.frame_id, proposal)
-            self.refuse(proposal.box, NotAStreak(kind="fit broke"))
+            self.record_rejection(proposal.box, NotAStreak(kind="fit broke"))
 
     def _measure(self, proposal: Proposal) -> None:
         box = proposal.box
         trace, reason = self._traced_well(proposal)
         if trace is None and box.confidence < _BELIEVED:
-            self.refuse(box, reason or NotAStreak(kind="no line"))
+            self.record_rejection(box, reason or NotAStreak(kind="no line"))
             return
         measured: StreakFit | None = None
         traced = None if trace is None else self._from_trace(box, trace)
@@ -231,17 +231,17 @@ class Measurements:
             if isinstance(fit, StreakFit) and (trace is None or _agree(fit, trace)):
                 light = traced.light if traced else line_light_of(self._traced(_ends_of(fit)))
                 light = replace(light, bend=fit.bend, lumpiness=fit.lumpiness)
-                self._take(self._candidate(from_fit(self.frame, box, fit), light))
+                self._take(self._candidate(detection_from_fit(self.frame, box, fit), light))
                 return
             if not isinstance(fit, StreakFit):
                 reason, measured = reason or fit.reason, fit.fit
         if traced is None:
-            self.refuse(box, reason or NotAStreak(kind="no line"), measured)
+            self.record_rejection(box, reason or NotAStreak(kind="no line"), measured)
         else:
             self._take(traced)
 
     def _from_trace(self, box: NetworkBox, trace: Trace) -> Candidate:
-        found = from_trace(self.frame, box, trace)
+        found = detection_from_trace(self.frame, box, trace)
         return self._candidate(found, self._irregularity(found, trace))
 
     def _candidate(self, found: Detection, light: LineLight) -> Candidate:
@@ -305,7 +305,7 @@ class Measurements:
         most = max(focus.widest_px(_angle_deg(ends)), focus.fwhm_px)
         return min(max(trace.width_px, focus.fwhm_px), most)
 
-    def _focus_at(self, ends: Ends) -> Focus:
+    def _focus_at(self, ends: Ends) -> PointImage:
         """Return the focus at the midpoint of a line."""
         return self.focus.at(*midpoint_of(ends))
 
@@ -352,11 +352,15 @@ class Measurements:
                 return NotAStreak(kind=kind, value=value, limit=limit)
         return None
 
-    def refuse(self, box: NetworkBox, reason: NotAStreak, fit: StreakFit | None = None) -> None:
+    def record_rejection(
+        self, box: NetworkBox, reason: NotAStreak, fit: StreakFit | None = None
+    ) -> None:
         """Record a candidate with the reason against it, if the network believes it."""
         if box.confidence < MIN_RECORDED_CONFIDENCE:
             return
-        found = from_box(self.frame, box) if fit is None else from_fit(self.frame, box, fit)
+        found = (
+            from_box(self.frame, box) if fit is None else detection_from_fit(self.frame, box, fit)
+        )
         self.rejected.append(Rejection(detection=found, reason=reason))
 
 

@@ -11,7 +11,12 @@ from typing import Literal, TypeAlias
 import numpy as np
 
 from rsoconsole.records import FloatArray, PixelArray
-from rsoconsole.vision.lines.line_columns import columns_at, on_line, rows_across, smoothed
+from rsoconsole.vision.lines.line_columns import (
+    columns_at,
+    pixels_of_line_places,
+    rows_across,
+    smoothed,
+)
 from rsoconsole.vision.lines.segments import Ends, length_of
 
 CatalogueFinding: TypeAlias = Literal["stars", "no stars", "unclear"]
@@ -72,7 +77,7 @@ def catalogue_light(
         return None
     u = np.arange(-math.ceil(fwhm), math.ceil(length + fwhm) + 1, dtype=np.float64)
     v = rows_across(fwhm)
-    columns = columns_at(pixels, *on_line(ends, u, v[:, None]), v, fwhm)
+    columns = columns_at(pixels, *pixels_of_line_places(ends, u, v[:, None]), v, fwhm)
     light = columns.light_adu
     total = float(light.sum())
     if not columns.is_inside.all() or total <= 0.0:

@@ -15,7 +15,7 @@ from typing import Any
 from rsoconsole.base import ModelError
 from rsoconsole.records import Detection
 from rsoconsole.sky import turn_deg
-from rsoconsole.vision.detector.measured_detection import SHARP_PX, Candidate, Focus, LineLight
+from rsoconsole.vision.detector.measured_detection import SHARP_PX, Candidate, LineLight, PointImage
 from rsoconsole.vision.lines.line_or_points import MAX_FWHM
 
 FEATURE_NAMES = (
@@ -82,7 +82,7 @@ noise."""
 _SAME_LINE_PX, _MAX_OFF_LINE_PX, _SAME_LINE_DEG = 2.0, 8.0, 2.0
 _CONTEXT_LONG, _CONTEXT_ROUGH, _CONTEXT_UNEVEN = 4.0, 0.4, 0.8
 _MAX_CONFUSED, _OTHER_WAY_DEG = 1.1, 20.0
-_SHARP = Focus(fwhm_px=1.0)
+_SHARP = PointImage(fwhm_px=1.0)
 _MUCH_LONGER, _UNLIKE, _BESIDE_DEG, _BRIGHT_SNR = 2.5, 1.08, 1.5, 30.0
 """Ratios of length that suffice alone, and beside a bright line; largest angle between the two,
 deg; and the signal to noise of a bright one."""
@@ -116,7 +116,7 @@ class ConfidenceCurve:
             ) from error
 
     def confidence(
-        self, candidate: Candidate, focus: Focus, others: Sequence[Candidate] = ()
+        self, candidate: Candidate, focus: PointImage, others: Sequence[Candidate] = ()
     ) -> float:
         """Probability, 0 to 1, of a measured candidate that carries the network's confidence.
 
@@ -127,7 +127,7 @@ class ConfidenceCurve:
         return 1.0 / (1.0 + math.exp(-min(max(z, -30.0), 30.0)))
 
     def highest(
-        self, network_confidence: float, proposed_px: float = math.inf, focus: Focus = _SHARP
+        self, network_confidence: float, proposed_px: float = math.inf, focus: PointImage = _SHARP
     ) -> float:
         """Highest confidence that a proposal can reach by its measurement in a frame.
 
@@ -153,7 +153,7 @@ class ConfidenceCurve:
         # like them the star search sees as well.
         return 1.0 / (1.0 + math.exp(-min(max(z, -30.0), 30.0)))
 
-    def judged(self, candidates: Sequence[Candidate], focus: Focus) -> list[Candidate]:
+    def judged(self, candidates: Sequence[Candidate], focus: PointImage) -> list[Candidate]:
         """Return a frame's measured candidates, each with its confidence among them."""
         confidences = [self.confidence(each, focus, candidates) for each in candidates]
         return [each.with_confidence(at) for each, at in zip(candidates, confidences, strict=True)]
@@ -183,7 +183,7 @@ def _weighted(
 
 
 def confidence_features(
-    candidate: Candidate, focus: Focus, others: Sequence[Candidate] = ()
+    candidate: Candidate, focus: PointImage, others: Sequence[Candidate] = ()
 ) -> tuple[float, ...]:
     """Inputs of the curve for one candidate, in the order of ``FEATURES``.
 
@@ -257,12 +257,12 @@ def _like_image(light: LineLight) -> float:
     return max(light.over_stars, 0.0) / max(light.left, 1.0) ** 2
 
 
-def _image_kind(focus: Focus) -> int:
+def _image_kind(focus: PointImage) -> int:
     """Place in ``IMAGE_KINDS``."""
     return 2 if focus.trail_px > 0.0 else 1 if focus.joined > 1 else 0
 
 
-def _along_trails(found: Detection, focus: Focus) -> float:
+def _along_trails(found: Detection, focus: PointImage) -> float:
     """1 for what runs as the drawn-out stars do, less the more it turns away, 0 from some angle."""
     if focus.trail_px == 0.0:
         return 0.0
@@ -270,7 +270,7 @@ def _along_trails(found: Detection, focus: Focus) -> float:
     return max(0.0, 1.0 - turn / _OTHER_WAY_DEG)
 
 
-def _blur_features(focus: Focus) -> tuple[float, float]:
+def _blur_features(focus: PointImage) -> tuple[float, float]:
     """Logarithms of the width of the stars and of the length to which drift has drawn them."""
     return math.log(focus.joined), math.log1p(focus.trail_px / max(focus.fwhm_px, 0.1))
 

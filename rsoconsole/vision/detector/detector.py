@@ -15,16 +15,16 @@ from rsoconsole.config import DetectorConfig
 from rsoconsole.records import BelowTau, Detection, Detections, Frame, NotAStreak, Rejection
 from rsoconsole.vision.detector._candidates import (
     MIN_RECORDED_CONFIDENCE,
-    Measurements,
+    FrameCandidates,
     Proposal,
-    in_order,
-    proposals,
+    merged_proposals,
+    ranked_proposals,
 )
 from rsoconsole.vision.detector._reject_artifacts import is_star_trail, reject_artifacts
 from rsoconsole.vision.detector.confidence import ConfidenceCurve
 from rsoconsole.vision.detector.measured_detection import (
     Candidate,
-    Focus,
+    PointImage,
     at_box_centre,
     distinct_boxes,
     from_box,
@@ -39,7 +39,7 @@ from rsoconsole.vision.frame.pattern import find_pattern
 from rsoconsole.vision.frame.workers import Workers, threads_for
 from rsoconsole.vision.lines.line_filter import FINEST_PX, CellLine, cell_side_px, propose_lines
 from rsoconsole.vision.lines.line_or_stars import ShortLights
-from rsoconsole.vision.lines.short_lines import in_turn, short_lines
+from rsoconsole.vision.lines.short_lines import interleaved_lines, short_lines
 from rsoconsole.vision.stars.psf_field import Psf
 from rsoconsole.vision.stars.psf_memory import PsfMemory
 from rsoconsole.vision.stars.star_list import StarList
@@ -81,7 +81,7 @@ class FrameAnalysis:
     background: Background
     candidates: tuple[Candidate, ...] = ()
     """All measured lines of light, in working-frame pixels, with the network's confidence."""
-    focus: Focus
+    focus: PointImage
     working: WorkingFrame
     proposals: tuple[Proposal, ...] = ()
     """Proposals, in working-frame pixels."""
@@ -250,7 +250,7 @@ class StreakDetector:
             return _FirstLook(sky=sky, stars=looked.result()[0], proposals=())
         if self._is_quick:
             stars, found = looked.result()
-            return _FirstLook(sky=sky, stars=stars, proposals=tuple(proposals([], found)))
+            return _FirstLook(sky=sky, stars=stars, proposals=tuple(merged_proposals([], found)))
         with watch.stage("map"):
             noise = {block: begun.result() for block, begun in noises.items()}
             maps = [
@@ -261,8 +261,8 @@ class StreakDetector:
             boxes = distinct_boxes([self._network.run(each) for each in maps])
         stars, found = looked.result()
         is_sharp = may_join_pixels and stars.trail is None
-        found = in_turn(found, short_lines(stars, found, is_sharp=is_sharp))
-        wanted = proposals(boxes, found)
+        found = interleaved_lines(found, short_lines(stars, found, is_sharp=is_sharp))
+        wanted = merged_proposals(boxes, found)
         if stars.trail is not None:
             trail = stars.trail
             wanted = [each for each in wanted if each.is_light or not is_star_trail(each, trail)]
@@ -272,23 +272,23 @@ class StreakDetector:
         self,
         working: WorkingFrame,
         seen: "_FirstLook",
-        focus: Focus,
+        focus: PointImage,
         threshold: float,
         lights: ShortLights,
-    ) -> Measurements:
+    ) -> FrameCandidates:
         """Measure the candidates: those that are lines of light, and those that are none.
 
         Candidates that no measurement could lift above ``threshold``, or without light at a glance,
         are not measured, except those that may count against one above it, since they run alike.
         """
         frame, stars = working.frame, seen.stars
-        ordered = in_order(seen.proposals)
+        ordered = ranked_proposals(seen.proposals)
         curve = self._curve
 
         def is_worth_fitting(candidate: Candidate) -> bool:
             return curve is None or curve.confidence(candidate, focus) > _PROMISING * threshold
 
-        measured = Measurements(frame, seen.sky, stars, focus, is_worth_fitting, lights)
+        measured = FrameCandidates(frame, seen.sky, stars, focus, is_worth_fitting, lights)
         hopeful: list[Proposal] = []
         others: list[Proposal] = []
         for each in ordered:
@@ -298,9 +298,9 @@ class StreakDetector:
             if measured.has(each):
                 continue
             if fits == most:
-                measured.refuse(each.box, NotAStreak(kind="not measured", limit=most))
-            elif (doubt := measured.fault_at_a_glance(each)) is not None:
-                measured.refuse(each.box, doubt)
+                measured.record_rejection(each.box, NotAStreak(kind="not measured", limit=most))
+            elif (doubt := measured.reason_not_to_measure(each)) is not None:
+                measured.record_rejection(each.box, doubt)
             else:
                 fits += 1
                 measured.measure(each)
@@ -310,28 +310,28 @@ class StreakDetector:
         for each in others:
             is_asked = risen and witnesses < (0 if self._is_quick else MAX_WITNESSES)
             alike = is_asked and is_parallel_to_any(from_box(frame, each.box), risen)
-            if alike and measured.fault_at_a_glance(each) is None:
+            if alike and measured.reason_not_to_measure(each) is None:
                 witnesses += 1
                 measured.measure(each)
             else:
-                measured.refuse(each.box, NotAStreak(kind="below tau", limit=threshold))
+                measured.record_rejection(each.box, NotAStreak(kind="below tau", limit=threshold))
         return measured
 
-    def _has_hope(self, proposal: Proposal, focus: Focus, threshold: float) -> bool:
+    def _has_hope(self, proposal: Proposal, focus: PointImage, threshold: float) -> bool:
         said, length_px = proposal.box.confidence, proposal.box.length_px
         if proposal.is_line or said < MIN_BELIEVED or self._curve is None:
             return proposal.is_line or said >= MIN_BELIEVED
         here = focus.at(*proposal.box.middle_px)
         return self._curve.highest(said, length_px, here) > threshold
 
-    def _judged(self, taken: list[Candidate], focus: Focus) -> list[Candidate]:
+    def _judged(self, taken: list[Candidate], focus: PointImage) -> list[Candidate]:
         """Candidates with the confidence by their measurement and among the others."""
         return list(taken) if self._curve is None else self._curve.judged(taken, focus)
 
 
-def _focus(stars: StarList, joined: int) -> Focus:
+def _focus(stars: StarList, joined: int) -> PointImage:
     trail = stars.trail
-    return Focus(
+    return PointImage(
         fwhm_px=stars.median_fwhm_px,
         joined=joined,
         trail_px=0.0 if trail is None else trail.length_px,

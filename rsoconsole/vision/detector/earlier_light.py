@@ -17,7 +17,7 @@ from rsoconsole.vision.arrays import BoolArray
 from rsoconsole.vision.lines.line_columns import (
     LineColumns,
     columns_at,
-    on_line,
+    pixels_of_line_places,
     rows_across,
     smoothed,
 )
@@ -127,7 +127,7 @@ class Profile:
         beyond_px = min(_BEYOND * length, _MAX_BEYOND_PX) + fwhm
         u = np.arange(-math.ceil(beyond_px), math.ceil(length + beyond_px) + 1, dtype=np.float64)
         v = rows_across(fwhm)
-        columns = columns_at(pixels, *on_line(ends, u, v[:, None]), v, fwhm)
+        columns = columns_at(pixels, *pixels_of_line_places(ends, u, v[:, None]), v, fwhm)
         return cls(ends=ends, fwhm_px=fwhm, u_px=u, v_px=v, columns=columns)
 
 
@@ -147,7 +147,7 @@ def earlier_light(
     """
     u, v, fwhm = now.u_px, now.v_px, now.fwhm_px
     if to_earlier is None:
-        places = on_line(now.ends, u, v[:, None])
+        places = pixels_of_line_places(now.ends, u, v[:, None])
     else:
         places = _mapped(to_earlier, now.ends, u, v)
     before = columns_at(earlier, *places, v, fwhm)
@@ -231,7 +231,7 @@ def _mapped(
     """The line's pixels (v, u) in the earlier frame: knots mapped, straight between them."""
     knots = np.linspace(u[0], u[-1], max(math.ceil((u[-1] - u[0]) / _KNOT_PX), 1) + 1)
     across = np.array([v[0], v[-1]])[:, None]
-    knots_x, knots_y = to_earlier(*on_line(ends, knots, across))
+    knots_x, knots_y = to_earlier(*pixels_of_line_places(ends, knots, across))
     share = ((v - v[0]) / (v[-1] - v[0]))[:, None]
 
     def spread(at_knots: FloatArray) -> FloatArray:

@@ -64,7 +64,7 @@ class Candidate:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Focus:
+class PointImage:
     """Image of a point in a frame: width and trail, in working-frame pixels."""
 
     fwhm_px: float
@@ -78,7 +78,7 @@ class Focus:
     psf_field: PsfField | None = None
     """Change of the stars' width over the frame; None where it does not change."""
 
-    def at(self, x_px: float, y_px: float) -> "Focus":
+    def at(self, x_px: float, y_px: float) -> "PointImage":
         """Return the focus at one place, with the stars' width there."""
         if self.psf_field is None:
             return self
@@ -127,7 +127,7 @@ def with_fit(detection: Detection, fit: StreakFit) -> Detection:
     )
 
 
-def from_fit(frame: Frame, box: NetworkBox, fit: StreakFit) -> Detection:
+def detection_from_fit(frame: Frame, box: NetworkBox, fit: StreakFit) -> Detection:
     return with_fit(replace(from_box(frame, box), method="line"), fit)
 
 
@@ -169,7 +169,7 @@ def with_trace(detection: Detection, trace: Trace, least_open_px: float = 0.0) -
     )
 
 
-def from_trace(frame: Frame, box: NetworkBox, trace: Trace) -> Detection:
+def detection_from_trace(frame: Frame, box: NetworkBox, trace: Trace) -> Detection:
     return with_trace(replace(from_box(frame, box), method="line"), trace, 100.0)
 
 

@@ -12,7 +12,13 @@ import numpy as np
 
 from rsoconsole.records import PixelArray
 from rsoconsole.vision.arrays import Float32Array, IndexArray
-from rsoconsole.vision.frame.bins import CELL_PX, FrameBins, bin_frame, mean_of_squares, take_rows
+from rsoconsole.vision.frame.bins import (
+    CELL_PX,
+    FrameBins,
+    bin_frame,
+    copy_mirrored_rows,
+    mean_of_squares,
+)
 from rsoconsole.vision.frame.workers import CALLER_ALONE, Workers
 
 _TILE_CELLS = 8
@@ -127,7 +133,7 @@ def _noise_of_tiles(
     raw = np.empty((len(lines) * binning, columns * tile_w * binning), dtype=dtype)
     for part in range(binning):
         start, stop = lines.start * binning + part, lines.stop * binning
-        take_rows(pixels, range(start, stop, step * binning), raw[part::binning])
+        copy_mirrored_rows(pixels, range(start, stop, step * binning), raw[part::binning])
     bins = mean_of_squares(raw, binning)
     difference = np.empty_like(bins)
     cv2.absdiff(bins[:, 2:], bins[:, :-2], dst=difference[:, :-2])

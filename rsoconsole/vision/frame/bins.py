@@ -110,7 +110,7 @@ def bin_frame(
             first, last = strip * deep, min((strip + 1) * deep, rows)
             inside = range(first * cell_px - margin, last * cell_px + margin)
             whole = scratch[: len(inside)]
-            take_rows(pixels, inside, whole)
+            copy_mirrored_rows(pixels, inside, whole)
             single = whole[margin : len(inside) - margin]
             bins = {1: single}
             if cell_px % 2 == 0:
@@ -129,7 +129,7 @@ def bin_frame(
                 if inside.start >= 0 and inside.stop <= height and width == columns * cell_px:
                     fine_rows = pixels[inside.start : inside.stop]
                 else:
-                    take_rows(pixels, inside, fine_rows)
+                    copy_mirrored_rows(pixels, inside, fine_rows)
             opened: dict[int, npt.NDArray[Any]] = {}
             for block, largest in lines.items():
                 binning, per_cell = binning_of(block), cell_px // block
@@ -230,7 +230,7 @@ def _up_to_cells(count: int, size: int, block: int) -> IndexArray:
     return mirrored(mirrored(bins, whole // binning) * binning + within, size)
 
 
-def take_rows(pixels: PixelArray, rows: range, out: PixelArray) -> None:
+def copy_mirrored_rows(pixels: PixelArray, rows: range, out: PixelArray) -> None:
     """Copy some rows, as far right as ``out`` is wide, of the frame with its mirror images."""
     height, width = pixels.shape
     inside = min(width, out.shape[1])

@@ -59,7 +59,7 @@ class DarkAndFlat:
         self._is_whole = self._gain is None and bool(np.all(self._offset == np.rint(self._offset)))
         self._filled: tuple[float, IndexArray, IndexArray] | None = None
 
-    def applied(self, frame: Frame, workers: Workers = CALLER_ALONE) -> Frame:
+    def calibrated_frame(self, frame: Frame, workers: Workers = CALLER_ALONE) -> Frame:
         """Return the calibrated frame; ``frame`` itself is not changed.
 
         Pixels stay uint16 where the noise is wide against whole numbers, or only whole numbers are

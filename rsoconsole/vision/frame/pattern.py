@@ -32,7 +32,7 @@ _COARSE_ADU = 5.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Pattern:
+class RowColumnPattern:
     """Offsets of rows and columns in ADU, their mean about 0."""
 
     rows: Float32Array | None
@@ -56,7 +56,7 @@ class Pattern:
         return out.astype(np.uint16)
 
 
-def find_pattern(pixels: PixelArray) -> Pattern | None:
+def find_pattern(pixels: PixelArray) -> RowColumnPattern | None:
     """The row and column offsets of ``pixels`` (height, width), uint16 or finite float32.
 
     None where there are none of ``SEEN_SIGMA``: a first look at some bands of lines shows that,
@@ -70,7 +70,7 @@ def find_pattern(pixels: PixelArray) -> Pattern | None:
         return None
     columns = _offsets(pixels.T, noise) if has_columns else None
     rows = _offsets(pixels, noise, columns) if has_rows else None
-    return Pattern(rows=rows, columns=columns, noise_adu=noise)
+    return RowColumnPattern(rows=rows, columns=columns, noise_adu=noise)
 
 
 def _noise(pixels: PixelArray) -> float:

@@ -83,7 +83,9 @@ class LineColumns:
     """(columns,) True where the frame holds every pixel of the sum."""
 
 
-def on_line(ends: Ends, u: FloatArray, v: FloatArray) -> tuple[FloatArray, FloatArray]:
+def pixels_of_line_places(
+    ends: Ends, u: FloatArray, v: FloatArray
+) -> tuple[FloatArray, FloatArray]:
     """Pixels of places ``u`` along the line from end a and ``v`` across it."""
     length = length_of(ends)
     dx, dy = (ends[2] - ends[0]) / length, (ends[3] - ends[1]) / length

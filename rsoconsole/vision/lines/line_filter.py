@@ -85,7 +85,7 @@ def propose_lines(
     per_cell = sky.cell_px // side_px
     cells = squares - resample(sky.level, per_cell, rows, columns)
     cells *= np.float32(side_px) / resample(sky.noise, per_cell, rows, columns)
-    cells = limited(cells)
+    cells = limited_snr(cells)
     cells -= _around(cells, FINEST_PX // side_px)
     _cover(cells, side_px, stars, float(np.median(sky.noise)))
     found = [(line, side_px) for line in find_lines(cells)]
@@ -159,7 +159,7 @@ def _cover(cells: Float32Array, side_px: int, stars: StarList, noise: float) -> 
             cv2.line(cells, (x_a, y_a), (x_b, y_b), 0.0, max(radius // 8, 1), cv2.LINE_8, 4)
 
 
-def limited(cells: Float32Array) -> Float32Array:
+def limited_snr(cells: Float32Array) -> Float32Array:
     """Limit the signal to noise of cells, (rows, columns), to ``_LIMIT`` where there is no line.
 
     An opening along each of eight directions, less that across it: a star, however bright, is as

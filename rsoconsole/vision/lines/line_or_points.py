@@ -27,7 +27,9 @@ _MAD_TO_SIGMA = 1.4826
 _SMALLEST = 1e-9
 
 
-def confusion(strip: LineStrip, known: BoolArray, course: Course, sigma: float) -> float:
+def surroundings_scatter_ratio(
+    strip: LineStrip, known: BoolArray, course: Course, sigma: float
+) -> float:
     """Scatter of the sky beside a line, in parts like the line's, over their noise; 1 at least.
 
     Faint stars, glow and a bright star's wings are part of it: the frame's own yardstick.
@@ -52,7 +54,9 @@ def confusion(strip: LineStrip, known: BoolArray, course: Course, sigma: float) 
     return max(1.0, _MAD_TO_SIGMA * median_of(np.abs(each - np.median(each))))
 
 
-def texture(profile: LineProfile, ends: tuple[float, float], scatter: float) -> tuple[float, float]:
+def line_texture(
+    profile: LineProfile, ends: tuple[float, float], scatter: float
+) -> tuple[float, float]:
     """Return (lower quartile of the parts, as sigma of the whole; scatter that nothing explains).
 
     ``scatter``: noise of a part in units of what its pixels make (``confusion``).
@@ -94,7 +98,7 @@ def _roughness(place: FloatArray, light: FloatArray, sigmas: FloatArray) -> floa
     used, left = basis.shape[1], float(rest @ rest)
     if n >= 10:
         phase = np.pi * t[:, None] * np.linspace(1.0, n / 2.5, 4 * n)
-        explained = explained_by_a_wave(rest, basis, np.cos(phase), np.sin(phase))
+        explained = best_wave_share(rest, basis, np.cos(phase), np.sin(phase))
         gained = min(max(explained, 0.0), left)
         # As much as the best of that number of periods takes of mere noise is no period.
         if gained > (2.0 * math.log(4.0 * n) + 4.0) * float(np.mean(sigmas**2)):
@@ -105,7 +109,7 @@ def _roughness(place: FloatArray, light: FloatArray, sigmas: FloatArray) -> floa
     return math.sqrt(max(excess, 0.0)) / max(float(light.mean()), _SMALLEST)
 
 
-def explained_by_a_wave(
+def best_wave_share(
     rest: FloatArray, basis: FloatArray, cosines: FloatArray, sines: FloatArray
 ) -> float:
     """Part of the sum of squares of ``rest`` (n,) that the best of k waves (n, k) explains.
@@ -140,7 +144,7 @@ _ACROSS_FWHM = 1.5
 """Longest part of a crossing trail that counts in a line's profile, in star widths."""
 
 
-def line_over_points(
+def line_over_points_chi2(
     profile: LineProfile, ends: tuple[float, float], scatter: float, drawn_px: float = 0.0
 ) -> float:
     """Chi-square by which one line is better than the best few points; negative: points are.
@@ -185,11 +189,11 @@ def _left_by_line(
         return left
     phase = math.pi * t[:, None] * np.linspace(1.0, most, 4 * math.ceil(most))
     cosines, sines = box[:, None] * np.cos(phase), box[:, None] * np.sin(phase)
-    explained = explained_by_a_wave(rest, basis, cosines, sines)
+    explained = best_wave_share(rest, basis, cosines, sines)
     return min(left, left - min(explained, left) + _PRICE_OF_A_PERIOD)
 
 
-def drawn_along(length_px: float, turn_deg: float, fwhm_px: float) -> float:
+def trail_along_line_px(length_px: float, turn_deg: float, fwhm_px: float) -> float:
     """Length of a star's trail along a line turned against it, within the line's width, px."""
     turn = math.radians(turn_deg)
     along = length_px * abs(math.cos(turn))

@@ -51,7 +51,7 @@ def short_lines(
     return lines
 
 
-def in_turn(found: Sequence[CellLine], short: Sequence[CellLine]) -> list[CellLine]:
+def interleaved_lines(found: Sequence[CellLine], short: Sequence[CellLine]) -> list[CellLine]:
     """Merge both lists, the best of either first: the number that is measured is limited."""
     pairs = itertools.zip_longest(found, short)
     return [line for pair in pairs for line in pair if line is not None]

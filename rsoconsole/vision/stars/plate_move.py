@@ -36,7 +36,7 @@ def refit_from(
     by a vote of all star pairs. A wrong field gets no majority and is refused, and so is a plate
     whose scale or angle differs from the previous one's.
     """
-    predicted = moved_by_sky(previous, shift_deg)
+    predicted = plate_after_mount_move(previous, shift_deg)
     scale = describe(predicted, width_px, height_px).scale_arcsec_px
     reach_px = max(search_arcsec / scale, 2.0 * _VOTE_BIN_PX)
     stars = np.asarray(stars_xy_px, float)[:MAX_STARS, :2]
@@ -47,7 +47,7 @@ def refit_from(
     offset = _voted_offset(stars[:150], places_px[:300], reach_px)
     if offset is None:
         return None
-    start = moved_by_pixels(predicted, offset)
+    start = plate_shifted_px(predicted, offset)
     fit = refit(
         stars,
         np.asarray(catalogue_deg, float)[shown],
@@ -75,7 +75,7 @@ def _shown(
     return shown, np.stack(sky_to_pixel(plate, catalogue[:, 0], catalogue[:, 1]), axis=1)
 
 
-def moved_by_sky(wcs: Wcs, shift_deg: tuple[float, float]) -> Wcs:
+def plate_after_mount_move(wcs: Wcs, shift_deg: tuple[float, float]) -> Wcs:
     """Return the plate after the mount turned by (RA, Dec): same pixels, tangent point moved."""
     dec_deg = float(np.clip(wcs.crval_dec_deg + shift_deg[1], -90.0, 90.0))
     return replace(
@@ -83,11 +83,11 @@ def moved_by_sky(wcs: Wcs, shift_deg: tuple[float, float]) -> Wcs:
     )
 
 
-def moved_by_pixels(wcs: Wcs, offset_px: tuple[float, float]) -> Wcs:
+def plate_shifted_px(wcs: Wcs, offset_px: tuple[float, float]) -> Wcs:
     """Return the plate whose stars lie ``offset_px`` further on the frame."""
     ra, dec = pixel_to_sky(wcs, wcs.crpix_x_px - offset_px[0], wcs.crpix_y_px - offset_px[1])
     shift = (float(ra) - wcs.crval_ra_deg, float(dec) - wcs.crval_dec_deg)
-    return moved_by_sky(wcs, shift)
+    return plate_after_mount_move(wcs, shift)
 
 
 def _voted_offset(
@@ -153,7 +153,7 @@ def shift_plate(
     ``shift_deg`` and ``search_arcsec`` as in ``plate_move.refit_from``. ``rms_arcsec``: of the
     previous plate's stars, per axis: that few stars agree better by luck is not believed.
     """
-    predicted = moved_by_sky(previous, shift_deg)
+    predicted = plate_after_mount_move(previous, shift_deg)
     scale = describe(predicted, width_px, height_px).scale_arcsec_px
     reach_px = search_arcsec / scale
     most_stars, most_catalogued = _ASKED[-1]
@@ -179,7 +179,7 @@ def shift_plate(
     rms = scale * math.sqrt(float(np.sum(left_px**2)) / (2.0 * (len(left_px) - 1)))
     rms = max(rms, rms_arcsec)
     return PlateFit(
-        wcs=moved_by_pixels(predicted, (float(shift[0]), float(shift[1]))),
+        wcs=plate_shifted_px(predicted, (float(shift[0]), float(shift[1]))),
         matched=len(left_px),
         rms_arcsec=rms,
         catalogue_indices=shown[of_catalogue],

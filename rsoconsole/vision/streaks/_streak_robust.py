@@ -86,7 +86,7 @@ def uneven_share(cutout: Cutout, axes: Axes, fit: LineFit) -> float:
     return float(np.mean(is_off)) if is_off.size else 0.0
 
 
-def or_star_beyond_an_end(
+def without_star_beyond_end(
     cutout: Cutout,
     axes: Axes,
     start: Line,

@@ -27,8 +27,8 @@ from rsoconsole.vision.streaks._streak_model import Line, LineFit
 from rsoconsole.vision.streaks._streak_robust import (
     Axes,
     fit_robustly,
-    or_star_beyond_an_end,
     uneven_share,
+    without_star_beyond_end,
 )
 from rsoconsole.vision.streaks.streak_evenness import unevenness
 from rsoconsole.vision.streaks.streak_glance import goes_on_beyond, is_broken
@@ -216,7 +216,7 @@ def _fit_once(
     fitted = fit_robustly(cutout, axes, start, stretch, psf_sigma)
     if fitted is None:
         return NoStreak(reason=NotAStreak(kind="no line"))
-    fitted = or_star_beyond_an_end(cutout, axes, start, stretch, fitted)
+    fitted = without_star_beyond_end(cutout, axes, start, stretch, fitted)
     fit = _describe(cutout, guess, fitted, stretch)
     reason = _fault(fit, stretch, fitted, fwhm, uneven_share(cutout, axes, fitted))
     return fit if reason is None else NoStreak(reason=reason, fit=fit)

@@ -21,7 +21,7 @@ from rsoconsole.records import Detection, FloatArray, PixelArray
 from rsoconsole.vision.arrays import BoolArray, IndexArray
 from rsoconsole.vision.frame.background import Background
 from rsoconsole.vision.frame.median import median_of
-from rsoconsole.vision.lines.line_or_points import confusion
+from rsoconsole.vision.lines.line_or_points import surroundings_scatter_ratio
 from rsoconsole.vision.lines.line_strip import (
     INTERPOLATED_VARIANCE,
     Course,
@@ -133,7 +133,7 @@ def _in_strip(strip: LineStrip, ends: Ends, sigma: float) -> Middle | None:
     used = profile.between(first - room, last + room)
     if np.count_nonzero(profile.between(first, last)) < _MIN_COLUMNS:
         return None
-    error = confusion(strip, used, course, sigma) * profile.error[used]
+    error = surroundings_scatter_ratio(strip, used, course, sigma) * profile.error[used]
     u = profile.columns[used].astype(np.float64)
     settled = _settled(u, profile.light[used], error, (first, last), sigma)
     if settled is None:

@@ -17,7 +17,12 @@ from rsoconsole.sky import turn_deg
 from rsoconsole.vision.arrays import BoolArray, IndexArray
 from rsoconsole.vision.frame.background import Background
 from rsoconsole.vision.frame.median import median_of
-from rsoconsole.vision.lines.line_or_points import confusion, drawn_along, line_over_points, texture
+from rsoconsole.vision.lines.line_or_points import (
+    line_over_points_chi2,
+    line_texture,
+    surroundings_scatter_ratio,
+    trail_along_line_px,
+)
 from rsoconsole.vision.lines.line_strip import (
     INTERPOLATED_VARIANCE,
     MIN_KNOWN,
@@ -318,13 +323,13 @@ def _described(
     light = profile.light[known]
     if light.sum() <= 0.0:
         return None
-    scatter = confusion(strip, known, course, profile.sigma)
-    quartile, roughness = texture(profile, (a, b), scatter)
+    scatter = surroundings_scatter_ratio(strip, known, course, profile.sigma)
+    quartile, roughness = line_texture(profile, (a, b), scatter)
     drawn_px = 0.0
     if trail is not None:
         angle_deg = math.degrees(math.atan2(strip.dy, strip.dx) + math.atan(course.slope))
         turn = turn_deg(angle_deg % 180.0, trail.angle_deg)
-        drawn_px = drawn_along(trail.length_px, turn, trail.fwhm_px)
+        drawn_px = trail_along_line_px(trail.length_px, turn, trail.fwhm_px)
     x_a, y_a = strip.at(a, float(course.at(a)))
     x_b, y_b = strip.at(b, float(course.at(b)))
     return Trace(
@@ -342,7 +347,7 @@ def _described(
         roughness=roughness,
         confusion=scatter,
         beyond=_beyond(profile, (a, b), float(light.mean()), is_open),
-        over_points=line_over_points(profile, (a, b), scatter, drawn_px),
+        over_points=line_over_points_chi2(profile, (a, b), scatter, drawn_px),
     )
 
 

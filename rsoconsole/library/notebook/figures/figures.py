@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
-from rsoconsole.base import SessionError, said_as
+from rsoconsole.base import SessionError, system_errors_as
 from rsoconsole.control import one_line
 from rsoconsole.library.notebook.figures.draw_sky import draw_about_line, draw_errors, draw_track
 from rsoconsole.library.notebook.figures.draw_time import (
@@ -31,7 +31,7 @@ MAX_NOTES = 3
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Drawing:
+class FigureRecipe:
     """One of the figures: its name, what draws it, and what it needs."""
 
     name: str
@@ -44,15 +44,15 @@ class Drawing:
 DRAWINGS = {
     each.name: each
     for each in (
-        Drawing(name="confidence", draw=draw_confidence, height_in=3.0, needs_track=False),
-        Drawing(name="track", draw=draw_track),
-        Drawing(name="track_about_line", draw=draw_about_line),
-        Drawing(name="residuals", draw=draw_residuals),
-        Drawing(name="nis", draw=draw_nis, height_in=3.0),
+        FigureRecipe(name="confidence", draw=draw_confidence, height_in=3.0, needs_track=False),
+        FigureRecipe(name="track", draw=draw_track),
+        FigureRecipe(name="track_about_line", draw=draw_about_line),
+        FigureRecipe(name="residuals", draw=draw_residuals),
+        FigureRecipe(name="nis", draw=draw_nis, height_in=3.0),
     )
 }
 """Figures by name, in the order in which they are written."""
-QUALITY = Drawing(name="quality", draw=draw_quality, height_in=6.0, needs_track=False)
+QUALITY = FigureRecipe(name="quality", draw=draw_quality, height_in=6.0, needs_track=False)
 
 
 def has_track(night: DrawnNight) -> bool:
@@ -83,14 +83,14 @@ def write_figures(
     if truth is not None and has_track(night):
         places = read_truth(truth, night)
         drawings.append(
-            Drawing(name="errors", draw=lambda figure, each: draw_errors(figure, each, places))
+            FigureRecipe(name="errors", draw=lambda figure, each: draw_errors(figure, each, places))
         )
     notes = clock_notes(SessionReader(session))
     # Half a second of imports: only who draws pays for them. No window system is asked for.
-    from rsoconsole.library.notebook.figures.inline import NightFigure, styled
+    from rsoconsole.library.notebook.figures.inline import NightFigure, figure_style
 
     paths = []
-    with styled(salt=night.title), warnings.catch_warnings():
+    with figure_style(salt=night.title), warnings.catch_warnings():
         # A sign that the font lacks is a box in the picture, nothing to print code lines for.
         warnings.filterwarnings("ignore", message="Glyph .* missing from")
         for number, drawing in enumerate(drawings, start=1):
@@ -101,7 +101,7 @@ def write_figures(
                 words = "\n".join(f"CLOCK {one_line(each)}" for each in notes[:MAX_NOTES])
                 figure.text(0.995, 0.995, words, fontsize=5, color="#9c1c15", ha="right", va="top")
             path = out / f"{number}_{drawing.name}.{file_format}"
-            with said_as(SessionError, f"{path} cannot be written: "):
+            with system_errors_as(SessionError, f"{path} cannot be written: "):
                 out.mkdir(parents=True, exist_ok=True)
                 figure.savefig(path, metadata=_UNDATED[file_format])
             paths.append(path)
@@ -150,7 +150,7 @@ class NightPlots(ABC):
         """Image and sky quality of each frame: width of its stars, background and so on."""
         return self._plot(QUALITY, figure)
 
-    def _plot(self, drawing: Drawing, figure: Any) -> "Figure":
+    def _plot(self, drawing: FigureRecipe, figure: Any) -> "Figure":
         nights = self.nights()
         if drawing.needs_track and not any(has_track(night) for night in nights):
             raise SessionError(
@@ -158,13 +158,13 @@ class NightPlots(ABC):
                 "plot_confidence() shows what was detected"
             )
         # Half a second of imports: only who draws pays for them.
-        from rsoconsole.library.notebook.figures.inline import NightFigure, styled
+        from rsoconsole.library.notebook.figures.inline import NightFigure, figure_style
 
         if figure is None:
             figure = NightFigure(WIDTH_IN * len(nights), drawing.height_in)
         elif hasattr(figure, "set_layout_engine") and figure.get_layout_engine() is None:
             figure.set_layout_engine("constrained")  # the keys stand outside the panels
-        with styled():
+        with figure_style():
             if len(nights) == 1:
                 drawing.draw(figure, nights[0])
                 return figure  # type: ignore[no-any-return]

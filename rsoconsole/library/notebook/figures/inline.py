@@ -18,7 +18,7 @@ SAVED_DPI = 144
 """Resolution for screens with small pixels; the size shown is by ``SHOWN_DPI``."""
 
 
-def styled(salt: str | None = None) -> AbstractContextManager[None]:
+def figure_style(salt: str | None = None) -> AbstractContextManager[None]:
     """Context in which matplotlib draws in the product's type and colours.
 
     ``salt``: with it the same drawing gives the same SVG.
@@ -31,14 +31,14 @@ class NightFigure(Figure):
     """A figure with the product's own type and colours."""
 
     def __init__(self, width_in: float, height_in: float) -> None:
-        with styled():
+        with figure_style():
             super().__init__(figsize=(width_in, height_in))
         FigureCanvasAgg(self)
 
     def _repr_png_(self) -> tuple[bytes, dict[str, int]]:
         """The picture, and the size at which it is shown."""
         buffer = io.BytesIO()
-        with styled():
+        with figure_style():
             self.savefig(buffer, format="png", dpi=SAVED_DPI, metadata={"Software": None})
         width_in, height_in = self.get_size_inches()
         size: dict[str, Any] = {

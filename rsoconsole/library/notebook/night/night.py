@@ -60,7 +60,9 @@ def read_night(session: Path) -> DrawnNight:
     reader = SessionReader(session)
     config = reader.config()
     frames = NightFrames(config).take_all(record for _, _, record in reader.records())
-    return nonempty(night_of(title_of(reader.about(), session), config, frames.seen()), session)
+    return expect_frames(
+        night_of(title_of(reader.about(), session), config, frames.seen()), session
+    )
 
 
 def title_of(about: Mapping[str, Any], folder: Path) -> str:
@@ -68,7 +70,7 @@ def title_of(about: Mapping[str, Any], folder: Path) -> str:
     return one_line(str(about.get("title") or folder.resolve().name))
 
 
-def nonempty(night: DrawnNight, session: Path) -> DrawnNight:
+def expect_frames(night: DrawnNight, session: Path) -> DrawnNight:
     """The night. Raises SessionError where it holds no frame with a time."""
     if not night.frames:
         raise SessionError(f"{session} holds no frame with a time: there is nothing to draw")

@@ -9,7 +9,7 @@ from rsoconsole.library.notebook.night.svg import AMBER, GREEN, RED, text
 from rsoconsole.night import NightFrame, is_of_streak, outline_px
 from rsoconsole.records import Detection, Measurement, NotSolved, Solution
 from rsoconsole.sky import sky_to_pixel
-from rsoconsole.words import counted, parts_of, short_name_of
+from rsoconsole.words import count_words, parts_of, short_name_of
 
 _MARGIN = 0.012
 """Room between a streak and its box, as a share of the frame's width."""
@@ -48,7 +48,7 @@ def words_of(frame: NightFrame) -> str:
         parts.append(f"{frame.solution.matched} stars, {frame.solution.rms_arcsec:.2f}″")
     if frame.detections is not None:
         count = len(frame.detections.detections)
-        parts.append(counted(count, "streak") if count else "no streak")
+        parts.append(count_words(count, "streak") if count else "no streak")
     if followed is not None:
         parts.append(f"followed with confidence {followed.confidence:.2f}")
     return " · ".join(parts)

@@ -29,7 +29,7 @@ from rsoconsole.control import (
     read_record,
 )
 from rsoconsole.library.notebook.panel._panel_view import TUNED
-from rsoconsole.library.notebook.panel.link import Link
+from rsoconsole.library.notebook.panel.link import PanelLink
 
 log = logging.getLogger(__name__)
 
@@ -54,7 +54,7 @@ class PanelOrders:
     def __init__(
         self,
         wire: ControlClient,
-        link: Link,
+        link: PanelLink,
         show: Show,
         *,
         read_only: bool,

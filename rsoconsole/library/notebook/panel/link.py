@@ -18,7 +18,7 @@ EVERY_S = 0.5
 ANSWER_S = 1.0
 
 
-class Link(Poller):
+class PanelLink(Poller):
     """Poller that reports ``status`` at every turn, and the rest where it has changed."""
 
     def __init__(

@@ -17,7 +17,7 @@ from rsoconsole.base import resource
 from rsoconsole.control import ControlClient, Found, Sender
 from rsoconsole.instruments import stop_past_engine
 from rsoconsole.library.notebook.panel._panel_orders import PanelOrders
-from rsoconsole.library.notebook.panel.link import Link
+from rsoconsole.library.notebook.panel.link import PanelLink
 
 UNSEEN_S = 12.0
 """Silence after which a page counts as closed and its panel releases the engine, s."""
@@ -67,7 +67,7 @@ class LivePanel(anywidget.AnyWidget):  # type: ignore[misc]
         self._answering: Context | None = None
         """Context of the page's last message; None before the first one."""
         self._unsent: dict[str, Any] = {}
-        self._link = Link(
+        self._link = PanelLink(
             client,
             seat=sender.name,
             is_watched=lambda: time.monotonic() - self._seen_s < UNSEEN_S,

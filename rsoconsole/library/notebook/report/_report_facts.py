@@ -17,7 +17,7 @@ GEO_WITHIN_ARCSEC_S = 0.3
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Course:
+class NightCourse:
     """Course of a night: lines of the log in the order of the record."""
 
     entries: tuple[LogLine, ...]
@@ -91,7 +91,7 @@ def _track(known: NightTrack, rows: list[MeasuredRow]) -> TrackFacts:
     )
 
 
-def read_course(session: Path) -> Course:
+def read_course(session: Path) -> NightCourse:
     """Read the course of a night, with every order and setting. Raises SessionError."""
     reader = SessionReader(session)
     night = Night(session, reader.about(), reader.config())
@@ -102,7 +102,7 @@ def read_course(session: Path) -> Course:
             done += filter(None, [line_of(record, t_utc_ns)])
     actions, changes = OperatorAction.__name__, ParameterChange.__name__
     locked = (line.frame_id for line in night.log if line.change[1:2] == ("TRACK",))
-    return Course(
+    return NightCourse(
         entries=tuple(line for line in night.log if line.kind not in {actions, changes}),
         actions=tuple(line for line in done if line.kind == actions),
         changes=tuple(line for line in done if line.kind == changes),

@@ -191,12 +191,12 @@ def inline_figures(night: DrawnNight, with_firsts: DrawnNight) -> dict[str, str]
 
 def _drawn(draw: Callable[[Any, DrawnNight], None], night: DrawnNight, height_in: float) -> str:
     # Half a second of imports: only who draws pays for them. No window system is asked for.
-    from rsoconsole.library.notebook.figures.inline import NightFigure, styled
+    from rsoconsole.library.notebook.figures.inline import NightFigure, figure_style
 
     salt = night.title
     # Nothing of it is shown; a dollar in a title would begin a formula.
     night = replace(night, title="")
-    with styled(salt):
+    with figure_style(salt):
         figure = NightFigure(7.2, height_in)
         draw(figure, night)
         for axis in figure.axes:

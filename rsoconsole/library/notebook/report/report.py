@@ -18,14 +18,22 @@ from rsoconsole.library.formats.night import read_night as read_rows
 from rsoconsole.library.formats.rows import MeasuredRow
 from rsoconsole.library.notebook.night.night import DrawnNight, read_night
 from rsoconsole.library.notebook.report._report_facts import (
-    Course,
+    NightCourse,
     TrackFacts,
     filter_words,
     read_course,
     track_facts,
 )
 from rsoconsole.library.notebook.report._report_pictures import inline_figures, shown_frames
-from rsoconsole.night import FRAME_FACTS, Summary, facts_of, merit, span_text, summary_of, tracks_of
+from rsoconsole.night import (
+    FRAME_FACTS,
+    Summary,
+    facts_of,
+    median_and_range_text,
+    merit,
+    summary_of,
+    tracks_of,
+)
 from rsoconsole.pipeline import usual_sigma_s
 from rsoconsole.records import (
     ExpectedMembers,
@@ -40,12 +48,12 @@ from rsoconsole.session import SessionReader
 from rsoconsole.sky import day_of
 from rsoconsole.words import (
     clock,
-    counted,
+    count_words,
+    date_span_words,
     format_dec,
     format_ra,
     settings_words,
     shutter_words,
-    when,
 )
 
 MAX_PAIRS = 40
@@ -152,7 +160,7 @@ def pass_facts(records: Iterable[Record]) -> tuple[PassFacts, ...]:
 def _facts(over: LowPass, leaps: Sequence[LeapDone]) -> PassFacts:
     met = [each for each in leaps if each.result == "met"]
     others = [each.result for each in leaps if each.result != "met"]
-    counted = (f"{others.count(kind)} {kind}" for kind in dict.fromkeys(others))
+    count_words = (f"{others.count(kind)} {kind}" for kind in dict.fromkeys(others))
     along, across = (
         _median([abs(off) for each in met if (off := getattr(each, name)) is not None])
         for name in ("off_along_arcsec", "off_across_arcsec")
@@ -162,7 +170,7 @@ def _facts(over: LowPass, leaps: Sequence[LeapDone]) -> PassFacts:
         leaps=len(leaps),
         met=len(met),
         at_close=sum(each.ordered == "at close" for each in leaps),
-        unmet=", ".join(counted),
+        unmet=", ".join(count_words),
         total_s=_median([each.total_s for each in leaps]),
         parts_s=tuple(_median([getattr(each, part) for each in leaps]) or 0.0 for part in PARTS)
         if leaps
@@ -210,7 +218,7 @@ def render_report(session: Path) -> Report:
         .get_template(TEMPLATE)
         .render(
             night=night,
-            span=when(night.frames[0].t_mid_utc_ns, night.frames[-1].t_mid_utc_ns),
+            span=date_span_words(night.frames[0].t_mid_utc_ns, night.frames[-1].t_mid_utc_ns),
             changes=settings_words(changes) if isinstance(changes, Mapping) else "",
             exported=exported,
             course=course,
@@ -281,7 +289,7 @@ def _conclusion(
     night: DrawnNight, figures: Summary, tracks: tuple[TrackFacts, ...], said: str
 ) -> str:
     """The night in a sentence or three."""
-    exposures = counted(len(night.frames), "exposure")
+    exposures = count_words(len(night.frames), "exposure")
     if not tracks:
         measured = sum(bool(f.others) or f.measured is not None for f in night.frames)
         return f"Nothing was followed: {exposures}, something was measured in {measured} of them."
@@ -290,7 +298,7 @@ def _conclusion(
     count = sum(track.count for track in tracks)
     words = (
         f"{objects} followed from {clock(first, zone='')} to {clock(last, zone='')} UTC"
-        f" and measured {counted(count, 'time')} in {exposures}, {_misses(figures.misses)}."
+        f" and measured {count_words(count, 'time')} in {exposures}, {_misses(figures.misses)}."
     )
     if len(tracks) == 1 and tracks[0].is_geostationary:
         words += " It moves as a geostationary satellite does."
@@ -310,7 +318,7 @@ def _misses(number: int) -> str:
     return "with one miss" if number == 1 else f"with {number} misses"
 
 
-def _key_figures(figures: Summary, course: Course) -> list[tuple[str, str, str]]:
+def _key_figures(figures: Summary, course: NightCourse) -> list[tuple[str, str, str]]:
     """Cells (label, figure, note) of the head's row."""
     beside = {
         merit.LOCK: "" if course.locked_frame is None else f"with frame {course.locked_frame}",
@@ -344,7 +352,7 @@ def _alts(night: DrawnNight, figures: Summary) -> dict[str, str]:
     if measured:
         alts["confidence"] = (
             f"Confidence against time: from {min(measured):.2f} to {max(measured):.2f} in"
-            f" {counted(len(measured), 'frame')}, {_misses(figures.misses)}."
+            f" {count_words(len(measured), 'frame')}, {_misses(figures.misses)}."
         )
     if figures.residual_rms_arcsec is not None and figures.inside_3sigma is not None:
         share = f"{100.0 * figures.inside_3sigma:.0f} per cent"
@@ -368,5 +376,5 @@ def _quality(night: DrawnNight) -> Iterator[tuple[str, str]]:
     """Image and sky quality of the night's frames."""
     facts = [facts_of(frame.detections) for frame in night.frames]
     for fact in FRAME_FACTS:
-        if said := span_text(fact, [each[fact.name] for each in facts]):
+        if said := median_and_range_text(fact, [each[fact.name] for each in facts]):
             yield f"{fact.label[0].upper()}{fact.label[1:]}", said
