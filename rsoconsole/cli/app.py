@@ -27,14 +27,7 @@ from rsoconsole.cli.recorded import (
     sessions,
     what_if,
 )
-from rsoconsole.cli.telescope import (
-    go_to,
-    order,
-    passes,
-    service,
-    setup,
-    telescope,
-)
+from rsoconsole.cli.telescope import go_to, order, passes, service, setup, telescope
 from rsoconsole.cli.words import output
 from rsoconsole.cli.words.usage import (
     USAGE_EXIT,

@@ -4,12 +4,7 @@ from datetime import date
 from pathlib import Path
 from typing import Literal, Self
 
-from pydantic import (
-    Field,
-    field_serializer,
-    field_validator,
-    model_validator,
-)
+from pydantic import Field, field_serializer, field_validator, model_validator
 
 from rsoconsole.config.observatory import Section
 from rsoconsole.config.source_names import expect_url, shown, split_source
@@ -262,8 +257,7 @@ class CatalogueConfig(Section):
     )
     space_track_url: str = Field("https://www.space-track.org", repr=False)
     space_track_login: Path | None = Field(
-        None,
-        description="file of two lines, user name and password, that only you can read",
+        None, description="file of two lines, user name and password, that only you can read"
     )
     gate_deg: float = Field(
         0.2, gt=0, le=5, description="how far off its elements an object may be and be named"

@@ -15,11 +15,7 @@ from pathlib import Path
 from typing import Any, Literal, Self, get_args, get_origin
 
 import platformdirs
-from pydantic import (
-    BaseModel,
-    Field,
-    ValidationError,
-)
+from pydantic import BaseModel, Field, ValidationError
 
 from rsoconsole.base import (
     ConfigError,
@@ -94,10 +90,7 @@ def environment_settings(
         variable = variable_of(name)
         section, _, key = name.partition(".")
         source = EnvSettingsSource(
-            settings,
-            env_prefix=PREFIX,
-            env_nested_delimiter=BETWEEN,
-            env_parse_none_str="null",
+            settings, env_prefix=PREFIX, env_nested_delimiter=BETWEEN, env_parse_none_str="null"
         )
         text = environ[variable]
         if _is_list(model, section, key) and not text.lstrip().startswith("[") and text != "null":

@@ -8,13 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from rsoconsole.base import InputError
-from rsoconsole.library._given import (
-    Number,
-    SkyCoordLike,
-    instants_utc_ns,
-    number,
-    numbers,
-)
+from rsoconsole.library._given import Number, SkyCoordLike, instants_utc_ns, number, numbers
 from rsoconsole.records import FloatArray, Site
 from rsoconsole.sky import IntArray
 

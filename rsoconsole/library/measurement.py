@@ -96,10 +96,7 @@ def measure(
     meta = {
         "frames": shown,
         "notes": list(notes),
-        META: {
-            "site": None if place is None else asdict(place),
-            "frames": records,
-        },
+        META: {"site": None if place is None else asdict(place), "frames": records},
     }
     return table_of("measurements", taken, meta, names=names, extra=SIGMAS, more=more)
 

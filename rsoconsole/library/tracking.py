@@ -8,14 +8,7 @@ import numpy as np
 
 from rsoconsole.base import InputError, SessionError
 from rsoconsole.config import Config, SiteConfig
-from rsoconsole.library._given import (
-    ConfigLike,
-    Number,
-    Place,
-    config_of,
-    required_site,
-    table_of,
-)
+from rsoconsole.library._given import ConfigLike, Number, Place, config_of, required_site, table_of
 from rsoconsole.library._observations import (
     META,
     Directions,
@@ -222,8 +215,7 @@ def _left(
     taken = {m.measurement_id for each in tracks for m in each.measurements}
     left = [
         replace(
-            each,
-            measurements=tuple(m for m in each.measurements if m.measurement_id not in taken),
+            each, measurements=tuple(m for m in each.measurements if m.measurement_id not in taken)
         )
         for each in frames
     ]

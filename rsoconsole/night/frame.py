@@ -39,9 +39,7 @@ def is_without_detection(record: Record) -> bool:
 
 
 def is_outside_field(
-    predicted: TrackState | None,
-    solution: Solution | NotSolved | None,
-    taken: FrameTaken | None,
+    predicted: TrackState | None, solution: Solution | NotSolved | None, taken: FrameTaken | None
 ) -> bool:
     """Return True if a solved frame's field leaves out the lead track's predicted position."""
     if predicted is None or taken is None or not isinstance(solution, Solution):

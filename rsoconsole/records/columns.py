@@ -267,10 +267,7 @@ _ABOUT: tuple[Table, ...] = (
         own=columns_of(OF_EXPECTED),
     ),
     Table(
-        name="leaps",
-        kind=LeapDone,
-        row="a leap ahead of a low satellite",
-        own=columns_of(OF_LEAP),
+        name="leaps", kind=LeapDone, row="a leap ahead of a low satellite", own=columns_of(OF_LEAP)
     ),
     Table(
         name="low_passes",

@@ -108,8 +108,7 @@ def coasted_with_rivals(  # noqa: PLR0917 -- one call, each argument a different
                 f" {len(rival.measurements)} frames agree, {min(chance, 1e6):.0f} to 1"
             )
             found = Reacquired(
-                pair=(rival.measurements[-2], last),
-                cause=Cause(kind="re-acquired", detail=detail),
+                pair=(rival.measurements[-2], last), cause=Cause(kind="re-acquired", detail=detail)
             )
             others = tuple(
                 r for r in step.records if not isinstance(r, NotFollowed) or r.measurement != last

@@ -1,8 +1,8 @@
 """Tracks beside the lead: measurements that no track has accepted may initiate another one. Pure.
 
 Frames that agree on one motion initiate it, as they do the first. On trial
-(``chains.trial_lengths``) it ends with its first miss, so that false streaks cost a frame or two, and its last streak may
-initiate another one. A track seen three or four times coasts for less time than one seen all night.
+(``chains.trial_lengths``) it ends with its first miss, so that false streaks cost a frame or two,
+and its last streak may initiate another one. A track seen three or four times coasts for less time than one seen all night.
 One that has left the field ends too: only the lead is searched for.
 """
 
@@ -272,7 +272,5 @@ def _with_given_back(before: Following, steps: Sequence[Step]) -> Following:
     of_last = tuple(m for m in given_back if m.frame_id == last)
     older = tuple(m for m in given_back if m.frame_id < last)
     return replace(
-        before,
-        candidates=(*before.candidates, *of_last),
-        earlier=(*before.earlier, *older),
+        before, candidates=(*before.candidates, *of_last), earlier=(*before.earlier, *older)
     )

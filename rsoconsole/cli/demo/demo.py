@@ -56,8 +56,7 @@ def demo(
     ] = None,
     preset: Annotated[Preset, typer.Option(help="Filter preset.")] = "adaptive",
     speed: Annotated[
-        float | None,
-        typer.Option(min=0, help="Virtual seconds a second; 0: as fast as it goes."),
+        float | None, typer.Option(min=0, help="Virtual seconds a second; 0: as fast as it goes.")
     ] = None,
     seed: Annotated[int, typer.Option(min=0, help="Same seed, same night.")] = 1,
     headless: Annotated[
@@ -97,8 +96,7 @@ def demo(
         typer.Option(help="UTC of a --target night's start. Default: when it can be seen."),
     ] = None,
     site: Annotated[
-        str | None,
-        typer.Option(help="LAT,LON,ELEV of a --target night. Default: Daytona Beach."),
+        str | None, typer.Option(help="LAT,LON,ELEV of a --target night. Default: Daytona Beach.")
     ] = None,
     json_: JsonOption = False,
 ) -> None:

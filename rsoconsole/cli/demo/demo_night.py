@@ -75,12 +75,7 @@ def run_night(
         truth_path = Path(scratch) / "truth.jsonl"
         socket = control_socket(Path(scratch))
         with start_observatory(
-            night.scenario,
-            night.seed,
-            night.speed,
-            truth_path,
-            plan=night.plan,
-            world=night.world,
+            night.scenario, night.seed, night.speed, truth_path, plan=night.plan, world=night.world
         ) as observatory:
             indi = config.indi.model_copy(
                 update={

@@ -26,8 +26,7 @@ def calibrate_time(
         typer.Option(help="Broadcast navigation file (RINEX 2, 3, 4; .gz); may be repeated."),
     ] = None,
     sp3: Annotated[
-        list[Path] | None,
-        typer.Option(help="Precise orbits (SP3-c, SP3-d; .gz); may be repeated."),
+        list[Path] | None, typer.Option(help="Precise orbits (SP3-c, SP3-d; .gz); may be repeated.")
     ] = None,
     tle: Annotated[
         list[Path] | None,

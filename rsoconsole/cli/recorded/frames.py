@@ -299,10 +299,7 @@ def detect(
         for frame in read_frames(path, number, extension=extension):
             found, notes = detector.detect(frame)
             yield detections_report(
-                files.name(path),
-                found,
-                extension=frame.header.get(EXTENSION_KEY),
-                notes=notes,
+                files.name(path), found, extension=frame.header.get(EXTENSION_KEY), notes=notes
             )
 
     with open_input_files(given) as files:

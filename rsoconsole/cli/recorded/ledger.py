@@ -114,9 +114,7 @@ def join(
 
     found = _changed(change, simulated=simulated).named(into)
     output.answer(
-        json_,
-        found,
-        lambda known: f"UCT {number} is {known.called}: {len(known.tracks)} tracks",
+        json_, found, lambda known: f"UCT {number} is {known.called}: {len(known.tracks)} tracks"
     )
 
 

@@ -43,8 +43,7 @@ ObjectOption = Annotated[
     typer.Option("--object", help="Which object of a file that holds several, as it is called."),
 ]
 RadiansOption = Annotated[
-    bool | None,
-    typer.Option("--radians/--degrees", help="What the angles of a table are in."),
+    bool | None, typer.Option("--radians/--degrees", help="What the angles of a table are in.")
 ]
 AHEAD_S = (600, 3600, 86_400)
 _ANOTHER = 0.1

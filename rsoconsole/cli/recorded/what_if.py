@@ -138,12 +138,7 @@ def what_if(
         return
     questions = [
         BatchWhatIf(
-            session=path,
-            changes=changes,
-            detector=detector,
-            solver=solver,
-            save=save,
-            force=force,
+            session=path, changes=changes, detector=detector, solver=solver, save=save, force=force
         )
         for path in sessions
     ]

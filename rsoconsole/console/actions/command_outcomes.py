@@ -111,6 +111,5 @@ class CommandOutcomes(MarkActions):
 
         text = f"{holder} has control. Who is asked and says nothing for 30 s gives it up."
         self.open_unrequested_dialog(
-            ConfirmDialog("another console acts", text, yes="Ask for it", letter="y"),
-            decided,
+            ConfirmDialog("another console acts", text, yes="Ask for it", letter="y"), decided
         )

@@ -11,12 +11,7 @@ from rsoconsole.console.picture.marking import Marking
 from rsoconsole.console.picture.marks import Mark
 from rsoconsole.console.picture.picture import Picture
 from rsoconsole.console.watches.messages import Pointed, call_between_messages
-from rsoconsole.control import (
-    BeginMark,
-    MarkByHand,
-    Outcome,
-    Sender,
-)
+from rsoconsole.control import BeginMark, MarkByHand, Outcome, Sender
 from rsoconsole.night import NightFrame, NightView
 from rsoconsole.pipeline import HELD
 from rsoconsole.records import NotSolved

@@ -51,12 +51,7 @@ class NudgeActions(Seat):
         self.is_nudging = True
         east, north = self._on_the_sky(right, down)
         arcmin = STEPS_ARCSEC[self._nudge_step] / 60.0
-        self.send(
-            Nudge(
-                east_arcmin=round(arcmin * east, 6),
-                north_arcmin=round(arcmin * north, 6),
-            )
-        )
+        self.send(Nudge(east_arcmin=round(arcmin * east, 6), north_arcmin=round(arcmin * north, 6)))
 
     def _on_the_sky(self, right: float, down: float) -> tuple[float, float]:
         """Return a direction in the picture as (east, north); without a plate north is up."""

@@ -8,10 +8,7 @@ from textual.binding import Binding, BindingType
 from rsoconsole.console.actions.plot_actions import PlotActions
 from rsoconsole.console.actions.second_press import TwicePressed, has_track
 from rsoconsole.console.panes.panes import LinesPane
-from rsoconsole.console.words.track_lines import (
-    is_chosen,
-    track_name_words,
-)
+from rsoconsole.console.words.track_lines import is_chosen, track_name_words
 from rsoconsole.control import Choose, Drop, Keep
 from rsoconsole.night import FollowedTrack, NightView
 from rsoconsole.words import KEPT

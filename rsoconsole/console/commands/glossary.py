@@ -73,16 +73,10 @@ TERMS: tuple[tuple[str, str], ...] = (
         " (zero point). It drops by 1 where cloud or haze takes 60 % of the light.",
     ),
     ("background", "Light of the empty sky in a pixel, in the camera's counts (ADU)."),
-    (
-        "coast",
-        "Nothing was measured: the track goes on by its prediction, and its bounds grow.",
-    ),
+    ("coast", "Nothing was measured: the track goes on by its prediction, and its bounds grow."),
     ("gate", "How large a NIS may be for a measurement to belong to the track."),
     ("prior", "What is assumed of an orbit before it is measured, e.g. a geostationary slot."),
-    (
-        "free",
-        "Orbit: the measurements alone determine it. The others below say what it rests on.",
-    ),
+    ("free", "Orbit: the measurements alone determine it. The others below say what it rests on."),
     (
         "constrained by prior",
         "Orbit: the measurements alone leave it open; the prior (given in brackets) decides what"

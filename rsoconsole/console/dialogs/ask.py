@@ -303,10 +303,7 @@ class LineDialog(FieldDialog[str | None]):
         """Make the field."""
         with dialog_box(self._title, "enter takes it · esc back"):
             yield Input(
-                self._value,
-                placeholder=self._words,
-                id="line",
-                select_on_focus=not self._goes_on,
+                self._value, placeholder=self._words, id="line", select_on_focus=not self._goes_on
             )
 
     def on_input_submitted(self, event: Input.Submitted) -> None:

@@ -139,7 +139,8 @@ def _lines(streak: Detection, fate: str, reason: str) -> list[str]:
     size = size_of(streak) if streak.length_px else ""
     place = f"at {streak.x_px:.0f}, {streak.y_px:.0f}"
     snr = f"SNR {streak.snr:.0f}" if streak.snr else ""
-    head = f"  {short_figure(streak.confidence):>4}  {fate:<12}  {place:<14}  {snr:<8}  {size}".rstrip()
+    confidence = short_figure(streak.confidence)
+    head = f"  {confidence:>4}  {fate:<12}  {place:<14}  {snr:<8}  {size}".rstrip()
     named = "; ".join(words for words in (streak_name(streak), streak_pulse_words(streak)) if words)
     return [
         head,

@@ -83,10 +83,7 @@ class HelpDialog(PagedDialog[str | None]):
     ]
 
     def __init__(
-        self,
-        keymap: Mapping[str, str] | None = None,
-        mode: Mode = "live",
-        place: Place = "live",
+        self, keymap: Mapping[str, str] | None = None, mode: Mode = "live", place: Place = "live"
     ) -> None:
         super().__init__()
         self._pages = {

@@ -30,9 +30,7 @@ NAME_COLUMNS = 24
 class VisibleSatellitesDialog(ListDialog[str | None, "VisibleSatellite"]):
     """Dialog of satellites above the limit; typing finds one. Gives its catalogue number."""
 
-    BINDINGS: ClassVar[list[BindingType]] = [
-        Binding("tab", "sort", show=False, priority=True),
-    ]
+    BINDINGS: ClassVar[list[BindingType]] = [Binding("tab", "sort", show=False, priority=True)]
     DEFAULT_CSS = """
     UpListDialog > Vertical { width: 78; }
     """

@@ -127,12 +127,7 @@ def timeline_rows(height: int) -> int:
 
 
 def tune_box(
-    width: int,
-    height: int,
-    *,
-    alert_rows: int = 0,
-    timeline_rows: int = 0,
-    aspect: float = 4 / 3,
+    width: int, height: int, *, alert_rows: int = 0, timeline_rows: int = 0, aspect: float = 4 / 3
 ) -> Box:
     """Return the tuning pane's box: right of the picture, over plots and figures; the sky stays.
 
@@ -154,12 +149,7 @@ def tune_box(
 
 
 def orbit_box(
-    width: int,
-    height: int,
-    *,
-    alert_rows: int = 0,
-    timeline_rows: int = 0,
-    aspect: float = 4 / 3,
+    width: int, height: int, *, alert_rows: int = 0, timeline_rows: int = 0, aspect: float = 4 / 3
 ) -> Box:
     """Return the opened orbit's box: over the plots; picture, figures and log stay.
 

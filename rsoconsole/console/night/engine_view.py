@@ -120,11 +120,7 @@ class OrbitAhead:
 
 
 def orbit_ahead(
-    estimate: OrbitEstimate,
-    config: Config,
-    from_utc_ns: int,
-    *,
-    folder: Path | None = None,
+    estimate: OrbitEstimate, config: Config, from_utc_ns: int, *, folder: Path | None = None
 ) -> OrbitAhead:
     """Predict an orbit from an instant on, seen from the site; takes half a second."""
     # Late: the sky's computation loads slowly, and the first paint does not wait for it.

@@ -154,11 +154,7 @@ MAX_ROWS = 4
 KNOWN_DEG = 60.0
 """Sigma of node and argument from which on they are not shown."""
 HALF_SKY_ARCSEC = 648_000.0
-LABEL_INKS: dict[str, Ink] = {
-    "free": "good",
-    "weak geometry": "warn",
-    "not observable": "warn",
-}
+LABEL_INKS: dict[str, Ink] = {"free": "good", "weak geometry": "warn", "not observable": "warn"}
 
 
 def orbit_lines(shown: OrbitFacts, width: int, height: int) -> list[Line]:
@@ -328,10 +324,7 @@ def _track_lines(quality: TrackQuality, width: int) -> list[Ranked]:
         (f"track, {quality.frames} frames: rms {_fine(quality.residual_rms_arcsec or 0.0)}", ""),
         (f"{merit.INSIDE.label} {merit.INSIDE.words(quality)}", ""),
         (f"{quality.misses} missed", "warn" if quality.misses else ""),
-        (
-            f"{nis} (ideal 2, sound {low:.1f}-{high:.1f})",
-            "" if quality.is_nis_sound else "warn",
-        ),
+        (f"{nis} (ideal 2, sound {low:.1f}-{high:.1f})", "" if quality.is_nis_sound else "warn"),
     ]
     lines = _ranked(items_in_rows(items, width, MAX_ROWS), 2, 3)
     if quality.lag_one is not None:

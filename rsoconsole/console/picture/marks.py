@@ -226,10 +226,7 @@ def _streak_cells(marks: list[Mark], window: Window) -> dict[tuple[int, int], bo
 
 
 def _signs(
-    mark: Mark,
-    centre: tuple[int, int],
-    window: Window,
-    streaks: dict[tuple[int, int], bool],
+    mark: Mark, centre: tuple[int, int], window: Window, streaks: dict[tuple[int, int], bool]
 ) -> list[tuple[int, int, str]]:
     """Return (column, row, text) of each of a mark's signs."""
     column, row = centre

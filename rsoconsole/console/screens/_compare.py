@@ -204,11 +204,7 @@ def _both(label: str, a: Moment, b: Moment, words: Callable[[Moment], str | None
 
 
 def _numbers(
-    label: str,
-    values: list[float | None],
-    words: Callable[[float], str],
-    *,
-    is_signed: bool = True,
+    label: str, values: list[float | None], words: Callable[[float], str], *, is_signed: bool = True
 ) -> ComparedRow:
     a, b = values
     difference = ""

@@ -237,10 +237,7 @@ class LiveScreen(NightScreen, TrackOrders, CommandOutcomes, NudgeActions):
             return f"mark sent, frame {mark.frame_id} …"
 
         return MarkCallbacks(
-            send=send,
-            begin=self.begin_mark,
-            leave=self.leave_mark,
-            refusal=self.mark_refusal,
+            send=send, begin=self.begin_mark, leave=self.leave_mark, refusal=self.mark_refusal
         )
 
     def action_verdicts(self) -> None:

@@ -166,12 +166,7 @@ class TimelineFold:
     """Last known place of the log."""
 
     def receive(
-        self,
-        seq: int,
-        t_utc_ns: int,
-        kind: str,
-        frame_id: int | None,
-        record: Record | None = None,
+        self, seq: int, t_utc_ns: int, kind: str, frame_id: int | None, record: Record | None = None
     ) -> None:
         """Fold the next record; ``record`` itself is needed for the ``READ_IN_FULL`` kinds only."""
         # An unreadable record stands at instant 0, and a clock that is set may go back.

@@ -140,11 +140,7 @@ class SessionWatch(Poller):
         if detail == before.detail and closeup is before.closeup:
             return False
         self._picture = replace(
-            before,
-            detail=detail,
-            marks=marks_of(detail),
-            closeup=closeup,
-            place=detail.closeup,
+            before, detail=detail, marks=marks_of(detail), closeup=closeup, place=detail.closeup
         )
         return True
 

@@ -237,11 +237,7 @@ _COLUMNS = (
         is_left=True,
     ),
     _Column(
-        head="state",
-        width=8,
-        rank=2,
-        words=lambda _night, track, _now: _state(track),
-        is_left=True,
+        head="state", width=8, rank=2, words=lambda _night, track, _now: _state(track), is_left=True
     ),
     _Column(head="resid", width=5, rank=3, words=_residual),
     _Column(head="NIS", width=4, rank=4, words=_nis),

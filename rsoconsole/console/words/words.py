@@ -18,12 +18,7 @@ HELD = "AUTO watches, moves nothing"
 Item = tuple[str, Ink]
 ARROWS = "→↘↓↙←↖↑↗"
 BADGE_COLUMNS = 100
-STATE_INKS: dict[str, Ink] = {
-    "TRACK": "good",
-    "COAST": "warn",
-    "LOST": "warn",
-    "FAULT": "alarm",
-}
+STATE_INKS: dict[str, Ink] = {"TRACK": "good", "COAST": "warn", "LOST": "warn", "FAULT": "alarm"}
 
 
 def present_utc_ns(night: NightView, engine: EngineView) -> int | None:

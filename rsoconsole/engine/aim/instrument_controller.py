@@ -253,9 +253,7 @@ def _looked_at(frame: Frame, report: MountReport) -> Frame:
     if frame.pointing_ra_icrs_deg is None:
         return frame
     return dataclasses.replace(
-        frame,
-        pointing_ra_icrs_deg=report.ra_icrs_deg,
-        pointing_dec_icrs_deg=report.dec_icrs_deg,
+        frame, pointing_ra_icrs_deg=report.ra_icrs_deg, pointing_dec_icrs_deg=report.dec_icrs_deg
     )
 
 

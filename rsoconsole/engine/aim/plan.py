@@ -122,10 +122,7 @@ class Planner:
             return None
         ra_deg, dec_deg = self._centre
         return Pose(
-            t_utc_ns=now_utc_ns,
-            ra_icrs_deg=ra_deg,
-            dec_icrs_deg=dec_deg,
-            pier_side=self._pier_side,
+            t_utc_ns=now_utc_ns, ra_icrs_deg=ra_deg, dec_icrs_deg=dec_deg, pier_side=self._pier_side
         )
 
     def plan_exposure_at(

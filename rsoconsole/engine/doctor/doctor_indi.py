@@ -137,8 +137,7 @@ def mount_site(host: str, port: int, mount: str, quiet_s: float) -> Site | None:
     with closing(IndiWire(host, port, quiet_s)) as wire:
         wire.ask(mount, "GEOGRAPHIC_COORD")
         found = wire.wait(
-            lambda vector: vector.device == mount and vector.name == "GEOGRAPHIC_COORD",
-            quiet_s,
+            lambda vector: vector.device == mount and vector.name == "GEOGRAPHIC_COORD", quiet_s
         )
     if found is None:
         return None

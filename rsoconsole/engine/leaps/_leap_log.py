@@ -34,11 +34,7 @@ from rsoconsole.sky import IntArray, Pose, lit_fraction, wrap_180
 
 
 def leap_record(
-    parts: LeapDurations,
-    leap: Leap,
-    before: LeapTrack,
-    ends: StreakEnds | None,
-    **facts: Any,
+    parts: LeapDurations, leap: Leap, before: LeapTrack, ends: StreakEnds | None, **facts: Any
 ) -> LeapDone:
     """Return a leap's record: its plan, its figures and the offset of its streak.
 

@@ -41,10 +41,7 @@ def medium_of(folder: Path, root: Path = ROOT) -> Medium:
     if file_system in _NETWORK:
         return Medium(kind="network share")
     # A file system of several disks (btrfs) has no number of its own but names one of them.
-    for path in (
-        root / "sys/dev/block" / number,
-        root / "sys/class/block" / Path(source).name,
-    ):
+    for path in (root / "sys/dev/block" / number, root / "sys/class/block" / Path(source).name):
         if path.exists():
             return _disk(path.resolve())
     return Medium(kind="unknown")

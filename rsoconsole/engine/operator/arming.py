@@ -165,8 +165,7 @@ def _pointing(
     if apart_deg <= POINTING_DEG:
         return passed_check(detail)
     return bad(
-        f"{detail}, {60 * POINTING_DEG:.0f} at most",
-        f"{ALIGN} (its sync, its hand controller)",
+        f"{detail}, {60 * POINTING_DEG:.0f} at most", f"{ALIGN} (its sync, its hand controller)"
     )
 
 

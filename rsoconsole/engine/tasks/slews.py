@@ -98,12 +98,7 @@ class Slews:
         self._commanded = None
 
     def finish(
-        self,
-        plan: Plan,
-        *,
-        is_held: bool,
-        poll_ns: int = POLL_NS,
-        settle_s: float | None = None,
+        self, plan: Plan, *, is_held: bool, poll_ns: int = POLL_NS, settle_s: float | None = None
     ) -> bool:
         """Wait until the mount is where the plan wants it; True when the last plate is void.
 

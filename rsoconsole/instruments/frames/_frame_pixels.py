@@ -46,10 +46,7 @@ def one_plane(raw: npt.NDArray[Any], name: str) -> tuple[npt.NDArray[Any], float
 
 
 def to_pixels(
-    raw: npt.NDArray[Any],
-    header: Mapping[str, Any],
-    name: str,
-    room: Room,
+    raw: npt.NDArray[Any], header: Mapping[str, Any], name: str, room: Room
 ) -> PixelArray:
     """Convert to uint16 where the file holds that, else float32; never the file's own memory."""
     bzero, bscale = _scaling(header)

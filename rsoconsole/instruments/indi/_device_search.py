@@ -18,10 +18,7 @@ class DeviceSearch:
     """Search for one device that is waited for, with the server's other announcements meanwhile."""
 
     def __init__(
-        self,
-        device: str,
-        order: Mapping[str, Any],
-        now_s: Callable[[], float] = time.monotonic,
+        self, device: str, order: Mapping[str, Any], now_s: Callable[[], float] = time.monotonic
     ) -> None:
         """``order``: host, port, name of the device's setting, device_s, quiet_s."""
         self._device, self._order, self._now_s = device, order, now_s

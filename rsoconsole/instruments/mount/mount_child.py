@@ -27,12 +27,7 @@ from rsoconsole.instruments.mount._mount_halt import Halt
 from rsoconsole.instruments.mount._mount_owner import MountOwner
 from rsoconsole.instruments.mount._mount_watch import MountWatch
 from rsoconsole.instruments.mount.mount_lease import Lease
-from rsoconsole.instruments.mount.mount_mirror import (
-    SIDE,
-    TIME,
-    CoordinatePoller,
-    MountMirror,
-)
+from rsoconsole.instruments.mount.mount_mirror import SIDE, TIME, CoordinatePoller, MountMirror
 from rsoconsole.sky import deg_to_hours, hours_to_deg, icrs_to_jnow, separation_deg, wrap_360
 from rsoconsole.words import NO_PARK
 
@@ -305,10 +300,7 @@ class MountChild:
         member = "TRACK_ON" if is_on else "TRACK_OFF"
         answer = self._switch(TRACKING, member)
         client.wait(
-            TRACKING,
-            lambda v: bool(v.values.get(member)),
-            _TRACKING_ASKED_S,
-            answer.serial - 1,
+            TRACKING, lambda v: bool(v.values.get(member)), _TRACKING_ASKED_S, answer.serial - 1
         )
         self._await_report(answer.serial)
         return mirror.says_tracking

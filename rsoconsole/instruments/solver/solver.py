@@ -81,10 +81,7 @@ class PlateSolver:
     """Solves frames one after another; a context manager that owns the solver process."""
 
     def __init__(
-        self,
-        index_dirs: Sequence[Path] = (),
-        *,
-        start_s: float = WaitsConfig().process_s,
+        self, index_dirs: Sequence[Path] = (), *, start_s: float = WaitsConfig().process_s
     ) -> None:
         """``index_dirs`` come before the usual folders (``index_files.search_dirs``).
 
@@ -297,11 +294,7 @@ class PlateSolver:
         )
 
     def _fitted(
-        self,
-        reply: MatchReply,
-        stars: FloatArray,
-        size_px: tuple[int, int],
-        epoch_jyear: float,
+        self, reply: MatchReply, stars: FloatArray, size_px: tuple[int, int], epoch_jyear: float
     ) -> PlateFit | None:
         """Fit the plate of a match to all stars."""
         width_px, height_px = size_px

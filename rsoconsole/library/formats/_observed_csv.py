@@ -187,9 +187,7 @@ class _Columns:
             if abs(latitude) > 90.0 or abs(longitude) > 360.0:
                 raise ExportError(f"{where}: no place on Earth has {latitude:g}, {longitude:g}")
             site = Site(
-                latitude_deg=latitude,
-                longitude_deg=longitude,
-                elevation_m=number(_HEIGHT) or 0.0,
+                latitude_deg=latitude, longitude_deg=longitude, elevation_m=number(_HEIGHT) or 0.0
             )
         return ObservedRow(
             where=where,

@@ -106,10 +106,7 @@ def _own_columns() -> Iterator[Column]:
 _TYPES: Mapping[type, ColumnType] = {int: "integer", float: "real", bool: "truth", str: "text"}
 _OWN: tuple[Column, ...] = tuple(_own_columns())
 _IN_OTHER_COLUMNS = frozenset(
-    (
-        *("cov_ee_arcsec2", "cov_en_arcsec2", "cov_nn_arcsec2"),
-        *("ends_icrs_deg", "measurement_id"),
-    )
+    (*("cov_ee_arcsec2", "cov_en_arcsec2", "cov_nn_arcsec2"), *("ends_icrs_deg", "measurement_id"))
 )
 """Columns of measurements on record that other columns replace here; the id has none."""
 _BESIDE: tuple[Column, ...] = tuple(

@@ -142,10 +142,7 @@ def _write_plate(header: Any, frame: FrameOnRecord, solution: Solution, config: 
     for keyword in [key for key in header if _PLATE.fullmatch(key)]:
         header.remove(keyword, ignore_missing=True, remove_all=True)
     taken = frame.taken
-    words = {
-        "CRPIX1": "1-based",
-        "RADESYS": "its axes; there is no equinox",
-    }
+    words = {"CRPIX1": "1-based", "RADESYS": "its axes; there is no equinox"}
     for key, value in wcs_cards(solution.wcs, taken.width_px, taken.height_px).items():
         header[key] = (value, words.get(key, ""))
     header["PLTMATCH"] = (solution.matched, "stars that the plate rests on")

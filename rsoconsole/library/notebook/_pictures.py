@@ -267,11 +267,7 @@ class SessionPictures(RecordedSession):
             png = path.read_bytes()
         frame = self._frame(frame_id)
         return Picture(
-            frame_id=frame_id,
-            path=path,
-            png=png,
-            overlay=overlay_svg(frame),
-            words=words_of(frame),
+            frame_id=frame_id, path=path, png=png, overlay=overlay_svg(frame), words=words_of(frame)
         )
 
     def _frame(self, frame_id: int) -> NightFrame:

@@ -12,12 +12,7 @@ from rsoconsole.config import load_config
 from rsoconsole.library.formats.tables import as_frame, as_table, optional_library
 from rsoconsole.library.notebook import card
 from rsoconsole.library.notebook._pictures import SessionPictures
-from rsoconsole.night import (
-    Row,
-    rows_of,
-    state_spans,
-    summary_of,
-)
+from rsoconsole.night import Row, rows_of, state_spans, summary_of
 from rsoconsole.records import TABLES, Column
 from rsoconsole.session import folders_in
 from rsoconsole.session.log import schema

@@ -252,11 +252,7 @@ def _to_directions(seen: MeasuredDirections, frame: _Frame) -> Residuals:
 
 
 def _solved(
-    residuals: Residuals,
-    start: FloatArray,
-    *,
-    is_robust: bool = False,
-    known: float | None = None,
+    residuals: Residuals, start: FloatArray, *, is_robust: bool = False, known: float | None = None
 ) -> FloatArray | None:
     """Solve by least squares; ``known``: sigmas by which the last unknown must differ from 0."""
     from scipy.optimize import least_squares

@@ -82,11 +82,7 @@ class _Searches:
         first = lines.sites_km[0] + ranges[:, :1] * lines.directions[0]
         last = lines.sites_km[2] + ranges[:, 1:] * lines.directions[2]
         v_first, _ = lambert(
-            first,
-            last,
-            lines.t_s[2] - lines.t_s[0],
-            self.mu,
-            is_retrograde=self.is_retrograde,
+            first, last, lines.t_s[2] - lines.t_s[0], self.mu, is_retrograde=self.is_retrograde
         )
         return propagate(first, v_first, lines.t_s[1] - lines.t_s[0], self.mu)
 
@@ -220,9 +216,7 @@ def _accepted(searches: _Searches, ranges: FloatArray) -> tuple[GoodingOrbit, ..
     found: list[GoodingOrbit] = []
     for n in np.flatnonzero(is_good):
         orbit = GoodingOrbit(
-            r_km=r[n],
-            v_km_s=v[n],
-            ranges_km=np.array([ranges[n, 0], middle[n], ranges[n, 1]]),
+            r_km=r[n], v_km_s=v[n], ranges_km=np.array([ranges[n, 0], middle[n], ranges[n, 1]])
         )
         if not any(_is_same(orbit, each) for each in found):
             found.append(orbit)

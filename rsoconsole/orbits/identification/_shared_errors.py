@@ -168,9 +168,7 @@ def _root(case: Case, known: Sequence[Pair]) -> FloatArray:
 
 
 def _settled(pull: FloatArray, stiffness: FloatArray) -> FloatArray:
-    return np.asarray(
-        np.linalg.solve(np.eye(6) + stiffness, pull[..., None])[..., 0],
-    )
+    return np.asarray(np.linalg.solve(np.eye(6) + stiffness, pull[..., None])[..., 0])
 
 
 def _densities(

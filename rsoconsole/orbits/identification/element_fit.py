@@ -118,9 +118,7 @@ def _fitted(regime: Regime, rows: Sequence[ElementRow]) -> FittedFactors:
 
 def _factors(values: FloatArray) -> ErrorFactors:
     return ErrorFactors(
-        along_at_epoch=float(values[0]),
-        along_by_age=float(values[1]),
-        across=float(values[2]),
+        along_at_epoch=float(values[0]), along_by_age=float(values[1]), across=float(values[2])
     )
 
 

@@ -277,10 +277,7 @@ def _verdict(matches: Sequence[ObjectMatch], gate_deg: float) -> tuple[Verdict, 
     best = near[0]
     rivals = [each for each in matches if each is not best and each.probability > 1.0 - SURE]
     if best is matches[0] and best.probability >= SURE:
-        return (
-            "identified",
-            f"{_name(best)} {_off_words(best)}, {_next_words(matches)}",
-        )
+        return ("identified", f"{_name(best)} {_off_words(best)}, {_next_words(matches)}")
     if best is matches[0] and not rivals:
         return "ambiguous", (
             f"{_name(best)} is the nearest, but {_off_words(best)} is as likely to be chance"

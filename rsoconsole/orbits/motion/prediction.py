@@ -95,8 +95,7 @@ def predict(orbit: KnownOrbit, site: Site, t_utc_ns: IntArray) -> Prediction:
     bend = _bend_arcsec(orbit, places, since_s, (plain, on_sky, cov))
     cov = cov + _TAIL * bend[:, :, None] * bend[:, None, :]
     return Prediction(
-        places=places,
-        cov_sky_arcsec2=np.stack([cov[:, 0, 0], cov[:, 0, 1], cov[:, 1, 1]], axis=-1),
+        places=places, cov_sky_arcsec2=np.stack([cov[:, 0, 0], cov[:, 0, 1], cov[:, 1, 1]], axis=-1)
     )
 
 

@@ -38,10 +38,7 @@ class Elements:
 
 
 def propagate(
-    r_km: npt.ArrayLike,
-    v_km_s: npt.ArrayLike,
-    dt_s: npt.ArrayLike,
-    mu: float = MU_EARTH_KM3_S2,
+    r_km: npt.ArrayLike, v_km_s: npt.ArrayLike, dt_s: npt.ArrayLike, mu: float = MU_EARTH_KM3_S2
 ) -> tuple[FloatArray, FloatArray]:
     """Propagate states (..., 3) by ``dt_s`` (...) to position and velocity (..., 3); all broadcast.
 

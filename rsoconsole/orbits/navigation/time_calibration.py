@@ -361,10 +361,7 @@ def _fit(seen: TimedDirections, before: _Before) -> Fit:
 
 
 def _calibration(
-    seen: TimedDirections,
-    is_used: Mask,
-    fit: Fit,
-    before: _Before,
+    seen: TimedDirections, is_used: Mask, fit: Fit, before: _Before
 ) -> TimeCalibration:
     nights, drift = before.nights, 2 * before.modes
     found = tuple(_mode(seen, is_used, fit, mode, before) for mode in range(before.modes))
@@ -391,11 +388,7 @@ def _calibration(
 
 
 def _mode(
-    seen: TimedDirections,
-    is_used: Mask,
-    fit: Fit,
-    mode: int,
-    before: _Before,
+    seen: TimedDirections, is_used: Mask, fit: Fit, mode: int, before: _Before
 ) -> ShutterTiming | None:
     line, scatter = before.lines[mode], 2 + before.modes + mode
     taken = is_used & (seen.mode == mode)

@@ -118,12 +118,7 @@ def process_nights(
             shutil.rmtree(left, ignore_errors=True)  # of work that was ended
     paths = [path for night in todo for path in (night.session.parent, night.source)]
     outcomes = run_tasks(
-        process_night,
-        todo,
-        pool_of(len(todo)),
-        failed=failed_night,
-        paths=paths,
-        on_done=on_done,
+        process_night, todo, pool_of(len(todo)), failed=failed_night, paths=paths, on_done=on_done
     )
     for outcome in done:
         if outcome is not None:

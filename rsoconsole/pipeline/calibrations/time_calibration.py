@@ -151,11 +151,7 @@ def calibrate_time(folders: Sequence[Path], file: NavigationFile, source: str) -
     lines_s = _configured_line_times(used, number, exposures, len(modes))
     place_arcsec = SIGMA_KM[file.kind] / _TYPICAL_RANGE_KM / ARCSEC_RAD
     found = calibrate(
-        seen,
-        modes=len(modes),
-        nights=len(nights),
-        line_time_s=lines_s,
-        place_arcsec=place_arcsec,
+        seen, modes=len(modes), nights=len(nights), line_time_s=lines_s, place_arcsec=place_arcsec
     )
     if file.kind != "tle":  # whose own errors differ from night to night
         found = _by_night(seen, found, lines_s, place_arcsec)
@@ -180,10 +176,7 @@ def calibrate_time(folders: Sequence[Path], file: NavigationFile, source: str) -
 
 
 def _by_night(
-    seen: TimedDirections,
-    found: TimeCalibration,
-    line_time_s: Sequence[float],
-    place_arcsec: float,
+    seen: TimedDirections, found: TimeCalibration, line_time_s: Sequence[float], place_arcsec: float
 ) -> TimeCalibration:
     """Widen the biases' sigmas by the scatter between nights, where that is more than chance."""
     nights = np.unique(seen.night)

@@ -10,12 +10,7 @@ from dataclasses import dataclass, replace
 from typing import ClassVar, Generic, TypeVar
 
 from rsoconsole.config import Config
-from rsoconsole.pipeline.cycle.frame_fold import (
-    FoldedFrame,
-    FrameObservations,
-    ReducedFrame,
-    fold,
-)
+from rsoconsole.pipeline.cycle.frame_fold import FoldedFrame, FrameObservations, ReducedFrame, fold
 from rsoconsole.pipeline.cycle.miss_reasons import StarHistory
 from rsoconsole.pipeline.frame.marked_frames import HELD
 from rsoconsole.pipeline.frame.measurement import shutter_mid_utc_ns

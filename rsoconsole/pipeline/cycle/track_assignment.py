@@ -165,14 +165,7 @@ KEPT_S = 900.0
 """Longest time that a track is kept after disarming, STOP, a new search or a fault, s: beyond it
 the checklist is due, and a track without measurements is hardly found where predicted."""
 _LEAVES_NOTHING: frozenset[CauseKind] = frozenset(
-    (
-        "limit met",
-        "too many limits",
-        "clock set",
-        "night ended",
-        "engine ended",
-        "resumed",
-    )
+    ("limit met", "too many limits", "clock set", "night ended", "engine ended", "resumed")
 )
 """Causes after which a track cannot be followed again, or is no longer kept."""
 

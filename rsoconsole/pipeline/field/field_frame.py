@@ -268,10 +268,7 @@ def _ends_within(detection: Detection, frame: Frame) -> tuple[bool, bool]:
         return False, False
     to_rim = [
         min(x, y, frame.width_px - 1 - x, frame.height_px - 1 - y)
-        for x, y in (
-            (detection.x_a_px, detection.y_a_px),
-            (detection.x_b_px, detection.y_b_px),
-        )
+        for x, y in ((detection.x_a_px, detection.y_a_px), (detection.x_b_px, detection.y_b_px))
     ]
     return to_rim[0] > to_rim[1], to_rim[0] <= to_rim[1]
 

@@ -212,10 +212,7 @@ def measure(
         ends_icrs_deg=(
             None
             if detection.method == "box"
-            else (
-                (float(ra_ends[0]), float(dec_ends[0])),
-                (float(ra_ends[1]), float(dec_ends[1])),
-            )
+            else ((float(ra_ends[0]), float(dec_ends[0])), (float(ra_ends[1]), float(dec_ends[1])))
         ),
         is_crossing=detection.kind == "crossing",
         object_class=detection.object_class,
@@ -224,10 +221,7 @@ def measure(
 
 
 def measured(
-    found: Detections,
-    solution: Solution,
-    frame: Frame | FrameTaken,
-    exposure: ExposureConfig,
+    found: Detections, solution: Solution, frame: Frame | FrameTaken, exposure: ExposureConfig
 ) -> tuple[Measurement, ...]:
     """Return the measurements of a frame's detections, in their order."""
     made = (

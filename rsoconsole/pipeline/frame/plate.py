@@ -55,11 +55,7 @@ class FramePart:
         """Return the streaks that lie wholly in the part, in the frame's pixels."""
         whole = tuple(self.moved(each) for each in found.detections if not each.is_clipped)
         return replace(
-            found,
-            width_px=frame.width_px,
-            height_px=frame.height_px,
-            detections=whole,
-            rejected=(),
+            found, width_px=frame.width_px, height_px=frame.height_px, detections=whole, rejected=()
         )
 
     def moved(self, each: Detection) -> Detection:

@@ -47,10 +47,7 @@ class FrameStreak:
 
 
 def streaks_of(
-    found: Detections,
-    solution: Solution,
-    frame: Frame | FrameTaken,
-    exposure: ExposureConfig,
+    found: Detections, solution: Solution, frame: Frame | FrameTaken, exposure: ExposureConfig
 ) -> tuple[FrameStreak, ...]:
     """Return the streaks, whole or cut at one end; the most confident first."""
     t_mid_ns, exposure_s = shutter_mid_utc_ns(frame, exposure), frame.exposure_s

@@ -268,10 +268,7 @@ class NoLeap:
 
 
 def next_leap(
-    path: PredictedSkyPath,
-    start: Pose,
-    now_utc_ns: int,
-    telescope: Telescope,
+    path: PredictedSkyPath, start: Pose, now_utc_ns: int, telescope: Telescope
 ) -> Leap | NoLeap:
     """Return the first leap for which the mount is in time and within its limits.
 
@@ -316,11 +313,7 @@ def both_ends_probability(place: PredictedPosition, exposure_s: float, terms: Le
 
 
 def _meeting(
-    path: PredictedSkyPath,
-    start: Pose,
-    now_utc_ns: int,
-    earliest_ns: int,
-    telescope: Telescope,
+    path: PredictedSkyPath, start: Pose, now_utc_ns: int, earliest_ns: int, telescope: Telescope
 ) -> Leap | NoLeap:
     """Leap to the place where the mount has arrived and settled just when the satellite comes.
 

@@ -67,9 +67,7 @@ def read_catalogue(files: Sequence[Path]) -> tuple[CatalogueEntry, ...]:
     return tuple(chain.from_iterable(sources))
 
 
-def by_precedence(
-    sources: Iterable[Iterable[CatalogueEntry]],
-) -> tuple[CatalogueEntry, ...]:
+def by_precedence(sources: Iterable[Iterable[CatalogueEntry]]) -> tuple[CatalogueEntry, ...]:
     """Return each object's sets of one source alone: the first that has it and is not outdated."""
     chosen: dict[int, list[CatalogueEntry]] = {}
     for entries in sources:

@@ -76,9 +76,7 @@ def factors_of(catalogue: CatalogueConfig) -> dict[Regime, ErrorFactors]:
     """Return the measured factors of element errors, by kind of orbit."""
     return {
         each.regime: ErrorFactors(
-            along_at_epoch=each.along_at_epoch,
-            along_by_age=each.along_by_age,
-            across=each.across,
+            along_at_epoch=each.along_at_epoch, along_by_age=each.along_by_age, across=each.across
         )
         for each in catalogue.error_factors
     }
@@ -256,10 +254,7 @@ class UnfollowedMembers:
 
 
 def members_in(
-    frame: SolvedFrame,
-    sets: Sequence[CatalogueEntry],
-    site: Site,
-    errors: ElementErrors = ASSUMED,
+    frame: SolvedFrame, sets: Sequence[CatalogueEntry], site: Site, errors: ElementErrors = ASSUMED
 ) -> tuple[UnseenMember, ...]:
     """Return the catalogued objects that should be in a frame, the nearest to its middle first."""
     taken, wcs = frame.taken, frame.solution.wcs

@@ -120,11 +120,7 @@ class ObservedTrack:
 
 
 def read_observed_tracks(
-    path: Path,
-    *,
-    sigma_arcsec: float = 1.0,
-    track: int | None = None,
-    site: Site | None = None,
+    path: Path, *, sigma_arcsec: float = 1.0, track: int | None = None, site: Site | None = None
 ) -> tuple[ObservedTrack, ...]:
     """Read the tracks of a session, the longest first, or the observations of a file.
 

@@ -176,10 +176,7 @@ def keep(
         return KeptSession(too_short=_short(tracks))
     _, aside = change_ledger(changes, path)
     return KeptSession(
-        tracks=tuple(done),
-        taken_back=tuple(back),
-        too_short=_short(tracks),
-        moved_aside=aside,
+        tracks=tuple(done), taken_back=tuple(back), too_short=_short(tracks), moved_aside=aside
     )
 
 

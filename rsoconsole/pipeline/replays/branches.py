@@ -22,12 +22,7 @@ BRANCHES = "branches"
 RESERVED = ("figures", "exports")
 """Names of folders for other derived files beside the branches."""
 _NAME = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_.-]{0,63}")
-_OF_THE_SESSION = (
-    "model_sha256",
-    "clock_offset_s",
-    "is_simulated",
-    "t_started_utc_ns",
-)
+_OF_THE_SESSION = ("model_sha256", "clock_offset_s", "is_simulated", "t_started_utc_ns")
 """Keys of ``meta`` that a branch shares with its session."""
 _WRITE_S = 120.0
 

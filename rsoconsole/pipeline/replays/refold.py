@@ -155,10 +155,7 @@ RecordRole: TypeAlias = Literal["input", "folded", "other"]
 
 
 def replay(
-    records: Iterable[Record],
-    config: Config,
-    *,
-    changes: Mapping[str, float | str] | None = None,
+    records: Iterable[Record], config: Config, *, changes: Mapping[str, float | str] | None = None
 ) -> Iterator[ReplayedFrame]:
     """Yield every frame that the session folded, in order, each once its records are complete.
 
@@ -224,9 +221,7 @@ class ReplayState:
         """Return the state at the beginning of a log. Raises ConfigError as ``replay`` does."""
         changes = changes or {}
         return cls(
-            config=with_changes(config, changes),
-            held=frozenset(changes),
-            reduce_again=reduce_again,
+            config=with_changes(config, changes), held=frozenset(changes), reduce_again=reduce_again
         )
 
     def receive(self, record: Record) -> Iterator[ReducedFrame]:  # noqa: PLR0912 -- one case a kind

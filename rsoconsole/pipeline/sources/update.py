@@ -39,8 +39,7 @@ def fetch_with_login(url: str, base_url: str, login: tuple[str, str], deadline_s
     """Run one query under an account. Raises FetchError; a failed login counts as a refusal."""
     fetcher = Fetcher(deadline_s=deadline_s, is_bound=True)
     answer = fetcher.get(
-        f"{base_url.rstrip('/')}/ajaxauth/login",
-        form={"identity": login[0], "password": login[1]},
+        f"{base_url.rstrip('/')}/ajaxauth/login", form={"identity": login[0], "password": login[1]}
     )
     if b"failed" in answer[:200].lower():
         raise FetchError("Space-Track does not accept the account", "refused")

@@ -317,11 +317,7 @@ class ModelComparison:
         """Return Q, R, and the terms that may have a value of their own."""
 
         def parameter(
-            label: str,
-            low: float,
-            high: float,
-            *names: str,
-            scan: tuple[float, ...] = _ABOUT,
+            label: str, low: float, high: float, *names: str, scan: tuple[float, ...] = _ABOUT
         ) -> Parameter:
             dotted = tuple(f"filter.{name}" for name in names)
             recorded = _in_force(self._configs(), names[0])

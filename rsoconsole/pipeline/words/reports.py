@@ -62,11 +62,7 @@ def detection_report(detection: Detection) -> dict[str, Any]:
 
 
 def detections_report(
-    name: str,
-    found: Detections,
-    *,
-    extension: str | None = None,
-    notes: Sequence[str] = (),
+    name: str, found: Detections, *, extension: str | None = None, notes: Sequence[str] = ()
 ) -> dict[str, Any]:
     """Object of ``rsoconsole detect``; ``extension``: which image of the file, of several."""
     return {

@@ -341,11 +341,7 @@ def _pruning_step(session: SessionSummary, policy: PruningPolicy, why: str) -> P
     if not files:
         return PruningStep(session=session.folder, goes=False, why=f"no {policy.what} there")
     return PruningStep(
-        session=session.folder,
-        goes=True,
-        why=why,
-        files=tuple(files),
-        bytes=sum(files.values()),
+        session=session.folder, goes=True, why=why, files=tuple(files), bytes=sum(files.values())
     )
 
 

@@ -57,12 +57,7 @@ def add_points(
         for first in range(0, len(of_size), step):
             part = of_size[first : first + step]
             _add_stamps(
-                image_e,
-                x_px[part],
-                y_px[part],
-                electrons[part],
-                sigma_px=sigma_px,
-                radius=int(r),
+                image_e, x_px[part], y_px[part], electrons[part], sigma_px=sigma_px, radius=int(r)
             )
 
 
@@ -187,9 +182,7 @@ def distorted(wcs: Wcs, share: float) -> Wcs:
     reach2 = wcs.crpix_x_px**2 + wcs.crpix_y_px**2
     inwards = -share / (1.0 + share) / max(reach2, 1.0)
     return replace(
-        wcs,
-        sip_a=((3, 0, inwards), (1, 2, inwards)),
-        sip_b=((0, 3, inwards), (2, 1, inwards)),
+        wcs, sip_a=((3, 0, inwards), (1, 2, inwards)), sip_b=((0, 3, inwards), (2, 1, inwards))
     )
 
 

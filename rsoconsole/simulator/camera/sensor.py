@@ -193,9 +193,7 @@ SHUTTER_SIGMA_S = 0.015
 
 
 def catalogue_errors_arcsec(
-    ra_icrs_deg: FloatArray,
-    dec_icrs_deg: FloatArray,
-    sigma_arcsec: float = CATALOGUE_SIGMA_ARCSEC,
+    ra_icrs_deg: FloatArray, dec_icrs_deg: FloatArray, sigma_arcsec: float = CATALOGUE_SIGMA_ARCSEC
 ) -> tuple[FloatArray, FloatArray]:
     """Errors (east, north) of each star's place in the catalogue; always the same.
 
@@ -207,10 +205,7 @@ def catalogue_errors_arcsec(
     key += np.rint((dec_icrs_deg + 90.0) * micro_deg).astype(np.uint64)
     radius = np.sqrt(-2.0 * np.log(_uniform(key, 1)))
     angle = 2.0 * math.pi * _uniform(key, 2)
-    return (
-        sigma_arcsec * radius * np.cos(angle),
-        sigma_arcsec * radius * np.sin(angle),
-    )
+    return (sigma_arcsec * radius * np.cos(angle), sigma_arcsec * radius * np.sin(angle))
 
 
 def air_sigma_arcsec(exposure_s: float) -> float:

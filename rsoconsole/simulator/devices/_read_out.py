@@ -74,10 +74,7 @@ class ReadOut:
             "YBINNING": self.binning,
         }
         if replace(self, binning=traits.binning) != ReadOut.whole(traits):
-            found |= {
-                "XORGSUBF": self.x_px // self.binning,
-                "YORGSUBF": self.y_px // self.binning,
-            }
+            found |= {"XORGSUBF": self.x_px // self.binning, "YORGSUBF": self.y_px // self.binning}
         return found
 
 

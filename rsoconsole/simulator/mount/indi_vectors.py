@@ -103,13 +103,7 @@ def asked_numbers(device: Any, event: Mapping[str, str]) -> dict[str, float]:
     return found
 
 
-FAULTS = (
-    "IGNORED_SLEWS",
-    "IGNORED_ABORTS",
-    "ABORT_ENDS_TRACKING",
-    "TRACKING_RETURNS",
-    "IS_SILENT",
-)
+FAULTS = ("IGNORED_SLEWS", "IGNORED_ABORTS", "ABORT_ENDS_TRACKING", "TRACKING_RETURNS", "IS_SILENT")
 
 
 class MountFaults:

@@ -369,11 +369,7 @@ class MountModel:
 
 
 def systematic_error_deg(
-    hour_angle_deg: float,
-    dec_deg: float,
-    side: PierSide,
-    latitude_deg: float,
-    traits: MountTraits,
+    hour_angle_deg: float, dec_deg: float, side: PierSide, latitude_deg: float, traits: MountTraits
 ) -> tuple[float, float]:
     """East (on the sky) and north error of the boresight: what a pointing model would remove.
 

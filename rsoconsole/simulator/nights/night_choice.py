@@ -109,12 +109,7 @@ def choose_night(
 
 
 def _start(
-    targets: Sequence[Satellite],
-    config: Config,
-    t_start_utc_ns: int,
-    seed: int,
-    *,
-    is_low: bool,
+    targets: Sequence[Satellite], config: Config, t_start_utc_ns: int, seed: int, *, is_low: bool
 ) -> tuple[float, float]:
     """Hour angle and declination that the mount must believe in for its first exposure.
 
@@ -156,11 +151,7 @@ def _start(
 def _believed(config: Config, hour_angle_deg: float, dec_deg: float) -> tuple[float, float]:
     """Hour angle and declination reported by a mount that looks there, random errors aside."""
     east_deg, north_deg = systematic_error_deg(
-        hour_angle_deg,
-        dec_deg,
-        pier_side(hour_angle_deg),
-        config.site.latitude_deg,
-        MountTraits(),
+        hour_angle_deg, dec_deg, pier_side(hour_angle_deg), config.site.latitude_deg, MountTraits()
     )
     cos_dec = math.cos(math.radians(dec_deg))
     return hour_angle_deg + east_deg / cos_dec, dec_deg - north_deg

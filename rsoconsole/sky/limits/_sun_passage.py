@@ -203,11 +203,7 @@ def _paces(way: SlewPath, cone_deg: float, slew_rate_deg_s: float) -> FloatArray
 
 
 def _along(
-    way: SlewPath,
-    paces: FloatArray,
-    lag_deg: float,
-    step_deg: float,
-    sun: tuple[float, float],
+    way: SlewPath, paces: FloatArray, lag_deg: float, step_deg: float, sun: tuple[float, float]
 ) -> FloatArray:
     """Distances (paces, N) from the Sun, in steps of at most ``step_deg`` of both axes together."""
     polar_travel_deg, dec_travel_deg = way.travel_deg

@@ -242,11 +242,7 @@ class Limits:
         )
 
     def _moving(
-        self,
-        pose: Pose | None,
-        rates: Rates | None,
-        ahead_s: float,
-        lifted: Collection[LimitName],
+        self, pose: Pose | None, rates: Rates | None, ahead_s: float, lifted: Collection[LimitName]
     ) -> tuple[FloatArray, Iterable[Margin]]:
         """Seconds until each place ahead, and every limit there; nothing for no pose."""
         if pose is None or _instant_fault(pose.t_utc_ns) is not None:

@@ -126,10 +126,7 @@ NO_PATTERN = TrackPattern()
 
 
 def pattern_after(
-    before: TrackPattern,
-    alive: Sequence[int],
-    seen: Mapping[int, "Place"],
-    t_utc_ns: int,
+    before: TrackPattern, alive: Sequence[int], seen: Mapping[int, "Place"], t_utc_ns: int
 ) -> TrackPattern:
     """Return the pattern of the tracks ``alive``, updated with a frame.
 

@@ -225,10 +225,7 @@ def _draws(axis: int) -> tuple[FloatArray, FloatArray]:
 def _terms(angle: FloatArray) -> FloatArray:
     one = np.ones_like(angle)
     return np.stack(
-        [
-            *(one, angle, np.cos(angle), np.sin(angle)),
-            *(np.cos(2.0 * angle), np.sin(2.0 * angle)),
-        ],
+        [*(one, angle, np.cos(angle), np.sin(angle)), *(np.cos(2.0 * angle), np.sin(2.0 * angle))],
         axis=-1,
     )
 

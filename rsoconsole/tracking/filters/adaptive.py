@@ -84,11 +84,7 @@ def initialise(
     rate = (float(way[0]) / dt_s, float(way[1]) / dt_s)
     bank = banks.initiate(one, rate, bend, is_shutter_known=is_shutter_known)
     bank = bank_update.update(banks.predict(bank, two.t_utc_ns, _roots(settings)), two).after
-    return _state(
-        bank,
-        along_arcsec[1],
-        **lqe.first_fields(first, second, track_id),
-    )
+    return _state(bank, along_arcsec[1], **lqe.first_fields(first, second, track_id))
 
 
 def predict(state: TrackState, t_utc_ns: int, settings: FilterConfig, frame_id: int) -> TrackState:

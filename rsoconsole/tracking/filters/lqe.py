@@ -260,10 +260,7 @@ def sky_covariance_arcsec2(state: TrackState) -> FloatArray:
 
 def sky_rate_arcsec_s(state: TrackState) -> tuple[float, float]:
     """Motion on the sky, (east, north)."""
-    return (
-        state.x[1] * _cos_dec(state.x[2]) * ARCSEC_PER_DEG,
-        state.x[3] * ARCSEC_PER_DEG,
-    )
+    return (state.x[1] * _cos_dec(state.x[2]) * ARCSEC_PER_DEG, state.x[3] * ARCSEC_PER_DEG)
 
 
 def transition(dt_s: float) -> FloatArray:

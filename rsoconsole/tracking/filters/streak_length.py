@@ -93,9 +93,7 @@ def excess_arcsec(measurement: Measurement, expected: Motion) -> float | None:
 
 
 def along_error_arcsec(
-    measurement: Measurement,
-    expected: Motion,
-    before: Sequence[float] = (),
+    measurement: Measurement, expected: Motion, before: Sequence[float] = ()
 ) -> float:
     """Sigma along the motion beyond the measurement's own, from the excess of its streak.
 

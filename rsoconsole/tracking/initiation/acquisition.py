@@ -125,12 +125,7 @@ def _begun(  # noqa: PLR0917 -- one call, each argument a different thing
     begun_with = [lead, *others[: room - 1]]
     tracks = tuple(
         new_track(
-            chain,
-            before.last_track_id + number,
-            seen,
-            settings,
-            is_lead=chain is lead,
-            trial=trial,
+            chain, before.last_track_id + number, seen, settings, is_lead=chain is lead, trial=trial
         )
         for number, (chain, trial) in enumerate(
             zip(begun_with, chains.trial_lengths(begun_with, settings), strict=True), 1

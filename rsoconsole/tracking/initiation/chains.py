@@ -314,9 +314,7 @@ def waiting_measurements(before: Following, taken: Collection[Measurement]) -> C
     return tuple(m for m in waiting if m.frame_id in frames)
 
 
-def _parted(
-    measurements: Sequence[Measurement],
-) -> tuple[list[Measurement], list[Measurement]]:
+def _parted(measurements: Sequence[Measurement]) -> tuple[list[Measurement], list[Measurement]]:
     """Split measurements into streaks and points."""
     streaks = [m for m in measurements if streak_motion(m) is not None]
     return streaks, [m for m in measurements if streak_motion(m) is None]

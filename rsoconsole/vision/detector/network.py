@@ -312,12 +312,7 @@ def _interpreter(content: bytes, threads: int, model: Path) -> Any:
 def _check_form(interpreter: Any, model: Path) -> None:
     given = [int(n) for n in interpreter.get_input_details()[0]["shape"]]
     answered = [int(n) for n in interpreter.get_output_details()[0]["shape"]]
-    wanted = [
-        1,
-        ANSWERS,
-        NETWORK_HEIGHT_CELLS // STRIDE_CELLS,
-        NETWORK_WIDTH_CELLS // STRIDE_CELLS,
-    ]
+    wanted = [1, ANSWERS, NETWORK_HEIGHT_CELLS // STRIDE_CELLS, NETWORK_WIDTH_CELLS // STRIDE_CELLS]
     size = NETWORK_HEIGHT_CELLS * NETWORK_WIDTH_CELLS
     if int(np.prod(given)) != size or answered != wanted:
         raise ModelError(

@@ -46,16 +46,12 @@ class WorkingFrame:
         height, width = frame.pixels.shape
         whole = frame.pixels[: height // side * side, : width // side * side]
         joined = cv2.resize(
-            whole.astype(np.float32),
-            (width // side, height // side),
-            interpolation=cv2.INTER_AREA,
+            whole.astype(np.float32), (width // side, height // side), interpolation=cv2.INTER_AREA
         )
         scale = frame.scale_arcsec_px
         return cls(
             frame=replace(
-                frame,
-                pixels=joined,
-                scale_arcsec_px=scale * side if scale is not None else None,
+                frame, pixels=joined, scale_arcsec_px=scale * side if scale is not None else None
             ),
             side=side,
         )

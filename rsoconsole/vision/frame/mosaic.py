@@ -98,10 +98,7 @@ def _sky_of(plane: npt.NDArray[Any]) -> tuple[float, float]:
 
 
 def _gains_of_stars(
-    planes: list[npt.NDArray[Any]],
-    sky: FloatArray,
-    noise: FloatArray,
-    saturation_adu: float,
+    planes: list[npt.NDArray[Any]], sky: FloatArray, noise: FloatArray, saturation_adu: float
 ) -> FloatArray | None:
     """Share of each place in the light of bright stars, 1 in the mean; None with too few."""
     import cv2

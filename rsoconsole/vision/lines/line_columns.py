@@ -24,13 +24,7 @@ def ridge_of(pixels: PixelArray, sky: Background, ends: Ends, psf_sigma: float) 
 
 
 def smoothed_strip(
-    pixels: PixelArray,
-    sky: Background,
-    ends: Ends,
-    psf_sigma: float,
-    *,
-    columns: int,
-    reach: int,
+    pixels: PixelArray, sky: Background, ends: Ends, psf_sigma: float, *, columns: int, reach: int
 ) -> tuple[Float32Array, BoolArray]:
     """Pixels about a line's middle, it along the rows, and True for those that exist.
 
@@ -129,13 +123,7 @@ def columns_at(
     places_x, places_y = (x - left).astype(np.float32), (y - low).astype(np.float32)
     if not is_inside.all():
         places_x, places_y = np.nan_to_num(places_x), np.nan_to_num(places_y)
-    strip = cv2.remap(
-        piece,
-        places_x,
-        places_y,
-        cv2.INTER_LINEAR,
-        borderMode=cv2.BORDER_REPLICATE,
-    )
+    strip = cv2.remap(piece, places_x, places_y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
     # Sorted once: a median costs three times as much.
     beside = np.sort(strip[is_beside], axis=0)
     middle = beside[(len(beside) - 1) // 2 : len(beside) // 2 + 1].mean(axis=0)

@@ -72,9 +72,7 @@ class PsfField:
         """
         x, y = ((place + 0.5) / side - 0.5 for place in self.middle_px)
         return replace(
-            self._times(1.0 / side),
-            middle_px=(x, y),
-            half_diagonal_px=self.half_diagonal_px / side,
+            self._times(1.0 / side), middle_px=(x, y), half_diagonal_px=self.half_diagonal_px / side
         )
 
     def through(self, x_px: FloatArray, y_px: FloatArray, fwhm_px: FloatArray) -> "PsfField":

@@ -15,13 +15,7 @@ from rsoconsole.records import FloatArray, PixelArray
 from rsoconsole.vision.arrays import BoolArray, IndexArray
 from rsoconsole.vision.frame.background import Background, local_background, resample
 from rsoconsole.vision.frame.bins import FrameBins, bin_frame, binning_of, block_maximum
-from rsoconsole.vision.stars.psf_field import (
-    MIN_STARS,
-    Psf,
-    PsfField,
-    WidthSource,
-    fit_psf_field,
-)
+from rsoconsole.vision.stars.psf_field import MIN_STARS, Psf, PsfField, WidthSource, fit_psf_field
 from rsoconsole.vision.stars.star_list import OblongLights, StarList
 from rsoconsole.vision.stars.star_moments import FWHM_PER_SIGMA, StarMoments, measure
 from rsoconsole.vision.stars.trailed_stars import MAX_OBLONG, trailed_stars

@@ -238,12 +238,7 @@ def _bounded(p: FloatArray, start: Line, psf_sigma: float) -> FloatArray:
 
 
 def _finish(
-    pixels: Pixels,
-    p: FloatArray,
-    start: Line,
-    *,
-    normal: FloatArray,
-    free: BoolArray,
+    pixels: Pixels, p: FloatArray, start: Line, *, normal: FloatArray, free: BoolArray
 ) -> LineFit | None:
     try:
         inverse = np.linalg.inv(normal[np.ix_(free, free)])

@@ -33,11 +33,7 @@ _CHI2_OF_A_STAR = 12.0
 
 
 def fit_robustly(
-    cutout: Cutout,
-    axes: Axes,
-    start: Line,
-    stretch: LitStretch,
-    psf_sigma: float,
+    cutout: Cutout, axes: Axes, start: Line, stretch: LitStretch, psf_sigma: float
 ) -> LineFit | None:
     """Fit the line after masking light in the way; more knots only where the light needs them."""
     u, v = axes
@@ -87,11 +83,7 @@ def uneven_share(cutout: Cutout, axes: Axes, fit: LineFit) -> float:
 
 
 def without_star_beyond_end(
-    cutout: Cutout,
-    axes: Axes,
-    start: Line,
-    stretch: LitStretch,
-    fit: LineFit,
+    cutout: Cutout, axes: Axes, start: Line, stretch: LitStretch, fit: LineFit
 ) -> LineFit:
     """Return the fit, or the shorter one that leaves out a star beyond a dark gap, if likelier."""
     for side, dark_u in enumerate(stretch.dark_u):

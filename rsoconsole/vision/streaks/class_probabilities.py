@@ -112,16 +112,7 @@ def most_likely_class(shares: Likelihood) -> tuple[ObjectClass, float]:
 
 def probabilities(evidence: Evidence) -> Likelihood:
     """Probability of each class, given that it is one of them."""
-    parts = (
-        _by_width,
-        _by_ends,
-        _by_gaps,
-        _by_pulse,
-        _by_speed,
-        _by_stars,
-        _by_evenness,
-        _by_gate,
-    )
+    parts = (_by_width, _by_ends, _by_gaps, _by_pulse, _by_speed, _by_stars, _by_evenness, _by_gate)
     shares = dict(PRIOR)
     for part in parts:
         shares = _times(shares, part(evidence))

@@ -139,10 +139,7 @@ def classify_streaks(
     ]
     shares = {
         streak: of_all
-        for streak, of_all in (
-            *zip(found, (of_all for _, of_all in named), strict=True),
-            *doubted,
-        )
+        for streak, of_all in (*zip(found, (of_all for _, of_all in named), strict=True), *doubted)
         if of_all is not None
     }
     return found, others, shares

@@ -104,11 +104,7 @@ def with_middle(
 
 
 def middle_of(
-    pixels: PixelArray,
-    sky: Background,
-    ends: Ends,
-    stars: StarList,
-    fwhm_px: float,
+    pixels: PixelArray, sky: Background, ends: Ends, stars: StarList, fwhm_px: float
 ) -> Middle | None:
     """Find the middle of a streak between ``ends`` (x_a, y_a, x_b, y_b); ``fwhm_px``: of stars.
 

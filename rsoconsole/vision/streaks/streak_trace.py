@@ -421,10 +421,7 @@ def _width(strip: LineStrip, columns: IndexArray, course: Course, sigma: float) 
 
 
 def _beyond(
-    profile: LineProfile,
-    ends: tuple[float, float],
-    typical: float,
-    is_open: tuple[bool, bool],
+    profile: LineProfile, ends: tuple[float, float], typical: float, is_open: tuple[bool, bool]
 ) -> float:
     """Median light beyond the ends over the level, on the brighter side; 0: none is seen."""
     most, reach = 0.0, 6.0 + max(0.3 * (ends[1] - ends[0]), 30.0)

@@ -75,11 +75,7 @@ class LivePanel(anywidget.AnyWidget):  # type: ignore[misc]
             on_night=self._show_night,
         )
         self._orders = PanelOrders(
-            client,
-            self._link,
-            self._put,
-            read_only=read_only,
-            stop_directly=self._stop_directly,
+            client, self._link, self._put, read_only=read_only, stop_directly=self._stop_directly
         )
         super().__init__(read_only=read_only, answers_while_busy=_answers_while_busy())
         _release_reply_subshell(self.comm)

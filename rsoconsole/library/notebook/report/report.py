@@ -83,9 +83,7 @@ class UnseenFacts:
     last: UnseenMember
 
 
-def field_facts(
-    records: Iterable[Record],
-) -> tuple[tuple[PairFacts, ...], tuple[UnseenFacts, ...]]:
+def field_facts(records: Iterable[Record]) -> tuple[tuple[PairFacts, ...], tuple[UnseenFacts, ...]]:
     """Pairs, the nearest first, and unseen objects, those missed most often first."""
     pairs: dict[tuple[int, int], PairFacts] = {}
     unseen: dict[int, tuple[int, int, UnseenMember]] = {}
