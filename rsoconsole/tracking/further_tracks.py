@@ -2,8 +2,9 @@
 
 Frames that agree on one motion initiate it, as they do the first. On trial
 (``chains.trial_lengths``) it ends with its first miss, so that false streaks cost a frame or two,
-and its last streak may initiate another one. A track seen three or four times coasts for less time than one seen all night.
-One that has left the field ends too: only the lead is searched for.
+and its last streak may initiate another one. A track with three or four measurements coasts for
+less time than one of a whole night. One that has left the field ends too: only the lead is
+searched for.
 """
 
 import math

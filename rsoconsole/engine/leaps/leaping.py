@@ -58,7 +58,6 @@ SURE_WITHIN, SURE_PROBABILITY = 0.98, 0.99
 _GLANCE_NS = NS // 10
 """Time of a look at the middle of a frame in the simulated observatory, ns."""
 
-
 LookAt = Callable[[Frame, float], Glance | None]
 """Looks at the middle of a frame, within a number of pixels of its centre."""
 
@@ -81,8 +80,7 @@ class Leaping:
         self._order_by: LeapOrder = "by the frame"
         """Trigger of the order of the leap under way."""
         self._early: tuple[Plan, Leap, LeapOrder] | None = None
-        """Plan, leap and trigger of the leap after that under way, whose slew is ordered
-        already."""
+        """Plan, leap and trigger of the next leap, where its slew is ordered already."""
         self._stage_ms: dict[str, float] = {}
         """Times of the look at the last frame's middle and of the order by it, ms."""
         self._exposing = (0, 0)
@@ -99,8 +97,7 @@ class Leaping:
         return self._control.config.leap.enabled
 
     def forget(self, why: str = "autonomy has lost the mount") -> None:
-        """End the leaps, with a reason for the record; later ones begin where the telescope then
-        points."""
+        """End the leaps, with a reason for the record; later ones begin where it then points."""
         if self.track is not None:
             self._log.record_interrupted_pass(self.track, why)
         self.track = self._leap = None
@@ -201,8 +198,7 @@ class Leaping:
             return
 
     def take_stage_ms(self) -> dict[str, float]:
-        """Return the times of the look at the last frame's middle and of the order by it, ms,
-        once."""
+        """Return the times of the look at the frame's middle and of its order, ms, once."""
         taken, self._stage_ms = self._stage_ms, {}
         return taken
 
@@ -378,8 +374,7 @@ class Leaping:
         return plan
 
     def _read_what_shows_it(self) -> None:
-        """Read a part of the sensor where the next leap is well predicted, while the mount is on
-        its way."""
+        """Read a part of the sensor, ordered during the slew, where the next leap is sure."""
         leap, track, share = self._leap, self.track, 1.0
         if leap is not None and track is not None and self._is_known(track):
             share = self.times.subframe_for(leap)
@@ -442,8 +437,7 @@ class Leaping:
         return plan
 
     def _likeliest_leap(self, track: LeapTrack, pose: Pose, now_ns: int) -> Leap | NoLeap:
-        """Return the leap for the likeliest sense that can be met; else why not for the
-        likeliest."""
+        """Return the leap for the likeliest sense that can be met; else the reason against."""
         why: NoLeap | None = None
         for number in range(len(track.hypotheses)):
             path = track.path(now_ns, _AHEAD_S, number, step_s=_STEP_S)
