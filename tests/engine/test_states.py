@@ -25,7 +25,8 @@ from rsoconsole.engine.aim.states import (
     step,
 )
 from rsoconsole.records import LoopState
-from rsoconsole.tracking import Following, LiveTrack
+from rsoconsole.tracking import Following
+from rsoconsole.tracking import LiveTrack as Tracked
 from rsoconsole.tracking.filters.lqe import initialise
 from rsoconsole.words import text
 from tests.makers import geo_measurement
@@ -60,7 +61,7 @@ TRIGGERS = [
 
 
 def authority_in(state: LoopState, **more: Any) -> Authority:
-    tracks = (LiveTrack(track=TRACK_STATE),) if state in ("TRACK", "COAST") else ()
+    tracks = (Tracked(track=TRACK_STATE),) if state in ("TRACK", "COAST") else ()
     # A FAULT of this table is one that took the mount from autonomy.
     more = {"was_autonomous": state == "FAULT", **more}
     return Authority(following=Following(state=state, tracks=tracks), **more)

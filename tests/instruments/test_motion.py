@@ -189,7 +189,7 @@ class Wire:
         """Time in which the driver is silent but where it is asked."""
         for _ in range(round(seconds / 0.1)):
             self.now_s += 0.1
-            if self.motion.is_query_due() and answers:
+            if self.motion.wants_word() and answers:
                 self.say(ra_hours, asked=True)
 
 

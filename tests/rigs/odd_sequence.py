@@ -268,7 +268,7 @@ class OddNight:
         self._later = [each for each in self._later if each not in due]
         for _, act in due:
             act()
-        if self._is_due("ask", ASK_EVERY_S) and self.child._motion.is_query_due():
+        if self._is_due("ask", ASK_EVERY_S) and self.child._motion.wants_word():
             question = ET.Element("getProperties", version="1.7", device=DEVICE, name=COORDINATES)
             self.model.receive(question)
             self.deliver()

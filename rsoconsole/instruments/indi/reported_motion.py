@@ -99,7 +99,7 @@ class ReportedMotion:
         with self._lock:
             return self._now_s() - self._reported_s <= self._meter.span_s + self._meter.period_s
 
-    def is_query_due(self) -> bool:
+    def wants_word(self) -> bool:
         """True when the silent driver's coordinates are to be requested now; counts as
         requested."""
         with self._lock:

@@ -122,7 +122,7 @@ class _WireStop:
             if polling_ms is None and (self._motion.polling_ms or 0.0) > POLLING_MS:
                 polling_ms = self._motion.polling_ms
                 self._look_every(POLLING_MS)
-            if self._motion.is_query_due():
+            if self._motion.wants_word():
                 self._wire.ask(self._device, COORDINATES)
             step = measure.step(
                 time.monotonic(), self._motion.motion(), is_answered=self._is_answered

@@ -279,5 +279,5 @@ class CoordinatePoller:
             looked_s = now_s
             if vector is not None and vector.is_definition:
                 self._motion.take(vector)
-            if self._motion.is_query_due():
+            if self._motion.wants_word():
                 wire.ask(self._device, COORDINATES)
