@@ -95,7 +95,7 @@ def test_repair_says_what_it_did_and_then_that_there_is_nothing_to_do(night: Pat
     cut_off(night)
     (night / "frames" / "000009.fits.fz.part").write_bytes(b"half")
     (done,) = told("repair", night)
-    assert (done["has_changes"], done["closed"], done["adopted"]) == (True, True, [])
+    assert (done["did_anything"], done["closed"], done["adopted"]) == (True, True, [])
     assert done["removed"] == ["frames/000009.fits.fz.part"]
     assert "nothing to do" in run("repair", night).stdout
     live = begin(night.parent / "live")

@@ -254,7 +254,7 @@ def test_repair_brings_a_rescue_back_into_its_session(split, named):
     assert SessionReader(session).about()["is_closed"] is True
     assert not rescue.exists()
     assert read_notes(session)[-1]["verb"] == "merge"
-    assert not repair_session(session, T0_UTC_NS).has_changes
+    assert not repair_session(session, T0_UTC_NS).did_anything
 
 
 def test_a_session_that_was_closed_without_its_end_takes_it_too(split):

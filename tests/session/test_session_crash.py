@@ -32,7 +32,7 @@ TRUNCATIONS = 200
 GARBAGE = 60
 FEW = 10
 """Times fewer in the plain tier."""
-MAX_WORDS = 6
+MOST_WORDS = 6
 LONGEST_DELAY_S = 0.03
 NOW_UTC_NS = T0_UTC_NS + 10**15
 
@@ -132,7 +132,7 @@ def check_a_cut(folder: Path, told: dict[str, int]) -> str:
     whole = verify_session(folder)
     assert (whole.state, whole.digest, whole.findings) == ("closed", "confirmed", [])
     if records % 5 == 0:
-        assert not repair_session(folder, NOW_UTC_NS).has_changes
+        assert not repair_session(folder, NOW_UTC_NS).did_anything
     return found.state
 
 
@@ -142,7 +142,7 @@ def test_cuts_lose_nothing_that_was_acknowledged(lives: Lives, tmp_path: Path, s
     cuts = CUTS // share
     folders = [tmp_path / str(number) for number in range(cuts)]
     records = frames = 0
-    for folder, told in lives.cuts(folders, random.Random(1), most_words=MAX_WORDS):
+    for folder, told in lives.cuts(folders, random.Random(1), most_words=MOST_WORDS):
         assert check_a_cut(folder, told) == "cut off"
         records, frames = records + told["records"], frames + told["frames"]
         shutil.rmtree(folder)

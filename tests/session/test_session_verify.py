@@ -200,7 +200,7 @@ def test_repair_closes_takes_in_what_is_whole_and_removes_what_is_half(night: Pa
     assert (note["verb"], note["t_utc"]) == ("repair", "2030-03-17T17:46:40.000Z")
     assert note["adopted"] == done.adopted
     before = (night / "session.db").read_bytes()
-    assert not repair_session(night, NOW_UTC_NS).has_changes
+    assert not repair_session(night, NOW_UTC_NS).did_anything
     assert (night / "session.db").read_bytes() == before
 
 
@@ -266,7 +266,7 @@ def test_a_damaged_database_is_saved_beside_and_left_as_it_is(
     assert [reader.frame_path(n) is not None for n in range(1, 6)] == [True] * 4 + [False]
     again = repair_session(night, NOW_UTC_NS)
     assert again.recovered == replace(saved, is_new=False)
-    assert not again.has_changes
+    assert not again.did_anything
     assert [each.folder.name for each in list_sessions(tmp_path)] == ["night", "night.recovered"]
 
 

@@ -52,7 +52,7 @@ class Repair:
     """New session with the readable parts of a damaged database; None where it was sound."""
 
     @property
-    def has_changes(self) -> bool:
+    def did_anything(self) -> bool:
         """True where something was done."""
         done = self.closed or self.folded or bool(self.adopted or self.removed or self.merged)
         return done or (self.recovered is not None and self.recovered.is_new)
@@ -136,7 +136,7 @@ def _repair(reader: SessionReader, about: dict[str, Any], now_utc_ns: int) -> Re
         merge_wal(folder / DATABASE, LEAVE_WAL_S)
         done.folded = is_split
     _remove_parts(folder, done)
-    if done.has_changes:
+    if done.did_anything:
         details: dict[str, Any] = {"closed": done.closed, "folded": done.folded}
         add_note(
             folder,
