@@ -88,10 +88,10 @@ def figures(**changes: Any) -> TrackFigures:
 # -- the tuning pane ------------------------------------------------------------------------------
 
 
-def tuned(now: TrackFigures, then: TrackFigures | None, did_anything: bool, **words: Any) -> str:
+def tuned(now: TrackFigures, then: TrackFigures | None, has_changes: bool, **words: Any) -> str:
     tuning = Tuning()
     tuning.see({"detector.tau": 0.1})
-    if did_anything:
+    if has_changes:
         tuning.step(1)
     return plain(tune_lines(tuning, now, then, words=TuneWords(**words))(47, 22))
 

@@ -199,8 +199,8 @@ def _summary(sheet: FrameScreenState) -> list[Line]:
     if sheet.opened is None:
         return [[(" reading the session …", "dim")]]
     tau, mode = sheet.tau, sheet.map_mode or sheet.recorded_mode
-    did_anything = tau != sheet.recorded_tau or mode != sheet.recorded_mode or sheet.solves_again
-    head: Line = [(f" τ {tau:.3g} {mode}  ", "warn" if did_anything else "")]
+    has_changes = tau != sheet.recorded_tau or mode != sheet.recorded_mode or sheet.solves_again
+    head: Line = [(f" τ {tau:.3g} {mode}  ", "warn" if has_changes else "")]
     if sheet.done is not None and sheet.wanted is None and not sheet.failure:
         head.append((f"{sheet.done.result.stage_ms['total']:.0f} ms", "dim"))
     else:

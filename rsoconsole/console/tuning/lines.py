@@ -52,7 +52,7 @@ def tune_lines(
         then_now = then if tuning.changes else None
         lines: list[Line] = [rule(f"tune · {changed}", "", width)]
         frames = words.frames.format(count=LAST_FRAMES if now is None else now.frames)
-        figures = _figures(now, then_now, frames, did_anything=bool(tuning.changes))
+        figures = _figures(now, then_now, frames, has_changes=bool(tuning.changes))
         cautions = _comparison(tuning, now, then_now, words.of_present, width)
         cautions += _cautions(now, then_now, words.of_present)
         figures += cautions[: max(height - 2 - len(figures) - MIN_BESIDE, 0)]
@@ -107,7 +107,7 @@ def _setting(tuning: Tuning, number: int, tunable: Tunable) -> Line:
 
 
 def _figures(
-    now: "TrackFigures | None", then: "TrackFigures | None", frames: str, *, did_anything: bool
+    now: "TrackFigures | None", then: "TrackFigures | None", frames: str, *, has_changes: bool
 ) -> list[Line]:
     head = f" {frames}".ljust(LABEL_COLUMNS + 4)
     lines: list[Line] = [
@@ -116,7 +116,7 @@ def _figures(
     inks: dict[bool | None, Ink] = {True: "good", False: "warn", None: ""}
     for each in merit.TUNED:
         line: Line = [(f"  {each.label:<{LABEL_COLUMNS + 2}}", "")]
-        for figures, is_coming in ((now, True), (then, did_anything)):
+        for figures, is_coming in ((now, True), (then, has_changes)):
             text = ("…" if is_coming else "-") if figures is None else each.words(figures)
             is_sound = figures.is_nis_sound if figures and each is merit.NIS_MEAN else None
             line.append((f"{text:>{VALUE_COLUMNS}}", "dim" if figures is None else inks[is_sound]))
