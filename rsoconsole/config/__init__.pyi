@@ -10,11 +10,13 @@ from .file import limits_of as limits_of
 from .file import toml_value as toml_value
 from .file import write_initial_config as write_initial_config
 from .file import write_settings as write_settings
+from .night import PRESETS as PRESETS
 from .night import AimConfig as AimConfig
 from .night import CatalogueConfig as CatalogueConfig
 from .night import DetectorConfig as DetectorConfig
 from .night import FilterConfig as FilterConfig
 from .night import MeasuredErrors as MeasuredErrors
+from .night import Preset as Preset
 from .night import SearchConfig as SearchConfig
 from .night import TargetConfig as TargetConfig
 from .observatory import CalibratedTiming as CalibratedTiming

@@ -2,7 +2,7 @@
 
 from datetime import date
 from pathlib import Path
-from typing import Literal, Self
+from typing import Literal, Self, TypeAlias, get_args
 
 from pydantic import Field, field_serializer, field_validator, model_validator
 
@@ -57,10 +57,15 @@ class SolverConfig(Section):
     )
 
 
+Preset: TypeAlias = Literal["adaptive", "tuned", "paper"]
+"""Presets of the filter."""
+PRESETS: tuple[Preset, ...] = get_args(Preset)
+
+
 class FilterConfig(Section):
     """The linear quadratic estimator."""
 
-    preset: Literal["adaptive", "tuned", "paper"] = Field(
+    preset: Preset = Field(
         "adaptive",
         description="adaptive: motions weighed by their likelihood, learns how much a night"
         " scatters; tuned: constant rates in RA and Dec; paper: the paper's",
@@ -93,6 +98,11 @@ class FilterConfig(Section):
     max_3sigma_arcmin: float = Field(
         600.0, gt=0, le=600, description="less sure, it is lost; never beyond half the field"
     )
+
+    @property
+    def uses_bank(self) -> bool:
+        """True where the preset weighs a bank of motions and noises; else it runs one filter."""
+        return self.preset == "adaptive"
 
 
 class TargetConfig(Section):

@@ -119,7 +119,7 @@ def ask_engine(wire: ControlClient, question: Command) -> Mapping[str, Any]:
 
 
 def status_of(wire: ControlClient) -> Status:
-    """Return the engine's status. Raises as ``answer_of`` does."""
+    """Return the engine's status. Raises as ``ask_engine`` does."""
     return read_status(ask_engine(wire, AskStatus()))
 
 

@@ -2,12 +2,12 @@
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict, replace
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from rsoconsole.base import InputError, SessionError
-from rsoconsole.config import Config, SiteConfig
+from rsoconsole.config import Config, Preset, SiteConfig
 from rsoconsole.library._given import ConfigLike, Number, Place, config_of, required_site, table_of
 from rsoconsole.library._observations import (
     META,
@@ -155,7 +155,7 @@ def track(
     site: Place | None = None,
     exposure: Number | None = None,
     sigma: Number | None = None,
-    preset: Literal["adaptive", "tuned", "paper"] | None = None,
+    preset: Preset | None = None,
     config: ConfigLike = None,
 ) -> Tracks:
     """Follow what moves through measurements, as the telescope would have followed it.

@@ -3,7 +3,7 @@ from .files.digest import Verification as Verification
 from .files.frame_encoding import compress_frame as compress_frame
 from .files.session_files import folders_in as folders_in
 from .files.session_files import last_write_utc_ns as last_write_utc_ns
-from .files.session_files import put_in_place as put_in_place
+from .files.session_files import replace_folder as replace_folder
 from .files.upkeep_log import pruned_on as pruned_on
 from .files.upkeep_log import read_notes as read_notes
 from .ledgers.element_ledger import ElementLedger as ElementLedger

@@ -57,7 +57,7 @@ def refusals(  # noqa: PLR0917 -- one call, each argument a different thing
     """Reasons why measurements do not belong to the track: motion, position, neighbours."""
     reasons: dict[Measurement, NotTaken] = {}
     shares = (LENGTH_TOLERANCE, LENGTH_TOLERANCE)
-    if settings.filter.preset == "adaptive":
+    if settings.filter.uses_bank:
         is_flashing = flashes_by_lengths(before.streaks.excesses_arcsec, expected.length_arcsec)
         shares = (FLASHING_TOLERANCE if is_flashing else PART_TOLERANCE, LONGER_TOLERANCE)
     bent_deg = BENT_TOLERANCE_DEG if chains.uses_window(settings) else DIRECTION_TOLERANCE_DEG
@@ -137,7 +137,7 @@ def nis_of(update: TrackState | CandidateUpdate) -> float:
 
 def mixture_moments_nis(updated: TrackState, settings: FollowSettings) -> float:
     """NIS by the moments of the mixture alone; the mixture itself allows for more."""
-    if settings.filter.preset != "adaptive" or updated.innovation_arcsec is None:
+    if not settings.filter.uses_bank or updated.innovation_arcsec is None:
         return nis_of(updated)
     off = np.array(updated.innovation_arcsec)
     return float(off @ np.linalg.solve(adaptive.innovation_covariance(updated), off))

@@ -70,7 +70,7 @@ def stepped_track(
         before = replace(before, ambiguous=before.ambiguous + 1)
     records: tuple[FoldRecord, ...] = (predicted, *rejections(reasons, updated))
     step = _coast(before, predicted, seen, settings, records, reason)
-    if settings.filter.preset != "adaptive" or step.after is None:
+    if not settings.filter.uses_bank or step.after is None:
         return step
     is_absent = reason.kind in _ABSENT and not reason.hidden_by
     is_absent = is_absent and is_in_field(predicted, seen.field)
@@ -113,7 +113,7 @@ def predicted_track(before: LiveTrack, seen: FrameInput, settings: FollowSetting
     own prediction fits nothing.
     """
     predicted = estimator.predict(before.track, seen.t_mid_utc_ns, settings.filter, seen.frame_id)
-    if settings.filter.preset != "adaptive" or seen.by_orbit is None or before.taken is None:
+    if not settings.filter.uses_bank or seen.by_orbit is None or before.taken is None:
         return predicted
     coasted_s = (seen.t_mid_utc_ns - before.taken.t_mid_utc_ns) / 1e9
     if coasted_s <= ALONE_FOR_S:

@@ -104,7 +104,7 @@ def _follow_tracks(
     before: Following, seen: FrameInput, settings: FollowSettings
 ) -> tuple[Following, tuple[FoldRecord, ...]]:
     """Follow all tracks through a frame, the lead first; where it ends, the next track leads."""
-    is_joint = settings.filter.preset == "adaptive" and settings.choice == "nearest"
+    is_joint = settings.filter.uses_bank and settings.choice == "nearest"
     if is_joint:
         before = further_tracks.with_fewer_filters(before)
     if seen.chosen is not None and is_joint and len(before.tracks) > 1:
@@ -303,7 +303,7 @@ def _weighed_by(
 ) -> TrackCandidates:
     expected = expected_motion(predicted, seen.exposure_s)
     asked = seen.measurements
-    if not predicted.is_lead and settings.filter.preset == "adaptive":
+    if not predicted.is_lead and settings.filter.uses_bank:
         asked = further_tracks.within_reach(asked, predicted)
     updated = track_updates(predicted, asked, before, seen, settings)
     reasons: dict[Measurement, NotTaken] = {}

@@ -178,7 +178,7 @@ def free_measurements(
 ) -> tuple[Measurement, ...]:
     """Measurements that may initiate a track: none has accepted them, and none waits for them.
 
-    Possible streaks of a missed track (``takeover``) and streaks that may belong to either of two
+    Possible streaks of a missed track (``_takeover``) and streaks that may belong to either of two
     tracks are not free.
     """
     taken = [s.after.taken for s in steps if s.is_measured and s.after and s.after.taken]

@@ -20,7 +20,7 @@ def streak_name(streak: Detection) -> str:
 
 
 def streak_name_words(kind: str, object_class: str, probability: float, *, train: int) -> str:
-    """Format single figures as ``name_of`` does."""
+    """Format single figures as ``streak_name`` does."""
     words = [] if kind == "streak" else [kind]
     if object_class != "undetermined":
         words.append(f"{object_class} {probability:.2f}")
@@ -56,7 +56,7 @@ def streak_pulse_words(streak: Detection) -> str:
 
 
 def pulse_words(period_px: float | None, period_s: float | None, depth: float | None) -> str:
-    """Format single figures as ``pulse_of`` does."""
+    """Format single figures as ``streak_pulse_words`` does."""
     if period_px is None:
         return ""
     period = f"{period_px:.1f} px"

@@ -14,7 +14,7 @@ from rsoconsole.console.dialogs.candidates import (
     detection_outcome,
 )
 from rsoconsole.console.dialogs.dialogs import ConfirmDialog
-from rsoconsole.console.frame._sheet_marks import points_beyond_ends
+from rsoconsole.console.frame._sheet_marks import marks_beyond_streak_ends
 from rsoconsole.console.panes.panes import FramePane
 from rsoconsole.console.picture.marks import Mark
 from rsoconsole.control import MarkByHand, Outcome
@@ -151,10 +151,10 @@ def test_a_mark_that_is_not_taken_or_is_old_changes_nothing_of_the_details(
 
 def test_far_off_a_streak_that_is_marked_keeps_a_point_beyond_each_end():
     streak = Mark(x_px=500.0, y_px=300.0, kind="followed", ends_px=((450.0, 300.0), (550.0, 300.0)))
-    (faint,) = points_beyond_ends([streak], 8.0)
+    (faint,) = marks_beyond_streak_ends([streak], 8.0)
     assert faint.outline_px == ((434.0, 300.0), (566.0, 300.0))
-    assert points_beyond_ends([streak], 2.0) == ()
-    assert points_beyond_ends([Mark(x_px=1.0, y_px=1.0, kind="predicted")], 8.0) == ()
+    assert marks_beyond_streak_ends([streak], 2.0) == ()
+    assert marks_beyond_streak_ends([Mark(x_px=1.0, y_px=1.0, kind="predicted")], 8.0) == ()
 
 
 def test_the_automatic_streak_of_a_marked_frame_is_set_aside_not_followed():

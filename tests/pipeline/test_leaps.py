@@ -231,7 +231,7 @@ def test_slews_of_the_night_teach_the_law_of_a_mount() -> None:
         true_s = 0.8 + travel_s(way_deg, 2.5, 1.2)
         assert motion.slew_s((way_deg, 0.0)) == pytest.approx(true_s, abs=0.15)
     assert 0.03 < motion.scatter_s < 0.2
-    before = mount_motion.apply_new_settings(MountConfig())
+    before = mount_motion.configured_motion(MountConfig())
     assert before.slew_s((15.0, 0.0)) < 8.0 < true_s + 0.8  # what was configured was far off
 
 

@@ -365,7 +365,7 @@ def test_a_branch_is_whole_or_not_there(mine, monkeypatch):
     def broken(*_: Any, **__: Any) -> None:
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr(branches_module, "put_in_place", broken)
+    monkeypatch.setattr(branches_module, "replace_folder", broken)
     for name, force in (("new", False), ("old", True)):
         with pytest.raises(SessionError, match="No space left"):
             save_branch(found, name, force=force)

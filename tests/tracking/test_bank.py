@@ -435,7 +435,7 @@ def test_an_ellipse_that_is_all_but_a_line_leaves_numbers() -> None:
     slant = np.array([[0.6, -0.8], [0.8, 0.6]])
     thin = slant @ np.diag([1e18, 1.0]) @ slant.T
     usual = np.array([[4.0, 1.0], [1.0, 9.0]])
-    inverse, log_det = filter_update.inverted(np.stack([thin, usual]))
+    inverse, log_det = filter_update.inverses_and_log_dets(np.stack([thin, usual]))
     assert np.all(np.isfinite(inverse))
     assert np.all(np.isfinite(log_det))
     assert inverse[1] == pytest.approx(np.linalg.inv(usual))

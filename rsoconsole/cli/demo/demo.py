@@ -13,7 +13,7 @@ from rsoconsole.base import ConfigError, waits_reported_to
 from rsoconsole.cli.demo.demo_night import Night, NightProcess, run_night
 from rsoconsole.cli.words import completion, output
 from rsoconsole.cli.words.options import JsonOption, SessionOption, site_of
-from rsoconsole.config import Config, load_config
+from rsoconsole.config import Config, Preset, load_config
 from rsoconsole.instruments import stop_past_engine
 from rsoconsole.records import Site
 from rsoconsole.words import direction, number, semi_major_axis_words
@@ -23,7 +23,6 @@ if TYPE_CHECKING:
     from rsoconsole.pipeline import Reduction
     from rsoconsole.simulator import World
 
-Preset: TypeAlias = Literal["adaptive", "tuned", "paper"]
 KeepFrames: TypeAlias = Literal["all", "detected", "last", "none"]
 
 FRAMES_UNSEEN = 20

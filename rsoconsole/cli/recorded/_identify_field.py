@@ -7,7 +7,7 @@ from typing import Any
 from rsoconsole.base import ConfigError, OrbitError, SessionError
 from rsoconsole.cli.recorded.frames import read_each, warn
 from rsoconsole.cli.words import output
-from rsoconsole.cli.words.batch_options import Bar
+from rsoconsole.cli.words.batch_options import ProgressBar
 from rsoconsole.cli.words.ledger_words import say_moved_aside
 from rsoconsole.cli.words.options import catalogue_of
 from rsoconsole.cli.words.standard_input import InputFiles
@@ -60,7 +60,7 @@ def identify_field(
     read: list[tuple[str, FieldFrame]] = []
     with open_field_reader(config, plate) as reader:
 
-        def work(path: Path, number: int, _bar: Bar) -> None:
+        def work(path: Path, number: int, _bar: ProgressBar) -> None:
             for image in read_frames(path, number, extension=extension):
                 label, shown = image.header.get(EXTENSION_KEY), files.name(path)
                 name = f"{shown}[{label}]" if label else shown

@@ -10,8 +10,8 @@ import typer
 from rsoconsole.base import FrameError
 from rsoconsole.cli.words import completion, output
 from rsoconsole.cli.words.batch_options import (
-    Bar,
     NoDaskOption,
+    ProgressBar,
     SchedulerOption,
     SerialOption,
     WorkersOption,
@@ -107,7 +107,10 @@ def report_error(files: InputFiles, path: Path, error: FrameError, json_: bool) 
 
 
 def read_each(
-    files: InputFiles, paths: Sequence[Path], json_: bool, work: Callable[[Path, int, Bar], None]
+    files: InputFiles,
+    paths: Sequence[Path],
+    json_: bool,
+    work: Callable[[Path, int, ProgressBar], None],
 ) -> int:
     """Run ``work`` over frames in order; report broken ones, go on, and return their number."""
     failures = 0
@@ -132,7 +135,7 @@ def _each(
     """Print what ``work`` finds in each of the files."""
     noted: set[str] = set()
 
-    def show(path: Path, number: int, bar: Bar) -> None:
+    def show(path: Path, number: int, bar: ProgressBar) -> None:
         for found in work(path, number):
             with bar.aside():
                 output.answer(json_, found, lines)

@@ -28,7 +28,7 @@ NoDaskOption = Annotated[
 ]
 
 
-class Bar:
+class ProgressBar:
     """Bar of steps on a terminal's stderr; nothing elsewhere."""
 
     def __init__(self, bars: "Progress | None" = None, task: "TaskID | None" = None) -> None:
@@ -70,10 +70,10 @@ def bars_of(*columns: "ProgressColumn") -> "Progress":
 
 
 @contextlib.contextmanager
-def progress(words: str, total: int | None = None) -> Iterator[Bar]:
+def progress(words: str, total: int | None = None) -> Iterator[ProgressBar]:
     """A bar up to ``total`` steps; a count of them where their number is not known."""
     if not sys.stderr.isatty():
-        yield Bar()
+        yield ProgressBar()
         return
     from rich.progress import (
         BarColumn,
@@ -89,7 +89,7 @@ def progress(words: str, total: int | None = None) -> Iterator[Bar]:
     if total is None:
         columns = (SpinnerColumn(), name, TextColumn("{task.completed:.0f}"), elapsed)
     with bars_of(*columns) as bars:
-        yield Bar(bars, bars.add_task(words, total=total))
+        yield ProgressBar(bars, bars.add_task(words, total=total))
 
 
 @contextlib.contextmanager

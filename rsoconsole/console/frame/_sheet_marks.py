@@ -77,7 +77,7 @@ def lead_place(detail: NightFrame) -> tuple[float, float] | None:
     return next(inside, None)
 
 
-def points_beyond_ends(marks: Sequence[Mark], px_per_square: float) -> tuple[Mark, ...]:
+def marks_beyond_streak_ends(marks: Sequence[Mark], px_per_square: float) -> tuple[Mark, ...]:
     """Return points beyond each end of every streak in a view of large squares; else none."""
     if px_per_square <= FAINT_FROM_PX:
         return ()

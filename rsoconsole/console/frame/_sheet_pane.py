@@ -1,7 +1,7 @@
 """The picture of a frame at full resolution: its characters, or the terminal's own graphics."""
 
 from rsoconsole.console.frame._sheet import FrameScreenState, readout_parts, title_parts
-from rsoconsole.console.frame._sheet_marks import points_beyond_ends, sheet_marks
+from rsoconsole.console.frame._sheet_marks import marks_beyond_streak_ends, sheet_marks
 from rsoconsole.console.panes.panes import SIGHTS, FramePane, Sight
 from rsoconsole.console.picture.marks import Mark
 from rsoconsole.console.picture.picture import DrawnPicture, LightImage, Picture, greys
@@ -78,7 +78,7 @@ class SheetPane(FramePane):
         if not sheet.are_marks_shown:
             is_faint = sheet.is_marking and sheet.view is not None and sheet.pixels is not None
             marks = (
-                points_beyond_ends(marks, sheet.view.px_per_square)
+                marks_beyond_streak_ends(marks, sheet.view.px_per_square)
                 if is_faint and sheet.view
                 else ()
             )

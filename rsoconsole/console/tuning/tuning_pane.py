@@ -18,7 +18,7 @@ from rsoconsole.base import (
     value_errors_as,
     write_durably,
 )
-from rsoconsole.config import Config, toml_value, with_setting
+from rsoconsole.config import PRESETS, Config, toml_value, with_setting
 from rsoconsole.console.panes.panes import LinesPane
 
 Value = float | int | str
@@ -67,7 +67,7 @@ def _multiplier(of: str, label: str) -> Tunable:
 
 TUNABLES = (
     Tunable(name="detector.tau", label="τ", low=0.01, high=0.99),
-    Tunable(name="filter.preset", label="preset", choices=("adaptive", "tuned", "paper")),
+    Tunable(name="filter.preset", label="preset", choices=PRESETS),
     Tunable(name="filter.sigma_arcsec", label="σ", unit="″", low=0.05, high=600.0, preset="paper"),
     Tunable(
         name="filter.q_arcsec2_s3",

@@ -251,7 +251,7 @@ def _cut_off_session(config: Config, instruments: Instruments) -> Path | None:
 
 def _load_ahead(config: Config) -> None:
     """Load in the background what would delay the first frame with two satellites by a second."""
-    if config.filter.preset == "adaptive" and config.filter.most_tracks > 1:
+    if config.filter.uses_bank and config.filter.most_tracks > 1:
         name = "scipy.optimize"
         threading.Thread(target=import_module, args=(name,), daemon=True, name=name).start()
 

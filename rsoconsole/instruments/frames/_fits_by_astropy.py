@@ -138,7 +138,7 @@ class _Unit:
 def image_by_astropy(
     content: bytes, name: str, extension: str | None = None, min_side_px: int = 1
 ) -> FitsImage:
-    """Read the requested image, as ``fits_images.fits_image``, in this very process."""
+    """Read the requested image, as ``plain_fits``, in this very process."""
     from astropy.io import fits
 
     truncated = FrameError(f"{name} is truncated or damaged: copy it again or leave it out")

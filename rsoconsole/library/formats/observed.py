@@ -1,7 +1,7 @@
 """Directions of one object from any file of observations: what ``orbit`` and ``identify`` read.
 
-Sessions and the program's own JSON are read by ``pipeline.sightings_of``; here TDM (both forms),
-IOD and UK lines, tables, and rows of EOObservation records join them.
+Sessions and the program's own JSON are read by ``pipeline.read_observed_tracks``; here TDM (both
+forms), IOD and UK lines, tables, and rows of EOObservation records join them.
 """
 
 import math

@@ -4,7 +4,7 @@ Pure.
 Tracks that were seen at the same time are different objects, so that a catalogued object that fits
 two of them is one of the two. The assignments of all tracks to objects, or to what no catalogue
 knows, are weighed against each other (``assignments``), each with the error that its elements may
-have in common (``shared_errors``): where all members of a slot are off their elements, their
+have in common (``_shared_errors``): where all members of a slot are off their elements, their
 relative places distinguish them. A track's probabilities are sums over the assignments.
 """
 

@@ -2,7 +2,7 @@
 
 A timing error of the shutter moves both ends of a streak along the path alike: the rate is free of
 it, the place is not, so each streak's four numbers have one covariance. The common error of the
-clock is an unknown of its own; the others are those of `line_of_sight`. Forces enter by Encke's
+clock is an unknown of its own; the others are those of `directions`. Forces enter by Encke's
 deviation from the motion about a point mass, as in `fit`. Where the streaks do not determine the
 eccentricity, a wide prior does (stated in the result). Source: Tapley, Schutz & Born 2004, 4.6, for
 errors that several measurements share.

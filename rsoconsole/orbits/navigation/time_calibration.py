@@ -9,7 +9,7 @@ direction minus its orbit, at the instant that the frame's header names, is
 where drift is the common error of all catalogue stars of a night, and the place of a track the
 error of one orbit and its field's stars. Drift is separated from time by satellites that move in
 several directions. Scatter, the places, the scale of the measurements' own errors and what ends are
-found worse than that are variances, found with the unknowns (``variance_components``). Wind at one
+found worse than that are variances, found with the unknowns (``_variance_components``). Wind at one
 end is not that at the other, so that it shows in the lengths of streaks; the shutter moves a streak
 as a whole: that tells the two apart.
 """

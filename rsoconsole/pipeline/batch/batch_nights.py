@@ -33,7 +33,7 @@ from rsoconsole.pipeline.frame.reduce import open_reducer
 from rsoconsole.pipeline.replays.branches import check_name, save_branch
 from rsoconsole.pipeline.replays.what_if_log import RerunCounts, what_if_session
 from rsoconsole.records import Detections, Event, FrameTaken, Measurement, Miss, StateChange
-from rsoconsole.session import DATABASE, BatchRecording, SessionReader, put_in_place
+from rsoconsole.session import DATABASE, BatchRecording, SessionReader, replace_folder
 from rsoconsole.vision import Network
 
 FRAME_SUFFIXES = (".fits", ".fit", ".fts", ".fz", ".gz", ".bz2", ".tif", ".tiff", ".png")
@@ -194,7 +194,7 @@ def _processed(night: Night) -> NightOutcome:
     beside = night.session.with_name(f".{night.session.name}.{uuid.uuid4().hex[:8]}.part")
     try:
         _record(night, beside, identity)
-        put_in_place(beside, night.session)
+        replace_folder(beside, night.session)
     except BaseException:
         shutil.rmtree(beside, ignore_errors=True)
         raise

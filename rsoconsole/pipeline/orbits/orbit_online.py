@@ -178,7 +178,7 @@ class OnlineOrbit:
         """Refine the orbit of each track with new measurements, through all of them.
 
         A track is left out where it has no new measurement, where no orbit can be determined, or
-        where its turn has not come (``orbit_turns``). Each orbit is on record as of the last frame
+        where its turn has not come (``_orbit_turns``). Each orbit is on record as of the last frame
         whose measurement the track accepted. Nothing is raised for directions that cannot be
         fitted.
         """

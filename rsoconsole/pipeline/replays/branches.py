@@ -16,7 +16,7 @@ from typing import Any
 from rsoconsole import __version__
 from rsoconsole.base import SessionError, value_errors_as
 from rsoconsole.pipeline.replays.what_if_log import WhatIf, rewritten_log
-from rsoconsole.session import DATABASE, SessionReader, SessionWriter, folders_in, put_in_place
+from rsoconsole.session import DATABASE, SessionReader, SessionWriter, folders_in, replace_folder
 
 BRANCHES = "branches"
 RESERVED = ("figures", "exports")
@@ -76,7 +76,7 @@ def save_branch(what_if: WhatIf, name: str, *, force: bool = False) -> Path:
         folder.parent.mkdir(exist_ok=True)
         shutil.rmtree(beside, ignore_errors=True)
         _write(what_if, name, beside)
-        put_in_place(beside, folder)
+        replace_folder(beside, folder)
     except OSError as error:
         raise SessionError(
             f"no branch can be written in {folder.parent}: {error}; free some disk, or copy the"

@@ -70,7 +70,7 @@ class RerunCounts:
 
 
 class Rerun:
-    """Reduction of the recorded frames again, called for each by ``Walk.reduce_again``."""
+    """Reduction of the recorded frames again, called for each by ``ReplayState.reduce_again``."""
 
     def __init__(
         self,

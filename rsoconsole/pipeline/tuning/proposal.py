@@ -1,6 +1,6 @@
 """Proposal of Q and R from the innovations of recorded sessions, with its evidence.
 
-The likelihood of the innovations (``propose_likelihood``) is maximised over Q and R, then over
+The likelihood of the innovations (``_propose_likelihood``) is maximised over Q and R, then over
 those of their terms that the data determine. A change is proposed only where its likelihood ratio
 would be exceeded by chance in one night of twenty, a term of its own in one of a hundred. The
 measurements of a track depend on Q and R too, through the gate; so the result is replayed, and the

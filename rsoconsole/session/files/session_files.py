@@ -158,7 +158,7 @@ def last_write_utc_ns(folder: Path) -> int:
     return 0
 
 
-def put_in_place(beside: Path, folder: Path) -> None:
+def replace_folder(beside: Path, folder: Path) -> None:
     """Rename ``beside`` to ``folder``; an earlier folder is removed only when the new one stands.
 
     Raises OSError.

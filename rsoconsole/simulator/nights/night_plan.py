@@ -1,6 +1,6 @@
 """A night of chosen satellites: when, where from, how exposed; as one table that can be written.
 
-What is chosen by hand or by ``when_up`` for satellites that no scenario names. The simulated
+What is chosen by hand or by ``_visibility`` for satellites that no scenario names. The simulated
 observatory, a process of its own, makes its scenario of it again: from the same files of element
 sets, and every object in them is really there.
 """

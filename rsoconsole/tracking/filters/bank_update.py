@@ -163,7 +163,7 @@ class BankInnovation:
     rare: FilterInnovations
     """Innovations where the measurement has gone wrong."""
     nis: float
-    """NIS as in ``Update``."""
+    """NIS as in ``BankUpdate``."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

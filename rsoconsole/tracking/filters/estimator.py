@@ -17,7 +17,7 @@ from rsoconsole.tracking.filters.streak_length import NO_ERRORS, StreakErrors
 
 def make_ready(settings: FilterConfig) -> None:
     """Load slow tables in advance: the first slew to a satellite would wait for them."""
-    if settings.preset == "adaptive":
+    if settings.uses_bank:
         import scipy.optimize  # noqa: F401 - which measurement is of which of several tracks
     else:
         import filterpy.kalman  # noqa: F401
@@ -40,7 +40,7 @@ def initialise(
     ``is_shutter_known``, whether the shutter's scatter was calibrated. Raises ValueError when the
     second is not the later one.
     """
-    if settings.preset == "adaptive":
+    if settings.uses_bank:
         return adaptive.initialise(
             first,
             second,
@@ -55,7 +55,7 @@ def initialise(
 
 def predict(state: TrackState, t_utc_ns: int, settings: FilterConfig, frame_id: int) -> TrackState:
     """Predict the track to another instant, for the frame ``frame_id``."""
-    if settings.preset == "adaptive":
+    if settings.uses_bank:
         return adaptive.predict(state, t_utc_ns, settings, frame_id)
     return lqe.predict(state, t_utc_ns, settings, frame_id)
 
@@ -107,7 +107,7 @@ def _weighed_there(
 ) -> dict[Measurement, CandidateUpdate]:
     if not measured:
         return {}
-    if settings.preset != "adaptive":
+    if not settings.uses_bank:
         return {m: _made(lqe.update(there, m, settings)) for m, _ in measured}
     innovations = adaptive.innovations(there, measured, settings)
     return {
@@ -150,7 +150,7 @@ def restarted_from(  # noqa: PLR0917 -- a direction, its motion and how well bot
     settings: FilterConfig,
 ) -> TrackState:
     """Restart the filter from another prediction, where its own has ``failed``."""
-    if settings.preset == "adaptive" and failed.t_utc_ns == t_utc_ns:
+    if settings.uses_bank and failed.t_utc_ns == t_utc_ns:
         return adaptive.restarted_from(
             direction_deg, rate_arcsec_s, covariance, failed.frame_id, failed
         )
@@ -164,6 +164,6 @@ def log_det_innovation(
 ) -> float:
     """Logarithm of the determinant of the innovation's covariance on the sky, arcsec^2 squared."""
     predicted = _at(predicted, measurement, settings)
-    if settings.preset == "adaptive":
+    if settings.uses_bank:
         return adaptive.log_det_innovation(predicted, measurement, settings)
     return lqe.log_det_innovation(predicted, measurement, settings)

@@ -149,7 +149,7 @@ def motion_on_plane(plane: Plane, motion: FloatArray, dt_s: float, onto: Plane) 
 def motion_and_slopes_on_plane(
     plane: Plane, motion: FloatArray, dt_s: float, onto: Plane
 ) -> tuple[FloatArray, FloatArray]:
-    """Compute ``moved`` and its slopes (..., 6, 6): of each number after by each before."""
+    """Compute ``motion_on_plane`` and its slopes (..., 6, 6), each number by each before."""
     shifted = motion[None] + (_STEPS * np.eye(6)).reshape(6, *(1,) * (motion.ndim - 1), 6)
     every = motion_on_plane(plane, np.concatenate([motion[None], shifted]), dt_s, onto)
     after = every[0]

@@ -62,8 +62,11 @@ class StreakErrors(NamedTuple):
     along_arcsec: float = 0.0
     """Error along the streak, from its length."""
     across_arcsec: float = 0.0
-    """Error across the streak, from its direction and length (``streak_turn``); as part of the
-    measurement's own error it is larger where a bank believes that all its errors are."""
+    """Error across the streak, from its direction and length (``end_offset_arcsec``).
+
+    As part of the measurement's own error it is larger where a bank believes that all its errors
+    are.
+    """
 
 
 NO_ERRORS = StreakErrors()

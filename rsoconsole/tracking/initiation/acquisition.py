@@ -81,10 +81,10 @@ def acquire(
     aside += not_chosen
     refused = tuple(not_followed(m, REFUSED) for m in seen.refused)
     agreed: dict[Measurement, Chain] = {}
-    if settings.filter.preset == "adaptive":
+    if settings.filter.uses_bank:
         agreed = chains.found_chains(before, usable, seen, settings)
     for second in usable:
-        if settings.filter.preset == "adaptive":
+        if settings.filter.uses_bank:
             earlier = agreed.get(second, ())
         else:
             earlier = _partner(before.candidates, second, seen)
@@ -119,7 +119,7 @@ def _begun(  # noqa: PLR0917 -- one call, each argument a different thing
     settings: FollowSettings,
 ) -> tuple[Following, tuple[FoldRecord, ...]]:
     """Initiate the lead, and beside it a track of every other chain as far as there is room."""
-    is_alone = seen.chosen is not None or settings.filter.preset != "adaptive"
+    is_alone = seen.chosen is not None or not settings.filter.uses_bank
     room = 1 if is_alone else settings.filter.most_tracks
     others = [(*agreed[m], m) for m in usable if m in agreed and m is not lead[-1]]
     begun_with = [lead, *others[: room - 1]]
@@ -248,7 +248,7 @@ def errors_of(
 
     ``before``: the track's streaks up to it.
     """
-    if settings.filter.preset != "adaptive":
+    if not settings.filter.uses_bank:
         return NO_ERRORS  # the other presets believe what a measurement states
     return StreakErrors(
         along_error_arcsec(m, expected, before.excesses_arcsec),
@@ -258,7 +258,7 @@ def errors_of(
 
 def _bend_of(first: Measurement, second: Measurement, settings: FollowSettings) -> Bend | None:
     """Possible bend of an orbit through the first of two measurements."""
-    if settings.bend is None or settings.filter.preset != "adaptive":
+    if settings.bend is None or not settings.filter.uses_bank:
         return None
     way, here = measurement_displacement(first, second), (first.ra_icrs_deg, first.dec_icrs_deg)
     dt_s = (second.t_mid_utc_ns - first.t_mid_utc_ns) / 1e9

@@ -234,7 +234,7 @@ Chain = tuple[Measurement, ...]
 
 def uses_window(settings: FollowSettings) -> bool:
     """True where more than two successive frames are used."""
-    return settings.filter.preset == "adaptive"
+    return settings.filter.uses_bank
 
 
 def found_chains(

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from rsoconsole.base import ConfigError
-from rsoconsole.config import Config, with_setting
+from rsoconsole.config import PRESETS, Config, with_setting
 from rsoconsole.control import (
     Status,
     fault_words,
@@ -96,7 +96,7 @@ TUNED = (
     ("filter.max_coast_s", "lost after", "s"),
 )
 """Settings that can be tuned here, (setting, label, unit); the console has the rest."""
-CHOICES = {"filter.preset": ("adaptive", "tuned", "paper")}
+CHOICES = {"filter.preset": PRESETS}
 
 
 def status_view(status: Status, reach: str, detail: str, seat: str) -> dict[str, Any]:
