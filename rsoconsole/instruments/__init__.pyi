@@ -19,7 +19,9 @@ from .mount.mount_mirror import abilities_by as abilities_by
 from .mount.past_engine import stop_past_engine as stop_past_engine
 from .observatory.clock import connect_instruments as connect_instruments
 from .observatory.clock import utc_now_ns as utc_now_ns
+from .observatory.protocols import ProtocolContext as ProtocolContext
 from .observatory.protocols import missing_protocol as missing_protocol
+from .ports import CameraPort as CameraPort
 from .ports import Clock as Clock
 from .ports import ClockFault as ClockFault
 from .ports import Instruments as Instruments

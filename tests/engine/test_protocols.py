@@ -8,12 +8,18 @@ import pytest
 from rsoconsole.base import InstrumentError
 from rsoconsole.config import Config
 from rsoconsole.engine.doctor.doctor import check_indi_server, check_mount_site
-from rsoconsole.instruments import connect_instruments
+from rsoconsole.instruments import (
+    CameraPort,
+    MountPort,
+    ProtocolContext,
+    connect_instruments,
+)
 
 MODULE = """
 class Device:
     def __init__(self, connection):
         self.options, self.calls = connection.config.instruments.options, []
+        self.context = connection
     def start(self):
         self.calls.append("start")
     def close(self):
@@ -50,7 +56,9 @@ def configured(mount: str, camera: str) -> Config:
 def test_an_installed_package_brings_mount_and_camera(tmp_path: Path) -> None:
     config = configured("alpaca", "alpaca")
     with connect_instruments(config, log_dir=tmp_path) as instruments:
-        for device in (instruments.mount, instruments.camera):
+        devices: tuple[MountPort | CameraPort, ...] = (instruments.mount, instruments.camera)
+        for device in devices:
+            assert isinstance(device.context, ProtocolContext)
             assert device.calls == ["start"]
             assert device.options == {"address": "10.0.0.9:11111"}
     assert (instruments.mount_name, instruments.camera_name) == ("alpaca", "alpaca")
