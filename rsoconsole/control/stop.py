@@ -37,7 +37,7 @@ _ASK_EVERY_S = 0.25
 REMEDY = f"run 'rsoconsole stop' in another terminal; {CUT_POWER} if it moves"
 SUPERSEDED = "another order came before STOP was measured to its end"
 
-FROM_PRESS, IN_ENGINE = "counted from the key", "with_time_origin in the engine"
+FROM_PRESS, IN_ENGINE = "counted from the key", "counted in the engine"
 """Origin of a STOP's times: its sending, or its arrival in the engine."""
 
 Found = Mapping[str, Any]

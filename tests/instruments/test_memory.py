@@ -113,8 +113,8 @@ def test_only_whole_pages_within_the_range_are_forgotten():
 FREEING = """
 import threading
 import numpy as np
-from rsoconsole.instruments import return_what_is_freed
-assert return_what_is_freed()
+from rsoconsole.instruments import return_freed_blocks
+assert return_freed_blocks()
 def resident_kib():
     for line in open("/proc/self/status"):
         if line.startswith("VmRSS"):

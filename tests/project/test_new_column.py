@@ -48,7 +48,7 @@ from rsoconsole.library.formats.rows import COLUMNS
 from rsoconsole.library.formats.night import read_night
 from rsoconsole.library.formats.api import to_csv, to_ecsv, to_jsonl
 from rsoconsole.library.notebook.session import open_session
-from rsoconsole.records.columns import documented
+from rsoconsole.records.columns import with_documentation
 from rsoconsole.records import Measurement, Ruling
 from rsoconsole.session import SessionReader
 from rsoconsole.session import SessionWriter
@@ -94,7 +94,7 @@ assert {json.loads(line)[NAME] for line in to_jsonl(exported.rows).splitlines()}
 assert f"name: {NAME}, unit: deg, datatype: float64" in to_ecsv(exported)
 
 # The documentation.
-page = documented((root / "sessions" / "README.md").read_text(encoding="utf-8"))
+page = with_documentation((root / "sessions" / "README.md").read_text(encoding="utf-8"))
 (line,) = [line for line in page.splitlines() if line.startswith("| `measurements` |")]
 assert line.endswith(f", measurement_id, {NAME} |"), line
 print("used")

@@ -96,7 +96,7 @@ def nonsense(monkeypatch: pytest.MonkeyPatch) -> None:
     def said(_: Any) -> str:
         return f"gibberish {next(numbers)}"
 
-    for name in ("text", "ruled_text"):
+    for name in ("text", "decision_text"):
         for module in _modules_that_word(name):
             monkeypatch.setattr(module, name, said)
 
