@@ -1,7 +1,6 @@
 """The operator's console in a terminal: shows the session and sends the operator's commands.
 
-May touch session, control, sky, tracking, records and config below; never the engine, an
-instrument or the simulator.
+Imports rooms of lower floors, but never the engine, an instrument or the simulator.
 """
 
 from lazy_loader import attach_stub

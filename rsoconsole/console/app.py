@@ -1,4 +1,4 @@
-"""The console as an application: colours, the keys that work everywhere, the two watches."""
+"""The console as an application: colours, the keys that work on every screen, and the watches."""
 
 import asyncio
 import contextlib
@@ -46,14 +46,14 @@ if TYPE_CHECKING:
     from rsoconsole.console.picture.graphics import GraphicsKind
 
 StopDirectly = Callable[[Callable[[Found], None], IndiConfig | None], None]
-"""Callback that stops the mount without the engine; calls back with its findings."""
+"""Stops the mount without the engine; takes a callback for what is found, and INDI settings."""
 
 
 def is_utf8() -> bool:
-    """Return True where the terminal takes more than ASCII, by the locale.
+    """Return True where the terminal takes more than ASCII, by the locale's encoding.
 
-    In the locale C, Python sets UTF-8 in its own environment (PEP 538): the environment given to
-    the program counts.
+    In the locale C, Python puts UTF-8 into its own environment (PEP 538), so the environment that
+    the program was started with is read.
     """
     given = _given_environment()
     said = next((given[name] for name in ("LC_ALL", "LC_CTYPE", "LANG") if given.get(name)), "")
@@ -77,11 +77,11 @@ def _given_environment() -> Mapping[str, str]:
 
 
 AFTER_ESCAPE_S = 0.05
-"""Seconds left for the action of escape before the key behind it acts."""
+"""Seconds that the action of escape gets before the key typed right behind escape acts."""
 
 
 def action_of(owner: Any, key: KeyCommand) -> Callable[[], Any]:
-    """Return the action of a command, for the palette."""
+    """Return the function that runs a command; ``owner``: the application or screen that has it."""
     if key.sends is not None:
         return partial(owner.action_hand_over, key.name)
     action: Callable[[], Any] = getattr(owner, f"action_{key.name}")
@@ -122,11 +122,22 @@ class ConsoleApp(App[str]):
         sessions_root: Path | None = None,
         tour: "TourMemory | None" = None,
     ) -> None:
-        """``keymap``: other keys for commands, by name; ``seat_name``: this console's name for the
-        engine; ``graphics``: the terminal's own, for the pictures; ``blocks``: the characters of
-        pictures without them; ``review``: open a review instead of the live screen, of that session
-        (None: asks which) from that frame or time on; ``sessions_root``: folder of recorded nights;
-        ``tour``: memory of the tour, which the first F1 shows; None: no tour."""
+        """Make the application over an engine, or over one recorded session.
+
+        ``wire``: makes a client of the engine's socket.
+        ``session``: recorded session to show; None: the engine's own.
+        ``read_only``: True where no command but STOP may be sent.
+        ``stop_directly``: stops the mount where the engine does not.
+        ``keymap``: other keys for commands, by the command's name.
+        ``settings``: the console's part of the configuration.
+        ``seat_name``: the engine's name for this console.
+        ``graphics``: the terminal's own graphics for pictures; None: characters.
+        ``blocks``: the characters that draw pictures where there are no graphics.
+        ``review``: opens a review instead of the live screen: (session or None to ask for one, the
+            frame or time to begin at).
+        ``sessions_root``: folder of recorded nights.
+        ``tour``: remembers whether the tour has been shown; None: there is no tour.
+        """
         super().__init__()
         self.graphics = graphics
         self._tour = tour
@@ -134,7 +145,7 @@ class ConsoleApp(App[str]):
         self._settings = settings or ConsoleConfig()
         self._last: tuple[NightView, EngineView] = (NightView(), EngineView())
         self._newest: tuple[NightView, Picture | None] | None = None
-        """Newest night and picture not yet shown; older ones are dropped while a screen is busy."""
+        """Newest (night, picture) not shown yet; older ones are dropped while a screen is busy."""
         self._newest_lock = threading.Lock()
         self._own_keys = dict(keymap or {})
         self._is_recorded = session is not None or review is not None
@@ -158,7 +169,7 @@ class ConsoleApp(App[str]):
             sessions_root=sessions_root,
         )
         self.root: Seat = self.live
-        """Screen under all others; the STOP key is handled there."""
+        """The lowest screen, under all others; it handles the STOP key."""
         if review is not None:
             self.root = ReviewScreen(
                 self.live.orders,
@@ -169,7 +180,7 @@ class ConsoleApp(App[str]):
             )
 
     def on_mount(self) -> None:
-        """Show the screen first, then start the watches."""
+        """Apply settings and themes and show the first screen, then start the watches."""
         wants_ascii = self._settings.ascii
         if wants_ascii is None:
             wants_ascii = not is_utf8()
@@ -196,29 +207,29 @@ class ConsoleApp(App[str]):
             self._engine_watch.start()
 
     def on_unmount(self) -> None:
-        """End the watches."""
+        """End the watches of session and engine."""
         self._engine_watch.close()
         self._session_watch.close()
 
     def check_action(self, action: str, parameters: tuple[object, ...]) -> bool | None:
-        """Leave a letter to the field being typed in; ctrl+x is STOP there too."""
+        """Return False where STOP's letter belongs into a text field; ctrl+x is STOP there too."""
         if action == "stop_by_letter":
             return not isinstance(self.focused, Input | TextArea)
         return super().check_action(action, parameters)
 
     @property
     def shown(self) -> NightScreen:
-        """The live night's screen or the review's, whatever lies over it."""
+        """The uppermost screen of a night, live or review, whatever dialog lies over it."""
         screens = [screen for screen in self.screen_stack if isinstance(screen, NightScreen)]
         return screens[-1] if screens else self.live
 
     @property
     def place(self) -> Place:
-        """Place of that screen: "live" or "review"."""
+        """Whether the uppermost screen of a night is the live one or a review."""
         return "review" if isinstance(self.shown, ReviewScreen) else "live"
 
     def get_system_commands(self, screen: Screen[Any]) -> Iterable[SystemCommand]:
-        """Yield every command by name, for the palette; those of an opened frame come first."""
+        """Yield every command by name for the palette; those of an opened frame come first."""
         if isinstance(screen, FrameSheet):
             yield from screen.system_commands()
         for command in commands_in(self.place):
@@ -232,7 +243,7 @@ class ConsoleApp(App[str]):
 
     @property
     def failure(self) -> Exception | None:
-        """The exception that ended the console; None as a rule."""
+        """The exception that ended the console; None where it ended by a command."""
         return self._exception
 
     def _fatal_error(self) -> None:
@@ -242,22 +253,22 @@ class ConsoleApp(App[str]):
         self._close_messages_no_wait()
 
     async def action_quit(self) -> None:
-        """Ask before leaving."""
+        """Leave as the screen provides; Textual's own command for leaving comes here."""
         self.action_leave()
 
     def action_stop(self) -> None:
-        """STOP, on every screen."""
+        """Send STOP, from whatever screen is shown."""
         self.root.stop()
 
     action_stop_by_letter = action_stop
 
     def action_after_escape(self, key: str) -> None:
-        """Act on escape; where that has closed something, then on the key typed right behind it."""
+        """Handle a key that came right behind escape: first escape acts, then ``key``."""
         self.simulate_key("escape")
         self.set_timer(AFTER_ESCAPE_S, partial(self.simulate_key, key))
 
     def action_help(self) -> None:
-        """Show keys, signs and terms; the first time the tour, unless a pane has the keys."""
+        """Show the help; the first time the tour, unless a pane or mark has keys of its own."""
         if isinstance(self.screen, HelpDialog | TourDialog):
             return
         has_own_keys = bool(MODE_WORDS[self._mode])
@@ -289,18 +300,18 @@ class ConsoleApp(App[str]):
         self.push_screen(TourDialog(self._own_keys), decided)
 
     def action_suspend(self) -> None:
-        """Suspend to the shell, as any program in a terminal."""
+        """Suspend the console to the shell, as ctrl+z does for other programs."""
         self.action_suspend_process()
 
     def action_colours(self) -> None:
-        """Take the next of dark, night, the terminal's own and light."""
+        """Use the next theme: dark, night, the terminal's own two, light."""
         names = [theme for theme in COLOURS if theme in self.available_themes]
         at = names.index(self.theme) if self.theme in names else -1
         self.theme = names[(at + 1) % len(names)]
         self.shown.say(f"colours: {COLOURS[self.theme]}")
 
     def action_leave(self) -> None:
-        """Leave in the way the screen provides."""
+        """Leave as the uppermost screen provides, which may ask first; an opened frame closes."""
         if isinstance(self.screen, FrameSheet):
             self.pop_screen()
         screen = self.screen
@@ -308,7 +319,7 @@ class ConsoleApp(App[str]):
             screen.action_leave()
 
     def ring_alerts(self, night: NightView, engine: EngineView) -> None:
-        """Ring or notify for changes since the last look."""
+        """Ring the bell or send a notification for what has changed since the previous call."""
         before, self._last = self._last, (night, engine)
         for alert, words in alerts_between(before, self._last):
             if alert in self._settings.bell:

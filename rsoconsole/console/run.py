@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from rsoconsole.console.app import StopDirectly
 
 ATTACH_S = 10.0
-"""Seconds that an engine on a busy machine may take to answer."""
+"""Most seconds to wait for an engine's answer: it may be on a busy machine."""
 
 
 def run_console(
@@ -28,15 +28,18 @@ def run_console(
     stop_directly: "StopDirectly | None" = None,
     graphics: Graphics | None = None,
 ) -> str:
-    """Open the console and stay until it is left: "quit", or "stop engine" when that was chosen.
+    """Open the console and stay until it is left; return "quit" or "stop engine".
 
-    ``socket`` is the engine's, None the default one. With ``session`` that folder is shown,
-    read-only, live while it grows, without an engine. ``owns_engine`` waits for one that is
-    only starting. ``stop_directly`` stops the mount where the engine does not; it is given the
-    session's INDI settings, or None. ``graphics``: other than configured.
+    ``socket``: the engine's; None: the default one.
+    ``session``: shows that session instead, read-only and growing, without an engine.
+    ``read_only``: True where no command but STOP may be sent.
+    ``owns_engine``: True where the engine is only starting: it is waited for.
+    ``stop_directly``: stops the mount where the engine does not; is given the session's INDI
+        settings, or None.
+    ``graphics``: how to draw pictures; None: as configured.
 
-    Raises ControlError when there is no engine, ConfigError for an invalid keymap,
-    SessionError when ``session`` holds none, RsoconsoleError where there is no terminal.
+    Raises ControlError when there is no engine, ConfigError for an invalid keymap, SessionError
+    when ``session`` holds none, RsoconsoleError where there is no terminal.
     """
     config, keymap = load_config(), _keymap()
     if session is not None:
@@ -69,10 +72,13 @@ def run_review(
     stop_directly: "StopDirectly | None" = None,
     graphics: Graphics | None = None,
 ) -> None:
-    """Open a review and stay until it is left; without a session the review asks for one.
+    """Open a review and stay until it is left.
 
-    ``start``: the frame or UTC time that is shown first. No engine is asked; STOP is sent to the
-    one of ``socket`` all the same.
+    ``session``: None: the review asks for one.
+    ``start``: the frame or UTC time to show first; empty: the first frame.
+    ``socket``: the engine's, to which STOP is sent; nothing else is asked of it.
+    ``stop_directly``: stops the mount where the engine does not.
+    ``graphics``: how to draw pictures; None: as configured.
 
     Raises ConfigError for an invalid keymap, SessionError when ``session`` holds none,
     RsoconsoleError where there is no terminal.
@@ -96,8 +102,10 @@ def _keymap() -> dict[str, str]:
 def _run(
     config: Config, socket: Path | None, seat: Sender, graphics: Graphics | None, **more: Any
 ) -> str:
-    """Run the application to its end, in a process that is a console alone; ``more``: its
-    arguments."""
+    """Run the application to its end, in a process of its own; return its result.
+
+    ``more``: further arguments of ``ConsoleApp``.
+    """
     from rsoconsole.console.app import ConsoleApp
     from rsoconsole.console.picture.graphics import choose_drawing
 
@@ -124,7 +132,7 @@ def _run(
 def _require_terminal(without: str) -> None:
     """Raise RsoconsoleError where nothing can be drawn; Textual draws on stderr.
 
-    ``without``: alternatives without a terminal, in words.
+    ``without``: words on what works without a terminal.
     """
     if not (sys.stdin.isatty() and sys.stdout.isatty() and sys.stderr.isatty()):
         raise RsoconsoleError(
@@ -137,7 +145,7 @@ def _require_terminal(without: str) -> None:
 
 
 def _seat() -> Sender:
-    """Return this console's operator and terminal, as another console shows them."""
+    """Return this console's operator and terminal, by which other consoles name it."""
     try:
         terminal = os.ttyname(sys.stdin.fileno()).removeprefix("/dev/")
     except OSError:

@@ -1,4 +1,4 @@
-"""Answers of the engine to this console's commands, and their results on record."""
+"""The engine's answers to this console's commands, and refusals that the record shows later."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -21,11 +21,11 @@ from rsoconsole.night import LogLine, NightView
 
 
 class CommandOutcomes(MarkActions):
-    """Reports the results of this console's commands: the engine's answer, then the record's."""
+    """Reports what became of this console's commands: the engine's answer, then the record."""
 
     tune: TuneActions
     _ticked: tuple[str, ...] = ()
-    """Names of the arming checks that were overridden here last."""
+    """Names of the arming checks that were overridden last at this console."""
 
     def __init__(self, *arguments: Any, **named: Any) -> None:
         super().__init__(*arguments, **named)
@@ -35,7 +35,10 @@ class CommandOutcomes(MarkActions):
     def handle_outcome(
         self, command: Command, stops: int, seq: int, then: Command | None, outcome: Outcome
     ) -> None:
-        """Report a success, open a dialog for a refusal; after a later STOP do neither."""
+        """Report a success, or open a dialog for a refusal; neither where STOP was given meanwhile.
+
+        Arguments as in ``Seat.handle_outcome``.
+        """
         self.ask_now()
         if outcome.data.get(ON_RECORD):
             self._expect_refusal(command, seq)
@@ -80,23 +83,30 @@ class CommandOutcomes(MarkActions):
         )
 
     def _expect_refusal(self, command: Command, seq: int) -> None:
-        """Note a refusal that has been shown, so that its record, perhaps read by now, is not."""
+        """Note a refusal that a dialog has shown, so that its log line is not reported too."""
         words = command_words(command.verb, command.arguments())
         if not any(self._refused_here(line) == words for line in self.log_lines_after(seq)):
             self._refused_at_once.append(words)
 
     def refused_since(self, before: NightView) -> frozenset[str]:
-        """Verbs of this console's commands that the record has refused since ``before``."""
+        """Return the verbs of this console's commands that the record shows as refused.
+
+        ``before``: an earlier view of the night; refusals recorded since then count.
+        """
         refused = (self._refused_here(line) for line in self.log_lines_after(before.seq))
         return frozenset(words.partition(" ")[0] for words in refused if words)
 
     def _refused_here(self, line: LogLine) -> str:
-        """Return the command of this console that the line says was refused; empty: none."""
+        """Return this console's command whose refusal a line of the log reports; empty: none."""
         own = Sender.console(self.seat_name).words
         return line.asked.removeprefix(f"{own} ") if line.refused_by == own else ""
 
     def report_refusals(self, before: NightView) -> None:
-        """Report once each command that the engine accepted from this console and refused later."""
+        """Report each command that the engine accepted from this console and refused later.
+
+        ``before``: the night as it was before its newest lines. A refusal that a dialog has shown
+        is left out.
+        """
         for line in self.log_lines_since(before):
             refused = self._refused_here(line)
             if refused in self._refused_at_once:

@@ -19,27 +19,27 @@ from rsoconsole.words import angle
 
 REFUSAL_S = 10.0
 MARK_SAID_S = 30.0
-"""Seconds that the result of a mark is shown: the opened frame, where it was made, may cover it."""
+"""Seconds that the result of a mark is shown: an opened frame may cover the notice at first."""
 DETAILS_S = 60.0
-"""Seconds after a mark during which its frame's streaks are the first page that ``v`` shows."""
+"""Seconds after a mark during which the key ``v`` lists the marked frame's streaks first."""
 RECALLED_S = 600.0
-"""Seconds after a mark during which its streaks can be shown beside those of the newest frame."""
+"""Seconds after a mark during which the key ``v`` can list the marked frame's streaks too."""
 
 
 class MarkActions(Seat):
-    """Keys and mouse that make a mark, and the result of the last one."""
+    """Makes a mark by keys or mouse, and shows the engine's answer to the last mark."""
 
     newer_picture: Picture | None = None
-    """The newest picture, while a mark is made in an older one."""
+    """The newest picture, held back while a mark is made in an older one; else None."""
     marking: Marking | None = None
-    """The mark that is being made; None while none is."""
+    """The unfinished mark; None while no mark is being made."""
     _marked: tuple[int | None, float] = (None, 0.0)
     """Frame of the last mark that the engine accepted, and its time in monotonic seconds."""
     _has_unread_details = False
     """True until that frame's streaks have been shown."""
 
     def action_mark(self) -> None:
-        """Begin a mark in the picture; pressed again: cancel it."""
+        """Begin a mark in the shown picture; pressed again: cancel the mark."""
         if self.marking is not None:
             self.cancel_mark()
             return
@@ -60,7 +60,7 @@ class MarkActions(Seat):
         self.begin_mark(frame_id, self._refuse_mark)
 
     def begin_mark(self, frame_id: int, refused: Callable[[str], None]) -> None:
-        """Have the engine keep that frame; ``refused`` is called with the reason if it cannot."""
+        """Ask the engine to keep a frame for a mark; ``refused`` gets the reason if it does not."""
 
         def came(outcome: Outcome) -> None:
             if not outcome.ok:
@@ -76,14 +76,14 @@ class MarkActions(Seat):
         self.say(why_not, "warn", REFUSAL_S)
 
     def cancel_mark(self) -> None:
-        """Cancel the mark; nothing is sent."""
+        """Cancel the unfinished mark; no mark is sent."""
         if self.marking is not None:
             self.leave_mark(self.marking.frame_id)
         self._end_mark()
         self.say("")
 
     def drop_mark(self) -> None:
-        """Cancel the mark because another session is shown."""
+        """Cancel the unfinished mark because another session is shown now."""
         if self.marking is not None:
             self.say("the mark is left off: another session began", "warn")
         self.marking = self.newer_picture = None
@@ -96,21 +96,21 @@ class MarkActions(Seat):
         self.show_picture()
 
     def receive_picture(self, picture: Picture | None) -> None:
-        """Show the newest picture; while a mark is made in another frame, keep it waiting."""
+        """Show a picture; while a mark is made in another frame, hold the picture back."""
         if self.marking is None or picture is None or picture.frame_id == self.marking.frame_id:
             self.picture = picture
         else:
             self.newer_picture = picture
 
     def handle_view_change(self) -> None:
-        """Continue the mark after the view has changed."""
+        """Fit the unfinished mark to the picture's new view: its scale and its bounds."""
         drawing = self.drawing
         if self.marking is not None and drawing is not None:
             self.marking.look(drawing)
             self._show_mark()
 
     def handle_mark_key(self, key: str) -> bool:
-        """Handle a key while a mark is made; True when it was for the mark."""
+        """Handle a key while a mark is made; False: no mark is made, or the key is not for it."""
         if self.marking is None:
             return False
         if key == "enter":
@@ -125,7 +125,10 @@ class MarkActions(Seat):
         return True
 
     def set_mark_end(self, message: Pointed) -> None:
-        """Set an end of the mark where the mouse is."""
+        """Move the mark's cursor to the mouse, and set an end there.
+
+        Releasing the mouse sets an end only after a drag.
+        """
         assert self.marking is not None
         self.marking.cursor_px = (message.x_px, message.y_px)
         if (message.is_release and self.marking.is_drag()) or not message.is_release:
@@ -163,7 +166,7 @@ class MarkActions(Seat):
         self.show_picture()
 
     def report_mark_accepted(self, mark: MarkByHand, outcome: Outcome) -> None:
-        """Say that the engine accepted a mark; the track has it with the next frame."""
+        """Report that the engine accepted a mark; the track takes the mark with the next frame."""
         self._marked, self._has_unread_details = (mark.frame_id, self.now_s()), True
         said = f"your mark in frame {mark.frame_id} is {outcome.message or 'sent'}"
         self.say(said, "good", MARK_SAID_S)
@@ -194,19 +197,23 @@ class MarkActions(Seat):
         )
 
     def leave_mark(self, frame_id: int | None) -> None:
-        """Release the frame that the engine keeps for a mark."""
+        """Ask the engine to release the frame that it keeps for a mark; None: no frame is kept."""
         if frame_id is not None and self.can_act:
             self.orders.send(BeginMark(frame_id=frame_id, is_on=False), lambda _outcome: None)
 
     def report_mark_result(self, before: NightView) -> None:
-        """Report the result of a mark of this console, once it is on record."""
+        """Report the results of this console's marks in the log lines recorded since ``before``."""
         own = Sender.console(self.seat_name).words
         for line in self.log_lines_since(before):
             if line.marked_by == own:
                 self.say(f"your {line.words}", "good", MARK_SAID_S)
 
     def recent_mark(self) -> tuple[int | None, bool]:
-        """Return the frame marked last, None: long ago; and whether its streaks come first."""
+        """Return the frame marked last, and whether its streaks are to be listed first.
+
+        The frame is None where nothing was marked within ``RECALLED_S``. Its streaks come first at
+        the first call alone, within ``DETAILS_S`` of the mark.
+        """
         (frame_id, at_s), is_first = self._marked, self._has_unread_details
         since_s, self._has_unread_details = self.now_s() - at_s, False
         if frame_id is None or since_s >= RECALLED_S:
@@ -215,16 +222,16 @@ class MarkActions(Seat):
 
     @property
     def hides_signs(self) -> bool:
-        """True while a mark is made without the streaks' signs: they would cover its ends."""
+        """True while a mark is made with the streaks' signs hidden: they cover its ends."""
         return self.marking is not None and not self.marking.shows_signs
 
     def unfinished_mark_signs(self) -> tuple[Mark, ...]:
-        """The signs of the mark that is being made."""
+        """Return the signs of the unfinished mark: its cursor and first end; empty without one."""
         return () if self.marking is None else self.marking.marks()
 
 
 def no_mark_reason(frame_id: int, detail: NightFrame) -> str:
-    """Return the reason why a frame takes no mark, before its ends are set; empty: it does."""
+    """Return why a frame takes no mark: it is not solved, or not yet; empty: it takes one."""
     if isinstance(detail.solution, NotSolved):
         reason = detail.solution.reason
         return f"no mark in frame {frame_id}: it was not solved ({reason}), so it has no place"
@@ -234,7 +241,7 @@ def no_mark_reason(frame_id: int, detail: NightFrame) -> str:
 
 
 def late_mark_reason(engine: EngineView, frame_id: int) -> str:
-    """Return the reason why the engine takes no mark in that frame any more; empty: it does."""
+    """Return why a frame is too old to be marked; empty: it can be marked, or that is not known."""
     frames = engine.markable_frames
     if not engine.is_attached or frames is None or frame_id in frames:
         return ""

@@ -13,20 +13,20 @@ FIRST_STEP = 3
 
 
 def nudge_step_words(arcsec: float) -> str:
-    """A step in words: 30′ or 20″."""
+    """Return a nudge's step in words: 30′ or 20″."""
     return f"{arcsec / 60:g}′" if arcsec >= 60 else f"{arcsec:g}″"
 
 
 class NudgeActions(Seat):
-    """Moves the telescope by arrows, one nudge at a time, by a step of choice."""
+    """Moves the telescope by the arrow keys, one nudge at a time, by a step that can be changed."""
 
     twice: TwicePressed
     is_nudging = False
-    """True while a nudge is under way: the next one waits for its outcome."""
+    """True while a nudge is under way; arrows pressed meanwhile are dropped."""
     _nudge_step = FIRST_STEP
 
     def _nudge(self, name: str, right: float, down: float) -> None:
-        """Move the telescope so that it looks that way in the picture.
+        """Move the telescope so that it looks ``right`` and ``down`` (-1, 0 or 1) in the picture.
 
         Arrows are often pressed to scroll: under autonomy they take control on a second press only.
         """

@@ -8,18 +8,18 @@ from rsoconsole.console.picture.picture import STRETCHES, DrawnPicture, Picture,
 from rsoconsole.console.words import words
 
 SEEN_COLUMNS = 3.0
-"""Columns of the terminal: a shorter streak looks like a star in the field."""
+"""Length in columns of the terminal below which a streak looks like a star in the field."""
 
 
 class PictureActions(Seat):
     """Draws a frame in the two picture panes, with the chosen view and stretch."""
 
     _sight: int | None = None
-    """Chosen index in SIGHTS; None: the field, or the close-up where that shows no streak."""
+    """Index in SIGHTS of the view chosen by key; None: the view is chosen by the streak's size."""
     _stretch = 0
 
     def _picture_panes(self) -> tuple[FramePane, FramePane]:
-        """Return the large pane and the small one."""
+        """Return the large picture pane and the small one."""
         return self.query_one("#frame", FramePane), self.query_one("#closeup", FramePane)
 
     def show_picture(self) -> None:
@@ -56,7 +56,7 @@ class PictureActions(Seat):
     def picture_words(
         self, picture: Picture | None, sight: Sight, drawing: DrawnPicture | None
     ) -> tuple[list[str], list[str]]:
-        """Title and caption of a picture, each in parts, the most important first."""
+        """Return a picture's title and caption, each in parts with the most important one first."""
         stretch = STRETCHES[self._stretch]
         if sight == "field":
             is_reading = words.is_past_unread(self.night, self.engine)
@@ -72,14 +72,14 @@ class PictureActions(Seat):
         return title if stretch == "streaks" else [*title, stretch], caption
 
     def action_zoom(self) -> None:
-        """Take the next view: the whole field, the close-up, the close-up pixel by pixel."""
+        """Show the next view: the whole field, the close-up, the close-up pixel by pixel."""
         self._sight = (self._sight_now + 1) % len(SIGHTS)
         self.show_picture()
         self.handle_view_change()
         self.say(f"picture: {SIGHTS[self._sight]}")
 
     def action_stretch(self) -> None:
-        """Take the next stretch from light to grey."""
+        """Draw light as grey by the next stretch of ``STRETCHES``."""
         self._stretch = (self._stretch + 1) % len(STRETCHES)
         self.show_picture()
         self.say(f"stretch: {STRETCHES[self._stretch]}")

@@ -1,4 +1,4 @@
-"""The plots and the pages over them: track, frames and page shown."""
+"""The plots of a track, the window of frames that they show, and the pages that lie over them."""
 
 from dataclasses import replace
 from functools import partial, partialmethod
@@ -17,7 +17,7 @@ from rsoconsole.night import FollowedTrack, FrameRow, NightView
 
 
 def night_of(night: NightView, track: FollowedTrack) -> NightView:
-    """Return a copy of the night with the rows of one track, which its plots are drawn from."""
+    """Return a copy of the night whose rows hold one track's measurements, for its plots."""
     rows = {row.frame_id: row for row in track.rows}
 
     def of_track(row: FrameRow) -> FrameRow:
@@ -35,7 +35,7 @@ def night_of(night: NightView, track: FollowedTrack) -> NightView:
 
 
 class PlotActions(Seat):
-    """Draws the plots of a track, or over them the curves of the night, the focus, the drift."""
+    """Draws a track's plots, or a page over them: image quality, focus, alignment, tracks."""
 
     PAGES: ClassVar[dict[Page, str]] = {
         "quality": "sharpness, sky, transparency and stars over the night",
@@ -45,27 +45,27 @@ class PlotActions(Seat):
     }
 
     page: Page | None = None
-    """The page over the plots; None: none."""
+    """The page that lies over the plots; None: the plots are seen."""
     window = PlotWindow()
     chosen_track_id: int | None = None
-    """Track whose plots are shown and at which the list's cursor stands; None: the lead."""
+    """Track whose plots are shown and which the list's cursor is at; None: the lead."""
     shows_neighbours = False
-    """True where the list shows each track's neighbours."""
+    """True where the page of tracks lists each track's neighbours; False: the tracks."""
 
     @property
     def chosen_track(self) -> FollowedTrack | None:
-        """The chosen track; None for the lead, or where it has ended."""
+        """The chosen track; None where that is the lead, or where the chosen track has ended."""
         tracks = self.night.tracks
         return next((each for each in tracks if each.track_id == self.chosen_track_id), None)
 
     @property
     def plotted_words(self) -> str:
-        """Name of the plotted track in words; empty: the lead."""
+        """The plotted track in words, "track 3"; empty: the lead."""
         chosen = self.chosen_track
         return "" if chosen is None else f"track {chosen.number}"
 
     def show_plots(self) -> None:
-        """Draw the plots of the track and their times, and the page over them."""
+        """Draw the plots of the chosen track, their axis of times, and the page over them."""
         chosen, of, window = self.chosen_track, self.plotted_words, self.window
         night = self.night if chosen is None else night_of(self.night, chosen)
         self.pane("confidence").show(partial(panels.confidence_lines, night, window=window))
@@ -96,9 +96,9 @@ class PlotActions(Seat):
         return partial(track_list_lines, night, chosen, now, next_aim=self.engine.next_aim)
 
     def place_plots(self, box: Box, *, is_covered: bool) -> None:
-        """Lay the page over the plots; the list of tracks has the focus while it is seen.
+        """Lay the open page into ``box`` over the plots; an open list of tracks takes the focus.
 
-        ``is_covered``: another pane lies there.
+        ``is_covered``: another pane lies over the plots, so that the page is hidden.
         """
         over, listed = self.pane("curves"), self.pane("tracks")
         is_seen = self.page is not None and not is_covered
@@ -115,7 +115,7 @@ class PlotActions(Seat):
             self.set_focus(None)
 
     def show_page(self, page: Page | None) -> None:
-        """Put that page over the plots; None: the plots themselves."""
+        """Lay a page over the plots; None: show the plots themselves."""
         self.page = page
         self.place_panes()
         self.show_plots()
@@ -139,7 +139,7 @@ class PlotActions(Seat):
     # -- which frames -------------------------------------------------------------------------
 
     def action_plots_back(self) -> None:
-        """Show earlier frames."""
+        """Show earlier frames in the plots."""
         moved = self.window.moved(-LIVE_STEP, len(self.night.rows), self._mark_count())
         if moved == self.window:
             self.say("plots: no earlier frames")
@@ -147,7 +147,7 @@ class PlotActions(Seat):
             self._show_window(moved)
 
     def action_plots_on(self) -> None:
-        """Show later frames; at the end the plots go on with the night."""
+        """Show later frames in the plots; once the newest is shown, the plots follow the night."""
         self._show_window(self.window.moved(LIVE_STEP, len(self.night.rows), self._mark_count()))
 
     def _mark_count(self) -> int:
@@ -155,15 +155,15 @@ class PlotActions(Seat):
         return max(self.pane("confidence").size.width - AXIS_COLUMNS, 1)
 
     def action_plots_wider(self) -> None:
-        """Show twice the frames to a mark."""
+        """Show twice as many frames for each mark of the plots."""
         self._show_window(self.window.zoomed(2.0))
 
     def action_plots_finer(self) -> None:
-        """Show half the frames to a mark."""
+        """Show half as many frames for each mark of the plots."""
         self._show_window(self.window.zoomed(0.5))
 
     def action_plots_newest(self) -> None:
-        """Show the newest frames, one to a mark."""
+        """Show the newest frames in the plots, one frame for each mark."""
         self._show_window(PlotWindow())
 
     def _show_window(self, window: PlotWindow) -> None:

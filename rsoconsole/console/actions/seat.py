@@ -1,6 +1,6 @@
-"""Base of the console's screens: their state, the right to act, sending commands.
+"""Base of the console's screens: their state, whether they may act, and sending commands.
 
-Methods that only a derived screen can implement are empty here.
+A method that only a derived screen can fill is empty here.
 """
 
 import time
@@ -38,7 +38,7 @@ NEW_LINES = 20
 NOTICE_S = 4.0
 SEEN_AFTER_NS = 1_000_000_000
 BANNER_S = 15.0
-"""Seconds that a STOP that ended at rest is shown; any other stays."""
+"""Seconds that the banner of a STOP that ended at rest is shown; any other banner stays."""
 
 
 def _nothing(*_: object) -> None:
@@ -46,7 +46,7 @@ def _nothing(*_: object) -> None:
 
 
 class Seat(Screen[None]):
-    """Holds the night's and engine's state and sends commands; derived screens show and ask."""
+    """Base screen: holds the state of night and engine and sends the operator's commands."""
 
     night: var[NightView] = var(NightView, init=False, always_update=True)
     engine: var[EngineView] = var(EngineView, init=False, always_update=True)
@@ -54,7 +54,7 @@ class Seat(Screen[None]):
     outlook: var["Outlook | None"] = var(None, init=False, always_update=True)
     orbit_ahead: var[OrbitAhead | None] = var(None, init=False, always_update=True)
     is_click = False
-    """True while the action that runs was clicked, not typed."""
+    """True while an action runs that was clicked, not typed."""
     is_log_open = False
     is_orbit_open = False
 
@@ -68,7 +68,15 @@ class Seat(Screen[None]):
         seat_name: str = "",
         keymap: Mapping[str, str] | None = None,
     ) -> None:
-        """``seat_name``: the engine's name for this console; ``keymap``: keys of its own."""
+        """Make a screen that knows no night and no engine yet.
+
+        ``orders``: sends the commands.
+        ``read_only``: True where no command but STOP may be sent.
+        ``ask_now``: has the engine's status requested at once.
+        ``on_known``: to be called with night and engine whenever one of them has changed.
+        ``seat_name``: the engine's name for this console.
+        ``keymap``: other keys for commands, by the command's name.
+        """
         super().__init__()
         self.keymap = dict(keymap or {})
         self.seat_name = seat_name
@@ -81,16 +89,16 @@ class Seat(Screen[None]):
         self.last_said = ""
         self._notice_until_s = 0.0
         self.stops = 0
-        """Number of STOPs given here."""
+        """Number of STOPs given at this console."""
         self._stopped_utc_ns: int | None = None
-        """Time of the last STOP given here, UTC nanoseconds by the engine's clock."""
+        """Time of the last STOP given at this console, UTC nanoseconds by the engine's clock."""
         self._is_stop_seen = False
-        """True once the engine has reported, since the last STOP here, that nobody has control."""
+        """True once the engine has reported that nobody has control, since the last STOP here."""
 
     # -- words --------------------------------------------------------------------------------
 
     def say(self, text: str, ink: Ink = "title", seconds: float = NOTICE_S) -> None:
-        """Show a notice over the last line, for a while."""
+        """Show a notice in the last line for ``seconds``; an empty ``text`` clears it."""
         self._notice, self._notice_until_s = (text, ink), time.monotonic() + seconds
         self.last_said = text or self.last_said
         self.show_keys()
@@ -100,47 +108,53 @@ class Seat(Screen[None]):
     def open_unrequested_dialog(
         self, dialog: Dialog[Answer], decided: Callable[[Answer | None], None] | None = None
     ) -> None:
-        """Open a dialog because of the engine's answer: it takes no key for a moment."""
+        """Open a dialog that no key asked for: for a moment it takes no key.
+
+        ``decided``: called with the dialog's result.
+        """
         dialog.opens_unasked = True
         self.app.push_screen(dialog, decided)
 
     def log_lines_after(self, seq: int) -> list[LogLine]:
-        """Return the lines recorded after that place of the log, of the last ``NEW_LINES``."""
+        """Return the log's lines recorded after ``seq``, from the last ``NEW_LINES`` alone."""
         return [line for line in self.night.log[-NEW_LINES:] if line.seq > seq]
 
     def log_lines_since(self, before: NightView) -> list[LogLine]:
-        """Return the lines since a view of this night; none of another night or without a name."""
+        """Return the log's lines since an earlier view of the night.
+
+        Empty where ``before`` is of another night or not fully read, or this console has no name.
+        """
         is_of_night = before.is_read and before.folder == self.night.folder
         return self.log_lines_after(before.seq) if self.seat_name and is_of_night else []
 
     def now_s(self) -> float:
-        """Return monotonic time in seconds; tests replace it."""
+        """Return monotonic time, seconds; tests replace this method."""
         return time.monotonic()
 
     @property
     def is_following_again(self) -> bool:
-        """True from the request to follow the kept track again until the engine does."""
+        """True from the request to follow the kept track again until the engine follows it."""
         return False
 
     @property
     def notice(self) -> tuple[str, Ink]:
-        """The notice of this moment and its colour; empty where it is over."""
+        """The present notice and its ink; an empty text once its time is over."""
         return self._notice if time.monotonic() < self._notice_until_s else ("", "")
 
     def forget_notice(self) -> None:
-        """End the notice: what it said is done, or undone."""
+        """End the notice at once: what it announced is done or undone."""
         self._notice_until_s = 0.0
 
     def show_keys(self) -> None:
-        """Draw the last line; the screen that has one does."""
+        """Draw the last line; empty here, screens with a last line override it."""
 
     def show_stop(self, news: StopNews | None) -> None:
-        """Keep the state of a STOP, None: nothing to show; a screen with a banner draws it."""
+        """Set the state of the last STOP; None: none to show. A screen with a banner draws it."""
         self.stop_news = news
 
     @property
     def is_stopping(self) -> bool:
-        """True where STOP was given here and the engine's last status is from before it."""
+        """True from a STOP given here until the engine has reported its effect, or STOP failed."""
         news = self.stop_news
         if news is None or news.phase == "failed":
             return False
@@ -151,58 +165,58 @@ class Seat(Screen[None]):
     # -- what is shown ------------------------------------------------------------------------
 
     def pane(self, name: str) -> LinesPane:
-        """Return the pane of that name."""
+        """Return the pane of lines with this id."""
         return self.query_one(f"#{name}", LinesPane)
 
     @property
     def drawing(self) -> DrawnPicture | None:
-        """Drawing of the large pane's picture; None while nothing is drawn."""
+        """The picture of the large pane as it is drawn; None while nothing is drawn."""
         return self.query_one("#frame", FramePane).drawing
 
     def place_panes(self) -> None:
-        """Lay out the panes for this terminal."""
+        """Lay out the panes for the terminal's size; empty here."""
 
     def show_picture(self) -> None:
-        """Draw the shown frame in both picture panes."""
+        """Draw the shown frame in both picture panes; empty here."""
 
     def handle_view_change(self) -> None:
-        """Follow a picture that lies elsewhere, or shows another piece of the frame."""
+        """React to a picture that has moved or shows another part of its frame; empty here."""
 
     @property
     def hides_signs(self) -> bool:
-        """True where the signs of streaks would cover the streak being marked."""
+        """True where the streaks' signs are hidden, since they would cover a mark's ends."""
         return False
 
     def unfinished_mark_signs(self) -> tuple[Mark, ...]:
-        """Signs of the mark that is being made."""
+        """Return the signs of the unfinished mark; none here."""
         return ()
 
     @property
     def keys(self) -> list[Key]:
-        """The keys that matter now."""
+        """The keys that the last line shows; none here."""
         return []
 
     @property
     def alert(self) -> str:
-        """The alert in words; empty: none."""
+        """The alert in words; empty: there is none."""
         return ""
 
     @property
     def intro(self) -> str:
-        """Text in the alert's place while there is no alert; empty by default."""
+        """The text in the alert's place while there is no alert; empty here."""
         return ""
 
     @property
     def orbit(self) -> OrbitFacts:
-        """The orbit as the panes show it."""
+        """What the orbit pane shows."""
         return orbit_facts(self.night, self.engine, self.orbit_ahead)
 
     def target_name(self) -> str:
-        """Name of the target, as in the first line; empty: not known."""
+        """Return the target's name, as in the first line; empty: not known."""
         return target_words(self.orbit)[0].rstrip("?") or self.engine.target or ""
 
     def top(self, width: int, rows: int) -> list[Line]:
-        """The first line: state and since when, who has control, the target, the frame clock."""
+        """Build the first lines: state, its duration, who has control, target, frame clock."""
         return words.top_lines(
             self.night,
             self.engine,
@@ -216,22 +230,22 @@ class Seat(Screen[None]):
 
     @property
     def kept_words(self) -> tuple[str, ...]:
-        """Words on the kept track: the key to follow it again, and for how long; empty: none."""
+        """Wordings of which track is kept, and the key to follow it; longest first; or empty."""
         now, is_asked_for = present_utc_ns(self.night, self.engine), self.is_following_again
         return kept_words(self.engine, self.keymap, now, is_asked_for=is_asked_for)
 
     def open_session(self, folder: Path) -> None:
-        """Show that recorded session."""
+        """Show a recorded session; empty here."""
 
     # -- commands -----------------------------------------------------------------------------
 
     @property
     def can_act(self) -> bool:
-        """True where commands of this console can reach an engine."""
+        """True where this console can reach an engine and is not read-only."""
         return self.engine.is_attached and not self.read_only
 
     def may_act(self) -> bool:
-        """Return True if this console may send commands; a notice says why not."""
+        """Return whether this console may send commands; where not, a notice says why."""
         if self.read_only:
             self.say("read only: this console only looks, but for STOP")
         elif not self.engine.is_attached:
@@ -239,7 +253,7 @@ class Seat(Screen[None]):
         return self.can_act
 
     def send(self, command: Command, then: Command | None = None) -> None:
-        """Hand a command to the engine; its result is reported.
+        """Send a command to the engine; ``handle_outcome`` gets the answer.
 
         ``then``: command sent right after it, if the engine has accepted it and no STOP came
         between.
@@ -251,20 +265,21 @@ class Seat(Screen[None]):
     def handle_outcome(
         self, command: Command, stops: int, seq: int, then: Command | None, outcome: Outcome
     ) -> None:
-        """Handle the engine's answer to a command; a screen whose keys act does.
+        """Handle the engine's answer to a command; empty here, screens whose keys act override it.
 
-        ``stops``: number of STOPs when it was sent; ``seq``: last known record at that time;
-        ``then``: command that follows once it is accepted; None: none.
+        ``stops``: number of STOPs given when the command was sent.
+        ``seq``: last record of the log that was known when the command was sent.
+        ``then``: command to send once this one is accepted; None: none.
         """
 
     def action_hand_over(self, name: str) -> None:
-        """Send the command of a key that does nothing else, where this console may act."""
+        """Send the engine's command of the key command ``name``, if this console may act."""
         command = BY_NAME[name].sends
         if command is not None and self.may_act():
             self.send(command)
 
     def stop(self) -> None:
-        """STOP: send it first, then put away whatever is open, then show it."""
+        """Send STOP first, then close whatever lies over this screen, then show the banner."""
         number = self.stops + 1
         came = self.on_stop_news_came
         self.orders.stop(lambda news: call_between_messages(self, came, StopNewsCame(news, number)))
@@ -277,7 +292,7 @@ class Seat(Screen[None]):
         self.show_stop(StopNews(phase="sent", text="sent to the engine"))
 
     def on_stop_news_came(self, message: StopNewsCame) -> None:
-        """Show how the last STOP stands: late, answered, then stopped or failed."""
+        """Show the state of the last STOP: late, answered, then stopped or failed."""
         if message.number not in (None, self.stops):
             return
         if message.news.is_superseded:

@@ -1,4 +1,4 @@
-"""A key that must be pressed twice: it ends a track, or takes the mount from autonomy."""
+"""Keys that act on a second press alone: they end a track, or take the mount from autonomy."""
 
 from collections.abc import Callable
 from typing import Literal
@@ -11,9 +11,9 @@ from rsoconsole.words import NS_PER_S, duration_words
 
 WITHIN_S = 2.0
 REPEAT_S = 0.08
-"""Least time between two presses, s: closer ones are a key held down, which repeats by itself."""
+"""Least time between two deliberate presses, s: a key held down repeats faster than that."""
 SETTLES_S = 0.2
-"""Wait after a second press, s: it counts when no third one follows within that time."""
+"""Wait after a second press, s: it acts unless a third press follows within that time."""
 RELEASED_S = 0.7
 """Time without a press, s, after which a key that was held down counts as released."""
 PressOutcome = Literal["asked", "acts", "held"]
@@ -21,12 +21,12 @@ TRACKED = frozenset(("TRACK", "COAST"))
 
 
 def has_track(engine: EngineView) -> bool:
-    """Return True where there is a track that a stray key could end."""
+    """Return True where the engine has a track, which a stray key could end."""
     return engine.is_attached and engine.state in TRACKED
 
 
 class SecondPress:
-    """Distinguishes a deliberate second press from a first one, another key and a held one."""
+    """Distinguishes a deliberate second press from a first press, another key and a held key."""
 
     def __init__(self) -> None:
         self._name = ""
@@ -35,10 +35,13 @@ class SecondPress:
         self._acted_s = 0.0
         self._is_held = False
         self.number = 0
-        """Number of the last press received; a later press cancels the pending action."""
+        """Number of the last press; a higher number than at the second press cancels its action."""
 
     def receive(self, name: str, now_s: float) -> PressOutcome:
-        """Return the effect of a press of the command's key: asked for a second, acts, or held."""
+        """Return the effect of a press of a key: it asks for a second press, acts, or is held down.
+
+        ``name``: the name of the key's command; ``now_s``: monotonic time, s.
+        """
         self.number += 1
         since_s, self._last_s = now_s - self._last_s, now_s
         if name == self._name:
@@ -54,23 +57,25 @@ class SecondPress:
         return "asked"
 
     def forget(self) -> None:
-        """Forget the first press and cancel the pending action: another key came between."""
+        """Forget the first press and cancel a waiting action: another key was pressed."""
         self.number += 1
         self._name, self._is_held = "", False
 
 
 class TwicePressed:
-    """Acts only on the second press of a key, for actions that end a track or take the mount."""
+    """Runs an action on the second press of its key, where it ends a track or takes the mount."""
 
     def __init__(self, seat: Seat) -> None:
         self._seat = seat
         self.press = SecondPress()
 
     def ask(self, name: str, what: str, act: Callable[[], None], key: str = "") -> None:
-        """Announce the effect of a second press; act when that comes. A click counts as no press.
+        """Handle a press: the first announces the effect, the second runs ``act``.
 
-        ``name``: the command's name; ``what``: the effect, as in "a again within 2 s ..."; ``key``:
-        the key, where it is no command's own.
+        A click counts as no press: it only shows which key to press.
+        ``name``: the command's name.
+        ``what``: the effect, as it follows "a again within 2 s".
+        ``key``: the key's name, where the key belongs to no command.
         """
         seat, press = self._seat, self.press
         if seat.is_click:
@@ -92,7 +97,7 @@ class TwicePressed:
             seat.set_timer(SETTLES_S, unless_held)
 
     def show_key_to_press(self, name: str, what: str) -> None:
-        """Show the key that does the clicked action by two presses."""
+        """Say which key, pressed twice, does what was clicked; ``what``: its effect in words."""
         self.press.forget()
         key = first_key(name, self._seat.keymap)
         self._seat.say(f"{key} twice within {WITHIN_S:.0f} s {what}: not by the mouse", "warn")

@@ -11,37 +11,37 @@ from rsoconsole.control import Accept, Choose, Reject
 from rsoconsole.records import Detection
 
 CLICK_PX = 60.0
-"""Largest distance of a click from the streak it means, unless the picture is coarser."""
+"""Largest distance of a click from the streak that it chooses, pixels; more in coarse pictures."""
 CLICKED_S = 8.0
-"""Seconds after a click on a streak during which the key means that one."""
+"""Seconds after a click on a streak during which the key follows the clicked streak."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StreakChoice:
-    """The streak that the operator chose to follow."""
+    """A streak that the operator chose to follow."""
 
     frame_id: int
     number: int
-    """Its place among the frame's streaks, the likeliest first."""
+    """Index among the frame's streaks, of which the likeliest is 0."""
     streak: Detection
 
 
 class StreakActions:
-    """Follows, accepts and rejects streaks; takes clicks on them."""
+    """The operator's choices among a frame's streaks: follow, accept, reject, by key or click."""
 
     def __init__(self, seat: Seat, twice: TwicePressed) -> None:
         self._seat, self._twice = seat, twice
         self._chosen, self._chosen_in = -1, -1
         self._choice: StreakChoice | None = None
         self._choice_until_s = 0.0
-        """Monotonic time, s, until which the key means that choice, whatever frame is shown."""
+        """Monotonic time, s, until which the key follows the choice, whatever frame is shown."""
 
     def forget_choice(self) -> None:
-        """Drop the choice: another session is shown."""
+        """Drop the chosen streak because another session is shown."""
         self._choice_until_s = 0.0
 
     def action_follow_next(self) -> None:
-        """Follow the chosen streak, else the frame's next one, the likeliest first."""
+        """Follow the clicked streak, or the shown frame's next one, the likeliest first."""
         seat = self._seat
         if not seat.may_act():
             return
@@ -76,7 +76,7 @@ class StreakActions:
         return f"leaves {self._twice.track_words()} for {which}"
 
     def is_followed(self, streak: Detection) -> bool:
-        """Return True if a track follows that streak already: choosing it ends none."""
+        """Return True if a track follows this streak already, so that choosing it ends no track."""
         if self._seat.picture is None:
             return False
         detail = self._seat.picture.detail
@@ -88,7 +88,7 @@ class StreakActions:
         )
 
     def streaks(self) -> tuple[Detection, ...]:
-        """Return the streaks of the shown frame, the likeliest first, then the rejected ones."""
+        """Return the shown frame's detections, the likeliest first, then its rejected ones."""
         found = self._seat.picture.detail.detections if self._seat.picture is not None else None
         if found is None:
             return ()
@@ -100,13 +100,13 @@ class StreakActions:
         self._seat.send(Choose(frame_id=pick.frame_id, x_px=streak.x_px, y_px=streak.y_px))
 
     def action_accept(self) -> None:
-        """Accept the frame's likeliest candidate as the followed object."""
+        """Accept the shown frame's likeliest candidate as the followed object."""
         if self._seat.may_act():
             picture = self._seat.picture
             self._seat.send(Accept(frame_id=None if picture is None else picture.frame_id))
 
     def action_reject(self) -> None:
-        """Ask which of the last measurements was of another object, and reject it."""
+        """Ask which of the last measurements was of another object, and reject that one."""
         seat = self._seat
         if not seat.may_act():
             return
@@ -122,7 +122,7 @@ class StreakActions:
         seat.app.push_screen(RejectDialog(measured), decided)
 
     def click(self, at: Pointed) -> None:
-        """Choose the streak there; where that would end the track, the key does it."""
+        """Choose the streak at the mouse; where that would end a track, the key must be pressed."""
         seat = self._seat
         streaks, picture = self.streaks(), seat.picture
         if not streaks or picture is None:

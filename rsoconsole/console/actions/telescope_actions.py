@@ -1,4 +1,4 @@
-"""Keys that act on the telescope: each sends one command, or asks one question."""
+"""Keys that act on the telescope: each sends one command or asks one question."""
 
 import math
 import time
@@ -37,26 +37,26 @@ from rsoconsole.records import Solution
 from rsoconsole.sky import pixel_to_sky
 
 AGAIN_S = 60.0
-"""Longest wait, s, until the engine follows an accepted track again: between exposures."""
+"""Longest wait, s, for the engine to follow the kept track after it has accepted the request."""
 
 
 class TelescopeActions:
-    """Arm, hold, park, follow again, go to, expose."""
+    """The telescope's keys: arm, hold, park, follow again, go to, expose and others."""
 
     def __init__(self, seat: Seat, twice: TwicePressed, take_back_drop: Callable[[], bool]) -> None:
-        """``take_back_drop``: resumes the track dropped last; False where none was."""
+        """``take_back_drop``: follows the last dropped track again; False where there is none."""
         self._seat, self._twice, self._take_back_drop = seat, twice, take_back_drop
         self._no_arming_before_s = 0.0
-        """Monotonic time, s, until which a press may still be meant for the last disarming."""
+        """Monotonic time, s, before which a press may still be meant for the last disarming."""
         self.is_arming = False
-        """True while arming for the kept track is under way: a held key does not repeat it."""
+        """True while arming for the kept track is under way: a key held down does not repeat it."""
         self.at_rest_since_s = -WITHIN_S
-        """Monotonic time, s, at which autonomy last lost the mount, or STOP was given here."""
+        """Monotonic time, s, at which autonomy last lost the mount or STOP was given here."""
         self._asked_again_s = -math.inf
-        """Monotonic time, s, of the pending request to follow the kept track again; -inf: none."""
+        """Monotonic time, s, of the unanswered request to follow the kept track; -inf: none."""
 
     def handle_outcome(self, command: Command, outcome: Outcome) -> None:
-        """Note the answer to a command: arming or resuming is not under way any more."""
+        """Note that the engine has answered: arming or resuming is no longer under way."""
         if isinstance(command, Arm):
             self.is_arming = False
         if isinstance(command, Arm | Resume) and not outcome.ok:
@@ -64,24 +64,24 @@ class TelescopeActions:
 
     @property
     def is_following_again(self) -> bool:
-        """True from the request to follow the kept track again until the engine does."""
+        """True from the request to follow the kept track again until the engine follows it."""
         return (
             self._seat.engine.kept is not None
             and self._seat.now_s() < self._asked_again_s + AGAIN_S
         )
 
     def note_refused(self, verbs: frozenset[str]) -> None:
-        """Note verbs that were accepted and refused later: they are not under way any more."""
+        """Note verbs that the engine accepted and then refused: they are under way no longer."""
         if verbs & {Arm.verb, Resume.verb}:
             self._asked_again_s = -math.inf
 
     def note_stop(self) -> None:
-        """Note a STOP: it cancels earlier requests to follow the kept track again."""
+        """Note a STOP, which cancels earlier requests to follow the kept track again."""
         self.at_rest_since_s = self._seat.now_s()
         self._asked_again_s = -math.inf
 
     def note_control_change(self, before: EngineView) -> None:
-        """Note who has control now; ``before``: the engine's last status."""
+        """Note a change of who has control; ``before``: the engine's previous status."""
         seat = self._seat
         is_lost = before.holder == "autonomy" != seat.engine.holder
         if is_lost:
@@ -90,7 +90,7 @@ class TelescopeActions:
             self._asked_again_s = -math.inf
 
     def action_arm_or_disarm(self) -> None:
-        """Arm; where armed, disarm. A running track is not ended by one press."""
+        """Arm; where armed, disarm. While there is a track, disarming needs a second press."""
         seat = self._seat
         if not seat.may_act():
             return
@@ -126,7 +126,7 @@ class TelescopeActions:
         self._no_arming_before_s = max(self._no_arming_before_s, self._seat.now_s() + seconds)
 
     def action_hold_or_resume(self) -> None:
-        """Hold: no slews for now; or give the mount back to autonomy."""
+        """Hold: no slews for now. Where held, resume; where a track is kept, follow it again."""
         seat = self._seat
         if not seat.may_act():
             return
@@ -141,7 +141,7 @@ class TelescopeActions:
             seat.say("nothing to hold: the engine is not armed", "warn")
 
     def action_wait_for_sky(self) -> None:
-        """Hold until the stars are back."""
+        """Hold until the stars are back; autonomy resumes by itself then."""
         seat = self._seat
         if not seat.may_act():
             return
@@ -151,7 +151,7 @@ class TelescopeActions:
             seat.say("nothing to hold: the engine is not armed", "warn")
 
     def action_park(self) -> None:
-        """Ask, then disarm and park."""
+        """Ask for confirmation, then disarm and park the mount."""
         seat = self._seat
         if not seat.may_act():
             return
@@ -167,7 +167,7 @@ class TelescopeActions:
         seat.app.push_screen(dialog, decided)
 
     def action_undo(self) -> None:
-        """Follow the ended track again; on a parked mount, release it."""
+        """Unpark a parked mount; else take the last drop back, or follow the kept track again."""
         seat = self._seat
         if not seat.may_act():
             return
@@ -188,9 +188,9 @@ class TelescopeActions:
             seat.say(f"nothing is kept that could be followed again{then}", "warn")
 
     def _follow_again(self, *, is_certain: bool) -> None:
-        """Follow the kept track; after a STOP or a fault the checklist comes first, as with arming.
+        """Follow the kept track; after a STOP or a fault the arming checks come first.
 
-        ``is_certain``: the key means nothing else, however the mount changed hands meanwhile.
+        ``is_certain``: the key has no other meaning, no matter who has the mount.
         """
         seat = self._seat
         left_s = self.at_rest_since_s + WITHIN_S - seat.now_s()
@@ -242,7 +242,7 @@ class TelescopeActions:
         seat.set_timer(left_s, when_due)
 
     def action_seek(self) -> None:
-        """Search round the predicted position; that gives up a running track."""
+        """Search round the predicted position; a running track is given up, on a second press."""
         seat = self._seat
         if not seat.may_act():
             return
@@ -253,18 +253,18 @@ class TelescopeActions:
             seat.send(Seek())
 
     def action_track_or_stand(self) -> None:
-        """Switch sidereal tracking on or off."""
+        """Switch the mount's sidereal tracking off where it is on, and on where it is off."""
         seat = self._seat
         if seat.may_act():
             seat.send(Track(is_on=not seat.engine.is_tracking))
 
     def action_exposure(self) -> None:
-        """Ask for another exposure and cadence."""
+        """Ask for the exposure and the cadence to use from now on."""
         if self._seat.may_act():
             self._ask_settings(ExposureDialog(self._settings(ExposureDialog.NAMES)))
 
     def action_aim(self) -> None:
-        """Ask for an offset from the prediction; its effect is shown first."""
+        """Ask for an offset from the predicted position; the dialog previews its effect."""
         if self._seat.may_act():
             self._ask_settings(AimDialog(self._settings(AimDialog.NAMES), self._seat.orders))
 
@@ -281,11 +281,11 @@ class TelescopeActions:
     # -- by hand ------------------------------------------------------------------------------
 
     def action_goto(self) -> None:
-        """Ask for a direction; nothing moves before the way has been shown."""
+        """Ask for a direction to go to; the dialog shows the path there before anything moves."""
         self._ask_where("")
 
     def _ask_where(self, begun: str) -> None:
-        """Ask for a direction; ``begun``: text already in the field."""
+        """Ask for a direction to go to; ``begun``: text already in the field."""
         seat = self._seat
         if not seat.may_act():
             return
@@ -306,7 +306,7 @@ class TelescopeActions:
         seat.app.push_screen(dialog, decided)
 
     def action_up_now(self) -> None:
-        """List the satellites above the limit; the chosen one is planned as any go-to is."""
+        """List the satellites above the limit; for the chosen one the go-to dialog opens."""
 
         def decided(number: str | None) -> None:
             if number is not None:
@@ -315,16 +315,16 @@ class TelescopeActions:
         self._seat.app.push_screen(VisibleSatellitesDialog(self._config, self._now_utc_ns), decided)
 
     def _config(self) -> Config | None:
-        """Return the night's settings, the defaults where it has none; None until that is known."""
+        """Return the night's settings, or the defaults where it has none; None: not read yet."""
         night = self._seat.night
         return night.config or (Config() if night.is_read else None)
 
     def _now_utc_ns(self) -> int:
-        """Return the time of the frame clock, UTC nanoseconds."""
+        """Return the frame clock, UTC nanoseconds."""
         return self._seat.engine.now_utc_ns or time.time_ns()
 
     def action_centre(self) -> None:
-        """Point at the streak that is followed, or at the likeliest one, by hand."""
+        """Ask, then point the telescope at the followed streak, or at the likeliest one."""
         seat = self._seat
         if not seat.may_act():
             return

@@ -1,4 +1,4 @@
-"""The keys of the list of tracks: choose one, make it the lead, drop it, keep it."""
+"""Keys of the list of tracks: choose a track, make it the lead, drop it, keep it."""
 
 from functools import partial
 from typing import ClassVar
@@ -17,7 +17,7 @@ DROP_KEY = "-"
 
 
 def lead_track(night: NightView) -> FollowedTrack | None:
-    """Return the track that the telescope follows."""
+    """Return the lead, the track that the telescope follows; None: nothing is followed."""
     return next((each for each in night.tracks if each.is_lead), None)
 
 
@@ -28,7 +28,7 @@ def track_words(night: NightView, track: FollowedTrack) -> str:
 
 
 class TracksPane(LinesPane, can_focus=False):
-    """Shows the list; open, it has the focus, and its keys are the screen's actions on a track."""
+    """Pane of the list of tracks; while open it has the focus, and its keys act on a track."""
 
     BINDINGS: ClassVar[list[BindingType]] = [
         Binding("up", "screen.move_track_cursor(-1)", "Track above"),
@@ -46,20 +46,20 @@ class TracksPane(LinesPane, can_focus=False):
 
 
 class TrackActions(PlotActions):
-    """The keys of the list of tracks; a screen whose keys act also drops and keeps one."""
+    """Keys of the list of tracks, but for dropping and keeping: those refuse here."""
 
     def action_close_tracks(self) -> None:
-        """Close the list."""
+        """Close the list of tracks; the plots show again."""
         self.show_page(None)
         self.say(f"plots: {self.plotted_words or 'the lead'}")
 
     def action_show_neighbours(self, shows: bool) -> None:
-        """Show each track's neighbours, or the list of tracks."""
+        """List each track's neighbours, or with ``shows`` False the tracks."""
         self.shows_neighbours = shows
         self.show_plots()
 
     def action_move_track_cursor(self, by: int) -> None:
-        """Move the list's cursor by a number of rows."""
+        """Move the list's cursor by a number of rows, below 0 up."""
         tracks, chosen = self.night.tracks, self.chosen_track
         if tracks:
             chosen_id = None if chosen is None else chosen.track_id
@@ -69,7 +69,7 @@ class TrackActions(PlotActions):
         self.show_plots()
 
     def action_make_lead(self) -> None:
-        """Make the chosen track the lead; the others are still followed."""
+        """Make the chosen track the lead; the other tracks are still followed."""
         night, track, lead = self.night, self.chosen_track, lead_track(self.night)
         if track is None or track.is_lead:
             self.say("nothing is followed" if lead is None else f"track {lead.number} is the lead")
@@ -91,12 +91,12 @@ class TrackActions(PlotActions):
 
 
 class TrackOrders(TrackActions):
-    """Drops a track, keeps one, and takes a drop back."""
+    """Keys of the live console's list of tracks: drop a track, keep it, take a drop back."""
 
     twice: TwicePressed
 
     def action_drop_track(self) -> None:
-        """Drop the track at the cursor; the lead asks for the same key once more."""
+        """Drop the track at the cursor; the lead only on a second press."""
         track = self.chosen_track or lead_track(self.night)
         if track is None:
             self.say("nothing is followed that could be dropped", "warn")
@@ -113,7 +113,7 @@ class TrackOrders(TrackActions):
         self.say(f"{track_words(self.night, track)} is to be dropped …")
 
     def action_keep_track(self) -> None:
-        """Keep the track at the cursor whatever it misses in the field; if kept, no longer."""
+        """Keep the track at the cursor however many frames miss it; a kept one is released."""
         track = self.chosen_track or lead_track(self.night)
         if track is None:
             self.say("nothing is followed that could be kept", "warn")
@@ -124,7 +124,7 @@ class TrackOrders(TrackActions):
             self.say(f"{track_words(self.night, track)} {said} …")
 
     def take_back_drop(self) -> bool:
-        """Resume the track dropped last; False where none was."""
+        """Follow the last dropped track again; False: there is none, or autonomy has no control."""
         if self.engine.holder != "autonomy" or not self.night.dropped:
             return False
         number = self.night.dropped[-1]

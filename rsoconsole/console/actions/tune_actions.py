@@ -1,4 +1,4 @@
-"""The tuning pane's keys: open it, change settings on trial, send them to the engine."""
+"""Keys of the tuning pane: open it, change settings on trial, send them to the engine."""
 
 import time
 from collections.abc import Mapping
@@ -34,29 +34,29 @@ if TYPE_CHECKING:
 PRESETS = "presets.toml"
 USUAL_FRAMES = 5
 EVERY_S = 20.0
-"""Seconds between two computations of an open pane's figures."""
+"""Least seconds between two computations of an open pane's figures."""
 
 
 class TuneActions:
-    """Computes figures with changed settings; applies and undoes them, keeps and loads presets."""
+    """Computes a night's figures with changed settings; sends settings, handles presets."""
 
     def __init__(self, seat: Seat) -> None:
         self._seat = seat
         self.is_open = False
         self.figures: tuple[TrackFigures | None, TrackFigures | None] = (None, None)
-        """Figures of the night as it was, and with changed settings; None until computed."""
+        """(figures as recorded, figures with changed settings); None until computed."""
         self.tuning = Tuning()
-        """Settings in force and changed ones."""
+        """The settings in force and the changed ones."""
         self._watch: WhatIfWatch | None = None
         self._computed_s = 0.0
 
     @property
     def pane(self) -> TunePane:
-        """The tuning pane's widget."""
+        """The widget of the tuning pane."""
         return self._seat.query_one(TunePane)
 
     def action_tune(self) -> None:
-        """Open the pane, or give it the keys; pressed again: close it."""
+        """Open the tuning pane and give it the keys; pressed again: close it."""
         seat = self._seat
         pane = self.pane
         if self.is_open and pane.has_focus:
@@ -74,7 +74,7 @@ class TuneActions:
             self._watch.prepare()
 
     def close(self) -> None:
-        """Close the pane; changed settings stay."""
+        """Close the tuning pane; settings on trial stay on trial."""
         seat = self._seat
         self.is_open = False
         self.pane.can_focus = False
@@ -84,7 +84,7 @@ class TuneActions:
         seat.show_keys()
 
     def show(self) -> None:
-        """Draw the pane; settings in force come from the record."""
+        """Draw the tuning pane; the settings in force are read from the record."""
         had_changes = bool(self.tuning.changes)
         self.tuning.see({name: self._seat.night.setting(name) for name in NAMES})
         if had_changes and not self.tuning.changes:
@@ -95,7 +95,7 @@ class TuneActions:
 
     @property
     def words(self) -> TuneWords:
-        """Return the pane's words for its figures and its keys."""
+        """The pane's texts: which frames the figures cover, and the keys that it offers."""
         return TuneWords(of_present=self.of_present())
 
     def of_present(self) -> int | None:
@@ -106,15 +106,18 @@ class TuneActions:
         return count_by_present_settings(self._seat.night, now.frames)
 
     def scope(self) -> tuple[int | None, int | None]:
-        """Return the place of the log at which the figures end, and over how many last frames."""
+        """Return what the figures cover: the last ``seq`` of the log, and how many last frames.
+
+        The first is None for the log's end, the second None for all frames.
+        """
         return None, self.last_frames()
 
     def last_frames(self) -> int:
-        """Return the number of the lead's last frames that figures cover, as for its orbit."""
+        """Return how many of the lead's last frames the figures cover."""
         return len(frames_of_track(self._seat.night)) or LAST_FRAMES
 
     def compute(self) -> None:
-        """Request the figures."""
+        """Request the figures: as recorded, and with the changed settings."""
         seat = self._seat
         if seat.night.folder is None or seat.night.config is None:
             return
@@ -131,7 +134,7 @@ class TuneActions:
         )
 
     def refresh_stale_figures(self) -> None:
-        """Request the figures of a visible pane, where the last ones are old enough."""
+        """Request the figures of a visible pane, where the last request is ``EVERY_S`` old."""
         if not self._seat.night.is_read:
             return  # nobody knows yet over how many frames
         is_due = time.monotonic() - self._computed_s >= EVERY_S
@@ -139,7 +142,7 @@ class TuneActions:
             self.compute()
 
     def see(self, now: "TrackFigures | None", then: "TrackFigures | None", fault: str) -> None:
-        """Show the figures as recorded and with changed settings, or the fault."""
+        """Show the figures as recorded and with changed settings; or the fault, if any."""
         if fault:
             self._seat.say(fault, "warn")
             return
@@ -147,12 +150,12 @@ class TuneActions:
         self.show()
 
     def end_figures_thread(self) -> None:
-        """End the thread that computes."""
+        """End the thread that computes the figures."""
         if self._watch is not None:
             self._watch.close()
 
     def handle_pane_request(self, message: TunePane.Wanted) -> None:
-        """Act on one of the pane's keys."""
+        """Do what one of the pane's keys requested."""
         if message.what == "type":
             self._type(message.begun)
             return
@@ -205,7 +208,7 @@ class TuneActions:
             self._seat.say("nothing is tried: ←→ changes the chosen setting")
 
     def _apply_for_frames(self) -> None:
-        """Apply the settings for a number of frames; the engine resets them by itself."""
+        """Ask for a number of frames, and send the changed settings for that long."""
         seat = self._seat
         if not seat.may_act():
             return
@@ -239,9 +242,9 @@ class TuneActions:
             self._seat.send(Set(name=name, value=value, frames=frames))
 
     def applied_setting_words(self, command: Command) -> str:
-        """Return a setting with its values, where one was set here: the engine only confirms it.
+        """Return the change that a setting command made, such as "Q× 1 → 2.25 from the next frame".
 
-        Empty for any other command.
+        Empty for other commands, and for a setting that was not set at this console.
         """
         if not isinstance(command, Set) or command.name not in self.tuning.replaced:
             return ""

@@ -1,4 +1,4 @@
-"""Commands of the console: name, keys, title, help, and the screens that have them."""
+"""What a command of the console is: name, keys, title, help, and the screens that have it."""
 
 from dataclasses import dataclass
 from typing import Literal
@@ -16,32 +16,32 @@ GROUPS: dict[Group, str] = {
     "console": "Console",
 }
 Place = Literal["live", "review"]
-"""The screens that have keys of their own: a key may mean another thing in each."""
+"""Screens with key meanings of their own: one key may do different things on each."""
 BOTH: tuple[Place, ...] = ("live", "review")
 
 
 @dataclass(frozen=True, slots=True)
 class KeyCommand:
-    """One command of the console, with its keys; the engine gets a ``control.Command``."""
+    """What some keys of the console do; what the engine gets is a ``control.Command``."""
 
     name: str
-    """Name in a keymap; the action is ``action_<name>``."""
+    """Name in keymap files and of the action, ``action_<name>``."""
     keys: str
-    """Keys as Textual writes them, several parted by commas."""
+    """The command's keys by Textual's names, separated by commas."""
     title: str
     help: str
     group: Group
     where: tuple[Place, ...] = ("live",)
-    """Screens that have it; ignored where ``is_everywhere``."""
+    """Screens on which the keys work; ignored where ``is_everywhere``."""
     acts: bool = False
-    """True where it needs an engine and a console that may act; others are not offered it."""
+    """True where it needs an engine and a console that may act; read-only consoles leave it out."""
     priority: bool = False
-    """True where it works over dialogs and inside fields too."""
+    """True where the keys work over dialogs and inside text fields too."""
     is_everywhere: bool = False
-    """True where the application has it, on every screen."""
+    """True where the application itself has the command, so that it works on every screen."""
     sends: Command | None = None
-    """The engine's command, where the key only sends it; there is no action then."""
+    """Command that the key sends to the engine and no more; None: the key runs its action."""
 
     def is_in(self, place: Place) -> bool:
-        """Return True if its key works on that screen."""
+        """Return True if the command's keys work on that screen."""
         return self.is_everywhere or place in self.where

@@ -1,4 +1,4 @@
-"""All commands of the operator: keys, palette, help and footer are made of this list.
+"""The list of all commands of the console, of which keys, palette, help and footer are made.
 
 A keymap file gives a command other keys by its name.
 """
@@ -357,5 +357,5 @@ BY_NAME: Mapping[str, KeyCommand] = {command.name: command for command in COMMAN
 
 
 def commands_in(place: Place) -> tuple[KeyCommand, ...]:
-    """Return the commands whose keys work on that screen, the application's own among them."""
+    """Return the commands whose keys work on that screen, with those of the application."""
     return tuple(command for command in COMMANDS if command.is_in(place))

@@ -1,4 +1,4 @@
-"""The terms on the screen, each in two lines or three: a page of the help."""
+"""The terms on the screen, each explained in two or three lines: a page of the help."""
 
 import textwrap
 from collections.abc import Iterator
@@ -103,11 +103,11 @@ TERMS: tuple[tuple[str, str], ...] = (
         " nothing guides while the shutter is open.",
     ),
 )
-"""Terms and their meanings, in the order in which a screen shows them."""
+"""(term, meaning) pairs, in the order in which a screen shows the terms."""
 
 
 def glossary_text(columns: int = 70) -> str:
-    """Return all terms, wrapped to ``columns``."""
+    """Return all terms with their meanings as text, wrapped to ``columns``."""
     return "\n".join(line for term, words in TERMS for line in _entry(term, words, columns))
 
 

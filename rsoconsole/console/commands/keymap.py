@@ -1,4 +1,7 @@
-"""Other keys for commands: ``keymap.toml`` beside the configuration, by the commands' names."""
+"""Keys of commands: keymap files, Textual's bindings, key names; and sending the commands.
+
+``keymap.toml`` beside the configuration gives commands other keys, by the commands' names.
+"""
 
 import contextlib
 import logging
@@ -16,7 +19,7 @@ from rsoconsole.console.commands.commands import BY_NAME, COMMANDS, commands_in
 from rsoconsole.control import Command, ControlClient, DirectStop, Outcome, StopNews, Stopping
 
 STOPS = ("stop", "stop_by_letter")
-"""Commands whose keys cannot be changed."""
+"""Commands whose keys a keymap cannot change."""
 RESERVED = {
     "ctrl+q": "Leave, whatever else is",
     "ctrl+c": "Leave, whatever else is",
@@ -35,7 +38,7 @@ _NAMED_KEYS = {key.value for key in Keys} | set(KEY_NAME_REPLACEMENTS.values())
 
 
 def load_keymap(path: Path) -> dict[str, str]:
-    """Read other keys for commands, by the command's name; empty without a file.
+    """Read a keymap file: Textual's keys by the name of the command; empty without a file.
 
     Raises ConfigError for an invalid file, an unknown command, or a key given twice.
     """
@@ -64,7 +67,7 @@ def load_keymap(path: Path) -> dict[str, str]:
 
 
 def _textual_keys(path: Path, name: str, keys: str) -> list[str]:
-    """Return the keys by Textual's own names. Raises ConfigError for an unknown one."""
+    """Return the keys by Textual's own names. Raises ConfigError for an unknown key."""
     try:
         bindings = list(Binding.make_bindings([Binding(keys.replace(" ", ""), name)]))
     except InvalidBinding as error:
@@ -128,7 +131,7 @@ KEY_WORDS = {
 
 
 def bindings(place: Place | None) -> list[Binding]:
-    """Return Textual's bindings for a screen, or with None for the application."""
+    """Return Textual's bindings of a screen's commands; None: of the application's commands."""
     return [
         Binding(
             command.keys,
@@ -146,12 +149,12 @@ def bindings(place: Place | None) -> list[Binding]:
 
 
 def key_words(keys: str) -> str:
-    """Return keys in words, as a person writes them."""
+    """Return keys as a person writes them: "^p F1" for "ctrl+p,f1"."""
     return " ".join(KEY_WORDS.get(key, key.replace("ctrl+", "^")) for key in keys.split(","))
 
 
 def first_key(name: str, keymap: Mapping[str, str] | None = None) -> str:
-    """Return the first key of a command in words, as the screens show it."""
+    """Return a command's first key as the screens show it; ``keymap``: other keys, by command."""
     return key_words((keymap or {}).get(name, BY_NAME[name].keys)).split()[0]
 
 
@@ -159,7 +162,7 @@ log = logging.getLogger(__name__)
 
 
 class Orders:
-    """Sends commands to the engine; callbacks run on the threads that sent them."""
+    """Sends commands to the engine without blocking; callbacks run on the sending threads."""
 
     def __init__(
         self, wire: Callable[[], ControlClient], stop_directly: DirectStop | None = None
@@ -168,11 +171,11 @@ class Orders:
         self._stop_directly = stop_directly
 
     def stop(self, on_news: Callable[[StopNews], None]) -> None:
-        """Send STOP now; ``on_news`` is called when it is late and when it ended."""
+        """Send STOP at once; ``on_news`` is called for each stage: late, answered, ended."""
         Stopping(self._wire, self._stop_directly, on_news).begin()
 
     def send(self, command: Command, on_outcome: Callable[[Outcome], None]) -> None:
-        """Send a command; an engine out of reach is an outcome too."""
+        """Send a command; ``on_outcome`` gets the answer, or that the engine cannot be reached."""
 
         def work() -> None:
             try:

@@ -18,7 +18,7 @@ Row = TypeVar("Row")
 
 
 class ListDialog(Dialog[Result], Generic[Result, Row]):
-    """List filled by a thread, with a search field over it."""
+    """Dialog with a list of rows, found on a thread, and a search field over it."""
 
     BINDINGS: ClassVar[list[BindingType]] = [
         Binding("up", "choose(-1)", show=False),
@@ -42,7 +42,7 @@ class ListDialog(Dialog[Result], Generic[Result, Row]):
         self._at = 0
 
     def compose(self) -> ComposeResult:
-        """Make a search field and the list."""
+        """Make the search field and the list."""
         with Vertical() as box:
             box.border_title = self.LISTED
             box.border_subtitle = self.KEYS
@@ -50,19 +50,19 @@ class ListDialog(Dialog[Result], Generic[Result, Row]):
             yield LinesPane(id="rows")
 
     def on_mount(self) -> None:
-        """Start the search."""
+        """Start the thread that finds the rows."""
         self.query_one(Input).focus()
         self.show()
         name = f"console {self.LISTED}"
         threading.Thread(target=self.look, name=name, daemon=True).start()
 
     def look(self) -> None:
-        """Find the rows; runs on the thread."""
+        """Find the rows and hand them to the dialog; runs on a thread of its own."""
         raise NotImplementedError
 
     @property
     def shown(self) -> list[Row]:
-        """Return the rows that match the typed words."""
+        """The rows that match the typed words."""
         raise NotImplementedError
 
     def result_of(self, row: Row) -> Result:
@@ -70,15 +70,15 @@ class ListDialog(Dialog[Result], Generic[Result, Row]):
         raise NotImplementedError
 
     def head(self, width: int) -> str:
-        """Return the line over the rows, or why there are none."""
+        """Return the line over the rows: heads of columns, or why there are no rows."""
         raise NotImplementedError
 
     def row_words(self, row: Row, width: int) -> tuple[str, Ink]:
-        """Return a row in words, and its colour where it is not the chosen one."""
+        """Return a row's text, and its ink where it is not the chosen row."""
         raise NotImplementedError
 
     def lines(self, width: int, height: int) -> list[Line]:
-        """Return the head, and as many rows as there is room for, the chosen one among them."""
+        """Return the head and as many rows as there is room for, the chosen one among them."""
         rows, room = self.shown, max(height - 1, 1)
         lines = [cut_to_width([(self.head(width), "dim")], width)]
         first = first_shown(self._at, len(rows), room)
@@ -90,26 +90,26 @@ class ListDialog(Dialog[Result], Generic[Result, Row]):
         return lines[: max(height, 1)]
 
     def show(self) -> None:
-        """Draw the list."""
+        """Draw the head and the rows."""
         self.query_one("#rows", LinesPane).show(self.lines)
 
     def take_typed(self, typed: str) -> None:
-        """Handle enter where no row is left."""
+        """Handle enter where no row matches the typed text: ring the bell."""
         _ = typed
         self.app.bell()
 
     def take_click(self, number: int) -> None:
-        """Choose the row that was clicked."""
+        """Handle a click on the row of that index: choose it."""
         self.choose(number)
 
     def on_input_changed(self, event: Input.Changed) -> None:
-        """Show the rows that match."""
+        """Show the rows that match the changed text."""
         event.stop()
         self._at = 0
         self.show()
 
     def on_input_submitted(self, event: Input.Submitted) -> None:
-        """Take the chosen row."""
+        """Close with the chosen row; without one, handle the typed text."""
         event.stop()
         shown = self.shown
         if shown:
@@ -118,17 +118,17 @@ class ListDialog(Dialog[Result], Generic[Result, Row]):
             self.take_typed(event.value)
 
     def on_click(self, event: events.Click) -> None:
-        """Choose a row by the mouse."""
+        """Find the clicked row and handle the click."""
         rows = self.query_one("#rows", LinesPane)
         if event.widget is rows and event.y:
             room = max(rows.size.height - 1, 1)
             self.take_click(first_shown(self._at, len(self.shown), room) + event.y - 1)
 
     def action_choose(self, by: int) -> None:
-        """Move the choice by rows; below 0: up."""
+        """Move the choice by a number of rows, below 0 up."""
         self.choose(self._at + by)
 
     def choose(self, number: int) -> None:
-        """Choose that row, or the last one before it."""
+        """Choose the row of that index, or the nearest one that exists."""
         self._at = min(max(number, 0), max(len(self.shown) - 1, 0))
         self.show()

@@ -1,4 +1,4 @@
-"""Dialogs with fields: a direction, exposure and cadence, an aim, a line of words."""
+"""Dialogs with text fields: a direction, exposure and cadence, an aim, one line of words."""
 
 from collections.abc import Callable, Mapping
 from functools import partial
@@ -41,7 +41,7 @@ def _ask_engine(
 
 
 class FieldDialog(Dialog[Result], Generic[Result]):
-    """Dialog whose first field has the focus."""
+    """Base of dialogs with text fields, of which the first has the focus."""
 
     def on_mount(self) -> None:
         """Give the focus to the first field."""
@@ -49,10 +49,10 @@ class FieldDialog(Dialog[Result], Generic[Result]):
 
 
 class GotoDialog(FieldDialog[tuple[float, float] | None]):
-    """Dialog for a direction in any notation; shows its meaning, the way and the limits.
+    """Dialog for a direction to go to, in any notation; previews the path and the limits.
 
-    Enter goes where the engine's preview is shown and nothing refuses it. Gives (RA, Dec) ICRS,
-    degrees.
+    Enter goes once the engine's preview is shown and refuses nothing. Result: (RA, Dec) ICRS,
+    degrees; None: cancelled.
     """
 
     def __init__(
@@ -63,9 +63,16 @@ class GotoDialog(FieldDialog[tuple[float, float] | None]):
         begun: str = "",
         caution: str = "",
     ) -> None:
-        """``config``: the night's settings, None until read: typed text waits for them;
-        ``now_utc_ns``: the frame clock, read at every key, since many directions move with the sky;
-        ``begun``: text already in the field; ``caution``: further consequences of going."""
+        """Make the dialog.
+
+        ``config``: returns the night's settings, or None until they are read; typed text waits for
+            them.
+        ``now_utc_ns``: returns the frame clock, UTC ns; called at every key, since many directions
+            move with the sky.
+        ``orders``: asks the engine for its preview.
+        ``begun``: text already in the field.
+        ``caution``: further consequences of going, shown below the preview.
+        """
         super().__init__()
         self._caution = caution
         self._begun = begun
@@ -77,13 +84,13 @@ class GotoDialog(FieldDialog[tuple[float, float] | None]):
         self._preview: MovePreview | None = None
 
     def compose(self) -> ComposeResult:
-        """Make a field, and a line for what it means."""
+        """Make the field, and a line that says what the typed text means."""
         with dialog_box("go to", "enter goes · esc back"):
             yield Input(self._begun, placeholder=GOTO_EXAMPLES, id="direction")
             yield Static("", id="understood", markup=False)
 
     def on_input_changed(self, event: Input.Changed) -> None:
-        """Parse it, and ask the engine what it would mean."""
+        """Parse the typed text and request the engine's preview of going there."""
         event.stop()
         self._look(event.value)
 
@@ -100,7 +107,7 @@ class GotoDialog(FieldDialog[tuple[float, float] | None]):
             self._say(str(error) if text.strip() else "")
 
     def _look_again(self, number: int, text: str) -> None:
-        """Parse it again, unless something else has been typed meanwhile."""
+        """Parse the text again, unless something else has been typed meanwhile."""
         if number == self._asked:
             self._look(text)
 
@@ -136,7 +143,7 @@ class GotoDialog(FieldDialog[tuple[float, float] | None]):
         self._say("\n".join([words, *preview_lines(preview, GOES), *caution]))
 
     def on_input_submitted(self, event: Input.Submitted) -> None:
-        """Go, where the preview has been shown and nothing refuses it."""
+        """Close with the typed direction, if the engine's preview is shown and refuses nothing."""
         event.stop()
         preview = self._preview
         if preview is None:
@@ -156,23 +163,23 @@ class GotoDialog(FieldDialog[tuple[float, float] | None]):
 
 
 class MoveDialog(Dialog[bool | None]):
-    """Dialog that asks whether to point at the streak: the way there and the limits."""
+    """Dialog that previews the move to a streak and asks whether to go. Result: True or None."""
 
     BINDINGS: ClassVar[list[BindingType]] = [Binding("enter", "go", "Go")]
 
     def __init__(self, direction: tuple[float, float], caution: str, orders: Orders) -> None:
-        """``direction``: (RA, Dec) ICRS, degrees; ``caution``: further consequences."""
+        """``direction``: (RA, Dec) ICRS, degrees; ``caution``: further consequences of going."""
         super().__init__()
         self._direction, self._caution, self._orders = direction, caution, orders
         self._may_go = False
 
     def compose(self) -> ComposeResult:
-        """Make a line for the engine's preview."""
+        """Make the line for the engine's preview."""
         with dialog_box("centre the streak", "enter goes · esc back"):
             yield Static("asking the engine …", id="told", markup=False)
 
     def on_mount(self) -> None:
-        """Ask the engine at once."""
+        """Request the engine's preview at once."""
         ra, dec = self._direction
         move = Goto(ra_icrs_deg=ra, dec_icrs_deg=dec)
         _ask_engine(self, self._orders, move, self._show_preview)
@@ -185,7 +192,7 @@ class MoveDialog(Dialog[bool | None]):
         self.query_one("#told", Static).update("\n".join(rows))
 
     def action_go(self) -> None:
-        """Go, where the preview has been shown and nothing refuses it."""
+        """Close with True, if the engine's preview is shown and refuses nothing."""
         if self._may_go:
             self.dismiss(True)
         else:
@@ -193,18 +200,21 @@ class MoveDialog(Dialog[bool | None]):
 
 
 class SettingsDialog(FieldDialog[dict[str, float] | None]):
-    """Dialog with a field for each of a few numbers. Gives the changed ones, by setting."""
+    """Dialog with a number field for each setting of ``NAMES``.
+
+    Result: the changed values by the setting's name; None: cancelled.
+    """
 
     HEAD: ClassVar[str]
     NAMES: ClassVar[dict[str, str]]
-    """Words for each setting, by its name."""
+    """Label of each field, by the setting's name."""
 
     def __init__(self, present: Mapping[str, Any]) -> None:
         super().__init__()
         self._present = present
 
     def compose(self) -> ComposeResult:
-        """Make a field for each setting."""
+        """Make a labelled field for each setting."""
         with dialog_box(self.HEAD, "enter takes them · tab the next field · esc back"):
             for name, words in self.NAMES.items():
                 yield Static(words, markup=False)
@@ -214,14 +224,14 @@ class SettingsDialog(FieldDialog[dict[str, float] | None]):
             yield Static("", id="told", markup=False)
 
     def on_input_submitted(self, event: Input.Submitted) -> None:
-        """Take the changed values."""
+        """Close with the values that were changed."""
         event.stop()
         wanted = self._wanted()
         if wanted is not None:
             self.dismiss({n: v for n, v in wanted.items() if v != self._present.get(n)})
 
     def _wanted(self) -> dict[str, float] | None:
-        """Return the fields' numbers; None, with a notice, where one holds no number."""
+        """Return the fields' numbers; None, with a notice, where a field holds no number."""
         wanted: dict[str, float] = {}
         for name, words in self.NAMES.items():
             text = self.query_one(f"#{name.replace('.', '-')}", Input).value.strip()
@@ -237,7 +247,7 @@ class SettingsDialog(FieldDialog[dict[str, float] | None]):
 
 
 class ExposureDialog(SettingsDialog):
-    """Fields for exposure and cadence."""
+    """Dialog for exposure and cadence, seconds."""
 
     HEAD = "exposure and cadence"
     NAMES: ClassVar[dict[str, str]] = {
@@ -246,7 +256,7 @@ class ExposureDialog(SettingsDialog):
     }
 
     def _wanted(self) -> dict[str, float] | None:
-        """Return both; the exposure must be shorter than the time from frame to frame."""
+        """Return both numbers; None where the exposure is not shorter than the cadence."""
         wanted = super()._wanted()
         if wanted and not wanted["exposure.exposure_s"] < wanted["exposure.cadence_s"]:
             self._say("the cadence is from start to start: longer than the exposure")
@@ -255,7 +265,7 @@ class ExposureDialog(SettingsDialog):
 
 
 class AimDialog(SettingsDialog):
-    """Fields for an offset from the prediction; shows its direction and the limits."""
+    """Dialog for an offset from the predicted position; previews its direction and the limits."""
 
     HEAD = "aim beside the prediction"
     NAMES: ClassVar[dict[str, str]] = {
@@ -270,7 +280,7 @@ class AimDialog(SettingsDialog):
         self._asked = 0
 
     def on_input_changed(self, event: Input.Changed) -> None:
-        """Ask the engine what it would mean."""
+        """Request the engine's preview of the typed offset."""
         event.stop()
         self._asked += 1
         wanted = self._wanted()
@@ -291,10 +301,15 @@ class AimDialog(SettingsDialog):
 
 
 class LineDialog(FieldDialog[str | None]):
-    """Dialog with a field for one line of words. Gives them; empty ones too."""
+    """Dialog with a field for one line of text. Result: the text, which may be empty, or None."""
 
     def __init__(self, title: str, words: str, value: str = "", *, goes_on: bool = False) -> None:
-        """``goes_on``: typed text is appended to the value; else it replaces it."""
+        """Make the dialog.
+
+        ``words``: the field's hint while it is empty.
+        ``value``: text already in the field.
+        ``goes_on``: True where typing continues ``value``, False where it replaces it.
+        """
         super().__init__()
         self._goes_on = goes_on
         self._title, self._words, self._value = title, words, value
@@ -307,6 +322,6 @@ class LineDialog(FieldDialog[str | None]):
             )
 
     def on_input_submitted(self, event: Input.Submitted) -> None:
-        """Take the line."""
+        """Close with the line in the field."""
         event.stop()
         self.dismiss(event.value.strip())

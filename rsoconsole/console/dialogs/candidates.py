@@ -1,4 +1,4 @@
-"""Lists of a frame's streaks, and of the last measurements, one of which is rejected."""
+"""Dialogs of a frame's streaks, and of the last measurements, one of which can be rejected."""
 
 import math
 import textwrap
@@ -28,13 +28,13 @@ from rsoconsole.words import (
 COLUMNS = 70
 MARKED = "the frame you marked"
 SAME_STREAK_PX = 25.0
-"""Largest distance between the middles of a mark and its streak, or half the streak."""
+"""A mark and a streak this near, middle to middle in pixels, are the same; or half its length."""
 MAX_REJECTED = 12
-"""Rejected candidates that are listed, the likeliest first."""
+"""Most rejected candidates that are listed, the likeliest first."""
 
 
 class CandidatesDialog(PagedDialog[None]):
-    """The streaks of one frame, the likeliest first; or of two frames, a page each."""
+    """Dialog of a frame's streaks, the likeliest first; or of two frames' streaks, a page each."""
 
     BINDINGS: ClassVar[list[BindingType]] = [
         Binding("v,q", "put_away", "Back", show=False),
@@ -47,18 +47,23 @@ class CandidatesDialog(PagedDialog[None]):
         tau: float,
         keymap: Mapping[str, str] | None = None,
     ) -> None:
-        """``frames``: each frame's streaks, and a note where it is not the shown one."""
+        """Make the dialog.
+
+        ``frames``: one or two of (frame, note on it); the note of the shown frame is empty.
+        ``tau``: the confidence from which on candidates are detections.
+        ``keymap``: other keys for commands, by the command's name.
+        """
         super().__init__()
         self._frames, self._tau, self._at = frames, tau, 0
         self._keys = [first_key(name, keymap) for name in ("follow_next", "accept", "reject")]
 
     def action_other_frame(self) -> None:
-        """Show the streaks of the other frame."""
+        """Show the other frame's streaks."""
         self._at = (self._at + 1) % len(self._frames)
         self.show()
 
     def page(self) -> tuple[str, str, str]:
-        """Title, keys and text of a frame's streaks."""
+        """Return the title, the keys and the text of the shown frame's page."""
         detail, which = self._frames[self._at]
         taken = detail.taken
         number = "" if taken is None else f" of frame {taken.frame_id:04d}"
@@ -73,7 +78,10 @@ class CandidatesDialog(PagedDialog[None]):
 
 
 def candidate_lines(detail: NightFrame, tau: float) -> list[str]:
-    """Return a frame's streaks in words: a line each, and one for the reason."""
+    """Return a frame's streaks in words: for each a line, and its reason where there is one.
+
+    ``tau``: the confidence from which on candidates are detections.
+    """
     found = detail.detections
     if found is None:
         return ["It is not known yet what the frame shows."]
@@ -95,7 +103,7 @@ def candidate_lines(detail: NightFrame, tau: float) -> list[str]:
 
 
 def _by_hand(detail: NightFrame) -> list[Measurement]:
-    """Return the operator's marks in it, each once."""
+    """Return the operator's marks in the frame, each once."""
     found = (
         m for m in detail.all_measured if m.source == "operator" and is_mark_id(m.measurement_id)
     )
@@ -108,7 +116,7 @@ def _sigmas(measured: Measurement) -> str:
 
 
 def detection_outcome(streak: Detection, detail: NightFrame) -> tuple[str, str]:
-    """Return the outcome of a detection above tau, and why where it was not followed."""
+    """Return a detection's outcome and its reason, as ("not taken", why) or ("followed", NIS)."""
     followed = detail.followed
     if followed is not None and is_mark_id(followed.measurement_id):
         if _is_same(streak, followed, detail):
@@ -125,7 +133,7 @@ def detection_outcome(streak: Detection, detail: NightFrame) -> tuple[str, str]:
 
 
 def _is_same(streak: Detection, mark: Measurement, detail: NightFrame) -> bool:
-    """Return True if it is the streak that was marked: the nearest one, and near."""
+    """Return True if ``streak`` is what ``mark`` marked: the nearest detection, and near."""
     found = () if detail.detections is None else detail.detections.detections
 
     def away(each: Detection) -> float:
@@ -162,7 +170,7 @@ def measured_words(each: LastMeasured) -> str:
 
 
 class RejectDialog(Dialog[int | None]):
-    """Dialog of the last measurements, to reject one. Gives its frame's number, or None."""
+    """Dialog of the last measurements, to reject one. Result: the measurement's frame, or None."""
 
     BINDINGS: ClassVar[list[BindingType]] = [
         Binding("j", "newest", "The newest", show=False),
@@ -174,7 +182,7 @@ class RejectDialog(Dialog[int | None]):
         self._measured = measured
 
     def compose(self) -> ComposeResult:
-        """Make one line for each, the newest first."""
+        """Make one button for each measurement, the newest first."""
         with dialog_box("reject a measurement", "1-9 or enter rejects · esc back"):
             words = "Which one was something else? The track is as if without it."
             yield Static(words, markup=False)
@@ -185,22 +193,22 @@ class RejectDialog(Dialog[int | None]):
                     )
 
     def on_mount(self) -> None:
-        """Give the focus to the newest."""
+        """Give the focus to the newest measurement."""
         self.query(Button).first().focus()
 
     def on_button_pressed(self, event: Button.Pressed) -> None:
-        """Reject the chosen one."""
+        """Close with the pressed measurement."""
         event.stop()
         self._choose(int(str(event.button.id).removeprefix("measured-")))
 
     def on_key(self, event: Key) -> None:
-        """Reject one by its number."""
+        """Close with the measurement whose number was typed."""
         if event.key.isdigit() and 1 <= int(event.key) <= len(self._measured):
             event.stop()
             self._choose(int(event.key))
 
     def action_newest(self) -> None:
-        """Reject the newest, by the key that opened this."""
+        """Close with the newest measurement; the key is that which opened the dialog."""
         self._choose(1)
 
     def _choose(self, number: int) -> None:

@@ -1,4 +1,4 @@
-"""Dialogs: their base, messages, arming, confirming, leaving. STOP works in each of them."""
+"""Base of all dialogs, and those for messages, arming, confirming, leaving. STOP works in each."""
 
 import math
 import time
@@ -14,21 +14,24 @@ from textual.screen import ModalScreen
 from textual.widgets import Button, Static
 
 UNASKED_DEAF_S = 0.5
-"""Seconds that a dialog that opened by itself takes no answer, and again after each key it drops:
-such keys were meant for the screen below."""
+"""Seconds during which a dialog that no key asked for drops keys.
+
+They count from its first paint, and from each dropped key: such keys were meant for the screen
+below.
+"""
 LeaveChoice = Literal["leave", "stop engine", "stay"]
 Result = TypeVar("Result")
 
 
 def dialog_box(title: str, keys: str = "") -> VerticalScroll:
-    """Return the box of a dialog: its title above, its keys below."""
+    """Return a dialog's box with ``title`` in its upper and ``keys`` in its lower border."""
     box = VerticalScroll()
     box.border_title, box.border_subtitle = title, keys
     return box
 
 
 class Dialog(ModalScreen[Result], Generic[Result]):
-    """Box in the middle of the screen, closed by Esc."""
+    """Base of dialogs: a box in the middle of the screen, closed by Esc."""
 
     BINDINGS: ClassVar[list[BindingType]] = [
         Binding("escape", "put_away", "Back"),
@@ -50,18 +53,19 @@ class Dialog(ModalScreen[Result], Generic[Result]):
     """
 
     closed_s: ClassVar[float] = 0.0
-    """Time at which the last dialog was closed, in monotonic seconds."""
+    """Time at which a dialog was closed last, monotonic seconds."""
     opens_unasked = False
-    """True where the engine's answer opened it, not a key."""
+    """True where the engine's answer opened the dialog, not a key."""
     _opened_s = math.inf
     _dropped_s = -math.inf
-    """Time at which a key was dropped last, in monotonic seconds."""
+    """Time at which a key was dropped last, monotonic seconds."""
 
     async def on_event(self, event: Event) -> None:
-        """Drop keys while ``is_deaf``, and the mount event of a dialog closed before it was drawn.
+        """Handle an event; keys are dropped while ``ignores_keys``.
 
         Words typed blindly are dropped as a whole: no key right after a dropped one acts. STOP
-        never comes here: the application takes it first.
+        never comes here: the application takes it first. A dialog that was closed before it was
+        drawn is not mounted.
         """
         if isinstance(event, Mount) and self not in self.app.screen_stack:
             return
@@ -73,7 +77,7 @@ class Dialog(ModalScreen[Result], Generic[Result]):
         await super().on_event(event)
 
     def on_mount(self) -> None:
-        """Note the first paint: from then on it can be read."""
+        """Note the time of the first paint: from then on the dialog can be read."""
         self.call_after_refresh(self._note_opened)
 
     def _note_opened(self) -> None:
@@ -81,12 +85,12 @@ class Dialog(ModalScreen[Result], Generic[Result]):
 
     @property
     def ignores_keys(self) -> bool:
-        """True while keys are dropped: they were meant for the screen below. Esc always works."""
+        """True while keys other than Esc are dropped: they were meant for the screen below."""
         since_s = max(self._opened_s, self._dropped_s)
         return self.opens_unasked and time.monotonic() < since_s + UNASKED_DEAF_S
 
     def dismiss(self, result: Result | None = None) -> AwaitComplete:
-        """Close; note the time, since keys typed right after it may still be meant for it."""
+        """Close with a result; note the time, since keys typed right after may be meant for it."""
         Dialog.closed_s = time.monotonic()
         return super().dismiss(result)
 
@@ -96,30 +100,30 @@ class Dialog(ModalScreen[Result], Generic[Result]):
 
 
 class PagedDialog(Dialog[Result], Generic[Result]):
-    """Dialog with pages of text, one at a time."""
+    """Base of dialogs with pages of text, one shown at a time."""
 
     def compose(self) -> ComposeResult:
-        """Make one page."""
+        """Make the widget that shows a page."""
         with VerticalScroll():
             yield Static("", id="page", markup=False)
 
     def on_mount(self) -> None:
-        """Show the first page."""
+        """Draw the first page."""
         self.show()
 
     def page(self) -> tuple[str, str, str]:
-        """Title, keys and text of the page."""
+        """Return the title, the keys and the text of the present page."""
         raise NotImplementedError
 
     def show(self) -> None:
-        """Draw the page."""
+        """Draw the present page."""
         box = self.query_one(VerticalScroll)
         box.border_title, box.border_subtitle, text = self.page()
         self.query_one("#page", Static).update(text)
 
 
 class Tick(Static, can_focus=True):
-    """Line with a box to tick; the tick is a sign, not a colour."""
+    """Line of text with a box to tick, shown by a sign and not by colour alone."""
 
     BINDINGS: ClassVar[list[BindingType]] = [Binding("space,enter", "tick", "Tick")]
 
@@ -129,34 +133,34 @@ class Tick(Static, can_focus=True):
         self.is_on = is_on
 
     def action_tick(self) -> None:
-        """Toggle the tick."""
+        """Set or clear the tick."""
         if isinstance(self.screen, Dialog) and self.screen.ignores_keys:
             return
         self.is_on = not self.is_on
         self.update(f"[{'x' if self.is_on else ' '}] {self._words}")
 
     def on_click(self) -> None:
-        """Toggle the tick by the mouse."""
+        """Set or clear the tick by the mouse."""
         self.action_tick()
 
 
 class MessageDialog(Dialog[None]):
-    """Dialog with a message in full."""
+    """Dialog that shows a message in full."""
 
     def __init__(self, title: str, text: str) -> None:
         super().__init__()
         self._title, self._text = title, text
 
     def compose(self) -> ComposeResult:
-        """Make the message; any key closes it, unless it opened by itself."""
+        """Make the message, with the keys that close it in the border."""
         with dialog_box(self._title, "esc or enter back" if self.opens_unasked else "any key back"):
             yield Static(self._text, markup=False)
 
     def on_key(self, event: Key) -> None:
-        """Close the message. Keys of STOP never come here.
+        """Close the dialog: by any key, or by esc and enter alone where no key asked for it.
 
-        Where it opened by itself, the first letter of a word must not close it: the letters behind
-        it would act.
+        In a dialog that no key asked for, the first letter of a word must not close it: the letters
+        behind would act. STOP's keys never come here.
         """
         event.stop()
         event.prevent_default()
@@ -164,20 +168,25 @@ class MessageDialog(Dialog[None]):
             self.dismiss(None)
 
     def on_click(self) -> None:
-        """Close by the mouse."""
+        """Close the dialog by the mouse."""
         self.dismiss(None)
 
 
 class ArmDialog(Dialog[tuple[str, ...] | None]):
-    """Dialog of the failed arming checks; those that are ticked are overridden by name.
+    """Dialog of the failed arming checks, to override by ticking them.
 
-    Gives the names to override, or None.
+    Result: the names of the checks to override; None: stay disarmed.
     """
 
     def __init__(
         self, message: str, checks: Sequence[Mapping[str, Any]], ticked: Collection[str] = ()
     ) -> None:
-        """``ticked``: names overridden before, ticked at first."""
+        """Make the dialog.
+
+        ``message``: shown where no check is known to have failed.
+        ``checks``: the engine's arming checks, each with name, ok, detail and remedy.
+        ``ticked``: names of checks overridden before, which are ticked at first.
+        """
         super().__init__()
         self._message = message
         self._failed = [check for check in checks if not check.get("ok")]
@@ -204,12 +213,12 @@ class ArmDialog(Dialog[tuple[str, ...] | None]):
                     yield Button("Arm, overriding the ticked", id="arm", compact=True)
 
     def on_mount(self) -> None:
-        """Put the cursor on the first box; enter there arms nothing."""
+        """Put the cursor on the first box to tick, where enter arms nothing."""
         first = self.query(Tick).first() if self._failed else self.query_one("#stay", Button)
         first.focus()
 
     def on_button_pressed(self, event: Button.Pressed) -> None:
-        """Arm anyway, or cancel."""
+        """Close with the ticked names, or with None."""
         event.stop()
         if self.ignores_keys:
             return
@@ -225,12 +234,17 @@ class ArmDialog(Dialog[tuple[str, ...] | None]):
 
 
 class ConfirmDialog(Dialog[bool | None]):
-    """Dialog with a question; only the second button or its letter confirms. Gives True or not."""
+    """Dialog with a question to confirm. Result: True if confirmed, else False or None."""
 
     def __init__(
         self, title: str, text: str, *, yes: str, letter: str, is_yes: bool = False
     ) -> None:
-        """``is_yes``: enter confirms, where nothing moves by it."""
+        """Make the dialog.
+
+        ``yes``: words on the confirming button.
+        ``letter``: key that confirms.
+        ``is_yes``: True where enter confirms, since nothing moves by it.
+        """
         super().__init__()
         self._proposed = "#yes" if is_yes else "#back"
         self._title, self._text, self._yes, self._letter = title, text, yes, letter
@@ -244,17 +258,17 @@ class ConfirmDialog(Dialog[bool | None]):
                 yield Button(f"{self._letter}  {self._yes}", id="yes", compact=True)
 
     def on_mount(self) -> None:
-        """Put the cursor where enter moves nothing."""
+        """Put the cursor on the button that enter presses: the safe one."""
         self.query_one(self._proposed, Button).focus()
 
     def on_button_pressed(self, event: Button.Pressed) -> None:
-        """Confirm or cancel."""
+        """Close with True for the confirming button, else with False."""
         event.stop()
         if not self.ignores_keys:
             self.dismiss(event.button.id == "yes")
 
     def on_key(self, event: Key) -> None:
-        """Confirm or cancel by letter."""
+        """Close with True at the confirming letter."""
         if event.key == self._letter:
             event.stop()
             if not self.ignores_keys:
@@ -262,7 +276,7 @@ class ConfirmDialog(Dialog[bool | None]):
 
 
 class LeaveDialog(Dialog[LeaveChoice | None]):
-    """Dialog that asks about the future of the engine when the console is left."""
+    """Dialog that asks, when the console is left, whether the engine is to keep running."""
 
     BINDINGS: ClassVar[list[BindingType]] = [
         Binding("l", "choose('leave')", "Leave it running"),
@@ -277,13 +291,17 @@ class LeaveDialog(Dialog[LeaveChoice | None]):
     }
 
     def __init__(self, state_words: str, *, proposes_staying: bool) -> None:
-        """``proposes_staying``: the telescope moves by hand, and no other console looks at it."""
+        """Make the dialog.
+
+        ``state_words``: what the engine does now.
+        ``proposes_staying``: True where the focus is on staying, since the telescope moves by hand.
+        """
         super().__init__()
         self._state_words = state_words
         self._proposes_staying = proposes_staying
 
     def compose(self) -> ComposeResult:
-        """Make three choices; the proposed one has the focus."""
+        """Make a button for each of the three choices."""
         with dialog_box("leave the console"):
             yield Static(self._state_words, markup=False)
             with Vertical(classes="choices"):
@@ -291,14 +309,14 @@ class LeaveDialog(Dialog[LeaveChoice | None]):
                     yield Button(words, name=choice, id=choice.replace(" ", "-"), compact=True)
 
     def on_mount(self) -> None:
-        """Put the cursor on the safe choice: it never ends the engine."""
+        """Put the cursor on a choice that does not end the engine: leaving, or staying."""
         self.query_one("#stay" if self._proposes_staying else "#leave", Button).focus()
 
     def on_button_pressed(self, event: Button.Pressed) -> None:
-        """Take one of the three."""
+        """Close with the pressed choice."""
         event.stop()
         self.dismiss(next(each for each in self.CHOICES if each == event.button.name))
 
     def action_choose(self, choice: LeaveChoice) -> None:
-        """Take a choice by letter."""
+        """Close with the choice of a letter."""
         self.dismiss(choice)

@@ -37,7 +37,12 @@ Time line  the night from its first record to its last; its words are states,
 def help_text(
     keymap: Mapping[str, str] | None = None, mode: Mode = "live", place: Place = "live"
 ) -> str:
-    """Return the help's first page: keys of this moment, every command by group, the signs."""
+    """Return the help's first page: keys of this moment, every command by group, the signs.
+
+    ``keymap``: other keys for commands.
+    ``mode``: what the keys mean at this moment.
+    ``place``: the live screen or a review.
+    """
     lines: list[str] = []
     if MODE_WORDS[mode]:
         lines.append(MODE_WORDS[mode])
@@ -68,7 +73,10 @@ def help_text(
 
 
 class HelpDialog(PagedDialog[str | None]):
-    """Help dialog: keys and signs; on a second page the terms. Gives "tour" or None."""
+    """Dialog of the help: keys and signs on one page, terms on the other.
+
+    Result: "tour" where the tour is to be shown next, else None.
+    """
 
     BINDINGS: ClassVar[list[BindingType]] = [
         Binding("question_mark,f1,q", "put_away", "Back", show=False),
@@ -97,31 +105,31 @@ class HelpDialog(PagedDialog[str | None]):
         return next(name for name in self._pages if name != self._shown)
 
     def action_other_page(self) -> None:
-        """Switch between the keys and the terms."""
+        """Show the other page: keys and signs, or terms."""
         self._shown = self._other
         self.show()
         # At once: what is scrolled behind the new text would be the place of the old one.
         self.query_one(VerticalScroll).scroll_home(animate=False, immediate=True)
 
     def action_scroll(self, by: int) -> None:
-        """Scroll by lines."""
+        """Scroll by a number of lines, below 0 up."""
         self.query_one(VerticalScroll).scroll_relative(y=by, animate=False)
 
     def action_page(self, by: int) -> None:
-        """Scroll by pages."""
+        """Scroll by a number of pages, below 0 up."""
         box = self.query_one(VerticalScroll)
         box.scroll_relative(y=by * max(box.size.height - 1, 1), animate=False)
 
     def action_end(self, is_last: bool) -> None:
-        """Scroll to the first line, or to the last."""
+        """Scroll to the first line, or with ``is_last`` to the last one."""
         box = self.query_one(VerticalScroll)
         (box.scroll_end if is_last else box.scroll_home)(animate=False)
 
     def action_tour(self) -> None:
-        """Start the tour of the screen."""
+        """Close with "tour", which starts the tour of the screen."""
         self.dismiss("tour")
 
     def page(self) -> tuple[str, str, str]:
-        """Title, keys and text of the page; the keys come first."""
+        """Return the title, the keys and the text of the present page."""
         keys = f"tab {self._other} · t tour · esc back"
         return f"help: {self._shown}", keys, self._pages[self._shown]

@@ -1,4 +1,4 @@
-"""The list of recorded nights, newest first, each with its branches; a path may be typed."""
+"""Dialog of the recorded nights, the newest first, each with its branches."""
 
 import contextlib
 from collections.abc import Iterator
@@ -27,31 +27,31 @@ WHEN_COLUMNS, LENGTH_COLUMNS, FRAMES_COLUMNS, SIZE_COLUMNS, STATE_COLUMNS = 16, 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SessionEntry:
-    """A session in the list, or a branch of one."""
+    """A row of the list: a session, or a branch of a session."""
 
     folder: Path
     is_branch: bool = False
     summary: SessionSummary | None = None
-    """Its contents in figures; None until read."""
+    """The session's contents in figures; None until read."""
     state: State = ""
 
     @property
     def name(self) -> str:
-        """Its folder's name as shown."""
+        """The folder's name, as it is shown."""
         return one_line(self.folder.name)
 
     def has(self, words: str) -> bool:
-        """Return True if those words are in its name or title."""
+        """Return True if all typed words are in the session's name or title."""
         title = self.summary.title or "" if self.summary is not None else ""
         text = f"{self.folder.parent.parent.name if self.is_branch else ''} {self.name} {title}"
         return all(word in text.lower() for word in words.lower().split())
 
 
 def sessions_under(root: Path, present: Path | None) -> list[SessionEntry]:
-    """Return every session under the root, newest first, each before its branches; none is opened.
+    """Return every session under ``root``, the newest first, each followed by its branches.
 
-    ``present``: the session shown now, wherever it lies. Raises SessionError when the root cannot
-    be read.
+    No session is opened. ``present``: the session shown now, listed wherever it lies. Raises
+    SessionError when ``root`` cannot be read.
     """
     folders = [path for path in folders_in(root) if (path / DATABASE).exists()]
     if present is not None and present.parent.name == BRANCHES:
@@ -63,7 +63,7 @@ def sessions_under(root: Path, present: Path | None) -> list[SessionEntry]:
 
 
 def with_summary(entry: SessionEntry) -> SessionEntry:
-    """Return the entry with its session's summary. Never raises: a damaged session says so."""
+    """Return the entry with its session's summary; a damaged session's state is "damaged"."""
     summary = summarise(entry.folder)
     state: State = "damaged" if summary.state == "unreadable" else summary.state
     return replace(entry, summary=summary, state=state)
@@ -83,7 +83,7 @@ def _is_same(a: Path, b: Path) -> bool:
 
 
 def _columns(width: int) -> tuple[int, tuple[int, ...]]:
-    """Return the columns of the name and of each fact; 0 for one without room."""
+    """Return the columns of the name and of each fact; 0: no room for that fact."""
     facts = [WHEN_COLUMNS, LENGTH_COLUMNS, FRAMES_COLUMNS, SIZE_COLUMNS, STATE_COLUMNS]
     for unneeded in (3, 0, 1):
         if width - 3 - sum(n + 1 for n in facts if n) >= MIN_NAME_COLUMNS + 8:
@@ -120,14 +120,14 @@ def _shortened(name: str, columns: int) -> str:
 
 
 class SessionListDialog(ListDialog[Path | None, SessionEntry]):
-    """Dialog of the recorded nights; typing finds one, enter opens it. Gives its folder."""
+    """Dialog of the recorded nights: typing finds one, enter opens it. Result: its folder."""
 
     LISTED = "sessions"
     KEYS = "↑↓ choose · enter opens · esc back"
     TO_TYPE = "type a part of a name, or a path"
 
     def __init__(self, root: Path, present: Path | None) -> None:
-        """``present``: the session that is shown now."""
+        """``root``: folder of recorded nights; ``present``: the session that is shown now."""
         super().__init__()
         self._root, self._present = root, present
         self._entries: list[SessionEntry] | None = None
@@ -135,11 +135,11 @@ class SessionListDialog(ListDialog[Path | None, SessionEntry]):
         self._is_over = False
 
     def on_unmount(self) -> None:
-        """End the search."""
+        """End the search for sessions."""
         self._is_over = True
 
     def look(self) -> None:
-        """Find their names first, then their summaries; runs on the thread."""
+        """Find the sessions' names first, then their summaries; runs on a thread."""
         try:
             entries = sessions_under(self._root, self._present)
         except SessionError as error:
@@ -152,7 +152,7 @@ class SessionListDialog(ListDialog[Path | None, SessionEntry]):
             call_between_messages(self, self._update_entry, with_summary(entry))
 
     def _list_entries(self, entries: list[SessionEntry], fault: str = "") -> None:
-        """Show their names, or why they cannot be found; the present one is chosen."""
+        """Show the sessions' names, or why they cannot be found; the present one is chosen."""
         self._entries, self._fault = entries, fault
         folders = [entry.folder for entry in entries]
         if self._present in folders and self._at == 0:
@@ -167,16 +167,16 @@ class SessionListDialog(ListDialog[Path | None, SessionEntry]):
 
     @property
     def shown(self) -> list[SessionEntry]:
-        """Return the sessions that match the typed words."""
+        """The sessions that match the typed words."""
         words = self.query_one(Input).value
         return [entry for entry in self._entries or [] if entry.has(words)]
 
     def result_of(self, row: SessionEntry) -> Path:
-        """Return its folder."""
+        """Return the session's folder."""
         return row.folder
 
     def take_typed(self, typed: str) -> None:
-        """Open the typed path, where it is a session's."""
+        """Close with the typed path, if it is a session's folder."""
         with contextlib.suppress(ValueError, OSError):  # nobody's home, a name too long
             path = home_path(typed.strip())
             if typed.strip() and (path / DATABASE).is_file():
@@ -185,7 +185,7 @@ class SessionListDialog(ListDialog[Path | None, SessionEntry]):
         super().take_typed(typed)
 
     def take_click(self, number: int) -> None:
-        """Choose the clicked row; if it is chosen already, open it."""
+        """Choose the clicked row; if it is chosen already, open its session."""
         if number >= len(self.shown):
             return
         if number == self._at:
@@ -194,7 +194,7 @@ class SessionListDialog(ListDialog[Path | None, SessionEntry]):
             self.choose(number)
 
     def head(self, width: int) -> str:
-        """Return the columns' heads, or why there are no sessions."""
+        """Return the heads of the columns, or why no session is listed."""
         if self._entries is None:
             return f" looking into {self._root} …"
         if self._fault:
@@ -207,7 +207,7 @@ class SessionListDialog(ListDialog[Path | None, SessionEntry]):
         return f"  {'session':<{columns[0]}} {_cells(HEADS, columns)}"
 
     def row_words(self, row: SessionEntry, width: int) -> tuple[str, Ink]:
-        """Return its name and facts."""
+        """Return the session's name and figures as a row, and its ink."""
         columns, name = _columns(width), f"└ {row.name}" if row.is_branch else row.name
         text = f"{_shortened(name, columns[0])} {_cells(_facts(row), columns)}"
         return text, STATE_INKS.get(row.state, "")

@@ -17,26 +17,26 @@ SEEN = "tour-seen"
 
 
 class TourMemory:
-    """File in the user's state folder that marks the tour as shown."""
+    """Remembers by a file in the user's state folder that the tour has been shown."""
 
     def __init__(self, folder: Path) -> None:
-        """``folder``: the user's state folder; it need not be there yet."""
+        """``folder``: the user's state folder; made when needed."""
         self._path = folder / SEEN
 
     @property
     def is_due(self) -> bool:
-        """Return True until the tour has been shown."""
+        """True until the tour has been shown."""
         return not self._path.exists()
 
     def record_tour_shown(self) -> None:
-        """Note that it was shown; where that cannot be written the tour comes once more."""
+        """Note that the tour was shown; if the file cannot be written, it is shown once more."""
         with contextlib.suppress(OSError):
             self._path.parent.mkdir(parents=True, exist_ok=True)
             self._path.touch()
 
 
 def intro_text(night: NightView, engine: EngineView, keymap: Mapping[str, str]) -> str:
-    """Return an introduction to a simulated night; empty once something has been followed."""
+    """Return an introduction to a simulated night; empty for others, and once a track has begun."""
     is_young = night.track_frame_id == 0 and night.track is None
     if not (night.is_simulated and engine.is_attached and is_young):
         return ""
@@ -52,7 +52,7 @@ def intro_text(night: NightView, engine: EngineView, keymap: Mapping[str, str]) 
 
 
 def tour_pages(keymap: Mapping[str, str]) -> tuple[tuple[str, str], ...]:
-    """Return title and text of each page; a page fits a terminal of 80 x 24."""
+    """Return the tour's pages as (title, text); a page fits a terminal of 80 x 24."""
 
     def key(name: str) -> str:
         return first_key(name, keymap)
@@ -110,7 +110,7 @@ def tour_pages(keymap: Mapping[str, str]) -> tuple[tuple[str, str], ...]:
 
 
 class TourDialog(PagedDialog[bool | None]):
-    """Tour dialog, a page at a time. Gives True where the help is wanted after it."""
+    """Dialog of the tour, a page at a time. Result: True where the help is wanted next."""
 
     BINDINGS: ClassVar[list[BindingType]] = [
         Binding("right,down,space,enter,pagedown", "turn(1)", "Next", priority=True),
@@ -125,7 +125,7 @@ class TourDialog(PagedDialog[bool | None]):
         self._at = 0
 
     def action_turn(self, by: int) -> None:
-        """Turn the page; beyond the last one the tour is over."""
+        """Turn by ``by`` pages; beyond the last page the tour ends."""
         if self._at + by >= len(self._pages):
             self.dismiss(None)
             return
@@ -133,11 +133,11 @@ class TourDialog(PagedDialog[bool | None]):
         self.show()
 
     def action_help(self) -> None:
-        """Show the help instead."""
+        """Close with True, which shows the help."""
         self.dismiss(True)
 
     def page(self) -> tuple[str, str, str]:
-        """Title, keys and text of the page."""
+        """Return the title, the keys and the text of the present page."""
         title, text = self._pages[self._at]
         is_last = self._at == len(self._pages) - 1
         keys = f"→ {'done' if is_last else 'next'} · ← back · F1 all keys · esc ends"

@@ -1,4 +1,4 @@
-"""The list of satellites of the element files above the limit, to choose one for a go-to."""
+"""Dialog of the satellites above the altitude limit, to choose the target of a go-to."""
 
 import logging
 import time
@@ -28,7 +28,7 @@ NAME_COLUMNS = 24
 
 
 class VisibleSatellitesDialog(ListDialog[str | None, "VisibleSatellite"]):
-    """Dialog of satellites above the limit; typing finds one. Gives its catalogue number."""
+    """Dialog of satellites above the limit, to choose one. Result: its catalogue number."""
 
     BINDINGS: ClassVar[list[BindingType]] = [Binding("tab", "sort", show=False, priority=True)]
     DEFAULT_CSS = """
@@ -39,7 +39,7 @@ class VisibleSatellitesDialog(ListDialog[str | None, "VisibleSatellite"]):
     TO_TYPE = "type a part of a name or number"
 
     def __init__(self, config: Callable[[], Config | None], now_utc_ns: Callable[[], int]) -> None:
-        """``config``: the night's, None until it has been read; ``now_utc_ns``: the frame clock."""
+        """``config``: returns the night's settings, None until read; ``now_utc_ns``: the clock."""
         super().__init__()
         self._config, self._now_utc_ns = config, now_utc_ns
         self._found: tuple[VisibleSatellite, ...] | None = None
@@ -49,7 +49,7 @@ class VisibleSatellitesDialog(ListDialog[str | None, "VisibleSatellite"]):
         self._order: Order = "altitude"
 
     def look(self) -> None:
-        """Compute the list, a second for large catalogues; runs on the thread."""
+        """Compute the list, which takes a second for large catalogues; runs on a thread."""
         from rsoconsole.pipeline import read_catalogue, visible_now
 
         while (config := self._config()) is None:
@@ -83,7 +83,7 @@ class VisibleSatellitesDialog(ListDialog[str | None, "VisibleSatellite"]):
 
     @property
     def shown(self) -> "list[VisibleSatellite]":
-        """Return the satellites that match the typed words, in the chosen order."""
+        """The satellites that match the typed words, in the chosen order."""
         words = self.query_one(Input).value.lower().split()
         left = [
             up
@@ -97,16 +97,16 @@ class VisibleSatellitesDialog(ListDialog[str | None, "VisibleSatellite"]):
         return left
 
     def result_of(self, row: "VisibleSatellite") -> str:
-        """Return its catalogue number."""
+        """Return the satellite's catalogue number as text."""
         return str(row.norad_id)
 
     def action_sort(self) -> None:
-        """Sort by altitude, by time of setting, by name."""
+        """Sort by the next order: altitude, time until setting, name."""
         self._order = ORDERS[(ORDERS.index(self._order) + 1) % len(ORDERS)]
         self.show()
 
     def head(self, width: int) -> str:  # noqa: ARG002 -- the same however wide
-        """Return the number of satellites that are up, or why it is not known."""
+        """Return how many satellites are listed and when, or why there is no list."""
         if self._found is None:
             return "computing …"
         return self._fault or (
@@ -115,7 +115,7 @@ class VisibleSatellitesDialog(ListDialog[str | None, "VisibleSatellite"]):
         )
 
     def row_words(self, row: "VisibleSatellite", width: int) -> tuple[str, Ink]:  # noqa: ARG002
-        """Return its name, its direction, and how long it stays up."""
+        """Return a row: the satellite's name, direction, time left above the limit; and its ink."""
         left = "12 h +" if row.minutes_left is None else duration_words(row.minutes_left * 60.0)
         is_soon = row.minutes_left is not None and row.minutes_left < SOON_MIN
         text = (

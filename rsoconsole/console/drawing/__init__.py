@@ -1,1 +1,1 @@
-"""Characters and colours: blocks, plots, the disc of the sky, and where panes lie."""
+"""Characters and colours: block characters, plots, ASCII forms, and the layout of panes."""

@@ -1,7 +1,7 @@
-"""Pictures in a terminal's own block characters: two colours a cell, the pattern that fits best.
+"""Pictures in block characters: in each cell two greys and the pattern that fits best.
 
-A cell is divided into 1 x 2 parts (half blocks), 2 x 2 (quadrants), 2 x 3 (sextants, Unicode 13)
-or 2 x 4 (octants, Unicode 16), as far as the terminal draws them.
+A cell is divided into 1 x 2 parts (half blocks), 2 x 2 (quadrants), 2 x 3 (sextants, Unicode 13) or
+2 x 4 (octants, Unicode 16), as far as the terminal draws them.
 """
 
 import itertools
@@ -16,18 +16,18 @@ from rsoconsole.console.drawing.plot import joined
 ByteImage = npt.NDArray[np.uint8]
 Name = Literal["half-blocks", "quadrants", "sextants", "octants"]
 Key = tuple[int, int]
-"""(grey of the drawn parts, grey of the parts behind)."""
+"""(grey of a character's foreground, grey of its background)."""
 
 MIN_STEPS = 1
-"""Steps of grey up to which the parts of a cell are drawn alike: a change of colour costs bytes."""
+"""Largest range of greys in a cell that is drawn as one grey: each change of colour costs bytes."""
 FULL_BLOCK = "█"
 LOWER_HALF = 2
-"""The pattern of half blocks whose lower half is the brighter."""
+"""The pattern of half blocks whose lower half is the brighter one."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Blocks:
-    """A set of block characters."""
+    """A set of block characters, each a cell of ``across`` x ``down`` parts."""
 
     name: Name
     across: int
@@ -38,11 +38,11 @@ class Blocks:
 
 _QUADRANTS = " ▘▝▀▖▌▞▛▗▚▐▜▄▙▟█"
 _SEXTANTS = {0: " ", 0b010101: "▌", 0b101010: "▐", 0b111111: FULL_BLOCK}
-"""Characters for the patterns that Unicode's block of sextants leaves out: it had them before."""
+"""Characters of the patterns that Unicode's sextants leave out, as older blocks had them."""
 
 
 def _octant_glyphs() -> str:
-    """Return the octants from U+1CD00 on, by pattern, with those that Unicode had before."""
+    """Return the characters of octants by pattern: from U+1CD00 on, and older ones."""
     upper_left, upper_right, lower_left, lower_right = 0x05, 0x0A, 0x50, 0xA0
     corners = (upper_left, upper_right, lower_left, lower_right)
     known = {
@@ -65,7 +65,7 @@ def _octant_glyphs() -> str:
 
 
 def _in_order(count: int, known: dict[int, str], first: int) -> str:
-    """Return the characters by pattern: known ones, the others from code point ``first`` on."""
+    """Return a character for each pattern: the known ones, else the next from ``first`` on."""
     codes = itertools.count(first)
     return "".join(known.get(pattern) or chr(next(codes)) for pattern in range(count))
 
@@ -81,10 +81,10 @@ BY_NAME: dict[str, Blocks] = {
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Cells:
-    """Picture fitted into cells; each array is (rows, columns)."""
+    """A picture fitted into cells: a pattern and two greys in each. Arrays: (rows, columns)."""
 
     pattern: npt.NDArray[np.intp]
-    """Parts that have the brighter grey: bit ``row * across + column``."""
+    """Parts that have the brighter grey, as bits ``row * across + column``."""
     bright: ByteImage
     dark: ByteImage
     behind: ByteImage
@@ -92,10 +92,10 @@ class Cells:
 
 
 def fit_to_cells(greys: ByteImage, blocks: Blocks) -> Cells:
-    """Fit two greys and a pattern to each cell's parts by least squares.
+    """Fit two greys and a pattern to the parts of each cell by least squares.
 
-    ``greys``: (rows * down, columns * across). In one dimension a threshold separates the best two
-    groups, so every threshold is compared.
+    ``greys``: (rows * down, columns * across), a grey for each part. The best two groups of a
+    cell's greys are separated by a threshold, so every threshold is compared.
     """
     down, across = blocks.down, blocks.across
     rows, columns = greys.shape[0] // down, greys.shape[1] // across
@@ -131,15 +131,16 @@ def fit_to_cells(greys: ByteImage, blocks: Blocks) -> Cells:
 
 
 Written = dict[tuple[int, int], tuple[str, str]]
-"""(column, row) -> (character, kind of mark)."""
+"""Text over a picture: (column, row) -> (character, kind of mark)."""
 RunKey = tuple[int, int] | tuple[str, int]
-"""(grey drawn, grey behind) of a part of the picture, or (kind of mark, grey behind)."""
+"""Colours of a run: (grey drawn, grey behind), or for text (kind of mark, grey behind)."""
 
 
 def runs(cells: Cells, blocks: Blocks, marks: Written, row: int) -> list[tuple[str, RunKey]]:
-    """Return one row of cells as (text, colours), with as few changes of colour as there can be.
+    """Return one row of a picture as runs of (text, colours), with few changes of colour.
 
-    Half blocks are always the upper one: letters replace them where a terminal has no others.
+    ``marks``: text over the picture. Half blocks are always the upper one: letters replace them
+    where a terminal has no others.
     """
     if blocks is HALF_BLOCKS:
         return joined(_halves(cells, marks, row))

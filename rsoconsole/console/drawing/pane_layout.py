@@ -1,9 +1,9 @@
 """Layout of the console's panes for a terminal of any size.
 
-Three layouts are made on purpose: 80 x 24, 120 x 40 (a close-up under the picture, a plot of the
-NIS, the orbit) and 200 x 60 (a third column). The big things stay as long as they fit: below
-80 x 24 the plots fold into one strip each, then the picture goes, then the log. State, holder,
-target and STOP stay to the last.
+Three layouts are designed: 80 x 24, 120 x 40 (with a close-up below the picture, a plot of the NIS,
+the orbit) and 200 x 60 (a third column). Below 80 x 24 the plots shrink to a row each; in smaller
+terminals the picture is left out, then the log. State, controller, target and STOP stay to the
+last.
 """
 
 import math
@@ -16,18 +16,18 @@ THREE_COLUMNS = (180, 50)
 WITH_PICTURE = (60, 16)
 ONE_LINE_TOP_COLUMNS = 74
 LOW_LINES = 20
-"""Rows of a terminal below which a time line has one row."""
+"""Rows of a terminal below which the time line has one row."""
 TUNE_ROWS, OWN_TUNE_ROWS, SKY_ROWS = 24, 17, 20
 ORBIT_ROWS = 8
-"""Rows of an orbit that is always shown."""
+"""Least rows of the orbit pane where it has a place of its own."""
 OPEN_ORBIT_ROWS = 26
-"""Most rows of an orbit that lies over the plots."""
+"""Most rows of the orbit pane where it is opened over the plots."""
 BANNER_ROWS = {"wide": 3, "narrow": 5}
 WIDE_BANNER_COLUMNS = 72
 
 MAX_ALERT_ROWS = 2
 MIN_LOG_ROWS = 2
-"""Least rows of a log beside plots and orbit."""
+"""Least rows of the log beside plots and orbit."""
 
 Name = Literal[
     "top",
@@ -54,7 +54,7 @@ STRIPS: dict[Name, int] = {"confidence": 1, "east": 1, "north": 1}
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Box:
-    """Rectangle of cells."""
+    """A rectangle of cells; (``x``, ``y``) is its upper left cell."""
 
     x: int
     y: int
@@ -73,9 +73,10 @@ def pane_boxes(
 ) -> dict[Name, Box]:
     """Return the box of every pane that has room; panes without one are not shown.
 
-    ``alert_rows``: rows of the alert; ``aspect``: width over height of the camera's frames;
-    ``is_log_open``: whether the log takes all panes; ``timeline_rows``: rows of a time line over
-    the keys.
+    ``alert_rows``: rows of the alert.
+    ``is_log_open``: True where the log takes the place of all panes.
+    ``timeline_rows``: rows of the time line above the keys.
+    ``aspect``: width over height of the camera's frames.
     """
     boxes: dict[Name, Box] = {}
     top_rows = 1 if width >= ONE_LINE_TOP_COLUMNS else 2
@@ -106,9 +107,9 @@ def pane_boxes(
 
 
 def banner_box(width: int, height: int, *, alert_rows: int = 0) -> Box:
-    """Return the box of a STOP's outcome: under state, control and alert, over everything else.
+    """Return the box of a STOP's banner, below state, control and alert.
 
-    The keys stay free of it; in a terminal of a few lines it covers the alert, then the keys.
+    The keys stay free; in a terminal of a few lines the banner covers the alert, then the keys.
     """
     boxes = pane_boxes(width, height, alert_rows=alert_rows)
     wanted = BANNER_ROWS["wide" if width >= WIDE_BANNER_COLUMNS else "narrow"]
@@ -120,7 +121,7 @@ def banner_box(width: int, height: int, *, alert_rows: int = 0) -> Box:
 
 
 def timeline_rows(height: int) -> int:
-    """Return the rows of a time line in a terminal of that height."""
+    """Return the rows of the time line in a terminal of that height."""
     if height < LOW_LINES:
         return 1
     return 2 if height < LARGE[1] else 3
@@ -129,10 +130,10 @@ def timeline_rows(height: int) -> int:
 def tune_box(
     width: int, height: int, *, alert_rows: int = 0, timeline_rows: int = 0, aspect: float = 4 / 3
 ) -> Box:
-    """Return the tuning pane's box: right of the picture, over plots and figures; the sky stays.
+    """Return the box of the opened tuning pane: right of the picture, over plots and figures.
 
-    In the widest layout it has a place of its own; in a small terminal all but the first line
-    and the keys.
+    In the widest layout the pane has a place of its own; in a small terminal it takes all rows
+    between the first line and the keys. Arguments as in ``pane_boxes``.
     """
     boxes = pane_boxes(
         width, height, alert_rows=alert_rows, timeline_rows=timeline_rows, aspect=aspect
@@ -151,9 +152,10 @@ def tune_box(
 def orbit_box(
     width: int, height: int, *, alert_rows: int = 0, timeline_rows: int = 0, aspect: float = 4 / 3
 ) -> Box:
-    """Return the opened orbit's box: over the plots; picture, figures and log stay.
+    """Return the box of the opened orbit pane: over the plots; picture, figures and log stay.
 
-    In a small terminal over all but the first line and the keys.
+    In a small terminal the pane takes all rows between the first line and the keys. Arguments as in
+    ``pane_boxes``.
     """
     boxes = pane_boxes(
         width, height, alert_rows=alert_rows, timeline_rows=timeline_rows, aspect=aspect
@@ -167,7 +169,7 @@ def orbit_box(
 
 
 def has_tuning_column(width: int, height: int) -> bool:
-    """Return True where the tuning pane is always open."""
+    """Return True where the terminal is so large that the tuning pane is always open."""
     return width >= THREE_COLUMNS[0] and height >= THREE_COLUMNS[1]
 
 
@@ -230,7 +232,7 @@ def _three_columns(boxes: dict[Name, Box], all_: Box, aspect: float) -> None:
 
 
 def _pictures(boxes: dict[Name, Box], all_: Box, rows: int, at_most: int, aspect: float) -> int:
-    """Lay out the picture and its close-up in a number of rows; return their columns."""
+    """Lay out the picture and its close-up in ``rows`` rows; return the columns they take."""
     frame_rows = min(round(rows * 0.64), math.ceil(at_most / aspect / 2) + 2)
     columns = max(_frame_columns(frame_rows - 2, aspect, at_most), min(at_most, 58))
     boxes["frame"] = Box(x=0, y=all_.y, width=columns, height=frame_rows)
@@ -240,7 +242,7 @@ def _pictures(boxes: dict[Name, Box], all_: Box, rows: int, at_most: int, aspect
 
 
 def _stacked(boxes: dict[Name, Box], where: Box, rows: dict[Name, int]) -> int:
-    """Lay out panes with the rows of each, one under the other; return the row below the last."""
+    """Lay out panes one below the other, each with its rows; return the row below the last."""
     y = where.y
     for name, n in rows.items():
         _put(boxes, name, Box(x=where.x, y=y, width=where.width, height=n))
@@ -270,10 +272,10 @@ def _frame_columns(picture_rows: int, aspect: float, at_most: int) -> int:
 
 
 BESIDE_COLUMNS = 72
-"""Columns from which on the panel stands beside the picture."""
+"""Columns of a terminal from which on a frame's panel stands beside its picture."""
 PANEL_COLUMNS = (34, 46)
 BELOW_ROWS = 24
-"""Rows from which on the panel has a third of the screen below it; in fewer it is a summary."""
+"""Rows of a terminal from which on a panel below the picture has a third of them; else two rows."""
 SUMMARY_ROWS = 2
 
 SheetPart = Literal["status", "alert", "picture", "panel", "keys"]
@@ -288,9 +290,12 @@ def sheet_boxes(
     keys_rows: int = 1,
     is_list_open: bool = False,
 ) -> dict[SheetPart, Box]:
-    """Return the box of each part of a frame's screen; an open list takes the picture's too.
+    """Return the box of each part of a frame's screen; parts without room are left out.
 
-    ``keys_rows``: rows of the last line and the notice over it.
+    ``has_status``: True where the first line shows the telescope's state.
+    ``alert_rows``: rows of the alert.
+    ``keys_rows``: rows of the keys with the notice above them.
+    ``is_list_open``: True where the panel takes the picture's place too.
     """
     boxes: dict[SheetPart, Box] = {}
     top, bottom = 0, height - keys_rows

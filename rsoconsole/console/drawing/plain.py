@@ -1,4 +1,4 @@
-"""ASCII and monochrome forms of the screen, filters of control characters, and the themes."""
+"""ASCII forms of the screen, removal of control characters, and the colour themes."""
 
 import re
 import unicodedata
@@ -25,19 +25,19 @@ _SIGNS = str.maketrans(
     }
 )
 SPELLED = {"±": "+-", "°": "deg", "σ": "sig", "τ": "tau", "α": "RA", "δ": "Dec"}
-"""Signs spelled out in ASCII: a single letter would mean something else."""
+"""Signs that ASCII spells out, since a single letter would mean something else."""
 _WIDE_GAP = {n: re.compile(f" {{{n + 1},}}|─{{{n + 2},}}") for n in (1, 2)}
 _RAMP = " .:-=+*#%@"
-"""Characters from dark to bright for the squares of a picture."""
+"""Characters from dark to bright that stand for the squares of a picture."""
 _BRAILLE = range(0x2800, 0x2900)
 _FAT = (0x01 | 0x08, 0x02 | 0x10, 0x04 | 0x20, 0x40 | 0x80)
-"""Pairs of braille dots side by side: a fat dot, or the half of it that lies in this cell."""
+"""Pairs of braille dots side by side: a fat dot, or the part of it in one cell."""
 _UPPER_DOTS = 0x01 | 0x02 | 0x08 | 0x10
 HALF_BLOCK = "▀"
 
 
 def plain(text: str) -> str:
-    """Return ASCII of the same length."""
+    """Return the text in ASCII, a character for each character."""
     return "".join(c if c.isascii() else _one(c) for c in text.translate(_SIGNS))
 
 
@@ -57,11 +57,11 @@ def _one(character: str) -> str:
 
 
 def spell_out_signs(texts: Sequence[str]) -> list[str]:
-    """Return a line's pieces in ASCII, ``SPELLED`` signs written out, as long in all as before.
+    """Return a line's pieces in ASCII with the signs of ``SPELLED`` spelled out.
 
-    The columns that this takes come from blanks and rules: right before the sign where a gap stands
-    there, so that what follows keeps its place, else behind it, else earlier. Without any the sign
-    becomes one letter as in ``plain``.
+    The line keeps its length: the columns that a spelled sign takes come from blanks and rules.
+    They are taken right before the sign, so that the text behind keeps its place; else behind the
+    sign, else earlier. Where there are none, the sign becomes one letter as in ``plain``.
     """
     line = "".join(texts)
     owners = [number for number, text in enumerate(texts) for _ in text]
@@ -89,7 +89,7 @@ def spell_out_signs(texts: Sequence[str]) -> list[str]:
 
 
 def _gap(cells: Sequence[tuple[str, int]], at: int, wanted: int) -> int | None:
-    """Return where cells can be taken out of a gap that keeps one; None: no such gap."""
+    """Return the index from which ``wanted`` cells can be taken out of a gap; None: no such gap."""
     line = "".join(sign for sign, _ in cells)
     before = line[:at]
     width = len(before) - len(before.rstrip(" "))
@@ -103,10 +103,10 @@ def _gap(cells: Sequence[tuple[str, int]], at: int, wanted: int) -> int | None:
 
 
 class PlainFilter(LineFilter):
-    """Turns every line into ASCII; squares of pictures into characters by their light."""
+    """Turns every line into ASCII; squares of pictures become characters by their brightness."""
 
     def apply(self, segments: list[Segment], background: Color) -> list[Segment]:  # noqa: ARG002 -- as Textual asks
-        """Convert one line."""
+        """Return one line in ASCII."""
         words = [index for index, segment in enumerate(segments) if not segment.control]
         if any(HALF_BLOCK in segments[index].text for index in words):
             # Beside a picture nothing may move.
@@ -132,7 +132,7 @@ class PlainFilter(LineFilter):
 
 
 def _light(colour: RichColor | None) -> float:
-    """Return the light of a colour, 0 to 1; 0 where there is no colour."""
+    """Return the brightness of a colour, 0 to 1; 0 for no colour."""
     if colour is None:
         return 0.0
     red, green, blue = colour.get_truecolor()
@@ -147,19 +147,19 @@ _COMMANDS = re.compile(
     "]"
 )
 _CURSOR = re.compile(r"\x1b\[\d+;\d+H")
-"""Cursor command that stands before and behind a sixel picture, in a segment without any style."""
+"""Cursor command before and behind a sixel picture, in a segment without any style."""
 
 
 def without_terminal_commands(text: str) -> str:
-    """Return the text without control characters, as wide as before."""
+    """Return the text with control characters replaced by blanks, as wide as before."""
     return _COMMANDS.sub(lambda found: " " * cell_len(found.group()), text)
 
 
 class CleanFilter(LineFilter):
-    """Removes control characters from every line; segments that are commands as a whole stay."""
+    """Removes control characters from every line; a segment that is a command as a whole stays."""
 
     def apply(self, segments: list[Segment], background: Color) -> list[Segment]:  # noqa: ARG002 -- as Textual asks
-        """Clean one line."""
+        """Return one line without control characters."""
         return [self._clean(segment) for segment in segments]
 
     def _clean(self, segment: Segment) -> Segment:
@@ -228,7 +228,7 @@ COLOURS = {
     "ansi-light": "the terminal's own sixteen, light",
     "light": "light",
 }
-"""Themes that ctrl+t goes through, with their names: red comes first, white last."""
+"""Themes that ctrl+t goes through, with their names; red comes early, white last."""
 
 NIGHT_CSS = """
 ConsoleApp.-theme-night FramePane > .frame--followed { color: #d84028; }
@@ -243,4 +243,4 @@ ConsoleApp.-theme-night FramePane > .frame--now_rejected { color: #b83420; }
 ConsoleApp.-theme-night FramePane > .frame--box { color: #8a1a10; }
 ConsoleApp.-theme-night FramePane > .frame--cursor { color: #e04830; }
 """
-"""Styles of the picture's marks, which are bright in other themes."""
+"""Colours of the picture's marks in the night theme; they are bright in other themes."""

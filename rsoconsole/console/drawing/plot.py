@@ -1,7 +1,6 @@
-"""Plots in cells: the newest exposure at the right, braille dots for the height.
+"""Plots in cells: braille dots for the values, the newest exposure at the right.
 
-A line is a list of (text, ink); ink is a word for a colour, which only repeats the meaning of the
-marks.
+A line is a list of (text, ink). An ink names a colour, which only repeats what the marks say.
 """
 
 import math
@@ -16,12 +15,16 @@ Key = TypeVar("Key")
 
 AXIS_COLUMNS = 6
 NIS_HEADROOM = 1.6
-"""Top of the axis over the upper bound of the band."""
+"""Top of the NIS axis as a factor on the upper bound of its band."""
 REFUSED = "×"
 MIN_FOR_STRAYS, USUAL_SHARE, STRAY_TIMES = 5, 0.8, 5.0
-"""Least number of residuals, share that sets the axis, factor on it beyond which one is a stray."""
+"""Least number of residuals to look for strays; quantile of the usual ones; factor for a stray.
+
+A stray exceeds the factor times the larger of that quantile and the usual bound, and does not set
+the axis.
+"""
 MAX_SPREAD = 3
-"""Most cells that an exposure takes, while there are few."""
+"""Most cells that one exposure takes, while there are few exposures."""
 _BRAILLE = 0x2800
 _LEFT = (0x01, 0x02, 0x04, 0x40)
 _RIGHT = (0x08, 0x10, 0x20, 0x80)
@@ -29,27 +32,27 @@ _RANK: dict[Ink, int] = {"": 0, "dim": 1, "good": 2, "warn": 3, "alarm": 4, "tit
 
 
 def joined(cells: Iterable[tuple[str, Key]]) -> list[tuple[str, Key]]:
-    """Join neighbouring cells of one ink."""
+    """Join neighbouring (text, key) cells of the same key, such as an ink."""
     groups = groupby(cells, key=lambda cell: cell[1])
     return [("".join(text for text, _ in group), key) for key, group in groups]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Column:
-    """One exposure of a plot."""
+    """One exposure's content of a plot."""
 
     value: float | None = None
     bound: float | None = None
-    """Half width of the expected band about 0."""
+    """Half width of the band about 0 in which the value is expected."""
     mark: str = ""
-    """Sign shown instead of a value: a miss, a coasted frame."""
+    """Sign shown instead of a value, as for a miss or a coasted frame."""
     refused: float | None = None
-    """Confidence of a streak that was not accepted."""
+    """Confidence of a streak that was not accepted; None: there is none."""
 
 
 @dataclass(slots=True)
 class Canvas:
-    """Cells with 2 x 4 dots each, over ``low`` to ``high``."""
+    """Cells of 2 x 4 braille dots each, with an axis from ``low`` at the bottom to ``high``."""
 
     columns: int
     rows: int
@@ -60,7 +63,7 @@ class Canvas:
     _glyphs: dict[tuple[int, int], str] = field(default_factory=dict)
 
     def point(self, column: int, value: float, ink: Ink) -> None:
-        """Draw a fat dot; an arrow at the edge for a value beyond it."""
+        """Draw a value as a fat dot; beyond the axis as an arrow in the outermost row."""
         if not self.low <= value <= self.high:
             row = 0 if value > self.high else self.rows - 1
             self.glyph(column, row, "▲" if value > self.high else "▼", ink)
@@ -70,22 +73,22 @@ class Canvas:
             self._dot(column, level, _LEFT[level % 4] | _RIGHT[level % 4], ink)
 
     def draw_line_dot(self, column: int, value: float) -> None:
-        """Draw a small dot of a line; beyond the edge it lies on the edge."""
+        """Draw one small dot of a line; a value beyond the axis lies on its end."""
         clipped = min(max(value, self.low), self.high)
         level = min(max(round(self._level(clipped)), 0), 4 * self.rows - 1)
         self._dot(column, level, _LEFT[level % 4], "dim")
 
     def glyph(self, column: int, row: int, text: str, ink: Ink) -> None:
-        """Draw a sign in a cell."""
+        """Write a sign into a cell."""
         self._glyphs[column, row] = text
         self._inks[column, row] = ink
 
     def row_of(self, value: float) -> int:
-        """Return the row in which a value lies."""
+        """Return the row of cells in which a value lies."""
         return min(max(round(self._level(value)) // 4, 0), self.rows - 1)
 
     def line(self, row: int) -> Line:
-        """Return one row as runs of one ink."""
+        """Return one row of cells as runs of one ink."""
         return joined(self._cell((column, row)) for column in range(self.columns))
 
     def _cell(self, at: tuple[int, int]) -> tuple[str, Ink]:
@@ -104,7 +107,10 @@ class Canvas:
 
 
 def residual_plot(columns: Sequence[Column], width: int, rows: int) -> list[Line]:
-    """Plot residuals as fat dots in their bounds on a symmetric axis; misses as marks on zero."""
+    """Plot residuals as fat dots within their bounds, on an axis symmetric about 0.
+
+    Exposures without a value show their sign at 0. ``width``: columns, the axis included.
+    """
     shown = list(columns)[-max(width - AXIS_COLUMNS, 0) :]
     limit = residual_limit(shown)
     canvas = Canvas(max(width - AXIS_COLUMNS, 0), rows, -limit, limit)
@@ -116,7 +122,10 @@ def residual_plot(columns: Sequence[Column], width: int, rows: int) -> list[Line
 
 
 def confidence_plot(columns: Sequence[Column], tau: float, width: int, rows: int) -> list[Line]:
-    """Plot confidences between 0 and 1 as fat dots, tau as a line, misses as marks at 0."""
+    """Plot confidences between 0 and 1 as fat dots, tau as a line, misses as signs at 0.
+
+    ``width``: columns, the axis included.
+    """
     shown = list(columns)[-max(width - AXIS_COLUMNS, 0) :]
     canvas = Canvas(max(width - AXIS_COLUMNS, 0), rows, 0.0, 1.0)
     for column in range(canvas.columns):
@@ -131,8 +140,10 @@ def confidence_plot(columns: Sequence[Column], tau: float, width: int, rows: int
 def nis_plot(
     columns: Sequence[Column], band: tuple[float, float], width: int, rows: int
 ) -> list[Line]:
-    """Plot NIS as fat dots between 0 and ``NIS_HEADROOM`` times its upper bound, bounds as
-    lines."""
+    """Plot NIS as fat dots on an axis from 0, the bounds of ``band`` as lines.
+
+    The axis ends at ``NIS_HEADROOM`` times the upper bound. ``width``: columns, the axis included.
+    """
     shown = list(columns)[-max(width - AXIS_COLUMNS, 0) :]
     canvas = Canvas(max(width - AXIS_COLUMNS, 0), rows, 0.0, NIS_HEADROOM * band[1])
     for column in range(canvas.columns):
@@ -151,9 +162,10 @@ def nis_plot(
 
 
 def value_plot(values: Sequence[float | None], width: int, rows: int) -> list[Line]:
-    """Plot values as fat dots between their own extremes, with a gap where there is none.
+    """Plot values as fat dots on an axis between their extremes; None leaves a gap.
 
-    The axis spans all but the outermost fortieth on each side: beyond it an arrow stands.
+    The axis leaves out the outermost fortieth on each side: an arrow stands for a value beyond it.
+    ``width``: columns, the axis included.
     """
     shown = list(values)[-max(width - AXIS_COLUMNS, 0) :]
     known = sorted(value for value in shown if value is not None)
@@ -174,7 +186,7 @@ def value_plot(values: Sequence[float | None], width: int, rows: int) -> list[Li
 
 
 def residual_strip(columns: Sequence[Column], width: int) -> Line:
-    """Plot residuals in one row, without bounds."""
+    """Plot residuals in one row, without bounds and axis."""
     shown = list(columns)[-max(width, 0) :]
     limit = residual_limit(shown)
     canvas = Canvas(max(width, 0), 1, -limit, limit)
@@ -183,7 +195,7 @@ def residual_strip(columns: Sequence[Column], width: int) -> Line:
 
 
 def confidence_strip(columns: Sequence[Column], tau: float, width: int) -> Line:
-    """Plot confidences in one row."""
+    """Plot confidences in one row, without an axis."""
     shown = list(columns)[-max(width, 0) :]
     canvas = Canvas(max(width, 0), 1, 0.0, 1.0)
     _draw_confidences(canvas, shown, tau)
@@ -191,11 +203,11 @@ def confidence_strip(columns: Sequence[Column], tau: float, width: int) -> Line:
 
 
 def residual_limit(columns: Sequence[Column]) -> float:
-    """Return half the height of the residuals' axis, rounded up; most residuals and bounds fit.
+    """Return half the height of the residuals' axis, a round number that most values fit into.
 
-    Bounds just after a miss are many times as wide and lie on the edge: else the residuals that
-    matter would lie on zero. So does a residual many times as large as nearly all others, as an
-    arrow. Bounds of coasted frames count only where there is nothing else.
+    The median bound counts: bounds just after a miss are many times as wide, and an axis for them
+    would put all residuals on zero. A residual far beyond nearly all others does not count either
+    and is drawn as an arrow. Bounds of coasted frames count only where there is nothing else.
     """
     measured = [c for c in columns if c.value is not None]
     values = [abs(c.value) for c in measured if c.value is not None]
@@ -217,7 +229,7 @@ def _without_strays(values: list[float], usual: list[float]) -> list[float]:
 
 
 def sparkline(values: Sequence[float | None], high: float, width: int) -> str:
-    """Return eighths of blocks between 0 and ``high``; a gap where there is no value."""
+    """Return an eighth block for each value, its height by value over ``high``; None: a blank."""
     blocks = "▁▂▃▄▅▆▇█"
     shown = list(values)[-max(width, 0) :]
     return "".join(" " if v is None else blocks[min(max(int(v / high * 8), 0), 7)] for v in shown)
@@ -249,14 +261,14 @@ def _draw_confidences(canvas: Canvas, shown: Sequence[Column], tau: float) -> No
 
 
 def _placed(canvas: Canvas, shown: Sequence[Column]) -> list[tuple[int, int, Column]]:
-    """Return (column, cells to the next, exposure) of each; a young night is spread out."""
+    """Return (column, cells to the next, exposure) of each; few exposures are spread out."""
     cells = cells_a_frame(canvas.columns, len(shown))
     start = canvas.columns - len(shown) * cells
     return [(start + n * cells, cells, what) for n, what in enumerate(shown)]
 
 
 def cells_a_frame(columns: int, frames: int) -> int:
-    """Return the number of cells that one frame takes in a plot of ``frames``."""
+    """Return how many cells each frame takes in a plot of that many columns and frames."""
     return max(1, min(MAX_SPREAD, columns // max(frames, 1)))
 
 

@@ -1,7 +1,7 @@
-"""The terminal's answers about itself: one round trip, before the console draws.
+"""Asks the terminal what it can draw: one round trip, before the console draws.
 
-Every terminal answers the last question: once that answer is there, missing ones never come, and
-nothing arrives later that would be taken for a key.
+Every terminal answers the last question. Once that answer is there, missing answers will not come,
+and nothing arrives later that could be taken for a key.
 """
 
 import contextlib
@@ -19,7 +19,7 @@ from rsoconsole.console.drawing import blocks
 from rsoconsole.console.drawing.blocks import Blocks
 
 PATIENCE_S = 1.5
-"""Seconds for a round trip over a slow line; a terminal that never answers costs this once."""
+"""Most seconds for a round trip over a slow line; a terminal that never answers costs as much."""
 _HAS_KITTY = "\x1b_Gi=31,s=1,v=1,a=q,t=d,f=24;AAAA\x1b\\"
 _NAME = "\x1b[>0q"
 _ATTRIBUTES = "\x1b[c"
@@ -27,7 +27,7 @@ _NAME_ANSWER = re.compile(r"\x1bP>\|([^\x1b]*)\x1b\\")
 _ATTRIBUTES_ANSWER = re.compile(r"\x1b\[\?([\d;]*)c")
 _NAME_AND_VERSION = re.compile(r"([A-Za-z][A-Za-z-]*)[ (/v]*([\d.]*)")
 _SILENT = ("linux", "dumb", "unknown", "")
-"""Types of terminals that draw no graphics and are not asked: the Linux console above all."""
+"""Types of terminals (TERM) that draw no graphics and are not asked, as the Linux console."""
 
 _SEXTANTS_FROM: Mapping[str, tuple[int, ...]] = {
     "kitty": (0,),
@@ -55,17 +55,17 @@ _BY_TYPE = {
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TerminalAnswer:
-    """Properties of a terminal."""
+    """What a terminal says about itself; the defaults stand for no answer."""
 
     name: str = ""
-    """Its program, in small letters; empty where it does not say."""
+    """The terminal's program in small letters; empty where the terminal does not say."""
     version: tuple[int, ...] = ()
     has_kitty: bool = False
     has_sixel: bool = False
 
 
 def query_terminal(environment: Mapping[str, str] = os.environ) -> TerminalAnswer:
-    """Ask the terminal, and wait for its answer; nothing is known where there is none."""
+    """Ask the terminal and wait for its answer; without one return the defaults."""
     kind = environment.get("TERM", "")
     if kind in _SILENT or sys.__stdin__ is None or sys.__stderr__ is None:
         return TerminalAnswer()
@@ -77,7 +77,7 @@ def query_terminal(environment: Mapping[str, str] = os.environ) -> TerminalAnswe
 
 
 def parse_answer(answer: str, kind: str) -> TerminalAnswer:
-    """Return the properties in the answer of a terminal of type ``kind`` (TERM)."""
+    """Return what a terminal's answer says; ``kind``: the terminal's type (TERM)."""
     named = _NAME_ANSWER.search(answer)
     parts = _NAME_AND_VERSION.match(named.group(1)) if named is not None else None
     name = parts.group(1).lower() if parts is not None else _BY_TYPE.get(kind, "")
@@ -93,7 +93,7 @@ def parse_answer(answer: str, kind: str) -> TerminalAnswer:
 
 
 def blocks_of(terminal: TerminalAnswer, environment: Mapping[str, str] = os.environ) -> Blocks:
-    """Return the finest characters that this terminal surely draws."""
+    """Return the finest block characters that this terminal surely draws."""
     if environment.get("TERM", "") in _SILENT:
         return blocks.HALF_BLOCKS
     for known, found in ((_OCTANTS_FROM, blocks.OCTANTS), (_SEXTANTS_FROM, blocks.SEXTANTS)):

@@ -1,7 +1,7 @@
-"""Placement of the tracks' numbers in a picture, apart from each other and from the streaks.
+"""Places tracks' numbers in a picture, apart from each other and from the streaks.
 
-A slot of satellites is a few cells wide in the field: each number stands as near to its streak as
-there is room, outwards from the middle of them all.
+Geostationary satellites of one slot are a few cells apart: each number stands as near to its streak
+as there is room, outwards from the middle of all streaks.
 """
 
 import math
@@ -12,17 +12,17 @@ from typing import NamedTuple
 Cell = tuple[int, int]
 """(column, row)."""
 REACH = 8, 4
-"""Columns and rows about its streak in which a number may stand."""
+"""Columns and rows from a streak within which its number may stand."""
 CELL_HEIGHT = 2.0
 """Height of a cell in units of its width."""
 OUTWARDS = 0.4
 """Cell widths by which a place outwards from the middle of all streaks counts as nearer."""
 _LEFT_OUT = 1.5
-"""Cost of a place on another sign, in units of the reach: taken where there is no other."""
+"""Cost of a place over another sign, in units of the reach: used where no other is free."""
 
 
 class NumberedTrack(NamedTuple):
-    """Track's number and the cells of its streak or of its predicted place."""
+    """A track's number, and the cells of its streak's ends or (both) of its predicted place."""
 
     text: str
     left: Cell
@@ -36,9 +36,11 @@ def placed_numbers(
     taken: Mapping[Cell, object],
     streaks: Collection[Cell],
 ) -> dict[Cell, tuple[str, str]]:
-    """Return (column, row) -> (character, kind); ``size``: columns and rows of the picture.
+    """Return where the numbers stand: (column, row) -> (character, kind of mark).
 
-    ``taken``: cells with text or signs, ``streaks``: cells that stay free of signs.
+    ``size``: columns and rows of the picture.
+    ``taken``: cells with text or signs, which numbers avoid.
+    ``streaks``: cells in which no number may stand.
     """
     middles = ((each, _middle(each)) for each in numbered)
     shown = [each for each, (x, y) in middles if 0 <= x < size[0] and 0 <= y < size[1]]
@@ -65,7 +67,7 @@ def _best_place(  # noqa: PLR0917 -- one call, each argument a different thing
     streaks: Collection[Cell],
     written: Mapping[Cell, object],
 ) -> Cell | None:
-    """Return the nearest free place, or one over another sign; None: numbers fill it all."""
+    """Return the nearest free place, or one over another sign; None: numbers fill all."""
     columns, rows = size
     wide = len(each.text)
     best: tuple[float, Cell] | None = None
@@ -87,7 +89,7 @@ def _best_place(  # noqa: PLR0917 -- one call, each argument a different thing
 
 
 def _distance(each: NumberedTrack, cells: Sequence[Cell]) -> float:
-    """Return the distance from the number's nearer end to the streak's, in cell widths."""
+    """Return the least distance between a number's ends and its streak's, in cell widths."""
     ends = (each.left, each.right)
     return min(_away(cell, end) for cell in (cells[0], cells[-1]) for end in ends)
 

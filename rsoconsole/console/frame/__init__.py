@@ -1,1 +1,1 @@
-"""One frame at full resolution: any pixel of it, and the result of other settings."""
+"""The screen of one frame at full resolution: its pixels, and the result of other settings."""

@@ -1,4 +1,4 @@
-"""State of the screen of a frame at full resolution: record, changed settings, view; its words."""
+"""State of the screen of a frame at full resolution, and the texts made of that state."""
 
 import math
 import time
@@ -23,19 +23,19 @@ TAU = Tunable(name="detector.tau", label="τ", low=0.001, high=0.99)
 
 @dataclass(slots=True)
 class FrameScreenState:
-    """State of a frame's screen."""
+    """State of the screen of one frame: record, pixels, settings on trial, view, mark by hand."""
 
     frame_id: int
     opened: FrameOpened | None = None
     pixels: "SheetPixels | None" = None
     done: FrameProcessed | None = None
     fault: str = ""
-    """Reason why the frame's pixels cannot be shown; empty: they can."""
+    """Reason why the frame's pixels cannot be shown; empty: none."""
     failure: str = ""
-    """Reason why the frame could not be processed the last time; empty: it could."""
+    """Reason why the frame could not be processed the last time; empty: none."""
     view: ZoomedFrame | None = None
     step: int = 1
-    """Index in STEPS of the cross's step by an arrow key."""
+    """Index in STEPS: squares that an arrow key moves the cross by."""
     stretch: Stretch = STRETCHES[0]
     sees_as_network: bool = False
     has_marks: bool = True
@@ -44,37 +44,37 @@ class FrameScreenState:
     map_mode: MapMode | None = None
     solves_again: bool = False
     wanted: FrameSettings | None = None
-    """Settings that the frame is being processed with; None: it is not."""
+    """Settings that the frame is being processed with; None: it is not being processed."""
     is_marking: bool = False
     first_px: tuple[float, float] | None = None
-    """First end of the mark by hand."""
+    """First end of the mark by hand, pixels of the frame; None until it is set."""
     coarsest_px: float = 0.0
-    """Side of the largest square in which an end was set: its uncertainty."""
+    """Side of the largest square in which an end was set, pixels: the mark's uncertainty."""
     shows_beside_mark: bool = False
-    """True where the marks stay over the picture while another one is made."""
+    """True where the marks stay over the picture while a new one is made by hand."""
     began_s: float = field(default_factory=time.monotonic)
     """Time at which reading or processing began, monotonic seconds."""
 
     @property
     def are_marks_shown(self) -> bool:
-        """True where the marks are drawn: while a mark is made they would hide its ends."""
+        """True where the marks are drawn; while a mark is made they are hidden unless asked for."""
         return self.has_marks and (not self.is_marking or self.shows_beside_mark)
 
     @property
     def end_words(self) -> str:
-        """Words on which end is to be marked; empty: none."""
+        """Which end of the mark is to be set next, in words; empty: no mark is being made."""
         if not self.is_marking:
             return ""
         return f"mark the {'first' if self.first_px is None else 'second'} end"
 
     @property
     def recorded_tau(self) -> float | None:
-        """The tau in force for the frame; None until that is known."""
+        """The tau that was in force for the frame; None until the record is read."""
         return None if self.opened is None else self.opened.recorded.config.detector.tau
 
     @property
     def tau(self) -> float | None:
-        """The tau on trial, else the recorded one."""
+        """The tau on trial, or where none is, the recorded one; None until the record is read."""
         before = self.recorded_tau
         if before is None or not self.tau_steps:
             return before
@@ -82,26 +82,26 @@ class FrameScreenState:
 
     @property
     def recorded_mode(self) -> MapMode | None:
-        """The map's mode in force for the frame; None until that is known."""
+        """The map mode that was in force for the frame; None until the record is read."""
         return None if self.opened is None else self.opened.recorded.config.detector.map_mode
 
     @property
     def candidates(self) -> "tuple[ComparedCandidate, ...]":
-        """Candidates as recorded and as processed now, or the recorded ones alone."""
+        """Candidates as recorded and as processed now; before that, as recorded alone."""
         if self.done is not None:
             return self.done.result.candidates
         return self.opened.candidates if self.opened is not None else ()
 
     @property
     def map(self) -> "FrameMap | None":
-        """The network's map, where it is shown and known."""
+        """The network's map; None where the frame itself is shown, or the map is not made yet."""
         if not self.sees_as_network or self.done is None or not self.done.maps:
             return None
         return self.done.maps[0]
 
     @property
     def solution(self) -> Solution | None:
-        """The plate solution that positions are read by; None: not solved."""
+        """The plate solution that positions are read with; None: the frame is not solved."""
         found = None
         if self.done is not None and self.done.result.is_solved_again:
             found = self.done.result.now.solution
@@ -120,7 +120,7 @@ class FrameScreenState:
 
 
 def title_parts(sheet: FrameScreenState) -> list[str]:
-    """Return the settings to process the frame with now."""
+    """Return the parts of the picture's title: frame, scale, exposure or map, stretch."""
     parts = [f"frame {sheet.frame_id:04d}", *([sheet.end_words] if sheet.is_marking else [])]
     opened = sheet.opened
     if opened is not None and sheet.pixels is None and not sheet.fault:
@@ -139,13 +139,13 @@ def title_parts(sheet: FrameScreenState) -> list[str]:
 
 
 def step_px(sheet: FrameScreenState) -> float:
-    """Return the pixels that an arrow moves the cross by."""
+    """Return by how many pixels an arrow key moves the cross."""
     squares = STEPS[sheet.step]
     return squares * (1.0 if sheet.view is None else sheet.view.px_per_square)
 
 
 def cross_step_words(sheet: FrameScreenState) -> str:
-    """Return the step of an arrow in words: step 4 squares = 16 px."""
+    """Return the step of an arrow key in words: step 4 squares = 16 px."""
     squares, px = STEPS[sheet.step], step_px(sheet)
     if squares == px:
         return f"step {px:g} px"
@@ -153,14 +153,14 @@ def cross_step_words(sheet: FrameScreenState) -> str:
 
 
 def marking_instructions(sheet: FrameScreenState) -> str:
-    """Say how to go on with a mark by hand."""
+    """Return in words how to go on with the mark by hand."""
     keys = "arrows move ╋ (shift: far), enter sets it"
     kept = f"frame {sheet.frame_id} stays markable meanwhile, for {HELD} frames"
     return f"{sheet.end_words}: {keys}; {cross_step_words(sheet)}, [ ] changes it; {kept}"
 
 
 def scale_words(view: ZoomedFrame) -> str:
-    """Say the scale of a view."""
+    """Return a view's scale in words, such as "4 px a square"."""
     if view.zoom is None:
         return "whole field"
     if view.zoom < 0:
@@ -169,7 +169,7 @@ def scale_words(view: ZoomedFrame) -> str:
 
 
 def readout_parts(sheet: FrameScreenState) -> list[str]:
-    """The parts of the read-out at the cross: pixel, step, value, direction."""
+    """Return what is read at the cross, in parts: pixel, step, value, direction."""
     view, pixels = sheet.view, sheet.pixels
     if view is None or pixels is None:
         return []

@@ -1,4 +1,4 @@
-"""Marks of a frame that is processed again: the recorded ones and the new ones."""
+"""Marks of a frame that is processed again: those of the record and those of now."""
 
 import itertools
 import math
@@ -13,24 +13,25 @@ if TYPE_CHECKING:
     from rsoconsole.pipeline import ComparedCandidate, JudgedCandidate
 
 FAINT_FROM_PX = 3.0
-"""Pixels a square above which a streak to be marked has points beyond its ends."""
+"""Pixels a square above which points are drawn beyond a streak's ends while it is marked."""
 BEYOND_SQUARES = 2.0
-"""Squares between a streak's end and its point."""
+"""Distance of those points from the streak's ends, in squares."""
 OUTSIDE_PX = -1e6
-"""Middle of a mark of points alone: outside the frame."""
+"""Place, outside the frame, of a mark that consists of outline points alone."""
 BOX_POINTS = 24
 """Points along each side of a box."""
 SAME_PLACE_PX = 10.0
-"""Pixels within which two marks are at the same place."""
+"""Pixels within which two marks count as being at the same place."""
 Box = tuple[float, float, float, float]
 
 
 def sheet_marks(
     detail: NightFrame, candidates: Sequence["ComparedCandidate"], chosen: int | None
 ) -> tuple[Mark, ...]:
-    """Return the recorded marks, the boxes of the detections, and the detector's new marks.
+    """Return the marks: boxes of the network, recorded marks, and marks of the new processing.
 
-    Rejected ones are left out, except those likely enough to be worth a look, and the chosen one.
+    New candidates that were rejected are left out, unless they are likely enough to be worth a look
+    or chosen. ``chosen``: index among ``candidates``; None: none.
     """
     then = list(marks_of(detail))
     now: list[Mark] = []
@@ -55,7 +56,7 @@ def _mark_now(judged: "JudgedCandidate", is_as_recorded: bool) -> Mark:
 
 
 def _making_room(mark: Mark, others: list[Mark]) -> Mark:
-    """Return the mark with its label a cell further, where another sign stands about it."""
+    """Return the mark with its label a cell further out, where another sign stands about it."""
     is_within = any(
         max(abs(mark.x_px - other.x_px), abs(mark.y_px - other.y_px)) < SAME_PLACE_PX
         for other in others
@@ -64,7 +65,7 @@ def _making_room(mark: Mark, others: list[Mark]) -> Mark:
 
 
 def lead_place(detail: NightFrame) -> tuple[float, float] | None:
-    """Return the lead's measured place in the frame, else the predicted one; None: no lead."""
+    """Return the lead's place in the frame, pixels: measured, else predicted; None: no lead."""
     if detail.followed is not None:
         return detail.followed.x_px, detail.followed.y_px
     size, marks = detail.detections, marks_of(detail)
@@ -78,7 +79,10 @@ def lead_place(detail: NightFrame) -> tuple[float, float] | None:
 
 
 def marks_beyond_streak_ends(marks: Sequence[Mark], px_per_square: float) -> tuple[Mark, ...]:
-    """Return points beyond each end of every streak in a view of large squares; else none."""
+    """Return points beyond both ends of every streak, where squares are large; else nothing.
+
+    They point at streaks whose own marks are hidden while a mark is made by hand.
+    """
     if px_per_square <= FAINT_FROM_PX:
         return ()
     points: list[tuple[float, float]] = []
@@ -96,7 +100,7 @@ def marks_beyond_streak_ends(marks: Sequence[Mark], px_per_square: float) -> tup
 
 
 def box_points(box_px: Box) -> tuple[tuple[float, float], ...]:
-    """Return points along a box's sides, one after another."""
+    """Return points along the sides of a box (x0, y0, x1, y1), in order round it."""
     x0, y0, x1, y1 = box_px
     corners = ((x0, y0), (x1, y0), (x1, y1), (x0, y1), (x0, y0))
     shares = [k / BOX_POINTS for k in range(BOX_POINTS)]

@@ -1,4 +1,4 @@
-"""The picture of a frame at full resolution: its characters, or the terminal's own graphics."""
+"""The picture of a frame at full resolution, in characters or the terminal's own graphics."""
 
 from rsoconsole.console.frame._sheet import FrameScreenState, readout_parts, title_parts
 from rsoconsole.console.frame._sheet_marks import marks_beyond_streak_ends, sheet_marks
@@ -7,31 +7,31 @@ from rsoconsole.console.picture.marks import Mark
 from rsoconsole.console.picture.picture import DrawnPicture, LightImage, Picture, greys
 
 MAX_FINER = 4
-"""Most squares of a picture along one of the terminal's: more cost time and show nothing."""
+"""Most pixels of the picture along a square in graphics: more cost time and show nothing."""
 
 
 class SheetPane(FramePane):
-    """Shows the view of a sheet; until the pixels are read, the session's small picture."""
+    """Draws a frame's view; until the pixels are read, the session's small picture."""
 
     def __init__(self, sheet: FrameScreenState, *, id: str | None = None) -> None:  # noqa: A002 -- as all widgets have it
         super().__init__(self._said, id=id)
         self._sheet = sheet
 
     def redraw(self) -> None:
-        """Draw the changed sheet."""
+        """Draw the frame after a change of its state."""
         sheet = self._sheet
         if sheet.pixels is None and sheet.opened is not None:
             self.picture, self._stretch = sheet.opened.preview, sheet.stretch
         self._redraw()
 
     def next_sight(self) -> None:
-        """Show the next of the session's small pictures."""
+        """Show the next view of the session's small pictures."""
         self._sight = SIGHTS[(SIGHTS.index(self._sight) + 1) % len(SIGHTS)]
         self._redraw()
 
     @property
     def room(self) -> tuple[int, int]:
-        """Return columns and rows for the picture itself."""
+        """Columns and rows for the picture itself, without title and caption."""
         return max(self.size.width, 1), max(self.size.height - 2, 1)
 
     def _said(
@@ -59,7 +59,7 @@ class SheetPane(FramePane):
         return self._shares_of(finer, 2 * finer)
 
     def _shares_of(self, across: int, down: int) -> LightImage:
-        """Return the light of each part of a cell; ``across``, ``down``: parts of a cell."""
+        """Return the brightness of parts of the cells; ``across``, ``down``: parts of a cell."""
         from rsoconsole.console.picture.sheet_pixels import map_shares
 
         sheet = self._sheet

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 LABEL_COLUMNS = 9
 MAX_WARNING_ROWS = 3
-"""Most rows of a warning on a processed frame."""
+"""Most rows of a warning about a processed frame."""
 STAGES = {
     "pattern": "pattern",
     "background": "sky",
@@ -33,7 +33,7 @@ STAGES = {
 
 
 def panel_lines(sheet: FrameScreenState) -> Callable[[int, int], list[Line]]:
-    """Return the builder of the panel's lines; in up to three rows a summary."""
+    """Return the function that builds the panel's lines: in full, or in three rows a summary."""
 
     def build(width: int, height: int) -> list[Line]:
         if height <= 3:
@@ -102,7 +102,7 @@ def _course(sheet: FrameScreenState) -> list[Item]:
 
 
 def _candidates(sheet: FrameScreenState, width: int, room: int) -> list[Line]:
-    """Return the candidates in a few lines each; in little room those about the chosen one."""
+    """Return the candidates, a few lines each; in little room those about the chosen one."""
     pairs = sheet.candidates
     if sheet.opened is None:
         return []
@@ -152,7 +152,7 @@ def _confidence(pair: "ComparedCandidate", when: str) -> str:
 
 
 def _outcomes(sheet: FrameScreenState, pair: "ComparedCandidate") -> list[Item]:
-    """Return a candidate's outcome as recorded and now; once where they are the same."""
+    """Return a candidate's outcome as recorded and now; once where both are the same."""
     was = "not a candidate"
     if pair.was is not None:
         was = pair.was.reason or _fate(sheet, pair.was.detection)
@@ -175,7 +175,7 @@ def _fate(sheet: FrameScreenState, streak: Detection) -> str:
 
 
 def _moved(sheet: FrameScreenState, pair: "ComparedCandidate") -> str:
-    """Return the separation of the new measurement from the recorded one; empty: unknown."""
+    """Return how far the new measurement is from the recorded one, in words; empty: unknown."""
     if sheet.done is None or pair.was is None or pair.now is None:
         return ""
     result = sheet.done.result
@@ -195,7 +195,7 @@ def _measurement_of(streak: Detection, measurements: tuple[Measurement, ...]) ->
 
 
 def _summary(sheet: FrameScreenState) -> list[Line]:
-    """Return the panel in two lines."""
+    """Return the panel as a summary of two lines."""
     if sheet.opened is None:
         return [[(" reading the session …", "dim")]]
     tau, mode = sheet.tau, sheet.map_mode or sheet.recorded_mode

@@ -1,4 +1,4 @@
-"""One frame at full resolution: look at any pixel of it, and at the result of other settings."""
+"""The screen of one frame: look at any pixel, and at the result of other settings."""
 
 import asyncio
 import contextlib
@@ -36,12 +36,12 @@ from rsoconsole.console.words.words import wrapped
 from rsoconsole.session import SessionReader
 
 LOOK_S = 0.25
-"""Seconds between updates of running times and of the first line."""
+"""Seconds between updates of running times and of the telescope's state."""
 MAX_ALERT_ROWS = 3
 
 
 class SheetNews(Message):
-    """Posted when the worker has read or processed something, or could not."""
+    """Posted when the worker has read or processed something, or has failed to."""
 
     def __init__(self, news: News) -> None:
         super().__init__()
@@ -72,9 +72,15 @@ class FrameSheet(SheetActions):
         mark_to: MarkCallbacks | None = None,
         seat: Seat | None = None,
     ) -> None:
-        """``config``: None takes the session's own; ``status`` builds the first line and ``alert``
-        the alert, where a telescope is at work meanwhile; ``seat``: the screen below, which shows
-        the notices of this one too; None: there is none."""
+        """Make the screen of a frame.
+
+        ``config``: settings to process with; None: the session's own.
+        ``status``: builds the first line, the telescope's state; None: there is no telescope.
+        ``alert``: returns the telescope's alert.
+        ``keymap``: other keys for commands, by the command's name.
+        ``mark_to``: callbacks that send marks by hand; None: no marks can be made.
+        ``seat``: the screen below, which shows this screen's notices too.
+        """
         super().__init__(FrameScreenState(frame_id=frame_id), mark_to)
         self._folder, self._config, self._seat = folder, config, seat
         self._said: tuple[str, Ink, float] = ("", "", 0.0)
@@ -88,7 +94,7 @@ class FrameSheet(SheetActions):
         self._worker = SheetWorker(folder, frame_id, config, self._news_from_thread)
 
     def compose(self) -> ComposeResult:
-        """Make picture and panel; their places depend on the terminal."""
+        """Make first line, alert, picture, panel and keys; their places depend on the terminal."""
         yield LinesPane(id="status")
         yield LinesPane(id="alert")
         yield SheetPane(self.sheet, id="picture")
@@ -96,7 +102,7 @@ class FrameSheet(SheetActions):
         yield LinesPane(id="keys")
 
     def on_mount(self) -> None:
-        """Begin to read, and draw."""
+        """Draw what is known, and start the thread that reads the frame."""
         self._loop = asyncio.get_running_loop()
         self._place_panes()
         self.show()
@@ -104,7 +110,7 @@ class FrameSheet(SheetActions):
         self._worker.start()
 
     def on_unmount(self) -> None:
-        """Release the pixels."""
+        """End the thread and release the pixels."""
         self._worker.close()
         self.sheet.pixels = None
 
@@ -115,11 +121,11 @@ class FrameSheet(SheetActions):
 
     @property
     def mode(self) -> Mode:
-        """Present meaning of the keys."""
+        """What the keys mean now: whether a mark is being made by hand."""
         return "sheet mark" if self.sheet.is_marking else "sheet"
 
     def say(self, text: str, ink: Ink = "title", seconds: float = SAID_S) -> None:
-        """Show a notice over the last line for some seconds; the screen below shows it too."""
+        """Show a notice over the last line for ``seconds``; the screen below shows it too."""
         if self._seat is not None:
             self._seat.say(text, ink, seconds)
         self._said = (text, ink, time.monotonic() + seconds)
@@ -127,7 +133,7 @@ class FrameSheet(SheetActions):
 
     @property
     def notice(self) -> tuple[str, Ink]:
-        """The notice of this moment; while a mark is made, how to continue it."""
+        """The present notice and its ink; while a mark is made, how to go on with the mark."""
         said: tuple[str, Ink] = self._said[:2] if time.monotonic() < self._said[2] else ("", "")
         if self._seat is not None:
             said = self._seat.notice
@@ -143,7 +149,7 @@ class FrameSheet(SheetActions):
                 self._loop.call_soon_threadsafe(self.post_message, SheetNews(news))
 
     def on_sheet_news(self, message: SheetNews) -> None:
-        """Show the worker's news."""
+        """Take what the worker has read or processed, or its fault, and draw it."""
         sheet, news = self.sheet, message.news
         match news:
             case FrameOpened():
@@ -172,7 +178,7 @@ class FrameSheet(SheetActions):
         self.show()
 
     def process(self) -> None:
-        """Request processing with the chosen settings."""
+        """Have the worker process the frame with the settings on trial."""
         sheet, wanted = self.sheet, self.sheet.wanted_settings()
         sheet.began_s, sheet.wanted = time.monotonic(), wanted
         self._worker.ask(wanted)
@@ -260,7 +266,7 @@ class FrameSheet(SheetActions):
     # -- keys ----------------------------------------------------------------------------------
 
     def action_back(self) -> None:
-        """Close a mark first, then the list, then this screen."""
+        """Cancel an unfinished mark; else close the open list; else close this screen."""
         if self.sheet.is_marking:
             self.leave_mark()
         elif self._is_list_open:
@@ -269,7 +275,10 @@ class FrameSheet(SheetActions):
             self.dismiss(None)
 
     def action_other_frame(self, by: int) -> None:
-        """Show the next or previous frame with kept pixels, equally zoomed, at its streak."""
+        """Show the nearest later (``by`` above 0) or earlier frame whose pixels are kept.
+
+        Zoom, step and stretch stay; the view moves to that frame's lead.
+        """
         own = self.sheet
         if own.is_marking:
             self.say("a mark is being made in this frame: esc leaves it off", "warn")
@@ -300,13 +309,13 @@ class FrameSheet(SheetActions):
         self.app.switch_screen(other)
 
     def action_list(self) -> None:
-        """Give the whole screen to the panel, and back."""
+        """Give the whole screen to the panel, or take it back."""
         self._is_list_open = not self._is_list_open
         self._place_panes()
         self.call_after_refresh(self._fit_view)
 
     async def on_click(self, event: events.Click) -> None:
-        """Act on a clicked key of the last line."""
+        """Run the action of a clicked key of the last line."""
         pane = self.query_one("#keys", LinesPane)
         action = action_at(event, pane, self._drawn_keys, self._notice_shown[0])
         if action:

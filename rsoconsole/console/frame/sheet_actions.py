@@ -1,4 +1,4 @@
-"""Actions of the keys and the mouse in a frame at full resolution."""
+"""Actions of keys and mouse on the screen of a frame at full resolution."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -26,16 +26,16 @@ REFUSED_S = 15.0
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MarkCallbacks:
-    """Callbacks that send a mark by hand from an opened frame to the engine."""
+    """Callbacks by which an opened frame's screen sends a mark by hand to the engine."""
 
     send: Callable[[MarkByHand], str]
-    """Callback that sends a mark to the engine and returns words for the operator."""
+    """Sends a mark to the engine; returns words for the operator."""
     begin: Callable[[int, Callable[[str], None]], None]
-    """Callback that has the engine keep a frame for a mark, or is given the reason if not."""
+    """Asks the engine to keep a frame for a mark; the callback gets the reason if it does not."""
     leave: Callable[[int], None]
-    """Callback that releases a kept frame without a mark."""
+    """Asks the engine to release a kept frame; no mark is sent."""
     refusal: Callable[[int], str]
-    """Callback that returns why a frame takes no mark any more; empty: it does, if known."""
+    """Returns why a frame takes no mark any more; empty: it takes one, or that is not known."""
 
 
 ROOM_PX = 20.0
@@ -43,7 +43,7 @@ ROOM_PX = 20.0
 
 
 class SheetActions(Screen[None]):
-    """Keys and mouse of a frame's screen: they change view and settings; the screen draws."""
+    """Keys and mouse of a frame's screen: they change view, settings on trial and mark."""
 
     BINDINGS: ClassVar[list[BindingType]] = [
         Binding("escape", "back", "Back", show=False),
@@ -72,29 +72,29 @@ class SheetActions(Screen[None]):
     ]
 
     def __init__(self, sheet: FrameScreenState, mark_to: MarkCallbacks | None = None) -> None:
-        """``mark_to``: where a mark is sent; None: nowhere, as in a night that is over."""
+        """``mark_to``: callbacks that send marks; None: no marks, as in a night that is over."""
         super().__init__()
         self.sheet = sheet
         self._mark_to = mark_to
 
     def show(self) -> None:
-        """Draw everything again; the screen does."""
+        """Draw everything; empty here, the screen overrides it."""
 
     def say(self, text: str, ink: Ink = "title", seconds: float = SAID_S) -> None:
-        """Show a notice over the last line for some seconds; the screen does."""
+        """Show a notice for ``seconds``; empty here, the screen overrides it."""
 
     def process(self) -> None:
-        """Request processing with the chosen settings; the screen does."""
+        """Have the frame processed with the settings on trial; empty here, the screen does."""
 
     @property
     def picture(self) -> SheetPane:
-        """The frame's widget."""
+        """The widget of the frame's picture."""
         return self.query_one("#picture", SheetPane)
 
     # -- the view ------------------------------------------------------------------------------
 
     def action_move(self, key: str, times: int = 1) -> None:
-        """Move the cross, and the view with it."""
+        """Move the cross by ``times`` steps in an arrow's direction; the view follows."""
         across, down = MOVES[key]
         if self.sheet.view is not None:
             step = STEPS[self.sheet.step] * times
@@ -102,19 +102,19 @@ class SheetActions(Screen[None]):
             self.picture.redraw()
 
     def action_step(self, by: int) -> None:
-        """Change the step of an arrow key."""
+        """Choose a larger step for the arrow keys, or with ``by`` below 0 a smaller one."""
         self.sheet.step = min(max(self.sheet.step + by, 0), len(STEPS) - 1)
         self.say(f"{cross_step_words(self.sheet)} ([ smaller, ] larger)")
         self.show()
 
     def action_zoom_by(self, by: int) -> None:
-        """Zoom in or out by a factor of two."""
+        """Zoom out by ``by`` factors of two; below 0 in."""
         if self.sheet.view is not None:
             self.sheet.view = self.sheet.view.zoomed(by)
             self.show()
 
     def action_zoom(self) -> None:
-        """Zoom in; from the nearest view return to the whole field."""
+        """Zoom in by two; from the nearest view return to the whole field."""
         view = self.sheet.view
         if view is None:
             self.picture.next_sight()
@@ -124,13 +124,13 @@ class SheetActions(Screen[None]):
             self.show()
 
     def action_stretch(self) -> None:
-        """Take the next stretch from light to grey."""
+        """Draw light as grey by the next stretch of ``STRETCHES``."""
         at = STRETCHES.index(self.sheet.stretch)
         self.sheet.stretch = STRETCHES[(at + 1) % len(STRETCHES)]
         self.picture.redraw()
 
     def action_marks(self) -> None:
-        """Show or hide the marks."""
+        """Show or hide the marks; while a mark is made, those beside it."""
         if self.sheet.is_marking:
             self.sheet.shows_beside_mark = not self.sheet.shows_beside_mark
         else:
@@ -138,7 +138,7 @@ class SheetActions(Screen[None]):
         self.picture.redraw()
 
     def action_next_candidate(self) -> None:
-        """Go to the next candidate, the likeliest first."""
+        """Choose the next candidate, the likeliest first, and move the view there."""
         sheet = self.sheet
         count = len(sheet.candidates)
         if not count:
@@ -161,7 +161,7 @@ class SheetActions(Screen[None]):
         return self._mark_to is not None and not self.sheet.fault
 
     def action_mark(self) -> None:
-        """Begin a mark at the cross, or cancel it."""
+        """Begin a mark by hand; pressed again: cancel it."""
         sheet, mark_to = self.sheet, self._mark_to
         if sheet.is_marking:
             self.leave_mark()
@@ -183,12 +183,12 @@ class SheetActions(Screen[None]):
         mark_to.begin(sheet.frame_id, self.refuse_mark)
 
     def refuse_mark(self, why_not: str) -> None:
-        """Cancel the mark: the engine takes none in this frame any more."""
+        """Cancel the mark because the engine takes none in this frame; a notice says why."""
         self._end_mark()
         self.say(why_not, "warn", REFUSED_S)
 
     def leave_mark(self) -> None:
-        """Cancel the mark; none is sent."""
+        """Cancel the mark; the engine releases the frame and gets no mark."""
         self._end_mark()
         if self._mark_to is not None:
             self._mark_to.leave(self.sheet.frame_id)
@@ -199,7 +199,7 @@ class SheetActions(Screen[None]):
         self.show()
 
     def action_set_end(self) -> None:
-        """Set an end at the cross; with the second the mark is sent."""
+        """Set an end of the mark at the cross; with the second end the mark is sent."""
         sheet, view, mark_to = self.sheet, self.sheet.view, self._mark_to
         if not sheet.is_marking or view is None or mark_to is None:
             return
@@ -226,13 +226,13 @@ class SheetActions(Screen[None]):
     # -- the settings --------------------------------------------------------------------------
 
     def _can_process(self) -> bool:
-        """Return True if there are pixels to process; the screen already shows why not."""
+        """Return True if there are pixels to process; without them ring the bell."""
         if self.sheet.pixels is None:
             self.app.bell()
         return self.sheet.pixels is not None
 
     def action_tau(self, by: int) -> None:
-        """Change tau up or down by a quarter."""
+        """Multiply tau by 1.25 for a step up, divide it for a step down, and process again."""
         if not self._can_process():
             return
         sheet = self.sheet
@@ -244,7 +244,7 @@ class SheetActions(Screen[None]):
             self.process()
 
     def action_map_mode(self) -> None:
-        """Switch to the other mode of the network's map."""
+        """Switch to the other mode of the network's map, and process again."""
         if not self._can_process():
             return
         sheet = self.sheet
@@ -262,14 +262,14 @@ class SheetActions(Screen[None]):
         self.show()
 
     def action_plate(self) -> None:
-        """Switch between a plate solution from this frame's stars alone and the recorded one."""
+        """Switch between a plate solved from this frame's stars alone and the recorded plate."""
         if not self._can_process():
             return
         self.sheet.solves_again = not self.sheet.solves_again
         self.process()
 
     def action_as_recorded(self) -> None:
-        """Reset all settings to the recorded ones."""
+        """Reset all settings on trial to the recorded ones, and process again."""
         if not self._can_process():
             return
         sheet = self.sheet
@@ -285,9 +285,9 @@ class SheetActions(Screen[None]):
             self.picture.redraw()
 
     def on_mouse_scroll_up(self) -> None:
-        """Zoom in."""
+        """Zoom in by two."""
         self.action_zoom_by(-1)
 
     def on_mouse_scroll_down(self) -> None:
-        """Zoom out."""
+        """Zoom out by two."""
         self.action_zoom_by(1)

@@ -1,1 +1,1 @@
-"""The engine as the console knows it, its alerts, and the orbit's prediction."""
+"""What the console knows of the engine, alerts for changes, and the orbit's prediction."""

@@ -16,15 +16,19 @@ Reach = Literal["unknown", "attached", "silent", "gone", "recorded"]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class EngineView(Status):
-    """The engine at one instant, as far as it can be reached."""
+    """The engine's status at one instant, with the state of the connection."""
 
     reach: Reach = "unknown"
-    """State of the connection; silent: the engine runs and does not answer; recorded: a session is
-    shown, no engine is asked."""
+    """State of the connection; "unknown" until the engine has answered or failed to.
+
+    silent: the engine runs and does not answer.
+    gone: no engine runs any more.
+    recorded: a session is shown and no engine is asked.
+    """
     since_utc_ns: int | None = None
-    """Last known time of the frame clock, where the engine is silent or gone."""
+    """Last known time of the frame clock, UTC ns, where the engine is silent or gone; else None."""
     detail: str = ""
-    """The error in words; empty: none."""
+    """The connection's error in words; empty: none."""
 
     @property
     def is_attached(self) -> bool:
@@ -33,7 +37,7 @@ class EngineView(Status):
 
     @property
     def wants_resuming(self) -> bool:
-        """True while autonomy waits for the operator to resume it."""
+        """True where autonomy waits: it is held, or the operator has the mount."""
         return self.is_held or self.holder == "operator"
 
 
@@ -51,7 +55,10 @@ OSC, ST = "\x1b]", "\x1b\\"
 def alerts_between(
     before: tuple[NightView, EngineView], after: tuple[NightView, EngineView]
 ) -> list[tuple[Alert, str]]:
-    """Return alerts for the changes between two looks at the same session, with their words."""
+    """Return the alerts for what changed from one (night, engine) to the next, with their words.
+
+    Of another session, or one whose past is still being read, only the loss of the engine counts.
+    """
     (night, engine), (night_now, engine_now) = before, after
     gone: list[tuple[Alert, str]] = []
     has_ended = engine_now.reach == "gone" and night_now.has_ended
@@ -87,7 +94,7 @@ def alerts_between(
 
 
 def _is_sought(night: NightView) -> bool:
-    """Return True if the operator caused the change: by a new search, or by a rejection."""
+    """Return True if the operator caused the loss: by a new search, or by a rejection."""
     return any(line.is_wanted for line in night.log[-LOOK_BACK_LINES:])
 
 
@@ -105,14 +112,14 @@ AHEAD_S = (600, 3600, 86_400)
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class OrbitAhead:
-    """Prediction from an orbit, with its elements and their sigmas."""
+    """An orbit's prediction, seen from the site, with the orbit's elements and their sigmas."""
 
     folder: Path | None
-    """Session that it belongs to."""
+    """Session that the orbit belongs to."""
     estimate: OrbitEstimate
     from_utc_ns: int
     outlook: "OrbitOutlook | None"
-    """Predicted places; None where they cannot be computed."""
+    """Predicted places and events; None where they cannot be computed."""
     elements: Mapping[str, float] = field(default_factory=dict)
     """Elements by name: ``e``, ``i_deg``, ``raan_deg``, ``argp_deg`` and others."""
     sigmas: Mapping[str, float | None] = field(default_factory=dict)
@@ -122,7 +129,7 @@ class OrbitAhead:
 def orbit_ahead(
     estimate: OrbitEstimate, config: Config, from_utc_ns: int, *, folder: Path | None = None
 ) -> OrbitAhead:
-    """Predict an orbit from an instant on, seen from the site; takes half a second."""
+    """Predict an orbit from ``from_utc_ns`` on, seen from the site; takes half a second."""
     # Late: the sky's computation loads slowly, and the first paint does not wait for it.
     from rsoconsole.orbits import orbit_from_record
     from rsoconsole.pipeline import element_sigmas, elements_by_name, orbit_outlook

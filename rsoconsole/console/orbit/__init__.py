@@ -1,1 +1,1 @@
-"""The orbit pane: lines on an orbit at one instant."""
+"""The orbit pane: its contents at one instant, and its lines."""

@@ -1,6 +1,6 @@
-"""The orbit pane's lines: identification, elements, places ahead, quality.
+"""The orbit pane's contents and lines: identification, elements, places ahead, quality.
 
-Each line has a rank: in a low pane the lines of the first ranks stay, in their order.
+Each line has a rank: in a low pane the lines of the lowest ranks stay, in the order of the pane.
 """
 
 import math
@@ -44,34 +44,34 @@ from rsoconsole.words import (
 
 MIN_MEASUREMENTS = 3
 AHEAD_GOOD_S = 300.0
-"""Seconds within which a prediction made for another instant is still shown."""
+"""Seconds from the instant of a prediction within which it is still shown."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class OrbitFacts:
-    """Contents of the orbit pane: orbit, identification, prediction, track quality."""
+    """What the orbit pane shows: orbit, identification, prediction, track quality."""
 
     estimate: OrbitEstimate | None = None
     identified: Identified | None = None
     ahead: OrbitAhead | None = None
     now_utc_ns: int | None = None
     last_utc_ns: int | None = None
-    """Time at which the orbit was found, where its track has ended; else None."""
+    """Time at which the orbit was found, UTC ns, where its track has ended; else None."""
     is_past: bool = False
     since_word_s: float | None = None
-    """Age in seconds of an orbit from before the operator's last decision; else None."""
+    """Age in seconds of an orbit that is fitted again since the operator decided; else None."""
     absence: str = ""
-    """Reason why there is no orbit; empty where there is one."""
+    """Reason why there is no orbit; empty where there is an orbit."""
     quality: TrackQuality | None = None
     """The lead track's quality; None before its first update."""
     has_site: bool = True
-    """True where the session's settings, and so its site, are known."""
+    """True where the session's settings, and with them its site, are known."""
     has_catalogue: bool = True
-    """True where the session has a catalogue to identify by, or its settings are not known."""
+    """False where the settings are known to name no catalogue to identify by."""
 
 
 def orbit_facts(night: NightView, engine: EngineView, ahead: OrbitAhead | None) -> OrbitFacts:
-    """Collect the pane's contents; ``ahead``: the last prediction, of whatever orbit."""
+    """Return what the orbit pane shows; ``ahead``: the last prediction, of whatever orbit."""
     now = present_utc_ns(night, engine)
     is_fit = ahead is not None and _is_near(ahead, night, now) and _is_of(ahead, night)
     return OrbitFacts(
@@ -90,7 +90,7 @@ def orbit_facts(night: NightView, engine: EngineView, ahead: OrbitAhead | None) 
 
 
 def _since_word_s(night: NightView, now: int | None) -> float | None:
-    """Return the age in seconds of an orbit to be fitted again after a decision; else None."""
+    """Return the age in seconds of an orbit that is being fitted again; None: none is."""
     orbit, found_ns = night.orbit, night.orbit_utc_ns
     if orbit is None or found_ns is None or orbit.track_id not in night.being_fitted_again:
         return None
@@ -105,7 +105,7 @@ def _is_near(ahead: OrbitAhead, night: NightView, now: int | None) -> bool:
 
 
 def _is_of(ahead: OrbitAhead, night: NightView) -> bool:
-    """Return True if a prediction is of the orbit on record, or of its track's one before."""
+    """Return True if a prediction is of the recorded orbit, or of an earlier one of its track."""
     if night.orbit is None:
         return False
     if ahead.estimate == night.orbit:
@@ -144,21 +144,21 @@ if TYPE_CHECKING:
 Ranked = tuple[int, Line]
 
 WIDE_COLUMNS = 57
-"""Columns from which on the places ahead need no heads."""
+"""Columns of the pane from which on each predicted place names its own values, without a head."""
 NARROW_COLUMNS = 47
-"""Columns below which there is no room for an azimuth."""
+"""Columns of the pane below which there is no room for an azimuth."""
 SOON_S = 900.0
-"""Seconds ahead within which an event is a warning."""
+"""Seconds ahead within which an event is shown as a warning."""
 MAX_ROWS = 4
-"""Most rows of one group."""
+"""Most rows of one group of lines."""
 KNOWN_DEG = 60.0
-"""Sigma of node and argument from which on they are not shown."""
+"""Sigma from which on the node and the argument of perigee are not shown, degrees."""
 HALF_SKY_ARCSEC = 648_000.0
 LABEL_INKS: dict[str, Ink] = {"free": "good", "weak geometry": "warn", "not observable": "warn"}
 
 
 def orbit_lines(shown: OrbitFacts, width: int, height: int) -> list[Line]:
-    """Build the pane's lines as far as there is room."""
+    """Return as many of the pane's lines as fit, by their rank."""
     estimate = shown.estimate
     lines: list[Ranked] = [(0, _title(shown, width))]
     if estimate is None:
@@ -179,7 +179,10 @@ def orbit_lines(shown: OrbitFacts, width: int, height: int) -> list[Line]:
 
 
 def target_words(shown: OrbitFacts) -> tuple[str, str, str]:
-    """Return the target's name, its orbit's size and whether that was assumed; empty: not known."""
+    """Return the target's name, its orbit's size, and "by prior" for an assumed size.
+
+    Each is empty where it is not known or does not apply.
+    """
     estimate, found = shown.estimate, shown.identified
     if shown.is_past:
         return "", "", ""
@@ -191,7 +194,7 @@ def target_words(shown: OrbitFacts) -> tuple[str, str, str]:
 
 
 def _by_prior(estimate: OrbitEstimate) -> str:
-    """Return words behind a size that rests on the prior; empty: it was measured."""
+    """Return words for a size that rests on the prior; empty: the size was measured."""
     return "" if estimate.prior == "none" else " by prior"
 
 
@@ -265,7 +268,7 @@ def _element_lines(shown: OrbitFacts, estimate: OrbitEstimate, width: int) -> li
 
 
 def _ahead_lines(shown: OrbitFacts, width: int) -> list[Ranked]:
-    """Return places ahead, and rise, set and eclipse within a day."""
+    """Return the predicted places, and rise, set and eclipse within a day."""
     ahead = shown.ahead
     if ahead is None:
         return [(3, [(" computing where it leads …", "dim")])] if shown.has_site else []
@@ -283,7 +286,7 @@ def _ahead_lines(shown: OrbitFacts, width: int) -> list[Ranked]:
 
 
 def _place_line(place: "PlaceAhead", from_utc_ns: int, width: int) -> Line:
-    """Return one predicted place; dim where it is below the horizon."""
+    """Return the line of one predicted place; dim where it is below the horizon."""
     seconds = (place.t_utc_ns - from_utc_ns) / NS_PER_S
     value, unit = (seconds / 60.0, "min") if seconds < 3600.0 else (seconds / 3600.0, "h")
     if not math.isfinite(place.ra_icrs_deg + place.dec_icrs_deg + place.altitude_deg):
@@ -317,7 +320,7 @@ def _event_items(outlook: "OrbitOutlook", from_utc_ns: int, now: int | None) -> 
 
 
 def _track_lines(quality: TrackQuality, width: int) -> list[Ranked]:
-    """Return the lead track's quality, as in the tuning pane."""
+    """Return the lead track's quality, in the words of the tuning pane."""
     low, high = quality.nis_band or (0.0, 0.0)
     nis = f"NIS {number(quality.nis_mean, '.1f')} /{quality.updates}"
     items: list[Item] = [
@@ -335,7 +338,7 @@ def _track_lines(quality: TrackQuality, width: int) -> list[Ranked]:
 
 
 def _quality_lines(shown: OrbitFacts, estimate: OrbitEstimate, width: int) -> list[Ranked]:
-    """Return the predictor of the next aim, and how well the orbit fits."""
+    """Return what predicts the next aim, and how well the orbit fits."""
     items: list[Item] = []
     if not shown.is_past:
         items.append((f"aims by the {'orbit' if estimate.is_guide else 'filter'}", ""))

@@ -1,1 +1,1 @@
-"""The console's widgets: they show lines and pictures made elsewhere and decide nothing."""
+"""The console's widgets: they draw lines and pictures made elsewhere and decide nothing."""

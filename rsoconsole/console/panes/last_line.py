@@ -1,4 +1,4 @@
-"""The last line: the keys that matter now, and a notice of the last action."""
+"""The last line: the keys that matter now, and a notice about the last action."""
 
 from collections.abc import Callable, Mapping
 from functools import partial
@@ -27,19 +27,22 @@ Mode = Literal[
     "sheet",
     "sheet mark",
 ]
-"""Meaning of the keys at a moment."""
+"""What the keys mean at a moment."""
 
 
 class Key(NamedTuple):
-    """A key of the last line, its action in a word, and whether it stays while there is room."""
+    """A key of the last line: the key, its action in a word, whether room is kept for it.
+
+    ``is_important``: where there is no room for all keys, others are left out first.
+    """
 
     key: str
     name: str
     is_important: bool = False
     command: str = ""
-    """Action of a click on it; empty: none."""
+    """Action that a click on the key runs; empty: none."""
     words: str = ""
-    """Words on its action, for the help; empty: its name says it."""
+    """Explanation of the key in the help; empty: its name suffices."""
 
 
 _GAP = "  "
@@ -47,7 +50,7 @@ MIN_LINES = 8
 """Least rows of a terminal in which a notice has rows of its own."""
 MAX_NOTICE_ROWS = 3
 MARKABLE = 12
-"""Number of last frames in which a mark can be begun (``decisions.KEPT``)."""
+"""Last frames in which a mark can be begun: ``KEPT`` of ``pipeline/cycle/decisions.py``."""
 MARK_HELP = (
     f"a streak's two ends. A mark can be begun in the last {MARKABLE} frames; its frame can be"
     f" marked from then on, while {HELD} more frames come"
@@ -130,7 +133,7 @@ MODE_KEYS: dict[Mode, tuple[Key, ...]] = {
         Key("esc", "Leave off", is_important=True, command="back", words="no mark is sent"),
     ),
 }
-"""Keys with a meaning of their own in each mode."""
+"""Keys that have a meaning of their own in each mode."""
 MODE_WORDS: dict[Mode, str] = {
     "live": "",
     "mark": "Now: a streak's two ends are marked by hand",
@@ -160,9 +163,11 @@ def keys_for(
     keymap: Mapping[str, str] | None = None,
     is_in_cloud: bool = False,
 ) -> list[Key]:
-    """Return the keys of the live night in order; which of them act depends on the mount's holder.
+    """Return the keys of the live screen in order, by who has the mount and what the mode is.
 
-    ``is_in_cloud``: the lead was missed, and cloud is the cause.
+    ``can_act``: whether this console may send commands.
+    ``keymap``: other keys for commands, by the command's name.
+    ``is_in_cloud``: True where cloud is the cause of the lead's last miss.
     """
     key = partial(_command_key, keymap)
     keys = [key("stop_by_letter", "STOP", is_important=True)]
@@ -199,7 +204,12 @@ def keys_for(
 def review_keys(
     *, is_playing: bool, has_live: bool, has_mark: bool, mode: Mode, keymap: Mapping[str, str]
 ) -> list[Key]:
-    """Return the keys of a review in order; ``has_live``: a live console lies behind it."""
+    """Return the keys of a review in order.
+
+    ``has_live``: a live screen lies behind the review.
+    ``has_mark``: moment A is kept, to compare with.
+    ``keymap``: other keys for commands, by the command's name.
+    """
     key = partial(_command_key, keymap)
 
     def keys(first: str, second: str, name: str) -> Key:
@@ -233,10 +243,9 @@ def review_keys(
 def key_line(
     keys: list[Key], notice: tuple[str, Ink] = ("", "")
 ) -> Callable[[int, int], list[Line]]:
-    """Return the builder of the last line for a width: the keys that fit, most important first.
+    """Return the function that builds the last line: the keys that fit, important ones first.
 
-    A notice stands over them, on as many rows as there are; in a terminal without room for that
-    behind STOP.
+    ``notice``: (text, ink), written above the keys where there are rows for it, else behind STOP.
     """
 
     def build(width: int, height: int) -> list[Line]:
@@ -256,7 +265,7 @@ def key_line(
 
 
 def notice_rows(notice: str, width: int, height: int) -> int:
-    """Return the rows over the keys that a notice takes, in a terminal of that size."""
+    """Return how many rows above the keys a notice takes in a terminal of that size."""
     if not notice or height < MIN_LINES:
         return 0
     return len(wrapped(notice, width - 1, MAX_NOTICE_ROWS))
@@ -265,7 +274,7 @@ def notice_rows(notice: str, width: int, height: int) -> int:
 def action_at(event: Click, pane: Widget, keys: list[Key], notice: str) -> str:
     """Return the action of the clicked key, as Textual writes it; empty: no key was clicked.
 
-    ``pane``: shows the keys, and the notice over or behind them.
+    ``pane``: the pane that shows the keys; ``notice``: the notice in the same pane.
     """
     if event.widget is not pane or event.y != pane.size.height - 1:
         return ""
@@ -282,7 +291,7 @@ def action_at(event: Click, pane: Widget, keys: list[Key], notice: str) -> str:
 
 
 def _fitting(keys: list[Key], width: int) -> list[Key]:
-    """Return the first and most important keys that fit, in their order on the line."""
+    """Return the first key and the most important others that fit, in their order."""
     by_weight = sorted(keys, key=lambda key: not key.is_important)
     room, fitting = width - 1 + len(_GAP), keys[:1]
     for key in by_weight:

@@ -1,4 +1,4 @@
-"""The log, newest line first; a line longer than the pane continues below, indented."""
+"""The log's pane, newest line first; a line longer than the pane continues below, indented."""
 
 import textwrap
 from functools import lru_cache
@@ -15,17 +15,17 @@ from rsoconsole.night import LogLine
 from rsoconsole.words import clock
 
 WITH_FRAME_COLUMNS = 60
-"""Least columns of a log that has the frame's number."""
+"""Least columns of a log whose lines show the frame's number."""
 MAX_ROWS = 3
-"""Most rows of one line."""
+"""Most rows that one line of the log takes."""
 HOW_TO_CHANGE = "/ changes, esc clears"
 
 
 class LogPane(ScrollView):
-    """The log; scrolls when it has the focus. Filtered, its first row says so."""
+    """Pane of the log; scrolls while it has the focus; names a filter in its first row."""
 
     always_shown: ClassVar[bool] = True
-    """True where changes of state and alarms pass a filter: it stays on while the night goes on."""
+    """True where changes of state and alarms are shown whatever the filter."""
     COMPONENT_CLASSES: ClassVar[set[str]] = {
         "log--good",
         "log--warning",
@@ -45,17 +45,17 @@ class LogPane(ScrollView):
         super().__init__(id=id)
         self.can_focus = False
         self.lines: tuple[LogLine, ...] = ()
-        """The shown lines, oldest first."""
+        """The lines of the log, oldest first, before filtering."""
         self.wanted = ""
-        """The words of a filter; empty: none."""
+        """Text that shown lines must have; empty: no filter."""
         self._is_reading = False
         self._rows: list[tuple[LogLine, str, bool]] = []
-        """Each line with a row of its words, and if the next row continues it; newest first."""
+        """For each row, newest first: its log line, its text, whether the next row continues it."""
 
     def show(self, lines: tuple[LogLine, ...], *, is_reading: bool = False) -> None:
-        """Show these lines; a log that is scrolled back keeps its place.
+        """Show the lines of a log; where the pane is scrolled back, the visible rows stay.
 
-        ``is_reading``: there may be more, which has not been read yet.
+        ``is_reading``: True where more lines may come, which have not been read yet.
         """
         if lines == self.lines and is_reading == self._is_reading:
             return
@@ -69,7 +69,7 @@ class LogPane(ScrollView):
 
     @property
     def top_line(self) -> LogLine | None:
-        """The line in the first row; None where there is none."""
+        """The line in the first row; None where no line is shown."""
         at = self.scroll_offset.y
         return self._rows[at][0] if at < len(self._rows) else None
 
@@ -88,7 +88,7 @@ class LogPane(ScrollView):
         return self.always_shown and (line.kind == "StateChange" or line.level == "alarm")
 
     def filter(self, wanted: str) -> None:
-        """Show only lines with these words, whatever their case; empty: every line."""
+        """Show only lines that contain ``wanted``, whatever its case; empty: every line."""
         self.wanted = wanted
         self._lay_out()
         self.scroll_home(animate=False)
@@ -111,7 +111,7 @@ class LogPane(ScrollView):
         self.refresh()
 
     def render_line(self, y: int) -> Strip:
-        """Return one row, counted down from the newest as scrolled."""
+        """Return row ``y`` of the pane, the newest line first, as scrolled."""
         width = self.scrollable_content_region.width
         if y < self._title_rows:
             title = f" log: {self.wanted!r} · {HOW_TO_CHANGE} "
@@ -140,7 +140,7 @@ class LogPane(ScrollView):
 
 @lru_cache(maxsize=8192)
 def log_rows(line: LogLine, width: int) -> tuple[str, ...]:
-    """Return a line of the log in rows, at most ``MAX_ROWS``."""
+    """Return a line of the log broken into rows, at most ``MAX_ROWS``."""
     head = f" {clock(line.t_utc_ns, zone='')} "
     if width >= WITH_FRAME_COLUMNS:
         head += f"{line.frame_id:04d} " if line.frame_id is not None else "     "

@@ -35,7 +35,7 @@ from rsoconsole.console.words.words import join_fitting_parts as fitted_words
 from rsoconsole.console.words.words import wrapped
 
 Build = Callable[[int, int], list[Line]]
-"""Builder of a pane: (width, height) -> the lines to show."""
+"""Function that builds a pane's lines: (width, height) -> lines."""
 
 INKS = {
     "": "",
@@ -49,7 +49,7 @@ INKS = {
 
 
 class LinesPane(Widget):
-    """Pane of lines; drawn again only when they differ from those before."""
+    """Pane of lines of text; drawn again only where the lines have changed."""
 
     DEFAULT_CSS = "LinesPane { text-wrap: nowrap; text-overflow: clip; }"
 
@@ -59,7 +59,7 @@ class LinesPane(Widget):
         self._lines: list[Line] = []
 
     def show(self, build: Build) -> None:
-        """Show the lines that ``build`` makes for this pane's size, from now on."""
+        """From now on show the lines that ``build`` makes for the pane's size."""
         self._build = build
         self._rebuild()
 
@@ -81,7 +81,7 @@ class LinesPane(Widget):
             self.refresh()
 
     def render(self) -> Content:
-        """Return the lines, inked."""
+        """Return the lines in the colours of their inks."""
         rows = [
             Content.assemble(*((text, INKS[ink]) for text, ink in line)) for line in self._lines
         ]
@@ -89,17 +89,17 @@ class LinesPane(Widget):
 
 
 TOO_BRIGHT_STEPS = round(0.55 * GREYS)
-"""Least grey, in steps, behind a sign that is written in black."""
+"""Least grey, in steps, of a background on which signs are written in black."""
 KINDS: tuple[MarkKind, ...] = get_args(MarkKind)
 Sight = Literal["field", "close-up", "full resolution"]
-"""Part of a frame that is shown: all, the followed streak's surroundings, those pixel by pixel."""
+"""Part of a frame: the whole, the followed streak's surroundings, or those pixel by pixel."""
 SIGHTS: tuple[Sight, ...] = ("field", "close-up", "full resolution")
 Words = Callable[[Picture | None, Sight, DrawnPicture | None], tuple[list[str], list[str]]]
-"""Function that returns a pane's title and caption: the parts, most important first."""
+"""Function that returns a picture's title and caption in parts, the most important first."""
 
 
 class FramePane(Widget):
-    """Picture with its marks, a title above and a caption below."""
+    """Pane of a picture with its marks, a title above and a caption below."""
 
     COMPONENT_CLASSES: ClassVar[set[str]] = {
         *(f"frame--{kind}" for kind in KINDS),
@@ -126,7 +126,7 @@ class FramePane(Widget):
         super().__init__(id=id)
         self._words = words
         self.picture: Picture | None = None
-        """The shown picture."""
+        """The shown picture; None: there is none."""
         self._subject: object = None
         self._sight: Sight = "field"
         self._stretch: Stretch = "streaks"
@@ -134,14 +134,14 @@ class FramePane(Widget):
         self._drawn: DrawnPicture | None = None
         self._marks: tuple[Mark, ...] = ()
         self.absent = "no picture yet"
-        """Text shown where there is no picture."""
+        """Text shown in the picture's place where there is none."""
         self._styles_made: dict[RunKey, Style] = {}
-        """Styles by their use, made once for a theme."""
+        """Styles by their use; made once for each theme."""
         self._pixels: Any = None
-        """Widget that shows the picture by the terminal's own graphics; None: by characters."""
+        """Widget that draws by the terminal's own graphics; None: characters draw the picture."""
 
     def compose(self) -> ComposeResult:
-        """Make a widget for the picture, where the terminal draws pictures itself."""
+        """Make the widget for the terminal's own graphics, where the terminal has them."""
         graphics = getattr(self.app, "graphics", None)
         if graphics is not None:
             from rsoconsole.console.picture.graphics import image_widget
@@ -152,18 +152,18 @@ class FramePane(Widget):
             yield self._pixels
 
     hides_signs = False
-    """True where the picture's own marks are left out."""
+    """True where the picture's own marks are hidden."""
 
     @property
     def drawing(self) -> DrawnPicture | None:
-        """Drawing of the picture; None while nothing is drawn."""
+        """The picture as drawn into cells; None while nothing is drawn."""
         if not self._strips:
             self._strips = self._make_strips()
         return self._drawn
 
     @property
     def blocks(self) -> Blocks:
-        """The characters that pictures are made of."""
+        """The block characters that draw pictures."""
         blocks: Blocks = getattr(self.app, "blocks", QUADRANTS)
         return blocks
 
@@ -175,8 +175,11 @@ class FramePane(Widget):
         subject: object,
         marks: tuple[Mark, ...] = (),
     ) -> None:
-        """Show a frame; it is drawn again only where it, the view or ``subject`` differ.
+        """Show a picture; it is drawn again only where an argument differs from before.
 
+        ``sight``: part of the frame to show.
+        ``stretch``: how light becomes grey.
+        ``subject``: any value; where it differs from before, the picture is drawn again.
         ``marks``: further marks, written over the picture's own.
         """
         same = (self.picture, self._sight, self._stretch, self._subject, self._marks)
@@ -187,12 +190,12 @@ class FramePane(Widget):
         self._redraw()
 
     def on_mouse_down(self, event: MouseDown) -> None:
-        """Report an end of a mark, or a streak."""
+        """Post where in the frame the mouse was pressed."""
         self.capture_mouse()
         self._point(event, is_release=False)
 
     def on_mouse_up(self, event: MouseUp) -> None:
-        """Report the other end, where the mouse was drawn."""
+        """Post where in the frame the mouse was released."""
         self.release_mouse()
         self._point(event, is_release=True)
 
@@ -222,7 +225,7 @@ class FramePane(Widget):
             self._paint()
 
     def render_line(self, y: int) -> Strip:
-        """Return one row of cells, made when the frame came."""
+        """Return row ``y`` of the pane; the rows are made when the picture changes."""
         if not self._strips:
             self._strips = self._make_strips()
         return self._strips[y] if y < len(self._strips) else Strip.blank(self.size.width)
@@ -253,18 +256,18 @@ class FramePane(Widget):
         )
 
     def _light(self, drawing: DrawnPicture, _cell_px: tuple[int, int]) -> LightImage:
-        """Return the drawn light, from dark 0 to bright 1, at its own resolution."""
+        """Return the brightness of what is drawn, 0 to 1, at its own resolution."""
         assert self.picture is not None
         return shares(self.picture, drawing, self._stretch, is_field=self._sight == "field")
 
     def _shown_marks(self) -> tuple[Mark, ...]:
-        """Return the marks to draw; in the whole field without rejected candidates."""
+        """Return the marks to draw; rejected candidates have none in the whole field."""
         own = () if self.picture is None or self.hides_signs else self.picture.marks
         marks = (*own, *self._marks)
         return tuple(m for m in marks if m.kind != "rejected" or self._sight != "field")
 
     def _absent(self) -> str:
-        """Return the text where nothing is drawn."""
+        """Return the text for where no picture is drawn."""
         return self.absent if self.picture is None else "nothing to look at closely"
 
     def _ink(self, kind: str) -> tuple[int, int, int]:
@@ -346,7 +349,7 @@ class FramePane(Widget):
         return Style(color=self._colour(front * 255 / (GREYS - 1)), bgcolor=behind)
 
     def _colour(self, grey: float) -> Color:
-        """Return a grey, or a red for eyes that are used to the dark."""
+        """Return a grey; in the night theme a red, for eyes that are used to the dark."""
         if self.app.theme == NIGHT:
             return Color.from_rgb(round(0.75 * grey), round(0.12 * grey), round(0.06 * grey))
         return Color.from_rgb(round(grey), round(grey), round(grey))
@@ -356,7 +359,7 @@ class FramePane(Widget):
 
 
 class StopBanner(LinesPane):
-    """Banner with the state of a STOP, over everything else until it is closed."""
+    """Banner over everything else with the state of a STOP, until it is closed."""
 
     DEFAULT_CSS = """
     StopBanner {
@@ -368,17 +371,17 @@ class StopBanner(LinesPane):
     """
 
     def say(self, text: str, phase: str) -> None:
-        """Show the state of a STOP; ``esc`` closes one that has ended."""
+        """Show a STOP's state; ``phase``: its stage, of which "stopped" turns the banner green."""
         self.set_class(phase == "stopped", "-stopped")
         ending = "  (esc)" if phase in {"stopped", "failed"} else ""
         self.show(lambda width, height: wrapped(f"{text}{ending}", width, height))
 
 
 class TimelinePane(LinesPane):
-    """The time line; a click goes there, and so does the mouse while it is drawn along."""
+    """Pane of the time line; posts where it is clicked, and where the pressed mouse moves."""
 
     class Pointed(Message):
-        """Posted for the mouse at a cell of the strip, with the number of its cells."""
+        """Posted for the mouse at a cell of the strip: the cell's column, the strip's columns."""
 
         def __init__(self, column: int, columns: int) -> None:
             super().__init__()
@@ -387,18 +390,18 @@ class TimelinePane(LinesPane):
     _is_drawn = False
 
     def on_mouse_down(self, event: MouseDown) -> None:
-        """Go to the clicked cell."""
+        """Post the clicked cell of the strip."""
         self._is_drawn = True
         self.capture_mouse()
         self._point(event)
 
     def on_mouse_move(self, event: MouseMove) -> None:
-        """Follow the mouse while it is drawn along."""
+        """Post the cell at the mouse while the mouse is pressed."""
         if self._is_drawn:
             self._point(event)
 
     def on_mouse_up(self, _event: MouseUp) -> None:
-        """Stop following the mouse."""
+        """Stop posting the mouse's cells."""
         self._is_drawn = False
         self.release_mouse()
 
@@ -410,7 +413,7 @@ class TimelinePane(LinesPane):
 
 
 class MomentField(Input, can_focus=False):
-    """Field in the last line for a frame or a time; the sky stays in view."""
+    """Text field in the last line for a frame or a time to go to; the panes stay visible."""
 
     DEFAULT_CSS = """
     MomentField { display: none; layer: over; position: absolute; width: 100%; height: 1; }

@@ -1,6 +1,6 @@
-"""The picture in the terminal's own graphics, where it has them.
+"""Pictures drawn by the terminal's own graphics: Kitty's protocol or sixels.
 
-Kitty's protocol or sixels, both by textual-image. Marks are drawn into the picture.
+textual-image sends them; marks are painted into the picture.
 """
 
 from collections.abc import Mapping
@@ -22,10 +22,10 @@ GraphicsKind = Literal["kitty", "sixel"]
 Colour = tuple[int, int, int]
 
 RedGreenBlue = npt.NDArray[np.uint8]
-"""Image array, (height, width, 3)."""
+"""Image array, (height, width, 3): red, green, blue."""
 
 MARGIN_PX = 6
-"""Pixels between a streak and its brackets."""
+"""Pixels between a streak and the box of its mark."""
 CROSS_GAP_PX = 4
 """Pixels from a cross's middle to its arms."""
 FONT_SCALE, FONT_ROOM_PX = 0.42, 4
@@ -33,18 +33,18 @@ FONT_SCALE, FONT_ROOM_PX = 0.42, 4
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DrawingMode:
-    """Way in which pictures are drawn in a terminal."""
+    """How pictures are drawn in a terminal."""
 
     graphics: GraphicsKind | None = None
-    """The terminal's own graphics; None: characters."""
+    """The terminal's own graphics; None: characters draw pictures."""
     blocks: Blocks = QUADRANTS
-    """The set of characters."""
+    """The block characters, where there are no graphics."""
 
 
 def choose_drawing(wanted: Graphics) -> DrawingMode:
-    """Choose how to draw: as wanted, or the finest that the terminal has.
+    """Return how to draw pictures: as wanted, or the finest way that the terminal has.
 
-    May ask the terminal: to be called before the application runs.
+    May ask the terminal, so it must be called before the application runs.
     """
     if wanted in BY_NAME:
         return DrawingMode(blocks=BY_NAME[wanted])
@@ -66,7 +66,7 @@ def choose_drawing(wanted: Graphics) -> DrawingMode:
 
 
 def image_widget(kind: GraphicsKind) -> "Widget":
-    """Make a widget that shows its ``image`` in these graphics."""
+    """Return a widget that shows its attribute ``image`` by these graphics."""
     from textual_image.widget import SixelImage, TGPImage
 
     image: Widget = TGPImage() if kind == "kitty" else SixelImage()
@@ -74,7 +74,7 @@ def image_widget(kind: GraphicsKind) -> "Widget":
 
 
 def cell_px() -> tuple[int, int]:
-    """Return width and height of a terminal's cell in pixels."""
+    """Return the width and height of a terminal's cell in pixels."""
     from textual_image.widget import get_cell_size
 
     size = get_cell_size()
@@ -90,7 +90,13 @@ def paint_picture(
     cell: tuple[int, int],
     is_red: bool = False,
 ) -> Any:
-    """Paint a picture (PIL) as large as the window's cells: ``grey`` 0 to 1, marks over it."""
+    """Return a PIL image as large as the window's cells, with the marks painted over it.
+
+    ``grey``: (height, width), 0 to 1.
+    ``colours``: (red, green, blue) by the kind of mark.
+    ``cell``: width and height of a cell, pixels.
+    ``is_red``: True for reds instead of greys, as in the night theme.
+    """
     import cv2
     from PIL import Image
 

@@ -1,4 +1,4 @@
-"""A mark by hand in a picture: a cursor that sets a streak's two ends, square by square."""
+"""An unfinished mark by hand in a picture: a cursor that sets a streak's two ends."""
 
 from dataclasses import dataclass
 
@@ -12,12 +12,12 @@ MOVES: dict[str, tuple[int, int]] = {
     "right": (1, 0),
 }
 FAR = 5
-"""Squares that a shifted arrow moves the cursor by."""
+"""Squares that an arrow with shift moves the cursor by."""
 
 
 @dataclass(slots=True, kw_only=True)
 class Marking:
-    """The cursor and the first end, in pixels of the frame."""
+    """An unfinished mark: its cursor and first end, pixels of the frame, and the view's bounds."""
 
     frame_id: int
     px_per_square: float
@@ -26,13 +26,13 @@ class Marking:
     cursor_px: tuple[float, float]
     first_px: tuple[float, float] | None = None
     shows_signs: bool = False
-    """True where the marks of streaks stay over the picture."""
+    """True where the signs of streaks stay over the picture meanwhile."""
     coarsest_px: float = 0.0
-    """Side of the largest square in which an end was set: its uncertainty."""
+    """Side of the largest square in which an end was set, pixels: the mark's uncertainty."""
 
     @classmethod
     def begin(cls, frame_id: int, drawing: DrawnPicture) -> "Marking":
-        """Begin in the middle of the drawn view."""
+        """Begin a mark with its cursor in the middle of the drawn view."""
         low, high = _bounds(drawing)
         return cls(
             frame_id=frame_id,
@@ -43,13 +43,13 @@ class Marking:
         )
 
     def look(self, drawing: DrawnPicture) -> None:
-        """Continue in another view of the same frame."""
+        """Go on with the mark in another view of the same frame."""
         self.low_px, self.high_px = _bounds(drawing)
         self.px_per_square = drawing.px_per_square
         self._go(*self.cursor_px)
 
     def _go(self, x_px: float, y_px: float) -> None:
-        """Move the cursor to that place, or as near as the view allows."""
+        """Move the cursor to a place, or as near as the view allows."""
         x, y = (
             min(max(value, low), high)
             for value, low, high in zip((x_px, y_px), self.low_px, self.high_px, strict=True)
@@ -57,7 +57,7 @@ class Marking:
         self.cursor_px = (x, y)
 
     def move(self, key: str) -> bool:
-        """Move the cursor by a key; False when the key is for something else."""
+        """Move the cursor by an arrow key; False for any other key."""
         plain = key.removeprefix("shift+")
         if plain not in MOVES:
             return False
@@ -67,7 +67,7 @@ class Marking:
         return True
 
     def is_drag(self) -> bool:
-        """True where the cursor has left the square of the first end."""
+        """True where the cursor is more than a square away from the first end, if that is set."""
         if self.first_px is None:
             return False
         away = max(abs(a - b) for a, b in zip(self.first_px, self.cursor_px, strict=True))
@@ -76,10 +76,10 @@ class Marking:
     def set_end(
         self, px_per_square: float | None = None
     ) -> tuple[tuple[float, float], tuple[float, float]] | None:
-        """Set an end at the cursor; returns both ends once the second is set.
+        """Set an end at the cursor; return both ends once the second is set, before that None.
 
-        ``px_per_square``: pixels a square in the view in which it was set; None: in the present
-        view.
+        ``px_per_square``: pixels of the frame along a square's side, in the view in which the end
+        was set; None: in the present view.
         """
         self.coarsest_px = max(self.coarsest_px, px_per_square or self.px_per_square)
         if self.first_px is None:
@@ -88,7 +88,7 @@ class Marking:
         return self.first_px, self.cursor_px
 
     def marks(self) -> tuple[Mark, ...]:
-        """Return the marks that draw the cursor and the first end."""
+        """Return the marks that draw the cursor and, once set, the first end."""
         x, y = self.cursor_px
         cursor = Mark(x_px=x, y_px=y, kind="cursor")
         if self.first_px is None:
@@ -98,7 +98,7 @@ class Marking:
 
 
 def _bounds(drawing: DrawnPicture) -> tuple[tuple[float, float], tuple[float, float]]:
-    """Return the first and the last pixel of the drawn view."""
+    """Return the centres of the drawn view's first and last pixel, (x, y) each."""
     window = drawing.window
     low = window.x0_px + 0.5, window.y0_px + 0.5
     return low, (low[0] + window.width_px - 1.0, low[1] + window.height_px - 1.0)

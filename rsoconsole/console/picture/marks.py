@@ -1,4 +1,4 @@
-"""Marks over a frame's picture: detections, and the tracks' predicted places with their errors."""
+"""Marks over a frame's picture: detections, and tracks' predicted places with their errors."""
 
 import math
 from dataclasses import dataclass, replace
@@ -12,7 +12,7 @@ from rsoconsole.words import short_figure, short_name_of
 
 OUTLINE_POINTS = 72
 SHOWN_REJECTED = 0.01
-"""Confidence from which on a rejected candidate has a mark: the rest is noise."""
+"""Confidence from which on a rejected candidate has a mark: lower ones are noise."""
 
 MarkKind = Literal[
     "box",
@@ -27,9 +27,19 @@ MarkKind = Literal[
     "now",
     "cursor",
 ]
-"""Kind of a mark, in the order in which they are written: the last one stays. ``member``: of
-another track than the lead; ``coasted``: of a track that is not in this frame; ``now``,
-``now_rejected``: of a frame processed again; ``box``: the network's."""
+"""Kind of a mark, in the order in which marks are written: a later one covers an earlier one.
+
+box: the network's box.
+rejected: a rejected candidate.
+candidate: a detection.
+predicted: the lead's predicted place.
+coasted: the predicted place of a track that the frame does not show.
+operator: marked by hand.
+member: the streak of a track other than the lead.
+followed: the lead's streak.
+now_rejected, now: the same of a frame that is processed again.
+cursor: of an unfinished mark.
+"""
 _ORDER: tuple[MarkKind, ...] = get_args(MarkKind)
 
 _BRACKETS: dict[MarkKind, tuple[str, str]] = {
@@ -44,41 +54,41 @@ _BRACKETS: dict[MarkKind, tuple[str, str]] = {
 COASTED = "○"
 """Sign before the number of a track that the frame does not show."""
 _SHORT_COLUMNS = 4
-"""Columns of a streak up to which its signs are in one row; a longer one has them at its ends."""
+"""Columns up to which a streak's signs are in one row; a longer streak has them at its ends."""
 MAX_STEPS = 2000
-"""Most cells along a streak: no terminal has more."""
+"""Most cells that are computed along a streak: no terminal has more."""
 
 
 Cells = dict[tuple[int, int], tuple[str, str]]
-"""(column, row) -> (character, kind of mark)."""
+"""Text over a picture: (column, row) -> (character, kind of mark)."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Mark:
-    """A mark over a picture, in pixels of the whole frame."""
+    """A mark over a picture; places are pixels of the whole frame."""
 
     x_px: float
     y_px: float
     kind: MarkKind
     ends_px: tuple[tuple[float, float], tuple[float, float]] | None = None
-    """Both ends of a streak, the left one first."""
+    """Both ends of a streak, the left one first; None: the mark is of no streak."""
     label: str = ""
     outline_px: tuple[tuple[float, float], ...] = ()
-    """Points of a line about it: the 3-sigma ellipse of a track, or a candidate's box."""
+    """Points of an outline: the 3-sigma ellipse of a track's prediction, or a box."""
     is_outer: bool = False
-    """True where it stands about another mark of the same streak, with its label a row below."""
+    """True where it surrounds another mark of the same streak; its label is then a row below."""
     gap: int = 0
-    """Cells between its sign and its label."""
+    """Cells between the mark's sign and its label."""
     is_numbered: bool = False
-    """True where its label is a track's number, placed where there is room."""
+    """True where the label is a track's number, which is placed wherever there is room."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Window:
-    """Part of a frame drawn into cells; a cell is two squares high."""
+    """A part of a frame that is drawn into cells, each two squares high."""
 
     x0_px: float
-    """Left edge; the centre of the frame's first pixel is at 0."""
+    """Left edge, pixels; the centre of the frame's first pixel is at 0."""
     y0_px: float
     width_px: float
     height_px: float
@@ -89,12 +99,12 @@ class Window:
     def at(
         cls, corner_px: tuple[float, float], size_px: tuple[float, float], cells: tuple[int, int]
     ) -> "Window":
-        """Return the window with that corner, width and height, and columns and rows."""
+        """Return a window by its upper left corner, (width, height), and (columns, rows)."""
         (x0, y0), (width, height), (columns, rows) = corner_px, size_px, cells
         return cls(x0_px=x0, y0_px=y0, width_px=width, height_px=height, columns=columns, rows=rows)
 
     def cell(self, x_px: float, y_px: float) -> tuple[int, int]:
-        """Return column and row of the cell of a place, which may be outside."""
+        """Return (column, row) of the cell of a place, which may be outside the window."""
         column = (x_px - self.x0_px) / self.width_px * self.columns
         row = (y_px - self.y0_px) / self.height_px * self.rows
         return math.floor(column), math.floor(row)
@@ -105,7 +115,7 @@ class Window:
 
 
 def marks_of(detail: NightFrame) -> tuple[Mark, ...]:
-    """Return all marks of one frame."""
+    """Return all marks of one frame: streaks, marks by hand, predicted places."""
     found = detail.detections
     if found is None or found.width_px <= 0 or found.height_px <= 0:
         return ()
@@ -135,7 +145,7 @@ def marks_of(detail: NightFrame) -> tuple[Mark, ...]:
 def _numbered(
     mark: Mark, detection: Detection, members: list[tuple[Measurement, FrameTrack]]
 ) -> Mark:
-    """Return the mark with the number of the track that took it; unchanged where none did."""
+    """Return the mark with the number of the track that took the streak; unchanged if none did."""
     for measured, track in members:
         if is_of_streak(detection, measured):
             kind: MarkKind = "followed" if track.is_lead else "member"
@@ -151,9 +161,9 @@ def _coasted_mark(detail: NightFrame, track: FrameTrack) -> Mark | None:
 
 
 def mark_of(detection: Detection, kind: MarkKind, followed: Measurement | None = None) -> Mark:
-    """Return a streak's mark: its ends, with confidence and class as the label.
+    """Return a streak's mark: its ends, and as the label its confidence and class.
 
-    ``followed``: the lead's measurement, whose streak is marked as followed.
+    ``followed``: the lead's measurement; if it is of this streak, the mark's kind is "followed".
     """
     is_followed = is_of_streak(detection, followed)
     ends = (detection.x_a_px, detection.y_a_px), (detection.x_b_px, detection.y_b_px)
@@ -167,7 +177,7 @@ def mark_of(detection: Detection, kind: MarkKind, followed: Measurement | None =
 
 
 def _mark_at(track: TrackState, detail: NightFrame, kind: MarkKind) -> Mark | None:
-    """Return the mark of a state with its 3-sigma ellipse; None: the frame is not solved."""
+    """Return the mark of a track's state with its 3-sigma ellipse; None: frame not solved."""
     if not isinstance(detail.solution, Solution):
         return None
     ra, _, dec, _ = track.x
@@ -181,7 +191,8 @@ def _mark_at(track: TrackState, detail: NightFrame, kind: MarkKind) -> Mark | No
 def overlay(marks: tuple[Mark, ...], window: Window, *, has_rejected: bool = False) -> Cells:
     """Return the characters that the marks write over a picture.
 
-    Everything stands beside the streaks: their own cells are kept free of signs.
+    Signs stand beside the streaks, whose own cells stay free. ``has_rejected``: True where rejected
+    candidates have signs too.
     """
     shown = [mark for mark in marks if mark.kind != "rejected" or has_rejected]
     streaks = _streak_cells(shown, window)
@@ -209,7 +220,7 @@ def _number_of(mark: Mark, window: Window) -> NumberedTrack:
 
 
 def _streak_cells(marks: list[Mark], window: Window) -> dict[tuple[int, int], bool]:
-    """Return the cells along each streak, each with whether it runs rather across than down."""
+    """Return the cells along each streak -> whether the streak runs rather across than down."""
     cells: dict[tuple[int, int], bool] = {}
     for mark in marks:
         if mark.ends_px is None:
@@ -228,7 +239,7 @@ def _streak_cells(marks: list[Mark], window: Window) -> dict[tuple[int, int], bo
 def _signs(
     mark: Mark, centre: tuple[int, int], window: Window, streaks: dict[tuple[int, int], bool]
 ) -> list[tuple[int, int, str]]:
-    """Return (column, row, text) of each of a mark's signs."""
+    """Return the signs of a mark: (column, row, text) of each."""
     column, row = centre
     match mark.kind:
         case "predicted":
@@ -246,7 +257,7 @@ def _signs(
 def _streak_signs(
     mark: Mark, centre: tuple[int, int], window: Window
 ) -> list[tuple[int, int, str]]:
-    """Return brackets about a streak, and its label; numbers are placed all together."""
+    """Return a streak's brackets and its label; a track's number is placed elsewhere."""
     row = centre[1]
     opening, closing = _BRACKETS[mark.kind]
     left = right = centre
@@ -280,7 +291,7 @@ def _label_of(mark: Mark, left: int, right: int, window: Window) -> tuple[str, i
 
 
 def _edged(column: int, beside: int, window: Window) -> int:
-    """Return a column beside a streak's end; for an end at the picture's edge the outermost one."""
+    """Return the column beside a streak's end; at the picture's edge the outermost column."""
     if not 0 <= column < window.columns:
         return column + beside
     return min(max(column + beside, 0), window.columns - 1)
@@ -301,7 +312,7 @@ def _predicted_signs(
 def _cursor_signs(
     column: int, row: int, streaks: dict[tuple[int, int], bool]
 ) -> list[tuple[int, int, str]]:
-    """Return a cross that is open in its middle, where the pixel stays visible."""
+    """Return a cross that is open in its middle, so that the pixel stays visible."""
     if (column, row) in streaks:
         return _predicted_signs(column, row, streaks)
     return [(column - 1, row, "╴"), (column + 1, row, "╶"), *_above_and_below(column, row)]

@@ -1,4 +1,7 @@
-"""A frame's small pictures as greys for the cells of a terminal; a cell is two squares high."""
+"""A frame's small pictures, drawn as greys into the cells of a terminal.
+
+A cell is two squares high. The session keeps a small picture of the whole frame and a close-up.
+"""
 
 import math
 from dataclasses import dataclass
@@ -17,14 +20,14 @@ from rsoconsole.session import SessionReader
 GREYS = 24
 """Steps of grey: enough for the eye, few enough that neighbouring cells share one."""
 FLOOR = 0.08
-"""Grey of the empty sky, so that the picture's edge is visible."""
+"""Brightness of the empty sky, 0 to 1, so that the picture's edge is visible."""
 
 SKY_BLOCK_PX = 24
 NOISE_SIGMAS = 6.0
 DARK_PERCENT, BRIGHT_PERCENT = 65.0, 99.7
 BRIGHTEST_SHARE = 0.5
 MARGIN = 1.3
-"""Size of a close-up over that of its streak."""
+"""Size of a close-up as a factor on the size of its streak."""
 
 ByteImage = npt.NDArray[np.uint8]
 LightImage = npt.NDArray[np.float32]
@@ -36,51 +39,54 @@ _PERCENT: dict[Stretch, tuple[float, float]] = {
     "asinh": (2.0, 99.8),
     "linear": (2.0, 99.5),
 }
-"""Percentiles of the squares that are drawn black and white."""
+"""Percentiles of the squares' light that are drawn darkest and brightest."""
 _MIN_RANGE = 0.02
-"""Least range of light that is drawn: the noise of an empty picture stays dark."""
+"""Least range of light between darkest and brightest: the noise of an empty picture stays dark."""
 _LINEAR_PER_CODE = 5.0 / 255.0
-"""The small pictures are asinh of light over two sigmas, from -1 to 4 in 255 steps."""
+"""Change of the argument of sinh with a code, which turns codes into light.
+
+The small pictures keep asinh of light over two sigmas, from -1 to 4 in 255 steps.
+"""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Picture:
-    """A frame's small pictures with their marks."""
+    """A frame's small pictures, with its record and its marks."""
 
     frame_id: int
     codes: ByteImage
-    """Codes of the whole frame as the session keeps it, (height, width); row 0 at the top."""
+    """The whole frame's small picture as the session keeps it, (height, width); row 0 on top."""
     light: LightImage
-    """Light of the codes above sky and noise."""
+    """The small picture above sky and noise, (height, width)."""
     detail: NightFrame
     """Everything on record of the frame."""
     marks: tuple[Mark, ...] = ()
     closeup: ByteImage | None = None
-    """Part of the frame at full resolution."""
+    """The close-up: a part of the frame at full resolution; None: none is kept."""
     place: Closeup | None = None
-    """Place of the close-up in the frame."""
+    """Where in the frame the close-up is; None: none is kept."""
 
     @property
     def aspect(self) -> float:
-        """Width over height."""
+        """Width of the frame over its height."""
         return float(self.codes.shape[1] / self.codes.shape[0])
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class DrawnPicture:
-    """A picture in cells."""
+    """A picture drawn into cells."""
 
     greys: ByteImage
-    """(blocks.down * rows, blocks.across * columns): steps of grey, 0 to GREYS - 1."""
+    """Steps of grey, 0 to GREYS - 1: (blocks.down * rows, blocks.across * columns)."""
     blocks: Blocks
-    """Characters that it is made for."""
+    """The block characters that the greys are made for."""
     window: Window
     px_per_square: float
-    """Pixels of the frame across a cell, or down half of one."""
+    """Pixels of the frame along a square: across a cell, or down half a cell."""
 
 
 def read_preview(path: Path) -> ByteImage | None:
-    """Read a small picture of a session, (height, width); None when it cannot be read (yet)."""
+    """Read a small picture of a session, (height, width); None where it cannot be read (yet)."""
     import cv2
 
     try:
@@ -94,14 +100,17 @@ def read_preview(path: Path) -> ByteImage | None:
 
 
 def light_of(codes: ByteImage) -> LightImage:
-    """Return the light above sky and noise: stars and streaks, without vignetting and moonlight."""
+    """Return a small picture's light above sky and noise: stars and streaks alone.
+
+    Vignetting and moonlight are subtracted with the sky.
+    """
     above = codes.astype(np.float32) - _sky_of(codes)
     noise = 1.4826 * float(np.median(np.abs(above)))
     return np.asarray(np.clip(above - NOISE_SIGMAS * max(noise, 0.5), 0.0, None), np.float32)
 
 
 def _sky_of(codes: ByteImage) -> LightImage:
-    """Return medians of blocks, interpolated smoothly between their centres."""
+    """Return the sky: medians of blocks, interpolated smoothly between the blocks' centres."""
     import cv2
 
     n = SKY_BLOCK_PX
@@ -116,7 +125,7 @@ def _sky_of(codes: ByteImage) -> LightImage:
 def draw_field(
     picture: Picture, stretch: Stretch, columns: int, rows: int, blocks: Blocks = QUADRANTS
 ) -> DrawnPicture:
-    """Draw the whole frame in the most cells that fit."""
+    """Draw the whole frame into as many of the ``columns`` x ``rows`` cells as its shape fits."""
     columns, rows = fitted_cells(picture.aspect, columns, rows)
     light = _field_light(picture, stretch)
     found = picture.detail.detections
@@ -139,9 +148,9 @@ def draw_closeup(
     is_native: bool = False,
     blocks: Blocks = QUADRANTS,
 ) -> DrawnPicture | None:
-    """Draw the close-up's middle at a whole number of pixels a square; None: there is none.
+    """Draw the middle of the close-up, a whole number of pixels to a square; None: no close-up.
 
-    That number shows the streak in the middle; it is 1 where ``is_native``.
+    The number is such that the streak in the middle fits; ``is_native``: the number is 1.
     """
     codes, place = picture.closeup, picture.place
     if codes is None or place is None or not columns or not rows:
@@ -166,7 +175,7 @@ def draw_closeup(
 def _pixels_a_square(
     marks: tuple[Mark, ...], middle: tuple[float, float], columns: int, rows: int
 ) -> int:
-    """Return the pixels a square that show the streak nearest to the middle."""
+    """Return the pixels along a square's side at which the streak nearest to ``middle`` fits."""
     streaks = [mark for mark in marks if mark.ends_px is not None]
     if not streaks:
         return 1
@@ -187,7 +196,7 @@ def _light(codes: ByteImage, stretch: Stretch) -> LightImage:
 
 
 def _reduced(light: LightImage, columns: int, rows: int, blocks: Blocks) -> LightImage:
-    """Return the light of each part of a cell: its mean, or half its brightest where that is more.
+    """Return the light of each part of a cell: its mean, or half its brightest if that is more.
 
     The mean of many squares of dark sky would hide a streak that is one square wide.
     """
@@ -203,14 +212,14 @@ def _reduced(light: LightImage, columns: int, rows: int, blocks: Blocks) -> Ligh
 
 
 def greys(shares: LightImage) -> ByteImage:
-    """Turn shares of brightness, 0 to 1, into steps of grey."""
+    """Turn brightness, 0 to 1, into steps of grey, 0 to GREYS - 1."""
     return np.asarray(np.round(shares * (GREYS - 1)), np.uint8)
 
 
 def shares_of(light: LightImage, stretch: Stretch) -> LightImage:
-    """Scale light to dark 0 to bright 1, between two percentiles of these squares.
+    """Scale light to brightness, ``FLOOR`` to 1, between two percentiles of these squares.
 
-    A crowded field fills every square with faint stars: the fainter part of them stays dark.
+    A crowded field fills every square with faint stars: the fainter ones stay dark.
     """
     low, high = (float(v) for v in np.percentile(light, _PERCENT[stretch]))
     share = np.clip((light - low) / max(high - low, _MIN_RANGE), 0.0, 1.0)
@@ -220,7 +229,11 @@ def shares_of(light: LightImage, stretch: Stretch) -> LightImage:
 def shares(
     picture: Picture, drawing: DrawnPicture, stretch: Stretch, *, is_field: bool
 ) -> LightImage:
-    """Return the light of a drawing in the picture's own squares: (height, width), 0 to 1."""
+    """Return the brightness, 0 to 1, of what is drawn, at the picture's own resolution.
+
+    (height, width) of the small picture, or where ``is_field`` is False of the drawn part of the
+    close-up.
+    """
     if is_field:
         light = _field_light(picture, stretch)
     else:
@@ -236,13 +249,13 @@ def shares(
 
 
 def fitted_cells(aspect: float, columns: int, rows: int) -> tuple[int, int]:
-    """Return (columns, rows) of the largest picture of an aspect, with cells twice as high."""
+    """Return (columns, rows) of the largest picture of an aspect; a cell is two squares high."""
     fitting = min(columns, max(1, round(2 * rows * aspect)))
     return fitting, min(rows, max(1, round(fitting / aspect / 2)))
 
 
 def read_picture(reader: SessionReader, frame_id: int, detail: NightFrame) -> Picture | None:
-    """Read a frame's picture and make its marks; None where none is kept, or not yet.
+    """Read a frame's picture and make its marks; None where no picture is kept, or not yet.
 
     Raises SessionError.
     """
@@ -262,7 +275,7 @@ def read_picture(reader: SessionReader, frame_id: int, detail: NightFrame) -> Pi
 
 
 def read_closeup(reader: SessionReader, detail: NightFrame) -> ByteImage | None:
-    """Read the close-up; None where none is kept, or not yet. Raises SessionError."""
+    """Read a frame's close-up; None where none is kept, or not yet. Raises SessionError."""
     if detail.closeup is None:
         return None
     path = reader.closeup_path(detail.closeup.frame_id)

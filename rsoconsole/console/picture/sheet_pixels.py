@@ -1,7 +1,8 @@
-"""A frame's pixels at any scale: means of blocks, made when first needed, stretched to greys.
+"""A frame's pixels at any scale: means over blocks, made when first needed, drawn as greys.
 
 Beside the frame itself there are maps of a sixteenth of its size and smaller: 4 bytes for each
-block of 4 x 4 pixels and a third on top, twice that where faint streaks are to stand out.
+block of 4 x 4 pixels and a third on top; twice that for the stretch in which faint streaks stand
+out.
 """
 
 import math
@@ -24,20 +25,20 @@ from rsoconsole.vision import (
 )
 
 COARSE = 2
-"""Log2 of the side of the smallest blocks that are kept; nearer views read the frame."""
+"""Log2 of the side of the smallest blocks that are kept; nearer views read the frame itself."""
 CLIPPED_SIGMA = 3.0
-"""Sigmas of a coarse block below which light is sky where streaks are to stand out."""
+"""Sigmas of a coarse block above the sky below which light is drawn dark, to bring out streaks."""
 SOFTENING_SIGMAS = 2.0
-"""Sigmas above the sky from which on asinh is a logarithm."""
+"""Sigmas above the sky from which on the asinh stretch is about a logarithm."""
 OUTSIDE = FLOOR / 2
-"""Grey beyond the frame's edge."""
+"""Brightness, 0 to 1, beyond the frame's edge."""
 _STRIP_ROWS = 256
 Kind = Literal["means", "streaks"]
 Edges = npt.NDArray[np.intp]
 
 
 class SheetPixels:
-    """A frame's pixels and the block means made of them. For one thread at a time."""
+    """A frame's pixels and means over blocks of them, to be used by one thread at a time."""
 
     def __init__(self, pixels: PixelArray) -> None:
         self.pixels = pixels
@@ -46,16 +47,16 @@ class SheetPixels:
         self._levels: dict[tuple[Kind, int], LightImage] = {}
 
     def prepare_block_means(self) -> None:
-        """Make the maps of the first view, which takes a tenth of a second."""
+        """Make the means that the first view needs, which takes a tenth of a second."""
         self._level("streaks", COARSE)
 
     @property
     def nbytes(self) -> int:
-        """Bytes of pixels and maps."""
+        """Bytes of the pixels and of all means."""
         return self.pixels.nbytes + sum(level.nbytes for level in self._levels.values())
 
     def adu(self, x_px: float, y_px: float) -> float:
-        """Return the value of the pixel in which a place lies."""
+        """Return the value, ADU, of the pixel at a place; outside the frame of the nearest one."""
         height, width = self.pixels.shape
         column = min(max(math.floor(x_px + 0.5), 0), width - 1)
         row = min(max(math.floor(y_px + 0.5), 0), height - 1)
@@ -64,10 +65,10 @@ class SheetPixels:
     def shares(
         self, window: Window, stretch: Stretch, across: int = 1, down: int = 2
     ) -> LightImage:
-        """Return a window's brightness, dark 0 to bright 1: (rows * down, columns * across).
+        """Return a window's brightness, 0 to 1: (rows * down, columns * across).
 
-        ``across``, ``down``: parts of a cell of the terminal. Streaks stand out of sky and noise
-        from afar; from near the eye does better with all of the light.
+        ``across``, ``down``: parts of a cell. The stretch "streaks" brings streaks out of sky and
+        noise in views from afar; near views use asinh instead.
         """
         size = window.rows * down, window.columns * across
         px = min(window.width_px / size[1], window.height_px / size[0])
@@ -106,7 +107,7 @@ class SheetPixels:
         return np.asarray(self.pixels[y0:y1, x0:x1], np.float32), x0, y0
 
     def _level(self, kind: Kind, level: int) -> LightImage:
-        """Return means over blocks of two to ``level`` pixels a side; the last ones may be cut."""
+        """Return means over blocks of 2**level pixels a side; the last blocks may be cut."""
         made = self._levels.get((kind, level))
         if made is None:
             if level > COARSE:
@@ -141,7 +142,10 @@ class SheetPixels:
 
 
 def block_means(pixels: npt.NDArray[np.generic], block: int) -> LightImage:
-    """Return means over blocks of pixels; blocks cut by the edge over their part in the frame."""
+    """Return means over blocks of ``block`` pixels a side.
+
+    A block that the edge cuts has the mean over its part in the frame.
+    """
     import cv2
 
     height, width = pixels.shape
@@ -149,7 +153,7 @@ def block_means(pixels: npt.NDArray[np.generic], block: int) -> LightImage:
     out = np.empty((-(-height // block), -(-width // block)), np.float32)
 
     def fill(row: int, column: int, rows: int, columns: int) -> None:
-        """Fill a number of blocks from there on; beyond the last whole one, the remainder."""
+        """Fill rows x columns blocks of means from (row, column) on, as far as the frame goes."""
         y, x = slice(row * block, (row + rows) * block), slice(column * block, None)
         piece = np.ascontiguousarray(pixels[y, x][:, : columns * block], np.float32)
         made = cv2.resize(piece, (columns, rows), interpolation=cv2.INTER_AREA)
@@ -167,7 +171,11 @@ def block_means(pixels: npt.NDArray[np.generic], block: int) -> LightImage:
 
 
 def map_shares(frame_map: FrameMap, window: Window, across: int = 1, down: int = 2) -> LightImage:
-    """Return a window of the network's map, 0 to 1; of several cells in a part the brightest."""
+    """Return a window of the network's map, brightness 0 to 1: (rows * down, columns * across).
+
+    ``across``, ``down``: parts of a cell of the terminal. Where a part covers several cells of the
+    map, the brightest counts.
+    """
     size = window.rows * down, window.columns * across
     shape = frame_map.height_px, frame_map.width_px
     y, x, inside = _edges(window, size, shape, frame_map.block)
@@ -178,7 +186,7 @@ def map_shares(frame_map: FrameMap, window: Window, across: int = 1, down: int =
 
 
 def map_snr(frame_map: FrameMap, x_px: float, y_px: float) -> float:
-    """Return the SNR that a map of mode ``fast`` shows at a place."""
+    """Return the SNR at a place, pixels, by a network's map of mode ``fast``."""
     rows, columns = frame_map.values.shape
     row = min(max(int(frame_map.to_cells(y_px)), 0), rows - 1)
     column = min(max(int(frame_map.to_cells(x_px)), 0), columns - 1)
@@ -190,7 +198,7 @@ def _edges(
 ) -> tuple[Edges, Edges, tuple[slice, slice]]:
     """Return the edges of the squares down and across, in blocks, and the slices of those inside.
 
-    Only squares that begin in the frame: ``shape`` is its (height, width) in pixels.
+    Only squares that begin in the frame count: ``shape`` is its (height, width) in pixels.
     """
     starts = window.y0_px + 0.5, window.x0_px + 0.5
     lengths = window.height_px, window.width_px
@@ -207,7 +215,7 @@ def _edges(
 def _gathered(
     light: npt.NDArray[np.generic], y: Edges, x: Edges, combine: np.ufunc
 ) -> npt.NDArray[Any]:
-    """Return the blocks of each square combined; a square within a block has all of it."""
+    """Return the blocks of each square combined; a square within a block has that block's value."""
     light = light[: max(y[-1], y[-2] + 1), : max(x[-1], x[-2] + 1)]
     return np.asarray(combine.reduceat(combine.reduceat(light, y[:-1], axis=0), x[:-1], axis=1))
 
@@ -222,14 +230,14 @@ def _counts(light: npt.NDArray[np.generic], y: Edges, x: Edges) -> npt.NDArray[n
 
 
 CLOSEST = -2
-"""Log2 of pixels a square in the nearest view: a quarter of a pixel."""
+"""Log2 of the pixels along a square's side in the nearest view: a quarter of a pixel."""
 STEPS = (1, 4, 16, 64)
-"""Squares that a key moves the cross by."""
+"""Squares that an arrow key moves the cross by, to choose from."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ZoomedFrame:
-    """Frame seen through a grid of cells, each two squares high, with a cross at one place."""
+    """A view of a frame in a grid of cells, each two squares high, with a cross at one place."""
 
     width_px: int
     height_px: int
@@ -238,13 +246,13 @@ class ZoomedFrame:
     """Rows of cells that there is room for."""
     x_px: float
     y_px: float
-    """Row of the cross, pixels; the cross is in the middle unless the frame's edge is near."""
+    """Row of the cross, pixels; the view centres on the cross where the frame's edge allows."""
     zoom: int | None = None
-    """Log2 of pixels a square; None: the whole frame in the most cells that fit."""
+    """Log2 of the pixels along a square's side; None: the whole frame, as large as fits."""
 
     @property
     def farthest(self) -> int:
-        """Largest zoom that does not show the whole frame; below CLOSEST: there is none."""
+        """Largest ``zoom`` at which a part of the frame is out of view; below CLOSEST: none."""
         zoom = 0
         while self._has_room(zoom) and zoom >= CLOSEST:
             zoom -= 1
@@ -259,7 +267,7 @@ class ZoomedFrame:
 
     @property
     def px_per_square(self) -> float:
-        """Pixels along one side of a square."""
+        """Pixels of the frame along one side of a square."""
         return self.width_px / self.window.columns if self.zoom is None else 2.0**self.zoom
 
     @property
@@ -281,7 +289,10 @@ class ZoomedFrame:
         return Window.at((column * scale - 0.5, square * scale - 0.5), size, (columns, rows))
 
     def zoomed(self, by: int) -> "ZoomedFrame":
-        """Return a nearer (below 0) or farther view about the cross; the same at the ends."""
+        """Return the view zoomed out by ``by`` factors of two, in for ``by`` below 0.
+
+        The nearest view stays the nearest one, the whole frame stays the whole frame.
+        """
         farthest = self.farthest
         if farthest < CLOSEST:
             return replace(self, zoom=None)
@@ -291,18 +302,21 @@ class ZoomedFrame:
         return replace(self, zoom=None if zoom > farthest else zoom)
 
     def moved(self, across: float, down: float) -> "ZoomedFrame":
-        """Return the view with the cross moved by some squares, within the frame."""
+        """Return the view with the cross moved by some squares, kept within the frame."""
         step = self.px_per_square
         return self.at(self.x_px + across * step, self.y_px + down * step)
 
     def at(self, x_px: float, y_px: float) -> "ZoomedFrame":
-        """Return the view with the cross at a pixel, or at the nearest one of the frame."""
+        """Return the view with the cross at a pixel, or at the frame's nearest one."""
         x = min(max(x_px, 0.0), self.width_px - 1.0)
         y = min(max(y_px, 0.0), self.height_px - 1.0)
         return replace(self, x_px=x, y_px=y)
 
     def zoomed_to_fit(self, wide_px: float, high_px: float) -> "ZoomedFrame":
-        """Return the nearest view with that much room about the cross, at most pixel by pixel."""
+        """Return the nearest view that shows an area of that size, pixels, about the cross.
+
+        A square is at least one pixel.
+        """
         squares = max(wide_px / self.columns, high_px / (2 * self.rows), 1.0)
         zoom = math.ceil(math.log2(squares))
         return replace(self, zoom=None if zoom > self.farthest else zoom)

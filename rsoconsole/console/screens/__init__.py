@@ -1,1 +1,1 @@
-"""The screens: the live night, and review of a recorded one."""
+"""The screens: the live night, and the review of a recorded one."""

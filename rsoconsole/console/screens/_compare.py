@@ -1,4 +1,4 @@
-"""Comparison of two moments of a night, A and B, and the records between them."""
+"""The comparison of two moments of a night, A and B, and what was recorded between them."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -46,17 +46,17 @@ Choice = Literal["blink", "keep"]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ComparedRow:
-    """One figure at both moments, in words."""
+    """One row of the comparison: a figure at both moments, in words."""
 
     label: str
     a: str
     b: str
     difference: str = ""
-    """B minus A, in words; empty where that says nothing."""
+    """B minus A, in words; empty where a difference has no meaning."""
 
 
 def compared_figures(a: Moment, b: Moment) -> list[ComparedRow]:
-    """Return the rows of the comparison: every figure that is known at A or B."""
+    """Return the rows of the comparison: every figure that is known at A or at B."""
     rows = [*_course(a, b), *_sky(a, b), *_measured(a, b)]
     return [row for row in rows if (row.a, row.b) != (ABSENT, ABSENT)]
 
@@ -119,7 +119,7 @@ def _measured(a: Moment, b: Moment) -> list[ComparedRow]:
 
 
 def interval_words(a: Moment, b: Moment, timeline: Timeline) -> list[str]:
-    """Return in words the records between the two moments: frames, events, changed settings."""
+    """Return what is recorded between the moments, in lines: counts, then changed settings."""
     low, high = sorted((a.seq, b.seq))
     first, last = timeline.index_of(low), timeline.index_of(high)
     frames = (-1 if last is None else last) - (-1 if first is None else first)
@@ -141,7 +141,10 @@ def interval_words(a: Moment, b: Moment, timeline: Timeline) -> list[str]:
 
 
 def compare_lines(rows: list[ComparedRow], ends: list[str], width: int, height: int) -> list[Line]:
-    """Return the comparison as a table of that width; narrow ones leave the differences out."""
+    """Return the comparison as a table; narrow tables leave the differences out.
+
+    ``ends``: the lines below the table on what is recorded between the moments.
+    """
     has_difference = width >= WITH_DIFFERENCE_COLUMNS
     columns = max((width - LABEL_COLUMNS) // (3 if has_difference else 2), MIN_VALUE_COLUMNS)
     head: Line = [(" " * LABEL_COLUMNS, ""), ("A".ljust(columns), "title")]
@@ -166,7 +169,7 @@ def compare_lines(rows: list[ComparedRow], ends: list[str], width: int, height: 
 
 
 class CompareDialog(Dialog[Choice | None]):
-    """Comparison of A with B; ``B`` flips the whole screen, ``K`` keeps B as the new A."""
+    """Dialog that compares A with B. Result: "blink": show the other one; "keep": B becomes A."""
 
     BINDINGS: ClassVar[list[BindingType]] = [
         Binding("B", "choose('blink')", "Blink", show=False),
@@ -183,19 +186,19 @@ class CompareDialog(Dialog[Choice | None]):
         self._rows, self._ends = compared_figures(a, b), interval_words(a, b, timeline)
 
     def compose(self) -> ComposeResult:
-        """Make the table."""
+        """Make the pane of the table."""
         with dialog_box("compare A with B, this moment", "B blinks · K keeps B as A · esc back"):
             table = LinesPane(id="compared")
             table.styles.height = len(self._rows) + len(self._ends) + 2
             yield table
 
     def on_mount(self) -> None:
-        """Fill the table."""
+        """Fill the pane with the table."""
         lines = partial(compare_lines, self._rows, self._ends)
         self.query_one("#compared", LinesPane).show(lines)
 
     def action_choose(self, choice: Choice) -> None:
-        """Take a choice by letter."""
+        """Close with the choice of a letter."""
         self.dismiss(choice)
 
 
@@ -257,7 +260,7 @@ def _position(m: Moment) -> tuple[float, float] | None:
 
 
 def _rates(m: Moment) -> tuple[float, float] | None:
-    """Return (d alpha cos delta, d delta) in arcsec/s."""
+    """Return the track's rates (d alpha cos delta, d delta), arcsec/s; None: no track."""
     track = m.view.track
     if track is None:
         return None
@@ -291,19 +294,19 @@ def _matched(m: Moment) -> float | None:
 
 
 class ReviewCompare(ReviewMoves):
-    """Keeps moment A, and shows it beside another one or in turn with it."""
+    """Keeps a moment A; shows it beside the present moment B, or in turn with it."""
 
     _other_seq: int | None = None
-    """Moment B, while A is shown in its place."""
+    """Place of B in the log, while A is shown instead; else None."""
     _is_asked_early = False
-    """True where the comparison shall follow as soon as the requested moment is read."""
+    """True where the comparison is to open as soon as the requested moment has been read."""
 
     def forget_moment_a(self) -> None:
-        """Drop the kept moment: another session is shown."""
+        """Drop moment A because another session is shown."""
         self.kept = self._other_seq = None
 
     def action_compare(self) -> None:
-        """Keep this moment, or show it beside the kept one."""
+        """Keep the shown moment as A; with A kept already, compare the shown moment with A."""
         moment = self.moment
         self._is_asked_early = moment is None or moment.seq != self.seq
         if moment is None or self._is_asked_early:
@@ -316,7 +319,7 @@ class ReviewCompare(ReviewMoves):
             self._compare(self.kept, moment)
 
     def compare_when_ready(self) -> None:
-        """Compare, where that was requested before the moment was read."""
+        """Open the comparison, if it was requested before the moment had been read."""
         if self._is_asked_early and self.moment is not None and self.moment.seq == self.seq:
             self.action_compare()
 
@@ -341,7 +344,7 @@ class ReviewCompare(ReviewMoves):
         self.say(f"A is kept: go to another moment, {key} compares", "good")
 
     def action_blink(self) -> None:
-        """Show the other one of A and B."""
+        """Show A instead of B, or B instead of A."""
         if self.kept is None:
             self.say(f"{first_key('compare', self.keymap)} keeps a moment to blink with")
         elif self.seq != self.kept.seq:
@@ -356,7 +359,7 @@ class ReviewCompare(ReviewMoves):
             self.say("B")
 
     def action_forget_moment(self) -> None:
-        """Drop the moment kept to compare with."""
+        """Drop moment A."""
         had_one, self.kept, self._other_seq = self.kept is not None, None, None
         self.show_place()
         self.say("A is forgotten" if had_one else "no moment is kept")

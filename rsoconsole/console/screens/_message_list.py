@@ -1,4 +1,4 @@
-"""Messages in full, and copying them to the terminal's clipboard."""
+"""Messages in full, and copying texts to the terminal's clipboard."""
 
 from collections.abc import Sequence
 from typing import ClassVar
@@ -27,7 +27,7 @@ def line_text(line: LogLine) -> str:
 
 
 class MessageListDialog(Dialog[str | None]):
-    """List of messages in full, the newest first; gives the message to copy."""
+    """Dialog of messages in full, the newest first. Result: the message to copy, or None."""
 
     BINDINGS: ClassVar[list[BindingType]] = [Binding("ctrl+y", "copy", "Copy", show=False)]
     DEFAULT_CSS = """
@@ -39,31 +39,31 @@ class MessageListDialog(Dialog[str | None]):
         self._messages = list(messages)
 
     def compose(self) -> ComposeResult:
-        """Make one option a message, over as many rows as it takes."""
+        """Make an option for each message, over as many rows as the message takes."""
         with dialog_box("messages", "↑↓ choose · enter copies · esc back"):
             yield OptionList(*(Option(Content(each)) for each in self._messages))
 
     def on_mount(self) -> None:
-        """Put the cursor on the newest."""
+        """Put the cursor on the newest message."""
         self.query_one(OptionList).focus()
 
     def on_option_list_option_selected(self, event: OptionList.OptionSelected) -> None:
-        """Copy the chosen message."""
+        """Close with the chosen message, which copies it."""
         event.stop()
         self.dismiss(self._messages[event.option_index])
 
     def action_copy(self) -> None:
-        """Copy the chosen message by the key that copies elsewhere."""
+        """Close with the chosen message, by the key that copies on the screens too."""
         chosen = self.query_one(OptionList).highlighted
         if chosen is not None:
             self.dismiss(self._messages[chosen])
 
 
 class MessageActions(Seat):
-    """Shows messages in full, and copies the shown text."""
+    """Lists the messages in full, and copies what is shown."""
 
     def action_read(self) -> None:
-        """List all messages in full: a STOP's outcome, the alert, the last notice, the log."""
+        """List all messages in full: a STOP's state, the alert, the last notice, the log."""
         news = self.stop_news
         said = [f"STOP {news.text}"] if news is not None else []
         said += [self.alert] if self.alert else []
@@ -75,7 +75,7 @@ class MessageActions(Seat):
             self.say("nothing has been said yet")
 
     def action_copy(self) -> None:
-        """Copy a line of the open log, the orbit, the tuning, or the present state."""
+        """Copy the open log's top line, the tuning pane, the open orbit, or state and figures."""
         if self.is_log_open:
             line = self.query_one(LogPane).top_line
             self._copy(None if line is None else line_text(line))
@@ -86,7 +86,7 @@ class MessageActions(Seat):
             self._copy("\n".join(self.pane(name).text for name in names))
 
     def _copy(self, text: str | None) -> None:
-        """Copy to the clipboard of the terminal, also through SSH (OSC 52)."""
+        """Copy a text to the terminal's clipboard, also through SSH (OSC 52)."""
         if not text:
             return
         lines = [line.strip() for line in text.splitlines()]

@@ -1,4 +1,4 @@
-"""Screens opened over the panes: a frame, recorded nights, the outcome of each streak."""
+"""Keys that open something over the panes: a frame, the recorded nights, the list of streaks."""
 
 import time
 from pathlib import Path
@@ -16,22 +16,22 @@ ENTER_PAUSE_S = 1.0
 
 
 class OpeningActions(Seat):
-    """Opens a frame, a recorded night or the streaks of a frame over the panes."""
+    """Opens a frame, a recorded night or the list of a frame's streaks over the panes."""
 
     def __init__(self, *arguments: Any, sessions_root: Path | None = None, **named: Any) -> None:
-        """``sessions_root``: folder of recorded nights, None: the default one."""
+        """``sessions_root``: folder of recorded nights; None: the default one."""
         super().__init__(*arguments, **named)
         self.sessions_root = sessions_root or SessionConfig().root
         self._enter_paused_after_s = time.monotonic()
-        """Monotonic time in seconds; only dialogs closed after it delay enter."""
+        """Monotonic time, s; after a dialog that was closed later, enter opens no frame at once."""
 
     @property
     def mark_callbacks(self) -> MarkCallbacks | None:
-        """Callbacks for a mark of the opened frame; None: a night that is over takes none."""
+        """The callbacks by which an opened frame's screen sends marks; None: it takes no marks."""
         return None
 
     def action_open_frame(self) -> None:
-        """Open the frame that is shown, at full resolution."""
+        """Open the shown frame at full resolution."""
         if self._enter_paused_after_s < Dialog.closed_s > time.monotonic() - ENTER_PAUSE_S:
             return  # a second enter was still meant for the dialog
         shown = self.picture or self.night.frame
@@ -52,7 +52,7 @@ class OpeningActions(Seat):
         )
 
     def _alert_elsewhere(self) -> str:
-        """Return the alert for a screen over this one, which covers a STOP's outcome."""
+        """Return the alert for a screen over this one: it covers the banner of a STOP."""
         news = self.stop_news
         stopped = f"STOP {news.text}" if news else ""
         return " · ".join(part for part in (stopped, self.alert) if part)
@@ -68,7 +68,7 @@ class OpeningActions(Seat):
         self.app.push_screen(SessionListDialog(self.sessions_root, self.night.folder), decided)
 
     def action_verdicts(self) -> None:
-        """List every streak of the shown frame, and its outcome."""
+        """List every streak of the shown frame with its outcome."""
         if self.picture is None:
             self.say("no frame has been shown yet", "warn")
             return

@@ -1,4 +1,4 @@
-"""Places of a screen's panes, its line of keys and its alert."""
+"""Where a screen's panes are, its line of keys and its alert."""
 
 from typing import ClassVar
 
@@ -27,7 +27,7 @@ DEFAULT_ASPECT = 4 / 3
 
 
 def aspect_of(picture: Picture | None) -> float:
-    """Return width over height of the camera's frames; a default where there is no picture."""
+    """Return the width over height of the camera's frames; a default where there is no picture."""
     return picture.aspect if picture is not None else DEFAULT_ASPECT
 
 
@@ -40,17 +40,17 @@ def _put(widget: Widget, box: Box | None) -> None:
 
 
 class PanePlaces(TrackActions):
-    """Lays out a screen's panes; the alert and a notice take rows from those beside them."""
+    """Lays out a screen's panes; alert and notice take rows from the panes beside them."""
 
     PANES: ClassVar[tuple[Name, ...]]
     tune: TuneActions
     _placed_alert_rows = 0
-    """Rows of the alert for which the panes are laid out."""
+    """Rows of the alert for which the panes were laid out last."""
     _drawn_keys: tuple[list[Key], str] = ([], "")
-    """The keys and the notice that the last line shows."""
+    """The keys and the notice that were drawn last."""
 
     def place_panes(self) -> None:
-        """Lay out the panes for this terminal."""
+        """Lay out all panes for the terminal's size and for what is open."""
         width, height = self.size
         alert_rows = self._placed_alert_rows = self._alert_rows()
         over_keys = timeline_rows(height) if "timeline" in self.PANES else 0
@@ -101,7 +101,7 @@ class PanePlaces(TrackActions):
         return len(words.wrapped(f" {said}", self.size.width, MAX_ALERT_ROWS)) if said else 0
 
     def show_alert(self) -> None:
-        """Draw the alert, or the text in its place; lay out the panes where its rows change."""
+        """Draw the alert or the text in its place; if its rows change, lay out the panes again."""
         pane, alert = self.pane("alert"), self.alert
         said = alert or self.intro
         pane.set_class(not alert, "-calm")
@@ -129,7 +129,7 @@ class PanePlaces(TrackActions):
             pane.styles.offset = (0, height - rows)
 
     async def on_click(self, event: Click) -> None:
-        """Do the action of a clicked key of the last line."""
+        """Run the action of a clicked key of the last line."""
         action = action_at(event, self.pane("keys"), *self._drawn_keys)
         if action:
             self.is_click = True

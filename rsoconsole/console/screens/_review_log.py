@@ -1,4 +1,4 @@
-"""The log of a whole night: lines after the moment are dim, enter goes to a line's moment."""
+"""The log of a review, and its tuning pane, each as of the shown moment."""
 
 from typing import ClassVar
 
@@ -19,7 +19,7 @@ HERE = "▸"
 
 
 class ReviewLogPane(LogPane):
-    """The log pane of a review; open, it has a chosen line."""
+    """Log pane of a review: lines after the shown moment are dim; open, one line is chosen."""
 
     BINDINGS: ClassVar[list[BindingType]] = [
         Binding("up", "choose(-1)", "Line above", show=False),
@@ -37,21 +37,21 @@ class ReviewLogPane(LogPane):
     """
 
     always_shown = False
-    """False: a search shows its matches alone; the log that is opened next has every line."""
+    """False: a search shows its matches alone."""
 
     seq = 0
-    """The shown moment, as a place in the log: later lines are dim."""
+    """Place of the shown moment in the log; later lines are dim."""
     chosen: LogLine | None = None
-    """The line with the cursor; None while the pane is closed."""
+    """The chosen line, which has the cursor; None while the pane is closed."""
 
     def open_at(self, lines: tuple[LogLine, ...], seq: int) -> None:
-        """Show all lines; the last one before that moment is chosen."""
+        """Show all lines of the log, and choose the last one up to the moment ``seq``."""
         self.seq = seq
         self.show(lines)
         self.choose_near(seq)
 
     def choose_near(self, seq: int) -> None:
-        """Choose the last line up to that place of the log; else the first one."""
+        """Choose the last line up to ``seq``; without one the oldest line."""
         found = self.found
         before = [line for line in found if line.seq <= seq]
         self.chosen = before[0] if before else found[-1] if found else None
@@ -63,7 +63,7 @@ class ReviewLogPane(LogPane):
         self.filter("")
 
     def action_choose(self, by: int) -> None:
-        """Move the cursor down by ``by`` lines."""
+        """Move the cursor down by ``by`` lines; below 0 up."""
         found = self.found
         if self.chosen is None or self.chosen not in found:
             return
@@ -71,7 +71,7 @@ class ReviewLogPane(LogPane):
         self._reveal()
 
     def action_choose_page(self, by: int) -> None:
-        """Move the cursor by pages."""
+        """Move the cursor down by ``by`` pages; below 0 up."""
         self.action_choose(by * max(self.size.height - 2, 1))
 
     def action_choose_end(self, is_newest: bool) -> None:
@@ -82,7 +82,7 @@ class ReviewLogPane(LogPane):
             self._reveal()
 
     async def on_click(self, event: events.Click) -> None:
-        """Choose a line by the mouse; a click on the chosen one goes to its moment."""
+        """Choose the clicked line; a click on the chosen line goes to its moment."""
         index = event.y - self._title_rows + self.scroll_offset.y
         if self.chosen is None or not 0 <= index < len(self._rows):
             return
@@ -103,7 +103,7 @@ class ReviewLogPane(LogPane):
         self.refresh()
 
     def render_line(self, y: int) -> Strip:
-        """Return one row, with a sign at the chosen line."""
+        """Return row ``y`` of the pane; the chosen line has a sign and a style."""
         strip = super().render_line(y)
         index = y - self._title_rows + self.scroll_offset.y
         has_line = 0 <= index < len(self._rows) and y >= self._title_rows
@@ -121,14 +121,14 @@ class ReviewLogPane(LogPane):
 
 
 class ReviewTuneActions(TuneActions):
-    """The tuning pane of a review: over the last frames before the moment, or all before it."""
+    """The tuning pane of a review: figures up to the shown moment; no setting is sent."""
 
     _seat: ReviewMoves
     _is_of_all = False
 
     @property
     def words(self) -> TuneWords:
-        """Return the pane's words; it offers no key that applies anything."""
+        """The pane's texts: which frames the figures cover, and the keys that it offers."""
         frames = "all frames so far" if self._is_of_all else "{count} frames to here"
         scope = first_key("tune_scope", self._seat.keymap)
         which = "the last frames" if self._is_of_all else "all frames"
@@ -139,11 +139,14 @@ class ReviewTuneActions(TuneActions):
         )
 
     def scope(self) -> tuple[int | None, int | None]:
-        """Return the moment at which the figures end, and over how many frames, None: all."""
+        """Return what the figures cover: the moment's ``seq``, and how many last frames.
+
+        The second is None for all frames.
+        """
         return self._seat.seq, None if self._is_of_all else self.last_frames()
 
     def change_scope(self) -> None:
-        """Compute over all frames so far, or over the last ones again."""
+        """Compute over all frames up to the moment, or again over the last ones."""
         self._is_of_all = not self._is_of_all
         self.show()
         self.compute()

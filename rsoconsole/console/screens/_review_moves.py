@@ -1,4 +1,4 @@
-"""Moves of a review through the time of its night: frames, events, playing, a typed time."""
+"""Moves of a review through its night: by frames, by events, by playing, to a typed time."""
 
 import time
 from functools import partialmethod
@@ -32,43 +32,43 @@ ANY, FOUND = "any", "found"
 PLAY_S = 0.1
 """Seconds between two steps of playing."""
 _IN_FRAME = frozenset(("Miss", "NotFollowed", "NotSolved", "StateChange"))
-"""Kinds of log lines that are shown at the end of their frame."""
+"""Kinds of log lines whose moment is the end of their frame."""
 
 
 class ReviewMoves(NightScreen):
-    """Place and moves of a review; the screen provides the moments and draws the time line."""
+    """Where a review is in its night, and its moves; the derived screen reads and draws."""
 
     def __init__(self, *arguments: Any, **named: Any) -> None:
         super().__init__(*arguments, **named)
         self.folder: Path | None = None
         self.timeline = Timeline()
         self.lines: tuple[LogLine, ...] = ()
-        """The whole log, as far as it has been read."""
+        """The lines of the log, as far as it has been read."""
         self.moment: Moment | None = None
-        """The shown moment; None before the first."""
+        """The shown moment; None before the first one is read."""
         self.kept: Moment | None = None
-        """Moment A, to compare with; None while none is kept."""
+        """Moment A, to compare with; None: none is kept."""
         self.seq = 0
         """The requested moment, as a place in the log."""
         self.is_at_head = False
-        """True where the review follows a night that goes on, at its last frame."""
+        """True where the review follows a night that goes on, and shows its last frame."""
         self.kind: str = ANY
-        """Kind of event to jump to, ``ANY``, or ``FOUND`` for lines of the log."""
+        """Kind of event to jump to; ``ANY``: all; ``FOUND``: lines that a search has found."""
         self.searched = ""
-        """Words for which the log was searched last."""
+        """Text for which the log was searched last."""
         self.player = Player()
         self._played_s = 0.0
 
     def want(self, seq: int) -> None:
-        """Request that moment; the screen does."""
+        """Request a moment by its place in the log; empty here, the screen overrides it."""
 
     def show_place(self) -> None:
-        """Draw the time line; the screen does."""
+        """Draw the time line; empty here, the screen overrides it."""
 
     # -- where ----------------------------------------------------------------------------------
 
     def go(self, seq: int | None) -> bool:
-        """Go to that moment and stop playing; False where there is none."""
+        """Go to a moment by its place in the log, and stop playing; False: ``seq`` is None."""
         if seq is None:
             self.say("the session has no frames", "warn")
             return False
@@ -96,11 +96,11 @@ class ReviewMoves(NightScreen):
         self.go(self.timeline.step(0, 1))
 
     def action_last_frame(self) -> None:
-        """Go to the night's last frame; a night that goes on is followed."""
+        """Go to the night's last frame, and follow the night if it goes on."""
         self.go(self.timeline.step(self.timeline.last_seq, 0))
 
     def on_timeline_pane_pointed(self, message: TimelinePane.Pointed) -> None:
-        """Go where the mouse is on the time line."""
+        """Go to the last frame begun by the time at the mouse on the time line."""
         timeline = self.timeline
         t_utc_ns = cell_end_utc_ns(timeline, message.column, message.columns)
         seq = None if t_utc_ns is None else timeline.at_time(t_utc_ns)
@@ -108,7 +108,7 @@ class ReviewMoves(NightScreen):
             self.go(seq)
 
     def action_goto_moment(self) -> None:
-        """Ask for a frame or a time, in the last line."""
+        """Open the field of the last line, to type a frame or a time."""
         self.query_one(MomentField).open()
 
     def on_input_submitted(self, event: Input.Submitted) -> None:
@@ -128,7 +128,7 @@ class ReviewMoves(NightScreen):
         return is_open
 
     def go_to_text(self, text: str) -> None:
-        """Go to a typed frame or time; say why not, where there is no such moment."""
+        """Go to a frame or a time given as text; a notice says why if there is no such moment."""
         try:
             self.go(seq_of(parse_place(text), self.timeline))
         except ValueError as error:
@@ -138,12 +138,12 @@ class ReviewMoves(NightScreen):
 
     @property
     def kinds(self) -> tuple[TimelineEventKind, ...]:
-        """Kinds of events to jump to."""
+        """Kinds of events that a jump stops at."""
         return tuple(kind for kind in KINDS if self.kind in {ANY, kind})
 
     @property
     def found(self) -> tuple[int, ...]:
-        """Moments of the lines found by the search; empty for other kinds."""
+        """Moments of the log's lines that the search found, as places; empty for other kinds."""
         if self.kind != FOUND:
             return ()
         wanted = self.searched.lower()
@@ -177,7 +177,7 @@ class ReviewMoves(NightScreen):
     action_event_on = partialmethod(_jump, is_on=True)
 
     def action_event_kind(self) -> None:
-        """Choose the next kind of event that the night has."""
+        """Choose the next kind of event to jump to, of those that the night has."""
         present = {each.kind for each in self.timeline.events}
         kinds = [ANY, *(kind for kind in KINDS if kind in present)]
         if self.searched:
@@ -191,7 +191,7 @@ class ReviewMoves(NightScreen):
 
     @property
     def kind_words(self) -> str:
-        """Return the kind of event to jump to, in words."""
+        """The kind of event to jump to, in words."""
         if self.kind == FOUND:
             return f"log has {self.searched!r}"
         return next((f"{SIGNS[kind]} {kind}" for kind in KINDS if kind == self.kind), "any event")
@@ -199,7 +199,7 @@ class ReviewMoves(NightScreen):
     # -- playing --------------------------------------------------------------------------------
 
     def action_play(self) -> None:
-        """Play from here, or pause; at the end of a night, from its beginning."""
+        """Play from the shown moment, or pause; at the end of a closed night, from its start."""
         if self.player.is_playing:
             self.player.is_playing = False
         elif self.timeline.frames:
@@ -214,7 +214,7 @@ class ReviewMoves(NightScreen):
         self.show_keys()
 
     def play_on(self) -> None:
-        """Go on to the frame that is due by now."""
+        """While playing, go on to the frame that is due by now."""
         if not self.player.is_playing:
             return
         now_s = time.monotonic()
@@ -238,7 +238,7 @@ class ReviewMoves(NightScreen):
 
     @property
     def place(self) -> Place:
-        """Marks of the time line: the moment, moment A, the events to jump to."""
+        """What the time line marks: the shown moment, moment A, the events to jump to."""
         return Place(
             seq=self.seq,
             words=tuple(word for word in self._place_words() if word),

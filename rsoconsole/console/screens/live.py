@@ -1,4 +1,4 @@
-"""The live screen: the present state of the night, and the keys that act."""
+"""The live screen: the night's present state, and the keys that act."""
 
 from pathlib import Path
 from typing import Any, ClassVar
@@ -45,7 +45,7 @@ from rsoconsole.session import SessionReader
 
 
 class LiveScreen(NightScreen, TrackOrders, CommandOutcomes, NudgeActions):
-    """The operator's console over a night, live or recorded."""
+    """The operator's screen of a night that goes on, or of a session shown read-only."""
 
     BINDINGS: ClassVar[list[BindingType]] = [*bindings("live")]
     _key_before = ""
@@ -62,7 +62,7 @@ class LiveScreen(NightScreen, TrackOrders, CommandOutcomes, NudgeActions):
                     setattr(self, name, getattr(part, name))
 
     def on_key(self, event: events.Key) -> None:
-        """Give arrows and enter to the mark while one is made."""
+        """Give arrows and enter to an unfinished mark; any new key ends a waiting second press."""
         if event.key != self._key_before:
             self.twice.press.forget()
         self._key_before = event.key
@@ -73,7 +73,7 @@ class LiveScreen(NightScreen, TrackOrders, CommandOutcomes, NudgeActions):
     # -- what is known ----------------------------------------------------------------------
 
     def update_night(self, night: NightView, picture: Picture | None) -> None:
-        """Take a night that has grown, or another one, and its newest picture."""
+        """Take the night's new state, or another night, and its newest picture."""
         has_other_shape = aspect_of(picture) != aspect_of(self.picture)
         if night.folder != self.night.folder:
             self.drop_mark()
@@ -99,7 +99,7 @@ class LiveScreen(NightScreen, TrackOrders, CommandOutcomes, NudgeActions):
     def handle_outcome(
         self, command: Command, stops: int, seq: int, then: Command | None, outcome: Outcome
     ) -> None:
-        """Handle the engine's answer to a command."""
+        """Handle the engine's answer to a command. Arguments as in ``Seat.handle_outcome``."""
         self.telescope.handle_outcome(command, outcome)
         if isinstance(command, Nudge):
             self.is_nudging = False
@@ -107,25 +107,28 @@ class LiveScreen(NightScreen, TrackOrders, CommandOutcomes, NudgeActions):
         self.show_top()  # what was asked for is perhaps on its way no longer
 
     def on_pointed(self, message: Pointed) -> None:
-        """Set an end of a mark, or choose the streak that was clicked."""
+        """Set an end of an unfinished mark, or choose the clicked streak."""
         if self.marking is not None:
             self.set_mark_end(message)
         elif not message.is_release:
             self.streaks.click(message)
 
     def stop(self) -> None:
-        """Send STOP; a second press that still waits is never carried out after it."""
+        """Send STOP, and cancel every press that waits to act."""
         self.telescope.note_stop()
         self.twice.press.forget()
         super().stop()
 
     @property
     def is_following_again(self) -> bool:
-        """True from the request to follow the kept track again until the engine does."""
+        """True from the request to follow the kept track again until the engine follows it."""
         return self.telescope.is_following_again
 
     def draw_dependencies(self) -> dict[Draw, tuple[str, ...]]:
-        """Return the drawing table of any night, with the application's part and a STOP's words."""
+        """Return each drawing function with the names of the reactives that it draws.
+
+        To those of any night it adds the application's part and the words of a STOP.
+        """
         return {
             self._make_known: ("night", "engine"),
             self._show_log_that_is_read: ("engine",),
@@ -142,7 +145,7 @@ class LiveScreen(NightScreen, TrackOrders, CommandOutcomes, NudgeActions):
             self.show_log()
 
     def stop_words(self, news: StopNews) -> str:
-        """Return the state of a STOP, the present state, and the next key, in words."""
+        """Return the state of a STOP in words; once it has ended, with the next key."""
         said, engine = super().stop_words(news), self.engine
         if news.phase != "stopped" or not engine.is_attached or engine.holder != "nobody":
             return said
@@ -152,7 +155,7 @@ class LiveScreen(NightScreen, TrackOrders, CommandOutcomes, NudgeActions):
 
     @property
     def alert(self) -> str:
-        """The alert in words, and who asks for control; empty: neither."""
+        """Who asks for control, and the alert, in words; empty: neither."""
         give, keep = (first_key(name, self.keymap) for name in ("give_seat", "keep_seat"))
         asker = self.asker
         asked = f"{asker} asks for control: {give} gives it, {keep} keeps it" if asker else ""
@@ -161,12 +164,12 @@ class LiveScreen(NightScreen, TrackOrders, CommandOutcomes, NudgeActions):
 
     @property
     def intro(self) -> str:
-        """Introduction to a simulated night, in words; empty for another."""
+        """Introduction to a simulated night in words; empty for other nights."""
         return intro_text(self.night, self.engine, self.keymap)
 
     @property
     def keys(self) -> list[Key]:
-        """The keys that matter now."""
+        """The keys that the last line shows."""
         return keys_for(
             self.engine,
             can_act=self.can_act,
@@ -177,13 +180,13 @@ class LiveScreen(NightScreen, TrackOrders, CommandOutcomes, NudgeActions):
 
     @property
     def mode(self) -> Mode:
-        """Present meaning of the keys."""
+        """What the keys mean now."""
         return "mark" if self.marking is not None else super().mode
 
     # -- the console's own keys -----------------------------------------------------------------
 
     def action_leave(self) -> None:
-        """Ask about the future of the engine, if one is known, then leave."""
+        """Ask whether the engine is to keep running, if there is one, then leave."""
         if self.read_only or not self.engine.is_attached:
             self.app.exit("quit")
             return
@@ -205,14 +208,14 @@ class LiveScreen(NightScreen, TrackOrders, CommandOutcomes, NudgeActions):
         self.app.push_screen(LeaveDialog(text, proposes_staying=is_left_alone), decided)
 
     def action_put_away(self) -> None:
-        """Cancel a mark first, then close the panes' overlays."""
+        """Cancel an unfinished mark; without one close the uppermost overlay."""
         if self.marking is not None:
             self.cancel_mark()
         else:
             super().action_put_away()
 
     def action_mark(self) -> None:
-        """Begin a mark where the picture is visible, or cancel it."""
+        """Begin a mark, with the picture in view; pressed again: cancel it."""
         if self.marking is None:
             if self.is_log_open:
                 self.action_log()
@@ -221,14 +224,14 @@ class LiveScreen(NightScreen, TrackOrders, CommandOutcomes, NudgeActions):
         super().action_mark()
 
     def mark_refusal(self, frame_id: int) -> str:
-        """Return the reason why a frame takes no mark from this console; empty: it does."""
+        """Return why a frame takes no mark from this console; empty: the frame takes one."""
         if not self.can_act:
             return f"no mark in frame {frame_id}: no engine takes one from this console"
         return late_mark_reason(self.engine, frame_id)
 
     @property
     def mark_callbacks(self) -> MarkCallbacks | None:
-        """Callbacks that send a mark of the opened frame to the engine; None: read-only."""
+        """The callbacks by which an opened frame's screen sends marks; None: read-only."""
         if self.read_only:
             return None
 
@@ -241,7 +244,10 @@ class LiveScreen(NightScreen, TrackOrders, CommandOutcomes, NudgeActions):
         )
 
     def action_verdicts(self) -> None:
-        """List the streaks of the marked frame, once, else of the shown one; tab: the other."""
+        """List the shown frame's streaks; after a mark, a page for the marked frame as well.
+
+        The marked frame's page comes first at the first call after the mark.
+        """
         marked_id, is_first = self.recent_mark()
         shown, folder = self.picture, self.night.folder
         if marked_id is None or folder is None or shown is None or shown.frame_id == marked_id:
@@ -257,7 +263,7 @@ class LiveScreen(NightScreen, TrackOrders, CommandOutcomes, NudgeActions):
         self.app.push_screen(CandidatesDialog(ordered, self.night.tau, self.keymap))
 
     def action_note(self) -> None:
-        """Ask for a remark, which is recorded in the session."""
+        """Ask for a note, which is recorded in the session."""
         if not self.may_act():
             return
 
@@ -270,7 +276,7 @@ class LiveScreen(NightScreen, TrackOrders, CommandOutcomes, NudgeActions):
     # -- the past -----------------------------------------------------------------------------
 
     def open_session(self, folder: Path) -> None:
-        """Open a review over this screen, which runs on behind; the present night at its head."""
+        """Open a review of a session over this screen; of the present night, at its last frame."""
         is_this = folder == self.night.folder and not self.night.is_closed
         self.app.push_screen(
             ReviewScreen(

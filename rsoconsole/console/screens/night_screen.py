@@ -1,4 +1,4 @@
-"""The screen shared by live night and review: the panes, and the keys that only look."""
+"""The screen that live night and review share: the panes, and the keys that only look."""
 
 from collections.abc import Callable, Iterable, Mapping
 from functools import partial
@@ -34,13 +34,10 @@ Draw = Callable[[], None]
 
 
 class ChangedPartsDrawer:
-    """Draws each part of a screen once, after the message that changed one of its sources.
-
-    A message usually changes several sources: a part with more than one of them is drawn once.
-    """
+    """Draws a screen's parts after changes, each part once for all changes of one message."""
 
     def __init__(self, screen: Screen[None], table: Mapping[Draw, Iterable[str]]) -> None:
-        """``table``: the function that draws each part, and the names of its source reactives."""
+        """``table``: each drawing function with the names of the reactives that it draws."""
         self._screen, self._draws = screen, tuple(table)
         self._stale: set[Draw] = set()
         for draw, names in table.items():
@@ -63,7 +60,7 @@ class ChangedPartsDrawer:
                 draw()
 
     def draw_all(self) -> None:
-        """Draw everything: the first paint."""
+        """Draw every part, as for the first paint."""
         self._stale.clear()
         for draw in self._draws:
             draw()
@@ -73,7 +70,7 @@ KNOWN = ("night", "engine", "outlook", "orbit_ahead")
 
 
 class NightScreen(PanePlaces, PictureActions, MessageActions, OpeningActions):
-    """Screen of a night at one instant: its panes, and the keys that only look."""
+    """Base of live screen and review: the panes of a night, and the keys that only look."""
 
     PANES: ClassVar[tuple[Name, ...]] = (
         *("top", "alert", "frame", "closeup", "confidence", "east"),
@@ -120,14 +117,14 @@ class NightScreen(PanePlaces, PictureActions, MessageActions, OpeningActions):
         yield StopBanner(id="stop")
 
     def on_mount(self) -> None:
-        """Draw everything for the first time."""
+        """Start the outlook's thread, and draw everything for the first time."""
         self.outlook_watch.start()
         self.drawn = ChangedPartsDrawer(self, self.draw_dependencies())
         self.place_panes()
         self.drawn.draw_all()
 
     def on_resize(self) -> None:
-        """Lay the panes out for another terminal."""
+        """Lay the panes out for another size of the terminal."""
         self.place_panes()
         self.call_after_refresh(self._look_after_resize)
 
@@ -138,24 +135,27 @@ class NightScreen(PanePlaces, PictureActions, MessageActions, OpeningActions):
     # -- the parts, their panes and messages --------------------------------------------------
 
     def on_tune_pane_wanted(self, message: TunePane.Wanted) -> None:
-        """Act on one of the tuning pane's keys."""
+        """Do what one of the tuning pane's keys requested."""
         message.stop()
         self.tune.handle_pane_request(message)
 
     def on_unmount(self) -> None:
-        """End the threads that compute."""
+        """End the threads that compute figures and outlook."""
         self.tune.end_figures_thread()
         self.outlook_watch.close()
 
     # -- what is known ----------------------------------------------------------------------
 
     def update_outlook(self, outlook: "Outlook") -> None:
-        """Take the outlook for the next hours, and draw it."""
+        """Take the outlook for the next hours, and draw the sky."""
         self.outlook = outlook
         self.pane("sky").show(partial(sky_lines, self.night.config, outlook))
 
     def draw_dependencies(self) -> dict[Draw, tuple[str, ...]]:
-        """Return each part's drawing function and source reactives; a STOP waits for none."""
+        """Return each drawing function with the names of the reactives that it draws.
+
+        A STOP is drawn at once and is not among them.
+        """
         return {
             self.show_picture: ("night", "picture"),
             self.show_plots: ("night",),
@@ -169,7 +169,7 @@ class NightScreen(PanePlaces, PictureActions, MessageActions, OpeningActions):
         }
 
     def show_log(self) -> None:
-        """Draw the lines of the log."""
+        """Draw the log."""
         is_reading = words.is_past_unread(self.night, self.engine)
         self.query_one(LogPane).show(self.night.log, is_reading=is_reading)
 
@@ -178,17 +178,17 @@ class NightScreen(PanePlaces, PictureActions, MessageActions, OpeningActions):
         self.pane("top").show(self.top)
 
     def show_orbit(self) -> None:
-        """Draw the orbit."""
+        """Draw the orbit pane."""
         self.pane("orbit").show(partial(orbit_lines, self.orbit))
 
     def show_facts(self) -> None:
-        """Draw the figures."""
+        """Draw the pane of figures."""
         lines = partial(fact_lines, self.night, self.engine, self.outlook, keymap=self.keymap)
         self.pane("facts").show(lines)
 
     @property
     def mode(self) -> Mode:
-        """Present meaning of the keys."""
+        """What the keys mean now, by what is open or has the focus."""
         if self.is_log_open:
             return "log"
         if isinstance(self.focused, TracksPane):
@@ -198,24 +198,24 @@ class NightScreen(PanePlaces, PictureActions, MessageActions, OpeningActions):
     # -- keys that only look ------------------------------------------------------------------
 
     def show_stop(self, news: StopNews | None) -> None:
-        """Show the state of a STOP over everything else; None: close the banner."""
+        """Show a STOP's state in the banner; None: close the banner."""
         super().show_stop(news)
         self.show_top()
         self.query_one("#stop", StopBanner).display = news is not None
         self.show_stop_words()
 
     def show_stop_words(self) -> None:
-        """Write the state of a STOP into the banner."""
+        """Write the state of the last STOP into the banner."""
         news = self.stop_news
         if news is not None:
             self.query_one("#stop", StopBanner).say(self.stop_words(news), news.phase)
 
     def stop_words(self, news: StopNews) -> str:
-        """Return the state of a STOP in words."""
+        """Return a STOP's state in words."""
         return f"STOP {news.text}"
 
     def action_log(self) -> None:
-        """Give the whole screen to the log, and back."""
+        """Give the whole screen to the log, or take it back."""
         self.is_log_open = not self.is_log_open
         self.place_panes()
         log = self.query_one(LogPane)
@@ -229,7 +229,7 @@ class NightScreen(PanePlaces, PictureActions, MessageActions, OpeningActions):
         self.show_keys()
 
     def action_orbit(self) -> None:
-        """Open the orbit over the plots, and back; an open log or tuning pane closes."""
+        """Open the orbit over the plots, or close it; an open log or tuning pane closes."""
         if self.is_log_open:
             self.action_log()
             self.is_orbit_open = False
@@ -242,12 +242,12 @@ class NightScreen(PanePlaces, PictureActions, MessageActions, OpeningActions):
         self.show_keys()
 
     def clear_filter(self) -> None:
-        """Show every line of the log again."""
+        """Remove the log's filter, so that every line is shown."""
         self.query_one(LogPane).filter("")
         self.say("log: every line")
 
     def action_filter_log(self) -> None:
-        """Ask for words; only lines with them are shown."""
+        """Ask for a text; the log then shows only lines that contain it."""
         log = self.query_one(LogPane)
 
         def decided(wanted: str | None) -> None:
@@ -262,18 +262,18 @@ class NightScreen(PanePlaces, PictureActions, MessageActions, OpeningActions):
         )
 
     def covers_picture(self) -> bool:
-        """True where the open orbit lies over the picture."""
+        """True where the open orbit pane lies over the picture."""
         picture, orbit = self.query_one("#frame"), self.pane("orbit")
         is_there = self.is_orbit_open and picture.display
         return is_there and orbit.region.overlaps(picture.region)
 
     def action_tune(self) -> None:
-        """Open the tuning pane; the orbit closes."""
+        """Open or close the tuning pane; the orbit closes."""
         self.is_orbit_open = False
         self.tune.action_tune()
 
     def action_put_away(self) -> None:
-        """Close the first of: log, a STOP's end, orbit, page over the plots, filter, notice."""
+        """Close the first that is open: log, STOP's banner, orbit, page, filter, notice."""
         log = self.query_one(LogPane)
         if self.is_log_open and log.wanted and log.always_shown:
             self.clear_filter()
@@ -291,19 +291,19 @@ class NightScreen(PanePlaces, PictureActions, MessageActions, OpeningActions):
             self.say("")
 
     def action_leave(self) -> None:
-        """Leave the console; a screen that has a question asks it first."""
+        """Leave the console; a screen that asks first overrides this."""
         self.app.exit("quit")
 
     # -- whose control it is --------------------------------------------------------------------
 
     @property
     def asker(self) -> str | None:
-        """The console that asks for control, where this one has it; None: none."""
+        """The console that asks for control while this one has control; None: none asks."""
         is_ours = bool(self.seat_name) and self.engine.seat == self.seat_name
         return self.engine.seat_asked_by if is_ours else None
 
     def answer_control_request(self, *, gives: bool) -> None:
-        """Give control to the console that asks for it, or keep it."""
+        """Give control to the console that asks for it, or with ``gives`` False keep it."""
         if self.asker is None:
             self.say("nobody asks for control")
         else:

@@ -1,6 +1,7 @@
-"""Review: the same screen over a recorded night, at any moment of it. Nothing acts here.
+"""Review: the screen of a night over a recorded session, at any moment of it; no key acts.
 
-The requested moment is drawn on the time line at once; the watch provides its contents.
+The requested moment is marked on the time line at once; its contents follow from the thread that
+reads the session.
 """
 
 from collections.abc import Callable
@@ -36,18 +37,18 @@ if TYPE_CHECKING:
     from rsoconsole.pipeline import Outlook
 
 LIVE_S = 0.5
-"""Seconds between two updates from the live night behind."""
+"""Seconds between two updates from the live night behind the review."""
 LINES = 200
-"""Lines of the log in its small pane."""
+"""Number of lines in the log's small pane."""
 OUTLOOK_GOOD_NS = 600 * 10**9
 OUTLOOK_AFTER_S = 0.7
 """Seconds that a moment must stay before its outlook is computed."""
 HEAD = "head"
-"""Value of ``start`` for the last frame of a night that goes on, which is then followed."""
+"""Value of ``start`` for the last frame of a night that goes on, which the review then follows."""
 
 
 class ReviewScreen(ReviewCompare):
-    """A recorded night, or the past of the night that goes on."""
+    """The review of a recorded night, or of the night that goes on."""
 
     BINDINGS: ClassVar[list[BindingType]] = [*bindings("review")]
     PANES: ClassVar[tuple[Name, ...]] = (*NightScreen.PANES, "timeline")
@@ -66,13 +67,17 @@ class ReviewScreen(ReviewCompare):
         live: NightScreen | None = None,
         **named: Any,
     ) -> None:
-        """``start``: a frame, a UTC time or ``HEAD``, empty: the first frame; ``live``: the screen
-        behind this one, to return to."""
+        """Make the review; further arguments as for ``Seat``.
+
+        ``folder``: session to show; None: ask which.
+        ``start``: a frame, a UTC time or ``HEAD``; empty: the first frame.
+        ``live``: the live screen behind the review, to return to; None: there is none.
+        """
         super().__init__(*arguments, read_only=True, **named)
         self._live = live
         self._first = (folder, start)
         self._start: str | None = None
-        """Start of the session being opened; None once it is reached."""
+        """Where to begin in the session being opened; None once the review is there."""
         self._fault = ""
         self._watch_session = ReviewWatch(
             partial(call_between_messages, self, self.update_timeline),
@@ -81,13 +86,13 @@ class ReviewScreen(ReviewCompare):
         )
 
     def compose(self) -> ComposeResult:
-        """Make the panes of a night, and the time line."""
+        """Make the panes of a night, the time line and the field for a moment."""
         yield from super().compose()
         yield TimelinePane(id="timeline")
         yield MomentField()
 
     def on_mount(self) -> None:
-        """Begin to read; without a session, ask which."""
+        """Start to read the session; without one, ask which to show."""
         self._watch_session.start()
         self.set_interval(PLAY_S, self.play_on)
         if self._live is not None:
@@ -99,11 +104,11 @@ class ReviewScreen(ReviewCompare):
             self.open_session(folder, start)
 
     def on_unmount(self) -> None:
-        """End the threads."""
+        """End the thread that reads the session."""
         self._watch_session.close()
 
     def open_session(self, folder: Path, start: str = "") -> None:
-        """Show another session from ``start`` on."""
+        """Show another session, from ``start`` on: a frame, a UTC time or ``HEAD``."""
         self.folder, self._start, self._fault = folder, start, ""
         self.timeline, self.lines, self.moment = Timeline(), (), None
         self.seq, self.is_at_head = 0, False
@@ -118,7 +123,7 @@ class ReviewScreen(ReviewCompare):
     # -- what is known ----------------------------------------------------------------------
 
     def update_timeline(self, folder: Path, timeline: Timeline, lines: tuple[LogLine, ...]) -> None:
-        """Take the session's time line and every line of its log, as far as read."""
+        """Take the session's time line and its log's lines, as far as they have been read."""
         if folder != self.folder:
             return
         self.timeline, self.lines, self._fault = timeline, lines, ""
@@ -148,7 +153,7 @@ class ReviewScreen(ReviewCompare):
                 self.go_to_text(start)
 
     def show_moment(self, folder: Path, moment: Moment) -> None:
-        """Show the requested moment."""
+        """Show a moment that has been read, and what is computed for it."""
         if folder != self.folder:
             return
         has_other_shape = aspect_of(moment.picture) != aspect_of(self.picture)
@@ -162,7 +167,7 @@ class ReviewScreen(ReviewCompare):
         self._compute_here()
 
     def _when_it_stays(self, act: Callable[[], None]) -> None:
-        """Call ``act`` once this moment has been shown for a while."""
+        """Call ``act`` if this moment is still shown after ``OUTLOOK_AFTER_S``."""
         moment = self.moment
         self.set_timer(OUTLOOK_AFTER_S, lambda: act() if self.moment is moment else None)
 
@@ -179,13 +184,13 @@ class ReviewScreen(ReviewCompare):
             self._when_it_stays(lambda: self.outlook_watch.update(self.night, self.engine))
 
     def show_fault(self, folder: Path, text: str) -> None:
-        """Say why the session cannot be read."""
+        """Show why the session cannot be read."""
         if folder == self.folder and text != self._fault:
             self._fault = text
             self.show_alert()
 
     def want(self, seq: int) -> None:
-        """Request that moment; the time line shows its place at once."""
+        """Request a moment by its place in the log; the time line marks the place at once."""
         self.seq = seq
         if self.folder is not None:
             self._watch_session.want(self.folder, seq)
@@ -194,13 +199,13 @@ class ReviewScreen(ReviewCompare):
     # -- what is shown ----------------------------------------------------------------------
 
     def show_live(self) -> None:
-        """Draw the state of the live night behind: first line, alert and keys."""
+        """Draw what depends on the live night behind: first line, alert and keys."""
         self.show_top()
         self.show_alert()
         self.show_keys()
 
     def validate_outlook(self, outlook: "Outlook | None") -> "Outlook | None":
-        """Return the outlook; None for one of another hour of the night."""
+        """Return the outlook; None where it is for another time than the moment."""
         now = self.night.last_utc_ns or 0
         is_near = outlook is not None and abs(outlook.t_utc_ns - now) <= OUTLOOK_GOOD_NS
         return outlook if is_near else None
@@ -211,28 +216,28 @@ class ReviewScreen(ReviewCompare):
         self.query_one("#timeline", TimelinePane).show(lines)
 
     def top(self, width: int, rows: int) -> list[Line]:
-        """Return the first line: that this is the past, the state then, and the state now."""
+        """Build the first lines: that this is a review, the state then, and the live state."""
         live = None if self._live is None else (self._live.night, self._live.engine)
         found = target_words(self.orbit)
         return review_top_lines(self.night, self.engine, live, width, rows, found=found)
 
     @property
     def alert(self) -> str:
-        """The alert of the live night behind, then the fault of this one."""
+        """The live night's alert, then why the session cannot be read; empty: neither."""
         live = "" if self._live is None else self._live.alert
         return " · ".join(part for part in (f"LIVE: {live}" if live else "", self._fault) if part)
 
     def picture_words(
         self, picture: Picture | None, sight: Sight, drawing: DrawnPicture | None
     ) -> tuple[list[str], list[str]]:
-        """Return title and caption; the frame's number also where it has no picture."""
+        """Return title and caption; the frame's number also where the frame has no picture."""
         frame = self.night.frame
         if picture is not None or sight != "field":
             return super().picture_words(picture, sight, drawing)
         return ["no frame yet" if frame is None else f"frame {frame.frame_id:04d}"], []
 
     def show_picture(self) -> None:
-        """Draw the moment's own frame; never another one."""
+        """Draw the picture of the moment's own frame; without one say so."""
         absent = "no picture of it was kept" if self.night.frame is not None else "no frame yet"
         if self.moment is None:
             absent = "" if self.folder is None else "reading …"
@@ -241,14 +246,14 @@ class ReviewScreen(ReviewCompare):
         super().show_picture()
 
     def show_log(self) -> None:
-        """Draw the log up to the moment; opened, that of the whole night."""
+        """Draw the log's lines up to the moment; in the opened log those of the whole night."""
         pane = self.query_one("#log", ReviewLogPane)
         pane.seq = self.seq
         pane.show(self.lines if self.is_log_open else self.night.log[-LINES:])
 
     @property
     def keys(self) -> list[Key]:
-        """The keys that matter now."""
+        """The keys that the last line shows."""
         return review_keys(
             is_playing=self.player.is_playing,
             has_live=self._live is not None,
@@ -259,7 +264,7 @@ class ReviewScreen(ReviewCompare):
 
     @property
     def mode(self) -> Mode:
-        """Present meaning of the keys."""
+        """What the keys mean now."""
         modes: dict[Mode, Mode] = {
             "log": "review log",
             "tune": "review tune",
@@ -268,14 +273,14 @@ class ReviewScreen(ReviewCompare):
         return modes.get(super().mode, "review")
 
     def place_panes(self) -> None:
-        """Lay out the panes; the field lies over the keys."""
+        """Lay out the panes, and the field for a moment over the keys."""
         super().place_panes()
         self.query_one(MomentField).styles.offset = (0, self.size.height - 1)
 
     # -- the log ----------------------------------------------------------------------------
 
     def action_log(self) -> None:
-        """Open the log of the whole night with the moment's line chosen, and back."""
+        """Open the log of the whole night, the moment's line chosen; or close it."""
         super().action_log()
         pane = self.query_one("#log", ReviewLogPane)
         if self.is_log_open:
@@ -285,7 +290,7 @@ class ReviewScreen(ReviewCompare):
             self.show_log()
 
     def action_filter_log(self) -> None:
-        """Ask for words to search the whole night's log for."""
+        """Ask for a text, and search the whole night's log for it."""
 
         def decided(wanted: str | None) -> None:
             if wanted is None:
@@ -313,7 +318,7 @@ class ReviewScreen(ReviewCompare):
     # -- the rest ---------------------------------------------------------------------------
 
     def action_tune_scope(self) -> None:
-        """Tune over all frames so far, or over the last ones again."""
+        """Compute the tuning pane's figures over all frames so far, or again over the last ones."""
         self.tune.change_scope()
 
     def may_act(self) -> bool:
@@ -322,12 +327,12 @@ class ReviewScreen(ReviewCompare):
         return False
 
     def answer_control_request(self, *, gives: bool) -> None:
-        """Answer for the live night behind, which has the control that is asked for."""
+        """Answer for the live night behind, whose screen has the control that is asked for."""
         if self._live is not None:
             self._live.answer_control_request(gives=gives)
 
     def action_put_away(self) -> None:
-        """Close the night's overlays, then stop playing."""
+        """Close the field or the uppermost overlay; with nothing open, pause."""
         if self.close_field():
             return
         is_bare = not (self.is_log_open or self.is_orbit_open) and self.stop_news is None
@@ -337,7 +342,7 @@ class ReviewScreen(ReviewCompare):
             super().action_put_away()
 
     def action_leave(self) -> None:
-        """Go back to the live night; without one, leave the console."""
+        """Return to the live night; without one, leave the console."""
         if self._live is not None:
             self.app.pop_screen()
         else:

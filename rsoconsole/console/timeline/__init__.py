@@ -1,1 +1,1 @@
-"""The time line of a night: moments, signs, and the moves through them."""
+"""The time line of a night: its moments, its events, and how they are drawn."""

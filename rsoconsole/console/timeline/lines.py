@@ -1,7 +1,7 @@
-"""The time line in cells: the loop's states, signs of events, and the shown place.
+"""The time line drawn in cells: the loop's states, signs of events, and the shown place.
 
-Colour alone never carries meaning: every state has its word where there is room and its own sign,
-and every kind of event a sign that ``plain`` keeps distinct from the others.
+Meaning is never by colour alone: every state has a sign and, where there is room, its name; every
+kind of event has a sign that ``plain`` keeps distinct.
 """
 
 from bisect import bisect_right
@@ -32,7 +32,7 @@ SIGNS: dict[TimelineEventKind, str] = {
     "rejection": "×",
     "miss": "○",
 }
-"""Sign of each kind of event; a cell with several has the first of these."""
+"""Sign of each kind of event; of several kinds in a cell, the first listed here is shown."""
 KIND_INKS: dict[TimelineEventKind, Ink] = {
     "loss": "alarm",
     "alarm": "alarm",
@@ -44,7 +44,7 @@ KIND_INKS: dict[TimelineEventKind, Ink] = {
 FREQUENT: frozenset[TimelineEventKind] = frozenset(("miss", "rejection"))
 FOUND, HERE, KEPT, UNREAD, PIXELS = "/", "┃", "A", "░", "▫"
 SHARE = 0.25
-"""Share of a cell's frames from which on it shows a frequent kind, among other kinds."""
+"""Fraction of a cell's frames from which on misses and rejections show among other kinds."""
 FILLS: dict[LoopState | None, tuple[str, Ink]] = {
     "TRACK": ("━", "good"),
     "COAST": ("╍", "warn"),
@@ -65,21 +65,26 @@ MIN_STRIP_COLUMNS = 20
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Place:
-    """The shown place of the log, and the events to show."""
+    """What the time line marks: the shown place of the log, moment A, and events."""
 
     seq: int = 0
     words: tuple[str, ...] = ()
-    """Words on the place, most important first."""
+    """Words on the shown place, the most important first."""
     kept_seq: int | None = None
-    """Place kept to compare with; None: none."""
+    """Place of moment A, kept to compare with; None: none is kept."""
     kinds: tuple[TimelineEventKind, ...] = tuple(SIGNS)
-    """Kinds of events to show and to jump to."""
+    """Kinds of events whose signs are shown."""
     found: tuple[int, ...] = ()
-    """Places found by a search; shown instead of ``kinds`` where there are any."""
+    """Places of lines that a search found; where there are any, their signs alone are shown."""
 
 
 def timeline_lines(timeline: Timeline, place: Place, width: int, height: int) -> list[Line]:
-    """Build up to three rows: words and strip in one; strip, words; events, strip, words."""
+    """Build the time line's rows for a pane of that size.
+
+    One row: words and strip.
+    Two rows: strip, words.
+    Three rows: events, strip, words.
+    """
     if height <= 0 or width <= 0:
         return []
     words = f" {join_fitting_parts(place.words, width - 1)}"
@@ -102,14 +107,14 @@ def timeline_lines(timeline: Timeline, place: Place, width: int, height: int) ->
 
 
 def strip_columns(width: int) -> tuple[int, int]:
-    """Return (first column, number of columns) of the strip in a pane of that width."""
+    """Return (first column, columns) of the strip, the row of states, in a pane of that width."""
     if width < MIN_STRIP_COLUMNS + 2 * END_COLUMNS:
         return 0, width
     return END_COLUMNS, width - 2 * END_COLUMNS - 1
 
 
 def cell_end_utc_ns(timeline: Timeline, column: int, columns: int) -> int | None:
-    """Return the last instant of a cell of the strip; None for a night without frames."""
+    """Return the last instant of a cell of the strip, UTC ns; None for a night without frames."""
     first, last = timeline.first_utc_ns, timeline.last_utc_ns
     if first is None or last is None or columns <= 0:
         return None
@@ -141,7 +146,7 @@ def _strip(
 
 @lru_cache(maxsize=8)
 def _with_pixels(timeline: Timeline, columns: int) -> frozenset[int]:
-    """Return the cells of frames whose pixels are kept."""
+    """Return the cells that have a frame whose pixels are kept."""
     kept = timeline.with_pixels
     if not kept or columns <= 0:
         return frozenset()
@@ -160,7 +165,7 @@ def _column(timeline: Timeline, t_utc_ns: int, columns: int) -> int:
 
 @lru_cache(maxsize=8)
 def _states(timeline: Timeline, columns: int) -> tuple[tuple[str, Ink], ...]:
-    """Return the state of each cell: the longest of its time, or a grave one."""
+    """Return the state shown in each cell: the longest one in its time, or a grave one."""
     first, last = timeline.first_utc_ns, timeline.last_utc_ns
     if first is None or last is None:
         return ((" ", "dim"),) * columns
@@ -192,7 +197,7 @@ def _states(timeline: Timeline, columns: int) -> tuple[tuple[str, Ink], ...]:
 
 
 def _word(name: str, columns: int) -> str:
-    """Return the state's name, or its first letter, as a run of that length has room for it."""
+    """Return a state's name, or its first letter, as a run of that many columns has room for."""
     if columns > len(name) + 1:
         return name
     return name[:1] if columns > 2 else ""
@@ -207,7 +212,7 @@ def _of(share: Counter[LoopState]) -> LoopState | None:
 def _events(
     timeline: Timeline, kinds: tuple[TimelineEventKind, ...], found: tuple[int, ...], columns: int
 ) -> dict[int, tuple[str, Ink]]:
-    """Return the sign of each cell that has an event."""
+    """Return the sign of each cell that has an event, by column."""
     if columns <= 0:
         return {}
     if found:
@@ -237,7 +242,7 @@ def _frames_in(timeline: Timeline, column: int, columns: int) -> int:
 
 
 def recorded_controller(night: NightView) -> str | None:
-    """Return who had control by the recorded state; None where no state is on record."""
+    """Return who had control, by the recorded state; None where no state is on record."""
     if night.state is None:
         return None
     holders = {"IDLE": "nobody", "FAULT": "nobody", "MANUAL": "operator"}
@@ -245,7 +250,7 @@ def recorded_controller(night: NightView) -> str | None:
 
 
 def recorded_engine(night: NightView) -> EngineView:
-    """Return the engine's recorded status at that moment."""
+    """Return the engine's status at the night's moment, as far as it follows from the record."""
     return EngineView(
         reach="recorded",
         state=night.state,
@@ -264,10 +269,10 @@ def review_top_lines(
     *,
     found: tuple[str, str, str] = ("", "", ""),
 ) -> list[Line]:
-    """Build a review's first lines: state and control then, night's name, live state, the clock.
+    """Build a review's first lines: state and control then, night's name, live state, clock.
 
-    ``live``: the night that goes on meanwhile, None where there is none; ``found``: the target's
-    name and its orbit's size, as far as there is room.
+    ``live``: night and engine of the live screen behind; None: there is none.
+    ``found``: the target's name, its orbit's size, and whether that was assumed.
     """
     state = f"{night.state or 'no state yet'}"
     if night.state and night.state_since_utc_ns and night.last_utc_ns:
@@ -314,7 +319,7 @@ def _live_words(live: tuple[NightView, EngineView] | None) -> tuple[str, Ink] | 
 
 
 def place_words(timeline: Timeline, seq: int, t_utc_ns: int | None) -> list[str]:
-    """Say which frame of how many it is, when, and whether it can be opened."""
+    """Return in words which frame of how many a place is in, when, and whether it can be opened."""
     count = len(timeline.frames)
     if not count:
         return ["no frames", clock(t_utc_ns)]
@@ -331,7 +336,7 @@ def place_words(timeline: Timeline, seq: int, t_utc_ns: int | None) -> list[str]
 
 
 def reading_words(timeline: Timeline) -> str:
-    """Say how far the log has been read; empty: to its end."""
+    """Return in words how much of the log has been read; empty: all of it."""
     if timeline.is_whole or not timeline.last_seq:
         return ""
     return f"reading {timeline.read_seq / timeline.last_seq:.0%}"

@@ -1,6 +1,7 @@
-"""A session at any place of its log, folded from the nearest place kept while it was read.
+"""A session at any place of its log, folded from the nearest checkpoint before that place.
 
-Places not read yet are folded from a little before them, and marked as partial.
+Checkpoints are kept while the log is read. A place that has not been read yet is folded from some
+frames before it, and marked as partial.
 """
 
 import logging
@@ -26,36 +27,39 @@ from rsoconsole.session import SessionReader
 
 KEPT_EVERY_FRAMES = 50
 KEPT_EVERY_RECORDS = 1000
-"""Records between two kept places where a log has few frames."""
+"""Records between two checkpoints where a log has few frames."""
 FRAMES_BEFORE = 60
-"""Frames that are folded before a moment that has not been read yet."""
+"""Frames that are folded before a moment whose place has not been read yet."""
 PICTURES, MOMENTS = 12, 4
 """Numbers of pictures and of moments that are cached."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Moment:
-    """Session as the console showed it at one place of its log."""
+    """A session as the console would have shown it at one place of its log, ``seq``."""
 
     seq: int
     view: NightView
     detail: NightFrame
-    """Everything on record of the newest frame of that moment."""
+    """The record of the moment's newest frame."""
     picture: Picture | None
     is_whole: bool = True
-    """True where the whole log before it has been read."""
+    """False where the fold began a few frames before, since the log had not been read so far."""
 
 
 class Moments:
-    """Reads a session and gives its moments. For one thread; its methods raise SessionError."""
+    """Reads a session and gives its moments. Its methods raise SessionError.
+
+    To be used from one thread only.
+    """
 
     def __init__(self, reader: SessionReader, about: dict[str, Any], config: Config | None) -> None:
         self.reader = reader
         self._about, self._config = about, config
         self._head = self._night()
-        """Fold of all that has been read."""
+        """Fold of all records that have been read."""
         self._shown = self._night()
-        """Fold of the moment shown last."""
+        """Fold of the records up to the moment shown last."""
         self._kept_seqs: list[int] = [0]
         self._kept: list[NightCheckpoint] = [self._head.keep()]
         self._frames_since = 0
@@ -77,26 +81,26 @@ class Moments:
         return replace(self._course(), with_pixels=self.reader.frames_with_pixels())
 
     def _course(self) -> Timeline:
-        """Return the time line without the frames with pixels, which takes a look into a folder."""
+        """Return the time line without the frames with pixels, which take a look into a folder."""
         return self._timeline.so_far(self.read_seq, is_closed=self._head.is_closed)
 
     @property
     def is_read(self) -> bool:
-        """True where the log has been read as far as it is known."""
+        """True where the log has been read up to its last known place."""
         return self.read_seq >= self.last_seq
 
     @property
     def last_seq(self) -> int:
-        """The last place of the log that is known."""
+        """The last known place of the log."""
         return self._timeline.last_seq
 
     def log(self) -> tuple[LogLine, ...]:
-        """Return the log lines of all that has been read, oldest first."""
+        """Return the log's lines of all records that have been read, oldest first."""
         return self._head.log
 
     @property
     def is_closed(self) -> bool:
-        """True where the session is closed: no record follows."""
+        """True where the session is closed, so that no record follows."""
         return self._head.is_closed
 
     def close(self) -> None:
@@ -104,7 +108,7 @@ class Moments:
         self._head.close()
 
     def read_for(self, for_s: float) -> bool:
-        """Read for some seconds, or to the log's end; True when that is reached."""
+        """Read the log for ``for_s`` seconds; return True where its end is reached before."""
         until_s = monotonic() + for_s
         # What has been fetched of the log and not taken yet is there for the next call.
         reading = self._reading or self.reader.records(since_seq=self.read_seq)
@@ -145,7 +149,7 @@ class Moments:
         return night
 
     def _outline(self) -> None:
-        """Make the time line at once, before anything is folded."""
+        """Make an outline of the time line at once, before any record is folded."""
         read = {seq: record for seq, _, record in self.reader.records(kinds=(*READ_IN_FULL,))}
         for seq, t_utc_ns, kind, frame_id in self.reader.outline():
             self._timeline.receive(seq, t_utc_ns, kind, frame_id, read.get(seq))
@@ -181,7 +185,7 @@ class Moments:
     # -- one moment -----------------------------------------------------------------------------
 
     def _fold_to(self, seq: int) -> Night:
-        """Fold the log to a place, from the nearest kept one or the moment shown last."""
+        """Fold the log to a place, from the nearest checkpoint or the moment shown last."""
         at = bisect_right(self._kept_seqs, seq) - 1
         if not self._kept_seqs[at] <= self._shown.seq <= seq:
             self._shown.go_back(self._kept[at])
@@ -230,11 +234,11 @@ log = logging.getLogger(__name__)
 
 LOOK_S = 0.25
 READ_AT_ONCE_S = 0.02
-"""Seconds of reading between two checks whether another moment is requested."""
+"""Seconds of reading between two looks whether another moment is requested."""
 BREATH_S = 0.2
-"""Seconds that the reading rests after a moment was shown: drawing it comes first."""
+"""Seconds that reading pauses after a moment was shown, so that it is drawn first."""
 REPORT_S, REPORT_RECORDS = 0.3, 40_000
-"""Seconds between reports while a log is read, and its records beyond which they are rarer."""
+"""Seconds between reports while a log is read; number of records beyond which reports are rarer."""
 CLOSED_CHECK_S = 2.0
 
 OnTimeline = Callable[[Path, Timeline, tuple[LogLine, ...]], None]
@@ -243,7 +247,7 @@ OnFault = Callable[[Path, str], None]
 
 
 class ReviewWatch(Poller):
-    """Thread that shows the moment requested last, and in between reads the log.
+    """Thread that reads a session's log, and shows the moment requested last as soon as it can.
 
     Its callbacks are called on its own thread and must return at once.
     """
@@ -260,12 +264,15 @@ class ReviewWatch(Poller):
         self._checked_s = 0.0
 
     def follow(self, folder: Path) -> None:
-        """Read that session from now on (any thread)."""
+        """Read that session from now on; may be called from any thread."""
         self._folder = folder
         self.look_now()
 
     def want(self, folder: Path, seq: int) -> None:
-        """Show a moment (any thread); an earlier request that still waits is dropped."""
+        """Request a moment; may be called from any thread.
+
+        An earlier request that still waits is dropped.
+        """
         self._wanted = (folder, seq)
         self.look_now()
 
@@ -322,7 +329,7 @@ class ReviewWatch(Poller):
         return True
 
     def _show_again(self, moments: Moments) -> None:
-        """Show a moment that was shown in part as soon as it has been read to its end."""
+        """Show a partial moment once more, as soon as the log has been read up to it."""
         shown = self._shown
         if shown is not None and not shown.is_whole and shown.seq <= moments.read_seq:
             self._show(moments, shown.seq)
@@ -333,7 +340,7 @@ class ReviewWatch(Poller):
             self._on_moment(moments.reader.folder, self._shown)
 
     def _report(self, moments: Moments, *, is_due: bool) -> None:
-        """Report the time line, where it has changed; while the log is read, now and then."""
+        """Report a changed time line; while the log is still being read, only now and then."""
         now_s = time.monotonic()
         # Telling costs in proportion to the night, here and where it is drawn.
         wait_s = REPORT_S * max(moments.last_seq / REPORT_RECORDS, 1.0)

@@ -1,7 +1,7 @@
-"""The time line of a night: its frames, the loop's states, its events. Pure.
+"""The time line of a night: its frames, the loop's states, its events.
 
-Places are numbers of the log (``seq``). A frame reaches from its ``FrameTaken`` to the record
-before the next one: at its end the whole frame is shown.
+A place is a number of the log (``seq``). A frame reaches from its record ``FrameTaken`` to the
+record before the next one; at its last place the whole frame is shown.
 """
 
 import re
@@ -31,11 +31,11 @@ from rsoconsole.words import NS_PER_S, clock
 TimelineEventKind = Literal["miss", "rejection", "loss", "operator", "note", "alarm"]
 KINDS: tuple[TimelineEventKind, ...] = ("miss", "rejection", "loss", "operator", "note", "alarm")
 _OF_FRAMES: frozenset[TimelineEventKind] = frozenset(("miss", "rejection", "loss"))
-"""Kinds of events best seen at the end of their frame."""
+"""Kinds of events whose moment is the end of their frame."""
 
 
 class FrameMark(NamedTuple):
-    """The begin of a frame."""
+    """Start of a frame."""
 
     seq: int
     t_utc_ns: int
@@ -43,7 +43,7 @@ class FrameMark(NamedTuple):
 
 
 class StateMark(NamedTuple):
-    """The begin of a state of the loop."""
+    """Start of a state of the loop."""
 
     seq: int
     t_utc_ns: int
@@ -51,7 +51,7 @@ class StateMark(NamedTuple):
 
 
 class TimelineEvent(NamedTuple):
-    """Event that the time line shows and jumps to."""
+    """An event that the time line shows and that a review can jump to."""
 
     seq: int
     t_utc_ns: int
@@ -60,45 +60,45 @@ class TimelineEvent(NamedTuple):
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Timeline:
-    """Time line of a night, as far as it is recorded; compared by identity."""
+    """The time line of a night, as far as it is recorded; compared by identity."""
 
     frames: tuple[FrameMark, ...] = ()
     states: tuple[StateMark, ...] = ()
     events: tuple[TimelineEvent, ...] = ()
-    """Events in order of the log."""
+    """Events in the order of the log."""
     first_utc_ns: int | None = None
     last_utc_ns: int | None = None
     last_seq: int = 0
     read_seq: int = 0
-    """Place up to which the log has been read: any moment before is shown at once and whole."""
+    """Place up to which the log has been read: moments before are complete and shown at once."""
     is_closed: bool = False
     with_pixels: frozenset[int] = frozenset()
-    """Numbers of the frames whose pixels are kept: they can be opened at full resolution."""
+    """Numbers of the frames whose pixels are kept, so that they open at full resolution."""
 
     @property
     def is_whole(self) -> bool:
-        """True where the whole log has been read."""
+        """True where the whole known log has been read."""
         return self.read_seq >= self.last_seq
 
     def index_of(self, seq: int) -> int | None:
-        """Return the index of the frame that a place of the log is in; None before the first."""
+        """Return the index of the frame that a place is in; None: before the first frame."""
         index = bisect_right(self.frames, seq, key=lambda mark: mark.seq) - 1
         return index if index >= 0 else None
 
     def frame_end_seq(self, index: int) -> int:
-        """Return the last place of a frame."""
+        """Return the last place of the frame of that index."""
         after = index + 1
         return self.frames[after].seq - 1 if after < len(self.frames) else self.last_seq
 
     def frame_start_utc_ns(self, seq: int) -> int | None:
-        """Return the start of a place's frame; before the first frame, that of the night."""
+        """Return the start of a place's frame, UTC ns; before the first frame the night's."""
         index = self.index_of(seq)
         return self.first_utc_ns if index is None else self.frames[index].t_utc_ns
 
     def step(self, seq: int, by: int) -> int | None:
-        """Return the end of the frame ``by`` on (or back, below 0); None: the night has no frame.
+        """Return the last place of the frame ``by`` frames on, below 0 back; None: no frames.
 
-        From a place within a frame, a step of one leads to that frame's own end.
+        From a place within a frame, a step of 1 leads to that frame's own last place.
         """
         if not self.frames:
             return None
@@ -112,14 +112,17 @@ class Timeline:
         return self.frame_end_seq(min(max(wanted, 0), len(self.frames) - 1))
 
     def at_time(self, t_utc_ns: int) -> int | None:
-        """Return the end of the last frame begun by then; before the first, that of the first."""
+        """Return the last place of the newest frame begun by an instant; None: no frames.
+
+        At an instant before the first frame, the first frame's last place.
+        """
         if not self.frames:
             return None
         index = bisect_right(self.frames, t_utc_ns, key=lambda mark: mark.t_utc_ns) - 1
         return self.frame_end_seq(max(index, 0))
 
     def moment_of(self, event: TimelineEvent) -> int:
-        """Return the place from which an event is best seen."""
+        """Return the moment of an event: its own place, or its frame's last place."""
         index = self.index_of(event.seq)
         if event.kind not in _OF_FRAMES or index is None:
             return event.seq
@@ -128,7 +131,10 @@ class Timeline:
     def next_event(
         self, seq: int, kinds: tuple[TimelineEventKind, ...], *, is_on: bool
     ) -> TimelineEvent | None:
-        """Return the next event of these kinds whose moment is after (or before) a place."""
+        """Return the next event of these kinds by its moment; None: there is none.
+
+        ``is_on``: True for the next after the place ``seq``, False for the last before it.
+        """
         chosen = [each for each in self.events if each.kind in kinds]
         if is_on:
             at = bisect_right(chosen, seq, key=self.moment_of)
@@ -137,7 +143,7 @@ class Timeline:
         return chosen[at] if at >= 0 else None
 
     def kinds_at(self, moment: int) -> tuple[TimelineEventKind, ...]:
-        """Return the kinds of the events that are best seen from a place."""
+        """Return the kinds of the events whose moment is this place."""
         index = self.index_of(moment)
         first = 0 if index is None else self.frames[index].seq
         near = [each for each in self.events if first <= each.seq <= moment]
@@ -145,7 +151,7 @@ class Timeline:
         return tuple(kind for kind in KINDS if kind in kinds)
 
     def cadence_s(self) -> float:
-        """Return the median time between frames in seconds; 1 where there are too few."""
+        """Return the median time between frames in seconds; 1 where there are too few frames."""
         steps = (b.t_utc_ns - a.t_utc_ns for a, b in pairwise(self.frames))
         forward = [step for step in steps if step > 0]
         return median_high(forward) / 1e9 if forward else 1.0
@@ -153,22 +159,22 @@ class Timeline:
 
 @dataclass(slots=True)
 class TimelineFold:
-    """Folds records into a night's time line: an outline at once, in full as the log is read."""
+    """Folds records into a time line: in outline from their kinds, in full from the records."""
 
     _frames: list[FrameMark] = field(default_factory=list)
     _states: list[StateMark] = field(default_factory=list)
     _events: list[TimelineEvent] = field(default_factory=list)
     _refused: list[TimelineEvent] = field(default_factory=list)
-    """Rejections: known only when a frame has been read."""
+    """Rejections, which are known only when a frame has been read to its end."""
     _first_utc_ns: int | None = None
     _last_utc_ns: int | None = None
     last_seq: int = 0
-    """Last known place of the log."""
+    """The last known place of the log."""
 
     def receive(
         self, seq: int, t_utc_ns: int, kind: str, frame_id: int | None, record: Record | None = None
     ) -> None:
-        """Fold the next record; ``record`` itself is needed for the ``READ_IN_FULL`` kinds only."""
+        """Fold the next record; ``record`` itself is needed for kinds of ``READ_IN_FULL`` alone."""
         # An unreadable record stands at instant 0, and a clock that is set may go back.
         t = max(t_utc_ns, self._last_utc_ns or 0)
         if t:
@@ -187,13 +193,15 @@ class TimelineFold:
                 self._events.append(TimelineEvent(seq, t, found))
 
     def receive_row(self, row: FrameRow, mark: FrameMark) -> None:
-        """Fold the outcome of a frame that has been read to its end."""
+        """Fold the outcome of a frame that has been read to its end; ``mark``: its start."""
         if likeliest_refused(row) is not None:
             self._refused.append(TimelineEvent(mark.seq, mark.t_utc_ns, "rejection"))
 
     def so_far(self, read_seq: int, *, is_closed: bool) -> Timeline:
-        """Return the time line of the folded records; ``read_seq``: place up to which the log is
-        read."""
+        """Return the time line of the records folded so far.
+
+        ``read_seq``: place up to which the log has been read.
+        """
         return Timeline(
             frames=tuple(self._frames),
             states=tuple(self._states),
@@ -207,11 +215,11 @@ class TimelineFold:
 
 
 READ_IN_FULL = (StateChange, OperatorAction, Event)
-"""Kinds of records whose event is known only from the record itself."""
+"""Kinds of records whose content decides which event they are, if any."""
 
 
 def _kind_of(record: Record) -> TimelineEventKind | None:
-    """Return the kind of a record's event on the time line; None: it has none."""
+    """Return the kind of event that a record is on the time line; None: it is no event."""
     match record:
         case StateChange():
             if record.after == "FAULT":
@@ -231,43 +239,43 @@ def _kind_of(record: Record) -> TimelineEventKind | None:
 
 
 SPEEDS = (0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 30.0, 60.0, 120.0, 300.0, 600.0, 1000.0)
-"""Paces of replay, as factors on the night's own."""
+"""Speeds of replay, as factors on the night's own."""
 GAP_CADENCES = 10.0
-"""Factor on the usual time between frames beyond which a gap is skipped."""
+"""Factor on the usual time between frames from which on a longer gap is skipped."""
 
 
 def speed_words(speed: float) -> str:
-    """Return a pace in words: ×30 or ×0.5."""
+    """Return a speed in words: ×30 or ×0.5."""
     return f"×{speed:g}"
 
 
 @dataclass(slots=True)
 class Player:
-    """Replay of a night: its pace, whether it runs, and its frame clock."""
+    """The replay of a night: its speed, whether it runs, and its clock."""
 
     speed: float = SPEEDS[0]
     is_playing: bool = False
     _t_utc_ns: float = 0.0
 
     def settle(self, timeline: Timeline) -> None:
-        """Set the pace to about a frame a second."""
+        """Set the speed to about one frame a second."""
         cadence_s = timeline.cadence_s()
         self.speed = min(SPEEDS, key=lambda speed: abs(speed - cadence_s))
 
     def change(self, by: int) -> None:
-        """Change the pace by steps: below 0 slower."""
+        """Change the speed by a number of steps; below 0 slower."""
         at = SPEEDS.index(self.speed) + by
         self.speed = SPEEDS[min(max(at, 0), len(SPEEDS) - 1)]
 
     def begin(self, timeline: Timeline, seq: int) -> None:
-        """Play from a place on."""
+        """Start to play from the frame that a place is in."""
         self.is_playing = True
         self._t_utc_ns = float(timeline.frame_start_utc_ns(seq) or 0)
 
     def after(self, timeline: Timeline, seq: int, by_s: float) -> int:
-        """Return the place that is due ``by_s`` seconds after the last call.
+        """Return the place to show ``by_s`` seconds after the last call.
 
-        At the end of a closed night it stops; for one that goes on it waits.
+        At the end of a closed night playing stops; in a night that goes on it waits for frames.
         """
         following = timeline.step(seq, 1)
         if following is None or following == seq:
@@ -287,7 +295,7 @@ _CLOCK = re.compile(r"(?:(\d{4}-\d\d-\d\d)[T ])?(\d\d?):(\d\d)(?::(\d\d))?Z?", r
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TypedPlace:
-    """Place as typed: a frame's number, or a UTC time of day with or without its date."""
+    """A place as typed: a frame's number, or a UTC time of day with or without its date."""
 
     frame_id: int | None = None
     clock: time_of_day | None = None
@@ -295,7 +303,7 @@ class TypedPlace:
 
 
 def parse_place(text: str) -> TypedPlace:
-    """Parse a frame's number or a UTC time. Raises ValueError in words for what is neither."""
+    """Parse a frame's number or a UTC time. Raises ValueError, in words for the operator."""
     plain = text.strip()
     if plain.isdecimal():
         return TypedPlace(frame_id=int(plain))
@@ -313,9 +321,9 @@ def parse_place(text: str) -> TypedPlace:
 
 
 def seq_of(typed: TypedPlace, timeline: Timeline) -> int:
-    """Return the place of a typed one: that frame's end, or that of the newest frame at that time.
+    """Return the last place of the typed frame, or of the newest begun by the typed time.
 
-    Raises ValueError in words where the night has no such place.
+    Raises ValueError, in words for the operator, where the night has no such place.
     """
     if not timeline.frames:
         raise ValueError("the session has no frames")
@@ -334,7 +342,7 @@ def seq_of(typed: TypedPlace, timeline: Timeline) -> int:
 
 
 def _instant(typed: TypedPlace, timeline: Timeline) -> int | None:
-    """Return a typed time in the session, to a minute beyond its ends; None where it is outside."""
+    """Return a typed time, UTC ns; None where it is over a minute outside the session."""
     first, last = timeline.first_utc_ns, timeline.last_utc_ns
     if first is None or last is None or typed.clock is None:
         return None

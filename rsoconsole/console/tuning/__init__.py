@@ -1,1 +1,1 @@
-"""What-if settings of a night: figures, comparison, presets."""
+"""Settings on trial for a night: figures with them, a comparison, presets."""

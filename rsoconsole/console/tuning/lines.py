@@ -1,4 +1,4 @@
-"""The tuning pane's lines: settings, figures as recorded and if changed, comparison. Pure."""
+"""The tuning pane's lines: settings, figures as recorded and with changes, comparison. Pure."""
 
 from collections.abc import Callable
 from typing import TYPE_CHECKING, NamedTuple
@@ -13,23 +13,23 @@ if TYPE_CHECKING:
 
 LABEL_COLUMNS, VALUE_COLUMNS = 16, 10
 CURVE_ROWS, CURVE_LABEL, MIN_SETTINGS = 2, 17, 6
-"""Rows of the curves, columns before them, and least settings in sight with them."""
+"""Rows of the curves, columns before them, and least settings in view beside the curves."""
 MIN_BESIDE = 3
-"""Least settings in sight with the cautions."""
+"""Least settings in view beside the cautions."""
 BARS = "▁▂▃▄▅▆▇█"
 ALIKE_LOG_L = 2.0
-"""Difference of log L over all frames below which neither setting is better."""
+"""Least difference of log L over all frames for one of the settings to be called better."""
 UNLIKELY_NIS = 9.21
-"""NIS that one update in a hundred of a sound filter exceeds."""
+"""NIS that a sound filter exceeds in one update of a hundred."""
 
 
 class TuneWords(NamedTuple):
-    """Words of the pane that depend on its screen."""
+    """Texts of the tuning pane that differ between the live screen and a review."""
 
     frames: str = "last {count} frames"
-    """Words on the figures' frames, with a place for their number."""
+    """Which frames the figures cover; ``{count}`` stands for their number."""
     of_present: int | None = None
-    """Number of those frames that ran with the settings in force now; None: not known."""
+    """How many of those frames ran with the settings in force now; None: not known."""
     keys: str = "0-9 type  enter apply  u undo  w save  o load"
 
 
@@ -40,7 +40,10 @@ def tune_lines(
     *,
     words: TuneWords = TuneWords(),  # noqa: B008 -- it cannot be changed
 ) -> Callable[[int, int], list[Line]]:
-    """Return the builder of the pane's lines: settings, then figures as recorded and if changed."""
+    """Return the function that builds the pane's lines: settings, then two columns of figures.
+
+    ``now``: figures as recorded; ``then``: with the changed settings; None: not computed yet.
+    """
 
     def build(width: int, height: int) -> list[Line]:
         waiting = sum(tuning.sent.get(name) == value for name, value in tuning.changes.items())
@@ -131,7 +134,7 @@ def _comparison(
     of_present: int | None,
     width: int,
 ) -> list[Line]:
-    """Return which settings the same frames favour, by their log L; none where it is not known.
+    """Return which settings the same frames favour, by their log L; empty: not known.
 
     Source: two models whose log likelihoods differ by less than 2 (Burnham & Anderson 2002, 2.6).
     """
@@ -174,7 +177,7 @@ def _cautions(
 
 
 def _curves(now: "TrackFigures | None", then: "TrackFigures | None", width: int) -> list[Line]:
-    """Return the NIS frame by frame, as recorded and if changed, one over the other."""
+    """Return the NIS frame by frame as two rows of bars: as recorded, and with the changes."""
     room = max(width - CURVE_LABEL, 1)
     lines: list[Line] = []
     for label, figures in (("NIS as it was", now), ("NIS if tried", then)):

@@ -1,4 +1,4 @@
-"""The tuning pane: settings on trial for a night, applied, undone and kept as presets."""
+"""The tuning pane: settings on trial for a night, to apply, undo and keep as presets."""
 
 import math
 import re
@@ -28,21 +28,21 @@ LAST_FRAMES = 40
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Tunable:
-    """Setting that can be tuned, with its steps."""
+    """A setting that can be tuned: its steps, bounds or choices."""
 
     name: str
     label: str
     unit: str = ""
     factor: float = 1.25
-    """Factor of one step."""
+    """Factor on the value for one step."""
     low: float = 0.0
     high: float = math.inf
     choices: tuple[str, ...] = ()
     preset: str | None = None
-    """Preset of the filter that uses the setting; None: all do."""
+    """Filter preset that alone uses the setting; None: every preset does."""
 
     def stepped(self, value: Value, by: int) -> Value:
-        """Return a value moved by some steps, rounded to three digits."""
+        """Return the value ``by`` steps on, within its bounds and rounded to three digits."""
         if self.choices:
             at = self.choices.index(str(value)) if value in self.choices else 0
             return self.choices[(at + by) % len(self.choices)]
@@ -50,13 +50,13 @@ class Tunable:
         return float(f"{min(max(stepped, self.low), self.high):.3g}")
 
     def words(self, value: Value | None) -> str:
-        """Format a value with its unit."""
+        """Return a value with its unit, in words; None: "-"."""
         if value is None:
             return "-"
         return f"{value:.4g}{self.unit}" if isinstance(value, float | int) else value
 
     def change_words(self, before: Value | None, after: Value) -> str:
-        """Return the words for a change of the value: Q× 1 → 2.25."""
+        """Return a change of the value in words: Q× 1 → 2.25."""
         return f"{self.label.replace(' ×', '×')} {self.words(before)} → {self.words(after)}"
 
 
@@ -97,31 +97,31 @@ PRESET = "filter.preset"
 
 @dataclass(slots=True)
 class Tuning:
-    """Settings in force, changed settings, and those from before each application."""
+    """The settings in force (``present``), those on trial (``changes``), and how to undo."""
 
     present: dict[str, Value | None] = field(default_factory=dict)
     changes: dict[str, Value] = field(default_factory=dict)
     before: list[dict[str, Value]] = field(default_factory=list)
-    """Values from before each application, the last one at the end."""
+    """For each application, the values in force before it; the last application at the end."""
     steps: dict[str, int] = field(default_factory=dict)
-    """Steps of each setting from its value in force, loaded or typed."""
+    """Steps of each setting from its value in force, or from a loaded or typed value."""
     loaded: dict[str, Value] = field(default_factory=dict)
-    """Values loaded from a preset or typed."""
+    """Values that were loaded from a preset or typed."""
     row: int = 0
     sent: dict[str, Value] = field(default_factory=dict)
-    """Values sent to the engine that the record does not show yet."""
+    """Values sent to the engine that the record does not show as in force yet."""
     replaced: dict[str, Value | None] = field(default_factory=dict)
-    """Value of each setting before it was sent."""
+    """Value of each sent setting before it was sent."""
 
     @property
     def tunables(self) -> tuple[Tunable, ...]:
-        """The settings used by the filter's preset on trial, or in force."""
+        """The settings used by the filter preset that is on trial, or else in force."""
         preset = self.changes.get(PRESET, self.present.get(PRESET))
         return tuple(t for t in TUNABLES if t.preset is None or preset in (None, t.preset))
 
     @property
     def applied_words(self) -> str:
-        """Words on the last application; empty: none, or it is not in force yet."""
+        """The last application in words; empty: there is none, or it is not in force yet."""
         before = self.before[-1] if self.before else {}
         if len(before) > 1:
             return f"{len(before)} in force"
@@ -133,7 +133,7 @@ class Tuning:
 
     @property
     def against_words(self) -> str:
-        """Return words on the changes against the settings in force: Q× 2.25 against 1."""
+        """The settings on trial against those in force, in words: Q× 2.25 against 1."""
         if len(self.changes) != 1:
             return f"{len(self.changes)} settings tried"
         ((name, value),) = self.changes.items()
@@ -141,7 +141,7 @@ class Tuning:
         return f"{label} {tunable.words(value)} against {tunable.words(self.present.get(name))}"
 
     def see(self, present: Mapping[str, Value | None]) -> None:
-        """Take the settings in force; a change that is now in force is removed."""
+        """Take the settings in force; a change that is in force now is no longer on trial."""
         self.present = dict(present)
         self.row = min(self.row, len(self.tunables) - 1)
         self.changes = {n: v for n, v in self.changes.items() if self.present.get(n) != v}
@@ -150,7 +150,7 @@ class Tuning:
         self.sent = {n: v for n, v in self.sent.items() if self.changes.get(n) == v}
 
     def step(self, by: int) -> None:
-        """Change the chosen setting by some steps."""
+        """Put the chosen setting on trial at a value ``by`` steps from its present one."""
         tunable = self.tunables[self.row]
         present = self.present.get(tunable.name)
         if present is None:
@@ -171,7 +171,7 @@ class Tuning:
             self.changes = {n: v for n, v in self.changes.items() if n in names}
 
     def type(self, text: str) -> str:
-        """Change the chosen setting to a typed value; return the error in words, else nothing."""
+        """Put the chosen setting on trial at a typed value; return the error, if any, in words."""
         tunable = self.tunables[self.row]
         if tunable.choices:
             if text not in tunable.choices:
@@ -194,12 +194,12 @@ class Tuning:
         return ""
 
     def load(self, preset: Mapping[str, Value]) -> None:
-        """Change the settings to the values of a preset."""
+        """Put the values of a preset on trial."""
         self.changes = {n: v for n, v in preset.items() if self.present.get(n) != v}
         self.loaded, self.steps = dict(self.changes), {}
 
     def apply(self) -> dict[str, Value]:
-        """Return the settings to send; they can be undone."""
+        """Return the settings on trial, to be sent; ``undo`` returns the values they replace."""
         wanted = dict(self.changes)
         present = {name: self.present.get(name) for name in wanted}
         if wanted:
@@ -208,7 +208,7 @@ class Tuning:
         return wanted
 
     def undo(self) -> dict[str, Value]:
-        """Return the settings to send to undo the last application."""
+        """Return the settings to send to undo the last application; nothing stays on trial."""
         wanted = self.before.pop() if self.before else {}
         self.changes.clear()
         self.steps.clear()
@@ -216,7 +216,7 @@ class Tuning:
 
 
 class TunePane(LinesPane, can_focus=False):
-    """Shows a tuning; its keys change it or post a request. Open, it may have the focus."""
+    """Pane of the tuning; its keys change settings on trial or post a request."""
 
     BINDINGS: ClassVar[list[BindingType]] = [
         Binding("up", "row(-1)", "Setting above"),
@@ -237,33 +237,33 @@ class TunePane(LinesPane, can_focus=False):
     """
 
     class Wanted(Message):
-        """Posted to request an action on the tuning."""
+        """Posted to request an action, such as "apply", from the screen."""
 
         def __init__(self, what: Wanting, begun: str = "") -> None:
-            """``begun``: the digits typed so far."""
+            """``what``: the action; ``begun``: the first digit typed, for the action "type"."""
             super().__init__()
             self.what, self.begun = what, begun
 
     tuning: Tuning | None = None
 
     def action_row(self, by: int) -> None:
-        """Choose another setting."""
+        """Choose the setting ``by`` rows below; below 0 above."""
         if self.tuning is not None:
             self.tuning.row = (self.tuning.row + by) % len(self.tuning.tunables)
             self.post_message(self.Wanted("try"))
 
     def action_step(self, by: int) -> None:
-        """Change its value by steps."""
+        """Change the chosen setting by steps."""
         if self.tuning is not None:
             self.tuning.step(by)
             self.post_message(self.Wanted("try"))
 
     def action_type(self, begun: str) -> None:
-        """Post the first digit of a number for the chosen setting."""
+        """Request a field for a number that begins with the typed digit."""
         self.post_message(self.Wanted("type", begun))
 
     def action_say(self, what: Wanting) -> None:
-        """Post a request."""
+        """Request an action from the screen."""
         self.post_message(self.Wanted(what))
 
 
@@ -273,7 +273,10 @@ NAMING = "letters, digits, blanks and . _ -"
 
 
 def load_presets(path: Path) -> dict[str, dict[str, Value]]:
-    """Read all presets by name; none without a file. Raises ConfigError for a bad preset."""
+    """Read all presets: settings by the preset's name; empty without a file.
+
+    Raises ConfigError for a bad preset or a file that cannot be read.
+    """
     try:
         table = toml_of(read_foreign(path))
     except FileNotFoundError:
@@ -296,7 +299,7 @@ def load_presets(path: Path) -> dict[str, dict[str, Value]]:
 
 
 def save_preset(path: Path, name: str, settings: Mapping[str, Value | None]) -> None:
-    """Add a preset, or replace that of the same name.
+    """Add a preset to the file, or replace the one of that name.
 
     Raises ConfigError for a bad name, and where the file cannot be written.
     """

@@ -1,4 +1,4 @@
-"""Thread for what-if figures, and the quality of the lead track."""
+"""The thread for figures with changed settings, and the quality of the lead track."""
 
 import logging
 import math
@@ -23,19 +23,20 @@ if TYPE_CHECKING:
 log = logging.getLogger(__name__)
 
 IDLE_S = 60.0
-"""Seconds between looks without a question: each question wakes the thread."""
+"""Most seconds between two looks for a question; a question wakes the thread at once."""
 
 
 class WhatIfWatch(Poller):
-    """Thread that answers the newest question only; an older one being computed is dropped.
+    """Thread that answers the newest question alone; an older one being computed is dropped.
 
-    The recorded figures are computed here, those with changed settings in a process of its own.
+    The figures as recorded are computed on the thread, those with changed settings in a process of
+    its own.
     """
 
     def __init__(
         self, on_seen: Callable[["TrackFigures | None", "TrackFigures | None", str], None]
     ) -> None:
-        """``on_seen``: called with the recorded figures, those with the changes, and a fault."""
+        """``on_seen``: called with the figures as recorded, those with the changes, and a fault."""
         super().__init__("what-if", IDLE_S)
         self._on_seen = on_seen
         self._asked: WhatIfQuestion | None = None
@@ -50,10 +51,10 @@ class WhatIfWatch(Poller):
         until_seq: int | None = None,
         last: int | None = LAST_FRAMES,
     ) -> None:
-        """Compute the figures with changed settings (any thread).
+        """Compute the figures with changed settings; may be called from any thread.
 
-        ``until_seq``: as of that place of the log, None: its end; ``last``: over how many frames,
-        None: over all.
+        ``until_seq``: last place of the log to use; None: the log's end.
+        ``last``: number of last frames to use; None: all.
         """
         self._asked = WhatIfQuestion(
             folder=folder,
@@ -102,16 +103,16 @@ class WhatIfWatch(Poller):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TrackQuality(Quality):
-    """Figures of the lead track over the frames that were pointed at it."""
+    """Figures of the lead track over its last frames: filter quality, frames, misses."""
 
     frames: int
     misses: int
     lag_one: float | None
-    """Correlation of each residual, in its sigmas, with the next; None: too few."""
+    """Correlation of each residual, in its sigmas, with the next; None: too few residuals."""
 
     @property
     def lag_one_bound(self) -> float:
-        """Bound of ``lag_one`` for a sound filter, 95 times in 100."""
+        """Bound of ``lag_one`` that a sound filter exceeds in 5 cases of 100."""
         return 2.0 / math.sqrt(self.updates)
 
 
@@ -139,14 +140,14 @@ def track_quality(night: NightView, last: int = LAST_FRAMES) -> TrackQuality | N
 
 
 def frames_of_track(night: NightView, last: int = LAST_FRAMES) -> list[FrameRow]:
-    """Return the lead track's last frames that were processed and pointed at it."""
+    """Return the lead track's last frames that were pointed at it and have been processed."""
     first = night.track_frame_id if night.track is not None else 0
     own = (row for row in night.rows if row.frame_id >= first)
     return [row for row in own if row.was_sought and row.is_reduced][-last:]
 
 
 def count_by_present_settings(night: NightView, last: int) -> int:
-    """Return how many of those frames were processed with the settings in force now."""
+    """Return how many of the lead's last frames were processed with the settings in force now."""
     now = {name: night.setting(name) for name in NAMES}
     return sum(
         all(night.setting(name, row.settings) == value for name, value in now.items())

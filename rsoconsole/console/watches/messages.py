@@ -1,4 +1,4 @@
-"""Calls from the watches' and the engine's threads to a screen, and messages of panes to it."""
+"""Calls from other threads to a screen, and the messages that panes post to it."""
 
 import contextlib
 from collections.abc import Callable
@@ -11,7 +11,7 @@ from rsoconsole.control import StopNews
 
 
 def call_between_messages(screen: MessagePump, call: Callable[..., None], *arguments: Any) -> None:
-    """Have a screen make this call between two of its messages (any thread).
+    """Have a screen make this call between two of its messages; may be called from any thread.
 
     Does nothing once the console has ended.
     """
@@ -20,7 +20,10 @@ def call_between_messages(screen: MessagePump, call: Callable[..., None], *argum
 
 
 class Pointed(Message):
-    """Posted when the mouse was pressed or released in a picture, in pixels of the frame."""
+    """Posted when the mouse was pressed or released in a picture, at a pixel of the frame.
+
+    ``px_per_square``: pixels of the frame along a side of the picture's squares, two to a cell.
+    """
 
     def __init__(self, x_px: float, y_px: float, px_per_square: float, *, is_release: bool) -> None:
         super().__init__()
@@ -29,7 +32,7 @@ class Pointed(Message):
 
 
 class StopNewsCame(Message):
-    """State of a STOP; ``number``: its place among this console's STOPs."""
+    """Posted for a STOP's new state; ``number``: which of this console's STOPs, None: the last."""
 
     def __init__(self, news: StopNews, number: int | None = None) -> None:
         super().__init__()

@@ -1,7 +1,7 @@
-"""Reads one frame of a session and processes it again, on a thread of its own.
+"""The thread that reads one frame of a session and processes it again.
 
-Network and plate solver belong to that thread. The newest request counts: older ones that wait are
-dropped. The thread yields to an engine that observes on the same computer.
+Network and plate solver belong to the thread. The newest request counts: older ones that wait are
+dropped. The thread runs at low priority, for an engine that observes on the same computer.
 """
 
 import contextlib
@@ -28,43 +28,43 @@ if TYPE_CHECKING:
 log = logging.getLogger(__name__)
 
 STEP_BACK = 10
-"""Increment of the thread's niceness."""
+"""Increment of the thread's niceness, so that an engine has priority."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FrameSettings:
-    """Settings to process the frame with; None: as they were in force."""
+    """Settings to process the frame with; None: the value that was in force."""
 
     tau: float | None = None
     map_mode: MapMode | None = None
     solves_again: bool = False
     wants_map: bool = False
-    """True where the network's map is shown."""
+    """True where the network's map is wanted too."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class FrameOpened:
-    """Recorded contents of the frame, before its pixels are read."""
+    """The frame's record, posted before its pixels are read."""
 
     recorded: "RecordedFrame"
     detail: NightFrame
     preview: Picture | None
     bytes: int
-    """Size of the frame's file; 0 where there is none."""
+    """Size of the file of pixels; 0 where there is none."""
     candidates: tuple["ComparedCandidate", ...]
-    """Candidates on record, with none of a new processing beside them yet."""
+    """Candidates as recorded; none has a new result beside it yet."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class PixelsLoaded:
-    """Pixels of the frame, once read."""
+    """The frame's pixels, posted once they are read."""
 
     pixels: "SheetPixels"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class FrameProcessed:
-    """Result of processing the frame with those settings."""
+    """The frame processed with some settings, posted with the result."""
 
     wanted: FrameSettings
     result: "Reprocessed"
@@ -73,23 +73,23 @@ class FrameProcessed:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FrameFault:
-    """Fault in words with the remedy."""
+    """Posted where the frame cannot be read or processed; ``text``: the fault with its remedy."""
 
     text: str
     wanted: FrameSettings | None = None
-    """The settings that failed; None: the frame itself cannot be read."""
+    """The settings that could not be processed with; None: the frame itself cannot be read."""
 
 
 News = FrameOpened | PixelsLoaded | FrameProcessed | FrameFault
 
 
 class SheetWorker:
-    """The thread that reads and processes one frame."""
+    """Reads one frame, then processes it at each request, on a thread of its own."""
 
     def __init__(
         self, folder: Path, frame_id: int, config: Config | None, on_news: Callable[[News], None]
     ) -> None:
-        """``on_news`` is called from the thread and must return at once."""
+        """``config``: None: the session's own; ``on_news``: called on the thread, returns soon."""
         self._folder, self._frame_id, self._config = folder, frame_id, config
         self._on_news = on_news
         self._wanted: FrameSettings | None = None
@@ -98,16 +98,19 @@ class SheetWorker:
         self._thread = threading.Thread(target=self._run, name="console-sheet", daemon=True)
 
     def start(self) -> None:
-        """Start the thread, which begins to read."""
+        """Start the thread, which reads the frame."""
         self._thread.start()
 
     def ask(self, wanted: FrameSettings) -> None:
-        """Process with these settings next; a request that still waits is dropped (any thread)."""
+        """Process with these settings next; may be called from any thread.
+
+        An earlier request that still waits is dropped.
+        """
         self._wanted = wanted
         self._wake.set()
 
     def close(self) -> None:
-        """End the thread after its present work."""
+        """End the thread after what it does now."""
         self._is_closing = True
         self._wake.set()
 
@@ -179,7 +182,7 @@ class SheetWorker:
 
 
 def detail_of(reader: SessionReader, frame_id: int) -> NightFrame:
-    """Return everything on record of one frame."""
+    """Return the record of one frame."""
     night = Night(reader.folder, {}, None)
     for _, t_utc_ns, record in reader.records(frame_id=frame_id):
         night.take(t_utc_ns, record)

@@ -1,7 +1,7 @@
-"""The watches, each on a thread of its own: session, engine, and outlook.
+"""The watches of session, engine and outlook, each on a thread of its own.
 
-They hand their results to a callback, which must return at once. No other part of the console opens
-a file of the session; a hanging engine does not block a review of the past.
+They hand their results to a callback, which must return at once. A hanging engine does not block
+the reading of a session.
 """
 
 import logging
@@ -27,13 +27,13 @@ READ_S = 0.25
 ASK_S = 0.5
 ANSWER_S = 1.0
 STARTING_S = 30.0
-"""Seconds without an answer after which a starting engine counts as gone."""
+"""Seconds without an answer after which an engine that was to start counts as gone."""
 SHOW_WHILE_READING_S = 0.3
 CLOSED_CHECK_S = 2.0
 
 
 class SessionWatch(Poller):
-    """Thread that reads a session as it grows: records four times a second, newest picture."""
+    """Thread that reads a session as it grows, four times a second, with its newest picture."""
 
     def __init__(self, on_seen: Callable[[NightView, Picture | None], None]) -> None:
         super().__init__("session", READ_S)
@@ -49,7 +49,7 @@ class SessionWatch(Poller):
         """Settings by which the session's engine reaches its instruments; None until read."""
 
     def follow(self, folder: Path | None) -> None:
-        """Read that session from now on (any thread)."""
+        """Read that session from now on; None: go on as before. May be called from any thread."""
         if folder is not None and folder != self._wanted:
             self._wanted = folder
             self.look_now()
@@ -130,7 +130,10 @@ class SessionWatch(Poller):
         return False
 
     def _mark_again(self, reader: SessionReader, night: Night) -> bool:
-        """Update the picture's marks and close-up: it may be there before its frame's records."""
+        """Update the picture's marks and close-up; True when they have changed.
+
+        A picture may be there before its frame's records.
+        """
         if self._picture is None or self._picture.frame_id not in night.newest_frames():
             return False
         before = self._picture
@@ -155,7 +158,7 @@ class SessionWatch(Poller):
 
 
 class EngineWatch(Poller):
-    """Thread that asks the engine for its status, twice a second."""
+    """Thread that asks the engine for its status twice a second."""
 
     def __init__(self, wire: ControlClient, on_seen: Callable[[EngineView], None]) -> None:
         super().__init__("engine", ASK_S)
@@ -209,12 +212,12 @@ if TYPE_CHECKING:
 EVERY_S = 30.0
 WAIT_S = 1.0
 BREATH_S = 2.0
-"""Least seconds between two orbits of a running engine: simulated nights are quick."""
+"""Least seconds between two predictions of a running engine's orbit: simulated nights are fast."""
 MINUTE_NS = 60 * 10**9
 
 
 class OutlookWatch(Poller):
-    """Thread that computes the outlook every half minute, and after each new state or target."""
+    """Thread that computes the outlook every half minute, and after a change of state or target."""
 
     def __init__(
         self, on_seen: Callable[["Outlook"], None], on_orbit: Callable[[OrbitAhead], None]
@@ -227,7 +230,7 @@ class OutlookWatch(Poller):
         self._orbit_of: object = None
 
     def update(self, night: NightView, engine: EngineView) -> None:
-        """Take the night and the engine as they are now (any thread)."""
+        """Take the present night and engine; may be called from any thread."""
         self._known = (night, engine)
 
     def _look(self) -> None:
@@ -259,7 +262,7 @@ class OutlookWatch(Poller):
     def _compute_orbit(
         self, config: Config, night: NightView, engine: EngineView, now: int
     ) -> None:
-        """Compute the prediction of the orbit on record."""
+        """Compute the prediction of the recorded orbit, where it is due."""
         found = night.orbit
         if found is None:
             return
@@ -285,7 +288,7 @@ def _minute(engine: EngineView, now: int) -> int | None:
 
 
 def _direction(night: NightView, engine: EngineView) -> tuple[float, float] | None:
-    """Return the telescope's direction, as the mount reports it or by the last frame."""
+    """Return the telescope's direction by the mount's report, else by the last frame."""
     if engine.mount_ra_icrs_deg is not None and engine.mount_dec_icrs_deg is not None:
         return engine.mount_ra_icrs_deg, engine.mount_dec_icrs_deg
     pointing = night.pointing

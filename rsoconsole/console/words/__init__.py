@@ -1,1 +1,1 @@
-"""The console's lines of text, made to fit, and its plots' contents. Pure."""
+"""The console's lines of text, cut to fit, and the contents of its plots. Pure."""

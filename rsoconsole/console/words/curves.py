@@ -1,4 +1,4 @@
-"""The curves' pages beside the track: image quality, focus, drift and polar alignment."""
+"""The pages over the plots: image quality, focus, and drift with polar alignment."""
 
 from collections.abc import Sequence
 from statistics import median_high
@@ -21,11 +21,11 @@ from rsoconsole.words import duration_words
 
 Page = Literal["quality", "focus", "alignment", "tracks"]
 LOOKS = 600
-"""Number of last frames of which the drift is fitted."""
+"""Number of last frames to which the drift is fitted."""
 TREND_FRAMES = 10
-"""Number of last frames of which the trend of the focus is shown."""
+"""Number of last frames over which the trend of the focus is taken."""
 WORSE_MAG = 0.3
-"""Magnitudes below the night's best transparency from which on it is a warning."""
+"""Magnitudes below the night's best transparency from which on it is shown as a warning."""
 DIGITS = {
     "0": "█▀█|█ █|▀▀▀",
     "1": " ▄█|  █|  ▀",
@@ -44,7 +44,7 @@ DIGITS = {
 def quality_lines(
     rows: Sequence[FrameRow], width: int, height: int, *, window: PlotWindow = NEWEST
 ) -> list[Line]:
-    """Plot FWHM, background, transparency and stars, one above the other, over one time axis.
+    """Plot FWHM, background, transparency and number of stars, one below the other.
 
     Each title has the newest frame's value and the range of all frames shown.
     """
@@ -61,7 +61,7 @@ def quality_lines(
 
 
 def focus_lines(night: NightView, width: int, height: int) -> list[Line]:
-    """Show the FWHM of the stars in large figures, its trend and its curve."""
+    """Build the focus page: the stars' FWHM in large digits, its trend and its curve."""
     rows = [row for row in night.rows if row.fwhm_px is not None]
     if not rows:
         return [
@@ -93,7 +93,7 @@ def focus_lines(night: NightView, width: int, height: int) -> list[Line]:
 
 
 def trend_words(widths: Sequence[float]) -> tuple[str, Ink]:
-    """Return in words whether the FWHM has changed, against its scatter; with an ink."""
+    """Return in words whether the FWHM has changed by more than its scatter; and their ink."""
     last = list(widths)[-TREND_FRAMES:]
     if len(last) < 4:
         return f"{len(last)} of the 4 frames that a trend takes", "dim"
@@ -110,7 +110,7 @@ def trend_words(widths: Sequence[float]) -> tuple[str, Ink]:
 
 
 def alignment_lines(night: NightView, width: int, height: int) -> list[Line]:
-    """Show the drift between mount and stars, the field's rotation, the error of the polar axis."""
+    """Build the page of the drift between mount and stars, field rotation and polar error."""
     looks = solved_pointings(night.rows)
     title = rule("pointing drift and polar alignment", f"{len(looks)} solved frames", width)
     drift = drift_of(looks)
@@ -132,12 +132,12 @@ def alignment_lines(night: NightView, width: int, height: int) -> list[Line]:
 
 
 def solved_pointings(rows: Sequence[FrameRow]) -> list[SolvedPointing]:
-    """Return the directions of the last solved frames, by the mount and by their plate."""
+    """Return the last solved frames' directions, each by the mount and by the plate."""
     return [look for row in rows[-LOOKS:] if (look := _look(row)) is not None]
 
 
 def large_digits(text: str) -> list[str]:
-    """Return figures three cells high, as three lines."""
+    """Return a number in large digits, as three lines of text."""
     rows = ["", "", ""]
     for character in text:
         for number, part in enumerate(DIGITS[character].split("|")):
@@ -173,7 +173,7 @@ def _drift_words(drift: Drift) -> list[Line]:
 
 
 def _hint(night: NightView, looks: Sequence[SolvedPointing], drift: Drift) -> list[Line]:
-    """Return the error of the polar axis by the drift; nothing where the site is not known."""
+    """Return the polar axis's error by the drift, in lines; empty where the site is not known."""
     if night.config is None:
         return []
     from rsoconsole.sky import hour_angle_icrs_deg
@@ -186,7 +186,7 @@ def _hint(night: NightView, looks: Sequence[SolvedPointing], drift: Drift) -> li
 
 
 def hint_words(hint: PolarHint) -> list[str]:
-    """Return the error of the polar axis in words, in lines that fit half of 80 columns."""
+    """Return the polar axis's error in words, in lines that fit half of 80 columns."""
     if hint.axis == "both":
         return [
             "polar axis: here both its errors mix;",

@@ -1,7 +1,7 @@
-"""The facts' pane: position, motion, coming events, the last cycle, the machine, in figures.
+"""The pane of figures: position, motion, coming events, last cycle, machine.
 
-How much of each group is shown depends on the room: three lines in a small terminal, a line a group
-in a larger one, a block a group in a column of its own.
+How much is shown depends on the room: three lines in a small terminal, a line for each group in a
+larger one, a block for each group in a column of its own.
 """
 
 from collections.abc import Mapping
@@ -39,13 +39,13 @@ if TYPE_CHECKING:
     from rsoconsole.pipeline import Outlook
 
 OLD_S = 120.0
-"""Age in seconds from which on a direction is shown with its instant."""
+"""Age in seconds from which on a direction is shown with its time."""
 LIMIT_SOON_S = 3600.0
-"""Seconds ahead within which a limit is shown."""
+"""Seconds ahead within which a coming limit is shown."""
 SOON_S = 900.0
-"""Seconds ahead within which a coming event is a warning."""
+"""Seconds ahead within which a coming event is shown as a warning."""
 NEAR_DEG = 5.0
-"""Degrees to a limit within which it is a warning."""
+"""Degrees to a limit within which the distance is shown as a warning."""
 WIDE_COLUMNS = 72
 GROUPS_ROWS, BLOCKS_ROWS = 5, 10
 STAGES = {
@@ -60,9 +60,9 @@ STAGES = {
 SOLVER_FRAMES = 10
 FOCUS_WINDOW, FOCUS_FRAMES = 300, 5
 MACHINE = {"power", "CPU"}
-"""Parts of the machine whose fault is an alarm."""
+"""Parts of the machine whose fault is shown as an alarm."""
 FOCUS_WORSE = 1.15
-"""Factor on the night's best FWHM beyond which the focus is a warning."""
+"""Factor on the night's best FWHM above which the focus is shown as a warning."""
 
 
 def fact_lines(
@@ -74,7 +74,10 @@ def fact_lines(
     *,
     keymap: Mapping[str, str] | None = None,
 ) -> list[Line]:
-    """Build the pane's lines as far as there is room, most important first."""
+    """Build the lines of the pane of figures, the most important first.
+
+    ``outlook``: None where it is not computed. ``keymap``: other keys for commands.
+    """
     now = present_utc_ns(night, engine)
     leaving = leaving_words(night, engine, now, keymap)
     place, motion = _place_items(night, engine, now), _motion_items(night, engine, now, leaving)
@@ -152,7 +155,7 @@ def _place_items(night: NightView, engine: EngineView, now: int | None) -> list[
 def _followed(
     track: TrackState | None, at: tuple[float, float], seen_ns: int | None, now: int | None
 ) -> tuple[str, str, tuple[float, float]]:
-    """Return words before and behind a direction, and the direction: of now, unless too old.
+    """Return words before and behind a direction, and the direction now, unless it is too old.
 
     ``at``: RA and Dec in degrees at ``seen_ns``, extrapolated to now by the track's rates.
     """
@@ -176,7 +179,7 @@ def _mount_items(engine: EngineView) -> list[Item]:
 
 
 def _plate_items(night: NightView, engine: EngineView) -> list[Item]:
-    """Return the centre of the last frame by its plate, and its offset from the mount's report."""
+    """Return the last frame's centre by its plate, and its offset from the mount's report."""
     row = next((each for each in reversed(night.rows) if each.is_solved is not None), None)
     if row is None or row.plate_icrs_deg is None or engine.is_slewing:
         return []
@@ -228,7 +231,7 @@ def _motion_items(
 
 
 def _aim_words(night: NightView, engine: EngineView) -> str:
-    """Return the predictor of the next aim, as the log words it."""
+    """Return what predicts the next aim, in the log's words."""
     if engine.is_attached and engine.next_aim is not None:
         return f"aim: {engine.next_aim.reason}"
     # What led nowhere yet says nothing once something is followed.
@@ -275,8 +278,7 @@ def _ahead_items(outlook: "Outlook | None", now: int | None) -> list[Item]:
 
 
 def _margin_items(outlook: "Outlook | None", before: str = "") -> list[Item]:
-    """Return degrees to each limit from the telescope's direction; ``before``: words before
-    them."""
+    """Return how far the telescope is from each limit, degrees; ``before``: words before them."""
     items: list[Item] = []
     for name, margin in () if outlook is None else outlook.margins_deg:
         words = f"{name} {margin:.0f}°" if margin >= 0.0 else f"{-margin:.0f}° beyond {name}"
@@ -344,7 +346,7 @@ def _focus_items(night: NightView) -> list[Item]:
 
 
 def _blocks(titled: dict[str, list[Item]], width: int, rows: int) -> list[Line]:
-    """Return each group behind its title, as many lines as it takes while there is room."""
+    """Return each group behind its title, in as many lines as it takes and there is room for."""
     label_columns = max(len(title) for title in titled) + 2
     lines: list[Line] = []
     for title, items in titled.items():

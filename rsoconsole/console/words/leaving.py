@@ -12,7 +12,7 @@ from rsoconsole.sky import wrap_180
 from rsoconsole.words import NS_PER_S, clock, time_left_words
 
 MAX_S = 3600.0
-"""Seconds ahead beyond which leaving the field is not said."""
+"""Seconds ahead beyond which it is not said that a track leaves the field."""
 
 
 def leaving_words(
@@ -21,10 +21,10 @@ def leaving_words(
     now_utc_ns: int | None,
     keymap: Mapping[str, str] | None = None,
 ) -> str:
-    """Say when the satellite leaves the field; empty: the mount follows it, or that is not known.
+    """Return when the target leaves the field: "INTELSAT 21 leaves the field in 4 min".
 
-    E.g. "INTELSAT 21 leaves the field in 4 min". The mount stays with the stars while the operator
-    has control, and while autonomy is held, which one key ends.
+    For a track that the mount does not follow: autonomy is held, or the operator has control while
+    the track is kept. Empty where the mount follows the track, or the time is not known.
     """
     is_by_hand = engine.is_attached and engine.state == "MANUAL" and engine.kept is not None
     is_held = engine.is_attached and engine.is_held and engine.holder == "autonomy"
@@ -49,9 +49,10 @@ def leaving_words(
 def left_in_field_s(
     night: NightView, track: TrackState, row: FrameRow, now_utc_ns: int
 ) -> float | None:
-    """Return the seconds until a track leaves the field of a solved frame; None: it stays there.
+    """Return the seconds until a track leaves a solved frame's field; 0: it is outside.
 
-    0 where it is outside. The field stays among the stars, the track goes on at its rates.
+    The field is taken to stay among the stars, the track to go on at its rates. None: the track
+    stays in the field, or the field is not known.
     """
     if night.config is None or night.frame is None or row.plate_icrs_deg is None:
         return None
@@ -94,13 +95,14 @@ def _looked_at(night: NightView, *, is_held: bool) -> FrameRow | None:
 
 
 FRAMES_COUNTED = 60
-"""Frames ahead beyond which the instant of giving a track up is shown, not the frame."""
+"""Frames ahead up to which the end of a coasting track is given in frames, beyond as a time."""
 
 
 def coast_words(night: NightView, now_utc_ns: int | None) -> str:
-    """Say how a track coasts: "last seen 05:39:40Z, 60 s ago · coasted 2 · given up after 6 more".
+    """Return how a track coasts, in words; empty: it does not coast.
 
-    Empty: it does not coast.
+    E.g. "last seen 05:39:40Z, 60 s ago · coasted 2 · given up after 6 more". ``now_utc_ns``: the
+    frame clock.
     """
     track = night.track
     if track is None or not track.misses:
@@ -122,7 +124,7 @@ def coast_words(night: NightView, now_utc_ns: int | None) -> str:
 
 
 def _end_words(night: NightView, track: TrackState, seen_ns: int | None) -> str:
-    """Return the frame or instant of the track's end; empty where the settings are not known."""
+    """Return the frame or time of the track's end; empty where the settings are not known."""
     if night.config is None:
         return ""
     cadence_s = float(night.setting("exposure.cadence_s") or 0.0)
@@ -139,7 +141,7 @@ def _end_words(night: NightView, track: TrackState, seen_ns: int | None) -> str:
 
 
 def _is_unsure(night: NightView, track: TrackState, ahead_s: float) -> bool:
-    """Return True if its position is too uncertain by then, process noise left out."""
+    """Return True if the position is too uncertain ``ahead_s`` later, process noise left out."""
     config, frame = night.config, night.frame
     if config is None or frame is None or config.filter.preset == "paper":
         return False
@@ -152,7 +154,7 @@ def _is_unsure(night: NightView, track: TrackState, ahead_s: float) -> bool:
 
 
 def _bound_deg(track: TrackState, ahead_s: float) -> float:
-    """Return 3 sigma of its less certain axis, degrees, after a time at its own rates."""
+    """Return 3 sigma of the less certain axis, degrees, after a time at the track's rates."""
     covariance, dt = track.P, ahead_s
     ra, dec = (
         covariance[at][at]
@@ -171,10 +173,11 @@ def kept_words(
     *,
     is_asked_for: bool = False,
 ) -> tuple[str, ...]:
-    """Say which ended track is kept, from the longest wording to the shortest; empty: none.
+    """Return wordings of which ended track is kept, the longest first; empty: none is kept.
 
-    ``now_utc_ns``: the frame clock, by which its remaining time is counted; ``is_asked_for``: the
-    key to follow it again was pressed, and the engine has not answered yet.
+    ``now_utc_ns``: the frame clock, from which the remaining time is counted.
+    ``is_asked_for``: True where the key to follow it again was pressed, and the engine has not
+        answered yet.
     """
     if not engine.is_attached:
         return ()

@@ -1,4 +1,4 @@
-"""The plots' panes: confidence, residuals and NIS of a window of the night, with titles."""
+"""The panes of the plots: confidence, residuals and NIS for a window of frames, with titles."""
 
 import itertools
 import math
@@ -30,21 +30,23 @@ MAX_FRAMES_A_MARK = 64
 LABEL_COLUMNS = 12
 """Least columns between two times on the axis."""
 LIVE_STEP = 12
-"""Marks that one key moves the window by."""
+"""Marks that one key press moves the window by."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PlotWindow:
-    """Frames that the plots show: at first the newest, one to a mark."""
+    """Window of frames that the plots show; by default the newest, one frame to a mark."""
 
     back: int = 0
-    """Number of frames after the window."""
+    """Number of the night's frames after the window's right edge."""
     frames_a_mark: int = 1
 
     def moved(self, marks: int, count: int, room: int = 1) -> "PlotWindow":
-        """Return the window moved on by some marks (negative: back) in ``count`` frames.
+        """Return the window moved on by some marks, below 0 back.
 
-        ``room``: marks that the plot has room for; the window stops where the oldest fill it.
+        ``count``: number of frames of the night.
+        ``room``: marks that the plot has room for; the window stops where the oldest frames fill
+            it.
         """
         n = self.frames_a_mark
         back = self.back - marks * n
@@ -53,22 +55,22 @@ class PlotWindow:
         return replace(self, back=min(max(back, 0), most))
 
     def zoomed(self, factor: float) -> "PlotWindow":
-        """Return the window with a factor, 2 or 0.5, on the frames to a mark."""
+        """Return the window with its frames to a mark multiplied by ``factor``, 2 or 0.5."""
         frames = min(max(round(self.frames_a_mark * factor), 1), MAX_FRAMES_A_MARK)
         return replace(self, frames_a_mark=frames)
 
     def seen(self, rows: Sequence[FrameRow]) -> Sequence[FrameRow]:
-        """Return the frames up to the right edge."""
+        """Return the night's frames up to the window's right edge."""
         return rows[: len(rows) - self.back] if self.back else rows
 
     def visible(self, rows: Sequence[FrameRow], width: int) -> Sequence[FrameRow]:
-        """Return the frames with marks in a plot of ``width`` columns, its axis included."""
+        """Return the frames shown in a plot of ``width`` columns, its axis included."""
         seen, n = self.seen(rows), self.frames_a_mark
         marks = -(-len(seen) // n)
         return seen[max(marks - max(width - AXIS_COLUMNS, 0), 0) * n :]
 
     def frames_words(self, rows: Sequence[FrameRow], width: int) -> str:
-        """Say which frames of the night such a plot shows."""
+        """Return in words which of the night's frames a plot of ``width`` columns shows."""
         visible = self.visible(rows, width)
         if self.back and visible:
             return f"{visible[0].frame_id:04d}-{visible[-1].frame_id:04d} of {len(rows)}"
@@ -76,9 +78,9 @@ class PlotWindow:
         return f"{len(rows)} frames" if is_all else f"last {len(visible)} of {len(rows)}"
 
     def rows(self, rows: Sequence[FrameRow], width: int | None = None) -> tuple[FrameRow, ...]:
-        """Return one row a mark, oldest first; of several frames the one with the worst fit.
+        """Return one frame for each mark, oldest first: of several the one with the worst fit.
 
-        ``width``: only those in a plot of that width.
+        ``width``: columns of the plot, whose marks alone are returned; None: all marks.
         """
         seen = self.seen(rows) if width is None else self.visible(rows, width)
         n = self.frames_a_mark
@@ -88,7 +90,7 @@ class PlotWindow:
         return tuple(max(seen[at : at + n], key=_misfit) for at in range(0, len(seen), n))
 
     def words(self, rows: Sequence[FrameRow]) -> str:
-        """Return the shown frames in words; empty for the newest, frame by frame."""
+        """Return the window in words; empty for the newest frames, one to a mark."""
         parts = []
         if self.frames_a_mark > 1:
             parts.append(f"a mark is {self.frames_a_mark} frames, the worst shown")
@@ -99,7 +101,7 @@ class PlotWindow:
 
 
 def axis_lines(shown: Sequence[FrameRow], width: int, height: int, words: str = "") -> list[Line]:
-    """Write the frames' times under their marks, ``words`` first where there are any."""
+    """Return the line of the frames' times below their marks, ``words`` before them."""
     if height < 1:
         return []
     room = max(width - AXIS_COLUMNS, 0)
@@ -133,13 +135,13 @@ MISS = "○"
 STRIP_LABEL_COLUMNS = 22
 NIS_FRAMES = 10
 AXES = {"east": (0, "RA·cosδ", "RA"), "north": (1, "δ", "δ ")}
-"""Index in a residual, name, and name in a strip of each axis."""
+"""Of each axis: its index in a residual, its name, its name where there is one row."""
 
 
 def confidence_lines(
     night: NightView, width: int, height: int, *, window: PlotWindow = NEWEST
 ) -> list[Line]:
-    """Plot each frame's best detection, misses at 0 by their own sign, tau as a line."""
+    """Plot the confidence of each frame's best detection, misses at 0, tau as a line."""
     columns = [_confidence_column(row) for row in window.rows(night.rows, width)]
     last = next((row for row in reversed(window.seen(night.rows)) if row.is_reduced), None)
     now = _confidence_words(last)
@@ -161,10 +163,10 @@ def residual_lines(
     window: PlotWindow = NEWEST,
     of: str = "",
 ) -> list[Line]:
-    """Plot measured minus predicted on one axis, in 3-sigma bounds; coasted frames on zero.
+    """Plot the residuals of one axis, measured minus predicted, within 3-sigma bounds.
 
-    ``of``: the track's name where it is not the lead. The title is of the newest frame up to the
-    right edge, however many a mark stands for.
+    Coasted frames have a sign at 0. The title is of the newest frame up to the right edge, however
+    many frames a mark stands for. ``of``: the track's name where it is not the lead.
     """
     place, name, strip_name = AXES[axis]
     columns = [_column(row, place) for row in window.rows(night.rows, width)]
@@ -193,7 +195,10 @@ def _of(of: str, gap: str = ": ") -> str:
 def nis_lines(
     night: NightView, width: int, height: int, *, window: PlotWindow = NEWEST, of: str = ""
 ) -> list[Line]:
-    """Plot the normalised innovation squared against its band; ``of``: as in residual_lines."""
+    """Plot the normalised innovation squared (NIS) with its 95 % band.
+
+    ``of``: the track's name where it is not the lead.
+    """
     newest_first = (row for row in reversed(window.seen(night.rows)) if row.nis is not None)
     judged_rows = list(itertools.islice(newest_first, WINDOW))[::-1]
     values = [row.nis for row in judged_rows if row.nis is not None]
@@ -242,7 +247,10 @@ def _confidence_column(row: FrameRow) -> Column:
 
 
 def likeliest_refused(row: FrameRow) -> tuple[float, str] | None:
-    """Return the likeliest streak that was not accepted: confidence, reason; None: one was."""
+    """Return (confidence, reason) of the likeliest refused streak; None: no streak was refused.
+
+    None also where the frame has an accepted streak or a likelier detection.
+    """
     if row.is_followed or row.refused is None or row.refused[0] < SHOWN_REJECTED:
         return None
     return row.refused if row.refused[0] >= (row.confidence or 0.0) else None

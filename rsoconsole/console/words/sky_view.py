@@ -12,14 +12,14 @@ if TYPE_CHECKING:
     from rsoconsole.pipeline import Outlook
 
 RIM_STEPS = 240
-"""Number of points of which the horizon and the limits are drawn."""
+"""Number of points with which the horizon and the limits are drawn."""
 MOON, SUN, TARGET, MOUNT = "☾", "☼", "◆", "+"
 
 
 def sky_lines(
     config: "Config | None", outlook: "Outlook | None", width: int, rows: int
 ) -> list[Line]:
-    """Draw limits, geostationary belt, Moon, Sun, the mount, the target and its way."""
+    """Draw limits, geostationary belt, Moon, Sun, the mount, the target and its path."""
     title = rule("sky", "", width)
     if config is None or outlook is None or rows < 4 or width < 8:
         return [title]
@@ -57,7 +57,10 @@ def sky_lines(
 
 
 def place(altaz_deg: tuple[float, float], width: int, rows: int) -> tuple[int, int] | None:
-    """Return column and row of a direction; None below the horizon. Cells are twice as high."""
+    """Return (column, row) of a direction (altitude, azimuth), degrees; None below the horizon.
+
+    ``width``, ``rows``: cells of the disc, each twice as high as wide.
+    """
     alt, az = altaz_deg
     if alt < 0.0:
         return None

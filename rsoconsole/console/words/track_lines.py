@@ -1,4 +1,4 @@
-"""The list of tracks and that of neighbours, each with the chosen track in full. Pure."""
+"""The list of tracks and the list of their neighbours, with the chosen track in full. Pure."""
 
 import math
 from collections.abc import Callable, Sequence
@@ -26,7 +26,7 @@ from rsoconsole.words import (
 )
 
 NAME_COLUMNS = (8, 24)
-"""Least and greatest width of the names' column."""
+"""Least and greatest width of the column of names."""
 ORBIT_WORDS = {
     "free": "free",
     "constrained by prior": "prior",
@@ -35,22 +35,22 @@ ORBIT_WORDS = {
 }
 """Short words for an orbit's label."""
 MIN_AIM_ROWS = 2
-"""Rows that are left for the next aim once every track has one."""
+"""Rows that must be left below the tracks for the next aim to be shown."""
 _RULE_CELLS = 6
 """Cells of a title's line beside its words."""
 MIN_TRACK_ROWS = 5
-"""Least tracks in sight where the chosen one is shown in full."""
+"""Least tracks in view where the chosen track is shown in full."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Column:
-    """Column of the list."""
+    """A column of the list."""
 
     head: str
     width: int
     """Cells of its widest word; 0: the rest of the line."""
     rank: int
-    """Rank; the column of the highest rank goes first where there is no room."""
+    """Rank; where there is no room, the column of the highest rank is left out first."""
     words: Callable[[NightView, FollowedTrack, int | None], str]
     is_left: bool = False
 
@@ -66,7 +66,9 @@ def track_list_lines(
 ) -> list[Line]:
     """Build the list: title, heads, the tracks by number, the chosen one in full, the next aim.
 
-    ``chosen``: a track's number, None: the lead.
+    ``chosen``: id of the chosen track; None: the lead.
+    ``now_utc_ns``: the frame clock, for the tracks' ages.
+    ``next_aim``: the telescope's next aim; None: not known, or not to be shown.
     """
     tracks = night.tracks
     if next_aim is not None and tracks and height >= len(tracks) + 3 + MIN_AIM_ROWS:
@@ -130,7 +132,7 @@ def _title(night: NightView, width: int) -> Line:
 
 
 def is_chosen(track: FollowedTrack, chosen: int | None) -> bool:
-    """Return True if the cursor is on a track; ``chosen``: a track's number, None: the lead."""
+    """Return True if a track is the chosen one; ``chosen``: its id, None: the lead is chosen."""
     return track.is_lead if chosen is None else track.track_id == chosen
 
 
@@ -142,14 +144,14 @@ def _state(track: FollowedTrack) -> str:
 
 
 def track_name_words(night: NightView, track_id: int) -> str:
-    """Return a track's name in the catalogue, else in the ledger; "?" stands for doubt."""
+    """Return a track's name by the catalogue, else as an unknown object; "-": none yet."""
     return one_line(identity(night.identifications.get(track_id)))
 
 
 def detail_lines(
     night: NightView, track: FollowedTrack, now_utc_ns: int | None, width: int
 ) -> list[Line]:
-    """Return one track in full: its figures on the list, and those without room there."""
+    """Return the lines of one track in full: its figures on the list, and further ones."""
     orbit = night.orbits.get(track.track_id)
     parts = [
         f"{track.number} {track_name_words(night, track.track_id)}",
@@ -170,13 +172,13 @@ def detail_lines(
 
 
 def aim_lines(aim: NextAim, width: int) -> list[Line]:
-    """Return the telescope's aim after the next exposure, and its policy."""
+    """Return the lines on where the telescope looks after the next exposure, and by what policy."""
     what, _place, *rest = aim_parts(aim)
     return items_in_rows([(part, "dim") for part in (what, *rest)], width, gap=" · ")
 
 
 def columns_for(width: int) -> tuple[_Column, ...]:
-    """Return the columns that there is room for; the name has the rest of the width."""
+    """Return the columns that a list of that width has room for, by rank."""
     kept = list(_COLUMNS)
     while len(kept) > 2 and _taken(kept) + NAME_COLUMNS[0] > width:
         kept.remove(max(kept, key=lambda column: column.rank))
@@ -184,7 +186,7 @@ def columns_for(width: int) -> tuple[_Column, ...]:
 
 
 def _taken(columns: list[_Column] | tuple[_Column, ...]) -> int:
-    """Return the cells beside the name: the other columns, and one before each."""
+    """Return the cells beside the name: the other columns, and a blank before each."""
     return sum(column.width + 1 for column in columns)
 
 
@@ -252,9 +254,10 @@ _MAX_UNSEEN = 4
 
 
 def neighbour_lines(night: NightView, chosen: int | None, width: int, height: int) -> list[Line]:
-    """Build the list of neighbours: each track's nearest, the chosen pair in full, the missing.
+    """Build the list of each track's nearest neighbour, the chosen pair in full, the missing.
 
-    ``chosen``: a track's number, None: the lead.
+    ``chosen``: id of the chosen track; None: the lead. The missing are catalogued objects expected
+    in the field without a track.
     """
     tracks = night.tracks
     title = rule(f"neighbours: {len(tracks)}", "← list", width)
@@ -286,7 +289,7 @@ def nearest_of(night: NightView, track_id: int) -> PairMotion | None:
 
 
 def pair_detail(night: NightView, track: FollowedTrack, width: int) -> list[Line]:
-    """Return a track and its nearest neighbour with every error."""
+    """Return the lines on a track and its nearest neighbour, each figure with its error."""
     pair = nearest_of(night, track.track_id)
     if pair is None:
         return [cut_to_width([(f" {track.number}: no neighbour measured yet", "dim")], width)]
@@ -306,7 +309,7 @@ def pair_detail(night: NightView, track: FollowedTrack, width: int) -> list[Line
 
 
 def field_lines(night: NightView, width: int) -> list[Line]:
-    """Return catalogued objects due in the field without a track, and tracks of none."""
+    """Return lines on tracks without a catalogued object, and expected objects without a track."""
     parts = []
     unknown = {n for n, found in night.identifications.items() if found.verdict == "unknown"}
     nameless = [t.number for t in night.tracks if t.track_id in unknown]
@@ -323,7 +326,7 @@ def field_lines(night: NightView, width: int) -> list[Line]:
 
 
 def other_of(pair: PairMotion, track_id: int) -> int:
-    """Return a pair's other track."""
+    """Return the id of a pair's other track."""
     return pair.other_track_id if pair.track_id == track_id else pair.track_id
 
 

@@ -1,4 +1,7 @@
-"""Lines of text made to fit: the first lines, titles and captions, and the cutting of lines."""
+"""Lines of text made to fit: first lines, titles, captions, and cutting of lines.
+
+A line is a list of (text, ink).
+"""
 
 import bisect
 import math
@@ -22,7 +25,7 @@ STATE_INKS: dict[str, Ink] = {"TRACK": "good", "COAST": "warn", "LOST": "warn", 
 
 
 def present_utc_ns(night: NightView, engine: EngineView) -> int | None:
-    """Return the frame clock: the engine's, else its last known instant; None: none is known."""
+    """Return the frame clock, UTC ns: the engine's, else its last known time; None: unknown."""
     if engine.is_attached and engine.now_utc_ns:
         return engine.now_utc_ns
     return max(engine.since_utc_ns or 0, night.last_utc_ns or 0) or None
@@ -39,12 +42,13 @@ def top_lines(
     kept: Sequence[str] = (),
     is_stopping: bool = False,
 ) -> list[Line]:
-    """Build the first lines: state and since when, who has control, the target, the frame clock.
+    """Build the first lines: state and since when, who has control, target, frame clock.
 
-    ``only_looks``: this console may do nothing but STOP; ``found``: the target's name, its orbit's
-    size and whether that was assumed, each where it is known, as far as there is room; ``kept``:
-    words on a track that was ended, the longest first; ``is_stopping``: STOP was given, and the
-    engine's last status is from before it.
+    ``only_looks``: True where this console may send STOP alone.
+    ``found``: the target's name, its orbit's size, and whether that was assumed, each empty if not
+        known.
+    ``kept``: wordings on the kept track, the longest first.
+    ``is_stopping``: STOP was given, and the engine's last status is from before it.
     """
     now = present_utc_ns(night, engine)
     state_words, holder = _state_words(night, engine, now)
@@ -87,7 +91,7 @@ def top_lines(
 
 
 def demo_badge(night: NightView, width: int, engine: EngineView | None = None) -> Line:
-    """Return a badge that the night is simulated, with its pace; empty for a real one."""
+    """Return a badge that says that the night is simulated, and its pace; empty if it is real."""
     if not night.is_simulated:
         return []
     speed = engine.simulated_speed if engine is not None and engine.is_attached else None
@@ -129,7 +133,7 @@ def _state_words(
 
 
 def alert_text(night: NightView, engine: EngineView) -> str:
-    """Return the alert: faults of engine and session with their remedies; empty: all is well."""
+    """Return the alert: faults of engine and session with their remedies; empty: no fault."""
     parts: list[str] = []
     if engine.reach == "gone" and night.has_ended:
         parts.append("the engine has ended: 'rsoconsole engine' starts one")
@@ -147,12 +151,12 @@ def alert_text(night: NightView, engine: EngineView) -> str:
 
 
 def first_shown(chosen: int, count: int, room: int) -> int:
-    """Return the number of the first shown row of a list, so that the chosen one is in view."""
+    """Return the index of a list's first visible row, such that the chosen row is in view."""
     return min(max(chosen - room // 2, 0), max(count - room, 0))
 
 
 def join_fitting_parts(parts: Sequence[str], width: int, gap: str = " · ") -> str:
-    """Join as many of the parts as fit, the first ones first; the first is cut where it must be."""
+    """Join as many parts as fit into ``width``, in order; a first one too long is cut."""
     kept = ""
     for part in parts:
         longer = f"{kept}{gap}{part}" if kept else part
@@ -172,7 +176,7 @@ def frame_title(
 ) -> list[str]:
     """Return the parts of the picture's title: frame, exposure, whether it was not solved.
 
-    ``is_reading``: no frame has been read yet, though there may be some.
+    ``is_reading``: True where the session's past is still being read.
     """
     if picture is None:
         frame = night.frame
@@ -205,7 +209,7 @@ def closeup_title(picture: Picture | None, drawing: DrawnPicture | None) -> list
 
 
 def closeup_caption(picture: Picture | None, width: int = BADGE_COLUMNS) -> list[str]:
-    """Return position and errors of the followed measurement, in at most ``width`` columns."""
+    """Return the followed measurement's position and sigmas, the position in ``width`` columns."""
     followed = picture.detail.followed if picture is not None else None
     if followed is None:
         return []
@@ -245,7 +249,7 @@ def _arrow(x: float, y: float) -> str:
 
 
 def with_right_text(left: Line, right: str, width: int) -> Line:
-    """Put ``right`` at the right edge behind ``left``, which is cut where there is no room."""
+    """Put ``right`` at the line's right edge; ``left`` is cut where there is no room for both."""
     room = width - len(right)
     cut = cut_to_width(left, max(room, 0))
     pad = max(room - _columns(cut), 0)
@@ -267,7 +271,7 @@ def cut_to_width(line: Line, width: int) -> Line:
 
 
 def rule(left: str | Line, right: str, width: int) -> Line:
-    """Draw a title into a horizontal rule; ``right`` goes first where there is no room."""
+    """Draw a title into a horizontal rule; ``right`` is left out first where there is no room."""
     title: Line = [(left.strip(), "title")] if isinstance(left, str) else left
     used = 3 + _columns(title)
     tail = f" {right} ─" if right and used + len(right) + 3 <= width else ""
@@ -278,7 +282,10 @@ def rule(left: str | Line, right: str, width: int) -> Line:
 def items_in_rows(
     items: Iterable[Item], width: int, rows: int | None = None, gap: str = "  "
 ) -> list[Line]:
-    """Spread items over as many rows as there are; items without room are left out."""
+    """Spread (text, ink) items over rows; items without room are left out.
+
+    ``rows``: most rows, None: any number; ``gap``: text between two items of a row.
+    """
     lines: list[Line] = []
     for text, ink in items:
         if lines and _columns(lines[-1]) + len(gap) + len(text) <= width:
@@ -299,9 +306,9 @@ def cos_deg(angle_deg: float) -> float:
 
 
 def wrapped(text: str, width: int, rows: int, cut: str = "…") -> list[Line]:
-    """Break text between words over as many rows as there are; a text too long loses its middle.
+    """Break text between words into at most ``rows`` lines; a text too long loses its middle.
 
-    The fact stands first and the remedy last: neither is left out; ``cut`` marks the gap.
+    The fact stands first and the remedy last: neither is left out. ``cut`` marks the gap.
     """
     return [[(line, "")] for line in _broken(text, max(width, 1), rows, cut)]
 
