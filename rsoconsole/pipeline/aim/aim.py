@@ -27,22 +27,27 @@ _MIN_COSINE = 0.05
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SearchBase:
-    """The direction a search starts from, fixed to the ground."""
+    """Direction that a search starts from, as hour angle and declination: fixed over the ground."""
 
     hour_angle_deg: float
     """Hour angle of date, west positive."""
     declination_deg: float | None
-    """Declination of date; None: the geostationary belt's at each hour angle."""
+    """Declination of date; None: at each hour angle that of the geostationary belt."""
     comes_before_targets: bool = False
-    """True where this place is searched before the listed targets: a track was lost here."""
+    """True where a track was lost here: this place is searched before the listed targets."""
     widens: bool = False
-    """True for a spiral round this place, whatever the pattern: a track was lost here."""
+    """True where a track was lost here: the search is a spiral round it, whatever the pattern."""
 
 
 def search_base(
     search: SearchConfig, site: Site, ra_icrs_deg: float, dec_icrs_deg: float, t_utc_ns: int
 ) -> SearchBase:
-    """Base of a configured search; where no place is configured, the present pointing."""
+    """Return the configured base of a search, completed by the given direction (ICRS, degrees).
+
+    An hour angle that is not configured is that of the given direction, and so is the declination
+    with pattern ``stay``. With other patterns a declination that is not configured is None: the
+    belt's.
+    """
     here = search_base_at(site, ra_icrs_deg, dec_icrs_deg, t_utc_ns)
     hour_angle_deg = search.hour_angle_deg
     declination_deg = search.declination_deg
@@ -63,7 +68,11 @@ def search_base_at(
     comes_before_targets: bool = False,
     widens: bool = False,
 ) -> SearchBase:
-    """Base of a search around this direction at its own declination, where a track was lost."""
+    """Return the base of a search around the given direction (ICRS, degrees).
+
+    ``comes_before_targets`` and ``widens``: as in ``SearchBase``, for a direction at which a track
+    was lost.
+    """
     ra_jnow_deg, dec_jnow_deg = icrs_to_jnow(ra_icrs_deg, dec_icrs_deg, t_utc_ns)
     return SearchBase(
         hour_angle_deg=hour_angle_jnow_deg(site, ra_jnow_deg, t_utc_ns),
@@ -74,7 +83,7 @@ def search_base_at(
 
 
 def fields_in_round(base: SearchBase, search: SearchConfig) -> int:
-    """Number of fields that a search visits before it comes back to its first."""
+    """Number of fields in one round of a search, after which it begins again with the first."""
     if base.widens:
         return SPIRAL_FIELDS
     if search.pattern == "belt":
@@ -85,14 +94,21 @@ def fields_in_round(base: SearchBase, search: SearchConfig) -> int:
 
 
 def field_number(base: SearchBase, search: SearchConfig, exposure_number: int) -> int:
-    """Field of the round, from 0, to which the n-th exposure of a search belongs."""
+    """Return the number of the field, from 0, that an exposure of a search shows.
+
+    ``exposure_number``: counted from 0. Each field has ``search.frames_per_field`` exposures; after
+    the last field the search comes back to the first.
+    """
     return exposure_number // search.frames_per_field % fields_in_round(base, search)
 
 
 def search_target(
     base: SearchBase, search: SearchConfig, exposure_number: int
 ) -> TargetConfig | None:
-    """Listed target of the n-th exposure; None where that exposure belongs to no list."""
+    """Listed target that an exposure of a search shows; None where it shows no listed target.
+
+    ``exposure_number``: counted from 0.
+    """
     if base.widens:
         return None
     number = field_number(base, search, exposure_number) - base.comes_before_targets
@@ -108,11 +124,12 @@ def search_direction(
     exposure_number: int,
     t_utc_ns: int,
 ) -> tuple[float, float]:
-    """ICRS direction of the n-th exposure of a search at the instant ``t_utc_ns``.
+    """ICRS direction (RA, Dec) in degrees of an exposure of a search, at the instant ``t_utc_ns``.
 
-    The hour angle stands still during a field's exposures: a geostationary satellite then stays
-    where it is in the field while the stars pass. Only a target given by its right ascension
-    stands still among the stars.
+    ``exposure_number``: counted from 0; ``field_deg``: width and height of the field. The hour
+    angle does not change during a field's exposures: a geostationary satellite then stays where it
+    is in the field while the stars pass. Only a target given by its right ascension is fixed among
+    the stars.
     """
     target = search_target(base, search, exposure_number)
     if target is not None:
@@ -133,7 +150,7 @@ def search_direction(
 
 
 def spiral(number: int) -> tuple[int, int]:
-    """Column and row of the n-th place of a square spiral that begins at (0, 0)."""
+    """Column and row of a place on a square spiral: number 0 is at (0, 0), the first ring 1-8."""
     if number == 0:
         return 0, 0
     ring = math.ceil((math.sqrt(number + 1) - 1.0) / 2.0)
@@ -145,10 +162,10 @@ def spiral(number: int) -> tuple[int, int]:
 
 
 def target_direction(target: TargetConfig, site: Site, t_utc_ns: int) -> tuple[float, float]:
-    """ICRS direction of a listed target at an instant.
+    """ICRS direction (RA, Dec) in degrees of a listed target at an instant.
 
-    Its declination is ICRS beside a right ascension, else of date; where it is not given, the
-    geostationary belt's.
+    A declination given with a right ascension is ICRS; one given with an hour angle or a slot is of
+    date. Where none is given, it is that of the geostationary belt.
     """
     if target.ra_icrs_deg is not None and target.declination_deg is not None:
         return target.ra_icrs_deg, target.declination_deg
@@ -164,7 +181,10 @@ def target_direction(target: TargetConfig, site: Site, t_utc_ns: int) -> tuple[f
 def fixed_direction(
     site: Site, hour_angle_deg: float, declination_deg: float | None, t_utc_ns: int
 ) -> tuple[float, float]:
-    """ICRS direction of a place over the ground, of date; None: on the geostationary belt."""
+    """ICRS direction (RA, Dec) in degrees of an hour angle and declination of date.
+
+    ``declination_deg``: None for the declination of the geostationary belt at that hour angle.
+    """
     if declination_deg is None:
         declination_deg = belt_declination_deg(site, hour_angle_deg)
     return icrs_of_hour_angle(site, hour_angle_deg, declination_deg, t_utc_ns)
@@ -179,7 +199,8 @@ def side_at_arrival(
 ) -> PierSide | None:
     """Return the side of the pier after a slew; None where the mount does not report its side.
 
-    A German mount changes sides only where the direction is far enough past the meridian.
+    ``present``: the side now. A German mount changes sides only where the direction is far enough
+    past the meridian.
     """
     if present is None or mount.type != "german":
         return present
@@ -196,7 +217,10 @@ def flip_refusal(
     t_utc_ns: int,
     present: PierSide | None,
 ) -> SlewRefusal | None:
-    """Reason why the meridian policy forbids this slew of a track; None where it does not."""
+    """Refusal of a slew that changes the side of the pier, where ``mount.meridian`` is "hold".
+
+    None where the side stays, or where the setting allows the change. ``present``: the side now.
+    """
     after = side_at_arrival(site, mount, direction_icrs_deg, t_utc_ns, present)
     if mount.meridian != "hold" or after == present:
         return None
@@ -207,7 +231,7 @@ def flip_refusal(
 def follow_direction(
     track: TrackState, t_mid_utc_ns: int, settings: FilterConfig, aim: AimConfig | None = None
 ) -> tuple[float, float]:
-    """Aim point of the track at the next mid-exposure, ICRS, with the offsets of ``aim``."""
+    """Aim point of a track at the next mid-exposure, ICRS degrees, with the offsets of ``aim``."""
     aim = aim or AimConfig()
     led_ns = t_mid_utc_ns + round(aim.lead_s * 1e9)
     ahead = predict(track, led_ns, settings, track.frame_id)
@@ -217,7 +241,11 @@ def follow_direction(
 def beside(
     direction_icrs_deg: tuple[float, float], rate_arcsec_s: tuple[float, float], aim: AimConfig
 ) -> tuple[float, float]:
-    """Add the offsets of ``aim``, along and across the motion, to a direction (ICRS, degrees)."""
+    """Add the offsets of ``aim``, along and across the motion, to a direction (ICRS, degrees).
+
+    ``rate_arcsec_s``: rate of the motion east and north. An offset across is positive to the left
+    of the motion.
+    """
     ra_deg, dec_deg = direction_icrs_deg
     dec_deg = min(max(dec_deg, -90.0), 90.0)
     if aim.along_arcmin == 0.0 and aim.across_arcmin == 0.0:
@@ -239,7 +267,12 @@ def needs_recentre(
     centre_icrs_deg: tuple[float, float] | None,
     target_icrs_deg: tuple[float, float],
 ) -> bool:
-    """True where the telescope must move for this target: always, or outside the central part."""
+    """True where the telescope must move for a target.
+
+    It must with ``search.recentre`` "every", where the field's centre is not known (None), and
+    where the target is farther from it than ``search.recentre_fraction`` of the field's shorter
+    side.
+    """
     if search.recentre == "every" or centre_icrs_deg is None:
         return True
     return separation_deg(*centre_icrs_deg, *target_icrs_deg) > search.recentre_fraction * min(
@@ -254,7 +287,7 @@ def slew_to(
     reason: str,
     track_id: int | None = None,
 ) -> SlewCommand:
-    """Slew command for the record."""
+    """Return the record of a slew to ``direction`` (ICRS, degrees), aimed for ``t_aim_utc_ns``."""
     return SlewCommand(
         frame_id=frame_id,
         ra_icrs_deg=direction[0],

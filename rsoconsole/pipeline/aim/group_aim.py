@@ -1,9 +1,9 @@
 """Aim point when several satellites are tracked: policy ``aim.policy``. Pure.
 
-``lead`` aims at the lead alone. ``most`` holds the largest weighted number of tracks in the usable
-field, ``group`` all of them as long as they fit, and then the most around the lead. The field is
-taken as the circle that fits into it, so that the camera's rotation does not matter; a track counts
-where its streak and its bounds fit in too.
+``lead`` aims at the lead alone. ``most`` puts the largest weighted number of tracks in the usable
+field. ``group`` puts all of them in it as long as they fit, else as many as fit with the lead. The
+usable field is the largest circle inside the field, so that the camera's rotation does not matter;
+a track counts where its streak and its 3-sigma bounds are inside, too.
 """
 
 import itertools
@@ -31,7 +31,7 @@ LEAD_WEIGHT = 1.5
 TRIAL_WEIGHT = 0.5
 """Weight of a track detected only twice, which may consist of two false streaks."""
 UNSEEN_SHARE = 0.7
-"""Factor on a track's weight for each frame in which it is missed."""
+"""Factor on a track's weight for each frame in a row in which it is missed."""
 _USABLE_SHARE = 0.95
 """Usable share of the circle that fits into the field; the rest allows for the mount's errors."""
 _FARTHEST_DEG = 10.0
@@ -39,13 +39,13 @@ _FARTHEST_DEG = 10.0
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Member:
-    """Track at the middle of the next exposure."""
+    """Track at the middle of the next exposure, on the plane tangent to the sky at the lead."""
 
     x: float
-    """Coordinate on the tangent plane at the lead, degrees."""
+    """Coordinate on that plane, degrees, as ``y``."""
     y: float
     reach_deg: float
-    """Part of the field for its streak and 3-sigma bounds, around its position, degrees."""
+    """Radius around its position that its streak and its 3-sigma bounds need, degrees."""
     weight: float
 
 
@@ -59,9 +59,10 @@ def group_direction(
     exposure_s: float,
     settings: FilterConfig,
 ) -> tuple[tuple[float, float], int]:
-    """Return the aim point (ICRS) at an instant, and the number of tracks in the field then.
+    """Return the aim point (ICRS, degrees) and the number of tracks in the field around it.
 
-    ``tracks``: the lead first, which is at ``lead_deg``.
+    Both are for the instant ``t_mid_utc_ns``. ``tracks``: the lead first; ``lead_deg``: the lead's
+    direction at that instant (ICRS).
     """
     plane = Plane.at(*lead_deg)
     members = _members(tracks, plane, t_mid_utc_ns, exposure_s, settings)
@@ -84,9 +85,10 @@ def tracks_inside(
     exposure_s: float,
     settings: FilterConfig,
 ) -> tuple[bool, ...]:
-    """True for each track that is in the field around ``centre_deg`` (ICRS) at an instant.
+    """True for each track that is in the field around ``centre_deg`` at ``t_mid_utc_ns``.
 
-    ``tracks``: the lead first, which is at ``lead_deg``.
+    ``tracks``: the lead first; ``lead_deg``: the lead's direction at that instant. Directions are
+    ICRS.
     """
     plane = Plane.at(*lead_deg)
     centre = plane.place_of(*centre_deg) / 3600.0
@@ -101,7 +103,10 @@ def tracks_inside(
 
 
 def best_centre(members: Sequence[Member], radius_deg: float, policy: Policy) -> FloatArray:
-    """Best centre (2,) of the field's circle; the first of the members is the lead."""
+    """Best centre (2,), in degrees on the tangent plane, of a circle with ``radius_deg``.
+
+    ``members``: the lead first.
+    """
     fitting = [each for each in members if each.reach_deg < radius_deg]
     lead = members[0]
     if not fitting:

@@ -28,10 +28,11 @@ def by_dask(
     failed: Callable[[Task, str], Result],
     paths: Sequence[Path],
 ) -> Iterator[tuple[int, Result]]:
-    """Yield the number of each task with its result, as they come.
+    """Yield (number of the task, its result) as the tasks are completed.
 
-    Arguments as those of ``batch_pool.run_tasks``; ``scheduler`` None: a cluster of this machine's
-    own. Raises BatchError also where the scheduler, or its last worker, ends before all is done.
+    ``scheduler``: address of a Dask scheduler; None: a cluster is started on this machine. The
+    other arguments are those of ``batch_pool.run_tasks``. Raises BatchError where there is no
+    worker, and where the scheduler or its last worker ends before all tasks are done.
     """
     from concurrent.futures import CancelledError
 

@@ -1,7 +1,7 @@
 """Nights of recorded frames, each made into a session; sessions already made are skipped.
 
-A session is written beside its place and renamed when it is complete: an interruption of any kind
-leaves nothing that could pass for a night, and the night is begun again.
+A session is written in a temporary folder and renamed when it is complete: an interruption of any
+kind leaves no half-made session, and the night is processed again from its start.
 """
 
 import contextlib
@@ -45,12 +45,12 @@ State: TypeAlias = Literal["done", "skipped", "failed"]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Night:
-    """Frames that belong together, and the session made of them."""
+    """One night's frames, and the session to make of them."""
 
     source: Path
     session: Path
     frames: tuple[tuple[int, Path], ...]
-    """(number, file), in order."""
+    """(number, file) of each frame, in order."""
     config: Config
     is_again: bool = False
     """True where a session that exists already is made again."""
@@ -58,7 +58,7 @@ class Night:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class NightOutcome:
-    """Outcome of a night, with the figures of its session."""
+    """Result of processing one night, with the figures of its session."""
 
     source: Path
     session: Path
@@ -72,16 +72,17 @@ class NightOutcome:
     locked_after_frames: int | None = None
     last_state: str | None = None
     error: str | None = None
-    """Reason why the night failed as a whole; None where it did not."""
+    """Reason why no session was made of the night; None where one was."""
 
 
 def nights_in(
     folders: Sequence[Path], root: Path, config: Config, *, is_again: bool = False
 ) -> tuple[Night, ...]:
-    """Return one night for each folder of frames, or for each session's kept frames.
+    """Return a night for each folder, which holds frames or is a session that has kept its frames.
 
-    The frames of a folder are taken in the order of their names, numbers as numbers. Raises
-    BatchError where two would become the same session.
+    ``root``: folder in which the sessions are made; ``is_again``: sessions that exist are made
+    again. Frames are in the order of their names, with numbers compared as numbers. Raises
+    BatchError where two folders would become the same session.
     """
     nights = tuple(
         Night(
@@ -106,9 +107,10 @@ def process_nights(
     *,
     on_done: Callable[[], None] = lambda: None,
 ) -> Iterator[NightOutcome]:
-    """Process the nights and yield their outcomes in order; those already done need no worker.
+    """Process the nights and yield their outcomes in order.
 
-    ``pool_of``: the pool for a number of nights to process. Raises BatchError where there is no
+    ``pool_of``: returns the pool for a number of nights; nights already done are not counted, as
+    they need no worker. ``on_done`` is called once a night. Raises BatchError where there is no
     worker.
     """
     done = [_already_done(night) for night in nights]
@@ -143,7 +145,10 @@ def _is_made(about: dict[str, Any], identity: dict[str, Any]) -> bool:
 
 
 def process_night(night: Night) -> NightOutcome:
-    """Make a night's session; never raises for faulty input. An existing session is an error."""
+    """Process one night into a session; faulty input gives a failed outcome and raises nothing.
+
+    A session that exists already fails the night, unless ``night.is_again``.
+    """
     try:
         return _processed(night)
     except (RsoconsoleError, OSError) as error:
@@ -153,13 +158,16 @@ def process_night(night: Night) -> NightOutcome:
 
 
 def failed_night(night: Night, reason: str) -> NightOutcome:
-    """Outcome of a night that failed, with the reason."""
+    """Return the outcome of a night that failed for this reason."""
     return NightOutcome(source=night.source, session=night.session, state="failed", error=reason)
 
 
 @contextlib.contextmanager
 def lock_batch_folder(root: Path) -> Iterator[None]:
-    """Lock a folder against other batches. Raises BatchError if one works there, or on failure."""
+    """Lock a folder against other batches for the time of the context.
+
+    Raises BatchError where another batch has locked it, or where it cannot be locked.
+    """
     try:
         root.mkdir(parents=True, exist_ok=True)
         lock = lock_file(root / LOCK)
@@ -313,7 +321,11 @@ def _natural(name: str) -> list[tuple[int, str]]:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BatchWhatIf:
-    """What-if of one session; arguments as those of ``what_if_session`` and ``save_branch``."""
+    """Task of a batch: a what-if of one session.
+
+    The fields are the arguments of ``what_if_session``; ``save`` and ``force`` those of
+    ``save_branch``.
+    """
 
     session: Path
     changes: Mapping[str, float | str] = field(default_factory=dict)
@@ -335,11 +347,14 @@ class WhatIfFigures:
     rerun: RerunCounts | None = None
     branch: Path | None = None
     error: str | None = None
-    """Reason why there is no answer; None where there is one."""
+    """Reason why the what-if failed; None where it succeeded."""
 
 
 def answer(question: BatchWhatIf, on_frame: Callable[[], None] = lambda: None) -> WhatIfFigures:
-    """Run a what-if, and save it as a branch where a name is given; errors become the answer's."""
+    """Run a what-if and return its figures; an error is returned in their field ``error``.
+
+    Where ``question.save`` is a name, the what-if is saved as a branch of that name.
+    """
     try:
         if question.save is not None:
             check_name(question.session, question.save, force=question.force)
@@ -369,5 +384,5 @@ def answer(question: BatchWhatIf, on_frame: Callable[[], None] = lambda: None) -
 
 
 def failed_what_if(question: BatchWhatIf, reason: str) -> WhatIfFigures:
-    """Answer to a question that failed, with the reason."""
+    """Return the figures of a what-if that failed for this reason."""
     return WhatIfFigures(changes=dict(question.changes), error=reason)

@@ -1,8 +1,8 @@
-"""Work over many sessions, shared out: one after another, on this machine's cores, or on Dask.
+"""Work over many sessions, distributed: one after another, on this machine's cores, or on Dask.
 
-Results come in the order of the tasks and are the same in every pool. A task is a whole session,
-and cannot be divided because the reducer has a memory within it. Every worker computes with one
-thread.
+Results come in the order of the tasks and are the same in every pool. A task is a whole session: it
+cannot be divided, because the reducer remembers earlier frames of it. Every worker computes with
+one thread.
 """
 
 import contextlib
@@ -38,12 +38,12 @@ THREADS = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS", "OPENCV
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class WorkerPool:
-    """Kind and number of the workers."""
+    """Pool of workers: its kind, and the number of workers."""
 
     kind: Kind
     workers: int
     scheduler: str | None = None
-    """Address of a Dask scheduler; None for a cluster of this machine's own."""
+    """Address of a Dask scheduler; None: with kind ``dask``, a cluster on this machine."""
 
 
 def choose_pool(
@@ -80,9 +80,13 @@ def run_tasks(
 ) -> Iterator[Result]:
     """Run the tasks and yield their results in order, each once those before it are complete.
 
-    ``work`` and tasks go to other processes: a function of a module, and records. ``failed`` makes
-    the result of a task whose worker died. ``paths``: paths that every worker must be able to
-    reach, checked where workers may run on other machines. ``on_done`` is called once a task.
+    - ``work``, ``tasks``: go to other processes, so ``work`` must be a function of a module and
+      each task a record.
+    - ``failed``: returns the result of a task whose worker died, from the task and the reason.
+    - ``paths``: must be within reach of every worker; checked where workers may run on other
+      machines.
+    - ``on_done``: called once a task.
+
     Raises BatchError where there is no worker.
     """
     if pool.kind == "serial":
@@ -179,7 +183,7 @@ def _become_worker() -> None:
 
 @contextlib.contextmanager
 def one_thread() -> Iterator[None]:
-    """Have processes that are started in this context compute with one thread."""
+    """Context in which every process that is started computes with one thread."""
     before = {name: os.environ.get(name) for name in THREADS}
     os.environ.update(dict.fromkeys(THREADS, "1"))
     try:
@@ -213,10 +217,10 @@ def process_files(
     numbers: Iterable[int] | None = None,
     extension: str | None = None,
 ) -> Iterator[Processed | tuple[Path, FrameError]]:
-    """Process every frame in the order given; yield an unusable frame with its error.
+    """Process every frame in the order given; yield an unusable frame as (path, its error).
 
-    A frame without a time is detected and solved, and leaves the track as it is. ``numbers``: the
-    frames' own; None: from 1 on. ``extension`` as in ``read_frame``.
+    A frame without a time is detected and solved, and leaves the track as it is. ``numbers``: frame
+    numbers; None: 1, 2, 3... ``extension``: as in ``read_frame``.
     """
     cycle, orbits = Cycle(reducer, config), Orbits(config)
     following = Following()

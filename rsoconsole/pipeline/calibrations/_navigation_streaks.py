@@ -1,7 +1,7 @@
-"""Streaks of navigation satellites in a night, and how far each is off its satellite's orbit.
+"""Streaks of navigation satellites in a night, and how far each is from its satellite's orbit.
 
-A streak is a satellite's where it lies on the satellite's path within a few arcsec, and has its
-direction and length; along the path it may be off by up to ten seconds.
+A streak is assigned to a satellite where it lies within a few arcsec of the satellite's path, with
+the direction and length of its motion; along the path it may be off by up to ten seconds.
 """
 
 import math
@@ -42,34 +42,34 @@ _MIN_SIGMA_ARCSEC = 0.03
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MeasuredStreakLight:
-    """Middle and length of a streak by its ends and its light together; arcsec.
+    """Middle and length of a streak, measured from its ends and its light together; arcsec.
 
-    As ``vision/streaks/streak_middle.py`` measures them.
+    ``vision/streaks/streak_middle.py`` measures them.
     """
 
     offset_arcsec: float
-    """Offset from the measurement's place towards the second of its ends."""
+    """Offset of the middle from the measurement's position, towards the streak's second end."""
     sigma_arcsec: float
     length_arcsec: float
     length_sigma_arcsec: float
     ends_sigma_arcsec: float
-    """Sigma of the midpoint by the ends alone: part of the measurement's covariance."""
+    """Sigma of the middle from the ends alone, as contained in the measurement's covariance."""
 
 
 @dataclass(slots=True, kw_only=True)
 class Streak:
-    """Streak with both ends in the frame; changed when it is matched."""
+    """Streak with both ends in the frame; ``match`` sets its satellite, offset and rate."""
 
     measurement: Measurement
     taken: FrameTaken
     session: int
     """Number of its session among those of a calibration."""
     covariance: FloatArray
-    """Covariance, (2, 2) arcsec^2; without the error of its time once the streak is matched."""
+    """Covariance, (2, 2) arcsec^2; once the streak is matched, without the error of its time."""
     time_sigma_s: float
-    """Shutter's timing scatter as configured in its session, one sigma."""
+    """Timing scatter of the shutter as configured in the streak's session, one sigma."""
     light: MeasuredStreakLight | None = None
-    """Midpoint and length by its light; None where they were not measured."""
+    """Middle and length measured from its light; None where they were not measured."""
     satellite: NavigationSatellite | None = None
     offset_arcsec: FloatArray = field(default_factory=lambda: np.zeros(2))
     rate_arcsec_s: FloatArray = field(default_factory=lambda: np.zeros(2))
@@ -202,7 +202,7 @@ def header_mid_utc_ns(streak: Streak) -> int:
 
 
 def match(streaks: Sequence[Streak], site: Site, satellites: Sequence[NavigationSatellite]) -> None:
-    """Assign to each streak its navigation satellite, if any."""
+    """Set satellite, offset and rate of each streak that lies on a navigation satellite's path."""
     best = [math.inf] * len(streaks)
     for start in range(0, len(streaks), _CHUNK):
         some = streaks[start : start + _CHUNK]
@@ -298,7 +298,10 @@ def label_of(streak: Streak) -> str:
 
 
 def match_later(streaks: Sequence[Streak], site: Site, late_s: FloatArray) -> None:
-    """Compute the offsets of one satellite's streaks at instants later by ``late_s``."""
+    """Compute offset and rate of one satellite's streaks again, at later instants.
+
+    ``late_s``: seconds by which each streak, (N,), is later than the mid-exposure by its header.
+    """
     satellite = streaks[0].satellite
     assert satellite is not None
     t = np.array([header_mid_utc_ns(s) for s in streaks], np.int64)

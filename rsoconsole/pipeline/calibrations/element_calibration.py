@@ -26,16 +26,16 @@ from rsoconsole.sky import ARCSEC_RAD, iso_to_utc_ns
 from rsoconsole.words import NS_PER_DAY, NS_PER_S, utc_ns_to_iso
 
 GATE_DEG = 1.0
-"""Gate, wider than that of a search for objects: an error cut off there could not be measured."""
+"""Gate on differences, deg, wider than for identification: errors cut off could not be measured."""
 _SHAPE = "a session's folder, or the lines of 'rsoconsole identify --field --json'"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class NightRows:
-    """Rows of one night or file."""
+    """Rows for the calibration of element errors, from one session or one file."""
 
     sessions: tuple[str, ...]
-    """Names of the sources in the ledger: the session, or each frame."""
+    """Names of the row's sources in the ledger: the session, or each frame of a file."""
     tracks: int
     rows: tuple[ElementRow, ...]
     """Rows of the tracks identified with certainty."""
@@ -43,7 +43,7 @@ class NightRows:
 
 
 def is_session(path: Path) -> bool:
-    """True where a path is a session's, False for a file of lines."""
+    """True where a path is a session's folder, False where it is a file of JSON lines."""
     return path.is_dir() or path.name == "session.db"
 
 
@@ -52,8 +52,8 @@ def rows_of_session(
 ) -> NightRows:
     """Compare each track of a session with its object's element set nearest in epoch.
 
-    ``errors``: errors of the elements, which bound the differences of an identified track. Raises
-    SessionError where there is no track that can be read.
+    ``errors``: assumed errors of the elements, which bound the differences of an identified track.
+    Raises SessionError where the session has no readable track.
     """
     folder = path if path.is_dir() else path.parent
     about = SessionReader(folder).about()
@@ -82,7 +82,7 @@ def rows_of_session(
 def rows_of_lines(path: Path, *, is_simulated: bool) -> NightRows:
     """Read streaks and movers from the lines that ``identify --field --json`` printed.
 
-    Raises OrbitError where it is no such file.
+    Raises OrbitError where the file does not hold such lines.
     """
     text = read_named_file(path, OrbitError, f"name {_SHAPE}")
     sessions: dict[str, None] = {}
@@ -195,7 +195,7 @@ FACTORS = ("along_at_epoch", "along_by_age", "across")
 def settings_of(
     fitted: Sequence[FittedFactors], catalogue: CatalogueConfig
 ) -> list[dict[str, Any]]:
-    """Return ``catalogue.error_factors`` with the fitted ones; other kinds of orbit keep theirs."""
+    """Return ``catalogue.error_factors`` with the factors of the fitted kinds of orbit replaced."""
     new = {each.regime: _measured(each) for each in fitted}
     kept = [each for each in catalogue.error_factors if each.regime not in new]
     return [each.model_dump() for each in (*kept, *new.values())]

@@ -31,26 +31,34 @@ _READ_OUT = ("binning", "width_px", "height_px", "x0_px", "y0_px", "gain", "time
 _GZIP = b"\x1f\x8b"
 _REVOLUTIONS_A_DAY = (1.6, 2.4)
 _MAX_E = 0.1
-"""Largest eccentricity; with the revolutions a day it selects medium, nearly round orbits:
-navigation satellites, working or retired."""
+"""Largest eccentricity of a navigation satellite.
+
+With the revolutions a day it selects medium, nearly round orbits: navigation satellites, working or
+retired.
+"""
 _SAME_KM = 100.0
-"""Largest distance of one satellite by two sources, km: elements a few days old are good to a few
-km, two satellites are thousands apart."""
+"""Largest distance between two sources' places of one satellite, km.
+
+Elements a few days old are good to a few km; two satellites are thousands of km apart.
+"""
 _DAYS = 30.0
 
 
 def read_rinex(files: Sequence[Path]) -> NavigationFile:
-    """Read broadcast ephemerides, plain or gzipped. Raises OrbitError in one line."""
+    """Read broadcast ephemerides, plain or gzipped. Raises OrbitError with a one-line message."""
     return parse_rinex_nav({str(path): _text(path) for path in files})
 
 
 def read_sp3(files: Sequence[Path]) -> NavigationFile:
-    """Read precise orbits, plain or gzipped. Raises OrbitError in one line."""
+    """Read precise orbits, plain or gzipped. Raises OrbitError with a one-line message."""
     return parse_sp3({str(path): _text(path) for path in files})
 
 
 def from_elements(entries: Sequence[CatalogueEntry], t_utc_ns: int) -> NavigationFile:
-    """Navigation satellites by the element sets nearest to an instant: good to a kilometre."""
+    """Return the navigation satellites among element sets, each by its set nearest to an instant.
+
+    Such places are good to a kilometre.
+    """
     chosen = _medium(entries, t_utc_ns)
     if not chosen:
         raise OrbitError(
@@ -78,7 +86,7 @@ def from_elements(entries: Sequence[CatalogueEntry], t_utc_ns: int) -> Navigatio
 def with_norad(
     found: FoundTiming, file: NavigationFile, entries: Sequence[CatalogueEntry]
 ) -> FoundTiming:
-    """Add catalogue numbers to the satellites of a result, by their positions."""
+    """Return the result with catalogue numbers of its satellites, found by their positions."""
     if not entries or not found.satellites:
         return found
     by_name = {each.name: each for each in file.satellites}
@@ -133,7 +141,7 @@ def _text(path: Path) -> str:
 
 
 def timings_of(found: FoundTiming) -> tuple[CalibratedTiming, ...]:
-    """Settings' entry of each calibrated camera mode; none where element sets were used."""
+    """Return the settings' entry of each calibrated camera mode; none if element sets were used."""
     if found.kind == "tle":
         return ()
     return tuple(_timing(mode, timing, found) for mode, timing in found.modes if timing is not None)
@@ -163,7 +171,7 @@ def _timing(mode: Mode, timing: ShutterTiming, found: FoundTiming) -> Calibrated
 def merged_timings(
     exposure: ExposureConfig, timings: Sequence[CalibratedTiming]
 ) -> tuple[CalibratedTiming, ...]:
-    """Return the calibrated timings of other modes, then the new ones."""
+    """Return the settings' calibrated timings, with the new ones in place of the same modes'."""
     new = {each.mode for each in timings}
     return (*(each for each in exposure.calibrated if each.mode not in new), *timings)
 
@@ -171,7 +179,10 @@ def merged_timings(
 def worse_than_known(
     timings: Sequence[CalibratedTiming], exposure: ExposureConfig
 ) -> tuple[tuple[CalibratedTiming, CalibratedTiming], ...]:
-    """Return pairs (new, known) of the modes whose known timing is surer than the new one."""
+    """Return (new, known) for each mode whose new timing is less certain than the known one.
+
+    It is where the sigma of the bias, of the scatter or of the line time is larger than before.
+    """
     known = {each.mode: each for each in exposure.calibrated}
     pairs = ((each, known[each.mode]) for each in timings if each.mode in known)
     return tuple((new, old) for new, old in pairs if any(map(gt, _sigmas(new), _sigmas(old))))

@@ -1,7 +1,7 @@
 """The shutter's timing from recorded nights, by streaks of navigation satellites.
 
-All nights are adjusted together, each camera mode by itself; then each night alone, because the
-machine's clock may have another offset in another night.
+Each camera mode is adjusted to all nights together; then to each night alone, because the offset of
+the machine's clock may differ from night to night.
 """
 
 import math
@@ -60,9 +60,9 @@ class Mode:
     """Camera mode of the frames of a calibration."""
 
     exposure_s: float | None
-    """Exposure, s; None: several, each too rare to be calibrated alone."""
+    """Exposure, s; None: a pool of several exposures, each too rare to be calibrated alone."""
     read_out: tuple[object, ...]
-    """Read-out mode, as ``CalibratedTiming.read_out``."""
+    """Read-out mode, in the form of ``CalibratedTiming.read_out``."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -77,23 +77,23 @@ class FoundSatellite:
     t_utc_ns: int
     """Instant of its first streak."""
     norad_id: int | None = None
-    """Catalogue number: from element sets the satellite's own, else the nearest elements'."""
+    """Catalogue number of the satellite's own element set, else of the nearest element set."""
     norad_name: str = ""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Night:
-    """Sessions of one night and place, which share the star catalogue's errors."""
+    """Sessions of one night at one site: errors of the star catalogue are common to them."""
 
     day: date
-    """Day on which it began, at the site."""
+    """Day on which the night began, at the site."""
     folders: tuple[Path, ...]
     streaks: int
     """Number of streaks of navigation satellites."""
     candidates: int
-    """Number of streaks that could be a navigation satellite's."""
+    """Number of streaks that were compared with the orbits."""
     clock_offset_s: float | None
-    """Offset of the machine's clock as known when it began; it is part of the bias."""
+    """Offset of the machine's clock, as recorded when the night began; it is part of the bias."""
 
     @property
     def name(self) -> str:
@@ -106,7 +106,7 @@ class FoundTiming:
     """Calibrated timing of each camera mode, with its nights and satellites."""
 
     kind: str
-    """Kind of the orbits: broadcast, sp3 or tle."""
+    """Kind of the orbits used: broadcast, sp3 or tle."""
     modes: tuple[tuple[Mode, ShutterTiming | None], ...]
     calibration: TimeCalibration
     nights: tuple[Night, ...]
@@ -114,7 +114,7 @@ class FoundTiming:
     measured_on: date
     """Day of the last night."""
     simulated: tuple[Path, ...] = ()
-    """Sessions of the simulated observatory, whose shutter is no camera's."""
+    """Sessions of the simulated observatory, whose shutter is not a real camera's."""
     skipped: Mapping[str, int] = field(default_factory=dict)
     """Number of unused entries of the orbit files, by reason."""
 
@@ -122,9 +122,9 @@ class FoundTiming:
 def calibrate_time(folders: Sequence[Path], file: NavigationFile, source: str) -> FoundTiming:
     """Calibrate the shutter of each camera mode from recorded nights.
 
-    ``source``: names of the files, for messages. Raises SessionError for a folder without a
-    session, and OrbitError where the file is of another day, or where no or too few streaks are
-    navigation satellites'.
+    ``source``: names of the orbit files, for messages. Raises SessionError for a folder without a
+    session, and OrbitError where the file covers another day, or where no or too few streaks are
+    those of navigation satellites.
     """
     sessions = [read_streaks(folder, number) for number, folder in enumerate(folders)]
     every = [streak for session in sessions for streak in session.streaks]

@@ -1,1 +1,1 @@
-"""Streaks of a solved frame against the frame before it and the star catalogue."""
+"""Streaks of a solved frame, compared with the frame before it and the star catalogue."""

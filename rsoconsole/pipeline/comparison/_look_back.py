@@ -1,8 +1,8 @@
-"""A frame's streaks against the frame before it: light that was there already.
+"""A frame's streaks against the frame before it: was the same light there already?
 
-A light that the telescope keeps pace with stays at its pixels too: its streak has the length and
-direction of the sky's own motion between the frames. Light at the same pixels without that is the
-sensor's.
+Light at the same place of the sky in both frames is not a satellite's. Light at the same pixels,
+while the sky moves, is the sensor's own. An object that the telescope keeps pace with also stays at
+its pixels, but its streak has the length and direction of the sky's motion between the frames.
 """
 
 import math
@@ -27,7 +27,7 @@ from rsoconsole.vision import (
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class SolvedField:
-    """Solved frame with its stars and streaks."""
+    """Frame with its plate solution, stars and streaks."""
 
     frame: Frame
     stars: StarList
@@ -38,7 +38,7 @@ class SolvedField:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StreakComparison:
-    """Result of the comparison of a streak with earlier light or catalogue stars."""
+    """Result of comparing a streak with earlier light or catalogue stars."""
 
     comparison: Comparison | None = None
     reason: NotAStreak | None = None
@@ -48,7 +48,7 @@ class StreakComparison:
 def to_other_frame_px(
     here: SolvedField, other: SolvedField, x: FloatArray, y: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Return the pixels of the same places of the sky in another frame."""
+    """Return the pixels of ``other`` that show the same places as ``x``, ``y`` in ``here``."""
     return sky_to_pixel(other.solution.wcs, *pixel_to_sky(here.solution.wcs, x, y))
 
 
@@ -71,9 +71,11 @@ not."""
 
 
 def has_moved_on(streak: Detection, here: SolvedField, before: SolvedField, later_s: float) -> bool:
-    """True where the earlier streak at this place has become another streak of this frame.
+    """True where an earlier streak at the place of ``streak`` is now another streak of ``here``.
 
-    ``later_s``: time from the middle of that exposure to the middle of this one.
+    The object of the earlier streak has then moved along its own line, and ``streak`` may be a new
+    object at its former place. ``later_s``: time from the middle of the exposure of ``before`` to
+    the middle of that of ``here``.
     """
     exposure_s = before.frame.exposure_s
     if not exposure_s:
@@ -128,7 +130,7 @@ def _leads(
 
 
 LATEST_S = 600.0
-"""Greatest age of the frame before, s; an older one is not compared."""
+"""Greatest age, s, of an earlier frame with which a frame is compared."""
 _BRIGHTEST = slice(120)
 """Stars of a frame that are matched with the other's."""
 _MOVED_PX, _MOVED_FWHM = 4.0, 2.0
@@ -139,7 +141,7 @@ _SAME_WAY_DEG, _SAME_LENGTH = 15.0, 2.0
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class EarlierFrame:
-    """Comparison of a frame with the frame before it."""
+    """A frame and the frame before it, ready for the comparison of single streaks."""
 
     here: SolvedField
     before: SolvedField
@@ -148,9 +150,11 @@ class EarlierFrame:
 
     @classmethod
     def of(cls, here: SolvedField, before: SolvedField) -> "EarlierFrame | None":
-        """Compare two frames.
+        """Prepare the comparison of two frames; None where they cannot be compared.
 
-        None where the field is another, the exposures overlap in time, or their stars disagree.
+        They cannot where they differ in size, where they show another field, where their exposures
+        overlap or lie too far apart, where the earlier stars are trailed, or where their stars
+        disagree.
         """
         later_s = _later_s(here.frame, before.frame)
         is_alike = here.frame.pixels.shape == before.frame.pixels.shape

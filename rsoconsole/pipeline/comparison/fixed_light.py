@@ -1,10 +1,10 @@
 """Streaks of a solved frame against the frame before it and the star catalogue.
 
-One frame cannot separate a flashing streak from stars in a row. Light that an earlier frame shows
-at the same places of the sky, or that catalogue stars have, is no satellite's; light that neither
-has is no star's. Light at the same pixels while the sky moves is the sensor's own, unless it may
-belong to an object that the telescope keeps pace with. Frames are compared in the order of the
-record.
+One frame alone cannot separate a flashing streak from stars in a row. Light that an earlier frame
+shows at the same places of the sky, or that catalogue stars give, is not a satellite's; light that
+is in neither is not a star's. Light at the same pixels while the sky moves is the sensor's own,
+unless it may belong to an object that the telescope keeps pace with. Frames are compared in the
+order of the record.
 """
 
 import logging
@@ -61,10 +61,10 @@ field has fewer above the magnitude of completeness."""
 def catalogue_stars(
     frame: Frame, solution: Solution, most: int, catalogue: StarCatalogue | None = None
 ) -> tuple[FloatArray, FloatArray] | None:
-    """Return places in pixels (n, 2) and magnitudes of a frame's brightest catalogue stars.
+    """Return pixels (n, 2) and magnitudes of the catalogue stars in a frame, the brightest first.
 
-    ``catalogue``: None for the shipped stars. None where the field is too wide; raises
-    RsoconsoleError where the catalogue cannot be read.
+    ``most``: largest n; ``catalogue``: None for the shipped stars. Returns None where the field is
+    too wide; raises RsoconsoleError where the catalogue cannot be read.
     """
     diagonal_px = math.hypot(frame.width_px, frame.height_px)
     radius_deg = 0.5 * diagonal_px * solution.scale_arcsec_px / 3600.0
@@ -87,7 +87,7 @@ def catalogue_stars(
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class KnownStars:
-    """Catalogue stars of a frame's field, with their predicted light in ADU."""
+    """Catalogue stars in a frame's field, with the light predicted for each, in ADU."""
 
     here: SolvedField
     places_px: FloatArray
@@ -96,7 +96,10 @@ class KnownStars:
 
     @classmethod
     def of(cls, here: SolvedField, catalogue: StarCatalogue | None = None) -> "KnownStars | None":
-        """Match a field's stars; None where it is too wide, or too few are in the catalogue."""
+        """Match a frame's stars with the catalogue.
+
+        None where the field is too wide, or where too few of its stars are in the catalogue.
+        """
         known = catalogue_stars(here.frame, here.solution, _MAX_STARS, catalogue)
         if known is None:
             return None
@@ -136,7 +139,7 @@ class KnownStars:
 log = logging.getLogger(__name__)
 
 MAX_LOOKS = 8
-"""Most streaks of a frame that are compared, most confident first."""
+"""Largest number of streaks compared in a frame, the most confident first."""
 FIXED_CONFIDENCE = 0.02
 """Factor on the confidence of a streak that is fixed in the sky or on the sensor."""
 _LED_TO: dict[NotAStreakKind, Comparison | None] = {
@@ -149,16 +152,16 @@ _NOTHING = StreakComparison()
 
 
 class FixedLight:
-    """Comparison with the last solved frame, whose pixels are held until the next one."""
+    """Compares each solved frame with the solved frame before it, whose pixels it keeps."""
 
     def __init__(self) -> None:
         self._before: SolvedField | None = None
 
     def compared(self, frame: Frame, analysis: FrameAnalysis, solution: Solution) -> Detections:
-        """Return the frame's streaks after the comparison; raises nothing.
+        """Return the frame's detections with the results of the comparison; raises nothing.
 
-        ``frame``: with its pixels as ``analysis`` has seen them; frames come in the order of the
-        record.
+        ``frame``: with the pixels that ``analysis`` was made from. To be called once a frame, in
+        the order of the record.
         """
         here = SolvedField(
             frame=frame,
@@ -172,7 +175,10 @@ class FixedLight:
 
 
 class RecordedComparison:
-    """Recorded comparison, for a frame that is reduced again without the frame before it."""
+    """Stands in for the comparison with the frame before, from this frame's recorded rejections.
+
+    For a frame that is reduced again without the frame before it.
+    """
 
     def __init__(self, recorded: Detections | None) -> None:
         """``recorded``: the detections recorded for that frame; None where it was never reduced."""
@@ -184,7 +190,10 @@ class RecordedComparison:
         ]
 
     def compared(self, frame: Frame, analysis: FrameAnalysis, solution: Solution) -> Detections:
-        """Return the frame's streaks as ``FixedLight`` does; the catalogue is looked up again."""
+        """Return the frame's detections with the recorded results, and those of the star catalogue.
+
+        The catalogue is looked up again.
+        """
         here = SolvedField(frame=frame, stars=analysis.stars, solution=solution)
         asked = _worth_a_look(analysis)
         return _after(
@@ -228,9 +237,10 @@ def _worth_a_look(analysis: FrameAnalysis) -> list[Detection]:
 def comparisons_of(
     here: SolvedField, before: SolvedField | None, streaks: list[Detection]
 ) -> dict[Detection, StreakComparison]:
-    """Compare a frame's streaks with earlier frame and catalogue, keeping clear results. Pure.
+    """Compare streaks with the frame before, and with the catalogue where that gives no result.
 
-    Without streaks nothing is looked up.
+    Returns the clear results by streak; none without streaks, and none where the stars are trailed.
+    ``before``: None: with the catalogue alone.
     """
     if not streaks or here.stars.trail is not None:
         return {}
@@ -257,7 +267,10 @@ def with_comparisons(
     shares: Mapping[Detection, Likelihood],
     frame: Frame,
 ) -> Detections:
-    """Apply comparisons to a frame's streaks: their classes, and which are no streaks. Pure."""
+    """Return the detections with comparisons applied: new classes, and rejected streaks. Pure.
+
+    ``words``: result of the comparison by streak; ``shares``: likelihood of the classes by streak.
+    """
     kept: list[Detection] = []
     rejected: list[Rejection] = []
     for each in found.detections:

@@ -32,7 +32,7 @@ from rsoconsole.tracking import Following
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CycleResult:
-    """Result of one cycle."""
+    """Result of one cycle: the reduction, the state after the frame, and the frame's records."""
 
     reduction: Reduction
     after: Following
@@ -41,7 +41,7 @@ class CycleResult:
 
 
 class Cycle:
-    """Reducer and fold under one configuration."""
+    """Reduces frames and folds them into the tracks, under one configuration."""
 
     def __init__(self, reducer: FrameReducer, config: Config) -> None:
         self._reducer = reducer
@@ -59,12 +59,12 @@ class Cycle:
         """Kinds of cautions that are already on record."""
 
     def configure(self, config: Config) -> None:
-        """Take new tunables, in force from the next frame."""
+        """Use the settings of ``config`` from the next frame on."""
         self._config = config
         self._reducer.configure(config)
 
     def forget_plate(self) -> None:
-        """Forget the last plate: the camera has turned."""
+        """Forget the last plate solution, because the camera has turned."""
         self._reducer.forget_plate()
 
     def _observed(
@@ -97,17 +97,18 @@ class Cycle:
     ) -> tuple[Following | None, tuple[Record, ...]]:
         """Apply the operator's decision on a frame that belongs to no track.
 
-        Return the track kept then, and the records. Raises ValueError where a decision on the frame
-        is no longer possible.
+        Returns the track kept after the decision, and the records. ``kept``: track kept before the
+        first such decision; ``last_track_id``: last id given in the session. Raises ValueError
+        where a decision on the frame is no longer possible.
         """
         after, again = self.hand.apply(decision, kept, last_track_id)
         return after, decision_records(decision, again)
 
     def apply_decision(self, decision: Ruling) -> tuple[Following, tuple[Record, ...]]:
-        """Apply the operator's decision: fold a frame and those after it again.
+        """Apply the operator's decision on a tracked frame: fold it and all later frames again.
 
-        Return the state then, and the records. Raises ValueError where a decision on the frame is
-        no longer possible.
+        Returns the state after the last frame, and the records. Raises ValueError where a decision
+        on the frame is no longer possible.
         """
         again = self.folds.apply(decision)
         return again[-1].following, decision_records(
@@ -115,11 +116,15 @@ class Cycle:
         )
 
     def glance(self, frame: Frame, reach_px: float) -> Glance | None:
-        """Reduce the centre of a frame, ``reach_px`` about its middle, before the frame is run."""
+        """Reduce the middle of a frame alone, before the whole frame is run.
+
+        The middle reaches ``reach_px`` from the centre. Returns None as ``FrameReducer.glance``
+        does.
+        """
         return self._reducer.glance(frame, reach_px)
 
     def look(self, frame: Frame) -> tuple[Reduction, tuple[Record, ...]]:
-        """Reduce a frame that is not folded; return (reduction, records)."""
+        """Reduce a frame without folding it into the tracks; return (reduction, records)."""
         reduction = self._reducer.reduce(frame)
         observed = self._observed(frame_taken_record(frame), reduction)
         self._stars = star_history_without_fold(self._stars, observed)
@@ -135,8 +140,9 @@ class Cycle:
     ) -> CycleResult:
         """Reduce one frame and fold it. Raises FrameError for a frame without a time.
 
-        ``blocked``: reason why the slew to the track was refused before this frame, as in
-        ``FrameTaken``; ``orbits``: the last one of each track on record, by track id.
+        ``before``: state before the frame; ``blocked``: reason why the slew to the track was
+        refused before this frame, as in ``FrameTaken``; ``orbits``: last orbit of each track on
+        record, by track id.
         """
         taken = frame_taken_record(frame, blocked)
         mid_exposure(taken, self._config)  # before the work: such a frame cannot be folded

@@ -1,7 +1,6 @@
 """The operator's decisions on frames already folded, which are then folded again, in order.
 
-Pure but for its memory of the last frames. Engine and replay keep one each, and so come to the
-same track.
+Engine and replay each keep the last frames in such an object, and so arrive at the same track.
 """
 
 import threading
@@ -18,17 +17,17 @@ from rsoconsole.records import FollowedAgain, Measurement, Record, Ruling, State
 from rsoconsole.tracking import Following
 
 KEPT = 12
-"""Number of frames open to a decision: some minutes."""
+"""Number of last frames on which a decision is possible: some minutes."""
 TAKEN_BACK = 60
-"""Number of frames within which a decision on a held frame can be taken back."""
+"""Number of further frames for which a decision on a held frame can be taken back."""
 
 
 def decision_records(
     decision: Ruling, again: Sequence[tuple[int, tuple[Record, ...]]]
 ) -> tuple[Record, ...]:
-    """Records of a decision and of all that follows from it, in the order of the record.
+    """Records of a decision and of the frames folded again by it, in the order of the log.
 
-    ``again``: the numbers of the frames that are folded again by it, and their records.
+    ``again``: (number of the frame, its records) for each frame folded again.
     """
     records: list[Record] = [decision]
     if decision.taken is not None and decision.taken.source == "operator":
@@ -42,13 +41,13 @@ OfFrame = TypeVar("OfFrame", bound=ReducedFrame)
 
 
 class LastFrames(Generic[OfFrame]):
-    """The last frames on which the operator may decide, with those held for it."""
+    """The last frames, on which the operator may decide, and older ones held for a decision."""
 
     DONE: ClassVar[str]
-    """Past participle for these frames in messages: followed or looked at."""
+    """Past participle for these frames in messages: "followed" or "looked at"."""
 
     def __init__(self, after_word: int) -> None:
-        """``after_word``: number of frames for which a held one stays after a decision on it."""
+        """``after_word``: number of further frames that a held frame stays after its decision."""
         self._frames: tuple[OfFrame, ...] = ()
         self._held: Mapping[int, int] = {}
         """Held frames, each with the number of further frames that it stays."""
@@ -57,12 +56,18 @@ class LastFrames(Generic[OfFrame]):
         self._lock = threading.Lock()
 
     def hold(self, frame_id: int) -> None:
-        """Hold a frame for a decision, if it is still there or comes (any thread)."""
+        """Hold a frame for a decision; may be called from any thread.
+
+        The frame is one of the last frames, or one still to come; any other number has no effect.
+        """
         with self._lock:
             self._held = {**self._held, frame_id: HELD}
 
     def release_frame(self, frame_id: int) -> None:
-        """Release a held frame (any thread)."""
+        """Release a held frame; may be called from any thread.
+
+        A frame with a decision stays for as long as the decision may be taken back.
+        """
         with self._lock:
             if any(each.frame_id == frame_id for each in self.decisions()):
                 self._hold_ruled(frame_id)
@@ -70,7 +75,7 @@ class LastFrames(Generic[OfFrame]):
                 self._held = {n: left for n, left in self._held.items() if n != frame_id}
 
     def shown(self, frame_id: int) -> FrameObservations:
-        """Observations of a frame. Raises ValueError where it is too late to decide on it."""
+        """Observations of a frame. Raises ValueError where no decision on it is possible."""
         frames = self._open()
         return frames[self._place(frames, frame_id)].observations
 
@@ -127,10 +132,11 @@ class LastFrames(Generic[OfFrame]):
 
 
 class FollowedFrames(LastFrames[FoldedFrame]):
-    """The last frames tracked without an event from outside between them.
+    """The last tracked frames, since the last event from outside that changed the track.
 
-    Where a frame is held (the operator is marking in it), all since then are kept, to be folded
-    again by the decision on it; on those in between no decision is possible.
+    While a frame is held (the operator is marking in it), all later frames are kept too, because a
+    decision on the held frame folds them again. A decision is possible on held frames and on the
+    last ``KEPT`` frames alone.
     """
 
     DONE = "followed"
@@ -139,7 +145,7 @@ class FollowedFrames(LastFrames[FoldedFrame]):
         super().__init__(TAKEN_BACK)
 
     def add(self, folded: FoldedFrame) -> None:
-        """Add a frame."""
+        """Add a folded frame, and drop frames that no decision needs any longer."""
         with self._lock:
             self._count_frame()
             frames = (*self._frames, folded)
@@ -147,7 +153,7 @@ class FollowedFrames(LastFrames[FoldedFrame]):
             self._frames = frames[self._place(frames, oldest) :]
 
     def forget(self) -> None:
-        """Forget the frames: an event from outside has changed the track."""
+        """Forget all frames, because an event from outside has changed the track."""
         with self._lock:
             self._frames = ()
             self._held = {}
@@ -159,7 +165,10 @@ class FollowedFrames(LastFrames[FoldedFrame]):
         return taken if taken is not None and taken.frame_id == frame_id else None
 
     def apply(self, decision: Ruling) -> tuple[FoldedFrame, ...]:
-        """Fold the frame and those after it again. Raises ValueError as ``shown`` does."""
+        """Fold the frame of a decision and all later frames again; return them in order.
+
+        Raises ValueError as ``shown`` does.
+        """
         place = self._place(self._frames, decision.frame_id)
         before = self._frames[place].before
         again: list[FoldedFrame] = []
@@ -193,7 +202,7 @@ class _Made:
 
 
 class HandTrack(LastFrames[ReducedFrame]):
-    """The last frames that belong to no track, with the operator's marks in them."""
+    """The last frames that belong to no track, in which the operator may mark one by hand."""
 
     DONE = "looked at"
 
@@ -203,7 +212,7 @@ class HandTrack(LastFrames[ReducedFrame]):
         """State before the first decision; None while there was none."""
 
     def add(self, observed: FrameObservations, config: Config) -> None:
-        """Add a frame; one without a time can be no part of a track."""
+        """Add a frame; a frame without a time is ignored, as it cannot be part of a track."""
         if shutter_mid_utc_ns(observed.taken, config.exposure) is not None:
             plain = replace(observed, orbits={}, decision=None, decisions=0)
             with self._lock:
@@ -212,7 +221,7 @@ class HandTrack(LastFrames[ReducedFrame]):
                 self._frames = self._within_reach(looked)
 
     def forget(self) -> None:
-        """Forget the decisions: control has changed, and the track so far is kept."""
+        """Forget all decisions, because control has changed; the track made by them stays."""
         self._base = None
         with self._lock:
             self._held = {}
@@ -231,8 +240,9 @@ class HandTrack(LastFrames[ReducedFrame]):
     ) -> tuple[Following | None, list[tuple[int, tuple[Record, ...]]]]:
         """Apply the operator's decision on a frame; return (kept track, frames folded by it).
 
-        ``kept``: the track kept before the first decision; ``last_track_id``: of the session. The
-        frames come by number with their records. Raises ValueError as ``shown`` does.
+        ``kept``: track kept before the first decision; ``last_track_id``: last id given in the
+        session. Of each folded frame the number and the records are returned. Raises ValueError as
+        ``shown`` does.
         """
         place = self._place(self._frames, decision.frame_id)
         old = self._frames[place]

@@ -47,9 +47,10 @@ from rsoconsole.tracking.filters import estimator
 
 
 def may_orbit_guide(config: Config) -> bool:
-    """True where an orbit may set the aim point and carry on a track.
+    """True where an orbit may set the aim point and continue a track that the filter loses.
 
-    Preset ``paper`` is the paper's whole loop, which its filter alone leads.
+    It may with ``orbit.guide`` "when better", but not with preset ``paper``, which is the paper's
+    whole loop: its filter alone leads.
     """
     return config.orbit.guide == "when better" and config.filter.preset != "paper"
 
@@ -67,7 +68,7 @@ class FrameObservations:
     decisions: int = 0
     """Number of decisions made on the frame."""
     orbits: Mapping[int, OrbitEstimate] = field(default_factory=dict)
-    """Last orbit of each track on record when the frame came, by track id."""
+    """Last orbit of each track on record when the frame was taken, by track id."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -98,7 +99,11 @@ class FoldedFrame(ReducedFrame):
 def fold(
     before: Following, stars_before: StarHistory, observed: FrameObservations, config: Config
 ) -> FoldedFrame:
-    """Fold one frame into the tracks. Pure. Raises FrameError for a frame without a time."""
+    """Fold one frame into the tracks. Pure. Raises FrameError for a frame without a time.
+
+    ``before``, ``stars_before``: state and star history before the frame; ``config``: in force for
+    it.
+    """
     taken = observed.taken
     t_mid_ns, exposure_s = mid_exposure(taken, config)
     stars = stars_of(taken, observed.detections)
@@ -216,7 +221,10 @@ def _field_of(observed: FrameObservations) -> Field | None:
 
 
 def mid_exposure(taken: FrameTaken, config: Config) -> tuple[int, float]:
-    """Mid-exposure by the shutter, and the exposure's length. Raises FrameError without a time."""
+    """Return the mid-exposure, UTC ns, and the exposure, s. Raises FrameError without a time.
+
+    The mid-exposure is the header's, corrected for the shutter's known delay.
+    """
     t_mid_ns = shutter_mid_utc_ns(taken, config.exposure)
     if t_mid_ns is None or taken.exposure_s is None:
         raise FrameError(
@@ -238,7 +246,7 @@ def star_history_without_fold(
 
 
 def follow_settings(config: Config, frame: Frame | FrameTaken) -> FollowSettings:
-    """Return the fold's settings for a frame of this size."""
+    """Return the settings that the fold needs, for a frame of this size."""
     half_field_px = min(frame.width_px, frame.height_px) / 2.0
     return FollowSettings(
         filter=config.filter,

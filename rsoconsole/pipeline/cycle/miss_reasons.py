@@ -31,15 +31,18 @@ from rsoconsole.sky import (
 from rsoconsole.words import NS_PER_S
 
 FEW_STARS = 8
-"""Star count of any field of a degree or so below which it is hidden, as by cloud."""
+"""Star count below which a field of a degree or more counts as hidden, as by cloud."""
 CLOUD_SHARE = 0.5
-"""Share of the usual star count below which it is cloud."""
+"""Fraction of the usual star count below which the sky counts as cloudy."""
 CLOUD_MAG = 0.7
-"""Loss of starlight from which it is cloud, mag; a clear drifting field varies by 0.2."""
+"""Loss of starlight, mag, from which the sky counts as cloudy; when clear it varies by 0.2."""
 KEPT_FRAMES = 60
 MIN_FRAMES = 3
 SAME_SKY_DEG = 5.0
-"""Largest angle for comparing star counts: at the Milky Way's edge they change within 10 deg."""
+"""Largest angle between fields whose star counts are compared.
+
+At the Milky Way's edge star counts change within 10 deg.
+"""
 
 SIDEREAL_DEG_S = 360.98564736629 / 86_400.0
 GEO_RA_RATE_OFF_ARCSEC_S = 2.0
@@ -55,23 +58,24 @@ class Stars:
 
     count: int
     flux_adu_s: float | None
-    """Median flux of the 20th to 60th brightest; None where there are too few."""
+    """Median flux of the 20th to 60th brightest star, ADU/s; None where there are too few."""
     sensor_px: int = 0
-    """Number of the sensor's single pixels that were read: a part of it shows fewer stars."""
+    """Number of unbinned pixels that were read; a part of the sensor shows fewer stars."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StarHistory:
-    """Stars of the last solved frames of this part of the sky."""
+    """Stars of the last solved frames that showed the present part of the sky."""
 
     frames: tuple[Stars, ...] = ()
     centre_icrs_deg: tuple[float, float] | None = None
 
     def usual_count(self, sensor_px: int) -> int | None:
-        """Star count of the clearest of the frames; None before there are enough.
+        """Star count of the clearest frames (90th percentile); None for too few frames.
 
-        ``sensor_px``: number of the sensor's pixels that are read. A smaller part has its share of
-        the stars; a larger one may not have more, as only the brightest hundreds are counted.
+        ``sensor_px``: number of the sensor's pixels that are read now. Counts of frames that read
+        more are reduced in proportion. Those of frames that read fewer are not raised, as only the
+        brightest hundreds of stars are counted. At least ``MIN_FRAMES`` frames are needed.
         """
         counts = sorted(
             stars.count
@@ -82,9 +86,11 @@ class StarHistory:
         return counts[(len(counts) - 1) * 9 // 10] if len(counts) >= MIN_FRAMES else None
 
     def usual_flux_adu_s(self, sensor_px: int) -> float | None:
-        """Star flux of the clearest of the frames of one size; None before there are enough.
+        """Star flux of the clearest frames (90th percentile); None for too few frames.
 
-        Frames of other sizes are left out: in a smaller part the brightest stars are fainter ones.
+        ``sensor_px``: number of the sensor's pixels that are read now. Only frames that read as
+        many count: in a smaller part the brightest stars are fainter. At least ``MIN_FRAMES`` of
+        them are needed.
         """
         known = sorted(
             stars.flux_adu_s
@@ -111,7 +117,10 @@ def stars_of(taken: FrameTaken, detections: Detections) -> Stars | None:
 
 
 def updated_star_history(before: StarHistory, stars: Stars | None, solution: object) -> StarHistory:
-    """Return the history after one frame; only a solved frame has a known part of the sky."""
+    """Return the history after one frame; it changes with a solved frame whose stars are counted.
+
+    Frames of another part of the sky (``SAME_SKY_DEG``) begin a new history.
+    """
     if stars is None or not isinstance(solution, Solution):
         return before
     centre = (solution.ra_icrs_deg, solution.dec_icrs_deg)
@@ -131,10 +140,10 @@ def explain_absence(
     t_utc_ns: int,
     blocked: SlewRefusal | None = None,
 ) -> Missed:
-    """``plain`` with the causes of the miss, most certain first; none where they are unknown.
+    """Return ``plain`` with the causes of the miss, most certain first; without any if unknown.
 
-    ``blocked``: reason why the slew to the track was refused. Without a track there is nothing to
-    miss: only clouds are named then.
+    ``blocked``: reason why the slew to the track was refused. Without a track only cloud is a
+    cause.
     """
     is_refused = blocked is not None and track is not None
     causes = (
@@ -146,7 +155,10 @@ def explain_absence(
 
 
 def cloud_before(stars: Stars | None, before: StarHistory) -> HiddenBy | None:
-    """Cloud, where stars are gone, far fewer or fainter than before; None for a clear sky."""
+    """Return cloud as a cause where stars are gone, or are far fewer or fainter than before.
+
+    None for a clear sky. ``before``: star history before the frame.
+    """
     if stars is None:
         return None
     usual_count = before.usual_count(stars.sensor_px)
@@ -163,7 +175,10 @@ def cloud_before(stars: Stars | None, before: StarHistory) -> HiddenBy | None:
 
 
 def eclipse_of(track: TrackState, site: Site, t_utc_ns: int) -> HiddenBy | None:
-    """Eclipse, where the track is geostationary-like and in the Earth's shadow; None elsewhere."""
+    """Return an eclipse as a cause where a geostationary-like track is in the Earth's shadow.
+
+    None for any other track, and outside the shadow.
+    """
     if not is_geostationary_like(track):
         return None
     lit = float(lit_fraction(_at_geo_km(direction_at(track, t_utc_ns), site, t_utc_ns), t_utc_ns))
@@ -175,7 +190,7 @@ def eclipse_of(track: TrackState, site: Site, t_utc_ns: int) -> HiddenBy | None:
 
 
 def is_geostationary_like(track: TrackState) -> bool:
-    """True where the object stays over the ground, or nearly so."""
+    """True where the object stays above one place on the ground, or nearly so, by its rates."""
     ra_off_arcsec_s = abs(track.x[1] - SIDEREAL_DEG_S) * 3600.0
     dec_arcsec_s = abs(track.x[3]) * 3600.0
     return ra_off_arcsec_s < GEO_RA_RATE_OFF_ARCSEC_S and dec_arcsec_s < GEO_DEC_RATE_ARCSEC_S
@@ -193,8 +208,8 @@ def next_eclipse_utc_ns(
 ) -> int | None:
     """Begin of the next eclipse of a geostationary satellite in this direction, UTC ns.
 
-    It is found to the second and within a day; the instant itself where the satellite is eclipsed,
-    None where it will not be. The satellite is taken to stand still over the ground.
+    It is computed to the second. For a satellite in eclipse it is ``t_utc_ns`` itself; without an
+    eclipse within a day it is None. The satellite is assumed to stand still over the ground.
     """
     start_km = _at_geo_km(direction_icrs_deg, site, t_utc_ns)
     pole = cirs_to_gcrs(t_utc_ns)[:, 2]

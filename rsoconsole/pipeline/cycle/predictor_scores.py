@@ -1,4 +1,4 @@
-"""Comparison of filter and orbit as predictors of a track's last measurements. Pure."""
+"""Scores of filter and orbit as predictors of a track's last measurements. Pure."""
 
 import math
 from collections import deque
@@ -23,21 +23,24 @@ class Score:
 
     nis: float
     log_size: float
-    """Logarithm of the determinant of the innovation's covariance, arcsec."""
+    """Natural logarithm of the determinant, in arcsec^4, of the innovation's covariance."""
 
     @property
     def stated_sigma_arcsec(self) -> float:
-        """Predicted sigma: the geometric mean of both axes."""
+        """Predicted sigma, the geometric mean over both axes."""
         return math.exp(self.log_size / 4.0)
 
     @property
     def score(self) -> float:
-        """Minus twice the logarithm of the density, but for a constant; smaller is better."""
+        """Minus twice the logarithm of the predicted density at the measurement, less a constant.
+
+        Smaller is better.
+        """
         return self.nis + self.log_size
 
 
 class PredictorScores:
-    """Scores of orbit and filter over the last measurements."""
+    """Compares orbit and filter as predictors, over the last measurements of a track."""
 
     def __init__(self) -> None:
         self._scores: deque[tuple[Score, Score]] = deque(maxlen=WINDOW)
@@ -47,7 +50,7 @@ class PredictorScores:
         """Words on the filter's last failure; empty where its NIS is not known."""
 
     def compare(self, by_orbit: Score, by_filter: Score) -> None:
-        """Add the scores of one measurement that both predicted."""
+        """Add one measurement that both predicted, and decide which of them is better."""
         self._scores.append((by_orbit, by_filter))
         if len(self._scores) >= _LEAST:
             lead = fmean(theirs.score - ours.score for ours, theirs in self._scores)
@@ -55,7 +58,10 @@ class PredictorScores:
             self.is_orbit_ahead = is_better and self._is_believed()
 
     def add_filter_failure(self, nis: float | None = None, gate_nis: float | None = None) -> None:
-        """Put the orbit ahead: it predicted what the filter, with this NIS, did not."""
+        """Prefer the orbit from now on: it predicted a measurement that the filter's gate excluded.
+
+        ``nis``, ``gate_nis``: NIS of that measurement by the filter, and its gate; None: not known.
+        """
         self._scores.clear()
         self.is_orbit_ahead = True
         known = nis is not None and gate_nis is not None
@@ -63,7 +69,7 @@ class PredictorScores:
 
     @property
     def is_close(self) -> bool:
-        """True where both predict the same width: within a tenth, or as written."""
+        """True where the mean predicted sigmas agree within a tenth, or in the digits shown."""
         if not self._scores:
             return False
         ours, theirs = (fmean(each[n].stated_sigma_arcsec for each in self._scores) for n in (0, 1))
@@ -71,7 +77,7 @@ class PredictorScores:
 
     @property
     def words(self) -> str:
-        """Words on how both have predicted the last measurements."""
+        """Phrase for messages on how both have predicted the last measurements."""
         if not self._scores:
             return f"what was seen does not fit the filter's prediction{self._failed}"
         ours, theirs = zip(*self._scores, strict=True)

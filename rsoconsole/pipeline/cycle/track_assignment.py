@@ -1,4 +1,4 @@
-"""Measurements of each track, as the records name them."""
+"""Assignment of measurements to tracks, as the records name it."""
 
 from collections import deque
 from collections.abc import Sequence
@@ -19,20 +19,23 @@ from rsoconsole.records import (
 from rsoconsole.tracking import Following
 
 WHOLE = 32
-"""Number of a track's last steps that stay whole, more than an operator's decision reaches back; of
-older ones only the accepted measurement is kept. A begun mark reaches further."""
+"""Number of a track's last steps that are kept whole: more than the frames open to a decision.
+
+Of older steps only the accepted measurement is kept. While the operator marks in a frame, more
+steps are kept whole.
+"""
 
 
 @dataclass(slots=True)
 class Track:
-    """Track with its measurements, from the two that began it."""
+    """Track with its measurements, those that began it included."""
 
     measurements: list[Measurement]
     """Measurements in order of time."""
     last: TrackState
-    """State of the filter after the last of them."""
+    """State of the filter after the last measurement."""
     predicted: TrackState | None = None
-    """State of the filter before the last of them; None where it began the track."""
+    """State that the filter predicted for the last measurement; None where that began the track."""
 
     @property
     def track_id(self) -> int:
@@ -54,10 +57,10 @@ class _Steps:
 
 
 class TrackAssignment:
-    """The measurements of each track, from a session's records in order."""
+    """Assigns a session's measurements to its tracks, from the records in order."""
 
     KINDS = (Measurement, TrackState, FollowedAgain, OperatorAction)
-    """Kinds of records that it uses; others are ignored."""
+    """Kinds of records that are used; ``receive`` ignores any other kind."""
 
     def __init__(self) -> None:
         self._frames: dict[int, dict[int, _Steps]] = {}
@@ -72,7 +75,7 @@ class TrackAssignment:
         self._most_whole = WHOLE
 
     def receive(self, record: Record) -> None:
-        """Process the next record."""
+        """Process the next record of the log."""
         match record:
             case Measurement():
                 self._measured[record.measurement_id] = record
@@ -93,7 +96,7 @@ class TrackAssignment:
                 self._most_whole = WHOLE + HELD
 
     def tracks(self) -> list[Track]:
-        """All tracks, in order of time."""
+        """All tracks so far, in order of time."""
         for number in sorted(each for each in self._frames if each > self._known_to):
             for track_id, steps in self._frames[number].items():
                 if steps.corrected is not None:
@@ -118,11 +121,11 @@ class TrackAssignment:
 
     @property
     def newest_frame_id(self) -> int:
-        """Number of the newest frame to which any track was predicted; -1 before the first."""
+        """Number of the newest frame for which any track was predicted; -1 before the first."""
         return max(self._frames, default=-1)
 
     def live(self) -> list[Track]:
-        """Return the tracks of the newest frame to which any was predicted, the lead first."""
+        """Return the tracks that continue in the newest frame with a prediction, the lead first."""
         if not self._frames:
             return []
         newest = self._frames[max(self._frames)]
@@ -162,8 +165,10 @@ class TrackAssignment:
 
 NS = 1_000_000_000
 KEPT_S = 900.0
-"""Longest time that a track is kept after disarming, STOP, a new search or a fault, s: beyond it
-the checklist is due, and a track without measurements is hardly found where predicted."""
+"""Longest time, s, for which a track is kept after disarming, STOP, a new search or a fault.
+
+After it the checklist is due, and a track without measurements is hardly found where predicted.
+"""
 _LEAVES_NOTHING: frozenset[CauseKind] = frozenset(
     ("limit met", "too many limits", "clock set", "night ended", "engine ended", "resumed")
 )
@@ -175,8 +180,8 @@ def kept_until_utc_ns(
 ) -> int:
     """Return the last instant at which a track kept from now on can be followed again.
 
-    ``is_lent``: the operator has taken control from autonomy and moves the mount by hand: a track
-    is then kept as long as it would be coasted.
+    ``kept``: state with that track; ``is_lent``: the operator has taken control from autonomy and
+    moves the mount by hand: the track is then kept for as long as it would be coasted.
     """
     seen_ns = now_utc_ns if kept.taken is None else kept.taken.t_mid_utc_ns
     until_ns = seen_ns + round(settings.max_coast_s * NS)
@@ -184,9 +189,10 @@ def kept_until_utc_ns(
 
 
 def kept_after(change: StateChange, before: Following, kept: Following | None) -> Following | None:
-    """Return the track that can be followed again after a change of state from outside.
+    """Return the track that can be followed again after a change of state from outside, or None.
 
-    ``before``: state until then; ``kept``: track that could be followed again until then.
+    ``before``: state before the change; ``kept``: track that could be followed again before the
+    change.
     """
     if change.reason.kind in _LEAVES_NOTHING:
         return None

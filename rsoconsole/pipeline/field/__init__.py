@@ -1,1 +1,1 @@
-"""Every line and mover of the frames against every catalogued object that crossed."""
+"""Lines and moving points of frames, matched with the catalogued objects that crossed."""

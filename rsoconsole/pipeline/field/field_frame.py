@@ -1,4 +1,4 @@
-"""A single frame for the catalogue: its plate solution, its lines and its points."""
+"""A single frame for comparison with the catalogue: its plate solution, its lines, its points."""
 
 import math
 from collections.abc import Iterator, Sequence
@@ -58,16 +58,16 @@ class FieldFrame:
     solution: Solution
     plate_from: Literal["solved", "header"]
     detections: tuple[Detection, ...]
-    """Accepted detections, then those below tau, which count where an object explains one."""
+    """Accepted detections, then those below tau, which count only where an object explains one."""
     taken: int
-    """Number of accepted detections."""
+    """Number of accepted detections, the first of ``detections``."""
     lines: tuple[Line, ...]
     """Lines on the sky, one for each detection."""
     points: Points
     notes: tuple[str, ...]
 
     def contains(self, u: FloatArray) -> np.ndarray:
-        """True where unit vectors (..., 3) are in the frame, (...,)."""
+        """True, (...,), for each unit vector (..., 3) that points into the frame."""
         x, y = sky_to_pixel(self.solution.wcs, *unit_to_direction(u))
         with np.errstate(invalid="ignore"):
             return np.asarray(
@@ -75,7 +75,7 @@ class FieldFrame:
             )
 
     def view(self, config: Config) -> FieldOfView:
-        """Return the field of view of the frame, for the catalogue."""
+        """Return the field of view of the frame, in which catalogued objects are looked up."""
         wcs = self.solution.wcs
         x = np.array([-0.5, self.width_px - 0.5, -0.5, self.width_px - 0.5])
         y = np.array([-0.5, -0.5, self.height_px - 0.5, self.height_px - 0.5])
@@ -94,17 +94,17 @@ class FieldFrame:
 
 
 class FieldPlate(GivenPlate):
-    """Plate solution of a frame: solved, or from its header."""
+    """Finds the plate solution of a frame: by the solver, or from the frame's header."""
 
     def __init__(self, finder: PlateFinder | None, no_solver: str, mode: PlateMode) -> None:
-        """``finder``: None where there is no solver; ``no_solver`` is then the reason."""
+        """``finder``: None where there is no solver; ``no_solver`` is then the reason why not."""
         self._finder, self._no_solver, self._mode = finder, no_solver, mode
         self.source: Literal["solved", "header"] = "solved"
         self.why_header = ""
         """Reason why the plate was not solved and the header's is used; empty where none was."""
 
     def configure(self, config: Config) -> None:
-        """Take new tunables."""
+        """Use the settings of ``config`` from the next frame on."""
         if self._finder is not None:
             self._finder.configure(config)
 
@@ -114,7 +114,7 @@ class FieldPlate(GivenPlate):
             self._finder.forget()
 
     def solve(self, frame: Frame, stars: StarList) -> Solution | NotSolved:
-        """Return the plate solution of one frame."""
+        """Return the plate solution of a frame, from the solver or the header as the mode says."""
         self.source, self.why_header = "solved", ""
         if self._mode == "header":
             return self._of_header(frame, "")
@@ -152,14 +152,14 @@ class FieldPlate(GivenPlate):
 
 
 class FieldReader:
-    """Reader of single frames: plate, lines and points of each."""
+    """Reads single frames: plate solution, lines and points of each."""
 
     def __init__(self, reducer: FrameReducer, plate: FieldPlate, config: Config) -> None:
         self._reducer, self._plate, self._config = reducer, plate, config
         self._calibration = Calibration(config)
 
     def read(self, frame: Frame) -> FieldFrame:
-        """Read one frame. Raises FrameError naming what is missing: the time, the plate."""
+        """Read one frame. Raises FrameError naming what is missing: the time, or the plate."""
         t_mid_utc_ns = shutter_mid_utc_ns(frame, self._config.exposure)
         if t_mid_utc_ns is None or frame.exposure_s is None:
             raise FrameError(
@@ -206,10 +206,10 @@ class FieldReader:
 
 @contextmanager
 def open_field_reader(config: Config, mode: PlateMode) -> Iterator[FieldReader]:
-    """Open a reader.
+    """Open a reader of single frames for the time of the context.
 
-    Raises ModelError when the network cannot be loaded; SolverError without index files where the
-    plates have to be solved.
+    ``mode``: where the plate solutions come from. Raises ModelError when the network cannot be
+    loaded, SolverError without index files where the plates have to be solved.
     """
     network = Network.load(config.detector.model, config.detector.threads)
     curve = ConfidenceCurve.from_card(network.card)
@@ -274,26 +274,26 @@ def _ends_within(detection: Detection, frame: Frame) -> tuple[bool, bool]:
 
 
 CROSSED = 0.05
-"""Least chance of an object that counts as one that crossed."""
+"""Least probability with which an object counts as having crossed the frame."""
 TAKEN = 0.5
-"""Least probability of an object that counts as seen."""
+"""Least probability with which an object counts as seen in the frame."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class FrameMatches:
-    """Catalogued objects and streaks of one frame, matched."""
+    """Lines of one frame matched with the catalogued objects in its field."""
 
     frame: FieldFrame
     candidates: tuple[Candidate, ...]
     match: FieldMatch
     detections: tuple[Detection, ...]
-    """Detections of ``match.lines``: the accepted ones, and identified ones below tau."""
+    """Detections of ``match.lines``: the accepted ones, and those below tau that are identified."""
     compared: int
     too_old: int
 
     @property
     def crossed(self) -> tuple[int, ...]:
-        """Places of the candidates that crossed or were seen, the likeliest first."""
+        """Indices of the candidates that crossed the frame or were seen in it, likeliest first."""
         chances = [
             max(each.chance, taken)
             for each, taken in zip(self.candidates, self.match.taken, strict=True)
@@ -312,14 +312,14 @@ class MoverMatches:
 
 
 class CatalogueMatcher:
-    """Matching of one catalogue with one frame after another."""
+    """Matches one frame after another with one catalogue."""
 
     def __init__(self, config: Config, entries: Sequence[CatalogueEntry]) -> None:
         self._config = config
         self._catalogue = FieldCatalogue(entries, errors_of(config.catalogue))
 
     def frame(self, frame: FieldFrame) -> FrameMatches:
-        """Match one frame with the catalogue."""
+        """Match the lines of one frame with the catalogued objects in its field."""
         view = frame.view(self._config)
         candidates = self._catalogue.candidates(view)
         match = match_field(view, candidates, frame.lines)
@@ -343,7 +343,10 @@ class CatalogueMatcher:
         )
 
     def movers(self, frames: Sequence[FieldFrame]) -> tuple[MoverMatches, ...]:
-        """Find the points that move through frames in order of time, and match them together."""
+        """Find the points that move through the frames, and match them with the catalogue.
+
+        ``frames``: in order of time.
+        """
         found = movers_of([each.points for each in frames])
         answers: dict[int, MoverMatches] = {}
         groups: dict[tuple[int, int], list[int]] = {}

@@ -1,7 +1,8 @@
-"""Points of several frames: a point at its place in one frame alone moves. Pure.
+"""Points that move through several frames. Pure.
 
-Stars stay at their places; the other points are linked into movers (``tracking.link``): points on a
-straight line at constant speed, at least three of them, far likelier than chance.
+A point that is at its place of the sky in one frame alone is no star. Such points are linked into
+movers (``tracking.link``): at least three points on a straight line at constant speed, far likelier
+than chance.
 """
 
 import math
@@ -20,7 +21,7 @@ from rsoconsole.vision import StarList
 from rsoconsole.words import NS_PER_S
 
 WINDOW = 8
-"""Number of frames that are linked together."""
+"""Number of successive frames whose points are linked together."""
 FEWEST = 3
 """Fewest points of a mover: any two points lie on a line."""
 SURE = 0.9
@@ -41,17 +42,17 @@ _TURN_SHARE = 0.002
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Points:
-    """Point-like lights of a frame, brightest first; arrays with one entry each."""
+    """Point-like lights of a frame, brightest first; arrays of n."""
 
     u: FloatArray
-    """(n, 3) unit vectors."""
+    """Directions as unit vectors, (n, 3)."""
     t_utc_ns: np.ndarray
-    """Mid-exposure of each point's row."""
+    """Mid-exposure of each point's row of pixels."""
     x_px: FloatArray
     y_px: FloatArray
     snr: FloatArray
     sigma_arcsec: float
-    """Sigma of a place, on each axis."""
+    """Sigma of a point's position on each axis."""
     fwhm_arcsec: float
     exposure_s: float
     centre: FloatArray
@@ -64,15 +65,15 @@ class Points:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Mover:
-    """Point that moves through several frames."""
+    """Object seen as a point that moves through several frames."""
 
     points: tuple[tuple[int, int], ...]
-    """(frame, index of the point in it), in order of time."""
+    """(index of the frame, index of the point in it), in order of time."""
     probability: float
-    """Probability that it is one object, not chance."""
+    """Probability that its points are of one object, and not aligned by chance."""
     rate_arcsec_s: float
     position_angle_deg: float
-    """Position angle of its motion, east of north, at the middle."""
+    """Position angle of its motion at the middle of its path, from north through east."""
     t_mid_utc_ns: int
     span_s: float
     line: Line
@@ -87,7 +88,7 @@ def points_of(  # noqa: PLR0917 - what a frame is made of
     detections: Sequence[Detection],
     config: Config,
 ) -> Points:
-    """Return the points of a frame: stars and lights a little longer; no pieces of streaks."""
+    """Return the stars and slightly elongated lights of a frame, without pieces of streaks."""
     x, y, snr = stars.x_px, stars.y_px, stars.snr
     if stars.oblong is not None and len(stars.oblong.x_px):
         more = stars.oblong
@@ -124,7 +125,10 @@ def points_of(  # noqa: PLR0917 - what a frame is made of
 
 
 def movers_of(frames: Sequence[Points]) -> tuple[Mover, ...]:
-    """Movers through frames in order of time, the surest first; a point belongs to one."""
+    """Find movers in frames in order of time; return them with the most probable first.
+
+    A point belongs to one mover at most.
+    """
     found: list[Mover] = []
     for window in _windows(len(frames)):
         begun = found

@@ -21,14 +21,17 @@ from rsoconsole.sky import (
 from rsoconsole.words import utc_ns_to_iso
 
 EXPECTED = 0.5
-"""Chance to have crossed from which an object counts as expected."""
+"""Probability to have crossed the frame from which an object counts as expected."""
 _POINT_PX = 8.0
 """Motion in an exposure below which an object looks much like a star, px."""
 _ARCMIN_RAD = 60.0 * ARCSEC_RAD
 
 
 def frame_report(name: str, answer: FrameMatches, movers: Mapping[int, int]) -> dict[str, Any]:
-    """Report of one frame. ``movers``: number of the mover, by its catalogue number."""
+    """Return the JSON object of one frame.
+
+    ``movers``: number of the mover by the catalogue number of its object.
+    """
     frame = answer.frame
     seen_as = _seen_as(answer)
     crossed = [
@@ -83,7 +86,7 @@ def frame_report(name: str, answer: FrameMatches, movers: Mapping[int, int]) -> 
 def movers_report(
     names: Sequence[str], frames: Sequence[FieldFrame], answers: Sequence[MoverMatches]
 ) -> dict[str, Any]:
-    """Return the report of the movers through several frames."""
+    """Return the JSON object of the points that move through several frames."""
     return {
         "frames": list(names),
         "movers": [
@@ -105,7 +108,7 @@ def movers_report(
 
 
 def named_movers(answers: Sequence[MoverMatches]) -> dict[int, int]:
-    """Number of each named mover, by its catalogue number."""
+    """Number of each identified mover, by the catalogue number of its object."""
     return {
         each.candidates[best].entry.norad_id: number
         for number, each in enumerate(answers, start=1)

@@ -24,13 +24,19 @@ from rsoconsole.vision import DarkAndFlat, Workers, has_mosaic, threads_for, wit
 from rsoconsole.words import TAKE_DARK
 
 SAME_EXPOSURE, SAME_EXPOSURE_S = 0.02, 0.002
-"""Share, or seconds, within which two exposures are the same."""
+"""Fraction, and seconds, by which two exposures may differ and count as the same."""
 SAME_TEMPERATURE_C = 2.0
-"""Largest difference of like temperatures: a sensor's dark current grows by a quarter in it."""
+"""Largest difference of temperatures that count as the same.
+
+A sensor's dark current grows by a quarter in it.
+"""
 SETTINGS = ("GAIN", "OFFSET", "READOUTM", "ROWORDER")
-"""Keywords whose values must agree between a master and a frame where both have them."""
+"""Header keywords whose values must agree between master and frame where both have them."""
 MAX_NONFINITE = 0.2
-"""Largest share of NaN or infinite pixels in a master, which count as the median about them."""
+"""Largest fraction of NaN or infinite pixels in a master.
+
+Such pixels are replaced by the median around them.
+"""
 _SAMPLE = 5
 _PLAIN = "1x1"
 """Binning where a header states none."""
@@ -38,7 +44,7 @@ _PLAIN = "1x1"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MasterTraits:
-    """Traits that decide whether a master belongs to a frame."""
+    """Traits that decide whether a master fits a frame; None for what the header did not state."""
 
     width_px: int
     height_px: int
@@ -46,15 +52,15 @@ class MasterTraits:
     temperature_c: float | None
     has_mosaic: bool = False
     settings: Mapping[str, str] = field(default_factory=dict)
-    """Values of ``SETTINGS`` in its header."""
+    """Values of the ``SETTINGS`` keywords that the header has."""
     binning: str | None = None
-    """Binning, as 2x2; None where the header has none."""
+    """Binning, such as 2x2."""
     corner_px: tuple[int, int] | None = None
-    """Column and row of the binned sensor at which a part of it begins."""
+    """Column and row, in binned pixels of the whole sensor, at which the image begins."""
 
     @property
     def size_words(self) -> str:
-        """Width by height."""
+        """Width by height, as text for messages."""
         return f"{self.width_px} x {self.height_px} px"
 
     def has_size_of(self, other: "MasterTraits") -> bool:
@@ -62,7 +68,11 @@ class MasterTraits:
         return (self.width_px, self.height_px) == (other.width_px, other.height_px)
 
     def has_pixels_of(self, other: "MasterTraits") -> bool:
-        """True where it has the same size, or the whole sensor of which the other is a part."""
+        """True where a master has a pixel for each of the other's.
+
+        It has where both have the same size, or where it is the whole sensor and ``other`` a part
+        of it.
+        """
         if self.has_size_of(other):
             return True
         if other.corner_px is None or self.corner_px not in (None, (0, 0)):
@@ -80,7 +90,7 @@ class Master:
     """Master frame, without its pixels."""
 
     setting: str
-    """Setting it belongs to: "darks", "flat" or "bias"."""
+    """Setting that names it: "darks", "flat" or "bias"."""
     path: Path
     traits: MasterTraits
     level_adu: float
@@ -88,7 +98,7 @@ class Master:
 
     @property
     def words(self) -> str:
-        """Name with the traits that count, e.g. ``dark.fits (10 s, -10 °C, 640 x 480 px)``."""
+        """Name with exposure, temperature and size: ``dark.fits (10 s, -10 °C, 640 x 480 px)``."""
         traits = list(_exposure_and_temperature(self.traits)) if self.setting == "darks" else []
         return f"{self.path.name} ({', '.join([*traits, self.traits.size_words])})"
 
@@ -148,7 +158,7 @@ def read_master(setting: str, path: Path) -> Master:
 
 
 def read_masters(settings: CalibrationConfig) -> tuple[tuple[Master, ...], tuple[str, ...]]:
-    """Read the configured masters; return the usable ones, and the faults of the others."""
+    """Read the configured masters; return (usable masters, a message for each of the others)."""
     masters: list[Master] = []
     faults: list[str] = []
     for setting, path in settings.files:
@@ -160,14 +170,17 @@ def read_masters(settings: CalibrationConfig) -> tuple[tuple[Master, ...], tuple
 
 
 def is_same_exposure(one_s: float | None, other_s: float | None) -> bool:
-    """True where a dark of one exposure fits the other; False where either is not known."""
+    """True where a dark of one exposure fits a frame of the other; False where either is None."""
     if one_s is None or other_s is None:
         return False
     return abs(one_s - other_s) <= max(SAME_EXPOSURE * max(one_s, other_s), SAME_EXPOSURE_S)
 
 
 def nearest_dark(masters: Iterable[Master], wanted: MasterTraits) -> Master | None:
-    """Dark of the frame's size whose exposure, then temperature, is nearest to the frame's."""
+    """Dark that has all the frame's pixels, with exposure, then temperature, nearest to ``wanted``.
+
+    None where there is no such dark. ``wanted``: the frame's traits.
+    """
 
     def apart(dark: Master) -> tuple[float, float]:
         dark_s, frame_s = dark.traits.exposure_s, wanted.exposure_s
@@ -203,7 +216,7 @@ class _Choice:
 
 
 class Calibration:
-    """The configured masters, read when the first frame comes. For one thread."""
+    """Calibrates frames with the configured masters, read for the first frame. For one thread."""
 
     def __init__(self, config: Config) -> None:
         self._settings: CalibrationConfig = config.calibration
@@ -211,7 +224,7 @@ class Calibration:
         self._prepared: OrderedDict[_Choice, DarkAndFlat] = OrderedDict()
 
     def is_for(self, config: Config) -> bool:
-        """True where another configuration has the same masters."""
+        """True where ``config`` names the same masters."""
         return config.calibration == self._settings
 
     @cached_property
@@ -223,7 +236,7 @@ class Calibration:
         return Workers(threads_for(self._threads))
 
     def make_ready(self, config: Config) -> None:
-        """Read and prepare the masters for the configured exposures."""
+        """Read the masters, and prepare those for frames of the configured exposure and size."""
         if not self._settings.files:
             return
         masters = self._masters[0]
@@ -241,7 +254,7 @@ class Calibration:
                 self._ready(choice)
 
     def prepare(self, frame: Frame) -> tuple[Frame, tuple[Caution, ...]]:
-        """Return the frame calibrated and with its mosaic evened out, and the cautions about it.
+        """Return the frame calibrated, its colour mosaic evened out, and cautions about masters.
 
         A frame that fits no master is used as it is, and a caution says so.
         """

@@ -1,4 +1,4 @@
-"""Cautions about a frame besides its detections, each in one sentence."""
+"""Cautions about a frame, apart from its detections; each is one sentence."""
 
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
@@ -16,10 +16,10 @@ CALIBRATION = "calibration"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Caution:
-    """Warning, or information that holds for every frame that follows."""
+    """Warning about a frame, or information that holds for later frames too."""
 
     kind: str
-    """Kind of the caution; over several frames each kind is reported once."""
+    """Kind of the caution: over several frames each kind is reported once."""
     words: str
     level: Literal["info", "warning"] = "warning"
 
@@ -29,7 +29,7 @@ def cautions(
 ) -> tuple[Caution, ...]:
     """Cautions of a frame: its reader's notes, an uncalibrated camera or exposure, wrong hints.
 
-    The scale is the stars' where they determine it, else the header's.
+    The image scale is that of the plate solution, else the header's.
     """
     notes = [str(note) for note in frame.header.get(NOTES_KEY, ())]
     found = [Caution(kind=note, words=note) for note in notes]
@@ -43,7 +43,10 @@ def cautions(
 
 
 def calibration_warnings(cautions: Iterable[Caution]) -> Iterator[str]:
-    """Yield the warnings about master frames: a comparison with the record depends on them."""
+    """Yield the texts of the warnings about master frames among the cautions.
+
+    A comparison of a new reduction with the record depends on the masters.
+    """
     for each in cautions:
         if each.level == "warning" and each.kind.startswith(CALIBRATION):
             yield each.words

@@ -42,7 +42,7 @@ def hint_with_overrides(
     radius_deg: float | None,
     scale_arcsec_px: tuple[float, float] | None,
 ) -> SolveHint:
-    """Return the header's hint with the values given by the operator."""
+    """Return the header's hint with the values given by the operator in place of its own."""
     if ra_icrs_deg is not None:
         hint = replace(hint, ra_icrs_deg=ra_icrs_deg, dec_icrs_deg=dec_icrs_deg)
     if radius_deg is not None:
@@ -65,7 +65,7 @@ def rescaled_hint(hint: SolveHint, factor: float) -> SolveHint:
 
 
 def relaxed_hints(hint: SolveHint) -> tuple[SolveHint, ...]:
-    """Return the hint without the scale, without the position, and without both; each once."""
+    """Return weaker hints: without the scale, without the position, without both; each once."""
     without_scale = replace(hint, scale_low_arcsec_px=None, scale_high_arcsec_px=None)
     without_place = replace(hint, ra_icrs_deg=None, dec_icrs_deg=None)
     weaker = (without_scale, without_place, SolveHint(radius_deg=hint.radius_deg))

@@ -1,4 +1,4 @@
-"""Measurement, a direction on the sky with covariance, of a streak in a solved frame."""
+"""Measurement of a streak in a solved frame: a direction on the sky with its covariance."""
 
 import itertools
 import math
@@ -28,26 +28,26 @@ NO_MODE = CameraMode()
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ShutterTime:
-    """Timing of the shutter in one frame."""
+    """Timing of the shutter for one frame."""
 
     late_s: float
-    """True mid-exposure of the first row minus the header's."""
+    """True mid-exposure of the first row minus that of the header."""
     sigma_s: float
     """Scatter from frame to frame, one sigma."""
     line_time_us: float
     bias_sigma_s: float = 0.0
-    """Sigma of ``late_s``, an error that all frames share; 0 where it is not known."""
+    """Sigma of ``late_s``, an error common to all frames; 0 where it is not known."""
 
     @property
     def total_sigma_s(self) -> float:
-        """Sigma of one frame's time by itself, bias included."""
+        """Sigma of one frame's time: scatter and bias in quadrature."""
         return math.hypot(self.sigma_s, self.bias_sigma_s)
 
 
 def shutter_time(frame: Frame | FrameTaken, exposure: ExposureConfig) -> ShutterTime:
-    """Shutter timing by the calibration of the frame's mode, else by the settings for all.
+    """Shutter timing of a frame: calibrated for its camera mode, else the settings for all modes.
 
-    A time by the camera's own GPS has no header latency.
+    With the settings for all modes, a time by the camera's own GPS has no header latency.
     """
     found = calibrated_for(frame, exposure) if exposure.calibrated else None
     if found is not None:
@@ -66,10 +66,10 @@ def shutter_time(frame: Frame | FrameTaken, exposure: ExposureConfig) -> Shutter
 
 
 def calibrated_for(frame: Frame | FrameTaken, exposure: ExposureConfig) -> CalibratedTiming | None:
-    """Return the entry of the frame's read-out mode and the exposure nearest to its own.
+    """Return the calibrated timing for the frame's read-out mode and exposure; None without one.
 
-    A part of the sensor without an entry has that of the whole, whose clock and lines it shares;
-    its bias is then known less well.
+    Of several exposures the nearest counts. A part of the sensor that was not calibrated itself has
+    the timing of the whole sensor, with a larger sigma of the bias.
     """
     mode = read_out_of(frame)
     fitting = [each for each in exposure.calibrated if each.read_out == mode]
@@ -102,13 +102,13 @@ def _holds(known: CalibratedTiming, frame: Frame | FrameTaken) -> bool:
 
 
 OF_PART_S = 0.005
-"""Assumed change of the time bias when a part of the sensor is read: nobody has measured it."""
+"""Assumed sigma, s, of the change in time bias when only a part of the sensor is read."""
 SAME_EXPOSURE = 1.05
-"""Largest ratio of two exposures of one mode."""
+"""Largest ratio of two exposures that count as one camera mode."""
 
 
 def usual_sigma_s(exposure: ExposureConfig) -> float:
-    """Scatter of the shutter without a frame: that of the mode nearest to the set exposure."""
+    """Timing scatter, s, of the calibrated mode nearest to the set exposure, else as configured."""
     if not exposure.calibrated:
         return exposure.timing_sigma_s
 
@@ -129,23 +129,24 @@ def _surely(found: CalibratedTiming) -> float:
 
 
 def read_out_of(frame: Frame | FrameTaken) -> tuple[object, ...]:
-    """Read-out mode of a frame, as ``CalibratedTiming.read_out``."""
+    """Read-out mode of a frame, in the form of ``CalibratedTiming.read_out``."""
     camera = frame.camera or NO_MODE
     sides = (frame.width_px, frame.height_px, camera.x0_px, camera.y0_px)
     return (camera.binning, *sides, camera.gain, camera.time_by)
 
 
 AIR_ARCSEC_ROOT_S = 0.40
-"""Wander of the satellite against stars half a degree off, times the root of the exposure.
+"""Wander by the air of a satellite against stars half a degree away, arcsec, in 1 s.
 
-1.3 arcsec theta^0.25 T^-0.5, theta in radians. Source: Lindegren 1980.
+It falls with the square root of the exposure: 1.3 arcsec theta^0.25 T^-0.5, theta in radians.
+Source: Lindegren 1980.
 """
 
 
 def shutter_mid_utc_ns(frame: Frame | FrameTaken, exposure: ExposureConfig) -> int | None:
-    """Return the mid-exposure by the shutter: the header's plus the camera's known latency.
+    """Return the mid-exposure, UTC ns: the header's plus the shutter's known delay.
 
-    With a rolling shutter it is that of the first row.
+    With a rolling shutter it is that of the first row. None where the header has no time.
     """
     if frame.t_mid_utc_ns is None:
         return None
@@ -153,7 +154,10 @@ def shutter_mid_utc_ns(frame: Frame | FrameTaken, exposure: ExposureConfig) -> i
 
 
 def at_its_row(measurement: Measurement, t_mid_utc_ns: int, shutter: ShutterTime) -> Measurement:
-    """Put a measurement at the mid-exposure of its own row; ``t_mid_utc_ns``: the first row's."""
+    """Return the measurement with the mid-exposure of its own row of pixels.
+
+    ``t_mid_utc_ns``: mid-exposure of the first row.
+    """
     t_row_ns = _row_mid_utc_ns(t_mid_utc_ns, measurement.y_px, shutter)
     if t_row_ns == measurement.t_mid_utc_ns:
         return measurement
@@ -179,12 +183,14 @@ def measure(
 ) -> Measurement | None:
     """Return the streak's midpoint on the sky at mid-exposure; None when the frame has no time.
 
-    The covariance is that of the midpoint along and across the streak, turned to the sky, plus
-    (rate x timing sigma)^2 along it, plus the air's wander and the plate solution's own error in
-    every direction. The catalogue's own error is in the plate's residuals as far as it differs from
-    star to star (about 0.1 arcsec where proper motions are known); the part that all stars of a
-    field share (0.5 mas/yr) is the same in the next frame and does not show in a track's
-    innovations.
+    The covariance is the sum of these:
+    - that of the midpoint along and across the streak, turned to the sky,
+    - (rate x timing sigma)^2 along the streak,
+    - the air's wander and the plate solution's own error, in every direction.
+
+    The plate's residuals contain the catalogue's error as far as it differs from star to star
+    (about 0.1 arcsec where proper motions are known). The part that all stars of a field share (0.5
+    mas/yr) is the same in the next frame and does not show in a track's innovations.
     """
     t_mid_ns = shutter_mid_utc_ns(frame, exposure)
     if t_mid_ns is None or frame.exposure_s is None:
@@ -240,10 +246,10 @@ def measured(
 def with_recorded_ids(
     measurements: Sequence[Measurement], recorded: Sequence[Measurement], found: Detections
 ) -> tuple[Measurement, ...]:
-    """Number the measurements of a frame that is reduced again, by ids that are not used yet.
+    """Return the measurements of a frame reduced again, with ids that have no other meaning.
 
-    A measurement equal to one of ``recorded`` keeps its id; every other gets a number after those
-    of the recorded candidates (``found``), on which the operator may have decided.
+    A measurement equal to one of ``recorded`` keeps the recorded id. Any other gets a number after
+    those of the recorded candidates (``found``), because the operator may have decided on these.
     """
     numbers = itertools.count(len(found.detections) + len(found.rejected))
     same = {replace(each, measurement_id=""): each.measurement_id for each in recorded}

@@ -1,4 +1,4 @@
-"""Plate solution of a frame or of a part: moved from the last one, or found by the solver."""
+"""Plate solution of a frame or of a part of it: moved from the last one, or found by the solver."""
 
 import time
 from dataclasses import dataclass, replace
@@ -14,9 +14,9 @@ from rsoconsole.vision import StarList
 MIN_PART_PX = 1_100
 """Shortest side of a part: fewer pixels have too few catalogue stars for the plate solution."""
 MIN_SHARE = 0.25
-"""Shortest side of a part as a share of the frame's short side."""
+"""Shortest side of a part, as a fraction of the frame's shorter side."""
 MAX_SHARE = 0.7
-"""Largest share of the frame's pixels in a part: a larger part is no faster than the whole."""
+"""Largest fraction of the frame's pixels in a part; a larger part is no faster than the whole."""
 _GRID_PX = 16
 
 
@@ -30,18 +30,18 @@ class FramePart:
     """Width and height."""
 
     def cut(self, frame: Frame) -> Frame:
-        """Return the frame cut to the part; its pixels are the frame's own."""
+        """Return the part as a frame; its pixels are a view of the frame's, not a copy."""
         width_px, height_px = self.size_px
         rows = slice(self.y0_px, self.y0_px + height_px)
         columns = slice(self.x0_px, self.x0_px + width_px)
         return replace(frame, pixels=frame.pixels[rows, columns])
 
     def to_part_plate(self, plate: Wcs) -> Wcs:
-        """Return the frame's plate solution in the part's pixels."""
+        """Return a plate solution of the frame, converted to the part's pixels."""
         return self._shifted(plate, -1)
 
     def of_frame(self, plate: Wcs) -> Wcs:
-        """Return the part's plate solution in the frame's pixels."""
+        """Return a plate solution of the part, converted to the frame's pixels."""
         return self._shifted(plate, 1)
 
     def _shifted(self, plate: Wcs, sign: int) -> Wcs:
@@ -52,14 +52,14 @@ class FramePart:
         )
 
     def streaks_in_frame_px(self, found: Detections, frame: Frame) -> Detections:
-        """Return the streaks that lie wholly in the part, in the frame's pixels."""
+        """Return the streaks that lie wholly in the part, converted to the frame's pixels."""
         whole = tuple(self.moved(each) for each in found.detections if not each.is_clipped)
         return replace(
             found, width_px=frame.width_px, height_px=frame.height_px, detections=whole, rejected=()
         )
 
     def moved(self, each: Detection) -> Detection:
-        """Return the part's streak in the frame's pixels."""
+        """Return a streak of the part, converted to the frame's pixels."""
         x, y = self.x0_px, self.y0_px
         left, top, right, bottom = each.box_px
         return replace(
@@ -75,7 +75,7 @@ class FramePart:
 
 
 def middle_part(frame: Frame, reach_px: float) -> FramePart | None:
-    """Part of a frame ``reach_px`` about its centre; None where that is most of the frame."""
+    """Part of a frame from its centre out to ``reach_px``; None where that is most of the frame."""
     least_px = max(MIN_PART_PX / 2.0, MIN_SHARE * min(frame.width_px, frame.height_px))
     half_px = max(reach_px, least_px)
     sides = [
@@ -92,10 +92,10 @@ def middle_part(frame: Frame, reach_px: float) -> FramePart | None:
 
 
 def part_between(before: Frame, frame: Frame) -> FramePart | None:
-    """Frame as a part of the one before, where both are of one sensor with the same binning.
+    """Return the rectangle of ``frame`` in the pixels of ``before``, a frame of the same sensor.
 
-    Where it is the larger one, its corner lies outside. None where the headers do not give the
-    corners.
+    Where ``frame`` shows more of the sensor, the corner lies outside ``before``. None where the
+    binnings differ, and where the headers do not give the corners.
     """
     one, other = before.camera, frame.camera
     if one is None or other is None or one.binning is None or one.binning != other.binning:
@@ -111,7 +111,7 @@ def part_between(before: Frame, frame: Frame) -> FramePart | None:
 
 
 MIN_S = 0.2
-"""Shortest rest of a deadline that is worth another search, s."""
+"""Shortest time left before the deadline, s, in which another search is started."""
 _CLOUD_SHARE = 0.5
 """Share of the last plate's star count below which cloud hides the field."""
 _CLOUD_TURNS = 4
@@ -119,30 +119,30 @@ _CLOUD_TURNS = 4
 
 
 class GivenPlate:
-    """Plate solution set from outside; classes that find plates derive from it."""
+    """Returns a plate solution set from outside; base of the classes that find one."""
 
     solution: Solution | NotSolved | None = None
     """Plate solution that ``solve`` returns; None where none is wanted."""
 
     def configure(self, config: Config) -> None:
-        """Take new tunables."""
+        """Use the settings of ``config`` from the next frame on."""
 
     def forget(self) -> None:
-        """Forget the camera's last plate solution: it has turned."""
+        """Forget the last plate solution, because the camera has turned."""
 
     def solve(self, frame: Frame, stars: StarList) -> Solution | NotSolved | None:
-        """Return the plate solution of one frame."""
+        """Return the plate solution set in ``solution``, whatever the frame."""
         _ = frame, stars
         return self.solution
 
     def moved(self, frame: Frame, stars: StarList, part: FramePart) -> Solution | None:
-        """Last plate moved onto the stars of a frame's part; None where there is none."""
+        """Last plate solution moved onto the stars of a frame's part; None where there is none."""
         _ = frame, stars, part
         return None
 
 
 class PlateFinder(GivenPlate):
-    """Finder of plate solutions, with the last one and the mount's pointing at that time."""
+    """Finds plate solutions; keeps the last one, and the mount's pointing at its frame."""
 
     def __init__(self, solver: PlateSolver, config: Config) -> None:
         self._solver = solver
@@ -157,20 +157,21 @@ class PlateFinder(GivenPlate):
         """Ratio of the stars' scale to the header's, where the header's was wrong."""
 
     def configure(self, config: Config) -> None:
-        """Take new tunables."""
+        """Use the settings of ``config`` from the next frame on."""
         self._config = config
 
     def forget(self) -> None:
-        """Forget the last plate: after a flip it is of no use."""
+        """Forget the last plate solution: after a change of the pier's side it is of no use."""
         self._last = self._last_frame = None
 
     def solve(self, frame: Frame, stars: StarList) -> Solution | NotSolved:
-        """Refit from the last plate, else solve in full with the header's hints.
+        """Refit the last plate solution, else solve in full with the header's hints.
 
-        Without the hints only the first, second, fourth, eighth... frame in a row that fails is
-        solved: a search of the whole sky takes as long as it may, and a cloud lasts. Hints that a
-        plate has confirmed are not doubted at once where most of the stars are gone. Frames without
-        a position have ``solver.blind_deadline_s`` in these turns, else ``deadline_s``.
+        Where that fails, the frame is solved without the hints, but of the failing frames in a row
+        only the first, second, fourth, eighth...: a search of the whole sky may take up to its
+        deadline, and clouds last. Where more than half of the last solution's stars are gone, it is
+        done from the fourth frame on. Such a search of a frame whose header has no position ends
+        after ``solver.blind_deadline_s``, any other after ``solver.deadline_s``.
         """
         solution: Solution | NotSolved | None = self._refit(frame, stars)
         if solution is None:
@@ -191,9 +192,10 @@ class PlateFinder(GivenPlate):
         return solution
 
     def moved(self, frame: Frame, stars: StarList, part: FramePart) -> Solution | None:
-        """Last plate moved onto the stars of a frame's part; it remains the last plate.
+        """Last plate solution moved onto the stars of a part; None where it does not fit them.
 
-        ``stars`` are in the part's pixels, the solution in the frame's. None where it does not fit.
+        ``stars`` are in the part's pixels, the result is in the frame's. The last plate solution
+        stays.
         """
         last = self._last
         if last is None:
@@ -211,10 +213,11 @@ class PlateFinder(GivenPlate):
     def solve_in_full(
         self, frame: Frame, stars: StarList, hint: SolveHint, *, is_relaxed: bool = True
     ) -> Solution | NotSolved:
-        """Return a solution from the hint, or within the rest of the deadline from weaker hints.
+        """Solve a frame by its hint, then by weaker hints in the time left before the deadline.
 
-        ``is_relaxed``: whether weaker hints are allowed. Without a position the longer deadline
-        holds for all, but for a frame that may not be relaxed.
+        ``is_relaxed``: whether weaker hints are allowed. The deadline is
+        ``solver.blind_deadline_s`` where they are and ``hint`` has no position, else
+        ``solver.deadline_s``.
         """
         settings = self._config.solver
         started_s = time.monotonic()

@@ -48,7 +48,7 @@ _BRIGHTEST, _MAX_STARS = slice(80), 600
 
 
 class ZeroPoint:
-    """Zero point of solved frames, by their stars and the catalogue's magnitudes."""
+    """Finds the zero point of solved frames from their stars and the catalogue's magnitudes."""
 
     def __init__(self) -> None:
         self._is_broken = False
@@ -56,10 +56,10 @@ class ZeroPoint:
     def of(
         self, frame: Frame, stars: StarList, solution: Solution | NotSolved | None
     ) -> float | None:
-        """Return the magnitude of a star of 1 ADU a second, median over the matched stars.
+        """Return the magnitude of a star that gives 1 ADU a second, the median over matched stars.
 
-        The catalogue's band is not the camera's: compare nights and hours of one camera alone.
-        None without a plate or exposure, for trailed stars, and where fewer than
+        The catalogue's band is not the camera's: compare nights and hours of one camera alone. None
+        without a plate solution or exposure, for trailed stars, and where fewer than
         ``MIN_MATCHED`` unsaturated stars are in the catalogue.
         """
         is_unusable = self._is_broken or stars.trail is not None
@@ -98,14 +98,14 @@ class Reduction:
     fwhm_px: float | None
     """FWHM of the frame's own stars; None where they are too few."""
     absence: str
-    """Reason why there is no measurement, if so; ``cycle.miss_reasons`` adds what hides it."""
+    """Reason why the frame has no measurement; ``cycle.miss_reasons`` adds the cause of a miss."""
     stage_ms: dict[str, float] = field(default_factory=dict)
     cautions: tuple[Caution, ...] = ()
     """Cautions about frame, camera or hints."""
 
 
 class FrameReducer:
-    """Detector and plate finder in the order of Algorithm 1."""
+    """Reduces frames by detector and plate finder, in the order of Algorithm 1."""
 
     def __init__(
         self,
@@ -117,8 +117,10 @@ class FrameReducer:
         calibration: Calibration | None = None,
         comparison: FixedLight | RecordedComparison | None = None,
     ) -> None:
-        """``calibration``: that of the same configuration, where it exists already; ``comparison``:
-        None for the frame before and the shipped stars."""
+        """``calibration``: one made for the same configuration; None: a new one.
+
+        ``comparison``: None for ``FixedLight``, with the frame before and the shipped stars.
+        """
         self._network = network
         self._curve = curve
         self._memory = PsfMemory()
@@ -131,7 +133,7 @@ class FrameReducer:
         self._calibration = calibration or Calibration(config)
 
     def configure(self, config: Config) -> None:
-        """Take new tunables; in force from the next frame."""
+        """Use the settings of ``config`` from the next frame on."""
         self._config = config
         if not self._calibration.is_for(config):
             self._calibration = Calibration(config)
@@ -144,13 +146,15 @@ class FrameReducer:
         self._calibration.make_ready(self._config)
 
     def forget_plate(self) -> None:
-        """Forget the last plate: the next frame is solved in full."""
+        """Forget the last plate solution: the next frame is solved in full."""
         self._plate.forget()
 
     def glance(self, frame: Frame, reach_px: float) -> Glance | None:
-        """Streaks and plate by the frame's middle alone; the whole is still to be reduced.
+        """Return streaks and plate solution from the middle of a frame alone.
 
-        None where the middle is no smaller, or where its stars do not fit the last plate.
+        The middle reaches ``reach_px`` from the centre. The whole frame is still to be reduced.
+        None where the middle is not much smaller than the frame, where it has no streak, or where
+        its stars do not fit the last plate solution.
         """
         middle = middle_part(frame, reach_px)
         if middle is None:
@@ -166,10 +170,10 @@ class FrameReducer:
     def reduce(self, frame: Frame) -> Reduction:
         """Return detections, solution and measurements of one frame.
 
-        The plate is solved where something was detected, and also without that where the header
-        gives the direction: it costs little and shows where the telescope really points. With the
-        solution the streaks are compared with the frame before and the star catalogue. A detection
-        in an unsolved frame makes no measurement: the mount's reported position never replaces one.
+        The plate is solved where something was detected or where the header gives a direction: it
+        costs little and shows where the telescope really points. With the solution the streaks are
+        compared with the frame before and the star catalogue. A detection in an unsolved frame
+        makes no measurement: the mount's reported position never replaces a solution.
         """
         stage_ms: dict[str, float] = {}
         with note_stage_ms(stage_ms, "detect"):
@@ -213,8 +217,8 @@ class FrameReducer:
 def typical_flux_adu(stars: StarList) -> float | None:
     """Return the median flux of the 20th to 60th brightest star; None where there are fewer.
 
-    Extinction by cloud shows in it before stars disappear; the very brightest are saturated and
-    few, so that each one entering the field would count.
+    Cloud lowers it before stars disappear. The very brightest stars are left out: they are
+    saturated, and so few that each one entering the field would change the median.
     """
     if len(stars) < BRIGHTEST_STARS.stop:
         return None
@@ -224,7 +228,10 @@ def typical_flux_adu(stars: StarList) -> float | None:
 def miss_by_own_records(
     found: Detections, solution: Solution | NotSolved | None, t_mid_utc_ns: int | None
 ) -> Missed:
-    """Return the reason why a frame without a measurement has none, by its own records alone."""
+    """Return the miss of a frame without a measurement, with the reason that its records show.
+
+    ``t_mid_utc_ns``: None for a frame without a time.
+    """
     if not found.detections:
         return Missed(kind="no detection")
     if isinstance(solution, NotSolved):
@@ -234,7 +241,7 @@ def miss_by_own_records(
 
 @contextmanager
 def note_stage_ms(stage_ms: dict[str, float], stage: str) -> Iterator[None]:
-    """Write the time that a stage takes, in ms, into ``stage_ms``."""
+    """Write the time that the body of the context takes, in ms, into ``stage_ms[stage]``."""
     started_s = time.perf_counter()
     yield
     stage_ms[stage] = (time.perf_counter() - started_s) * 1e3

@@ -1,8 +1,8 @@
 """Refinement of a rough mark by hand on the light beneath it. Pure.
 
 The line is traced near the two marked ends, which may be off by the size of one square of the
-picture; a short one is then fitted. A line that is found has the sigma of that measurement; without
-one the mark stays as it was made.
+picture; a short line is then fitted as a streak. A line that is found has the sigma of its
+measurement; where none is found the mark stays as the operator made it.
 """
 
 import math
@@ -26,22 +26,27 @@ from rsoconsole.vision import (
 )
 
 MARGIN_PX = 80.0
-"""Margin of sky about the mark."""
+"""Margin around the mark that is examined with it, px."""
 LARGEST_SIDE_PX = 2200
 """Largest side of the examined piece: a mark across more of the frame stays rough."""
 MIN_SNR, MIN_QUARTILE_SNR, MAX_ROUGH = 8.0, 3.0, 0.9
-"""Limits for a line that is believed: SNR, its lower quartile, and roughness, the share that
-neither slow change nor one period explains."""
+"""Limits for a line that is believed: lowest SNR, its lowest quartile, largest roughness.
+
+Roughness is the fraction of the variation of light that neither slow change nor one period
+explains.
+"""
 MIN_SNR_FAR, FAR_SIGMA_PX = 12.0, 8.0
-"""SNR needed where the mark's sigma exceeds ``FAR_SIGMA_PX``: more sky holds more false lines."""
+"""Lowest SNR where the mark's sigma exceeds ``FAR_SIGMA_PX``: more sky holds more false lines."""
 OFFS_PX = (4.0, 8.0, 16.0, 32.0, 64.0)
-"""Distances, px, by which the line may be off the mark at its middle and ends, the nearest first;
-but for the first none beyond 1.5 of the mark's sigma."""
+"""Distances, px, of the line from the mark that are examined at its middle and ends, in order.
+
+Distances beyond 1.5 of the mark's sigma are left out, but for the first.
+"""
 ENDS_SIGMAS = 2.5
 TURNS_DEG = (0.0, 30.0, -30.0, 60.0, -60.0, 90.0)
 """Turns from the marked direction that are examined where the mark is as rough as it is long."""
 SURE_DIRECTION = 3.0
-"""Ratio of length to sigma from which two ends give the direction of the line."""
+"""Ratio of the mark's length to its sigma from which its ends give the line's direction."""
 LONGEST_FIT_PX = 450.0
 
 
@@ -60,8 +65,8 @@ def refined_mark(
 ) -> Detection | None:
     """Return the streak under a mark, measured; None where no line stands out there.
 
-    ``pixels``: (height, width) ADU; ``mark``: as made by hand, its sigma that of its ends;
-    ``star_fwhm_px``: FWHM of the frame's stars, where it is known.
+    ``pixels``: (height, width) ADU; ``mark``: as made by hand, with the sigma of its ends;
+    ``star_fwhm_px``: FWHM of the frame's stars; None: not known.
     """
     sigma = max(mark.sigma_along_px, mark.sigma_across_px)
     piece = _piece_of(pixels, mark, sigma)

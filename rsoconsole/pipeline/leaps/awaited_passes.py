@@ -1,8 +1,8 @@
 """An awaited pass: where the telescope stares until it comes, and the streak it draws. Pure.
 
-Elements are off along the orbit more than across it. So the telescope looks at one point of the
-orbit until the object has surely gone through there, early or late; the first streak gives its
-delay and its offset across.
+Elements are off along the orbit more than across it. So the telescope stares at one point of the
+orbit until the object has surely passed it, however early or late; the first streak gives the delay
+and the offset across the orbit.
 """
 
 from collections.abc import Callable, Collection
@@ -47,11 +47,11 @@ CLOSED_S = 0.05
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class PassPlan:
-    """Leaps of a pass, if each succeeds."""
+    """Leaps planned for a pass, on condition that each succeeds."""
 
     leaps: tuple[Leap, ...]
     end: NoLeap
-    """Reason why there is no leap after the last."""
+    """Reason why no leap follows the last one."""
 
     @property
     def flips(self) -> int:
@@ -60,7 +60,7 @@ class PassPlan:
 
     @property
     def longest_gap_s(self) -> float:
-        """Longest time between two mid-exposures; 0 with fewer than two."""
+        """Longest time between two successive mid-exposures; 0 with fewer than two."""
         middles = [each.t_mid_utc_ns for each in self.leaps]
         return float(np.max(np.diff(middles))) / NS_PER_S if len(middles) > 1 else 0.0
 
@@ -76,8 +76,9 @@ def plan_pass(
 ) -> PassPlan:
     """Plan leap after leap until the satellite sets or a limit ends the pass.
 
-    ``first``: the leap under way. From the ``sure_from``-th on the next slew is ordered when the
-    shutter has closed, before that, or with None, when the frame has been read out.
+    ``first``: leap under way; None: none. ``sure_from``: number, from 1, of the first leap after
+    which the next slew is ordered as soon as the shutter has closed; after earlier leaps, and after
+    all of them with None, it is ordered when the frame has been read out.
     """
     leaps: list[Leap] = []
     pose, now = start, now_utc_ns
@@ -96,16 +97,16 @@ def plan_pass(
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StarePoint:
-    """Point of an orbit at which the telescope waits for a pass, until it has surely gone by."""
+    """Point of an orbit at which the telescope stares until the object has surely passed it."""
 
     t_through_utc_ns: int
-    """Instant at which it goes through that point, if it keeps its time."""
+    """Instant at which the object passes the point, by its elements."""
     from_utc_ns: int
     until_utc_ns: int
     point_gcrs_km: tuple[float, float, float]
 
     def direction_deg(self, site: Site, t_utc_ns: int) -> tuple[float, float]:
-        """ICRS direction of that point of the orbit, through which it comes early or late.
+        """ICRS direction (RA, Dec) of the point of the orbit, as seen from the site at an instant.
 
         Light time and aberration (20 arcsec at most) are left out.
         """
@@ -115,12 +116,16 @@ class StarePoint:
 
 
 def open_shutter_share(exposure_s: float, latency_s: float, readout_s: float) -> float:
-    """Return the share of time with the shutter open while exposures follow each other."""
+    """Return the fraction of time for which the shutter is open in a series of exposures.
+
+    ``latency_s``: time from the order of an exposure to its beginning; ``readout_s``: from its end
+    to the next order.
+    """
     return exposure_s / (exposure_s + latency_s + readout_s)
 
 
 StatesOf = Callable[[IntArray], tuple[FloatArray, FloatArray]]
-"""Function for GCRS positions and velocities (N, 3) at instants (N,): km, km/s."""
+"""GCRS positions (km) and velocities (km/s), (N, 3) each, at instants (N,) in UTC ns."""
 SIGMAS = 3.0
 _STEP_S = 5.0
 _TURN_DEG, _SPEED = 15.0, 0.2
@@ -132,7 +137,7 @@ _FARTHEST_DEG = 3.0
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class AwaitedPass:
-    """Awaited pass and the stare for it."""
+    """Pass of an object, and the point at which the telescope stares for it."""
 
     name: str
     states: StatesOf
@@ -142,11 +147,11 @@ class AwaitedPass:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PassOffset:
-    """Offset of a pass from its elements, by the first streak."""
+    """Offset of a pass from its elements, measured by the first streak."""
 
     late_s: float
     across_arcmin: float
-    """Offset across the motion, to its left."""
+    """Offset across the motion, positive to the left of it (north where it moves east)."""
 
 
 def next_awaited_pass(
@@ -160,7 +165,12 @@ def next_awaited_pass(
     lifted: Collection[LimitName] = (),
     errors: ElementErrors = ASSUMED,
 ) -> AwaitedPass | None:
-    """Return the next pass of a catalogued object within a day that is sunlit at its stare."""
+    """Return the first pass within a day that the telescope can await; None without one.
+
+    The object is sunlit at the point of the stare. ``held``: limits of the telescope, but for those
+    in ``lifted``; ``late_sigma_s``: lowest sigma of the object's time, s, which the ``errors`` of
+    its elements may exceed.
+    """
     satellite = Satellite(entry)
     span = (now_utc_ns, now_utc_ns + NS_PER_DAY)
     passes = night_passes([entry], site, span, limits, is_low_only=False, errors=errors)
@@ -193,7 +203,12 @@ def awaited_pass(
     now_utc_ns: int,
     lifted: Collection[LimitName] = (),
 ) -> AwaitedPass | None:
-    """Earliest point of a pass that is sunlit and within the limits throughout the stare."""
+    """Return a pass with the earliest point at which the telescope can await it; None without one.
+
+    There the object is sunlit, and the telescope within the limits ``held`` from ``SIGMAS`` times
+    ``sigma_s`` before the object's predicted time until as long after it. ``up_utc_ns``: begin and
+    end of the pass.
+    """
     span_ns = round(SIGMAS * sigma_s * NS_PER_S)
     for t in range(up_utc_ns[0], up_utc_ns[1], round(_STEP_S * NS_PER_S)):
         point = states(np.array([t]))[0]
@@ -231,7 +246,10 @@ def _may_look(
 def expected_at(
     awaited: AwaitedPass, site: Site, t_utc_ns: int, late_s: float
 ) -> PredictedPosition:
-    """Return the predicted position at an instant of an object that is late by ``late_s``."""
+    """Return the predicted position of an object that is late by ``late_s``, at an instant.
+
+    Its covariance is a placeholder, 1 arcsec^2 on each axis.
+    """
     moved_ns = round(late_s * NS_PER_S)
 
     def states(t: IntArray) -> tuple[FloatArray, FloatArray]:
@@ -252,10 +270,10 @@ def expected_at(
 def measured_pass_offset(
     awaited: AwaitedPass, site: Site, streak: StreakEnds
 ) -> tuple[PassOffset, StreakEnds] | None:
-    """Offset of a pass by one whole streak, and the streak in the sense of its motion.
+    """Offset of a pass by one streak, and the streak with its ends in the order of the motion.
 
-    None for a streak that is nowhere on its way within the window, or that has another direction or
-    speed than the pass would have there.
+    None where the streak is not on the object's path within the window of the stare, or differs
+    from the object's motion in direction or speed.
     """
     stare = awaited.stare
     span_s = (stare.until_utc_ns - stare.from_utc_ns) / NS_PER_S

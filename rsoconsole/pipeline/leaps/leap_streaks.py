@@ -21,12 +21,12 @@ from rsoconsole.words import NS_PER_S
 MIN_SIGMA_PX = 0.3
 """Lowest sigma of an end, however well its streak fits."""
 UNKNOWN_BIAS_S = 0.1
-"""Assumed sigma of a shutter's time bias, where nobody has measured it."""
+"""Assumed sigma, s, of a shutter's time bias that has not been measured."""
 MIN_SCATTER_S = 1e-4
 STATED_FRAMES = 2.0
-"""Weight, in frames, of a timing scatter that stands in the settings alone."""
+"""Weight, in frames, of a timing scatter that is configured and not measured."""
 RIM_PX = 6.0
-"""Distance from the frame's edge within which an end is not the light's own."""
+"""Distance from the frame's edge within which a streak's end counts as cut by the edge."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -38,10 +38,10 @@ class FrameStreak:
 
     @property
     def may_begin(self) -> bool:
-        """True where a track may begin with it: both ends seen, and a class of satellites.
+        """True where a track may begin with this streak: both ends seen, and a satellite's class.
 
-        A streak at the predicted place, direction and speed of a satellite belongs to it whatever
-        its class: the brightest look like aircraft.
+        Once a track exists, a streak with the satellite's predicted place, direction and speed
+        belongs to it whatever its class: the brightest satellites look like aircraft.
         """
         return self.ends.is_whole and self.detection.object_class in TRACKABLE_CLASSES
 
@@ -49,7 +49,7 @@ class FrameStreak:
 def streaks_of(
     found: Detections, solution: Solution, frame: Frame | FrameTaken, exposure: ExposureConfig
 ) -> tuple[FrameStreak, ...]:
-    """Return the streaks, whole or cut at one end; the most confident first."""
+    """Return the streaks with one or both ends in the frame; the most confident first."""
     t_mid_ns, exposure_s = shutter_mid_utc_ns(frame, exposure), frame.exposure_s
     if t_mid_ns is None or exposure_s is None:
         return ()
@@ -81,7 +81,7 @@ def streaks_of(
 
 
 def timing_of(frame: Frame | FrameTaken, exposure: ExposureConfig) -> Timing:
-    """Return the uncertainty of the times of frames like this one."""
+    """Return the uncertainty of times for frames of the same camera mode as this one."""
     shutter = shutter_time(frame, exposure)
     is_gps = frame.camera is not None and frame.camera.time_by == "gps"
     unknown_s = 0.0 if is_gps else UNKNOWN_BIAS_S

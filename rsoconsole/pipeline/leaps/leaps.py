@@ -1,8 +1,8 @@
 """Leap to a low satellite: where and when to meet it next, and for how long to expose it. Pure.
 
-The telescope cannot keep up with the satellite: it goes ahead of it, waits, exposes while it
-passes, and goes ahead again. Exposures are so long that the streak is well measured, and so short
-that both its ends are in the field.
+The telescope cannot keep up with the satellite: it slews ahead of the satellite, waits, exposes
+while the satellite passes, and slews ahead again. Exposures are long enough for a streak that is
+measured well, and short enough for both its ends to be in the field.
 """
 
 import math
@@ -43,7 +43,7 @@ class MeasuredSlew:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MountMotion:
-    """Model of a mount's slews: rate, acceleration, fixed time."""
+    """Model of the durations of a mount's slews: rate, acceleration, fixed time."""
 
     rate_deg_s: float
     acceleration_deg_s2: float
@@ -67,7 +67,7 @@ class MountMotion:
 
 
 def configured_motion(mount: MountConfig) -> MountMotion:
-    """Return the model of the slews before the first one, as configured."""
+    """Return the model of the mount's slews by the configuration, for use before the first slew."""
     rate = mount.slew_rate_deg_s
     return MountMotion(
         rate_deg_s=rate,
@@ -79,7 +79,7 @@ def configured_motion(mount: MountConfig) -> MountMotion:
 
 
 def learned_motion(mount: MountConfig, seen: Sequence[MeasuredSlew]) -> MountMotion:
-    """Return the model that fits the last slews best, near the configured one."""
+    """Return the model fitted to the last slews, with the configured model as its prior."""
     start = configured_motion(mount)
     last = [each for each in seen if max(each.travel_deg) > 0.0][-LAST_SLEWS:]
     if not last:
@@ -124,17 +124,17 @@ def _slope(law: FloatArray, way_deg: FloatArray, n: int) -> FloatArray:
 
 
 LENGTH_PX = 250.0
-"""Length of a streak that is measured well; from 500 px on the detector is less sure."""
+"""Length of a streak that is measured well, px; beyond 500 px the detector is less sure."""
 MIN_LENGTH_PX = 40.0
 BINNED_LENGTH_PX = 100.0
-"""Shortest length of a binned camera's streak: with half the pixels it is as long on the sky."""
+"""Shortest length of a streak with a binned camera, px."""
 SHORTEST_S, LONGEST_S = 0.05, 1.0
 BESIDE_ARCSEC = 180.0
-"""Largest distance of the mount's pointing from where it was sent, its offset known."""
+"""Largest distance between where the mount was sent and where it points, its offset known."""
 RIM = 0.96
-"""Share of the field within which ends count as in it."""
+"""Fraction of the field, from its centre outwards, within which ends count as inside."""
 MIN_WITHIN = 0.2
-"""Least probability to have both ends in the field for which a leap is worth it."""
+"""Least probability of both ends in the field with which a leap is made."""
 _WAITS_S = (0.0, 1.0, 2.0, 4.0, 8.0, 16.0, 32.0, 64.0, 128.0)
 _ROUNDS = 30
 _SAME_S = 0.05
@@ -145,7 +145,7 @@ _GAINING = 0.97
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LeapTerms:
-    """Times and field of camera and mount, beside the slew."""
+    """Field, image scale and times of camera and mount that a leap depends on, but for the slew."""
 
     field_deg: tuple[float, float]
     scale_arcsec_px: float
@@ -154,29 +154,32 @@ class LeapTerms:
     latency_s: float
     """Time from the order of an exposure to its beginning."""
     readout_s: float
-    """Time from its end until the next order can be given."""
+    """Time from the end of an exposure until the next order can be given."""
     binning: int = 1
     """Binning: pixels joined on each axis; ``scale_arcsec_px`` is that of the joined ones."""
 
     @property
     def length_px(self) -> float:
-        """Length of a streak that is measured well."""
+        """Length of a streak that is measured well, in binned pixels."""
         return max(LENGTH_PX / self.binning, BINNED_LENGTH_PX)
 
     @property
     def half_short_deg(self) -> float:
-        """Half the short side of the field, degrees, however the camera is turned."""
+        """Half the shorter side of the field, degrees.
+
+        A circle with that radius is inside the field however the camera is turned.
+        """
         return RIM * min(self.field_deg) / 2.0
 
 
 BINNED_SCALE_ARCSEC_PX = 4.0
-"""Coarsest scale of joined pixels, if not set: beyond it stars fall into one pixel."""
+"""Coarsest scale of binned pixels; with coarser ones a star falls into a single pixel."""
 MANY_PX = 6_000_000
-"""Number of pixels below which frames are read out and examined fast enough unbinned."""
+"""Number of a camera's pixels below which binning saves no time that matters."""
 
 
 def binning_for(config: Config) -> int:
-    """Return the binning that leaves a streak well measured, where it saves time."""
+    """Return the binning for leaps: 2 for a large sensor with a fine scale, else 1."""
     optics = config.optics
     if optics.width_px * optics.height_px < MANY_PX:
         return 1
@@ -184,7 +187,7 @@ def binning_for(config: Config) -> int:
 
 
 def terms_of(config: Config, binning: int = 1) -> LeapTerms:
-    """Terms as configured, with ``binning`` of the configured pixels joined on each axis."""
+    """Return the configured terms, with ``binning`` configured pixels joined on each axis."""
     exposure = config.exposure
     return LeapTerms(
         field_deg=config.optics.field_deg,
@@ -198,7 +201,7 @@ def terms_of(config: Config, binning: int = 1) -> LeapTerms:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Telescope:
-    """The telescope's motion, terms and limits."""
+    """The mount's motion, the terms of leaps and the telescope's limits."""
 
     motion: MountMotion
     terms: LeapTerms
@@ -209,7 +212,7 @@ class Telescope:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Leap:
-    """Leap: the slew, the wait, the exposure."""
+    """Leap: slew ahead of the satellite, wait, exposure."""
 
     t_order_utc_ns: int
     """Instant at which the slew is ordered."""
@@ -223,12 +226,12 @@ class Leap:
     """Side of the pier at arrival."""
     slew_s: float
     within: float
-    """Probability that both ends are in the field."""
+    """Probability that both ends of the streak are in the field."""
     flips: bool
     binning: int = 1
     """Binning of the camera."""
     share: float = 1.0
-    """Share of each side of the sensor that is read out."""
+    """Fraction of each side of the sensor that is read out."""
 
     @property
     def t_close_utc_ns(self) -> int:
@@ -241,14 +244,16 @@ class Leap:
         return self.place.speed_arcsec_s * self.exposure_s
 
     def reach_px(self, terms: LeapTerms) -> float:
-        """Distance from the middle of the field, pixels, within which both ends surely are."""
+        """Distance from the field's centre, pixels, within which both ends lie at 3 sigma."""
         off_arcsec = self.length_arcsec / 2.0 + 3.0 * self.place.sigma_arcsec + BESIDE_ARCSEC
         return off_arcsec / terms.scale_arcsec_px
 
     def fits_in(self, share: float, terms: LeapTerms) -> bool:
-        """True where a part with this share of each side holds both ends, and stars for a plate.
+        """True where a central part of the sensor, ``share`` of each side, suffices for the leap.
 
-        False on the other side of the pier, where the mount's pointing is not known.
+        It suffices where it holds both ends of the streak, and enough stars for a plate solution.
+        False where the slew changes the side of the pier, as the mount's pointing is then not
+        known.
         """
         if self.flips:
             return False
@@ -261,7 +266,7 @@ NoLeapKind = Literal["it sets", "too fast", "too unsure", "limit"]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class NoLeap:
-    """Reason why there is no next leap."""
+    """Reason why there is no next leap; for kind "limit" with the limit's ``refusal``."""
 
     kind: NoLeapKind
     refusal: Refusal | None = None
@@ -270,9 +275,9 @@ class NoLeap:
 def next_leap(
     path: PredictedSkyPath, start: Pose, now_utc_ns: int, telescope: Telescope
 ) -> Leap | NoLeap:
-    """Return the first leap for which the mount is in time and within its limits.
+    """Return the first leap for which the mount is in time and within its limits, else the reason.
 
-    ``start``: direction of the telescope at present.
+    ``start``: direction of the telescope at ``now_utc_ns``.
     """
     last: NoLeap = NoLeap(kind="it sets")
     for wait_s in _WAITS_S:
@@ -295,7 +300,7 @@ def next_leap(
 
 
 def exposure_for(place: PredictedPosition, terms: LeapTerms) -> float:
-    """Exposure, s, for a streak of good length, with room for three sigma to either side."""
+    """Exposure, s, for a streak of good length that is in the field with three sigma to spare."""
     speed = max(place.speed_arcsec_s, 1e-3)
     sigma_arcsec = sqrt(max(place.along_arcsec2, 0.0))
     room_arcsec = 2.0 * (3600.0 * terms.half_short_deg - 3.0 * sigma_arcsec)
@@ -305,7 +310,7 @@ def exposure_for(place: PredictedPosition, terms: LeapTerms) -> float:
 
 
 def both_ends_probability(place: PredictedPosition, exposure_s: float, terms: LeapTerms) -> float:
-    """Return the probability that both ends are in a field centred on the place itself."""
+    """Probability that both ends of the streak are in a field centred on the predicted position."""
     along, across = np.sqrt(np.maximum(np.diag(place.along_across_arcsec2), 1e-6))
     half = 3600.0 * terms.half_short_deg
     room = max(half - place.speed_arcsec_s * exposure_s / 2.0, 0.0)

@@ -32,7 +32,7 @@ _MAX_TRACKS = 24
 
 
 class Catalogue:
-    """Element sets of the configuration's files, read in a thread of their own."""
+    """Element sets of the configured files, read in a thread of their own."""
 
     def __init__(self, files: Sequence[Path]) -> None:
         self.files = tuple(files)
@@ -42,7 +42,7 @@ class Catalogue:
         self._reading.start()
 
     def entries(self) -> tuple[CatalogueEntry, ...]:
-        """All element sets, as soon as they are read. Raises OrbitError for a faulty file."""
+        """Wait for all element sets and return them. Raises OrbitError for a faulty file."""
         self._reading.join()
         if self._fault is not None:
             raise self._fault
@@ -70,10 +70,10 @@ class _Asked:
 
 
 class Naming:
-    """Identification of all tracks together; each is compared again as its directions grow."""
+    """Identifies all tracks together; a track is compared again as its directions grow."""
 
     def __init__(self, config: Config, past: Past | None = None) -> None:
-        """``past``: uncorrelated tracks of earlier nights."""
+        """``past``: uncorrelated tracks of earlier nights, to compare unknown tracks with."""
         self._config = config
         self._past = past
         self._catalogue = Catalogue(config.catalogue.tle_files)
@@ -82,28 +82,28 @@ class Naming:
         """Last comparison of each track, by track id."""
 
     def configure(self, config: Config) -> None:
-        """Take new tunables."""
+        """Use the settings of ``config`` from now on."""
         if config.catalogue.tle_files != self._catalogue.files:
             self._catalogue = Catalogue(config.catalogue.tle_files)
             self._asked = {}
         self._config, self._errors = config, errors_of(config.catalogue)
 
     def forget(self) -> None:
-        """Forget everything: the clock was wrong until now."""
+        """Forget all comparisons: the clock was wrong until now."""
         self._asked = {}
 
     def entries(self) -> tuple[CatalogueEntry, ...]:
-        """Return the catalogue. Raises OrbitError where it cannot be read."""
+        """Return the element sets of the catalogue. Raises OrbitError where it cannot be read."""
         return self._catalogue.entries()
 
     def ask(
         self, frame_id: int, seen: Mapping[int, MeasuredDirections], tracks: Collection[int]
     ) -> tuple[Identified, ...]:
-        """Identify the tracks that are due, where there is a catalogue.
+        """Identify the tracks that are due for a comparison with the catalogue, if there is one.
 
-        ``seen``: directions of the tracks with a new measurement, by track id; ``tracks``: all
-        tracks so far. Beside the tracks that are due, tracks whose name changes by them are
-        returned. Raises OrbitError where the catalogue cannot be read.
+        ``seen``: directions of the tracks with a new measurement, by track id; ``tracks``: ids of
+        all tracks so far. A track that is not due is returned too where its name changes because of
+        the others. Raises OrbitError where the catalogue cannot be read.
         """
         if not self._catalogue.files:
             return ()
@@ -154,7 +154,10 @@ class Naming:
 def identification_record(
     frame_id: int, track_id: int, found: Identification, observations: int
 ) -> Identified:
-    """Return the record of an identification."""
+    """Return the record of a track's identification in a frame.
+
+    ``observations``: number of directions that were compared.
+    """
     return Identified(
         frame_id=frame_id,
         track_id=track_id,

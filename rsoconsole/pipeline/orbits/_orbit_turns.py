@@ -1,8 +1,8 @@
-"""Order of orbits to refine: the lead's in each frame, those of a large group in turn. Pure.
+"""Order in which orbits are refined: the lead's in each frame, a large group's in turn. Pure.
 
-An orbit takes some milliseconds, and a member's hardly changes by one more direction. A track that
-has just been missed is refined at once, with all its measurements, so that its orbit may predict it
-while it coasts.
+Refining an orbit takes some milliseconds, and one more direction hardly changes that of a member. A
+track that has just been missed is refined at once, with all its measurements, so that its orbit may
+predict it while it coasts.
 """
 
 import math
@@ -19,8 +19,10 @@ from rsoconsole.sky import wrap_180
 from rsoconsole.tracking import MANY
 
 AT_ONCE = 2
-"""Number of tracks beside the lead whose orbits one frame refines; with no more, none waits. In a
-group larger than ``MANY`` it is one."""
+"""Number of tracks beside the lead whose orbits one frame refines.
+
+With no more tracks than that, none waits. In a group larger than ``MANY`` it is one.
+"""
 _LATE = 6
 """Number of new measurements after which a track of a large group waits for no missed one."""
 
@@ -28,10 +30,11 @@ _LATE = 6
 def refinement_order(
     tracks: Sequence[Track], known: Sequence[tuple[Measurement, ...]], newest_frame_id: int
 ) -> list[int]:
-    """Numbers of the tracks to refine after a frame, in order; the first of all is the lead.
+    """Return the indices in ``tracks`` of those to refine after a frame, in rising order.
 
-    ``known``: measurements in each track's present orbit. Tracks that have grown most since, as a
-    share, come first.
+    ``tracks``: the lead first, which is always refined; ``known``: measurements in each track's
+    present orbit. Tracks just missed are refined, and of the others those whose number of
+    measurements has grown most in proportion.
     """
     if len(tracks) <= 1 + AT_ONCE:
         return list(range(len(tracks)))
@@ -48,7 +51,7 @@ def refinement_order(
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class OrbitInnovation:
-    """Innovation of one measurement by an orbit, with its score."""
+    """Innovation of one measurement against an orbit's prediction, with the prediction's score."""
 
     score: Score
     innovation_arcsec: tuple[float, float]
@@ -58,7 +61,7 @@ class OrbitInnovation:
 
 
 def orbit_innovation(orbit: Orbit, site: Site, measured: Measurement) -> OrbitInnovation | None:
-    """Innovation of a measurement by an orbit; None where the orbit predicts nothing there."""
+    """Innovation of a measurement against an orbit; None where the orbit gives no prediction."""
     ahead = predict(orbit, site, np.array([measured.t_mid_utc_ns]))
     places = ahead.places
     cos_dec = math.cos(math.radians(measured.dec_icrs_deg))

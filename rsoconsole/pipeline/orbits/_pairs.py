@@ -39,11 +39,11 @@ from rsoconsole.words import NS_PER_S, clock, closest_words, separation_words, t
 Message = tuple[Literal["info", "warning"], str]
 LIKELY, UNLIKELY = 0.5, 0.2
 CLEAR_SHARE = 1.2
-"""Share of the warning's angle from which a pair is clear again."""
+"""Factor on the warning's angle beyond which the warning about a pair ends."""
 
 
 class Approaches:
-    """Approaches under way."""
+    """Pairs of tracks that are close or approach each other, with a warning about each."""
 
     def __init__(self) -> None:
         self._open: dict[tuple[int, int], tuple[float, int]] = {}
@@ -56,9 +56,11 @@ class Approaches:
         t_utc_ns: int | None,
         limit_arcsec: float,
     ) -> tuple[Collection[tuple[int, int]], Sequence[Message]]:
-        """Return the pairs with a warning after a frame, and messages for changes.
+        """Update the warnings after a frame; return the pairs with a warning, and the messages.
 
-        ``alive``: the present tracks; ``t_utc_ns``: the frame's instant.
+        ``pairs``: motions examined in the frame; ``alive``: ids of the present tracks;
+        ``t_utc_ns``: mid-exposure, without which no motion is examined; ``limit_arcsec``: angle
+        below which a warning is given. A warning and its end have one message each.
         """
         words: list[Message] = []
         for pair in [each for each in self._open if not set(alive).issuperset(each)]:
@@ -105,10 +107,12 @@ def _end(pair: PairMotion, nearest: tuple[float, int], limit_arcsec: float) -> s
 
 
 MAX_FRAMES = 400
-"""Most measurements of a track that are compared, the last ones."""
+"""Largest number of a track's measurements that are compared, the latest."""
 MAX_PAIRS, PAIRS_OF_MANY = 6, 3
-"""Most pairs examined in each frame, fewer where there are more than ``MANY`` tracks: each costs 1
-ms, and twelve tracks are 66."""
+"""Largest number of pairs examined in a frame, and with more than ``MANY`` tracks.
+
+Each pair costs 1 ms, and twelve tracks are 66 pairs.
+"""
 _NEAR_SOONER = 4.0
 """Factor by which a near pair comes round sooner than others."""
 _RECENT_FRAMES = 40
@@ -155,7 +159,7 @@ class _TrackSights:
 
 
 class Pairs:
-    """Relative motion of the tracks, from records alone, so that a log gives the same pairs."""
+    """Relative motion of the tracks, from the records alone: the same log gives the same pairs."""
 
     def __init__(self, config: Config) -> None:
         self._config = config
@@ -176,11 +180,11 @@ class Pairs:
         """Motions of ``_known`` in order; replaced, never changed, as other threads read it."""
 
     def configure(self, config: Config) -> None:
-        """Take new tunables."""
+        """Use the settings of ``config`` from now on."""
         self._config = config
 
     def forget(self) -> None:
-        """Forget everything: the clock was wrong until now."""
+        """Forget all directions and warnings: the clock was wrong until now."""
         self._tracks, self._measured, self._paths, self._known = {}, {}, {}, {}
         self.last = ()
         self._alive, self._t_utc_ns = [], None

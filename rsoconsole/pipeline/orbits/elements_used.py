@@ -1,4 +1,4 @@
-"""Element files by which a session is identified, where none are named."""
+"""Element files with which a session is identified, where the operator names none."""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
@@ -18,19 +18,19 @@ NO_ELEMENTS = (
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ElementsUsed:
-    """Element files, and whether they are those of the session."""
+    """Element files for a session, and whether the session was recorded with them."""
 
     files: tuple[Path, ...]
     is_recorded: bool
-    """True where the session was recorded with them, False for the configuration's."""
+    """True for the files recorded in the session, False for those of the configuration."""
 
 
 def elements_used(path: Path, configured: Sequence[Path], option: str) -> ElementsUsed:
-    """Element files to identify a session by: the configuration's, else the session's own.
+    """Return the element files with which to identify a session.
 
-    For a simulated night the session's own come first.
-
-    Raises OrbitError with the remedy, the caller's option or the setting, where there are none.
+    They are those of the configuration, else those recorded in the session; for a simulated night
+    the recorded ones come first. Raises OrbitError where there are none; the message names
+    ``option``, the caller's option for element files, and the setting.
     """
     own, is_simulated = _of_session(path)
     there = tuple(file for file in own if file.exists())
@@ -55,20 +55,25 @@ def _of_session(path: Path) -> tuple[tuple[Path, ...], bool]:
 
 
 YIELDS_AFTER_NS = 3 * NS_PER_DAY
-"""Lead of a later source's newest elements from which it takes precedence for an object."""
+"""Time, ns, by which a later source's elements of an object must be newer to be preferred."""
 
 
 def read_catalogue(files: Sequence[Path]) -> tuple[CatalogueEntry, ...]:
-    """Read every element set of the files, of a folder those of the source with precedence.
+    """Read the element sets of all files; ``files`` may hold folders of the element cache.
 
-    Raises OrbitError naming a file that cannot be read.
+    Of a folder, each object's sets are those of one source (``by_precedence``). Raises OrbitError
+    naming a file that cannot be read.
     """
     sources = (_of_folder(path) if path.is_dir() else _of_file(path) for path in files)
     return tuple(chain.from_iterable(sources))
 
 
 def by_precedence(sources: Iterable[Iterable[CatalogueEntry]]) -> tuple[CatalogueEntry, ...]:
-    """Return each object's sets of one source alone: the first that has it and is not outdated."""
+    """Return each object's sets from one source alone, with ``sources`` in order of precedence.
+
+    It is the first source that has the object, unless a later one has much newer sets
+    (``YIELDS_AFTER_NS``).
+    """
     chosen: dict[int, list[CatalogueEntry]] = {}
     for entries in sources:
         of_object: dict[int, list[CatalogueEntry]] = {}

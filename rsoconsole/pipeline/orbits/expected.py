@@ -51,14 +51,16 @@ _TIMES = 3.0
 
 
 def errors_of(catalogue: CatalogueConfig) -> ElementErrors:
-    """Element errors, scaled by the configuration's measured factors where it has any."""
+    """Element errors as assumed, or scaled by the factors measured for a kind of orbit."""
     return ASSUMED.scaled(factors_of(catalogue))
 
 
 def wide_errors_of(catalogue: CatalogueConfig) -> ElementErrors:
-    """Element errors three times as wide as assumed, or twice as measured, for measuring them.
+    """Wide element errors, with which tracks are identified in order to measure those errors.
 
-    Tracks identified with narrow errors could only show that errors are narrow.
+    They are three times the assumed ones, or twice the measured ones if that is more. With narrow
+    errors only tracks with small differences would be identified, and the result would be too
+    small.
     """
     known = factors_of(catalogue)
     wide = {}
@@ -73,7 +75,7 @@ def wide_errors_of(catalogue: CatalogueConfig) -> ElementErrors:
 
 
 def factors_of(catalogue: CatalogueConfig) -> dict[Regime, ErrorFactors]:
-    """Return the measured factors of element errors, by kind of orbit."""
+    """Return the configured factors on the assumed element errors, by kind of orbit."""
     return {
         each.regime: ErrorFactors(
             along_at_epoch=each.along_at_epoch, along_by_age=each.along_by_age, across=each.across
@@ -83,7 +85,7 @@ def factors_of(catalogue: CatalogueConfig) -> dict[Regime, ErrorFactors]:
 
 
 def errors_report(catalogue: CatalogueConfig) -> list[dict[str, Any]]:
-    """Return the source of the element errors of each kind of orbit, for JSON."""
+    """Return, for JSON, whether the element errors of each kind of orbit are measured."""
     measured = {each.regime: each for each in catalogue.error_factors}
     return [
         {
@@ -99,7 +101,7 @@ def errors_report(catalogue: CatalogueConfig) -> list[dict[str, Any]]:
 
 
 EVERY = 4
-"""Number of frames from one comparison with the catalogue to the next; more for long catalogues."""
+"""Number of frames between two comparisons with the catalogue; larger for long catalogues."""
 _SETS_A_FRAME = 500
 """Element sets for each frame of that interval, in longer catalogues."""
 _EDGE_DEG = 0.3
@@ -116,7 +118,7 @@ Entries = Callable[[], Sequence[CatalogueEntry]]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SolvedFrame:
-    """Solved frame with its time."""
+    """Solved frame with its mid-exposure."""
 
     taken: FrameTaken
     solution: Solution
@@ -125,10 +127,10 @@ class SolvedFrame:
 
 
 class UnfollowedMembers:
-    """Expected members that are not tracked, from the records of the log alone."""
+    """Finds catalogued objects that should be in the frame and are not tracked, from records."""
 
     def __init__(self, config: Config, entries: Entries) -> None:
-        """``entries``: the catalogue; raises OrbitError where it cannot be read."""
+        """``entries``: returns the element sets; raises OrbitError where they cannot be read."""
         self._config = config
         self._entries = entries
         self._sets: tuple[CatalogueEntry, ...] = ()
@@ -148,7 +150,7 @@ class UnfollowedMembers:
         """Result of the last comparison; other threads read it."""
 
     def configure(self, config: Config, entries: Entries) -> None:
-        """Take new tunables."""
+        """Use the settings of ``config`` and these element sets from now on."""
         self._config, self._entries = config, entries
         self._sets, self._sets_utc_ns = (), None
 
@@ -167,7 +169,7 @@ class UnfollowedMembers:
                 self._names[record.track_id] = record
 
     def refine(self) -> tuple[Record, ...]:
-        """Return the records that follow a frame. Raises OrbitError for a catalogue not read."""
+        """Return the records that follow a frame. Raises OrbitError for an unreadable catalogue."""
         self.uncatalogued = tuple(
             n
             for n in sorted(self._tracks)

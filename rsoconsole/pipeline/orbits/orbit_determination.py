@@ -37,13 +37,13 @@ from rsoconsole.words import NS_PER_S, count_words
 
 Method = Literal["least squares", "gooding"]
 SAME_OBJECT = 0.9
-"""Probability from which another track of a session counts as the same object's."""
+"""Probability from which another track of a session is used as the same object's."""
 _MAX_TRACKS = 8
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class OrbitArc:
-    """Arc, and whether it is of the same object as those before it."""
+    """Arc of directions, and whether the orbit was determined with it."""
 
     name: str
     observations: int
@@ -51,7 +51,10 @@ class OrbitArc:
     t_last_utc_ns: int
     is_used: bool
     probability: float | None
-    """Probability that it is; None for the first, and where it is too short to compute."""
+    """Probability that the arc is of the same object as the arcs used before it.
+
+    None for the first arc, and for an arc too short to compute it.
+    """
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -76,9 +79,10 @@ def find_orbit(
     prior: PriorName = "auto",
     others: Sequence[ObservedTrack] = (),
 ) -> FoundOrbit:
-    """Determine the orbit of ``observed``, all of which is one object's and is used.
+    """Determine the orbit of one object from all directions of ``observed``.
 
-    ``others``, such as a session's further tracks, are used where one orbit fits them too.
+    ``others``: tracks that may be of the same object, such as a session's further tracks. An arc of
+    them is used where it is of the same object with a probability of ``SAME_OBJECT`` at least.
     """
     given = [(each, arc) for each in observed for arc in arcs(each.seen)]
     first = max(given, key=lambda pair: len(pair[1]))
@@ -107,7 +111,10 @@ def find_orbit(
 
 
 def find_by_gooding(observed: ObservedTrack) -> FoundOrbit:
-    """Orbit through the first, the middlemost and the last direction, without any prior."""
+    """Determine the orbit through the first, the middlemost and the last direction, with no prior.
+
+    Of several such orbits, that which fits all directions best is returned.
+    """
     seen = observed.seen
     nothing = FoundOrbit(
         method="gooding",
@@ -224,7 +231,7 @@ def _misfit(seen: MeasuredDirections, orbit: Orbit) -> float:
 
 
 def orbit_values(orbit: Orbit) -> dict[str, Any]:
-    """Return the fields that an orbit has both on record and in the ledger."""
+    """Return the fields that an orbit has both in the records and in the ledger."""
     elements = elements_of(orbit.r_km, orbit.v_km_s)
     return {
         "label": orbit.label,
@@ -242,23 +249,23 @@ def orbit_values(orbit: Orbit) -> dict[str, Any]:
 
 
 WORTH_WRITING = ("free", "constrained by prior")
-"""Labels of orbits that may be written as elements, which carry no errors."""
+"""Labels of orbits that may be written as element sets, which state no errors."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FittedElements:
-    """Elements, or the reason why there are none."""
+    """Mean elements fitted to an orbit, or the reason why there are none."""
 
     mean: MeanElements | None
     tle: tuple[str, str] | None
-    """Lines of the element set; None also where they have no room for the catalogue number."""
+    """Two lines of the element set; None also where they have no room for the catalogue number."""
     reason: str
 
 
 def orbit_elements(
     found: FoundOrbit, *, norad_id: int, name: str, cospar: str = ""
 ) -> FittedElements:
-    """Fit mean elements to the directions and the orbit; raises nothing where SGP4 fails."""
+    """Fit mean elements to the directions and the orbit; where SGP4 fails, return the reason."""
     if found.orbit is None or found.orbit.label not in WORTH_WRITING:
         label = "not observable" if found.orbit is None else found.orbit.label
         return FittedElements(mean=None, tle=None, reason=f"the orbit is labelled {label}")

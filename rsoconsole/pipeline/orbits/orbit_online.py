@@ -1,8 +1,8 @@
 """Orbits of all tracks, refined with each track's measurements.
 
-Only the records of the log go in: the same log gives the same orbits. Successive tracks are of one
-object where one orbit through both is likely enough, so that a satellite that was lost and found
-again keeps its orbit.
+Everything comes from the records of the log: the same log gives the same orbits. Successive tracks
+belong to one object where one orbit through both is likely enough, so that a satellite that was
+lost and found again keeps its orbit.
 """
 
 import math
@@ -48,11 +48,15 @@ from rsoconsole.tracking.filters import adaptive, estimator
 from rsoconsole.words import duration_words, semi_major_axis_words
 
 ASKED_AT = (6, 12, 24, 48, 96)
-"""Numbers of measurements at which a track is compared with earlier objects, and its orbit with
-unassigned measurements."""
+"""Numbers of measurements at which a track is compared with earlier objects.
+
+Its orbit is then compared with unassigned measurements, too.
+"""
 JOINED_FROM, PARTED_BELOW = 0.99, 0.5
-"""Probabilities above which a track is joined to an earlier object, and below which it is parted
-again: a wrong join makes an orbit of two objects, which leads the telescope."""
+"""Probabilities above which a track is joined to an earlier object, and below which it is parted.
+
+A wrong join makes one orbit of two objects, which would lead the telescope.
+"""
 _MAX_EARLIER = 4
 _MORE_TO_SEEK = 1.2
 """Growth of the number of directions after which all starts are used again, where none led to an
@@ -63,13 +67,13 @@ _LEARNT = 0.2
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Refined:
-    """Orbit of one track as refined after one frame."""
+    """Orbit of one track, refined after a frame."""
 
     estimate: OrbitEstimate
     seen: MeasuredDirections
-    """Directions of the track itself."""
+    """Directions of the track alone, without earlier tracks of the same object."""
     events: tuple[Event, ...]
-    """Changes, for the log of the night."""
+    """Messages on what has changed, for the log of the night."""
 
 
 @dataclass(slots=True, eq=False)
@@ -110,7 +114,7 @@ class _Target:
 
 
 class OnlineOrbit:
-    """Orbits of the tracked objects, and of the few tracked before them."""
+    """Orbits of the tracked objects, and of a few objects tracked before them."""
 
     def __init__(self, config: Config) -> None:
         self._config = config
@@ -128,7 +132,7 @@ class OnlineOrbit:
         """True where a new lead has begun that has no orbit yet."""
 
     def configure(self, config: Config) -> None:
-        """Take new tunables."""
+        """Use the settings of ``config`` from now on."""
         self._config = config
 
     def receive(self, record: Record) -> None:
@@ -147,24 +151,24 @@ class OnlineOrbit:
 
     @property
     def track_ids(self) -> frozenset[int]:
-        """Ids of all tracks that have a measurement after all decisions."""
+        """Ids of the tracks that have a measurement, as the operator's decisions have left them."""
         return frozenset(each.track_id for each in self._tracks.tracks())
 
     @property
     def seen(self) -> MeasuredDirections | None:
-        """Directions of the lead, or of the last lead."""
+        """Directions of the lead, else of the last lead; None before the first."""
         target = self._lead
         return None if target is None else target.seen
 
     @property
     def orbit(self) -> Orbit | None:
-        """Orbit of the lead, or of the last lead."""
+        """Orbit of the lead, else of the last lead; None before the first."""
         target = self._lead
         return None if target is None else target.orbit
 
     @property
     def is_guide(self) -> bool:
-        """True where the lead's orbit predicts better than the filter, and may guide."""
+        """True where the lead's orbit predicts better than the filter, and may set the aim."""
         target = self._lead
         # The next order goes out before the orbit hears of the frame that began another track.
         if target is None or self._is_begun:
@@ -175,12 +179,11 @@ class OnlineOrbit:
         return may_orbit_guide(self._config) and target.scores.is_orbit_ahead
 
     def refine(self) -> tuple[Refined, ...]:
-        """Refine the orbit of each track with new measurements, through all of them.
+        """Refine the orbits of tracks with new measurements, each through all its measurements.
 
         A track is left out where it has no new measurement, where no orbit can be determined, or
-        where its turn has not come (``_orbit_turns``). Each orbit is on record as of the last frame
-        whose measurement the track accepted. Nothing is raised for directions that cannot be
-        fitted.
+        where its turn has not come (``_orbit_turns``). Each orbit's frame is the last one with a
+        measurement that the track accepted. Nothing is raised for directions that cannot be fitted.
         """
         if not self._config.orbit.online:
             return ()

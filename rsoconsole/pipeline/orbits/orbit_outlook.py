@@ -30,18 +30,18 @@ class PlaceAhead:
     azimuth_deg: float
     range_km: float
     lit: float
-    """Visible share of the Sun's disc, as seen by the object."""
+    """Visible fraction of the Sun's disc, as seen from the object."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class OrbitOutlook:
-    """Outlook for the day after the last direction."""
+    """Places and events of an object after its last direction."""
 
     ahead: tuple[PlaceAhead, ...]
     is_up: bool
-    """True where it is above the telescope's limit at the last direction."""
+    """True where it is above the telescope's altitude limit at the beginning."""
     sets_utc_ns: int | None
-    """Instant at which it next sinks below the limit; None: not within a day."""
+    """Instant at which it next sinks below the altitude limit; None: not within a day."""
     rises_utc_ns: int | None
     eclipse_utc_ns: tuple[int, int | None] | None
     """Begin and end of the next eclipse, partial phase included; None: not within a day."""
@@ -50,7 +50,7 @@ class OrbitOutlook:
 def orbit_outlook(
     orbit: KnownOrbit, site: Site, limits: LimitsConfig, from_utc_ns: int, ahead_s: Sequence[int]
 ) -> OrbitOutlook:
-    """Return the places ``ahead_s`` after an instant, and the events within a day of it."""
+    """Return the places at ``ahead_s`` seconds after an instant, and the events within a day."""
     since = np.arange(0, AHEAD_S + _STEP_S, _STEP_S)
     t = from_utc_ns + since * NS_PER_S
     r, v = orbit.states(t)

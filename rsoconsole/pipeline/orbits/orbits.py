@@ -1,6 +1,7 @@
 """Orbits, names and pairs of a frame's tracks, computed while the mount moves.
 
-They are each track's orbit and name, the relative motion, and the objects expected beside them.
+Computed are each track's orbit and name, the tracks' relative motion, and the catalogued objects
+expected beside them.
 """
 
 import logging
@@ -19,13 +20,13 @@ log = logging.getLogger(__name__)
 
 
 class Orbits:
-    """Orbits, names and pairs of the tracks, computed from the log after each frame.
+    """Computes orbits, names and pairs of the tracks from the log, after each frame.
 
-    No track depends on their success: a failure is reported once.
+    Tracking does not depend on it: a failure is reported once, and nothing is raised.
     """
 
     def __init__(self, config: Config, past: Past | None = None) -> None:
-        """``past``: uncorrelated tracks of earlier nights."""
+        """``past``: uncorrelated tracks of earlier nights, to compare unknown tracks with."""
         self.online = OnlineOrbit(config)
         self._naming = Naming(config, past)
         self.pairs = Pairs(config)
@@ -37,7 +38,7 @@ class Orbits:
         """Names of identified tracks by id; replaced, never changed, as other threads read it."""
 
     def configure(self, config: Config) -> None:
-        """Take new tunables."""
+        """Use the settings of ``config`` from now on."""
         self.online.configure(config)
         self._naming.configure(config)
         self.pairs.configure(config)
@@ -50,7 +51,7 @@ class Orbits:
         self.expected.receive(record)
 
     def forget(self) -> None:
-        """Forget everything: the clock was wrong until now."""
+        """Forget all measurements, orbits and names: the clock was wrong until now."""
         self.online.forget()
         self._naming.forget()
         self.pairs.forget()
@@ -59,7 +60,7 @@ class Orbits:
     def refine(self) -> tuple[Record, ...]:
         """Return the records that follow a frame.
 
-        OrbitEstimate, Identified, PairMotions, ExpectedMembers, and events about them.
+        They are OrbitEstimate, Identified, PairMotions, ExpectedMembers, and events about these.
         """
         records: list[Record] = []
         try:

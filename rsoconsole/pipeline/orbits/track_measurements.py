@@ -28,7 +28,10 @@ _BESIDE, _BESIDE_S = 5, 600.0
 
 
 class PartErrors:
-    """Shared error of part streaks, by the lengths of the streaks that one track has accepted."""
+    """Widens the errors of streaks that show only a part of the object's motion in the exposure.
+
+    It remembers by how much the earlier streaks of the track were too short.
+    """
 
     def __init__(self) -> None:
         self._excesses: tuple[float, ...] = ()
@@ -42,11 +45,12 @@ class PartErrors:
         track: TrackState,
         exposures_s: Mapping[int, float],
     ) -> tuple[Measurement, ...]:
-        """Return the track's next measurements, those of parts with the error that they share.
+        """Return the track's new measurements, with the covariances of part streaks widened.
 
-        ``fresh``: the last of ``taken``, with whatever else their covariances hold; ``taken``: all
-        measurements of the track, in order of time; ``track``: its state now; ``exposures_s``: by
-        frame number, without frames that did not state it.
+        The error of part streaks in a row is shared. ``fresh``: new measurements, equal to the last
+        of ``taken`` but for other changes of their covariances; ``taken``: all measurements of the
+        track, in order of time; ``track``: its present state; ``exposures_s``: exposures by frame
+        number, without frames that did not state it.
         """
         found, first = [], len(taken) - len(fresh)
         for n, each in enumerate(fresh, start=first):
@@ -62,7 +66,7 @@ class PartErrors:
         return tuple(found)
 
     def last_of(self, measurement: Measurement) -> Measurement:
-        """Return the last measurement, given with another covariance, with the same error added."""
+        """Return the last measurement, given with another covariance, with its widening added."""
         ee, en, nn = np.add(measurement.cov_sky_arcsec2, self._added_arcsec2)
         return replace(measurement, cov_sky_arcsec2=(float(ee), float(en), float(nn)))
 
@@ -87,11 +91,14 @@ def _motion(taken: Sequence[Measurement], n: int, exposure_s: float) -> Motion |
 _FEWEST = 3
 _SHAPE = 'like {"site": {"lat_deg", "lon_deg", "alt_m"}, "obs": [[time, RA, Dec], ...]}'
 ARC_GAP_S = 3 * 3600.0
-"""Longest gap within an arc, s."""
+"""Longest gap between two directions of one arc, s."""
 
 
 def sightings_from_measurements(site: Site, taken: Sequence[Measurement]) -> MeasuredDirections:
-    """Reduce measurements to sightings. Raises ValueError for one that is no direction."""
+    """Convert measurements to directions for an orbit, as seen from a site.
+
+    Raises ValueError for a measurement that is not a direction.
+    """
     return reduce_directions(
         site,
         np.array([each.t_mid_utc_ns for each in taken], np.int64),
@@ -103,7 +110,7 @@ def sightings_from_measurements(site: Site, taken: Sequence[Measurement]) -> Mea
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ObservedTrack:
-    """Measured directions of one object, and where they are from."""
+    """Measured directions of one object, and the session or file that they come from."""
 
     name: str
     """Name of the file or session, and the number of the track."""
@@ -124,9 +131,9 @@ def read_observed_tracks(
 ) -> tuple[ObservedTrack, ...]:
     """Read the tracks of a session, the longest first, or the observations of a file.
 
-    ``track`` takes one of a session's tracks alone, counted from 1 in order of time;
-    ``sigma_arcsec`` is for observations that state none, ``site`` for a file without one. Raises
-    SessionError or OrbitError with the file and its fault.
+    ``track``: number of a session's track, from 1 in order of time; None: all of them.
+    ``sigma_arcsec``: for observations that state no sigma; ``site``: for a file that states none.
+    Raises SessionError or OrbitError naming the file and its fault.
     """
     if path.is_dir() or path.name == "session.db":
         return _read_session(path if path.is_dir() else path.parent, track)
@@ -134,7 +141,7 @@ def read_observed_tracks(
 
 
 def arcs(seen: MeasuredDirections) -> tuple[MeasuredDirections, ...]:
-    """Split into arcs, in order of time, at each gap of three hours."""
+    """Split directions into arcs, in order of time, at each gap longer than ``ARC_GAP_S``."""
     starts = np.flatnonzero(np.diff(seen.t_s) > ARC_GAP_S) + 1
     groups = np.split(np.arange(len(seen)), starts)
     return tuple(merged_tracklets([seen.of(each)])[0] for each in groups)

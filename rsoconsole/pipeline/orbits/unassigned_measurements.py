@@ -1,9 +1,9 @@
 """Measurements that no track accepted, and those among them that belong to an orbit.
 
-A track begins with the first two frames that agree, and coasts beside measurements that its gate
-excludes: earlier or excluded ones may be of the same object. An orbit that has grown since can
-decide it: a direction belongs to the object where the density that the orbit gives to it outweighs
-that of strangers.
+A track begins with the first two frames that agree, and coasts past measurements that its gate
+excludes: measurements before the beginning, or excluded ones, may be of the same object. An orbit
+can decide it later: a direction belongs to the object where the density that the orbit predicts
+there exceeds that of unrelated detections.
 """
 
 import math
@@ -34,7 +34,7 @@ _GATE_NIS = 9.21
 
 
 class UnassignedMeasurements:
-    """Measurements of the last two hours that no track accepted, from records in order."""
+    """Keeps the measurements of the last two hours that no track accepted, from the records."""
 
     def __init__(self) -> None:
         self._seen: dict[str, Measurement] = {}
@@ -43,7 +43,7 @@ class UnassignedMeasurements:
         """Ids by frame: measurements that tracks accepted, and those that the operator rejected."""
 
     def receive(self, record: Record) -> None:
-        """Process the next record; kinds without effect on measurements are ignored."""
+        """Process the next record of the log; kinds that do not concern it are ignored."""
         if isinstance(record, Measurement):
             self._seen[record.measurement_id] = record
             self._let_go(record.t_mid_utc_ns)
@@ -58,10 +58,10 @@ class UnassignedMeasurements:
     def of(
         self, orbit: KnownOrbit, site: Site, without: Collection[int], learnt: tuple[float, float]
     ) -> tuple[Measurement, ...]:
-        """Measurements that belong to an orbit, in order of time; at most one of a frame.
+        """Unassigned measurements that belong to an orbit, in order of time; at most one a frame.
 
-        ``without``: frames in which the object's streak is known already; ``learnt``: scatter along
-        the motion (s) and the scale of variances, as the track has learned them.
+        ``without``: frames in which the object's streak is known already; ``learnt``: timing
+        scatter (s) and factor on variances, as the track has learned them.
         """
         settled = set(chain.from_iterable(self._settled.values()))
         asked = [

@@ -1,4 +1,4 @@
-"""Uncorrelated tracks: from a session to the ledger, and from the ledger to names."""
+"""Uncorrelated tracks: kept from a session in the ledger, and recognised in later nights."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -45,7 +45,7 @@ from rsoconsole.session import (
 from rsoconsole.words import NS_PER_S
 
 MIN_TRACKS = 5
-"""Fewest directions of a track that is kept: fewer may as well be a satellite's glints."""
+"""Fewest directions of a track that is kept; fewer may be glints of different satellites."""
 _MAX_DIRECTIONS = 40
 _TOGETHER = 4
 """Most tracks of an object, the latest, that are fitted with one orbit."""
@@ -58,7 +58,7 @@ _KNOWN = ("free", "constrained by prior")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class KeptTrack:
-    """Track as kept in the ledger."""
+    """Track of a session that is kept in the ledger."""
 
     track: int
     """Number of the track in the session."""
@@ -67,23 +67,23 @@ class KeptTrack:
     is_new: bool
     """True where the ledger did not have that object."""
     recognised: Correlation | None
-    """Correlation with the ledger's objects; None where the track had been kept before."""
+    """Correlation with the ledger's objects; None where the track was in the ledger already."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class KeptSession:
-    """Tracks of a session as kept in the ledger."""
+    """Result of keeping the tracks of a session in the ledger."""
 
     tracks: tuple[KeptTrack, ...] = ()
     taken_back: tuple[int, ...] = ()
-    """Tracks withdrawn from the ledger, as they now have a catalogued name."""
+    """Tracks withdrawn from the ledger, because they now have a catalogued name."""
     too_short: tuple[int, ...] = ()
     moved_aside: Path | None = None
     """Path to which a damaged ledger was moved; None where it was sound."""
 
 
 class Past:
-    """Objects of the ledger when the night began."""
+    """Objects that were in the ledger when the night began."""
 
     def __init__(self, ledger: Ledger) -> None:
         self._objects = {each.number: each for each in ledger.objects}
@@ -92,7 +92,7 @@ class Past:
     def names_of(
         self, tracks: Mapping[int, MeasuredDirections], site: Site
     ) -> dict[int, LedgerName]:
-        """Return the names, by track id, of tracks that are or may be of an object seen before."""
+        """Return names from the ledger, by track id, of tracks that are or may be its objects."""
         if not self._before or not tracks:
             return {}
         found = correlate_tracks(list(tracks.values()), site, self._before)
@@ -115,14 +115,15 @@ class Past:
 
 
 def seen_before(objects: Sequence[LedgerObject]) -> tuple[EarlierTrack, ...]:
-    """Return the latest tracks of each object, for correlation."""
+    """Return the latest tracks of each object in the ledger, for correlation."""
     return tuple(_seen_before(each.number, track) for each in objects for track in each.tracks[-2:])
 
 
 def keep_night(folder: Path, path: Path | None = None) -> KeptSession:
-    """Keep the tracks of a closed session that have no name on record.
+    """Keep the tracks of a closed session whose recorded identification is "unknown".
 
-    Tracks never compared with a catalogue are left out. Raises SessionError.
+    Tracks never compared with a catalogue are left out. ``path``: the ledger; None: the usual one.
+    Raises SessionError.
     """
     identified: dict[int, Identified] = {}
     for _, _, record in SessionReader(folder).records(kinds=(Identified,)):
@@ -143,7 +144,8 @@ def keep(
 ) -> KeptSession:
     """Keep tracks of a session that no catalogue explains, and withdraw those identified since.
 
-    Simulated nights have a ledger of their own. Raises SessionError.
+    ``named``: the session's identified tracks; ``path``: the ledger; None: the usual one. Simulated
+    nights have a ledger of their own. Raises SessionError.
     """
     session = folder.resolve().name
     is_simulated = SessionReader(folder).about().get("is_simulated") is True

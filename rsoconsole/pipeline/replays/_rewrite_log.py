@@ -1,6 +1,6 @@
 """Log of a session as it would have been with other settings. Pure.
 
-Inputs stay, in their order; the fold's recorded output is replaced by its output now. A log
+Inputs of the fold stay, in their order; its recorded output is replaced by its output now. A log
 rewritten with no changes is the log itself, and a rewritten log replayed with the changed
 configuration gives its own records again (on another processor: to the last digits).
 """
@@ -41,7 +41,7 @@ from rsoconsole.records import (
 
 
 class LogRewriter:
-    """Rewriter of a log, record by record: a night may be a long one."""
+    """Rewrites a log record by record, so that a long night need not be held in memory."""
 
     def __init__(
         self,
@@ -50,8 +50,10 @@ class LogRewriter:
         on_record: Callable[[int, Record], None],
         on_frame: Callable[[ReplayedFrame], None],
     ) -> None:
-        """``on_record``: takes the other log, (t_utc_ns, record), in order; ``on_frame``: each
-        frame that was folded, as soon as it is complete."""
+        """``on_record``: called with each (t_utc_ns, record) of the rewritten log, in order.
+
+        ``on_frame``: called with each folded frame as soon as it is complete.
+        """
         self.config = walk.config
         """Configuration with the changes, with which the other log begins."""
         self._on_record = on_record
@@ -69,7 +71,7 @@ class LogRewriter:
         """Decision whose change of state has not been written, and the states before and after."""
 
     def receive(self, t_utc_ns: int, record: Record) -> None:
-        """Process the next record."""
+        """Process the next record of the recorded log."""
         walk = self._walk
         if _closes(record):
             self.close()
@@ -85,7 +87,7 @@ class LogRewriter:
         self._write_other(t_utc_ns, record, before)
 
     def close(self) -> None:
-        """Complete the open frame."""
+        """Complete the frame whose records still come in, at the end of the log."""
         for each in self._walk.close():
             self._write_frame(each)
         self._is_void = False

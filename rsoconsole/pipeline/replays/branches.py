@@ -1,7 +1,7 @@
 """Branches of a session: what-ifs with a name.
 
-``SESSION/branches/NAME`` holds a database of the session's own schema, with the whole log as it
-would have been; ``meta`` holds the session (``branch_of``), the settings changed (``changes``), and
+``SESSION/branches/NAME`` holds a database like that of a session, with the whole log as it would
+have been. Its ``meta`` holds the session (``branch_of``), the changed settings (``changes``), and
 the figures before and after. The session itself is never written to. Pictures and frames stay with
 the session, where the reader looks for what a branch does not hold.
 """
@@ -20,7 +20,7 @@ from rsoconsole.session import DATABASE, SessionReader, SessionWriter, folders_i
 
 BRANCHES = "branches"
 RESERVED = ("figures", "exports")
-"""Names of folders for other derived files beside the branches."""
+"""Names that a branch cannot have: folders for other derived files."""
 _NAME = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_.-]{0,63}")
 _OF_THE_SESSION = ("model_sha256", "clock_offset_s", "is_simulated", "t_started_utc_ns")
 """Keys of ``meta`` that a branch shares with its session."""
@@ -29,20 +29,20 @@ _WRITE_S = 120.0
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Branch:
-    """Named what-if of a session."""
+    """Named what-if of a session, as stored in its folder."""
 
     name: str
     folder: Path
     changes: dict[str, Any] = field(default_factory=dict)
     figures: dict[str, Any] = field(default_factory=dict)
-    """Figures ``recorded`` and ``what_if`` of the time it was made."""
+    """Figures ``recorded`` and ``what_if``, as computed when the branch was made."""
     t_made_utc_ns: int | None = None
     fault: str | None = None
-    """Reason why it cannot be read; the other members are then empty."""
+    """Reason why the branch cannot be read; its figures and changes are then empty."""
 
 
 def branch_folder(session: Path, name: str) -> Path:
-    """Folder of a branch of that name. Raises SessionError for a name that cannot be one."""
+    """Folder of the branch with that name. Raises SessionError for a name that is not allowed."""
     if not _NAME.fullmatch(name) or name.endswith("."):
         raise SessionError(
             f"{name!r} cannot name a branch: use up to 64 letters, digits, '-', '_' and '.',"
@@ -54,7 +54,10 @@ def branch_folder(session: Path, name: str) -> Path:
 
 
 def check_name(session: Path, name: str, *, force: bool = False) -> Path:
-    """Folder for a new branch of that name. Raises SessionError where it cannot be made."""
+    """Return the folder for a new branch. Raises SessionError where it cannot be made.
+
+    ``force``: an existing branch of that name may be replaced.
+    """
     folder = branch_folder(session, name)
     if folder.exists() and not force:
         raise SessionError(f"{session} has a branch '{name}' already: --force replaces it")
@@ -64,10 +67,10 @@ def check_name(session: Path, name: str, *, force: bool = False) -> Path:
 
 
 def save_branch(what_if: WhatIf, name: str, *, force: bool = False) -> Path:
-    """Keep a what-if as a branch of its session; returns its folder.
+    """Save a what-if as a branch of its session; return the branch's folder.
 
-    The branch is complete or absent: it is written beside its place and renamed. Raises
-    SessionError for a name that cannot be one or is taken (unless ``force``), and where it cannot
+    The branch is complete or absent: it is written in a temporary folder and renamed. Raises
+    SessionError for a name that is not allowed or is taken (unless ``force``), and where it cannot
     be written.
     """
     folder = check_name(what_if.session, name, force=force)

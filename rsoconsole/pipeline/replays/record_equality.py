@@ -1,4 +1,4 @@
-"""Equality of records but for rounding by another processor. Pure."""
+"""Equality of records, apart from rounding by another processor. Pure."""
 
 import math
 from collections.abc import Sequence
@@ -8,18 +8,18 @@ from typing import Any
 from rsoconsole.records import TrackState
 
 ROUNDING = 1e-7
-"""Relative tolerance; a fold agrees to 1e-12 after a night, a setting changes the third digit."""
+"""Relative tolerance: after a night processors differ by 1e-12, other settings by 1e-3."""
 _DIRECTION_DEG = 1e-9
 """Tolerance of a direction: four millionths of an arcsecond, below any record's precision."""
 
 
 def are_alike(ours: Sequence[Any], theirs: Sequence[Any]) -> bool:
-    """True where two lists of records agree but for a processor's rounding."""
+    """True where two lists of records agree, apart from a processor's rounding."""
     return len(ours) == len(theirs) and all(map(is_alike, ours, theirs))
 
 
 def is_alike(one: Any, other: Any) -> bool:
-    """True where two records, or values within them, agree but for rounding."""
+    """True where two records, or two values of records, agree apart from rounding."""
     if one == other:
         return True
     if type(one) is not type(other):

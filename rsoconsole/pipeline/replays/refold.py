@@ -1,11 +1,13 @@
 """Replay of the tracks from what is on record alone: the same fold, the same inputs. Pure.
 
 What-if, review and tests run this. With the session's own configuration it gives every record of
-the fold again, bit for bit. Inputs are, in the order of the log: the frames that were reduced
-(``FrameTaken``, ``Detections``, the plate, the measurements), changes of parameters, and the
-changes of state that came from outside the fold. A frame without ``Detections`` was never reduced
-(its reduction failed, or somebody cut it short) and is no miss; one taken while the operator had
-control was reduced, not folded.
+the fold again, bit for bit. The inputs are, in the order of the log:
+- the frames that were reduced (``FrameTaken``, ``Detections``, the plate, the measurements),
+- changes of parameters,
+- changes of state that came from outside the fold.
+
+A frame without ``Detections`` was never reduced (its reduction failed or was stopped) and is no
+miss; a frame taken while the operator had control was reduced, not folded.
 """
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
@@ -63,17 +65,21 @@ from rsoconsole.tracking import Following
 def at_instant(
     observed: FrameObservations, t_mid_utc_ns: int, exposure: ExposureConfig
 ) -> FrameObservations:
-    """Put the measurements at the frame's mid-exposure, which another header latency changes."""
+    """Return the observations with their measurements at another mid-exposure of the frame.
+
+    ``t_mid_utc_ns``: mid-exposure of the first row, which changes with the header latency.
+    """
     shutter = shutter_time(observed.taken, exposure)
     moved = tuple(at_its_row(m, t_mid_utc_ns, shutter) for m in observed.measurements)
     return observed if moved == observed.measurements else replace(observed, measurements=moved)
 
 
 def at_tau(observed: FrameObservations, config: Config) -> FrameObservations:
-    """Return the observations of the frame at the configured tau, most confident first.
+    """Return the observations that the frame would have with the configured tau.
 
-    The detector records candidates that passed its gates below tau, so nothing is guessed; without
-    a plate solution a candidate is detected and not measured, as ever.
+    The detector records candidates that pass its other gates below tau, so nothing is guessed.
+    Detections and measurements are in order of confidence. Without a plate solution a candidate is
+    detected and not measured, as in the reduction.
     """
     tau = config.detector.tau
     found = observed.detections
@@ -139,12 +145,16 @@ class ReplayedFrame(ReducedFrame):
 
     @property
     def is_as_recorded(self) -> bool:
-        """True where both are the same, bit for bit; a session cut off may lack its end."""
+        """True where the fold's records are the recorded ones, bit for bit.
+
+        False for the last frame of a session that was cut off, if some of its records were not
+        written.
+        """
         return self.records == self.recorded
 
     @property
     def is_alike(self) -> bool:
-        """True where both are the same but for the rounding of another processor."""
+        """True where the fold's records are the recorded ones, but for a processor's rounding."""
         return are_alike(self.records, self.recorded)
 
 
@@ -159,14 +169,15 @@ def replay(
 ) -> Iterator[ReplayedFrame]:
     """Yield every frame that the session folded, in order, each once its records are complete.
 
-    ``records``: a session's log in its order, of all kinds. ``config``: that of the session's
-    beginning; recorded changes are made as they come. ``changes``: settings by dotted name that
-    hold from the start, whatever the record says of them (what-if); another tau admits or leaves
-    out candidates by their recorded confidence, another header latency moves all instants;
-    everything else behind the measurements stays as recorded. The telescope's pointing is always
-    the recorded one.
+    - ``records``: a session's log in its order, of all kinds.
+    - ``config``: that of the session's beginning; recorded changes are applied as they come.
+    - ``changes``: settings by dotted name that hold from the start, in place of recorded values
+      (what-if).
 
-    Raises ConfigError for a setting that does not exist, or a value that it cannot have.
+    Another tau admits or leaves out candidates by their recorded confidence; another header latency
+    moves all instants. Everything else in the measurements stays as recorded, and so does the
+    telescope's pointing. Raises ConfigError for a setting that does not exist, or a value that it
+    cannot have.
     """
     walk = ReplayState.begin(config, changes)
     for record in records:
@@ -187,29 +198,29 @@ class ReplayState:
     reduce_again: ReduceAgain | None = None
     following: Following = field(default_factory=Following)
     kept: Following | None = None
-    """Track that was last ended by a command: it may be followed again."""
+    """Track last ended by a command, which may be followed again; None without one."""
     stars: StarHistory = field(default_factory=StarHistory)
     taken: FrameTaken | None = None
     orbits: Mapping[int, OrbitEstimate] = field(default_factory=dict)
-    """Last orbit of each track, by track id; replaced, never changed, as frames keep it."""
+    """Last orbit of each track, by track id; replaced as a whole, because frames hold it."""
     is_another_night: bool = False
-    """True once a frame differs from the record: later recorded orbits are of another track."""
+    """True once a frame differs from its record: orbits recorded later are not of this track."""
     open: FrameObservations | None = None
-    """Reduced frame whose records still come in."""
+    """Frame that was reduced and whose records still come in; None between frames."""
     recorded: list[Record] = field(default_factory=list)
-    """Recorded output of the fold for it, so far."""
+    """Recorded output of the fold for the open frame, so far."""
     folds: FollowedFrames = field(default_factory=FollowedFrames)
     hand: HandTrack = field(default_factory=HandTrack)
     is_by_hand: bool = False
-    """True where the last decision was on a frame that no track followed."""
+    """True where the operator's last decision was on a frame that belongs to no track."""
     again: dict[int, FoldedFrame] = field(default_factory=dict)
-    """Frames that a decision has had folded again, by number."""
+    """Frames that the operator's last decision has had folded again, by number."""
     open_again: tuple[FoldedFrame, list[Record]] | None = None
-    """Frame of these whose records still come in."""
+    """Frame folded again whose records still come in, with the recorded ones so far."""
     is_ruled: bool = False
-    """True after a decision, before any of the frames folded again by it."""
+    """True between a decision and the records of the first frame folded again by it."""
     part: RecordRole = "other"
-    """Role of the last record for the fold."""
+    """Role that the last record had for the fold."""
 
     @classmethod
     def begin(

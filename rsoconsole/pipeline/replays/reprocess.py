@@ -1,7 +1,7 @@
-"""Detection once more in a kept frame, with another tau or map, beside the recorded result.
+"""New detection in a kept frame, with another tau or map, compared with the recorded result.
 
-It works only for frames whose pixels the session has kept: for others a replay applies another tau
-to the recorded candidates. Nothing is written anywhere.
+It works for frames whose pixels the session has kept; for other frames a replay applies another tau
+to the recorded candidates. Nothing is written.
 """
 
 import logging
@@ -47,32 +47,35 @@ log = logging.getLogger(__name__)
 
 TAU, MAP_MODE = "detector.tau", "detector.map_mode"
 ROUNDED_NS = 100_000_000
-"""Largest difference of a header's start from the recorded one, ns."""
+"""Largest difference between the start in a file's header and the recorded start, ns."""
 UNWRITTEN = "its pixels are not in the session: not written yet, or removed since"
 SAME_PX, SAME_CONFIDENCE = 0.05, 0.01
-"""Differences within which a candidate is as recorded: another processor rounds differently, and a
-confidence curve fitted again may give 0.995 where 0.9999 was on record."""
+"""Largest differences, in px and in confidence, of a candidate that counts as recorded.
+
+Another processor rounds differently, and a confidence curve fitted again may give 0.995 in place of
+0.9999.
+"""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RecordedFrame:
-    """Records of one frame in a session."""
+    """Records of one frame in a session, with the file of its pixels."""
 
     taken: FrameTaken
     seen: NightFrame
     config: Config
-    """Configuration in force for it."""
+    """Configuration in force for the frame."""
     path: Path | None
-    """File with its pixels; None where there is none."""
+    """File with the frame's pixels; None where they were not kept."""
     not_kept_because: str
     """Reason why its pixels were not kept; empty where they were."""
     model_sha256: str | None
-    """SHA-256 of the network that examined it."""
+    """SHA-256 of the network that examined the frame; None where the session does not name it."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class JudgedCandidate:
-    """Candidate with the detector's decision."""
+    """Candidate streak with the detector's decision on it."""
 
     detection: Detection
     is_taken: bool
@@ -82,21 +85,21 @@ class JudgedCandidate:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ComparedCandidate:
-    """Candidate as recorded and now; None where it was not found."""
+    """Candidate streak as recorded and as found now; None where it was not found."""
 
     was: JudgedCandidate | None
     now: JudgedCandidate | None
 
     @property
     def shown(self) -> Detection:
-        """The detection as it is now, else as recorded."""
+        """The detection as found now, else as recorded."""
         judged = self.now or self.was
         assert judged is not None
         return judged.detection
 
     @property
     def is_as_recorded(self) -> bool:
-        """True where both have the same decision at the same place."""
+        """True where it was found both times, at one place and with the same decision."""
         was, now = self.was, self.now
         if was is None or now is None or was.is_taken is not now.is_taken:
             return False
@@ -106,18 +109,18 @@ class ComparedCandidate:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Reprocessed:
-    """Frame as recorded and as reduced with other settings."""
+    """Result of reducing a frame with other settings, beside the recorded one."""
 
     tau: float
     map_mode: MapMode
     is_solved_again: bool
-    """True where the plate was solved again, False where that on record was used."""
+    """True where the plate was solved now, False where the recorded solution was used."""
     is_same_network: bool | None
     """True where the network is the recorded one; None where the session does not name it."""
     was: NightFrame
     now: Reduction
     candidates: tuple[ComparedCandidate, ...]
-    """Candidates, most confident first."""
+    """Candidates of both results, the most confident first."""
     stage_ms: dict[str, float] = field(default_factory=dict)
     """Times of the detector's stages, of ``solve``, and of all as ``total``, ms."""
 
@@ -127,9 +130,9 @@ def recorded_frame(
 ) -> RecordedFrame:
     """Read the records of a frame.
 
-    ``config``: used instead of the session's first one; recorded changes before the frame are made
-    to either. Raises SessionError where the session has no such frame, or where its configuration
-    is needed and not one that this version knows.
+    ``config``: configuration at the session's beginning; None: as recorded. Recorded changes before
+    the frame are applied to it. Raises SessionError where the session has no such frame, and where
+    its recorded configuration is needed and cannot be read by this version.
     """
     kinds = (FrameTaken, Detections, Solution, NotSolved, Measurement)
     log = list(reader.records(kinds=kinds, frame_id=frame_id))
@@ -185,7 +188,7 @@ def read_recorded_frame(recorded: RecordedFrame) -> Frame:
 
 
 class Reprocessor:
-    """Network and plate solver, each loaded when first needed. For one thread."""
+    """Reduces a frame; loads network and plate solver when first needed. For one thread."""
 
     def __init__(self, recorded: RecordedFrame, frame: Frame) -> None:
         self._recorded = recorded
@@ -214,10 +217,10 @@ class Reprocessor:
         *,
         solves_again: bool = False,
     ) -> Reprocessed:
-        """Reduce the frame with these settings; None: those in force for it.
+        """Reduce the frame with these settings; None: the setting in force for it.
 
-        ``solves_again``: find the plate from this frame's stars alone, instead of taking the one on
-        record. Raises ConfigError for a value that is not allowed, ModelError without a network.
+        ``solves_again``: solve the plate from this frame's stars, in place of the recorded
+        solution. Raises ConfigError for a value that is not allowed, ModelError without a network.
         """
         config, recorded = self._recorded.config, self._recorded
         changes = {TAU: tau, MAP_MODE: map_mode}
@@ -252,7 +255,7 @@ class Reprocessor:
         )
 
     def maps(self, map_mode: MapMode) -> tuple[FrameMap, ...]:
-        """Return the network's input maps of the frame: several where its scale is unknown."""
+        """Return the maps of the frame for the network: several where its scale is unknown."""
         frame, _ = self._calibration.prepare(self._frame)
         blocks = choose_blocks(
             frame.width_px, frame.height_px, frame.scale_arcsec_px, frame.exposure_s
@@ -276,7 +279,7 @@ def _given(solution: Solution | NotSolved | None) -> GivenPlate:
 
 
 def compare(was: Detections | None, now: Detections | None) -> tuple[ComparedCandidate, ...]:
-    """Pair candidates as recorded and now by streak, most confident first."""
+    """Pair the recorded and the new candidates that are one streak; the most confident first."""
     left = list(judged_candidates(was))
     pairs: list[ComparedCandidate] = []
     for judged in judged_candidates(now):
@@ -290,7 +293,7 @@ def compare(was: Detections | None, now: Detections | None) -> tuple[ComparedCan
 
 
 def judged_candidates(found: Detections | None) -> Iterable[JudgedCandidate]:
-    """Yield all candidates of a frame with the detector's decisions."""
+    """Yield all candidates of a frame, accepted and rejected, with the detector's decisions."""
     if found is None:
         return
     for each in found.detections:

@@ -31,14 +31,17 @@ def last_version_of_each(frames: Iterable[ReplayedFrame]) -> list[ReplayedFrame]
 
 
 def add_replayed(found: FigureSum, frame: ReplayedFrame) -> None:
-    """Add a replayed frame to the figures."""
+    """Add a replayed frame to the sum of the figures."""
     found.add(frame.taken, frame.records, frame.after.state, frame.observations.solution)
 
 
 def figures_of(
     frames: Iterable[ReplayedFrame], last: int | None = None, *, of_lead: bool = False
 ) -> TrackFigures:
-    """Return the figures of a replayed night."""
+    """Return the figures of a replayed night.
+
+    ``last``: number of last frames that count; None: all. ``of_lead``: figures of the lead alone.
+    """
     found = FigureSum(of_lead=of_lead)
     for each in frames:
         add_replayed(found, each)
@@ -53,7 +56,11 @@ def what_if(
     *,
     of_lead: bool = False,
 ) -> TrackFigures:
-    """Figures of a night with other settings. Raises ConfigError for a setting that cannot be."""
+    """Return the figures of a night replayed with changed settings.
+
+    ``last``, ``of_lead``: as in ``figures_of``. Raises ConfigError for a setting that does not
+    exist, or a value that it cannot have.
+    """
     return figures_of(replay(records, config, changes=changes), last, of_lead=of_lead)
 
 
@@ -62,7 +69,7 @@ log = logging.getLogger(__name__)
 
 @dataclass(slots=True, kw_only=True)
 class RerunCounts:
-    """Numbers of frames that were reduced again, and of those taken from the record."""
+    """Numbers of frames: reduced again, and taken from the record as not kept or unreadable."""
 
     rerun: int = 0
     not_kept: int = 0
@@ -70,7 +77,7 @@ class RerunCounts:
 
 
 class Rerun:
-    """Reduction of the recorded frames again, called for each by ``ReplayState.reduce_again``."""
+    """Reduces recorded frames again; called for each frame by ``ReplayState.reduce_again``."""
 
     def __init__(
         self,
@@ -91,7 +98,7 @@ class Rerun:
         self._said: set[str] = set()
 
     def __call__(self, observed: FrameObservations, config: Config) -> FrameObservations:
-        """Frame's observations when reduced again; the recorded ones where its pixels are gone."""
+        """Return the frame's observations, reduced again; the recorded ones without its pixels."""
         self._on_frame()
         frame = self._frame(observed)
         if frame is None:
@@ -135,7 +142,7 @@ class Rerun:
 
 
 def as_recorded(frame: Frame, taken: FrameTaken) -> Frame:
-    """Give a frame its recorded time and pointing: a card of its file may have rounded them."""
+    """Return the frame with its recorded time and pointing, which its file may have rounded."""
     return replace(
         frame,
         t_start_utc_ns=taken.t_start_utc_ns,
@@ -154,9 +161,10 @@ def open_rerun(
     with_solver: bool,
     on_frame: Callable[[], None] = lambda: None,
 ) -> Iterator[tuple[Rerun, str]]:
-    """Open a reducer for a session's frames, and yield it with the network's SHA-256.
+    """Open the reduction of a session's frames; yield it with the network's SHA-256.
 
-    Raises ModelError when the network cannot be loaded, SolverError without index files.
+    ``with_detector``, ``with_solver``: which of them run again. Raises ModelError when the network
+    cannot be loaded, SolverError without index files.
     """
     rerun = partial(Rerun, reader, on_frame=on_frame)
     if with_solver:
@@ -202,11 +210,11 @@ class WhatIf:
     session: Path
     changes: Mapping[str, float | str]
     before: Mapping[str, Any]
-    """Values of the changed settings at the session's beginning."""
+    """Values of the changed settings in the session's first configuration."""
     recorded: TrackFigures
     what_if: TrackFigures
     is_reproduced: bool
-    """True where the recorded settings give the recorded track again, but for rounding."""
+    """True where a replay with the recorded settings gives the recorded track, but for rounding."""
     config: Config
     """Configuration of the session with the changes."""
     frames: tuple[ReplayedFrame, ...]
@@ -214,11 +222,11 @@ class WhatIf:
     log: tuple[tuple[int, Any], ...]
     """Log of the night as it would have been, (t_utc_ns, record); empty where it was not kept."""
     is_kept: bool
-    """True where frames and log are kept here: of a long night they are large."""
+    """True where ``frames`` and ``log`` are kept, which are large for a long night."""
     rerun: RerunCounts | None
-    """Numbers of frames reduced again; None where none was to be."""
+    """Numbers of frames reduced again; None where neither detector nor solver was to run again."""
     model_sha256: str | None
-    """SHA-256 of the network that reduced them; None as ``rerun``."""
+    """SHA-256 of the network that reduced frames again; None where ``rerun`` is None."""
 
 
 def what_if_session(
@@ -230,13 +238,16 @@ def what_if_session(
     keep: bool = True,
     on_frame: Callable[[], None] = lambda: None,
 ) -> WhatIf:
-    """Replay a session with other settings, by their dotted names.
+    """Replay a session with changed settings, given by their dotted names.
 
-    ``detector``, ``solver``: run them again over the frames that the session has kept; ``on_frame``
-    is called before each frame then. Without them their settings, but for tau, cannot be changed.
-    ``keep``: frames and log too; without them a night takes little memory however long it is.
-    Raises SessionError for a folder that holds no session or one without frames, ConfigError for a
-    setting that does not exist, that cannot have that value, or that has no part in the track.
+    - ``detector``, ``solver``: run it again on the frames that the session has kept. Without it
+      none of its settings can be changed, but for tau.
+    - ``keep``: keep frames and log in the result; without them even a long night takes little
+      memory.
+    - ``on_frame``: called before each frame that is reduced again.
+
+    Raises SessionError for a folder without a session or a session without frames, ConfigError for
+    a setting that does not exist, that cannot have the value, or that does not affect the track.
     """
     reader = SessionReader(folder)
     config = reader.config()
@@ -318,7 +329,7 @@ class _Both:
 
 
 def rewritten_log(what_if: WhatIf) -> Iterator[tuple[int, Record]]:
-    """Yield the log of a what-if as it would have been, from memory or made once more.
+    """Yield (t_utc_ns, record) of the log of a what-if, from memory or by a new replay.
 
     Raises ValueError where all frames would have to be reduced once more.
     """

@@ -1,9 +1,9 @@
 """What-if of a night in a process of its own: the console stays small and quick.
 
-Filter and orbits bring libraries of tens of megabytes with them, and would hold up a screen while
-they compute. The process is started ahead of the first question or by it, keeps the records that it
-has read, and ends when no question has come for a while, or with its parent: its socket closes
-then.
+Filter and orbits load libraries of tens of megabytes, and would hold up a screen while they
+compute. The process is started before the first question or by it, and keeps the records that it
+has read. It ends when no question has come for a while, or with its parent, whose end closes the
+socket.
 """
 
 import contextlib
@@ -32,41 +32,41 @@ log = logging.getLogger(__name__)
 IDLE_S = 60.0
 """Time without a question after which the process ends, s."""
 MAX_KEPT = 60_000
-"""Most records kept for the next question: a night of some 8,000 frames, 100 MB."""
+"""Largest number of records kept for the next question: a night of some 8,000 frames, 100 MB."""
 STEP_BACK = 10
-"""Increment of its niceness: it yields to an engine that observes on the same computer."""
+"""Increment of the process's niceness, so that an engine on the same computer comes first."""
 _MODULE = "rsoconsole.pipeline.replays.what_if_process"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class WhatIfQuestion:
-    """What-if question: which settings to change for which part of a session."""
+    """Question for the process: which settings to change for which part of a session."""
 
     folder: Path
     config: Config
     """Configuration at the session's beginning."""
     changes: Mapping[str, float | str]
     until_seq: int | None = None
-    """Last sequence number of the log to include; None: its end."""
+    """Last sequence number of the log that is included; None: the whole log."""
     last: int | None = None
-    """Number of last frames; None: all."""
+    """Number of last frames that count in the figures; None: all."""
     of_lead: bool = False
     """True for the figures of the lead alone."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Unexpected:
-    """Failure of the child, for the parent's log."""
+    """Unexpected error in the what-if process, for the parent's log."""
 
     words: str
     traceback: str
 
 
 class LogOfOneSession:
-    """Records of the session last asked for; only new ones are read again.
+    """Keeps the records of the session last asked for, so that only new ones are read.
 
-    Of a long session the first records are kept, and the others read for each question: they would
-    fill the memory of a small computer.
+    Of a long session it keeps the first ``most_kept`` records, and reads the others for each
+    question: they would fill the memory of a small computer.
     """
 
     def __init__(self, most_kept: int = MAX_KEPT) -> None:
@@ -93,10 +93,10 @@ class LogOfOneSession:
 
 
 class WhatIfProcess:
-    """Parent's end of the process. One thread asks; any may close."""
+    """Parent's end of the what-if process. One thread may ask; any thread may close."""
 
     def __init__(self, idle_s: float = IDLE_S) -> None:
-        """``idle_s``: time from the last question to the process's end; the next one starts it."""
+        """``idle_s``: time after the last question until the process ends; a new one starts it."""
         self._idle_s = idle_s
         self._child = ChildProcess(_MODULE, is_group_of_its_own=True)
         self._idle: threading.Timer | None = None
@@ -109,13 +109,13 @@ class WhatIfProcess:
         return self._child.pid
 
     def start(self) -> None:
-        """Start the process before the first question; a failure is reported by that one."""
+        """Start the process before the first question; a failure is reported by ``ask``."""
         with self._lock, contextlib.suppress(SessionError, OSError):
             self._started()
             self._end_when_idle()
 
     def ask(self, question: WhatIfQuestion) -> "TrackFigures":
-        """Wait for the answer; raises RsoconsoleError with the reason where there is none."""
+        """Return the figures of the what-if; raises RsoconsoleError with the reason for none."""
         with self._lock:
             if self._idle is not None:
                 self._idle.cancel()
@@ -140,7 +140,7 @@ class WhatIfProcess:
         return figures
 
     def close(self) -> None:
-        """End the process; a question that waits for its answer fails."""
+        """End the process; an ``ask`` that is waiting for its answer fails."""
         with self._lock:
             self._is_closed = True
             self._end()
@@ -170,7 +170,7 @@ class WhatIfProcess:
 
 
 def main(socket_fd: int) -> None:
-    """Answer one question after the other until the parent's end of the socket closes."""
+    """Answer questions one after the other, until the parent's end of the socket closes."""
     from rsoconsole.pipeline.replays.what_if_log import what_if
     from rsoconsole.tracking.filters import estimator
 

@@ -1,1 +1,1 @@
-"""Single frames without a track, as ``detect`` and ``solve`` process them."""
+"""Detection and plate solution of single frames, without a track: ``detect`` and ``solve``."""

@@ -1,4 +1,4 @@
-"""Plate solutions of single frames under one configuration."""
+"""Plate solutions and detections of single frames under one configuration."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -14,7 +14,7 @@ from rsoconsole.records import Detections, Frame, NotSolved, Solution
 from rsoconsole.vision import ConfidenceCurve, Network, StreakDetector, find_stars
 
 MAX_MASKED = 0.2
-"""Largest share of a frame's pixels that may be masked: its stars are still found."""
+"""Largest fraction of a frame's pixels that may be masked: its stars are still found."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -31,7 +31,7 @@ class Solved:
 
 
 class FrameSolver:
-    """Solver of single frames in full; ``open`` starts its process."""
+    """Solves single frames in full; ``open`` starts the solver's process."""
 
     def __init__(self, solver: PlateSolver, config: Config) -> None:
         self._solver = solver
@@ -55,9 +55,9 @@ class FrameSolver:
         radius_deg: float | None = None,
         scale_arcsec_px: tuple[float, float] | None = None,
     ) -> Solved:
-        """Solve a frame by its header's hints; what is given here overrides them.
+        """Solve a frame with its header's hints, or the values given here in place of them.
 
-        A frame that fails with its hints is solved without them, within the same deadline.
+        A frame that is not solved with the hints is solved without them, within the same deadline.
         """
         prepared, calibrated = self._calibration.prepare(frame)
         stars = find_stars(prepared.pixels, saturation_adu=prepared.saturation_adu)
@@ -81,7 +81,7 @@ class FrameSolver:
 
 
 class FrameDetector:
-    """Detector of streaks in single frames, which it calibrates first."""
+    """Detects streaks in single frames, which it calibrates first."""
 
     def __init__(self, config: Config) -> None:
         """Raise ModelError when the network cannot be loaded."""

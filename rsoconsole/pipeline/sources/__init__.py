@@ -1,4 +1,5 @@
 """Elements from their publishers, fetched on request, with their age, in order of precedence.
 
-``update`` is not among these: it loads the client for web servers, which readers never need.
+Module ``update`` is imported separately: it loads the client for web servers, which readers do not
+need.
 """

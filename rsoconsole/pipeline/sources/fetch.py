@@ -1,7 +1,7 @@
-"""One answer of a web server, within bounds: asked for once, never again by itself.
+"""One answer of a web server, within limits of size and time; no request is repeated by itself.
 
-A server may be slow, end in the middle, send a page, a bomb or redirect in circles: each fault is
-one sentence, which never holds a secret of the address.
+A server may be slow, end in the middle, send a web page or a decompression bomb, or redirect in
+circles: each fault is one sentence, which never holds a secret of the address.
 """
 
 import base64
@@ -29,7 +29,7 @@ from rsoconsole.base import OrbitError
 from rsoconsole.config import shown
 
 MAX_BYTES = 64 << 20
-"""Largest size of one answer, unpacked: the whole catalogue is a third of that."""
+"""Largest size of one unpacked answer; the whole catalogue has a third of it."""
 MAX_REDIRECTS = 5
 DEADLINE_S = 180.0
 SILENT_S = 30.0
@@ -41,11 +41,15 @@ FaultKind = Literal["refused", "unreachable", "failed"]
 
 
 class FetchError(OrbitError):
-    """No usable answer from a server. ``kind``: a "refused" request must not be repeated by itself;
-    an "unreachable" server never received it."""
+    """No usable answer from a server; ``kind`` says what may be done.
+
+    - "refused": the request must not be repeated without the operator.
+    - "unreachable": the server never received the request.
+    - "failed": any other fault.
+    """
 
     def __init__(self, words: str, kind: FaultKind, is_answer: bool = False) -> None:
-        """``is_answer``: the words are a verb that follows the server's name."""
+        """``is_answer``: ``words`` begin with a verb, to follow the server's name in a sentence."""
         super().__init__(words)
         self.kind: FaultKind = kind
         self.is_answer = is_answer
@@ -82,7 +86,7 @@ class _Redirects(urllib.request.HTTPRedirectHandler):
 
 
 class Fetcher:
-    """Client for one host or several; cookies of a login live as long as this does."""
+    """Client for web servers; cookies of a login are kept for as long as this object exists."""
 
     def __init__(self, *, deadline_s: float = DEADLINE_S, is_bound: bool = False) -> None:
         self._deadline_s = deadline_s
@@ -91,9 +95,9 @@ class Fetcher:
         )
 
     def get(self, url: str, *, form: Mapping[str, str] | None = None) -> bytes:
-        """Get the body, unpacked where it came as gzip. ``form``: sent by POST.
+        """Return the body of an answer, unpacked where it came as gzip. ``form``: sent by POST.
 
-        Raises FetchError, never with a secret of the address or the form in its words.
+        Raises FetchError, whose message never holds a secret of the address or the form.
         """
         done: list[bytes | BaseException] = []
         began = time.monotonic()
@@ -174,9 +178,9 @@ def _body(answer: Any, deadline: float) -> bytes:
 
 
 def gunzipped(content: bytes) -> bytes:
-    """Return all members of a gzip, one byte more than ``MAX_BYTES`` at most.
+    """Unpack all members of a gzip file, up to one byte more than ``MAX_BYTES``.
 
-    Raises EOFError where it ends too early, OSError or zlib.error where it is none.
+    Raises EOFError where it ends too early, OSError or zlib.error where it is not a gzip file.
     """
     with gzip.GzipFile(fileobj=io.BytesIO(content)) as stream:
         return stream.read(MAX_BYTES + 1)
@@ -249,7 +253,7 @@ _GZIP, _ZIP = b"\x1f\x8b", b"PK\x03\x04"
 
 
 def text_of(content: bytes) -> str:
-    """Decode an answer. Raises OrbitError where it is no text, or larger than ``MAX_BYTES``."""
+    """Decode an answer. Raises OrbitError where it is not text, or larger than ``MAX_BYTES``."""
     if content.startswith(_GZIP):
         content = _gunzipped(content)
     elif content.startswith(_ZIP):
@@ -266,7 +270,7 @@ def text_of(content: bytes) -> str:
 
 
 def reject_web_page(text: str) -> None:
-    """Raise OrbitError, with its first words, where a web page or a remark stands in for data."""
+    """Raise OrbitError, with the text's first words, where it is a web page or a remark."""
     start = text.lstrip()[:400]
     lower = start.lower()
     if lower.startswith(("<!doctype html", "<html")) or ("<html" in lower and "<ndm" not in lower):

@@ -1,6 +1,6 @@
 """Cache of elements: one file for each source as it came, and an index of times and counts.
 
-The index is written whole or not at all and may be lost: then the files are read in the order of
+The index is written whole or not at all, and may be lost: the files are then read in the order of
 their names, and every source may be asked again two hours later.
 """
 
@@ -41,7 +41,7 @@ _SPACE_TRACK = {
 
 @dataclass(frozen=True, slots=True)
 class Source:
-    """Source as the configuration names it."""
+    """Source of elements, as the configuration names it."""
 
     text: str
     kind: SourceKind
@@ -49,18 +49,18 @@ class Source:
 
     @property
     def slug(self) -> str:
-        """Name of its file in the cache; different for different sources."""
+        """Name of the source's file in the cache; different sources have different names."""
         plain = re.sub(r"[^a-z0-9]+", "-", shown(self.text).lower()).strip("-")[:60]
         return f"{plain}-{hashlib.sha256(self.text.encode()).hexdigest()[:8]}"
 
     @property
     def words(self) -> str:
-        """Name for messages, without any secret."""
+        """Name of the source for messages, without any secret."""
         return shown(self.text)
 
     @property
     def file(self) -> Path | None:
-        """Path of a local source; None for others."""
+        """Path of a local source; None for a source on the web."""
         return home_path(self.what) if self.kind == "file" else None
 
     def url(self, *, celestrak_url: str, space_track_url: str) -> str:
@@ -93,7 +93,7 @@ def parse_source(text: str) -> Source:
 
 
 MIN_NS = 2 * 3600 * NS_PER_S
-"""Shortest time between two requests to a source, whatever came of the first, ns."""
+"""Shortest time between two requests to a source, successful or not, ns."""
 INDEX = "sources.json"
 LOCK = ".lock"
 FORMAT = 1
@@ -102,28 +102,31 @@ _WAIT_S = 20.0
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SourceStatus:
-    """State of one source in the cache; None: not known yet."""
+    """State of one source in the cache; None for what is not known."""
 
     source: str
     file: str | None = None
     """Name of its file in the cache."""
     asked_utc_ns: int | None = None
-    """Time of the last request, whatever came of it."""
+    """Time of the last request, successful or not."""
     fetched_utc_ns: int | None = None
-    """Time at which the kept elements came."""
+    """Time at which the elements in the cache were fetched."""
     refused_utc_ns: int | None = None
-    """Time of its refusal: it is not asked again until it is added again."""
+    """Time at which the source refused a request: it is not asked until it is added again."""
     fault: str | None = None
-    """Fault of the last request; the kept elements are older then."""
+    """Fault of the last request, which left older elements in the cache; None without one."""
     objects: int = 0
     sets: int = 0
     newest_epoch_utc_ns: int | None = None
     middle_epoch_utc_ns: int | None = None
-    """Median epoch: half of its objects have newer elements."""
+    """Median epoch: half of the objects have newer elements."""
 
     def due_utc_ns(self, now_utc_ns: int) -> int:
-        """Return the time of the next permitted request. A stamp of the future, by a clock since
-        set right, counts as now."""
+        """Return the time from which the source may be asked again.
+
+        A last request in the future, stamped by a clock that has since been set right, counts as
+        now.
+        """
         if self.asked_utc_ns is None:
             return now_utc_ns
         return min(self.asked_utc_ns, now_utc_ns) + MIN_NS
@@ -135,7 +138,7 @@ def default_folder() -> Path:
 
 
 def is_store(folder: Path) -> bool:
-    """True where that folder is a cache of elements."""
+    """True where a folder is a cache of elements."""
     return (folder / INDEX).is_file()
 
 
@@ -146,19 +149,19 @@ class ElementStore:
         self.folder = folder or default_folder()
 
     def kept(self) -> dict[str, SourceStatus]:
-        """Return the status by source, in order of precedence; empty where there is no cache."""
+        """Return the status of each source, in order of precedence; empty without a cache."""
         indexed = self._indexed()
         return self._of_files() if indexed is None else indexed
 
     def files(self) -> tuple[Path, ...]:
-        """Return the files of elements, the source with precedence first."""
+        """Return the files of elements in order of their sources' precedence."""
         named = [self.folder / each.file for each in self.kept().values() if each.file]
         return tuple(path for path in named if path.is_file())
 
     def keep(
         self, source: Source, text: str, entries: Sequence[CatalogueEntry], now_utc_ns: int
     ) -> SourceStatus:
-        """Replace a source's elements; the time of the request stays."""
+        """Replace a source's elements by new ones; the time of the last request stays."""
         name = f"{source.slug}.txt"
         with self._writing():
             self._write(name, text.encode())
@@ -172,22 +175,25 @@ class ElementStore:
             )
 
     def note(self, source: Source, **values: Any) -> SourceStatus:
-        """Change the status of a source, by the fields of ``SourceStatus``."""
+        """Change fields of a source's status, named as in ``SourceStatus``; return the status."""
         with self._writing():
             return self._changed(source, **values)
 
     def current(self, source: Source, now_utc_ns: int) -> SourceStatus:
-        """Return the status of a source; one asked in the future, by a clock since set right,
-        counts as asked now, and that is written."""
+        """Return the status of a source, with its last request set to now if it is in the future.
+
+        A clock that has since been set right stamps such a time; the change is written to the
+        index.
+        """
         kept = self.kept().get(source.text, SourceStatus(source=source.text))
         if kept.asked_utc_ns is not None and kept.asked_utc_ns > now_utc_ns:
             return self.note(source, asked_utc_ns=now_utc_ns)
         return kept
 
     def claim(self, source: Source, now_utc_ns: int) -> tuple[SourceStatus, bool]:
-        """Status of a source, and whether it may be asked: then it counts as asked now.
+        """Return the status of a source and whether it may be asked; it then counts as asked now.
 
-        Both happen in one step: of two simultaneous updates one asks.
+        Both happen in one step: of two simultaneous updates only one asks.
         """
         with self._writing():
             kept = self.kept().get(source.text, SourceStatus(source=source.text))
@@ -197,9 +203,9 @@ class ElementStore:
             return kept, True
 
     def arrange(self, order: Sequence[Source]) -> None:
-        """Keep these sources alone, in this order of precedence; others' files are removed.
+        """Keep these sources alone, in this order of precedence; other sources' files are removed.
 
-        With a damaged or lost index nothing is removed: each source has its file again.
+        Where the index is damaged or lost, no file is removed.
         """
         with self._writing():
             indexed = self._indexed()
@@ -286,7 +292,7 @@ class ElementStore:
 
 
 def element_figures(entries: Sequence[CatalogueEntry]) -> dict[str, int]:
-    """Return the numbers of sets and objects, and their age, by the fields of ``SourceStatus``."""
+    """Return numbers of sets and objects, and their epochs, named by fields of ``SourceStatus``."""
     newest: dict[int, int] = {}
     for each in entries:
         newest[each.norad_id] = max(each.epoch_utc_ns, newest.get(each.norad_id, 0))

@@ -1,4 +1,4 @@
-"""Update of the sources in turn: at most once in two hours, and never after a refusal."""
+"""Update of the sources one after another: each at most once in two hours, none after a refusal."""
 
 import contextlib
 import time
@@ -26,7 +26,10 @@ NEEDED = (
 
 
 def read_login(path: Path | None) -> tuple[str, str]:
-    """Read user name and password. Raises OrbitError with the remedy, but without either."""
+    """Read user name and password from a file.
+
+    Raises OrbitError with the remedy; the message holds neither of them.
+    """
     if path is None:
         raise OrbitError(f"Space-Track wants an account: {NEEDED}")
     lines = read_private(path, OrbitError, NEEDED)
@@ -36,7 +39,7 @@ def read_login(path: Path | None) -> tuple[str, str]:
 
 
 def fetch_with_login(url: str, base_url: str, login: tuple[str, str], deadline_s: float) -> bytes:
-    """Run one query under an account. Raises FetchError; a failed login counts as a refusal."""
+    """Log in and fetch one address. Raises FetchError, of kind "refused" for a failed login."""
     fetcher = Fetcher(deadline_s=deadline_s, is_bound=True)
     answer = fetcher.get(
         f"{base_url.rstrip('/')}/ajaxauth/login", form={"identity": login[0], "password": login[1]}
@@ -59,7 +62,11 @@ class SourceUpdate:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SourceUpdater:
-    """Updater of sources in turn. ``wait`` is called before each, and raises if it must not be."""
+    """Updates sources one after another.
+
+    ``wait`` is called before each source is asked and before its answer is read; it raises
+    OrbitError where that must not be.
+    """
 
     store: ElementStore
     celestrak_url: str

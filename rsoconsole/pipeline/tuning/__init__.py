@@ -1,1 +1,1 @@
-"""Proposal of Q and R from recorded innovations, with its evidence."""
+"""Proposal of Q and R from recorded innovations, with the evidence for it."""

@@ -1,13 +1,13 @@
 """Likelihood of a filter's settings, given the measurements of a session's tracks. Pure.
 
-Prediction-error decomposition: the density of a night's measurements is the product of those of
-its innovations, each given the ones before it, so
+Prediction-error decomposition: the density of a night's measurements is the product of the
+densities of its innovations, each given the earlier ones, so
 
-    log L = sum over k of -1/2 (log det(2 pi S_k) + nu_k' S_k^-1 nu_k).
+log L = sum over k of -1/2 (log det(2 pi S_k) + nu_k' S_k^-1 nu_k).
 
-That stays a proper likelihood where the filter moves its process noise by its own innovations
-(preset ``tuned``): S_k depends on what came before k alone. The filter is run as it is, and which
-measurements belong to which track is held, so that every setting is judged by the same data.
+It remains a proper likelihood where the filter adapts its process noise to its own innovations
+(preset ``tuned``): S_k depends on earlier innovations alone. The filter is run as it is. Which
+measurements belong to which track is fixed, so that every setting is judged by the same data.
 Source: Bar-Shalom, Li & Kirubarajan 2001, Estimation with Applications, 5.4; Schweppe 1965.
 """
 
@@ -28,21 +28,24 @@ LOG_2PI = math.log(2.0 * math.pi)
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Step:
-    """Frame in which a track was followed."""
+    """One frame of a track, as the filter went through it."""
 
     frame_id: int
     t_utc_ns: int
     measurement: Measurement | None
-    """Accepted measurement; None for a miss, through which the filter predicts all the same."""
+    """Accepted measurement; None for a miss, in which the filter only predicts."""
     settings: FilterConfig
-    """Settings in force that night."""
+    """Settings of the filter in force that night."""
     by_orbit: TrackState | None = None
-    """Prediction by the orbit that restarted the filter; the filter's own is no evidence then."""
+    """Prediction by the orbit that restarted the filter in this frame; None without one.
+
+    The filter's own prediction is then no evidence.
+    """
 
 
 @dataclass(slots=True, kw_only=True)
 class Arc:
-    """Track: the two measurements that began it, and its later frames."""
+    """One track: the two measurements that began it, and its later frames."""
 
     first: Measurement
     second: Measurement
@@ -51,32 +54,32 @@ class Arc:
 
     @property
     def measurements(self) -> tuple[Measurement, ...]:
-        """Measurements that updated it by the filter's own prediction, in order."""
+        """Measurements with which the filter was updated from its own prediction, in order."""
         steps = (s for s in self.steps if s.by_orbit is None)
         return tuple(s.measurement for s in steps if s.measurement is not None)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Innovations:
-    """Innovations of the arcs' measurements by a filter, in order; (N,) each."""
+    """Innovations of the arcs' measurements by one filter, in order; arrays (N,)."""
 
     log_likelihood: FloatArray
-    """Log-likelihood of each, natural logarithm; innovations in arcsec."""
+    """Natural logarithm of each innovation's likelihood, with innovations in arcsec."""
     nis: FloatArray
     east: FloatArray
-    """Innovation in units of its own sigma, as ``north``."""
+    """Innovation east in units of its own sigma, as ``north``."""
     north: FloatArray
     follows: FloatArray
-    """1 where the previous measurement is of the frame before, in the same track; 0 elsewhere."""
+    """1 where the track was also measured in the frame before, 0 elsewhere."""
 
     @property
     def total(self) -> float:
-        """Log-likelihood of all measurements."""
+        """Log-likelihood of all measurements together."""
         return float(np.sum(self.log_likelihood))
 
     @property
     def autocorrelation(self) -> tuple[float, float]:
-        """Lag-1 autocorrelation (east, north), about zero; 0 for a filter in tune."""
+        """Lag-1 autocorrelation (east, north), with zero as the mean; 0 for a filter in tune."""
         return self._lag_1(self.east), self._lag_1(self.north)
 
     def _lag_1(self, values: FloatArray) -> float:
@@ -124,9 +127,9 @@ def _first_of(
 
 
 def innovations(arcs: Sequence[Arc], settings: Mapping[str, float]) -> Innovations | None:
-    """Run the filter over the arcs; None where its matrices are singular.
+    """Run the filter over the arcs; None where its matrices become singular.
 
-    ``settings``: fields of FilterConfig that hold throughout, in place of the recorded ones.
+    ``settings``: fields of FilterConfig with values that replace the recorded ones throughout.
     """
     try:
         with np.errstate(over="raise", invalid="raise", divide="raise"):

@@ -1,4 +1,4 @@
-"""Search for the likeliest settings, and the width of the likelihood about them. Pure."""
+"""Search for the likeliest settings, and for the width of the likelihood around them. Pure."""
 
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -9,7 +9,7 @@ import numpy as np
 from rsoconsole.records import FloatArray
 
 HALF_WIDTH = 0.5
-"""Fall of log L at the ends of a 68 % interval of one parameter (Wilks 1938)."""
+"""Fall of log L from its maximum to the ends of a parameter's 68 % interval (Wilks 1938)."""
 _WORST = -1e12
 _FINE = {"xatol": 0.02, "fatol": 0.01}
 _COARSE = {"xatol": 0.1, "fatol": 0.05}
@@ -20,41 +20,41 @@ _STRIDE = 0.2
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Parameter:
-    """Parameter of the search: one setting, or several that share its value."""
+    """Parameter of the search: one setting, or several settings with a common value."""
 
     label: str
     names: tuple[str, ...]
-    """Dotted settings that all take its value."""
+    """Dotted names of the settings that have its value."""
     recorded: float
     low: float
     high: float
     scan: tuple[float, ...]
-    """Values at which the search begins, in units of the recorded one."""
+    """Factors on the recorded value with which the search begins."""
 
     def held_at(self, value: float) -> "Parameter":
-        """Return the parameter held at one value."""
+        """Return the parameter with its bounds narrowed to one value."""
         return replace(self, low=value, high=value, scan=())
 
     def clipped(self, log_value: float) -> float:
-        """Return the logarithm within the bounds."""
+        """Return the logarithm of a value, limited to the parameter's bounds."""
         return min(max(log_value, math.log(self.low)), math.log(self.high))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Fit:
-    """Likeliest values of some parameters, the others as recorded."""
+    """Likeliest values of some parameters, while all other settings are as recorded."""
 
     parameters: tuple[Parameter, ...]
     values: tuple[float, ...]
     log_likelihood: float
 
     def settings(self) -> dict[str, float]:
-        """Return the settings by dotted name."""
+        """Return the values of all settings that the fit sets, by dotted name."""
         pairs = zip(self.parameters, self.values, strict=True)
         return {name: value for parameter, value in pairs for name in parameter.names}
 
     def value(self, parameter: Parameter) -> float:
-        """Return the value of one parameter; as recorded where it was not sought."""
+        """Return the fitted value of a parameter; the recorded one where it was not fitted."""
         pairs = zip(self.parameters, self.values, strict=True)
         found = (value for each, value in pairs if each.names == parameter.names)
         return next(found, parameter.recorded)
@@ -62,16 +62,16 @@ class Fit:
 
 @dataclass(slots=True)
 class LikelihoodSearch:
-    """Maximisation of a likelihood over the logarithms of parameters."""
+    """Maximises a likelihood over the logarithms of parameters."""
 
     log_likelihood: Callable[[Mapping[str, float]], float]
-    """Log-likelihood of settings by dotted name; not finite where the filter breaks down."""
+    """Log-likelihood of settings by dotted name; not finite where the filter fails."""
     on_evaluation: Callable[[], None] = lambda: None
     evaluations: int = 0
     _known: dict[tuple[tuple[str, float], ...], float] = field(default_factory=dict)
 
     def at(self, parameters: Sequence[Parameter], logs: Iterable[float]) -> float:
-        """Return the log-likelihood at these logarithms of the parameters' values."""
+        """Return the log-likelihood with parameters at values given by their natural logarithms."""
         pairs = zip(parameters, logs, strict=True)
         settings = {
             name: parameter.low
@@ -95,7 +95,11 @@ class LikelihoodSearch:
         *,
         is_coarse: bool = False,
     ) -> Fit:
-        """Return the likeliest values; ``start``: a fit near them, instead of a scan."""
+        """Return the likeliest values of the parameters.
+
+        ``start``: fit with values near them; None: a scan finds the start. ``is_coarse``: stop with
+        a lower accuracy.
+        """
         if not parameters:
             return Fit(parameters=(), values=(), log_likelihood=self.at((), ()))
         if start is None:
@@ -107,16 +111,20 @@ class LikelihoodSearch:
     def interval(
         self, parameter: Parameter, best: Fit, fall: float = HALF_WIDTH
     ) -> tuple[float, float]:
-        """Profile interval of one of a fit's parameters; a bound where it is that wide.
+        """Profile interval (lower, upper) of a parameter of the fit ``best``.
 
-        ``fall``: fall of log L at its ends; 68 % with the default.
+        ``fall``: fall of log L at its ends; the default gives a 68 % interval. An end at which log
+        L has not fallen by that much is the parameter's bound.
         """
         place = best.parameters.index(parameter)
         ends = tuple(self._end(place, best, sense, fall) for sense in (-1.0, 1.0))
         return math.exp(ends[0]), math.exp(ends[1])
 
     def gain_along(self, parameter: Parameter, best: Fit) -> float:
-        """Return the least gain in log L by one more parameter: the others stay as they are."""
+        """Return a lower bound of the gain in log L by one more parameter in the fit ``best``.
+
+        The parameter alone is scanned, while the fitted values stay as they are.
+        """
         logs = [math.log(parameter.recorded), *np.log(best.values)]
         heights = [best.log_likelihood]
         for factor in parameter.scan:
@@ -125,7 +133,10 @@ class LikelihoodSearch:
         return max(heights) - best.log_likelihood
 
     def unbounded_sides(self, parameter: Parameter, best: Fit) -> tuple[bool, bool]:
-        """(lower, upper): True where the likelihood at that edge is as good as the best."""
+        """(lower, upper): True where log L at that bound of the parameter is nearly the best.
+
+        It is where the profile has fallen by less than ``HALF_WIDTH`` at the bound.
+        """
         place = next(n for n, p in enumerate(best.parameters) if p.names == parameter.names)
         others = [each for each in best.parameters if each.names != parameter.names]
         logs = np.log([value for n, value in enumerate(best.values) if n != place])

@@ -1,10 +1,11 @@
-"""Proposal of Q and R from the innovations of recorded sessions, with its evidence.
+"""Proposal of Q and R from the innovations of recorded sessions, with the evidence for it.
 
 The likelihood of the innovations (``_propose_likelihood``) is maximised over Q and R, then over
-those of their terms that the data determine. A change is proposed only where its likelihood ratio
-would be exceeded by chance in one night of twenty, a term of its own in one of a hundred. The
-measurements of a track depend on Q and R too, through the gate; so the result is replayed, and the
-search repeated with the tracks' measurements then, until both agree.
+those of their terms that the data determine. A change of Q and R is proposed only where chance
+alone would exceed its likelihood ratio in at most one night of twenty, a value of a term's own in
+one of a hundred. Which measurements a track accepts depends on Q and R too, through the gate. So
+the session is replayed with the result, and the search repeated with the measurements accepted
+then, until both agree.
 """
 
 from collections import deque
@@ -22,8 +23,10 @@ from rsoconsole.session import SessionReader
 from rsoconsole.tracking import timing_scatter_words
 
 FIRST_GATE_NIS, GATE_NIS = 50.0, 25.0
-"""NIS gates of the first and later rounds: wide, so that an R too small excludes no measurement
-that shows it."""
+"""NIS gates of the first round and of later ones.
+
+They are wide, so that an R that is too small does not exclude the measurements that show it.
+"""
 MAX_ROUNDS = 3
 
 
@@ -37,7 +40,7 @@ class _Session:
 def propose(
     folders: Sequence[Path], *, on_evaluation: Callable[[], None] = lambda: None
 ) -> Proposal:
-    """Propose the Q and R that make the innovations of one or several sessions likeliest.
+    """Propose the Q and R with which the innovations of one or several sessions are likeliest.
 
     The sessions are fitted together and must have one filter preset. ``on_evaluation`` is called
     each time the filter is run over all of them. Raises SessionError for a folder without a

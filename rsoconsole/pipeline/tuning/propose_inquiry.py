@@ -1,4 +1,4 @@
-"""Evidence of one set of tracks on Q and R: models compared. Pure."""
+"""Evidence of one set of tracks on Q and R, by comparison of models. Pure."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -16,37 +16,39 @@ Verdict: TypeAlias = Literal["not enough to say", "no change is called for", "ch
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Proposed:
-    """Parameter with the evidence of the data."""
+    """Parameter of the filter with its proposed value and the evidence for it."""
 
     label: str
     names: tuple[str, ...]
-    """Names of the settings that take its value."""
+    """Dotted names of the settings that have its value."""
     recorded: float
     proposed: float
-    """Value to set; the recorded one where no change of it is called for."""
+    """Value to set; the recorded one where no change of this parameter is called for."""
     likeliest: float
     interval_68: tuple[float, float]
-    """Interval within which the profile of log L falls by 0.5 at most; by 2 for preset tuned, whose
-    log L is too sharp (``propose_inquiry.WIDENED``)."""
+    """Interval within which the profile of log L falls by 0.5 at most, with preset tuned by 2.
+
+    The log L of preset tuned is too sharp (``propose_inquiry.WIDENED``).
+    """
     is_on_bound: bool
-    """True where the likeliest value lies at the edge of the search."""
+    """True where the likeliest value lies at an end of the searched range."""
     is_flat: bool
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Term:
-    """Term with a value of its own, compared with Q and R as wholes."""
+    """Part of Q or R that was fitted with a value of its own, beside Q and R as wholes."""
 
     label: str
     gain: float
-    """Gain in log L."""
+    """Gain in log L by a value of its own."""
     needed: float
     is_taken: bool
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Soundness:
-    """Consistency of one filter by its innovations."""
+    """Consistency of a filter, judged by its innovations."""
 
     log_likelihood: float
     nis_mean: float
@@ -57,12 +59,12 @@ class Soundness:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class HoldOut:
-    """Cross-check: fitted to the first half of the innovations, compared with the second."""
+    """Cross-check: Q and R fitted to the first half of the innovations, tested on the second."""
 
     innovations: int
     """Number of innovations in the second half."""
     gain: float
-    """Gain in log L of the second half over the recorded settings; below 0: not carried over."""
+    """Gain in log L of the second half over the recorded settings; below 0 the fit is worse."""
     nis_mean_before: float
     nis_mean_after: float
     nis_band: tuple[float, float]
@@ -70,27 +72,27 @@ class HoldOut:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Proposal:
-    """Proposal of Q and R by maximum likelihood, with its reasons."""
+    """Proposal of Q and R by maximum likelihood, with the evidence for it."""
 
     sessions: tuple[Path, ...]
     preset: str
     verdict: Verdict
     words: str
-    """Result in a sentence."""
+    """Result in one sentence."""
     changes: Mapping[str, float] = field(default_factory=dict)
     """Proposed settings, by dotted name; empty where none is proposed."""
     innovations: int
     tracks: int
     gain: float | None = None
-    """Gain in log L of the likeliest Q and R over the recorded ones; None where not sought."""
+    """Gain in log L of the likeliest Q and R over the recorded ones; None without a search."""
     needed: float | None = None
     parameters: tuple[Proposed, ...] = ()
     terms: tuple[Term, ...] = ()
     before: Soundness | None = None
     after: Soundness | None = None
-    """Consistency of the proposed filter; as ``before`` where no change is called for."""
+    """Consistency with the proposed settings; equal to ``before`` where no change is called for."""
     autocorrelation_bound: float | None = None
-    """Bound within which the autocorrelation of white innovations lies, 95 times in 100."""
+    """Bound on the absolute autocorrelation of white innovations, exceeded 5 times in 100."""
     hold_out: HoldOut | None = None
     rounds: int = 0
     evaluations: int = 0
@@ -98,18 +100,18 @@ class Proposal:
 
 
 LEAST = 15
-"""Fewest innovations for a statement on Q and R."""
+"""Fewest innovations from which a statement on Q and R is made."""
 CHANCE, CHANCE_OF_A_TERM = 0.05, 0.01
-"""Probabilities of the needed gain without any effect, for Q and R and for a further term."""
+"""Probabilities to reach the needed gain by chance: for Q and R, and for one more term."""
 WIDENED = {"paper": 1.0, "tuned": 2.0}
-"""Factor on intervals, and on the roots of needed gains, beyond log L itself, by preset.
+"""Factor on the widths of intervals, by preset; needed gains grow with its square.
 
 The tuned filter uses each innovation twice, in S and in its process noise. Over simulated nights of
 60 frames and known noise the likeliest R scattered by 0.18 in its logarithm, where the profile of
 log L gave 0.09, and the sandwich of its scores no more.
 """
 WORTH_A_FIT = 0.3
-"""Share of the needed gain that a term must reach alone before all is fitted with it."""
+"""Fraction of the needed gain that a term must reach alone before it is fitted with the others."""
 _ABOUT = (0.01, 0.1, 0.5, 2.0, 10.0, 100.0)
 """Values at which a parameter is looked for first, in units of the recorded one."""
 FLAT_DECADES = 4.0
@@ -117,7 +119,7 @@ FLAT_DECADES = 4.0
 
 
 class ModelComparison:
-    """Comparison of models of Q and R on one set of tracks."""
+    """Compares models of Q and R on one set of tracks."""
 
     def __init__(self, arcs: Sequence[Arc], preset: str, on_evaluation: Callable[[], None]) -> None:
         self._arcs = arcs
@@ -133,7 +135,7 @@ class ModelComparison:
             self._q, self._r, self._others = self._parameters()
 
     def run(self) -> dict[str, float]:
-        """Run the search; return the proposed settings."""
+        """Search for the best model; return the proposed settings by dotted name, if any."""
         search = self.search
         self._recorded = search.fit(())
         both = search.fit((self._q, self._r))
@@ -207,7 +209,11 @@ class ModelComparison:
             self._chosen = fit
 
     def proposal(self, folders: tuple[Path, ...], rounds: int, evaluations: int) -> Proposal:
-        """Return the proposal with its evidence."""
+        """Return the proposal with the evidence for it, after ``run``.
+
+        ``rounds``, ``evaluations``: numbers of rounds of the search and of runs of the filter, to
+        be reported.
+        """
         is_change = bool(self._chosen.parameters)
         parameters = self._evidence()
         self._warn(parameters)

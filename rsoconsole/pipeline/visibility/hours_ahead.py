@@ -35,36 +35,36 @@ _STEP_S = 600
 _TO_S = 5
 WAY_STEPS = 12
 SEEN_DEG = 82.0
-"""Largest distance of a visible slot in longitude: none beyond is above anybody's horizon."""
+"""Largest difference in longitude between a site and a geostationary slot above its horizon."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Outlook:
-    """Sky at one instant, with the next limits and eclipses; directions in degrees."""
+    """Sky over the site at one instant, with the next limits and eclipses; angles in degrees."""
 
     t_utc_ns: int
     sun_altitude_deg: float
     sun_azimuth_deg: float
     dark_utc_ns: tuple[int, int] | None
-    """Dusk and dawn of the present dark time or the next; None where it does not get dark."""
+    """Begin and end of the present dark time or of the next; None where it does not get dark."""
     moon_altitude_deg: float
     moon_azimuth_deg: float
     moon_lit: float
-    """Lit share of the Moon's disc."""
+    """Lit fraction of the Moon's disc."""
     moon_away_deg: float | None = None
-    """Separation of the Moon from the telescope's direction."""
+    """Angle between the Moon and the telescope's direction."""
     margins_deg: tuple[tuple[LimitName, float], ...] = ()
-    """Distance of each limit from the telescope's direction, nearest first; negative beyond it."""
+    """Angle from the telescope's direction to each limit, nearest first; negative beyond it."""
     target_limit: tuple[int, Refusal] | None = None
-    """Instant at which the track meets a limit, and the limit; None where not before dawn."""
+    """Instant at which the track meets a limit, and that limit; None: not before dawn."""
     eclipse_utc_ns: int | None = None
-    """Begin of the next eclipse of the track, if it is geostationary."""
+    """Begin of the next eclipse of a geostationary-like track; None without one."""
     here_altaz_deg: tuple[float, float] | None = None
     """Altitude and azimuth of the telescope's direction."""
     way_altaz_deg: tuple[tuple[float, float], ...] = ()
-    """Predicted path of the track, now and every ten minutes for two hours."""
+    """Predicted (altitude, azimuth) of the track, now and every ten minutes for two hours."""
     belt_altaz_deg: tuple[tuple[float, float], ...] = ()
-    """Geostationary belt above the horizon, slot by slot."""
+    """(altitude, azimuth) along the geostationary belt, as far as it is above the horizon."""
 
 
 def outlook(
@@ -73,9 +73,10 @@ def outlook(
     direction_icrs_deg: tuple[float, float] | None = None,
     track: TrackState | None = None,
 ) -> Outlook:
-    """Compute the sky over the configured site; about 50 ms.
+    """Compute the sky over the configured site, in about 50 ms.
 
-    ``direction_icrs_deg``: direction of the telescope; ``track``: the track followed.
+    ``direction_icrs_deg``: the telescope's direction; ``track``: the track followed. None for
+    either leaves the fields about it empty.
     """
     site = config.site.to_site()
     limits = Limits(site, config.limits, config.mount)

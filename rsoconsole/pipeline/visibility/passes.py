@@ -1,6 +1,6 @@
 """Passes of catalogued objects over a site in a night. Pure.
 
-Objects are computed once a minute; in between the place is that of the cubic through both places
+Objects are computed once a minute. Between two minutes their path is the cubic through both places
 and velocities, which is good to a metre for the lowest orbit.
 """
 
@@ -39,11 +39,11 @@ from rsoconsole.sky import (
 from rsoconsole.words import NS_PER_DAY, NS_PER_S
 
 Axes = tuple[FloatArray, FloatArray, FloatArray]
-"""Up, north and east of a site at instants, (N, 3) unit vectors along GCRS axes."""
+"""Up, north and east at a site, as (N, 3) unit vectors along GCRS axes at N instants."""
 
 
 class TopocentricPlaces:
-    """Places of M objects at N instants; geometric, without refraction."""
+    """Places of M objects at N instants as seen from a site; geometric, without refraction."""
 
     def __init__(
         self,
@@ -64,7 +64,7 @@ class TopocentricPlaces:
 
 
 def axes_of(site: Site, t_utc_ns: IntArray) -> Axes:
-    """Return the vertical and the north of the site as the ground there lies, and its east."""
+    """Return the unit vectors up, north and east at a site; north is along the ground there."""
     site_km = site_gcrs(site, t_utc_ns)[0]
     up = zenith_gcrs(site, t_utc_ns)
     toward_deg = 0.01 if site.latitude_deg < 89.0 else -0.01
@@ -74,7 +74,10 @@ def axes_of(site: Site, t_utc_ns: IntArray) -> Axes:
 
 
 def directions(line_km: FloatArray, axes: Axes) -> tuple[FloatArray, FloatArray]:
-    """Return altitude and azimuth (deg) of lines (..., 3); ``axes`` (..., 3) up, north and east."""
+    """Return altitudes and azimuths, (...,) deg, of lines from a site, (..., 3).
+
+    ``axes``: up, north and east of the site, (..., 3) each.
+    """
     line = unit(line_km)
     up, north, east = (np.sum(line * axis, axis=-1) for axis in axes)
     alt_deg = np.degrees(np.arcsin(np.clip(up, -1.0, 1.0)))
@@ -82,7 +85,10 @@ def directions(line_km: FloatArray, axes: Axes) -> tuple[FloatArray, FloatArray]
 
 
 def margin_deg(alt_deg: FloatArray, az_deg: FloatArray, limits: LimitsConfig) -> FloatArray:
-    """Height above altitude limit and horizon mask, degrees; -90 where there is no place."""
+    """Altitude above the higher of altitude limit and horizon mask, degrees.
+
+    It is -90 where the altitude is NaN.
+    """
     lowest_deg = np.full(np.shape(alt_deg), limits.min_altitude_deg)
     if limits.horizon:
         lowest_deg = np.maximum(lowest_deg, horizon_altitude_deg(limits.horizon, az_deg))
@@ -90,7 +96,7 @@ def margin_deg(alt_deg: FloatArray, az_deg: FloatArray, limits: LimitsConfig) ->
 
 
 def unit(vectors: FloatArray) -> FloatArray:
-    """Return unit vectors (..., 3)."""
+    """Return vectors (..., 3) scaled to unit length."""
     return np.asarray(vectors / np.linalg.norm(vectors, axis=-1, keepdims=True))
 
 
@@ -119,7 +125,7 @@ class PassPoint:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class NightPass:
-    """Pass above the limit, as far as it lies in the span."""
+    """Pass of an object above the limit, as far as it lies in the span asked for."""
 
     norad_id: int
     name: str
@@ -127,15 +133,15 @@ class NightPass:
     top: PassPoint
     set: PassPoint
     lit_from_utc_ns: int | None
-    """Begin of the sunlit part, to a minute; None: no part of its pass."""
+    """Begin of the sunlit part, to a minute; None: no part of the pass is sunlit."""
     lit_until_utc_ns: int | None
     range_km: float
     """Distance at the top of the pass."""
     rate_arcsec_s: float
-    """Rate over the stars at the top of the pass."""
+    """Angular rate against the stars at the top of the pass."""
     tle_age_days: float
     sigma_s: float
-    """Sigma of its time by the age of its elements, if it does not manoeuvre."""
+    """Sigma of the object's time along its orbit by the elements' age, without a manoeuvre."""
 
 
 def night_passes(
@@ -147,10 +153,11 @@ def night_passes(
     is_low_only: bool = True,
     errors: ElementErrors = ASSUMED,
 ) -> Iterator[tuple[int, tuple[NightPass, ...]]]:
-    """Yield the passes within a span, some objects at a time, with the number of objects done.
+    """Yield (number of objects done, passes of the last of them) for some objects at a time.
 
-    For each object the set nearest in epoch counts. ``is_low_only``: low orbits alone; without it
-    an object that never sets has one pass, the whole span. Elements that SGP4 refuses are left out.
+    Passes are those within ``span_utc_ns``. Of each object the element set nearest in epoch is
+    used. ``is_low_only``: low orbits alone; without it an object that never sets has one pass, the
+    whole span. Elements that SGP4 refuses are left out.
     """
     nearest = nearest_in_epoch_of_each(entries, span_utc_ns[0])
     looked_at = [e for e in nearest if _may_rise(e, site, limits, is_low_only=is_low_only)]
@@ -322,25 +329,28 @@ def _pass(
 
 
 MINUTES = (*range(21), *range(25, 60, 5), *range(60, 721, 15))
-"""Minutes at which satellites are computed: close at first, as a low one is up for minutes."""
+"""Minutes ahead for which satellites are computed: close at first, as low ones set in minutes."""
 RATE_STEP_S = 2
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class VisibleSatellite:
-    """Satellite above the limit."""
+    """Satellite above altitude limit and horizon mask at one instant."""
 
     norad_id: int
     name: str
     ra_icrs_deg: float
     dec_icrs_deg: float
-    """Declination; both geometric, to some arcseconds: a go-to computes the place again."""
+    """Declination; RA and declination are geometric, good to some arcseconds.
+
+    A go-to computes the place again.
+    """
     alt_deg: float
     az_deg: float
     is_lit: bool
-    """True where it is sunlit: in the Earth's shadow there is nothing to see."""
+    """True where it is sunlit; in the Earth's shadow it cannot be seen."""
     rate_arcsec_s: float
-    """Rate over the stars."""
+    """Angular rate against the stars."""
     minutes_left: float | None
     """Minutes until it sinks to the limit; None: not within 12 hours."""
 

@@ -1,9 +1,12 @@
 """Parser of directions that people type for a telescope.
 
-It reads two coordinates in any usual notation (equatorial, ICRS or of date; altitude and azimuth;
-hour angle and declination), a satellite of a loaded element file by name or number, a bright star,
-an object of Messier's list, the Moon, a planet. Nothing is guessed: an angle that may be hours or
-degrees is refused with both readings.
+It reads:
+- two coordinates in any usual notation (equatorial, ICRS or of date; altitude and azimuth; hour
+  angle and declination),
+- a satellite of a loaded element file, by name or number,
+- a bright star, an object of Messier's list, the Moon, a planet.
+
+Nothing is guessed: an angle that may be in hours or degrees is refused, with both readings.
 """
 
 import re
@@ -42,7 +45,7 @@ _DECIMAL_COMMA = re.compile(r"[+-]?\d+,\d+")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class WrittenAngle:
-    """Angle as written, not yet parsed."""
+    """Angle as text, not yet parsed."""
 
     text: str
     kind: str
@@ -50,7 +53,7 @@ class WrittenAngle:
 
 
 def two_angles(text: str) -> tuple[WrittenAngle, WrittenAngle]:
-    """Return the two angles of a text.
+    """Split a text into its two angles.
 
     They are separated by the name of the second one; else by a comma; else by the second one's
     sign, or its h, d or °; else in halves. Raises ValueError where that does not give two.
@@ -74,12 +77,12 @@ def two_angles(text: str) -> tuple[WrittenAngle, WrittenAngle]:
 
 
 def is_marked(angle: str, *marks: str) -> bool:
-    """True where an angle is marked with one of these letters or signs."""
+    """True where the text of an angle contains one of these letters or signs."""
     return any(mark in angle.lower() for mark in marks)
 
 
 def number_of_fields(angle: str) -> int:
-    """Return the number of numbers that an angle is written with."""
+    """Return how many numbers an angle is written with, such as 3 for 05 32 11."""
     return len(_FIELD.findall(angle))
 
 
@@ -129,28 +132,28 @@ OLD_DAYS = 14.0
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ParsedDirection:
-    """Direction and the reading of the text that gave it."""
+    """Direction, with the reading of the text that gave it."""
 
     words: str
     ra_icrs_deg: float
     dec_icrs_deg: float
     caution: str = ""
-    """Reason not to trust it; empty as a rule."""
+    """Reason not to trust the direction; mostly empty."""
 
 
 class TargetNames:
-    """Satellites of element files and bright stars, by name."""
+    """Finds objects by name: satellites of element files, stars, Messier objects, Moon, planets."""
 
     def __init__(self, entries: Sequence[CatalogueEntry] = ()) -> None:
         self._entries = tuple(entries)
 
     @classmethod
     def load(cls, files: Sequence[Path]) -> "TargetNames":
-        """Load names from element files. Raises OrbitError naming a file that cannot be read."""
+        """Load the satellites of element files. Raises OrbitError naming an unreadable file."""
         return cls(read_catalogue(files))
 
     def find(self, text: str, site: Site, t_utc_ns: int) -> ParsedDirection:
-        """Find the object by its name. Raises ValueError where there is none, or several."""
+        """Find the object with that name. Raises ValueError where there is none, or several."""
         wanted = _plain(text)
         fixed = _of_the_sky(wanted, site, t_utc_ns)
         if fixed is not None:
@@ -193,7 +196,10 @@ def _of_the_sky(wanted: str, site: Site, t_utc_ns: int) -> tuple[str, tuple[floa
 def parse_direction(
     text: str, site: Site, t_utc_ns: int, names: TargetNames | None = None
 ) -> ParsedDirection:
-    """Parse a typed direction, ICRS. Raises ValueError saying what may be written."""
+    """Parse a typed direction, ICRS. Raises ValueError with a message on what may be written.
+
+    ``names``: satellites that may be named; None: none.
+    """
     plain = " ".join(text.split())
     if not plain:
         raise ValueError(USAGE)

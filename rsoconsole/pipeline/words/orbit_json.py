@@ -1,4 +1,4 @@
-"""JSON objects of the verbs orbit and identify: an interface that others script against."""
+"""JSON objects of the commands orbit and identify: an interface that users' scripts depend on."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -39,9 +39,10 @@ _OF_MATCH = (
 def orbit_report(
     found: FoundOrbit, outlook: OrbitOutlook | None, tle: tuple[str, str] | None = None
 ) -> dict[str, Any]:
-    """Return the object of ``rsoconsole orbit``.
+    """Return the JSON object of ``rsoconsole orbit``.
 
-    Elements are osculating, on GCRS axes. ``tle``: mean elements as two lines, where there are any.
+    Elements are osculating, on GCRS axes. ``outlook``: None: without one; ``tle``: mean elements as
+    two lines; None: none were fitted.
     """
     orbit, seen = found.orbit, found.seen
     report: dict[str, Any] = {
@@ -67,7 +68,10 @@ def orbit_report(
 
 
 def identification_report(name: str, found: Identification, arc_s: float) -> dict[str, Any]:
-    """Return the object of ``rsoconsole identify``."""
+    """Return the JSON object of ``rsoconsole identify``.
+
+    ``arc_s``: time from the track's first direction to its last.
+    """
     matches = [_match_report(each) for each in found.matches]
     return {
         "name": name,
@@ -89,7 +93,10 @@ def identification_report(name: str, found: Identification, arc_s: float) -> dic
 def named_track_report(
     number: int, found: Identification, seen: MeasuredDirections
 ) -> dict[str, Any]:
-    """Return one of the ``tracks`` of ``rsoconsole identify``: its name among all of the night."""
+    """Return the JSON object of one track for the list ``tracks`` of ``rsoconsole identify``.
+
+    ``found``: identification of the track together with all tracks of the night.
+    """
     candidates = [each for each in found.matches if each.probability >= 1.0 - SURE]
     best = found.matches[0] if found.matches and found.verdict == "identified" else None
     return {
@@ -111,9 +118,9 @@ def named_track_report(
 
 
 def element_sigmas(orbit: KnownOrbit) -> dict[str, float | None]:
-    """Return the one-sigma errors of the elements; None where the orbit does not fix one at all.
+    """Return the one-sigma errors of the elements; None for an angle that is not determined.
 
-    Examples are the node of an orbit in the reference plane and the perigee of a circle.
+    Its error exceeds 180 deg: the node of an orbit in the reference plane, the perigee of a circle.
     """
     states = np.concatenate([orbit.r_km, orbit.v_km_s])
     around = states + np.concatenate([np.diag(_STEP), -np.diag(_STEP)])
@@ -148,7 +155,7 @@ def _orbit_values(orbit: Orbit) -> dict[str, Any]:
 
 
 def elements_by_name(r_km: FloatArray, v_km_s: FloatArray) -> dict[str, float]:
-    """Return the osculating elements of a state, on its own axes."""
+    """Return the osculating elements of a state, by name, on the axes of the state."""
     found = elements_of(r_km, v_km_s)
     return {key: float(getattr(found, key)) for key in _ELEMENTS}
 

@@ -1,6 +1,6 @@
-"""Records as the command line's JSON objects, an interface that others script against.
+"""Records as the command line's JSON objects, an interface that users' scripts depend on.
 
-Keys may be added, never renamed. Angles in degrees, ICRS; missing is None.
+Keys may be added, never renamed. Angles are in degrees, ICRS; what is missing is None.
 """
 
 import math
@@ -44,7 +44,7 @@ _OF_PLATE = {
 
 
 def detection_report(detection: Detection) -> dict[str, Any]:
-    """Return the object of one candidate streak."""
+    """Return the JSON object of one candidate streak."""
     return {
         "x": detection.x_px,
         "y": detection.y_px,
@@ -64,7 +64,10 @@ def detection_report(detection: Detection) -> dict[str, Any]:
 def detections_report(
     name: str, found: Detections, *, extension: str | None = None, notes: Sequence[str] = ()
 ) -> dict[str, Any]:
-    """Object of ``rsoconsole detect``; ``extension``: which image of the file, of several."""
+    """Return the JSON object of ``rsoconsole detect``.
+
+    ``extension``: image of a file with several that was read; ``notes``: cautions about the frame.
+    """
     return {
         "frame": name,
         "extension": extension,
@@ -88,9 +91,10 @@ def solved_report(
     index_missing: Sequence[str] = (),
     notes: Sequence[str] = (),
 ) -> dict[str, Any]:
-    """Return the object of ``rsoconsole solve``.
+    """Return the JSON object of ``rsoconsole solve``.
 
-    ``index_missing``: index files needed for a field of the hinted scale that are missing.
+    ``wrong``: hints that the stars contradict; ``index_missing``: index files that are missing for
+    a field of the hinted scale; ``notes``: cautions about the frame.
     """
     return {
         **solution_report(name, solution, frame.width_px, frame.height_px),
@@ -104,7 +108,7 @@ def solved_report(
 def solution_report(
     name: str, solution: Solution | NotSolved, width_px: int, height_px: int
 ) -> dict[str, Any]:
-    """Return the object of a plate solution, or of the reason why there is none."""
+    """Return the JSON object of a plate solution, or of the reason why there is none."""
     plate = solution if isinstance(solution, Solution) else None
     values = {key: getattr(plate, field, None) for key, field in _OF_PLATE.items()}
     return {
@@ -118,7 +122,7 @@ def solution_report(
 
 
 def measurement_report(measurement: Measurement) -> dict[str, Any]:
-    """Return the object of one measurement."""
+    """Return the JSON object of one measurement."""
     east, _, north = measurement.cov_sky_arcsec2
     return {
         "ra": measurement.ra_icrs_deg,
@@ -133,7 +137,7 @@ def measurement_report(measurement: Measurement) -> dict[str, Any]:
 
 
 def prediction_report(track: TrackState) -> dict[str, Any]:
-    """Return the object of the filter's prediction for this frame."""
+    """Return the JSON object of the filter's prediction for a frame."""
     east_arcsec, north_arcsec = predicted_sigma_arcsec(track)
     return {
         "t_utc": utc_ns_to_iso(track.t_utc_ns),
@@ -145,7 +149,7 @@ def prediction_report(track: TrackState) -> dict[str, Any]:
 
 
 def process_report(name: str, processed: Processed) -> dict[str, Any]:
-    """Return the object of ``rsoconsole process``: one cycle of Algorithm 1."""
+    """Return the JSON object of ``rsoconsole process`` for one frame: one cycle of Algorithm 1."""
     frame, reduction, after = processed.frame, processed.reduction, processed.after
     found = detections_report(name, reduction.detections)
     states = [r for r in processed.records if isinstance(r, TrackState)]
