@@ -24,15 +24,15 @@ from rsoconsole.control.wire import DEFAULT_TIMEOUT_S, Outcome, Sender, read_out
 STILL_STOPS = "'rsoconsole stop' works without it"
 
 CROWDED_S = 0.01
-"""Pause before connecting again to a crowded engine, s."""
+"""Pause before connecting again to an engine that has no connection free, s."""
 GRACE_S = 0.5
 MADE_AGAIN_S = 2.0
-"""Wait for an engine whose socket was removed, s."""
+"""Wait for an engine to make its removed socket again, s."""
 OPERATOR = Sender()
 
 
 class ControlClient:
-    """The wire's end in a console or a command. One call at a time."""
+    """Client of the operator's wire, for a console or a shell command; one call at a time."""
 
     def __init__(self, path: Path | None = None, sender: Sender = OPERATOR) -> None:
         self._path = path if path is not None else default_socket_path()
@@ -41,8 +41,8 @@ class ControlClient:
     def send(self, command: Command, *, timeout_s: float = DEFAULT_TIMEOUT_S) -> Outcome:
         """Send a command to the engine and wait for its outcome.
 
-        Raises ControlError when no engine runs or it does not answer within ``timeout_s``, and
-        before sending where the command's arguments can never be carried out.
+        Raises ControlError when no engine runs, when it does not answer within ``timeout_s``, and
+        for arguments that can never be carried out; nothing is sent then.
         """
         verb = command.verb
         try:
@@ -110,8 +110,10 @@ class ControlClient:
 
 
 def ask_engine(wire: ControlClient, question: Command) -> Mapping[str, Any]:
-    """Return the engine's answer to a question. Raises ControlError without one, or for a
-    refusal."""
+    """Return the data of the engine's answer to a question.
+
+    Raises ControlError when no engine answers, or when it refuses.
+    """
     outcome = wire.send(question)
     if not outcome.ok:
         raise ControlError(outcome.message)
@@ -119,7 +121,10 @@ def ask_engine(wire: ControlClient, question: Command) -> Mapping[str, Any]:
 
 
 def status_of(wire: ControlClient) -> Status:
-    """Return the engine's status. Raises as ``ask_engine`` does."""
+    """Return the engine's status.
+
+    Raises ControlError when no engine answers, or when it refuses.
+    """
     return read_status(ask_engine(wire, AskStatus()))
 
 

@@ -1,8 +1,9 @@
 """Commands of the operator: each is a frozen dataclass with everything about its verb.
 
-Its fields are the arguments, its class attributes the policy, its methods the check and the words.
-The wire's JSON, the record's arguments and the shell's verb are made of the fields; the engine has
-a handler for each class (``engine/operator/handlers.py``), keys and dialogs make instances.
+Its fields are the command's arguments; its class attributes say how the engine treats the verb; its
+methods check the arguments and put the command into words. The wire's JSON, the recorded arguments
+and the shell's verb are made of the fields. The engine has a handler for each class
+(``engine/operator/handlers.py``); keys and dialogs make instances.
 """
 
 import dataclasses
@@ -15,7 +16,7 @@ from typing import Any, ClassVar, Self, TypeVar, Union, get_args, get_origin, ge
 from rsoconsole.base import NOT_FINITE
 
 LARGEST_WHOLE = 2**53
-"""Greatest whole number that everything that reads JSON keeps exactly."""
+"""Greatest whole number that every JSON reader keeps exactly."""
 _EMPTY: tuple[Any, ...] = (None, "", [], (), {})
 
 COMMANDS: dict[str, "type[Command]"] = {}
@@ -26,49 +27,52 @@ C = TypeVar("C", bound="type[Command]")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Command:
-    """One command of the operator to the engine; the policy below holds for the verb."""
+    """One command of the operator to the engine; the class attributes below belong to its verb."""
 
     verb: ClassVar[str]
     """The command's name on the wire and on record."""
     title: ClassVar[str] = ""
-    """The command's name in notices, where the verb does not read well."""
+    """The command's name in notices; empty: the verb itself."""
     is_immediate: ClassVar[bool] = False
-    """True for a command answered on the thread that brought it, before everything that waits."""
+    """True for a command answered on its connection's own thread, ahead of the queue."""
     is_urgent: ClassVar[bool] = False
-    """True for a command that does not wait for the end of an exposure."""
+    """True for a command that is executed at once, even while an exposure is under way."""
     moves_mount: ClassVar[bool] = False
-    """True for a command that may move the mount: a limit and the end of the night undo it while it
-    waits."""
+    """True for a command that may move the mount.
+
+    While it waits in the queue, a limit or the end of the night cancels it.
+    """
     survives_stop: ClassVar[bool] = False
-    """True for a command that moves nothing: STOP does not undo it while it waits."""
+    """True for a command that STOP does not cancel while it waits, because it moves nothing."""
     needs_control: ClassVar[bool] = True
-    """True for a command that only the console in control may give (a shell always may)."""
+    """True for a command that only the console in control may give (a shell command always may)."""
     wakes_loop: ClassVar[bool] = True
-    """True for a command that the loop takes up before it has waited for its next exposure."""
+    """True for a command that the loop executes at once, not only after its next exposure."""
     awaits_mount: ClassVar[bool] = False
-    """True where the answer waits, but not for long, until the mount has taken or refused it."""
+    """True where the answer waits briefly until the mount has accepted or refused the command."""
     answer_s: ClassVar[float] = 5.0
-    """Wait of a console for the engine's answer, s; longer where pixels are read first."""
+    """How long a console waits for the engine's answer, s; longer where pixels are read first."""
     is_on_panel: ClassVar[bool] = False
-    """True where the notebook's panel may give it by its verb."""
+    """True where the notebook's panel may send the command by its verb."""
     takes_anything: ClassVar[bool] = False
-    """True where unknown arguments are ignored: nothing may stand in its way."""
+    """True where unknown arguments are ignored, so that a faulty request is still carried out."""
     shell: ClassVar[str] = ""
-    """Example of it as a verb of the program; empty: the shell has none."""
+    """Example of the command in a shell; empty: the shell has no such verb."""
     shell_help: ClassVar[str] = ""
     """Text of the shell's ``--help``."""
 
     def check(self) -> None:
-        """Check the arguments. Raises ValueError with the reason where they can never be carried
-        out."""
+        """Check the arguments.
+
+        Raises ValueError, with the reason, for arguments that can never be carried out.
+        """
 
     def words(self) -> str:
         """The command in words, for the log."""
         return self.verb
 
     def arguments(self) -> dict[str, Any]:
-        """Return the arguments as the wire and the record have them; those not given are left
-        out."""
+        """Return the arguments given, by their names on the wire and on record."""
         given = {_key(f): getattr(self, f.name) for f in dataclasses.fields(self)}
         return {
             key: list(value) if isinstance(value, tuple) else value
@@ -78,7 +82,10 @@ class Command:
 
     @classmethod
     def read(cls, arguments: Mapping[str, Any]) -> Self:
-        """Return the command with these arguments. Raises ValueError that says what is wrong."""
+        """Return the command with these arguments.
+
+        Raises ValueError with what is wrong with them.
+        """
         known = {_key(f): f for f in dataclasses.fields(cls)}
         unknown = [name for name in arguments if name not in known]
         if unknown and not cls.takes_anything:
@@ -94,7 +101,7 @@ class Command:
 
     @classmethod
     def label(cls) -> str:
-        """Return the command's name in a notice."""
+        """Return the command's name in a notice: its title, else its verb."""
         return cls.title or cls.verb
 
 
@@ -109,17 +116,17 @@ def register(command: C) -> C:
 def argument(key: str = "", *, default: Any = MISSING, help_: str = "", shell: str = "") -> Any:
     """Declare a field of a command.
 
-    ``key``: its name on the wire, where that differs; ``help_`` and ``shell``: its help text and
-    its name in a terminal.
+    ``key``: its name on the wire, where that is not the field's; ``help_``: its help text in a
+    terminal; ``shell``: its name in a terminal, where that differs.
     """
     metadata = {"key": key, "help": help_, "shell": shell}
     return field(default=default, metadata={k: v for k, v in metadata.items() if v})
 
 
 def command_of(verb: str, arguments: Mapping[str, Any]) -> Command:
-    """Return the command of a verb and its arguments.
+    """Return the command for a verb and its arguments.
 
-    Raises ValueError, in words, for an unknown verb and for arguments that are not its own.
+    Raises ValueError, in words, for an unknown verb and for arguments that the verb does not have.
     """
     known = COMMANDS.get(verb)
     if known is None:
@@ -130,15 +137,15 @@ def command_of(verb: str, arguments: Mapping[str, Any]) -> Command:
 
 
 def is_always_executed(verb: str) -> bool:
-    """True for verbs that are carried out even where the request has unknown arguments."""
+    """True for a verb that is carried out even with unknown arguments in the request."""
     known = COMMANDS.get(verb)
     return known is not None and known.takes_anything
 
 
 def command_words(verb: str, arguments: Mapping[str, Any]) -> str:
-    """Return a recorded command in words, also one that the program no longer has.
+    """Return a recorded command in words, also for a verb that the program no longer has.
 
-    Arguments that say nothing are left out.
+    Empty arguments are left out.
     """
     words, rest = verb, dict(arguments)
     known = COMMANDS.get(verb)
@@ -154,7 +161,7 @@ def command_words(verb: str, arguments: Mapping[str, Any]) -> str:
 
 
 def with_overrides(words: str, override: tuple[str, ...]) -> str:
-    """Return a command's words with the checks that it overrides by name."""
+    """Return a command's words followed by the names of the checks that it overrides."""
     return f"{words}, overriding {', '.join(override)}" if override else words
 
 
@@ -211,7 +218,7 @@ _READERS: dict[Any, tuple[str, Callable[[Any], bool], Callable[[Any], Any]]] = {
     str: ("text", lambda value: isinstance(value, str), str),
     tuple[str, ...]: ("a list of names", _are_names, tuple),
 }
-"""JSON's value in words, a test of it, and its conversion, by the type of a field."""
+"""By the type of a field: its JSON value in words, a test of that value, and its conversion."""
 
 
 def _plain(value: Any) -> str:

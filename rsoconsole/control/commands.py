@@ -1,8 +1,8 @@
 """All commands to the engine, one class a verb.
 
-A new verb is a class here and a handler in the engine (``engine/operator/handlers.py``); with a key
-in the console it is an entry in ``console/commands/commands.py`` too. Wire, record, log, seats,
-panel and shell take the rest from the class: README.md beside this file shows one whole.
+A new verb is a class here and a handler in the engine (``engine/operator/handlers.py``); if a key
+of the console gives it, also an entry in ``console/commands/commands.py``. Wire, record, log, panel
+and shell use the class itself: README.md beside this file shows one whole example.
 """
 
 import math
@@ -29,8 +29,7 @@ _COMPASS = (
 @register
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Stop(Command):
-    """End every motion and exposure, and disarm: at once, from any sender, whatever else goes
-    on."""
+    """End every motion and exposure, and disarm: at once, from any sender."""
 
     verb = "stop"
     is_immediate = True
@@ -42,7 +41,7 @@ class Stop(Command):
 @register
 @dataclass(frozen=True, slots=True, kw_only=True)
 class AskStatus(Command):
-    """Ask for the engine's state; the answer is a ``Status``."""
+    """Ask for the engine's state; the answer's data are those of a ``Status``."""
 
     verb = "status"
     is_immediate = True
@@ -57,7 +56,7 @@ class AskStatus(Command):
 @register
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Arm(Command):
-    """Give control to autonomy, after its checklist."""
+    """Give control of the mount to autonomy, after its checklist."""
 
     verb = "arm"
     moves_mount = True
@@ -69,7 +68,7 @@ class Arm(Command):
     well can be overridden by name, which goes on record."""
 
     override: tuple[str, ...] = argument(default=(), help_=OVERRIDE_HELP)
-    """Checks of the list that are overridden by name."""
+    """Names of the checklist's checks that the operator overrides."""
 
     def words(self) -> str:
         """The command in words, for the log."""
@@ -94,7 +93,7 @@ class Disarm(Command):
 @register
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Hold(Command):
-    """Stop slews for now: the tracks are still exposed, measured and predicted."""
+    """Stop slews for now: tracks are still exposed, measured and predicted."""
 
     verb = "hold"
     is_urgent = True
@@ -105,7 +104,7 @@ class Hold(Command):
     until: str | None = argument(default=None, help_="'clear': until the stars are back.")
 
     def check(self) -> None:
-        """Check that the hold ends either by the sky or by the operator."""
+        """Check that ``until`` is empty or "clear"."""
         if self.until not in {None, "clear"}:
             raise ValueError("a hold is until 'clear', or until you resume")
 
@@ -133,7 +132,7 @@ class Resume(Command):
 @register
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Park(Command):
-    """Disarm and send the mount to its park position."""
+    """Disarm, and send the mount to its park position."""
 
     verb = "park"
     is_urgent = True
@@ -145,7 +144,7 @@ class Park(Command):
 @register
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Abort(Command):
-    """Give up the exposure that runs; the next begins as planned."""
+    """Give up the exposure under way; the next one begins as planned."""
 
     verb = "abort"
     is_urgent = True
@@ -194,7 +193,7 @@ class Goto(Command):
 @register
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Nudge(Command):
-    """Move the telescope by hand a little, on the sky; several add up."""
+    """Move the telescope a little on the sky, by hand; several such moves add up."""
 
     verb = "nudge"
     is_urgent = True
@@ -222,7 +221,7 @@ class Nudge(Command):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class AimOffset(Command):
-    """A place beside the prediction; only previewed, the settings ``aim.*`` go there."""
+    """An aim point beside the predicted position, for a preview; settings ``aim.*`` apply it."""
 
     verb = "aim"
 
@@ -231,14 +230,14 @@ class AimOffset(Command):
     across_arcmin: float | None = None
 
     def settings(self) -> dict[str, float]:
-        """Return the given offsets, by the setting's name."""
+        """Return the offsets that were given, by the names of their settings."""
         return {f"aim.{name}": value for name, value in self.arguments().items()}
 
 
 @register
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Preview(Command):
-    """Preview of a move: target, duration and limits against it; nothing moves."""
+    """Ask for a preview of a move: its target, duration and limits; nothing moves."""
 
     verb = "preview"
     needs_control = False
@@ -246,19 +245,19 @@ class Preview(Command):
     move: Goto | Nudge | AimOffset
 
     def arguments(self) -> dict[str, Any]:
-        """Return the arguments of the move, which identify the preview."""
+        """Return the arguments of the previewed move; their names show which kind of move it is."""
         return self.move.arguments()
 
     @classmethod
     def read(cls, arguments: Mapping[str, Any]) -> "Preview":
-        """Return the preview of the move with these arguments."""
+        """Return the preview of the move to which these arguments belong."""
         if "east_arcmin" in arguments:
             return cls(move=Nudge.read(arguments))
         is_beside = not AimOffset.__dataclass_fields__.keys().isdisjoint(arguments)
         return cls(move=AimOffset.read(arguments) if is_beside else Goto.read(arguments))
 
     def check(self) -> None:
-        """Check the move itself."""
+        """Check the arguments of the previewed move."""
         self.move.check()
 
 
@@ -297,7 +296,7 @@ class Unpark(Command):
 @register
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Set(Command):
-    """Change a setting of the running engine, for good or for some frames."""
+    """Change a setting of the running engine, for good or for a number of frames."""
 
     verb = "set"
     title = "setting"
@@ -330,7 +329,7 @@ class Set(Command):
 @register
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Seek(Command):
-    """Look again for the last track, round its predicted place, in a widening spiral."""
+    """Search for the last track again, in a widening spiral around its predicted position."""
 
     verb = "seek"
     moves_mount = True
@@ -353,7 +352,7 @@ class AskSeat(Command):
 @register
 @dataclass(frozen=True, slots=True, kw_only=True)
 class AnswerSeat(Command):
-    """Give control to the console that requests it, or keep it."""
+    """Give control to the console that requests it, or refuse."""
 
     verb = "answer_seat"
     title = "control"
@@ -362,7 +361,7 @@ class AnswerSeat(Command):
 
     gives: bool = False
     to: str | None = None
-    """Console that is answered; None: any that requests control."""
+    """Console that the answer is for; None: any that requests control."""
 
 
 @register

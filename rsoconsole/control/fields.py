@@ -1,4 +1,4 @@
-"""Records that cross the wire, field by field: the preview of a move, the field as a whole."""
+"""Records that cross the wire field by field: a move's preview, and the tracks of the field."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, fields, is_dataclass
@@ -22,11 +22,11 @@ if TYPE_CHECKING:
 
 Record = TypeVar("Record")
 _PATHS = frozenset(("session",))
-"""Fields that hold names of files, taken unchanged: another spelling names another file."""
+"""Fields that hold file names: passed unchanged, because any cleaning would name another file."""
 
 
 def as_json(value: Any) -> Any:
-    """Return a record, or a value of its fields, as JSON carries it."""
+    """Return a record, or a value of its fields, in types that JSON has."""
     if is_dataclass(value):
         return {each.name: as_json(getattr(value, each.name)) for each in fields(value)}
     if isinstance(value, tuple):
@@ -37,9 +37,10 @@ def as_json(value: Any) -> Any:
 
 
 def read_record(kind: type[Record], data: Mapping[str, Any]) -> Record | None:
-    """Return the record in an answer, its texts fit for a terminal; None where that is none.
+    """Return the record of the given kind from an answer's data; None where it cannot be made.
 
-    A field that cannot be used counts as missing.
+    Texts are cleaned for a terminal. A field with an invalid value counts as missing; None is
+    returned where a field without a default is missing.
     """
     from pydantic import ValidationError
 
@@ -77,42 +78,45 @@ def _printable(value: Any) -> Any:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MovePreview:
-    """Preview of a move that has not been made."""
+    """Preview of a move: where the telescope would look, and whether it may; nothing has moved."""
 
     ra_icrs_deg: float
-    """Right ascension where the telescope would look."""
+    """Right ascension where the telescope would look, ICRS."""
     dec_icrs_deg: float
     ra_date_deg: float
-    """Right ascension of the same place, equinox of date."""
+    """Right ascension of the same direction, equinox of date."""
     dec_date_deg: float
     alt_deg: float
     az_deg: float
     way_deg: float
-    """Distance from where it looks now, deg."""
+    """Distance from the telescope's present direction, deg."""
     slew_s: float
     """Duration of the slew, settling included, s."""
     pier_side: str | None = None
     pier_side_after: str | None = None
     margins_deg: tuple[tuple[str, float], ...] = ()
-    """Margins: each limit, and how far inside it the telescope would be, deg."""
+    """Each limit's name, and how far inside it the telescope would be, deg."""
     refused: str | None = None
-    """Reason why it may not go there; None where it may."""
+    """Reason why the telescope may not go there; None where it may."""
 
 
 MAX_LINES = 12
-"""Greatest number of pairs and missing objects in plain lines; JSON has all."""
+"""Greatest number of pairs and of missing objects in plain lines; JSON lists all."""
 
 
 def nearest_first(pairs: Iterable[PairMotion]) -> tuple[PairMotion, ...]:
-    """Return pairs in the order of their separation, the nearest first."""
+    """Return pairs of tracks in the order of their separation, smallest first."""
     return tuple(sorted(pairs, key=lambda each: each.separation_arcsec))
 
 
 def field_words(
     pairs: Sequence[PairMotion], unseen: Sequence[UnseenMember], uncatalogued: Sequence[int]
 ) -> list[str]:
-    """Return each track's nearest neighbour and the missing objects, in lines of at most 80
-    columns."""
+    """Return lines of at most 80 columns on each track's nearest neighbour and missing objects.
+
+    ``unseen``: catalogued objects expected in the field that have no track; ``uncatalogued``:
+    numbers of tracks that no catalogued object explains.
+    """
     lines = [_pair_words(each) for each in _nearest(pairs)[:MAX_LINES]]
     if uncatalogued:
         lines.append(f"not in the catalogue: {tracks_words(uncatalogued)}")

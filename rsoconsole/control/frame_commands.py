@@ -7,7 +7,7 @@ from rsoconsole.control.command import Command, argument, register
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Decision(Command):
-    """The operator's decision on one frame's streaks; without a frame: on the newest."""
+    """A decision of the operator on the streaks of one frame; without a frame: of the newest."""
 
     frame_id: int | None = argument(
         "frame", default=None, help_="The frame that it is said of; without: the newest."
@@ -18,14 +18,14 @@ class Decision(Command):
         return self.verb + self.of_frame(" frame {}")
 
     def of_frame(self, words: str) -> str:
-        """Add the frame's number to words, where it is given."""
+        """Return these words with the frame's number added, where one is given."""
         return "" if self.frame_id is None else words.format(self.frame_id)
 
 
 @register
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Choose(Decision):
-    """Follow the streak nearest to a place."""
+    """Follow the streak nearest to a pixel position."""
 
     verb = "choose"
 
@@ -40,7 +40,7 @@ class Choose(Decision):
 @register
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Accept(Decision):
-    """Accept the frame's likeliest streak that the track did not take, whatever the gates say."""
+    """Accept the frame's likeliest streak that the track did not use, whatever the gates say."""
 
     verb = "accept"
 
@@ -48,7 +48,7 @@ class Accept(Decision):
 @register
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Reject(Decision):
-    """Reject the frame's measurement of the track; without a frame: the last."""
+    """Reject the track's measurement in a frame; without a frame: its last measurement."""
 
     verb = "reject"
 
@@ -56,7 +56,7 @@ class Reject(Decision):
 @register
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MarkByHand(Decision):
-    """A streak between two ends that the operator has marked."""
+    """Mark a streak by hand: a measurement between two ends that the operator sets."""
 
     verb = "mark"
     answer_s = 30.0
@@ -66,14 +66,16 @@ class MarkByHand(Decision):
     x_b_px: float = argument("x_b")
     y_b_px: float = argument("y_b")
     sigma_px: float | None = None
-    """One sigma of the mark, px; None: the default of a mark by hand."""
+    """One sigma of the ends, px; None: the default of a mark by hand."""
     sigma_across_px: float | None = None
-    """One sigma across, px, where refined on the light beneath it: ``sigma_px`` is then along
-    it."""
+    """One sigma across the streak, px, where the mark was refined on the image.
+
+    ``sigma_px`` then holds along the streak. None: ``sigma_px`` holds in both directions.
+    """
     is_clipped: bool | None = None
-    """True where the frame cuts the streak, as the light beneath it shows."""
+    """True where the image shows that the frame's edge cuts the streak."""
     replaces: bool | None = None
-    """True where it may replace a more precise measurement."""
+    """True where the mark may replace a more precise measurement."""
 
     def words(self) -> str:
         """The command in words, for the log."""
@@ -83,7 +85,7 @@ class MarkByHand(Decision):
 @register
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BeginMark(Decision):
-    """Keep a frame while a mark by hand is made in it, however many come meanwhile."""
+    """Keep a frame's pixels while the operator marks it; ``is_on`` False: keep them no longer."""
 
     verb = "begin_mark"
     answer_s = 30.0
@@ -99,7 +101,7 @@ class BeginMark(Decision):
 @register
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TakeBack(Decision):
-    """Take back the decisions on a frame's streaks; without a frame: the last decision."""
+    """Withdraw the decisions on a frame's streaks; without a frame: the last decision."""
 
     verb = "take_back"
     title = "take back"
@@ -112,7 +114,7 @@ class TakeBack(Decision):
 @register
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Drop(Decision):
-    """Drop one of the tracks for good; its streaks start none while it may be in the field."""
+    """Drop a track for good; its streaks start no new track while it may be in the field."""
 
     verb = "drop"
     shell = "rsoconsole drop 3"
@@ -132,7 +134,7 @@ class Drop(Decision):
 @register
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Keep(Decision):
-    """Keep one of the tracks: no miss ends it while it may be in the field; or end that."""
+    """Keep a track: no miss ends it while it may be in the field; ``off``: keep it no longer."""
 
     verb = "keep"
     shell = "rsoconsole keep 3"

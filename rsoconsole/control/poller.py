@@ -1,4 +1,4 @@
-"""A thread that polls something again and again."""
+"""A thread that does the same work at regular intervals."""
 
 import threading
 from abc import ABC, abstractmethod
@@ -7,7 +7,10 @@ CLOSING_S = 0.5
 
 
 class Poller(ABC):
-    """Looks at regular intervals, and at once when it is woken."""
+    """Thread that looks at something at regular intervals, and at once when it is woken.
+
+    A subclass says in ``_look`` what one look does.
+    """
 
     def __init__(self, name: str, every_s: float) -> None:
         self._every_s = every_s
@@ -16,15 +19,15 @@ class Poller(ABC):
         self._thread = threading.Thread(target=self._run, name=f"look-{name}", daemon=True)
 
     def start(self) -> None:
-        """Begin to look."""
+        """Start the thread; it looks at once."""
         self._thread.start()
 
     def look_now(self) -> None:
-        """Look at once instead of at the next turn (any thread)."""
+        """Look at once instead of at the next interval; may be called from any thread."""
         self._wake.set()
 
     def close(self) -> None:
-        """End the thread, without waiting for a slow disk or an engine that hangs."""
+        """End the thread; waits for a look under way only briefly."""
         self._is_closing = True
         self._wake.set()
         if self._thread.is_alive() and self._thread is not threading.current_thread():
@@ -32,7 +35,7 @@ class Poller(ABC):
 
     @property
     def is_running(self) -> bool:
-        """True while its thread lives."""
+        """True while the thread runs."""
         return self._thread.is_alive()
 
     def _run(self) -> None:

@@ -1,4 +1,4 @@
-"""The place of the socket, and locks that live as long as their process: one engine a mount."""
+"""Where the engine's socket lies, and locks that end with their process: one engine a mount."""
 
 import contextlib
 import fcntl
@@ -19,19 +19,19 @@ from rsoconsole.base import ControlError
 from rsoconsole.config import IndiConfig, runtime_dir, state_dir
 
 _FLOCK = "hhqqi"
-"""struct flock of 64-bit Linux: type, whence, start, length, process."""
+"""Layout of ``struct flock`` on 64-bit Linux: type, whence, start, length, process."""
 _MAX_WORDS = 4096
 
 _held: dict[Path, str] = {}
-"""Locks that this process holds, with the text in their files."""
+"""Locks that this process holds, by file, with the text written into each file."""
 _held_lock = threading.Lock()
 
 
 def read_holder(path: Path) -> tuple[int, str] | None:
-    """Return the process that holds a file's lock, and the file's text; None where none does.
+    """Return the process that holds a file's lock, and the file's text; None where none holds it.
 
-    Only queries: taking the lock for it would turn away a process that starts just now. None also
-    where the system does not report it.
+    None also where the system does not report the holder. The lock is only queried, never taken: to
+    take it even briefly would turn away a process that is just starting.
     """
     if sys.platform != "linux":
         return None
@@ -55,24 +55,31 @@ def read_holder(path: Path) -> tuple[int, str] | None:
 
 
 class RecordLock:
-    """A lock held by one process; the system releases it when that dies."""
+    """Lock on a file, held by one process; the system releases it when the process dies."""
 
     def __init__(self, path: Path, words: str, *, is_removed: bool = False) -> None:
-        """``words``: text of the file about its holder; ``is_removed``: the file is removed on
-        release."""
+        """Make the lock, without taking it.
+
+        ``words``: text about the holder, written into the file; ``is_removed``: True where the file
+        is removed on release.
+        """
         self._path = path
         self._is_removed = is_removed
         self._words = words
         self._descriptor: int | None = None
 
     def refusal(self, holder_words: str) -> str:
-        """Return the message to a second process; ``holder_words``: the first one's text in the
-        file."""
+        """Return the message to a process that finds the lock held.
+
+        ``holder_words``: text in the file, written by the process that holds the lock.
+        """
         return f"{self._path} is held: {holder_words.strip()}"
 
     def acquire(self) -> None:
-        """Take the lock. Raises ControlError when another process holds it, or it cannot be
-        made."""
+        """Take the lock.
+
+        Raises ControlError where another process holds it, and where the file cannot be made.
+        """
         with _held_lock:
             # A process does not conflict with its own record lock.
             if self._path in _held:
@@ -86,8 +93,10 @@ class RecordLock:
             _held[self._path] = self._words
 
     def _locked(self) -> int:
-        """Return the file, open and locked. Raises ControlError where it is held, OSError for other
-        faults."""
+        """Return the file's descriptor, open and locked.
+
+        Raises ControlError where another process holds the lock, OSError for other faults.
+        """
         self._path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
         while True:
             descriptor = os.open(self._path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o600)
@@ -107,10 +116,11 @@ class RecordLock:
         return descriptor
 
     def keep(self) -> bool:
-        """Lock the file again where somebody has removed it; True where that was needed.
+        """Make and lock the file again where somebody has removed it; True where that was needed.
 
-        A file without a name cannot get one again: the next process must meet this one's lock.
-        Raises ControlError where another process was quicker, OSError where it cannot be done.
+        A removed file cannot get its name back, and the next process must find this process's lock
+        under that name. Raises ControlError where another process was quicker, OSError where the
+        file cannot be made.
         """
         with _held_lock:
             if self._descriptor is None or self._is_there(self._descriptor):
@@ -128,7 +138,7 @@ class RecordLock:
         return (found.st_dev, found.st_ino) == (own.st_dev, own.st_ino)
 
     def release(self) -> None:
-        """Release the lock for the next process; does nothing when it is not held."""
+        """Release the lock for the next process; does nothing where it is not held."""
         with _held_lock:
             if self._descriptor is not None:
                 if self._is_removed and self._is_there(self._descriptor):
@@ -147,19 +157,19 @@ class RecordLock:
 
 
 MAX_ADDRESS_BYTES = 100
-"""Greatest length of a socket's address, bytes: Linux takes 107 in ``sun_path``, macOS 103."""
+"""Greatest length of a socket's path, bytes: Linux allows 107 in ``sun_path``, macOS 103."""
 
 
 def default_socket_path() -> Path:
-    """Return the socket of this user's engine."""
+    """Return the path of the socket on which this user's engine listens."""
     return runtime_dir() / "engine.sock"
 
 
 def address_of(path: Path) -> Path:
-    """Return ``path`` where it is short enough for a socket; else a short one made from it.
+    """Return ``path`` where it is short enough for a socket; else a short path made from it.
 
-    The short one lies in a folder of this user's own under the folder for temporary files. Raises
-    ControlError when that folder belongs to another or lets others in.
+    The short path lies in a folder of this user's own under the folder for temporary files. Raises
+    ControlError when that folder belongs to another user or lets others in.
     """
     absolute = Path(os.path.abspath(path))  # noqa: PTH100 - resolve() would ask the disk
     if len(os.fsencode(absolute)) <= MAX_ADDRESS_BYTES:
@@ -180,10 +190,10 @@ def address_of(path: Path) -> Path:
 
 
 def remove_socket(address: Path) -> Path | None:
-    """Remove a socket that nobody serves; anything else there is moved aside: its new path, else
-    None.
+    """Remove a socket that nobody serves, or move another file out of its place.
 
-    The caller holds the engine's lock. Raises OSError where it cannot be moved.
+    Returns the new path of a file that was moved, else None. The caller holds the engine's lock.
+    Raises OSError where the file cannot be moved.
     """
     try:
         mode = address.lstat().st_mode
@@ -201,23 +211,23 @@ def remove_socket(address: Path) -> Path | None:
 
 
 def engine_pid(socket_path: Path) -> int | None:
-    """Return the process that holds the engine's lock, listening or not yet; None where none does.
+    """Return the process that holds the engine's lock; None where none does.
 
-    None also where the system does not report it. Only queries: taking the lock for it would turn
-    away an engine that starts just now.
+    That process may not listen on its socket yet. None also where the system does not report the
+    holder. The lock is only queried: to take it would turn away an engine that is just starting.
     """
     found = read_holder(address_of(socket_path).with_suffix(".lock"))
     return None if found is None else found[0]
 
 
 class EngineLock(RecordLock):
-    """Lock of the one engine behind a socket."""
+    """Lock that allows one engine only behind each socket."""
 
     def __init__(self, socket_path: Path) -> None:
         super().__init__(address_of(socket_path).with_suffix(".lock"), f"{os.getpid()}\n")
 
     def refusal(self, holder_words: str) -> str:
-        """Return the message to a second engine."""
+        """Return the message to a second engine, which finds the lock held."""
         return (
             f"an engine is already running (process {holder_words.strip() or 'unknown'}): "
             "'rsoconsole console' attaches to it"
@@ -229,17 +239,17 @@ def _folder() -> Path:
 
 
 class MountLock(RecordLock):
-    """Lock of the engine that may move a mount."""
+    """Lock that allows one engine only to move each mount."""
 
     def __init__(self, indi: IndiConfig, socket: Path) -> None:
-        """``socket``: where the engine listens, or would."""
+        """``socket``: path of the socket on which the engine listens, or would listen."""
         name = re.sub(r"[^\w.-]+", "_", f"{indi.host}-{indi.port}-{indi.mount}")
         words = f"{os.getpid()}\n{socket}\n"
         super().__init__(_folder() / f"{name}.lock", words, is_removed=True)
         self._mount = indi.mount
 
     def refusal(self, holder_words: str) -> str:
-        """Return the message to a second engine."""
+        """Return the message to a second engine, which finds the lock held."""
         pid, socket = holder_words.partition("\n")[0], _socket_in(holder_words)
         return (
             f"an engine already drives {self._mount} (process {pid or 'unknown'}):"
@@ -249,7 +259,7 @@ class MountLock(RecordLock):
 
 @dataclass(frozen=True, slots=True)
 class RunningEngine:
-    """An engine that holds the lock of a mount."""
+    """An engine that holds a mount's lock: its process, and the socket on which it listens."""
 
     pid: int
     socket: Path
@@ -271,13 +281,12 @@ def running_engines() -> list[RunningEngine]:
 
 
 def engine_at(socket: Path) -> RunningEngine | None:
-    """Return the engine that listens there, or did before its socket was removed."""
+    """Return the engine whose socket has this path, even if the socket was removed; else None."""
     return next((each for each in running_engines() if each.socket == socket), None)
 
 
 def socket_option(socket: Path) -> str:
-    """Return the option of a verb that reaches the engine at a socket; empty for the default
-    one."""
+    """Return the shell option that names an engine's socket; empty for the default socket."""
     is_usual = socket in {Path(), default_socket_path()}
     return "" if is_usual else f" --socket {shlex.quote(str(socket))}"
 

@@ -1,9 +1,9 @@
 """The engine's end of the operator's wire.
 
-Commands that are immediate (``stop``, ``status``) are handled at once, on the thread of the
-connection that brought them; all others wait in one queue for one thread, and one that has
-waited past its sender's patience is not carried out any more. An answer that waits for the mount
-has a short thread of its own meanwhile, so that what comes behind it does not wait with it.
+Immediate commands (``stop``, ``status``) are handled at once, on the thread of their connection.
+All others wait in one queue for one thread; a command that has waited longer than its sender does
+is not carried out any more. An answer that waits for the mount has a short thread of its own, so
+that the commands behind it need not wait.
 """
 
 import contextlib
@@ -34,12 +34,12 @@ KEEP_S = 0.5
 """Interval at which socket and locks are checked, s."""
 MAX_CONNECTIONS = 32
 SPARE = 8
-"""Number of further connections, for a STOP only: clients on all others cannot keep it out."""
+"""Number of connections reserved for a STOP, so that other clients cannot keep it out."""
 MAX_WAITING = 64
 MAX_LATER = 16
-"""Greatest number of answers that wait for the mount at once; further ones say what is known."""
+"""Greatest number of answers that may wait for the mount at once; further ones do not wait."""
 BACKLOG = 128
-"""Number of connections that may wait at once before the system turns one away."""
+"""Number of connections that may wait to be accepted before the system turns one away."""
 
 
 Handler = Callable[[Request], Outcome | PendingOutcome]
@@ -48,9 +48,9 @@ Handler = Callable[[Request], Outcome | PendingOutcome]
 class ControlServer:
     """The engine's end of the wire; runs on threads of its own.
 
-    ``handler`` is called on one thread for all commands but the immediate ones, which may come at
-    any moment on another thread, even while the handler is busy. Its exceptions become outcomes
-    that are not ok. A line that is no command never reaches it.
+    ``handler`` is called on one thread for all commands but the immediate ones. These may come at
+    any moment on another thread, even while the handler is busy. An exception of the handler
+    becomes an outcome that is not ok. A line that is no command never reaches the handler.
     """
 
     def __init__(
@@ -63,7 +63,7 @@ class ControlServer:
         locks: Sequence[RecordLock] = (),
         on_found: Callable[[str], None] = lambda _words: None,
     ) -> None:
-        """``stamp``: returns the number of STOPs so far; each request carries it from its reading.
+        """``stamp``: returns the number of STOPs so far; each request carries it from then on.
 
         ``locks``: further locks, made again where somebody removes them; ``on_found`` is called
         then.
@@ -87,10 +87,9 @@ class ControlServer:
         self._threads: list[threading.Thread] = []
 
     def start(self) -> None:
-        """Start listening. Raises ControlError when an engine runs already or the place is
-        unusable.
+        """Start listening, in place of the socket of an engine that died.
 
-        The socket of an engine that died is replaced.
+        Raises ControlError when an engine runs already, and where no socket can be made.
         """
         if self._own_lock is not None:
             self._own_lock.acquire()

@@ -1,7 +1,7 @@
 """The engine's status: one record that crosses the wire, and its JSON for scripts.
 
-The engine fills it, consoles, panel and shell read it. In JSON a field has its own name, which says
-unit and frame; the names of the first version stand beside them and stay.
+The engine fills in the record; consoles, panel and shell read it. In JSON each field appears by its
+own name, which says unit and frame, and also by the name that the first version gave it.
 """
 
 import types
@@ -15,8 +15,7 @@ from rsoconsole.records import PairMotion, StopOutcome, UnseenMember
 from rsoconsole.words import measured_text, ordered_text
 
 SCHEMA = 1
-"""Version of all JSON that the program prints and the engine answers; raised where a meaning
-changes."""
+"""Version of the program's JSON, printed or answered; raised when a key changes its meaning."""
 FIRST_NAMES: Mapping[str, str] = types.MappingProxyType(
     {
         "frame_id": "frame",
@@ -28,12 +27,12 @@ FIRST_NAMES: Mapping[str, str] = types.MappingProxyType(
         "mount_dec_icrs_deg": "mount_dec",
     }
 )
-"""First version's key of each field, which scripts may still read and older engines send."""
+"""First version's key of each field; scripts may still read it, and older engines send it."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Health:
-    """Health of one part of machine or instruments."""
+    """Health of one part of the machine or the instruments; ``text`` says what was found."""
 
     name: str = ""
     ok: bool = False
@@ -42,7 +41,7 @@ class Health:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Machine:
-    """The machine that the engine runs on, at the last reading; None: not reported."""
+    """The machine that the engine runs on, when last read; None: the machine does not report it."""
 
     model: str | None = None
     """Model of the board, from its device tree."""
@@ -51,13 +50,13 @@ class Machine:
     cpu_frequency_max_mhz: float | None = None
     is_under_voltage: bool | None = None
     is_throttled: bool | None = None
-    """True where the processor is forced to slow down: for heat, or a weak power supply."""
+    """True where the processor is slowed down, because of heat or a weak power supply."""
     has_been_under_voltage: bool | None = None
     has_been_throttled: bool | None = None
     troubles: tuple[str, ...] = ()
-    """Present troubles, in words."""
+    """Present faults of the machine, in words."""
     recording_medium: str | None = None
-    """Medium that the session is written to."""
+    """Kind of disk that the session is written to."""
     recording_device: str | None = None
     recording_life_used_percent: int | None = None
     time_source: str | None = None
@@ -72,39 +71,39 @@ class Machine:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LastStop:
-    """The last STOP of this engine: ordered, answered by the driver, measured."""
+    """The last STOP of this engine and its stages: ordered, answered by the driver, measured."""
 
     number: int = 0
-    """Number among the STOPs of this engine."""
+    """Count of this engine's STOPs up to this one; 0: none."""
     by: str = ""
     t_utc_ns: int | None = None
-    """Time at which it was given, by the engine's clock, UTC ns."""
+    """Time at which STOP was given, by the engine's clock, UTC ns."""
     ordered_ms: float | None = None
-    """Time until ABORT was on its way to the mount, ms; None: not yet, or never."""
+    """Time from the STOP until ABORT was on its way to the mount, ms; None: not yet, or never."""
     answered_ms: float | None = None
-    """Time until the driver had taken it, ms; None: not yet, or never."""
+    """Time from the STOP until the driver had accepted ABORT, ms; None: not yet, or never."""
     measured_ms: float | None = None
-    """Time until the mount's motion was known, ms; None: not yet."""
+    """Time from the STOP until the mount's motion was known, ms; None: not yet."""
     motion: StopOutcome | None = None
-    """Measured motion since: stands, tracks, moves, unknown; None: not yet."""
+    """Motion measured after the STOP: stands, tracks, moves or unknown; None: not yet."""
     rate_deg_s: float | None = None
-    """Rate of the faster axis while it moves, deg/s."""
+    """Rate of the faster axis, deg/s, where the mount still moves."""
     is_over: bool = False
-    """True where the mount has been measured to be at rest since, or was armed again."""
+    """True where the mount was measured to be at rest after the STOP, or was armed again."""
     is_superseded: bool = False
-    """True where it is no longer measured, because another order came."""
+    """True where another order came and the motion is no longer measured for this STOP."""
     path: str | None = None
     detail: str = ""
-    """Reason why it is not answered, or not known."""
+    """Reason why ABORT was not answered, or why the motion is not known."""
 
     @property
     def is_at_rest(self) -> bool:
-        """True where the mount was measured to stand or to track."""
+        """True where the mount was measured to stand or to track after the STOP."""
         return self.motion in ("stands", "tracks")
 
     @property
     def text(self) -> str:
-        """The last STOP in a few words."""
+        """The last STOP, its answer and the measured motion in a few words."""
         ordered = ordered_text(self.ordered_ms, "{}", unknown="not ordered")
         answered = (
             "NOT ANSWERED" if self.answered_ms is None else f"answered in {self.answered_ms:.0f} ms"
@@ -120,137 +119,137 @@ class TrackNow:
     """One track after its last frame; None: not known, or not measured in that frame."""
 
     track_id: int = 0
-    """Number in the session."""
+    """The track's number in the session."""
     name: str | None = None
-    """Catalogue name, once it is identified."""
+    """Name of the identified catalogue object; None: not identified."""
     is_lead: bool = False
     state: str = ""
-    """State: TRACK, COAST, or "trial" until a third frame shows it."""
+    """TRACK, COAST, or "trial" for a new track that too few frames have confirmed."""
     misses: int = 0
-    """Number of exposures since its last measurement."""
+    """Number of exposures in a row without a measurement of the track."""
     is_kept: bool = False
-    """True where the operator keeps it: no miss ends it while it may be in the field."""
+    """True where the operator keeps the track: no miss ends it while it may be in the field."""
     age_s: float | None = None
-    """Time since its second measurement, with which it began, s."""
+    """Time since the track's second measurement, with which it began, s."""
     residual_east_arcsec: float | None = None
-    """Innovation in its last frame: measured minus predicted, arcsec."""
+    """Innovation in the last frame, eastward: measured minus predicted, arcsec."""
     residual_north_arcsec: float | None = None
     nis: float | None = None
     snr: float | None = None
-    """Integrated SNR of its last streak."""
+    """Integrated SNR of the track's last streak."""
     is_in_next_field: bool | None = None
-    """True where its streak and its bounds fit into the field of the next aim."""
+    """True where the streak and its 3-sigma bounds fit into the field of the next aim."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class NextAim:
-    """The aim of the exposure after the present or ordered one."""
+    """Where the telescope looks in the exposure after the present or ordered one."""
 
     ra_icrs_deg: float = 0.0
     dec_icrs_deg: float = 0.0
     t_utc_ns: int = 0
-    """Mid-exposure as planned now, UTC ns."""
+    """Time of mid-exposure as now planned, UTC ns."""
     policy: str = ""
-    """Policy: lead, most or group."""
+    """Policy of the aim among several tracks: lead, most or group."""
     reason: str = ""
-    """Source of the prediction, and how many of the tracks are in its field."""
+    """Source of the predicted direction, and how many of the tracks are in the field."""
     moves_arcmin: float | None = None
-    """Length of the slew to it, arcmin; None where the telescope stays where it is."""
+    """Length of the slew to this aim, arcmin; None where the telescope stays where it is."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Status:
-    """The engine at one instant; None or empty: not known, or not so."""
+    """The engine at one instant; None or empty: not known, or there is none."""
 
     state: str | None = None
     """State of the loop: IDLE, SEARCH, ACQUIRE, TRACK, COAST, LOST, MANUAL or FAULT."""
     holder: str | None = None
-    """Holder of control: autonomy, operator, nobody."""
+    """Who holds control of the mount: autonomy, operator or nobody."""
     is_held: bool = False
-    """True where autonomy has control and gives no slews."""
+    """True where autonomy has control but the operator's hold stops its slews."""
     resumes_when_clear: bool = False
-    """True where the hold ends by itself when the stars are back."""
+    """True where the hold ends by itself when stars are seen again."""
     frame_id: int | None = None
     """Number of the exposure begun last."""
     markable_frames: tuple[int, ...] | None = None
-    """Frames that still accept a mark by hand or another decision."""
+    """Numbers of the frames that still accept a mark by hand or another decision."""
     kept: str | None = None
-    """Name or number of a track that was ended and can be followed again."""
+    """Name or number of the ended track that can still be followed again."""
     kept_until_utc_ns: int | None = None
     is_resumable: bool = False
-    """True where 'resume' gives autonomy the mount; else it has to be armed first."""
+    """True where 'resume' gives autonomy the mount; False: it has to be armed first."""
     target: str | None = None
-    """Name of the lead track, once it is identified."""
+    """Name of the lead track's identified catalogue object."""
     ra_icrs_deg: float | None = None
-    """Right ascension of the lead track at ``t_utc_ns``."""
+    """Right ascension of the lead track at ``t_utc_ns``, ICRS."""
     dec_icrs_deg: float | None = None
     alt_deg: float | None = None
     """Altitude of the lead track, as seen from the site."""
     az_deg: float | None = None
     t_utc_ns: int | None = None
     mount_ra_icrs_deg: float | None = None
-    """Right ascension reported by the mount, as a rule a second ago."""
+    """Right ascension last reported by the mount, ICRS; as a rule a second old."""
     mount_dec_icrs_deg: float | None = None
     mount_alt_deg: float | None = None
     """Altitude of the mount's reported direction, as seen from the site."""
     mount_az_deg: float | None = None
     mount_t_utc_ns: int | None = None
-    """Time of the mount's report, UTC ns: long ago where it is silent."""
+    """Time of the mount's last report, UTC ns; long ago where the mount is silent."""
     slew_left_s: float | None = None
     """Time left of the slew under way, s; None while the mount does not slew."""
     is_parked: bool | None = None
     is_slewing: bool | None = None
-    """True where the mount reported a slew, a second ago."""
+    """True where the mount's last report says that it slews."""
     is_tracking: bool | None = None
-    """True where its driver reports tracking: ``mount_motion`` is the measured motion."""
+    """True where the mount's driver reports tracking; ``mount_motion`` is what was measured."""
     is_parking: bool | None = None
-    """True on its way to its park position, as its driver reports."""
+    """True where the mount's driver reports that it moves to its park position."""
     mount_motion: str | None = None
-    """Motion measured from its reported directions: stands, tracks, moves or unknown."""
+    """Motion measured from the mount's reported directions: stands, tracks, moves or unknown."""
     mount_rate_deg_s: float | None = None
     """Rate of the faster axis measured against the sky, deg/s; None while the motion is unknown."""
     pier_side: str | None = None
     now_utc_ns: int | None = None
-    """Present of the engine's clock, UTC ns."""
+    """The engine's clock now, UTC ns."""
     simulated_speed: float | None = None
-    """Speed of a simulated night's clock, in units of the wall's; 0: as fast as it goes."""
+    """Speed of a simulated night in times real time; 0: as fast as the machine can."""
     exposing_until_utc_ns: int | None = None
     """Time at which the shutter closes, UTC ns; None while it is closed."""
     next_start_utc_ns: int | None = None
     """Time at which the next exposure is to begin, UTC ns; None while that is not planned."""
     tracks: tuple[TrackNow, ...] = ()
-    """All tracks, by number."""
+    """All tracks, in the order of their numbers."""
     next_aim: NextAim | None = None
-    """The next aim; None without a track."""
+    """Where the exposure after the present one looks; None without a track."""
     pairs: tuple[PairMotion, ...] = ()
-    """Relative motion of the tracks as of the last frame, the nearest first."""
+    """Relative motion of the tracks, two by two, as of the last frame, the nearest pair first."""
     unseen: tuple[UnseenMember, ...] = ()
     """Catalogued objects that should be in the field and have no track."""
     uncatalogued: tuple[int, ...] = ()
-    """Tracks that no catalogued object explains."""
+    """Numbers of tracks that no catalogued object explains."""
     next_limit: str | None = None
-    """The limit that sidereal tracking meets within hours."""
+    """Name of the limit that sidereal tracking meets next; None: none within hours."""
     next_limit_utc_ns: int | None = None
     lifted: tuple[str, ...] = ()
-    """Checks and limits that the operator has overridden, by name."""
+    """Names of the checks and limits that the operator has overridden."""
     faults: tuple[str, ...] = ()
     last_stop: LastStop | None = None
     temporary: Mapping[str, int] = field(default_factory=dict)
-    """Settings that hold for a number of frames, with the frames left."""
+    """Settings changed for a number of frames, by name, with the number of frames left."""
     health: tuple[Health, ...] = ()
     mount_lacks: tuple[str, ...] = ()
-    """Abilities that the mount's driver lacks, each with its effect."""
+    """Functions that the mount's driver does not offer, each with the effect on the night."""
     machine: Machine | None = None
-    """Heat, power, disk and time source of the machine."""
+    """Heat, power, disk and time source of the machine; None: not read yet."""
     seat: str | None = None
-    """The console in control; None while none is."""
+    """The console in control; None: no console is."""
     seat_asked_by: str | None = None
     session: Path | None = None
     pid: int | None = None
 
 
 def status_json(status: Status) -> dict[str, Any]:
-    """Return a status as JSON carries it: every field by its name, and by the first version's."""
+    """Return a status for JSON: every field by its own name, and by the first version's."""
     data: dict[str, Any] = {"schema": SCHEMA}
     for name, value in as_json(status).items():
         data[name] = value

@@ -21,22 +21,25 @@ HOLDERS = {
     "operator": ("YOU have the mount", "the operator has the mount", "the operator had it"),
     "nobody": ("nobody has the mount", "nobody has the mount", "nobody had the mount"),
 }
-"""Words for the holder of control: at the console in control, at another one, and in the past."""
+"""Words for each holder of control: shown to the console in control, to others, and in the past."""
 
 OLD_S = 10.0
-"""Age above which a report of the mount is shown with its time, s."""
+"""Age above which a mount's report is shown with its time, s."""
 STANDS, NOT_KNOWN = "stands, measured", "how it moves is not known"
 
 
 def holder_words(holder: str | None, form: Literal["seat", "plain", "past"]) -> str:
-    """Return the holder of the mount in words."""
+    """Return the holder of the mount in words.
+
+    ``form``: "seat" for the console in control, "plain" for others, "past" for a past event.
+    """
     if holder in HOLDERS:
         return HOLDERS[holder][("seat", "plain", "past").index(form)]
     return "" if form == "past" else "who has the mount is not known"
 
 
 def fault_words(status: Status) -> list[str]:
-    """Return the engine's faults, or that none is left, and the overridden checks."""
+    """Return the engine's faults in words, or that none is left, and the overridden checks."""
     words = [f"FAULT {fault}" for fault in dict.fromkeys(status.faults)]
     if status.state == "FAULT" and not words:
         words = ["the cause of the FAULT is over: arm it to go on"]
@@ -44,7 +47,7 @@ def fault_words(status: Status) -> list[str]:
 
 
 def held_words(status: Status) -> str:
-    """Return the hold in words; empty where there is none."""
+    """Return that autonomy is on hold, and until when, in words; empty without a hold."""
     if not status.is_held:
         return ""
     return "HELD until it clears" if status.resumes_when_clear else "HELD"
@@ -62,7 +65,7 @@ def limit_words(status: Status) -> str:
 
 
 def shutter_words(status: Status) -> str:
-    """Return the time left of the exposure, or until the next; empty where that is not known."""
+    """Return the time left of the exposure, or until the next one begins; empty where not known."""
     left_s = _left_s(status, status.exposing_until_utc_ns)
     wait_s = _left_s(status, status.next_start_utc_ns)
     if left_s is not None:
@@ -77,8 +80,10 @@ def _left_s(status: Status, until_utc_ns: int | None) -> float | None:
 
 
 def mount_words(status: Status, name: str = "mount ") -> tuple[str, ...]:
-    """Return place (ICRS), altitude and azimuth, and motion; empty where the mount never
-    reported."""
+    """Return the mount's position (ICRS), its altitude and azimuth, and its motion in words.
+
+    Empty where the mount never reported.
+    """
     ra, dec = status.mount_ra_icrs_deg, status.mount_dec_icrs_deg
     if ra is None or dec is None:
         return ()
@@ -92,8 +97,10 @@ def mount_words(status: Status, name: str = "mount ") -> tuple[str, ...]:
 
 
 def motion_words(status: Status) -> str:
-    """Return the mount's motion in words, as measured; where that is not known, by its driver's
-    claim."""
+    """Return the mount's motion in words, as measured.
+
+    Where the motion is not measured, what the driver reports is returned and named as that.
+    """
     measured, claimed = _measured(status), _claimed(status)
     if status.is_parked:
         return "parked" if measured in ("", STANDS) else f"parked, but it {measured}"
@@ -127,7 +134,7 @@ def _claimed(status: Status) -> str:
 
 
 def is_silent(status: Status) -> bool:
-    """True where the mount's last report is old."""
+    """True where the mount's last report is older than ``OLD_S``."""
     said_s = _left_s(status, status.mount_t_utc_ns)
     return said_s is not None and said_s < -OLD_S
 
@@ -136,7 +143,10 @@ UNREADABLE = "the engine's answer cannot be read: are both of one version?"
 
 
 def preview_lines(preview: MovePreview | None, ending: str = "") -> list[str]:
-    """Return the engine's preview of a move; ``ending``: the last line where it may be made."""
+    """Return the engine's preview of a move in lines.
+
+    ``ending``: last line where the move is allowed; a refused move ends with its reason.
+    """
     if preview is None:
         return [UNREADABLE]
     after = preview.pier_side_after
@@ -162,15 +172,14 @@ _HEAD = (
 
 
 def track_table(status: Status) -> list[str]:
-    """Return a head and a line for each track, of at most 80 columns; empty without tracks."""
+    """Return a heading and a line for each track, of at most 80 columns; empty without tracks."""
     if not status.tracks:
         return []
     return [_HEAD, *map(_row, status.tracks)]
 
 
 def aim_parts(aim: NextAim) -> list[str]:
-    """Return policy with reason, place and time of the exposure after the next one, and its
-    slew."""
+    """Return the parts of a line on the next aim: policy and reason, place and time, and slew."""
     return [
         f"next aim, {aim.policy}: {aim.reason}",
         direction(aim.ra_icrs_deg, aim.dec_icrs_deg),
@@ -180,7 +189,10 @@ def aim_parts(aim: NextAim) -> list[str]:
 
 
 def state_words(state: str, misses: int, *, is_kept: bool) -> str:
-    """Return a track's state after its last frame; "+": the operator keeps it."""
+    """Return a track's state after its last frame, with "+" where the operator keeps the track.
+
+    ``misses``: number of exposures in a row without a measurement.
+    """
     return f"{state} {misses or ''}".rstrip() + ("+" if is_kept else "")
 
 

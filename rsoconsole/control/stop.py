@@ -1,8 +1,8 @@
-"""STOP: to the engine at once, and past it as soon as it fails or is late; one answer is enough.
+"""STOP: sent to the engine at once, and to the mount directly when the engine fails or is late.
 
-All seats share this procedure: the console's key, the panel's button and the shell's verb. In two
-stages: ABORT is sent and the driver answers, which is known at once; the mount's motion is then
-measured, which takes some seconds and alone shows whether it has stopped.
+Either answer is enough. The console's key, the panel's button and the shell's verb share this
+procedure. It has two stages: ABORT is sent and the driver answers, which is known at once; the
+mount's motion is then measured, which takes some seconds and alone shows whether it has stopped.
 """
 
 import logging
@@ -30,7 +30,7 @@ log = logging.getLogger(__name__)
 ENGINE_S = 1.0
 """Wait for the engine's answer, s."""
 LATE_S = 0.3
-"""Wait for the engine's answer before ABORT goes past it, s."""
+"""Wait for the engine's answer before ABORT is also sent directly to the mount, s."""
 MEASURED_S = 12.0
 """Wait for the engine's measurement of the mount's motion, s."""
 _ASK_EVERY_S = 0.25
@@ -38,14 +38,20 @@ REMEDY = f"run 'rsoconsole stop' in another terminal; {CUT_POWER} if it moves"
 SUPERSEDED = "another order came before STOP was measured to its end"
 
 FROM_PRESS, IN_ENGINE = "counted from the key", "counted in the engine"
-"""Origin of a STOP's times: its sending, or its arrival in the engine."""
+"""From when a STOP's times count: from its sending, or from its arrival in the engine."""
 
 Found = Mapping[str, Any]
-"""Result of a STOP so far, as the engine answers it: is_answered, path, ms, ordered_ms, detail;
-motion and rate_deg_s once it is measured."""
+"""Result of a STOP so far, by the keys of the engine's answer.
+
+is_answered: the driver has accepted ABORT; path: the connection that reached the mount; ordered_ms
+and ms: times until ABORT was on its way and until this result; detail: reason of a failure; motion
+and rate_deg_s: once the motion is measured.
+"""
 DirectStop = Callable[[Callable[[Found], None]], None]
-"""Stops the mount without the engine; calls its argument with each new result, and returns when
-nothing more comes. May raise anything."""
+"""Function that stops the mount without the engine; it may raise anything.
+
+It calls its argument with each new result, and returns when no further result comes.
+"""
 
 
 Phase = Literal["sent", "late", "answered", "stopped", "failed"]
@@ -53,38 +59,44 @@ Phase = Literal["sent", "late", "answered", "stopped", "failed"]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StopNews:
-    """The state of a STOP."""
+    """The state of a STOP, as it is passed to ``on_news``."""
 
     phase: Phase
-    """Phase; answered: by the driver, and being measured; stopped: measured to be at rest; failed:
-    it moves on, or its motion is not known."""
+    """How far the STOP has come.
+
+    sent: no answer yet; late: no answer in time; answered: the driver has accepted ABORT, the
+    motion is being measured; stopped: measured to be at rest; failed: the mount still moves, or its
+    motion is not known.
+    """
     text: str
     path: str = ""
-    """Way of the answer, or of the last attempt: mount, indi, engine."""
+    """Connection of the answer, or of the last attempt: mount, indi or engine."""
     ms: float | None = None
-    """Time from the beginning of the procedure until this was known, ms."""
+    """Time from the start of the STOP until this state was known, ms."""
     ordered_ms: float | None = None
-    """Time until ABORT was on its way to the mount, ms; None: not yet, or not reported."""
+    """Time from the start until ABORT was on its way, ms; None: not yet, or not reported."""
     answered_ms: float | None = None
-    """Time until the driver had taken it, ms; None: not yet, or not reported."""
+    """Time from the start until the driver accepted ABORT, ms; None: not yet, or not reported."""
     motion: StopOutcome | None = None
-    """Measured motion; None: not yet."""
+    """Measured motion of the mount; None: not yet measured."""
     rate_deg_s: float | None = None
-    """Rate of the faster axis while it moves, deg/s."""
+    """Rate of the faster axis, deg/s, where the mount moves."""
     reason: str = ""
-    """Reason of the failure."""
+    """Reason why the STOP failed; empty where it has not."""
     is_superseded: bool = False
-    """True where another order came before it was measured: no alarm, but nothing is known
-    either."""
+    """True where another order came before the motion was measured.
+
+    This raises no alarm, but whether the mount stopped is not known.
+    """
 
 
 def with_time_origin(said: str, ordered_ms: float | None, since: str) -> str:
-    """Return a STOP's words with the origin of its two times, where there are two."""
+    """Return a STOP's words, with the start of its times (``since``) if ``ordered_ms`` is known."""
     return said if ordered_ms is None else f"{said} ({since})"
 
 
 class Stopping:
-    """One STOP under way; ``on_news`` is called from its threads."""
+    """One STOP under way; ``on_news`` is called with each new state, from threads of the STOP."""
 
     def __init__(
         self,
@@ -117,10 +129,10 @@ class Stopping:
         late.start()
 
     def wait(self) -> StopNews:
-        """Wait for the end: measured by one way, or failed by every way.
+        """Wait until the motion is measured, or both the engine and the direct connection failed.
 
-        A way past the engine that has begun is waited for all the same: it may still set tracking
-        as configured after its own ABORT, and repeats that while the mount moves.
+        A direct connection that has begun is waited for in any case: after its ABORT it may still
+        set tracking as configured, and it sends ABORT again while the mount moves.
         """
         self._end.wait()
         if self._past is not None:
@@ -219,8 +231,7 @@ class Stopping:
     # -- what they find -------------------------------------------------------------------------
 
     def _note_order_time(self, data: Mapping[str, Any]) -> None:
-        """Note when the engine had ordered it; the engine's own times count from the STOP's
-        arrival."""
+        """Note when ABORT was on its way; the engine's own times count from the STOP's arrival."""
         ordered, ms = data.get("ordered_ms"), data.get("ms")
         if isinstance(ordered, int | float) and isinstance(ms, int | float):
             self._ordered_ms = max(0.0, self._ms() - max(0.0, ms - ordered))

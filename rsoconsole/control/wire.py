@@ -19,26 +19,25 @@ from rsoconsole.records import CommandResult
 
 SenderKind: TypeAlias = Literal["console", "script"]
 _CONSOLE = "console "
-"""Beginning of a console's name on the wire and on record."""
+"""Prefix of a console's name on the wire and on record."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Sender:
-    """The sender of a command."""
+    """Who sends a command: a name, and whether it is a console."""
 
     name: str = "operator"
     kind: SenderKind = "script"
-    """Kind of sender; "script": a shell or a program, which needs no control."""
+    """Kind of sender; "script": a shell or program, which may act without having control."""
 
     @classmethod
     def console(cls, name: str) -> "Sender":
-        """Return the sender for a console, or for a panel that is one."""
+        """Return the sender for a console, or for a notebook's panel, which counts as a console."""
         return cls(name=name, kind="console")
 
     @classmethod
     def at(cls, place: str) -> "Sender":
-        """Return the sender for a console or panel of this process's user, at a terminal or a
-        notebook."""
+        """Return the sender for a console of this user; ``place``: its terminal or notebook."""
         try:
             user = getpass.getuser()
         except (KeyError, OSError):
@@ -47,14 +46,15 @@ class Sender:
 
     @property
     def words(self) -> str:
-        """Sender as the wire and the record have it."""
+        """The sender in words, as the wire and the record have it."""
         return f"{_CONSOLE}{self.name}" if self.kind == "console" else self.name
 
 
 def sender_of(by: str, kind: Any = None) -> Sender:
-    """Return the sender that a request names; ``kind``: None where the request does not give it.
+    """Return the sender that a request names.
 
-    Then a name that begins as a console's counts as one.
+    ``kind``: None where the request states no kind; a name with a console's prefix then counts as a
+    console's.
     """
     if kind == "script" or not by.startswith(_CONSOLE):
         return Sender(name=by, kind="console" if kind == "console" else "script")
@@ -62,13 +62,12 @@ def sender_of(by: str, kind: Any = None) -> Sender:
 
 
 def printable(text: str) -> str:
-    """Return text of any author without what would be a command to a terminal."""
+    """Return text of any author without characters that would control a terminal."""
     return "".join(c if c.isprintable() or c == "\n" else " " for c in text)
 
 
 def one_line(text: str) -> str:
-    """Return printable text on one line: a line break could pass for a line of the program's
-    own."""
+    """Return printable text on one line, because a new line could pass for one of the program's."""
     return printable(text).replace("\n", " ")
 
 
@@ -78,21 +77,21 @@ _SEND_TIMEOUT_S = 2.0
 
 
 class RequestProgress:
-    """The progress of a request: set by the loop, read where the answer is waited for."""
+    """Progress of a request: set by the loop, read by the thread that waits to answer it."""
 
     def __init__(self) -> None:
         self.is_begun = False
-        """True once its execution has begun."""
+        """True once the command's execution has begun."""
         self._result: CommandResult | None = None
         self._is_settled = threading.Event()
 
     def settle(self, result: CommandResult) -> None:
-        """Set the result (any thread; never waits)."""
+        """Set the request's result; may be called from any thread, and never waits."""
         self._result = result
         self._is_settled.set()
 
     def wait(self, timeout_s: float) -> CommandResult | None:
-        """Wait for the result; None where it is not known in time."""
+        """Wait for the request's result; None where it does not come within ``timeout_s``."""
         self._is_settled.wait(timeout_s)
         return self._result
 
@@ -104,9 +103,9 @@ class Request:
     command: Command
     sender: Sender = field(default_factory=Sender)
     stamp: int | None = None
-    """Number of STOPs given before it was read; None: not known."""
+    """Number of STOPs given before the command was read; None: not known."""
     came_s: float = field(default_factory=time.monotonic, compare=False)
-    """Monotonic time at which it was read, s."""
+    """Monotonic time at which the command was read, s."""
     course: RequestProgress = field(default_factory=RequestProgress, compare=False, repr=False)
 
     @property
@@ -116,36 +115,36 @@ class Request:
 
 
 ON_RECORD = "on_record"
-"""Key in a refusal's data: true where the session has that refusal on record too."""
+"""Key in a refusal's data: true where the session's record has the refusal too."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Outcome:
-    """The outcome of a command."""
+    """The outcome of a command, as it is answered on the wire."""
 
     ok: bool
     message: str = ""
-    """Message in the operator's words; the reason when it is not ok."""
+    """Message to the operator; the reason where ``ok`` is False."""
     data: Mapping[str, Any] = field(default_factory=dict)
     """Data of the answer, as JSON carries it."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PendingOutcome:
-    """An outcome still to come, within a limited time."""
+    """An outcome that is still to come, within a limited time."""
 
     until_s: float
-    """Monotonic time at which the outcome known so far is used, s."""
+    """Monotonic time after which the outcome known by then is used, s."""
     wait: Callable[[float], Outcome]
-    """Returns the outcome, after that many seconds at most."""
+    """Waits for the outcome, the given number of seconds at most, and returns it."""
 
     def outcome(self, deadline: float = math.inf) -> Outcome:
-        """Wait for the outcome, not beyond the monotonic ``deadline``, and return it."""
+        """Wait for the outcome, until the monotonic time ``deadline`` at most, and return it."""
         return self.wait(max(0.0, min(self.until_s, deadline) - time.monotonic()))
 
 
 class NotACommand(ControlError):  # noqa: N818 -- an answer to the sender, no failure of the engine
-    """A line that is no command, with the number that its sender gave it."""
+    """A line on the wire that is no command; ``request_id``: the number that its sender gave it."""
 
     def __init__(self, message: str, request_id: int | str | None) -> None:
         super().__init__(message)
@@ -154,17 +153,17 @@ class NotACommand(ControlError):  # noqa: N818 -- an answer to the sender, no fa
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class WaitingRequest:
-    """A request under way, with the connection that waits for its outcome."""
+    """A request under way, with the connection on which its outcome is answered."""
 
     id: int | str | None
     request: Request
     deadline: float
-    """Monotonic time after which the sender has given up, s."""
+    """Monotonic time after which the sender no longer waits, s."""
     connection: "Connection"
 
 
 class Connection:
-    """Connection to one client of the engine. Answers may be given from any thread."""
+    """Connection to one client of the engine; answers may be sent from any thread."""
 
     def __init__(self, peer: socket.socket) -> None:
         self._peer = peer
@@ -174,7 +173,7 @@ class Connection:
         )
 
     def lines(self) -> Iterator[bytes]:
-        """Yield lines as they come in; answer one that is too long, then raise ValueError."""
+        """Yield lines as they come in; answer a line that is too long, then raise ValueError."""
         received = b""
         while True:
             while b"\n" not in received:
@@ -190,7 +189,7 @@ class Connection:
             yield line
 
     def answer(self, request_id: int | str | None, outcome: Outcome) -> None:
-        """Send an outcome; a peer that is gone or does not read is dropped."""
+        """Send an outcome; a client that is gone or does not read is disconnected."""
         reply = {"id": request_id, "ok": outcome.ok, "message": outcome.message}
         try:
             line = json.dumps({**reply, "data": dict(outcome.data)}, allow_nan=False)
@@ -204,14 +203,17 @@ class Connection:
             self.close()
 
     def close(self) -> None:
-        """Close the connection; a thread that reads from it is woken."""
+        """Close the connection; a thread that is reading from it returns."""
         with contextlib.suppress(OSError):
             self._peer.shutdown(socket.SHUT_RDWR)
         self._peer.close()
 
 
 def read_request(connection: Connection, line: bytes) -> WaitingRequest:
-    """Return the request in a line. Raises ControlError that says what is wrong with it."""
+    """Return the request in a line.
+
+    Raises NotACommand or ControlError with what is wrong with it.
+    """
     try:
         message = json_of(line)
     except ValueError as error:
@@ -248,7 +250,10 @@ def read_request(connection: Connection, line: bytes) -> WaitingRequest:
 
 
 def receive_line(wire: socket.socket, deadline: float) -> bytes:
-    """Return one line, by the monotonic ``deadline``. Raises OSError, TimeoutError among them."""
+    """Return one line, received before the monotonic ``deadline``.
+
+    Raises OSError, of which TimeoutError is a kind.
+    """
     received = bytearray()
     while b"\n" not in received:
         left_s = deadline - time.monotonic()
@@ -263,7 +268,7 @@ def receive_line(wire: socket.socket, deadline: float) -> bytes:
 
 
 def read_outcome(reply: bytes) -> Outcome:
-    """Return the outcome in a reply. Raises ControlError when it is none."""
+    """Return the outcome in a reply line. Raises ControlError for a line that is no outcome."""
     try:
         message = json_of(reply)
         text = printable(str(message["message"]))
@@ -273,7 +278,7 @@ def read_outcome(reply: bytes) -> Outcome:
 
 
 def is_same_user(peer: socket.socket) -> bool:
-    """True where this process's user is at the other end."""
+    """True where the process at the other end belongs to this process's user."""
     if not hasattr(socket, "SO_PEERCRED"):
         return True  # the folder, which only its owner can enter, protects it
     credentials = peer.getsockopt(socket.SOL_SOCKET, socket.SO_PEERCRED, struct.calcsize("3i"))

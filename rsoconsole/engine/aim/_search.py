@@ -1,4 +1,4 @@
-"""The progress of a search: the field whose turn it is, the fields left out, and the way round."""
+"""The progress of a search: the next field, the fields left out, and the order of the fields."""
 
 from rsoconsole.config import Config
 from rsoconsole.pipeline import (
@@ -17,14 +17,14 @@ Direction = tuple[float, float]
 """Right ascension and declination, ICRS degrees."""
 
 SAME_FIELD = 0.25
-"""Share of the field's height up to which a telescope stands in a field of the search already."""
+"""Distance, in field heights, within which the telescope counts as in a field of the search."""
 
 
 class SearchRound:
-    """The round of a search, counted in exposures.
+    """Goes through the fields of a search, round after round, counted in exposures.
 
-    ``here`` is a place outside the round: the first look after arming is taken where the
-    telescope stands, and what it shows is waited for there.
+    The first exposure after arming is taken where the telescope stands, outside the round; what it
+    shows is waited for there.
     """
 
     def __init__(self, config: Config) -> None:
@@ -35,37 +35,39 @@ class SearchRound:
         self._here: SearchBase | None = None
         self._refused: set[int | str] = set()
         self.number = 0
-        """Number of exposures of the round so far; it determines the field."""
+        """Number of exposures counted in the search so far; it determines the field."""
 
     def configure(self, config: Config) -> None:
-        """Take new tunables."""
+        """Use a new configuration from now on."""
         self._config = config
 
     def start(self, direction: Direction, t_utc_ns: int) -> None:
-        """Start a search around where the telescope points, or where the configuration says."""
+        """Start a search around ``direction``, or where the configuration says."""
         self._home = search_base(self._config.search, self._site, *direction, t_utc_ns)
         self._refused.clear()
         self.go_home()
 
     def go_home(self) -> None:
-        """Return to the first field of the round, where the search was begun."""
+        """Return to the first field of the search that ``start`` began."""
         self._base, self._here, self.number = self._home, None, 0
 
     def start_where_lost(self, direction: Direction, t_utc_ns: int) -> None:
-        """Start a search around this direction; a list of targets begins with it."""
+        """Start a search around ``direction``, where a track was lost; listed targets follow."""
         self._base = search_base_at(self._site, *direction, t_utc_ns, comes_before_targets=True)
         self._here, self.number = None, 0
 
     def widen_about(self, direction: Direction, t_utc_ns: int) -> None:
-        """Search round this direction in a spiral; a later search begins where the first one
-        did."""
+        """Search around ``direction`` in a widening spiral.
+
+        ``go_home`` later returns to the first field of the search that ``start`` began.
+        """
         self._base = search_base_at(self._site, *direction, t_utc_ns, widens=True)
         self._here, self.number = None, 0
         self._refused.clear()
 
     @property
     def is_spiral(self) -> bool:
-        """True while the search widens round a place in a spiral."""
+        """True while the search is a widening spiral."""
         return self._base is not None and self._base.widens
 
     @property
@@ -74,24 +76,26 @@ class SearchRound:
         return self._here is not None
 
     def stay_for_next_exposure(self, direction: Direction, t_utc_ns: int) -> None:
-        """Take the next exposure where the telescope stands."""
+        """Take the next exposure outside the round, where the telescope stands (``direction``)."""
         self._here = search_base_at(self._site, *direction, t_utc_ns)
 
     def return_to_round(self) -> bool:
-        """Go on with the round; False when that is where it stands anyway."""
+        """Return to the round of fields; False where the search was not outside it."""
         was_here, self._here = self._here is not None, None
         return was_here
 
     def numbers(self) -> list[int]:
-        """Return the present number, then the first exposure of every other field of the round."""
+        """Return the present exposure number, then the first number of every other field."""
         per_field = self._config.search.frames_per_field
         visited = self.number // per_field
         others = range(1, fields_in_round(self._begun(), self._config.search))
         return [self.number, *((visited + n) * per_field for n in others)]
 
     def direction(self, number: int, t_utc_ns: int, *, is_waiting: bool) -> tuple[Direction, str]:
-        """Return the direction of the n-th exposure at an instant, and why; ``is_waiting`` in
-        ACQUIRE."""
+        """Return the direction of exposure ``number`` at an instant, and the reason in words.
+
+        ``is_waiting``: the loop is in ACQUIRE, waiting for a second frame of what it saw.
+        """
         reason = "wait for a second frame" if is_waiting else "search"
         if self._here is not None and number == self.number:
             here = (self._here.hour_angle_deg, self._here.declination_deg)
@@ -103,14 +107,14 @@ class SearchRound:
         return self._field_direction(number, t_utc_ns), reason
 
     def is_first_refusal(self, number: int) -> bool:
-        """True once for each place that is refused: the refusal is reported then."""
+        """True at the first call for each refused place, so that its refusal is reported once."""
         place = self._place(number)
         is_new = place not in self._refused
         self._refused.add(place)
         return is_new
 
     def take(self, number: int) -> None:
-        """Make the n-th exposure the next one; the places left out before it are passed."""
+        """Make exposure ``number`` the next one; fields before it in the round are left out."""
         self._refused.discard(self._place(number))
         if number != self.number:
             self._here, self.number = None, number
@@ -118,7 +122,7 @@ class SearchRound:
     def count(self, centre: Direction | None, t_utc_ns: int) -> None:
         """Count an exposure that is done; ``centre`` is where it looked, ICRS degrees.
 
-        A first look counts only where the telescope stood in the search's own field.
+        An exposure outside the round counts only where it looked at the round's present field.
         """
         if self._here is None or centre is None:
             self.number += 1

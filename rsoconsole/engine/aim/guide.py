@@ -1,4 +1,4 @@
-"""Directions by the orbit: in place of the filter's prediction, and where the filter has none."""
+"""Directions predicted by the orbit: instead of the filter's, or where the filter has none."""
 
 import math
 from dataclasses import dataclass
@@ -14,15 +14,18 @@ from rsoconsole.words import NS_PER_S
 
 _STEP_S = 10
 _STEPS = 90
-"""Number of steps of the predicted path: a quarter of an hour."""
+"""Number of steps of the predicted path, which is a quarter of an hour long."""
 SHARE_OF_FIELD = 0.25
-"""Greatest three sigma of a predicted place, as a share of the field's smaller side."""
+"""Greatest 3-sigma error of a predicted direction, in units of the field's smaller side."""
 SAME_PLACE = 0.05
-"""Share of the field's smaller side within which a measurement counts as the lost track's."""
+"""Distance from a lost track's prediction within which a measurement may be that track's.
+
+In units of the field's smaller side.
+"""
 
 
 class Guide:
-    """Predicts by the orbit of the lead track, or of the last one."""
+    """Predicts directions by the orbit of the lead track, or of the last track."""
 
     def __init__(self, orbit: OnlineOrbit, config: Config) -> None:
         self._orbit = orbit
@@ -31,20 +34,24 @@ class Guide:
         self._way: PredictedPath | None = None
 
     def configure(self, config: Config) -> None:
-        """Take new tunables."""
+        """Use a new configuration from now on."""
         self._config = config
 
     def track_direction(
         self, t_mid_utc_ns: int, aim: AimConfig | None = None
     ) -> tuple[float, float] | None:
-        """The track's direction, ICRS degrees; None where the filter predicts it better.
+        """Return the lead track's direction by its orbit, ICRS degrees.
 
-        Offset by ``aim``; by the configured offset where that is None.
+        None where the filter's prediction is to be used. ``aim``: offset from the prediction; None:
+        the configured offset.
         """
         return self._direction(t_mid_utc_ns, aim) if self._orbit.is_guide else None
 
     def lost_direction(self, t_mid_utc_ns: int) -> tuple[float, float] | None:
-        """The direction in which a lost track is waited for, ICRS degrees; None where it is not."""
+        """Return the direction in which to wait for a lost track, ICRS degrees.
+
+        None where no orbit predicts it well enough, or ``orbit.wait_min`` has passed.
+        """
         seen = self._orbit.seen
         if not may_orbit_guide(self._config) or seen is None:
             return None
@@ -61,11 +68,14 @@ class Guide:
         return separation_deg(*at, seen.ra_icrs_deg, seen.dec_icrs_deg) < near_deg
 
     def last_direction(self, t_utc_ns: int) -> tuple[float, float] | None:
-        """The last track's direction by its orbit, ICRS degrees, however old that track is."""
+        """Return the last track's direction by its orbit, ICRS degrees, however old the track is.
+
+        None where no orbit predicts the direction well enough.
+        """
         return self._direction(t_utc_ns) if may_orbit_guide(self._config) else None
 
     def prepare(self, now_utc_ns: int) -> None:
-        """Predict the path of the next minutes while no frame waits for it."""
+        """Compute the predicted path of the next minutes now, while no frame has to wait."""
         orbit = self._orbit.orbit
         if orbit is None or not may_orbit_guide(self._config):
             self._way = None
@@ -95,13 +105,13 @@ class Guide:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class PredictedPath:
-    """An orbit's predicted path over some minutes, interpolated between its places."""
+    """An orbit's predicted path over some minutes, interpolated between computed instants."""
 
     orbit: KnownOrbit
     t_utc_ns: IntArray
     """Instants of the path, UTC ns: (N,), every ``_STEP_S``."""
     ra_dec_deg: FloatArray
-    """Directions, ICRS degrees: (N, 2), right ascension without a jump."""
+    """Directions, ICRS degrees: (N, 2); right ascension has no jump at 0h."""
     rates_deg_s: FloatArray
     """Rates in right ascension and declination, deg/s: (N, 2)."""
     sigma_deg: FloatArray
@@ -109,7 +119,7 @@ class PredictedPath:
 
     @classmethod
     def of(cls, orbit: KnownOrbit, site: Site, t_utc_ns: int) -> "PredictedPath":
-        """Predict the path from an instant on, UTC nanoseconds."""
+        """Predict the path of the quarter of an hour that begins at ``t_utc_ns``."""
         t = t_utc_ns + np.arange(_STEPS + 1) * _STEP_S * NS_PER_S
         ahead = predict(orbit, site, t)
         places = ahead.places
@@ -127,11 +137,14 @@ class PredictedPath:
         return bool(self.t_utc_ns[0] <= t_utc_ns < self.t_utc_ns[-1])
 
     def extends_beyond(self, t_utc_ns: int) -> bool:
-        """True where the path goes on for some minutes beyond an instant."""
+        """True where an instant is in the path's first half, so that minutes are left beyond it."""
         return bool(self.t_utc_ns[0] <= t_utc_ns < self.t_utc_ns[_STEPS // 2])
 
     def at(self, t_utc_ns: int) -> tuple[tuple[float, float], tuple[float, float], float]:
-        """Direction (deg), motion east and north (arcsec/s), one sigma (deg); by cubics."""
+        """Return direction (RA, Dec; deg), motion (east, north; arcsec/s) and one sigma (deg).
+
+        Interpolated with cubic polynomials.
+        """
         n, rest_ns = divmod(int(t_utc_ns - self.t_utc_ns[0]), _STEP_S * NS_PER_S)
         s = rest_ns / (_STEP_S * NS_PER_S)
         before, after = self.ra_dec_deg[n], self.ra_dec_deg[n + 1]

@@ -1,4 +1,4 @@
-"""Moves the mount and opens the shutter, each with a deadline; knows nothing of targets."""
+"""Moves the mount and opens the shutter, each with a deadline; the targets come from others."""
 
 import contextlib
 import dataclasses
@@ -17,13 +17,14 @@ NS = 1_000_000_000
 POLL_NS = NS // 2
 SENT_AGAIN = 2
 FAR_OFF_DEG = 0.5
-"""Distance beyond which a mount has stopped elsewhere: losing the sky's motion costs 0.25 deg a
-minute."""
+"""Distance from its target beyond which a mount was stopped by somebody else, deg.
+
+A mount that loses the sky's motion during its slew is off by 0.25 deg a minute only.
+"""
 
 
 class Interrupted(Exception):  # noqa: N818 -- a signal, not an error
-    """Signal that the loop's attention is wanted now (STOP, shutdown); never reaches an
-    operator."""
+    """Signal that ends the loop's present work (STOP, shutdown); operators never see it."""
 
 
 class StoppedElsewhere(Exception):  # noqa: N818 -- a fact about the mount, not an error
@@ -32,7 +33,7 @@ class StoppedElsewhere(Exception):  # noqa: N818 -- a fact about the mount, not 
 
 @dataclasses.dataclass(frozen=True, slots=True, kw_only=True)
 class Ordered:
-    """A motion that this program has ordered; each order is another one."""
+    """A motion that this program has ordered; each order makes a new object."""
 
     t_utc_ns: int
     to_icrs_deg: tuple[float, float] | None
@@ -40,7 +41,10 @@ class Ordered:
 
 
 class InstrumentController:
-    """The loop's access to the instruments; gives no order once the loop is to be interrupted."""
+    """The loop's access to the instruments.
+
+    It orders no slew and no exposure once the loop is to be interrupted.
+    """
 
     def __init__(
         self, instruments: Instruments, config: Config, is_wanted: Callable[[], bool]
@@ -50,43 +54,47 @@ class InstrumentController:
         self._config = config
         self._is_wanted = is_wanted
         self.sent: tuple[tuple[float, float], int] | None = None
-        """Last target sent to the mount (its own coordinates, ICRS degrees) and the time, UTC ns;
-        None: none, or that order is over."""
+        """Last target sent to the mount (its own coordinates, ICRS degrees), and the time, UTC ns.
+
+        None where nothing was sent, or that order is over.
+        """
         self._is_sent_to_park = False
         """True where the last order that the mount accepted was to park."""
         self.ordered: Ordered | None = None
-        """The motion ordered last, set before the mount receives it; kept also where the mount
-        refuses."""
+        """The motion ordered last; set before the mount receives it, kept if the mount refuses."""
         self.arrived_utc_ns = 0
-        """Time at which the mount was last seen to have arrived, before it settled, UTC ns."""
+        """Time at which the mount last reported its arrival, before it settled, UTC ns."""
         self.on_tick: Callable[[], None] = lambda: None
         """Called at every step of a wait, at least once a second."""
         self.on_opened: Callable[[int, int], None] = lambda _frame_id, _opened_utc_ns: None
-        """Called once an exposure has been ordered, with its frame number and the time, UTC ns."""
+        """Called when an exposure has been ordered, with its frame number and the time, UTC ns."""
         self.on_closed: Callable[[], MountReport | None] = lambda: None
-        """Called when the shutter of a frame should have closed, before the frame has come; returns
-        where the mount looked if it has been sent on."""
+        """Called when a frame's shutter should have closed, before the frame has come.
+
+        Returns the mount's report from before, where the mount has been sent on; else None.
+        """
         self.on_clock_fault: Callable[[ClockFault], None] = lambda _fault: None
-        """Called when something has gone wrong with the machine's time."""
+        """Called when the clock was set or runs wrong, or the program stood still."""
 
     def configure(self, config: Config) -> None:
-        """Take new tunables."""
+        """Use a new configuration from now on."""
         self._config = config
 
     def heed(self) -> None:
-        """Raise Interrupted when the loop is to be interrupted."""
+        """Raise Interrupted when the loop is to be interrupted; else do nothing."""
         if self._is_wanted():
             raise Interrupted
 
     def now_utc_ns(self) -> int:
-        """Return the clock's present, UTC ns."""
+        """Return the clock's present time, UTC ns."""
         return self.instruments.clock.now_utc_ns()
 
     def wait_until(self, t_utc_ns: int) -> None:
-        """Let time pass in steps of at most a second.
+        """Let time pass until an instant, in steps of at most a second.
 
-        Raises Interrupted; also when the clock is set or nothing ran meanwhile: the instant waited
-        for is then another one, and the times of what is under way are worth nothing.
+        Raises Interrupted when the loop is to be interrupted, and also when the clock was set or
+        the program stood still: the instant has then lost its meaning, and so have the times of
+        work under way.
         """
         clock = self.instruments.clock
         while True:
@@ -99,7 +107,7 @@ class InstrumentController:
             self.on_tick()
 
     def raise_if_clock_fault(self) -> None:
-        """Raise Interrupted when something has gone wrong with time."""
+        """Raise Interrupted when the clock was set or runs wrong, or the program stood still."""
         faults = self.instruments.clock.take_faults()
         for fault in faults:
             self.on_clock_fault(fault)
@@ -107,12 +115,15 @@ class InstrumentController:
             raise Interrupted
 
     def mount_report(self) -> MountReport:
-        """Return the mount's report of its place, no older than now under simulation."""
+        """Return the mount's report of its position; under simulation, one not older than now."""
         not_before = self.now_utc_ns() if self.instruments.clock.is_simulated else None
         return self.instruments.mount.report(not_before)
 
     def order_slew(self, ra_icrs_deg: float, dec_icrs_deg: float) -> None:
-        """Send the mount there and return at once. Raises Interrupted instead of moving it."""
+        """Send the mount to a direction in its own coordinates and return at once.
+
+        Raises Interrupted, before anything is sent, when the loop is to be interrupted.
+        """
         self.heed()
         now_ns = self.now_utc_ns()
         self.ordered = Ordered(t_utc_ns=now_ns, to_icrs_deg=(ra_icrs_deg, dec_icrs_deg))
@@ -127,13 +138,16 @@ class InstrumentController:
         self._is_sent_to_park = True
 
     def forget_order(self) -> None:
-        """Forget the order whose motion was ended, or is to be: its arrival is not waited for."""
+        """Forget the last order, whose motion was or will be ended; its arrival is not awaited."""
         self.sent, self._is_sent_to_park = None, False
         if self.ordered is not None and self.ordered.to_icrs_deg is None:
             self.ordered = None
 
     def is_on_its_way_to_park(self, report: MountReport) -> bool:
-        """True while the mount moves to its park position; some drivers do not say where to."""
+        """True while the mount moves to its park position.
+
+        Some drivers do not report this; then it is true for a slew after the order to park.
+        """
         return report.is_slewing and (report.is_parking or self._is_sent_to_park)
 
     def end_motion(self) -> None:
@@ -143,7 +157,7 @@ class InstrumentController:
         self.wait_for_rest()
 
     def end_park(self) -> None:
-        """Release a mount that is parked; stop one that is on its way there, and wait for that."""
+        """Release a parked mount; stop a mount on its way to park, and wait until it rests."""
         report = self.mount_report()
         is_on_its_way = self.is_on_its_way_to_park(report)
         if report.is_parked or report.is_parking:
@@ -163,15 +177,15 @@ class InstrumentController:
         poll_ns: int = POLL_NS,
         settle_s: float | None = None,
     ) -> MountReport:
-        """Wait until the mount reports its arrival, polled every ``poll_ns``, then until it has
-        settled.
+        """Wait until the mount reports its arrival, and then until it has settled.
 
-        ``settle_s``: None for as long as configured.
+        ``poll_ns``: interval between two reports, ns; ``settle_s``: time to settle, s, None for the
+        configured time. A mount that stops a little beside the target is sent again, twice, because
+        some mounts lose the sky's motion during a long slew.
 
-        A mount that stops a little beside the place is sent again, twice: some lose the sky's
-        motion on a long way. Raises StoppedElsewhere when it came to rest far from the place: it
-        was stopped by another hand, which must not be overruled. Raises InstrumentError when it has
-        not arrived in time, Interrupted on STOP.
+        Raises StoppedElsewhere when the mount came to rest far from the target: somebody else
+        stopped it, and that is not overruled. Raises InstrumentError when it has not arrived in
+        time, Interrupted on STOP.
         """
         limit_ns = self.now_utc_ns() + round(self._config.mount.slew_timeout_s * NS)
         for sent_again in itertools.count():
@@ -198,7 +212,10 @@ class InstrumentController:
         return report
 
     def wait_for_rest(self) -> MountReport:
-        """Wait until the mount does not slew. Raises InstrumentError when it goes on too long."""
+        """Wait until the mount no longer slews.
+
+        Raises InstrumentError when it slews for too long.
+        """
         limit_ns = self.now_utc_ns() + round(self._config.mount.slew_timeout_s * NS)
         report = self._wait_for_rest(limit_ns)
         if report.is_slewing:
@@ -217,11 +234,11 @@ class InstrumentController:
                 return report
 
     def expose(self, t_start_utc_ns: int, frame_id: int) -> Frame:
-        """Open the shutter at the instant and return the frame.
+        """Open the shutter at an instant and return the frame.
 
-        Raises InstrumentError when no frame comes, Interrupted on STOP and where the clock was set
-        or nothing ran meanwhile: the frame's time is then worthless. An exposure under way is given
-        up.
+        Raises InstrumentError when no frame comes, and Interrupted on STOP. Raises Interrupted also
+        where the clock was set or the program stood still, because the frame's time is then
+        worthless. An exposure under way is given up.
         """
         exposure = self._config.exposure
         camera = self.instruments.camera
@@ -258,27 +275,34 @@ def _looked_at(frame: Frame, report: MountReport) -> Frame:
 
 
 IsRefused = Callable[[SlewCommand, int], SlewRefusal | None]
-"""Return the limit that forbids holding a slew's place until an instant, UTC ns; None when none
-does."""
+"""Function that checks a slew and an instant, UTC ns: may the mount stay there until then?
+
+Returns the limit that forbids it; None when none does.
+"""
 
 SLEW_OVERHEAD_S = 3.0
-"""Assumed time of a slew beyond travel and settling, s: a slow mount is waited for."""
+"""Assumed time of a slew beyond travel and settling, s; ample, so that slow mounts are in time."""
 
 FLIP_WAY_DEG = 190.0
-"""Turn of the declination axis that changes sides near the equator; the other turns less."""
+"""Assumed travel of the declination axis for a change of the pier's side, deg.
+
+Near the equator it turns that far; the other axis turns less.
+"""
 
 CLOCKS_APART_NS = 10 * NS
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Plan:
-    """The next exposure."""
+    """The plan of the next exposure: its times, and the slew before it if there is one."""
 
     t_start_utc_ns: int
     t_mid_utc_ns: int
     slew: SlewCommand | None
     refused: tuple[tuple[SlewCommand, SlewRefusal], ...] = ()
-    """Slews that were refused, with the limit; each place is named once, but all of them where
-    nothing is left to search."""
+    """Slews that were refused, each with its limit.
+
+    Each place is listed when it is first refused; all are listed where no place is left.
+    """
     blocked: SlewRefusal | None = None
-    """Reason why the telescope does not go where the track is; None when it may."""
+    """Reason why the telescope does not follow the track; None when it may."""

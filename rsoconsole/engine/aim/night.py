@@ -1,6 +1,6 @@
-"""The dark hours, and what ends a night: dawn, weather, a closed dome.
+"""The dark hours, and what ends a night: dawn, weather or a closed dome.
 
-A night that has ended is not resumed here: only the operator arms again.
+After a night has ended, only the operator arms again.
 """
 
 from collections.abc import Collection
@@ -15,11 +15,11 @@ from rsoconsole.words import no_night, utc_ns_to_iso
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class NightEnd:
-    """A reason for the end of the night."""
+    """Why the night ends: dawn, weather or a closed dome."""
 
     cause: Literal["dawn", "weather", "dome"]
     detail: str
-    """Details of the reason: the figure, or the driver's words."""
+    """The figure that was too high, or the driver's words."""
 
 
 def night_end(
@@ -27,8 +27,8 @@ def night_end(
 ) -> NightEnd | None:
     """Return the reason to stop and park the telescope now; None while the night goes on.
 
-    ``overridden`` holds names of arming checks ("sun", "weather", "dome") that the operator
-    overrides. A weather station's "warning" ends nothing, a silent station does.
+    ``overridden``: names of arming checks ("sun", "weather", "dome") that the operator overrides. A
+    weather station's "warning" does not end the night; a station that is silent does.
     """
     if "dome" not in overridden and (fault := dome_fault(config, sky)):
         return NightEnd(cause="dome", detail=fault)
@@ -42,10 +42,10 @@ def night_end(
 def overrides_still_needed(
     config: Config, now_utc_ns: int, sky: SkyReport | None, overridden: Collection[str]
 ) -> frozenset[str]:
-    """Return the overrides whose reason still stands; to be called once a cycle.
+    """Return those overrides whose reason still holds; to be called once a cycle.
 
-    An override covers the condition at the time it was given. The Sun overridden at dusk still ends
-    the night at dawn, and weather that has cleared may end it when it comes back.
+    An override applies to the condition at the time it was given: a Sun overridden at dusk still
+    ends the night at dawn, and bad weather that comes back after it has cleared ends the night.
     """
     faults = {
         "sun": sun_fault(config, now_utc_ns),
@@ -56,7 +56,7 @@ def overrides_still_needed(
 
 
 def sun_fault(config: Config, now_utc_ns: int) -> str:
-    """Return the fault of the Sun's altitude, in words; empty when it is dark."""
+    """Return in words that the Sun is too high; empty when it is dark."""
     altitude_deg = sun_altitude_deg(config.site.to_site(), now_utc_ns)
     limit_deg = config.limits.twilight_deg
     if altitude_deg <= limit_deg:
@@ -65,7 +65,7 @@ def sun_fault(config: Config, now_utc_ns: int) -> str:
 
 
 def weather_fault(config: Config, sky: SkyReport | None) -> str:
-    """Return the fault of the weather, in words; empty when it allows observing."""
+    """Return in words why the weather forbids observing; empty when it allows observing."""
     station = config.indi.weather
     if station is None:
         return ""
@@ -78,7 +78,7 @@ def weather_fault(config: Config, sky: SkyReport | None) -> str:
 
 
 def dome_fault(config: Config, sky: SkyReport | None) -> str:
-    """Return the fault of the dome, in words; empty when it is open."""
+    """Return in words why the dome forbids observing; empty when it is open."""
     dome = config.indi.dome
     if dome is None:
         return ""
@@ -89,7 +89,7 @@ def dome_fault(config: Config, sky: SkyReport | None) -> str:
 
 
 def darkness_words(config: Config, now_utc_ns: int) -> str:
-    """Return the time of darkness in words, for an operator who has to wait."""
+    """Return when it will be dark, in words, for an operator who has to wait."""
     limit_deg = config.limits.twilight_deg
     span = night_span(config.site.to_site(), now_utc_ns, limit_deg)
     if span is None:

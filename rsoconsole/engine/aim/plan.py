@@ -29,10 +29,10 @@ from rsoconsole.tracking import Following, PointingModel, pointing_command, with
 
 
 class Planner:
-    """Keeps what planning needs from one exposure to the next: cadence, centre, offset."""
+    """Plans exposures; keeps the cadence, the telescope's direction and its pointing offset."""
 
     def __init__(self, config: Config, guide: Guide | None = None) -> None:
-        """``guide``: predicts the lead track, or a lost one, by its orbit."""
+        """``guide``: predicts directions by the orbit of the lead track, or of a lost track."""
         self._config = config
         self._guide = guide
         self._site = config.site.to_site()
@@ -49,48 +49,47 @@ class Planner:
         self._pointing = PointingModel()
         self._planned: tuple[SlewCommand | None, int] = (None, 0)
         self.last_report: MountReport | None = None
-        """The mount's last report of its place at rest."""
+        """The mount's last report while it was at rest; None while it moves, or none came."""
 
     def configure(self, config: Config) -> None:
-        """Take new tunables."""
+        """Use a new configuration from now on."""
         self._config = config
         self._search.configure(config)
 
     def start_search(self, report: MountReport, now_utc_ns: int) -> None:
-        """Search around where the mount points, or where the configuration says."""
+        """Start a search around where the mount points, or where the configuration says."""
         self._search.start(self.looking_at(report), now_utc_ns)
         self._is_block_reported = self._is_waiting = False
         self._stands_at(report)
 
     def search_about(self, direction: Direction, t_utc_ns: int) -> None:
-        """Search round this direction, further and further out."""
+        """Search around a direction in a widening spiral."""
         self._search.widen_about(direction, t_utc_ns)
         self._is_block_reported = self._is_waiting = False
 
     def leave_spiral(self) -> bool:
-        """Return to the search's first place if a lost track was looked for; False when none
-        was."""
+        """Leave a spiral search and return to the search's first field; False without a spiral."""
         if not self._search.is_spiral:
             return False
         self._search.go_home()
         return True
 
     def go_home(self) -> None:
-        """Search from the first field again, where the search was begun."""
+        """Start the search again at its first field."""
         self._is_waiting = False
         self._search.go_home()
 
     def moved_by_hand(self, report: MountReport) -> None:
-        """Note a move by the operator: only the mount's report now gives where it looks.
+        """Note that the operator moved the mount: its report now gives where the telescope looks.
 
-        The pointing offset stays, by side and place.
+        The pointing offset learned for each side of the pier and each part of the sky stays.
         """
         self._is_waiting = False
         self._search.return_to_round()
         self._stands_at(report)
 
     def looking_at(self, report: MountReport) -> Direction:
-        """Return the mount's report corrected by the pointing offset, ICRS degrees."""
+        """Return where the telescope looks, ICRS degrees: the report and its pointing offset."""
         here = (report.ra_icrs_deg, report.dec_icrs_deg)
         known = self._pointing.at(*self._axes(here, report.t_utc_ns), report.pier_side)
         back = replace(known, east_arcsec=-known.east_arcsec, north_arcsec=-known.north_arcsec)
@@ -108,8 +107,8 @@ class Planner:
     def plan_exposure_here(self, now_utc_ns: int) -> Plan:
         """Plan an exposure where the telescope stands, without a slew.
 
-        Its detections are waited for in place; where the telescope stands in the search's first
-        field it counts as that field's first frame.
+        What it shows is waited for in place. Where the telescope stands in the search's first
+        field, the exposure counts as that field's first.
         """
         plan = self._in_place(now_utc_ns)
         if self._centre is not None:
@@ -117,7 +116,7 @@ class Planner:
         return plan
 
     def pose(self, now_utc_ns: int) -> Pose | None:
-        """The telescope's present pose; None where it is not known."""
+        """Return where the telescope looks now, and the pier's side; None where not known."""
         if self._centre is None:
             return None
         ra_deg, dec_deg = self._centre
@@ -135,10 +134,10 @@ class Planner:
         t_mid_utc_ns: int | None = None,
         frame_id: int | None = None,
     ) -> Plan:
-        """Plan an exposure at an instant, at a direction; None: where the telescope looks already.
+        """Plan an exposure at an instant and a direction; None: where the telescope looks already.
 
-        ``t_mid_utc_ns``: mid-exposure, where its length is not yet set; ``frame_id``: the frame
-        after which it is planned, where that has not come yet.
+        ``t_mid_utc_ns``: mid-exposure; None: by the configured exposure. ``frame_id``: the frame
+        after which the exposure is planned; None: the last frame that has come.
         """
         t_mid_ns = self._t_mid_ns(t_start_utc_ns) if t_mid_utc_ns is None else t_mid_utc_ns
         slew = None
@@ -151,11 +150,11 @@ class Planner:
     def plan(
         self, following: Following, now_utc_ns: int, is_refused: IsRefused | None = None
     ) -> Plan:
-        """Plan the next exposure from here.
+        """Plan the next exposure, from where the telescope is now.
 
-        A search field that is refused is left out and the next of its round taken, so that one wall
-        does not hold a search; a track has one place only: when that is refused, the telescope
-        stays where it is.
+        A search field that is refused is left out and the next one taken, so that one wall does not
+        hold up a search. A track is in one place only: when that is refused, the telescope stays
+        where it is.
         """
         if following.track is not None:
             return self._plan_track(following, now_utc_ns, is_refused)
@@ -198,8 +197,7 @@ class Planner:
     def _plan_lost(
         self, following: Following, now_utc_ns: int, is_refused: IsRefused | None
     ) -> Plan | None:
-        """Plan an exposure where the lost track's orbit predicts it; None where it is not waited
-        for."""
+        """Plan an exposure where a lost track's orbit predicts it; None where none is awaited."""
         if not self._is_waiting or self._guide is None:
             return None
         if self._guide.lost_direction(self._t_mid_ns(self._earliest_ns(now_utc_ns))) is None:
@@ -270,7 +268,7 @@ class Planner:
         return plan.t_mid_utc_ns + round(self._config.exposure.exposure_s / 2.0 * NS)
 
     def slew_s(self, direction: Direction, t_utc_ns: int) -> float:
-        """Duration of a slew from where the telescope looks, settling included, s."""
+        """Return the duration of a slew from where the telescope looks, settling included, s."""
         mount = self._config.mount
         way_deg = 0.0
         if self._centre is not None:
@@ -281,9 +279,10 @@ class Planner:
         return SLEW_OVERHEAD_S + way_deg / mount.slew_rate_deg_s + mount.settle_s
 
     def slew_left_s(self, report: MountReport, to: Direction, sent_utc_ns: int) -> float | None:
-        """Time left of a slew under way, s; None for a mount that does not slew.
+        """Return the time left of a slew under way, s; None for a mount that does not slew.
 
-        ``to``: the target in the mount's own coordinates, ordered at ``sent_utc_ns``.
+        ``to``: the slew's target in the mount's own coordinates; ``sent_utc_ns``: when it was
+        ordered.
         """
         if not report.is_slewing:
             return None
@@ -295,7 +294,7 @@ class Planner:
         return way_deg / rate_deg_s
 
     def side_at(self, direction: Direction, t_utc_ns: int) -> PierSide | None:
-        """Side of the pier after a slew to a direction."""
+        """Return the side of the pier after a slew to a direction; None where not known."""
         mount = self._config.mount
         return side_at_arrival(self._site, mount, direction, t_utc_ns, self._pier_side)
 
@@ -317,8 +316,7 @@ class Planner:
         )
 
     def _of_lead(self, track: TrackState, t_mid_ns: int) -> tuple[Direction, str]:
-        """Return the lead's predicted direction, with the operator's offset, and its source
-        (filter, orbit)."""
+        """Return the lead's predicted direction, the operator's offset added, and its source."""
         by_orbit = None if self._guide is None else self._guide.track_direction(t_mid_ns)
         if by_orbit is not None:
             return by_orbit, "orbit"
@@ -328,10 +326,9 @@ class Planner:
     def ahead(
         self, following: Following, planned: Plan | None, now_utc_ns: int
     ) -> tuple[NextAim, Direction] | None:
-        """Return the aim of the exposure after ``planned``, and the lead's direction then. Moves
-        nothing.
+        """Return the aim of the exposure after ``planned``, and the lead track's direction then.
 
-        None without a track.
+        None without a track. Only computes: nothing is ordered.
         """
         if following.track is None:
             return None
@@ -358,8 +355,7 @@ class Planner:
     def _among(
         self, following: Following, lead: Direction, t_mid_ns: int, reason: str
     ) -> tuple[Direction, str]:
-        """Return the aim for all tracks by ``aim.policy``, given the lead's direction, and the
-        reason."""
+        """Return the aim for all tracks by ``aim.policy``, and its reason in words."""
         config = self._config
         policy, tracks = config.aim.policy, [each.track for each in following.tracks]
         if policy == "lead" or config.filter.preset == "paper" or len(tracks) < 2:
@@ -376,8 +372,7 @@ class Planner:
         return direction, f"{reason}, {inside} of {len(tracks)} in the field"
 
     def command(self, slew: SlewCommand) -> Direction:
-        """Return the direction to command so that the telescope looks at a slew's place, ICRS
-        degrees."""
+        """Return the direction to command, ICRS degrees, so that a slew reaches its target."""
         to = (slew.ra_icrs_deg, slew.dec_icrs_deg)
         planned, planned_utc_ns = self._planned
         # The mount chooses its side when it is told, not when it arrives.
@@ -391,8 +386,10 @@ class Planner:
         return hour_angle_jnow_deg(self._site, ra_jnow_deg, t_utc_ns), dec_jnow_deg
 
     def arrived(self, slew: SlewCommand, report: MountReport, sent_to: Direction) -> bool:
-        """Note that the mount has done the slew as ordered; True when it has changed the pier's
-        side."""
+        """Note that the mount has done a slew; True when it has changed the side of the pier.
+
+        ``sent_to``: the direction that was commanded, ICRS degrees.
+        """
         self._commanded = sent_to
         has_flipped = report.pier_side != self._pier_side
         self.last_report = report
@@ -401,7 +398,7 @@ class Planner:
         return has_flipped
 
     def note_frame(self, frame: Frame, opened_utc_ns: int) -> str | None:
-        """Note a frame; return what is wrong with its time, None when nothing is."""
+        """Note a frame; return what is wrong with its time, in words, None when nothing is."""
         self._frame_id = frame.frame_id
         self._last_start_utc_ns = opened_utc_ns
         self._last_mid_utc_ns = self._t_mid_ns(opened_utc_ns)
@@ -416,7 +413,7 @@ class Planner:
         return None
 
     def note_solution(self, solution: Solution) -> None:
-        """Learn the telescope's true direction from a plate solution."""
+        """Learn the telescope's true direction and its pointing offset from a plate solution."""
         self._centre = (solution.ra_icrs_deg, solution.dec_icrs_deg)
         if self._commanded is None:
             return
@@ -433,7 +430,7 @@ class Planner:
         )
 
     def followed(self, before: Following, after: Following, now_utc_ns: int) -> None:
-        """Go on after a frame: count it in the search, or search here for a track that was lost."""
+        """Update the search after a frame: count it, or search here for a track that was lost."""
         is_held = (before.state, after.state) == ("ACQUIRE", "ACQUIRE")
         if after.state == "LOST" and self._centre is not None:
             self._search.start_where_lost(self._centre, now_utc_ns)

@@ -18,7 +18,7 @@ from rsoconsole.records import (
 from rsoconsole.words import IN_FAULT, catalogued_name, match_words, text
 
 URGENT: frozenset[AlertKind] = frozenset(("fault", "limit"))
-"""Kinds for which an operator may have to get up."""
+"""Kinds of alerts for which an operator may have to get up."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -31,7 +31,7 @@ class Alert:
 
     @property
     def is_urgent(self) -> bool:
-        """True for kinds that have a quota of their own."""
+        """True for faults and limits, which have a quota of their own."""
         return self.kind in URGENT
 
 
@@ -43,20 +43,20 @@ _ITS_OWN = frozenset(("looked for again", "operator's word", "STOP", "disarmed",
 
 @dataclass(slots=True)
 class SessionAlerts:
-    """The alerts of a session so far: a fold over its records."""
+    """A fold over a session's records that gives the alerts of each record."""
 
     frames: int = 0
     tracks: set[int] = field(default_factory=set)
     names: dict[int, str] = field(default_factory=dict)
-    """Names of identified tracks, as they were sent."""
+    """Names of identified objects by track number, as they were sent."""
     is_cloudy: bool = False
 
     def take(self, t_utc_ns: int, record: Record) -> list[Alert]:
-        """Return the alerts that a record gives."""
+        """Add one record and return the alerts that it gives."""
         return [Alert(kind=kind, text=words, t_utc_ns=t_utc_ns) for kind, words in self._of(record)]
 
     def done(self, t_utc_ns: int) -> Alert:
-        """Return the alert that the session is closed."""
+        """Return the alert that says that the session was closed."""
         named = ", ".join(dict.fromkeys(self.names.values()))
         words = f"the session is closed: {self.frames} frames, {len(self.tracks)} tracks"
         words += f"; identified: {named}" if named else ""

@@ -1,8 +1,8 @@
-"""Queue of unsent messages on disk: a message waits out a night without a network.
+"""Queue of unsent messages on disk: a message can wait through a night without a network.
 
-Bounded in number and in age. Services are listed by digest: an address is a secret. One process at
-a time owns the file; another keeps its messages in memory until the file is free, and then adds
-them to it.
+The queue is limited in number and age. A service is listed by the digest of its address, because
+addresses are secrets. The file belongs to one process at a time; another process keeps its messages
+in memory until the file is free, and then adds them.
 """
 
 import contextlib
@@ -40,13 +40,15 @@ class QueuedMessage:
 
 
 def digest_of(url: str) -> str:
-    """Return the digest that stands for a service's address in the spool."""
+    """Return the digest that stands for a service's address in the queue's file."""
     return hashlib.sha256(url.encode()).hexdigest()[:16]
 
 
 class Spool:
-    """The queue in its file; safe for several threads. Where the file cannot be written it stays in
-    memory."""
+    """The queue of messages in its file; may be used from several threads.
+
+    Where the file cannot be written, the queue stays in memory.
+    """
 
     def __init__(self, folder: Path, *, claim_again_s: float = CLAIM_AGAIN_S) -> None:
         """``claim_again_s``: interval of attempts to own a file that another process owns, s."""
@@ -56,7 +58,7 @@ class Spool:
         self._next = 1
         self._seen: dict[str, int] = {}
         self.fault: str | None = None
-        """The reason why messages are in memory alone; None where they are on the disk."""
+        """Reason why the messages are in memory only; None where they are on the disk."""
         self._claim_again_s, self._claimed_s = claim_again_s, time.monotonic()
         self._is_closed = False
         self._owns: int | None = None
@@ -65,7 +67,7 @@ class Spool:
     def add(self, waiting: QueuedMessage, seen: tuple[str, int] = ("", 0)) -> None:
         """Queue a message and give it its number; the oldest is dropped where there are too many.
 
-        ``seen``: the session, and the record that the message is about.
+        ``seen``: the session, and the number of the record that the message is about.
         """
         with self._lock:
             self._claim_if_due()
@@ -75,20 +77,22 @@ class Spool:
             self._write()
 
     def last_alerted_record(self, session: str) -> int | None:
-        """Return the last record of a session that alerts were made from; None where it was not
-        kept."""
+        """Return the number of the last record of a session that gave a queued alert; 0: none.
+
+        None where another process owns the file.
+        """
         if self._owns is None:
             return None
         return self._seen.get(session, 0)
 
     def first_for(self, service: str) -> QueuedMessage | None:
-        """Return the oldest message that has not been sent to a service."""
+        """Return the oldest message not yet sent to a service; None where there is none."""
         with self._lock:
             self._claim_if_due()
             return next((each for each in self._waiting if service in each.pending), None)
 
     def sent(self, number: int, service: str) -> None:
-        """Note that a message has been sent to a service."""
+        """Note that message ``number`` has been sent to a service."""
         with self._lock:
             for each in self._waiting:
                 if each.number == number and service in each.pending:
@@ -97,7 +101,10 @@ class Spool:
             self._write()
 
     def drop_old(self, now_utc_ns: int, known: Collection[str]) -> None:
-        """Drop messages that are too old, and those for services that are no longer configured."""
+        """Drop messages that are too old, and those for services that are no longer configured.
+
+        ``known``: digests of the configured services.
+        """
         with self._lock:
             before = [list(each.pending) for each in self._waiting]
             for each in self._waiting:
@@ -115,7 +122,7 @@ class Spool:
             return len(self._waiting)
 
     def close(self) -> None:
-        """Release the file for another process."""
+        """Release the file, so that another process can own it."""
         with self._lock:
             self._is_closed = True
             if self._owns is not None:

@@ -1,7 +1,7 @@
 """``python -m rsoconsole.engine.alerts.child``: reads a session's log and alerts the operator.
 
-The first line on stdin holds its settings as JSON (addresses are on no command line); every further
-line says that the engine's loop lives; the end of stdin says that the engine is gone.
+The first line on stdin holds the settings as JSON, so that no address is on a command line. Each
+further line says that the engine's loop is alive; the end of stdin says that the engine is gone.
 """
 
 import contextlib
@@ -30,7 +30,11 @@ HOUR_S = 3600.0
 
 @dataclass(slots=True)
 class Limiter:
-    """Limits the number of alerts; faults and limits have a quota of their own, by their words."""
+    """Limits how many alerts are sent.
+
+    Urgent alerts (faults and limits) have a quota of their own, and only equal texts hold each
+    other back; other alerts are held back by kind.
+    """
 
     events: Collection[AlertKind]
     quiet_s: float
@@ -42,10 +46,10 @@ class Limiter:
     _held: dict[str, int] = field(default_factory=dict)
 
     def alert_if_allowed(self, alert: Alert, now_s: float) -> Alert | None:
-        """Return the alert, with the number of like ones held back before; None where it is held
-        back.
+        """Return the alert where it may be sent now, else None.
 
-        ``now_s``: a monotonic time, s.
+        The returned text states how many alerts of its kind were held back before. ``now_s``: a
+        monotonic time, s.
         """
         if alert.kind not in self.events:
             return None
@@ -66,8 +70,7 @@ class Limiter:
         return replace(alert, text=words)
 
     def _forget(self, now_s: float) -> None:
-        """Forget alerts that no longer hold back others: the words of faults may be many in a
-        night."""
+        """Forget alerts that no longer hold back others; a night's faults may have many texts."""
         rest_s = max(self.quiet_s, HOUR_S)
         self._last_s = {key: at for key, at in self._last_s.items() if now_s - at < rest_s}
 
@@ -76,17 +79,17 @@ log = logging.getLogger("rsoconsole.engine.alerts")
 
 LOOK_S = 2.0
 ALIVE_S = 90.0
-"""Silence of the loop for which the heartbeat goes on, s."""
+"""How long the heartbeat goes on after the loop's last report, s."""
 CLOSING_S = 30.0
-"""Time for an engine that has ended to close its session, s; after that it counts as dead."""
+"""Time in which an engine that has ended must close its session, s; later it counts as dead."""
 FLUSH_S = 60.0
 MAX_TEXT = 600
 
 
 def log_own_messages_only(stream: TextIO) -> None:
-    """Log what this program says, and nothing of what apprise and its libraries say.
+    """Log this program's messages, and none of apprise and its libraries.
 
-    Their lines hold addresses, which are secrets.
+    Their lines contain addresses, which are secrets.
     """
     handler = logging.StreamHandler(stream)
     handler.setFormatter(logging.Formatter("%(asctime)s %(message)s"))
@@ -101,7 +104,7 @@ def log_own_messages_only(stream: TextIO) -> None:
 
 
 class EngineLink:
-    """The engine through stdin: a line says that its loop lives, the end that it is gone."""
+    """What stdin says of the engine: each line that its loop is alive, the end that it is gone."""
 
     def __init__(self, alive_s: float = ALIVE_S) -> None:
         self._holds_s, self._alive_s = alive_s, time.monotonic()
@@ -110,7 +113,7 @@ class EngineLink:
 
     @property
     def is_alive(self) -> bool:
-        """True while the loop has reported of late."""
+        """True while the engine is there and its loop has reported within ``alive_s``."""
         return not self.is_gone.is_set() and time.monotonic() - self._alive_s < self._holds_s
 
     def _listen(self) -> None:

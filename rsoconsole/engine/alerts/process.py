@@ -1,4 +1,4 @@
-"""The engine's side of the alert process: it is started and kept alive, never waited for."""
+"""The engine's side of the alert process: starts it and keeps it alive, never waits for it."""
 
 import contextlib
 import json
@@ -22,12 +22,12 @@ log = logging.getLogger(__name__)
 
 BEAT_S = 15.0
 AGAIN_S = 60.0
-"""Least time before a dead child is replaced, s."""
+"""Least time before an alert process that died is replaced, s."""
 _MODULE = "rsoconsole.engine.alerts.child"
 
 
 class AlertProcess:
-    """The child process beside the engine; raises nothing and takes none of the loop's time."""
+    """The alert process beside the engine; raises nothing and takes none of the loop's time."""
 
     def __init__(
         self,
@@ -39,7 +39,7 @@ class AlertProcess:
         again_s: float = AGAIN_S,
         **settings: Any,
     ) -> None:
-        """``folder``: the session's folder. ``settings`` are passed to the child unchanged."""
+        """``folder``: the session's folder; ``settings``: passed unchanged to the alert process."""
         self._beat_s, self._again_s = beat_s, again_s
         self._end = threading.Event()
         self._child: subprocess.Popen[bytes] | None = None
@@ -47,7 +47,7 @@ class AlertProcess:
         self._is_alive: Callable[[], bool] = lambda: True
         self._settings: Mapping[str, Any] | None = None
         self.fault: str | None = None
-        """Reason why no alerts are sent, in words for the log."""
+        """Reason why no alerts are sent, in words for the log; None without one."""
         if not config.is_wanted:
             return
         try:
@@ -70,7 +70,10 @@ class AlertProcess:
         }
 
     def start(self, is_alive: Callable[[], bool]) -> None:
-        """Start, if anything is configured. ``is_alive``: True while the loop lives; any thread."""
+        """Start the alert process, if any alert is configured.
+
+        ``is_alive``: returns True while the loop is alive; called from any thread.
+        """
         if self._settings is None:
             return
         self._is_alive = is_alive
@@ -78,8 +81,7 @@ class AlertProcess:
         self._thread.start()
 
     def close(self) -> None:
-        """Let go of the child as the engine ends: it sends the rest by itself, nobody waits for
-        it."""
+        """Let the alert process end by itself once it has sent the rest; returns at once."""
         self._end.set()
         if self._thread is not None:
             self._thread.join(1.0)
@@ -88,7 +90,7 @@ class AlertProcess:
 
     @property
     def pid(self) -> int | None:
-        """Process number of the child; None without one."""
+        """Process number of the alert process; None while there is none."""
         return None if self._child is None else self._child.pid
 
     def _keep(self) -> None:

@@ -21,7 +21,7 @@ class Service:
     """One service: its name and its address."""
 
     name: str
-    """Name for people: kind of service, and its place among all."""
+    """Name shown to people: kind of service, and its number among all."""
     url: str
 
 
@@ -34,8 +34,10 @@ class SendResult:
 
 
 def services_of(config: AlertsConfig) -> tuple[Service, ...]:
-    """Return all services. Raises ConfigError for a file that is unreadable, or readable by
-    others."""
+    """Return all configured services.
+
+    Raises ConfigError for a file that is unreadable, or readable by other users.
+    """
     urls = [*config.services]
     if config.services_file is not None:
         urls += _of_file(config.services_file)
@@ -44,7 +46,7 @@ def services_of(config: AlertsConfig) -> tuple[Service, ...]:
 
 
 def send(url: str, title: str, body: str, *, is_urgent: bool = False) -> SendResult:
-    """Send one message by apprise, which has time-outs of its own. Never raises."""
+    """Send one message through apprise, which has time-outs of its own; never raises."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # what it loads, and when, is its own affair
         return _send(url, title, body, is_urgent)
@@ -84,7 +86,7 @@ def send_within(url: str, title: str, body: str, *, limit_s: float = SEND_S) -> 
 
 
 def send_heartbeat(url: str, *, limit_s: float = SEND_S) -> SendResult:
-    """Call the heartbeat's address once."""
+    """Call the heartbeat's address once, with a time limit."""
     from rsoconsole.pipeline import Fetcher, FetchError
 
     try:
@@ -115,7 +117,7 @@ Send = Callable[..., SendResult]
 
 
 class AlertSender:
-    """Sends until it is closed; ``add`` returns as soon as the message is in the spool."""
+    """Sends queued messages, on one thread for each service, until ``finish`` is called."""
 
     def __init__(
         self,
@@ -138,7 +140,10 @@ class AlertSender:
             thread.start()
 
     def add(self, message: QueuedMessage, seen: tuple[str, int] = ("", 0)) -> None:
-        """Queue a message for all services; ``seen``: its session and the number of its record."""
+        """Queue a message for all services.
+
+        ``seen``: the session, and the number of the record that the message is about.
+        """
         message.pending = [digest_of(each.url) for each in self._services]
         if message.pending:
             self._spool.add(message, seen)
@@ -146,8 +151,7 @@ class AlertSender:
             self._there.notify_all()
 
     def finish(self, limit_s: float) -> int:
-        """Wait until all is sent, at most ``limit_s``; return how many messages are still in the
-        spool."""
+        """Wait until all is sent, ``limit_s`` at most; return the number still queued."""
         deadline = time.monotonic() + limit_s
         self._drop_old()  # what another engine left for services of its own is not waited for
         while len(self._spool) and time.monotonic() < deadline:

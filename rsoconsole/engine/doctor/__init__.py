@@ -1,2 +1,1 @@
-"""Checks of this machine's readiness for a night: one for each thing that has ended nights
-before."""
+"""Checks whether this machine is ready for a night; each is for something that once ended one."""

@@ -1,4 +1,4 @@
-"""A benchmark of this machine: a frame through the program's own stages, until the time is up."""
+"""A benchmark of this machine: a frame goes through the program's own stages until time is up."""
 
 import tempfile
 import time
@@ -22,7 +22,7 @@ from rsoconsole.tracking import Following
 from rsoconsole.vision import threads_for
 
 BUDGET_S = 22.0
-"""Time for the rounds, s; drawing, loading and the first round come on top."""
+"""Time for the rounds, s; drawing, loading and the first round take more on top."""
 MAX_ROUNDS = 25
 SPARE_BYTES = 500_000_000
 """Free disk below which writing is not measured, bytes."""
@@ -50,7 +50,7 @@ Times: TypeAlias = dict[str, float]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BenchStage:
-    """One stage's times over the rounds."""
+    """One stage's times over all rounds."""
 
     stage: str
     median_ms: float
@@ -71,7 +71,7 @@ class BenchResult:
     detections: int
     compressed_bytes: int
     notes: tuple[str, ...]
-    """Remarks on what differed from a real night, in words."""
+    """Remarks, in words, on what differed from a real night."""
 
     def median_ms(self, stage: str) -> float | None:
         """Median time of one stage, ms; None where it was not measured."""
@@ -88,9 +88,9 @@ def measure(
 ) -> BenchResult:
     """Put a frame, as a camera gives it, through every stage again and again.
 
-    At least once, however slow the machine is. ``report`` is called with each step in words.
-    Raises FrameError, ModelError or SolverError as the engine would, SessionError where nothing
-    can be written.
+    At least one round is made, however slow the machine is. ``fits``: the frame's FITS bytes;
+    ``report``: called with each step in words. Raises FrameError, ModelError or SolverError as the
+    engine would, SessionError where nothing can be written.
     """
     report("loading network, star index and catalogue")
     with (
@@ -143,8 +143,7 @@ class _Bench:
         return times
 
     def _look(self, fits: bytes, times: Times, total: str) -> tuple[Times, Frame]:
-        """Process a frame from its bytes to the fold; the plate solution's time is kept under its
-        own name."""
+        """Process a frame, from its bytes to the fold; the plate solution is timed separately."""
         own: Times = {}
         began_s = time.perf_counter()
         frame = frame_from_bytes(fits, 1, "bench.fits")
@@ -211,26 +210,28 @@ def _stages(rounds: list[Times]) -> Iterator[BenchStage]:
 
 
 SIDEREAL_DEG_S = 15.041 / 3600.0
-"""Rate of a geostationary satellite among the stars, and of the mount from frame to frame,
-deg/s."""
+"""Rate of the sidereal motion, deg/s: of a geostationary satellite among the stars.
+
+The mount moves by as much from frame to frame to follow one.
+"""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BenchSummary:
-    """One configured cycle, added up with what was measured."""
+    """One configured cycle of the loop, computed from the measured times."""
 
     exposure_s: float
     cadence_s: float
     processing_s: float
-    """Time from the last byte to the slew command, with a full plate solution, s."""
+    """Time from the frame's last byte to the slew command, with a full plate solution, s."""
     slew_s: float
-    """Time of a slew to the next place of a geostationary satellite, settling included, s."""
+    """Time of a slew to a geostationary satellite's next position, settling included, s."""
     shortest_cadence_s: float
     """Shortest cadence at the configured exposure, s."""
     longest_exposure_s: float
-    """Longest exposure at the configured cadence, s; negative where even none would be in time."""
+    """Longest exposure at the configured cadence, s; negative where none is short enough."""
     recording_s: float | None
-    """Time to compress and write a frame, s; None where it was not measured, or none is kept."""
+    """Time to compress and write a frame, s; None where not measured, or frames are not kept."""
     disk_mb_s: float | None
     frame_mb: float
     """Compressed size of a frame, MB."""
@@ -240,17 +241,17 @@ class BenchSummary:
 
     @property
     def is_enough(self) -> bool:
-        """True where the machine keeps the configured cadence and records it."""
+        """True where the machine keeps to the configured cadence and can record all frames."""
         return self.is_held and self.is_recorded
 
 
 def summarise_bench(
     config: Config, result: BenchResult, free_bytes: int, now_utc_ns: int
 ) -> BenchSummary:
-    """Add up one cycle: shutter, exposure, read-out, processing, slew.
+    """Compute one cycle: shutter, exposure, read-out, processing and slew.
 
-    The recording runs beside the loop, but it shares the processor: it counts as kept up only
-    where it and the processing fit into one cadence together.
+    Recording runs beside the loop but uses the same processor: the machine can record only where
+    recording and processing together fit into one cadence.
     """
     exposure, mount = config.exposure, config.mount
     totals_ms = (result.median_ms("total"), result.median_ms("total refit"))
@@ -283,7 +284,7 @@ def summarise_bench(
 
 
 def summary_lines(summary: BenchSummary) -> list[str]:
-    """Return the summary as lines for a person, with what to do where the machine is too slow."""
+    """Return the summary in lines, with what to do where the machine is too slow."""
     sum_words = (
         f"exposure {summary.exposure_s:g} s + processing {summary.processing_s:.2f} s + slew "
         f"{summary.slew_s:.1f} s + shutter and read-out = {summary.shortest_cadence_s:.1f} s"

@@ -18,19 +18,19 @@ from rsoconsole.words import OLD_DAYS, TAKE_DARK, age_days, mode_words, shutter_
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Check:
-    """The result of one check."""
+    """The result of one check of the doctor."""
 
     check: str = ""
-    """Name of the check, set by its runner."""
+    """Name of the check, set by ``run_checks``."""
     ok: bool | None
-    """True when passed; None when it cannot be determined."""
+    """True when passed, False when failed; None when it cannot be determined."""
     detail: str
     remedy: str = ""
-    """Remedy; empty when all is well."""
+    """What to do; empty when all is well."""
 
 
 def passed_check(detail: str, remedy: str = "") -> Check:
-    """Return a passed check; the remedy is for what could be better."""
+    """Return a passed check; ``remedy``: what could still be better."""
     return Check(ok=True, detail=detail, remedy=remedy)
 
 
@@ -40,7 +40,7 @@ def bad(detail: str, remedy: str = "") -> Check:
 
 
 def unsure(detail: str, remedy: str = "") -> Check:
-    """Return a check without an answer, or with a fault that does not stop a night."""
+    """Return a check that could not be determined, or whose fault does not stop a night."""
     return Check(ok=None, detail=detail, remedy=remedy)
 
 
@@ -48,7 +48,7 @@ HOW = "'rsoconsole calibrate-time NIGHT --rinex FILE --write', of nights on navi
 
 
 def check_shutter(config: Config, today: date | None = None) -> Check:
-    """Check every camera mode's timing and its age; unknown where nothing was measured."""
+    """Check that every camera mode's shutter timing was measured, and not too long ago."""
     today = today or day_of(utc_now_ns())
     known = config.exposure.calibrated
     if not known:
@@ -71,7 +71,7 @@ _NOT_REPORTED = {
 
 
 def check_temperature(reading: Machine) -> Check:
-    """Check that the processor is cool enough to run at its full speed."""
+    """Check that the processor is cool enough for its full speed."""
     if reading.cpu_temperature_c is None:
         return passed_check("this machine does not tell it")
     parts = [f"{reading.cpu_temperature_c:.0f} °C"]
@@ -85,7 +85,7 @@ def check_temperature(reading: Machine) -> Check:
 
 
 def check_power(reading: Machine) -> Check:
-    """Check that the power supply is strong enough, and that nothing slows the processor down."""
+    """Check that the power supply is strong enough, and that the processor is not slowed down."""
     if reading.is_under_voltage is None and reading.is_throttled is None:
         return passed_check(_NOT_REPORTED[reading.is_pi])
     troubles = [each for each in troubles_of(reading) if each.name in {"power", "throttled"}]
@@ -104,7 +104,7 @@ def check_power(reading: Machine) -> Check:
 
 
 def check_medium(config: Config, medium: Medium | None = None) -> Check:
-    """Check that the recording medium bears nightly writing: a card wears out, and is slow."""
+    """Check that sessions' disk bears nightly writing: a memory card wears out and is slow."""
     root = config.session.root
     found = medium_of(root) if medium is None else medium
     now_utc_ns = utc_now_ns()
@@ -128,8 +128,10 @@ def check_medium(config: Config, medium: Medium | None = None) -> Check:
 
 
 def check_time_source(source: TimeSource) -> Check:
-    """Check that a service sets this machine's clock; without a real-time clock each power cut
-    unsets it."""
+    """Check that a service sets this machine's clock.
+
+    A machine without a real-time clock loses its time at each power cut.
+    """
     kept = f"real-time clock {source.rtc}" if source.rtc else "no real-time clock"
     said = source.detail if source.kind == "unknown" else f"{source.kind}: {source.detail}"
     detail = f"{said}; {kept}"
@@ -142,12 +144,11 @@ def check_time_source(source: TimeSource) -> Check:
 
 
 BIAS_GONE = 0.5
-"""Share of the bias's level: a dark below it has had its bias subtracted."""
+"""Level, in units of the bias's, below which a dark frame has had its bias subtracted."""
 
 
 def check_calibration(config: Config) -> Check:
-    """Check that the configured master frames exist, with the camera's size and the exposure's
-    length."""
+    """Check that the configured master frames exist and fit the camera's size and the exposure."""
     if not config.calibration.files:
         return passed_check("no master frames: frames are used as they come")
     masters, faults = read_masters(config.calibration)

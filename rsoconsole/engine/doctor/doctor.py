@@ -1,6 +1,6 @@
-"""Checks of this machine's readiness for a night: one for each thing that has ended nights before.
+"""Checks whether this machine is ready for a night; each is for something that once ended one.
 
-No check raises, none changes anything, and each says what to do when it is not well.
+No check raises or changes anything, and each says what to do where something is wrong.
 """
 
 import math
@@ -30,18 +30,21 @@ if TYPE_CHECKING:
 
 KM_PER_DEG = 111.19
 STALE_DAYS = 14.0
-"""Age of elements at which a geostationary satellite may be a tenth of a degree off, days."""
+"""Age of elements at which a geostationary satellite's position may be off by 0.1 deg, days."""
 DEFINED_S = 3.0
-"""Time without a new property after which a connected driver has defined all, s."""
+"""Time without a new property after which a driver counts as having defined all of them, s."""
 SITE_KM = 1.0
-"""Greatest distance of the mount's site, km: 0.01 deg of sky, which the engine demands too."""
+"""Greatest distance of the mount's site from the configured one, km; 0.01 deg of sky.
+
+The engine demands the same.
+"""
 _LIBRARIES = ("numpy", "cv2", "astropy", "erfa", "scipy", "filterpy", "sgp4", "astrometry")
 _LIBRARIES_OF_PROCESSES = ("indipydriver", "indipyserver", "textual", "plotext")
 _RUNTIMES = ("ai_edge_litert.interpreter", "tflite_runtime.interpreter")
 
 
 def run_checks(config: Config) -> Iterator[Check]:
-    """Yield every check as it is done, one after another."""
+    """Yield each check's result as soon as it is done."""
     by_name: tuple[tuple[str, Callable[[Config], Check]], ...] = (
         ("system", lambda _: check_system()),
         ("python", check_libraries),
@@ -75,7 +78,7 @@ def run_checks(config: Config) -> Iterator[Check]:
 
 
 def check_system() -> Check:
-    """Check that everything is published for this system, and can be installed on it again."""
+    """Check that the program's packages are available for this system, for a new installation."""
     machine = setup_check.read_machine(Path(sys.prefix))
     python = ".".join(map(str, machine.python))
     detail = f"{64 if machine.is_64_bit else 32}-bit {machine.machine}, Python {python}"
@@ -90,7 +93,7 @@ def check_system() -> Check:
 
 
 def check_libraries(_config: Config) -> Check:
-    """Check that every library loads here, in a process that may crash."""
+    """Check that every library loads; they are loaded in another process, which may crash."""
     names = (*_LIBRARIES, *_LIBRARIES_OF_PROCESSES, *_RUNTIMES)
     broken = import_faults(names)
     if any(runtime not in broken for runtime in _RUNTIMES):
@@ -106,7 +109,7 @@ def check_libraries(_config: Config) -> Check:
 
 
 def check_network(config: Config) -> Check:
-    """Check that the detector's network exists, matches its card, and runs here."""
+    """Check that the detector's network file exists, matches its model card, and runs here."""
     from rsoconsole.vision import ANOTHER_NETWORK, Network
 
     try:
@@ -117,7 +120,7 @@ def check_network(config: Config) -> Check:
 
 
 def check_camera(config: Config) -> Check:
-    """Check that scale, exposure and size are those for which the confidence is calibrated."""
+    """Check that scale, exposure and frame size are those for which confidences were calibrated."""
     from rsoconsole.vision import is_usable_scale, range_cautions
 
     optics, exposure_s = config.optics, config.exposure.exposure_s
@@ -140,7 +143,7 @@ def check_camera(config: Config) -> Check:
 
 
 def check_index_files(config: Config) -> Check:
-    """Check that there is an index file of every scale that the configured field needs."""
+    """Check that the plate solver has an index file of every scale that the field needs."""
     from rsoconsole.instruments import list_index_files, needed_scales, search_dirs
 
     try:
@@ -167,8 +170,10 @@ def check_index_files(config: Config) -> Check:
 
 
 def check_catalogue(config: Config) -> Check:
-    """Check that element files can be read, and are fresh enough to name geostationary
-    satellites."""
+    """Check that files of elements can be read and are not too old.
+
+    Too old: positions of geostationary satellites are not good enough for identification.
+    """
     from rsoconsole.pipeline import read_catalogue
 
     files = config.catalogue.tle_files
@@ -199,7 +204,7 @@ def check_catalogue(config: Config) -> Check:
 
 
 def check_site(config: Config) -> Check:
-    """Check that the site has been set: the default is the paper's, far from most telescopes."""
+    """Check that the observing site has been set; the default site is far from most telescopes."""
     site, papers = config.site, SiteConfig()
     place = f"{_place(site.to_site())}, {site.elevation_m:.0f} m"
     is_papers = site.latitude_deg == papers.latitude_deg
@@ -213,7 +218,7 @@ def check_site(config: Config) -> Check:
 
 
 def check_indi_server(config: Config) -> Check:
-    """Check that the INDI server answers and has the configured mount and camera."""
+    """Check that the INDI server answers, and has the configured mount and camera."""
     indi, others = config.indi, config.instruments
     address = f"{indi.host}:{indi.port}"
     settings = {name: getattr(indi, name) for name in ("mount", "camera", "weather", "dome")}
@@ -244,7 +249,7 @@ def check_indi_server(config: Config) -> Check:
 
 
 def check_mount_site(config: Config) -> Check:
-    """Check that the mount's site is the configured one: its limits depend on it."""
+    """Check that the mount's site is the configured site, on which its limits depend."""
     indi = config.indi
     if config.instruments.mount != "indi":
         return unsure(f"a mount by {config.instruments.mount} is asked when it is armed")
@@ -270,8 +275,10 @@ def check_mount_site(config: Config) -> Check:
 
 
 def check_mount_driver(config: Config) -> Check:
-    """Check that the mount's driver offers all that a night needs; list what it lacks, and the
-    effects."""
+    """Check that the mount's driver offers all functions that a night needs.
+
+    Lists the missing ones with their effects.
+    """
     indi = config.indi
     if config.instruments.mount != "indi":
         return unsure(f"a mount by {config.instruments.mount} is asked when it is armed")
@@ -303,7 +310,7 @@ def _indi_options(indi: IndiConfig) -> str:
 
 
 def check_clock(clock: ClockReading | None = None, most_offset_s: float = math.inf) -> Check:
-    """Check that the system's clock is synchronised: a second is 15 arcsec of sky."""
+    """Check that the system's clock is synchronised; in a second the sky moves by 15 arcsec."""
     clock = clock or doctor_system.read_clock()
     if clock.is_synchronised is None:
         return unsure(
@@ -324,7 +331,7 @@ def check_clock(clock: ClockReading | None = None, most_offset_s: float = math.i
 
 
 def check_disk(config: Config) -> Check:
-    """Check that the disk has room for the coming night, before it runs short."""
+    """Check that the disk has room for the coming night."""
     now_utc_ns = utc_now_ns()
     free_bytes = doctor_system.free_bytes(config.session.root)
     outlook = disk_outlook(config, free_bytes, now_utc_ns)

@@ -40,7 +40,7 @@ _PATIENCE_S = 120
 
 
 def import_faults(names: Sequence[str]) -> dict[str, str]:
-    """Return the faults of modules that do not load, by module name."""
+    """Return why modules do not load, by module name; those that load are left out."""
     done = subprocess.run(
         [sys.executable, "-W", "ignore", "-c", _IMPORT_ALL, *names],
         capture_output=True,
@@ -83,9 +83,9 @@ def check_client(config: Config) -> Check:
 
 
 def devices_there(host: str, port: int, wanted: set[str], quiet_s: float) -> set[str]:
-    """Return the devices that the server announces, until those wanted are there.
+    """Return the devices that the INDI server announces; stops once all ``wanted`` are there.
 
-    Ends also when it has announced nothing new for ``quiet_s``. Raises OSError.
+    Stops also when the server has announced nothing new for ``quiet_s``. Raises OSError.
     """
     received = b""
     found: set[str] = set()
@@ -110,11 +110,10 @@ def devices_there(host: str, port: int, wanted: set[str], quiet_s: float) -> set
 
 
 def mount_abilities(host: str, port: int, mount: str, quiet_s: float) -> MountAbilities | None:
-    """Return the abilities of the mount's driver, from its definitions until it is quiet for
-    ``quiet_s``.
+    """Return the functions that the mount's driver offers, by the properties that it defines.
 
-    None where it has reported no coordinates: it is not connected to its mount. Raises
-    InstrumentError.
+    Listens until the driver has defined nothing new for ``quiet_s``. None where it has reported no
+    coordinates, because it is not connected to its mount. Raises InstrumentError.
     """
     found: set[str] = set()
     with closing(IndiWire(host, port, quiet_s)) as wire:
@@ -130,7 +129,7 @@ def mount_abilities(host: str, port: int, mount: str, quiet_s: float) -> MountAb
 
 
 def mount_site(host: str, port: int, mount: str, quiet_s: float) -> Site | None:
-    """Return the site that the mount reports; None when it does not within ``quiet_s``.
+    """Return the site that the mount reports; None where it reports none within ``quiet_s``.
 
     Raises InstrumentError.
     """

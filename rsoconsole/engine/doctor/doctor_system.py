@@ -1,4 +1,4 @@
-"""Clock, disk and terminal as the operating system reports them."""
+"""Clock, disk and terminal, as the operating system reports them."""
 
 import ctypes
 import locale
@@ -18,18 +18,18 @@ _TIMESYNC_FLAG = Path("/run/systemd/timesync/synchronized")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ClockReading:
-    """The kernel's account of its own clock."""
+    """What the kernel reports of the system's clock."""
 
     is_synchronised: bool | None
     """True when synchronised; None when the system does not report it."""
     offset_s: float | None = None
-    """Offset still to be corrected, s."""
+    """Offset of the clock that is still to be corrected, s; None: not reported."""
     max_error_s: float | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Terminal:
-    """The terminal this process runs in."""
+    """The terminal that this process runs in."""
 
     columns: int
     rows: int
@@ -38,7 +38,7 @@ class Terminal:
 
 
 def read_clock() -> ClockReading:
-    """Read the kernel's account of its clock by adjtimex(2); changes nothing."""
+    """Read what the kernel reports of its clock, by adjtimex(2); changes nothing."""
     flag = True if _TIMESYNC_FLAG.exists() else None
     if not sys.platform.startswith("linux"):
         return ClockReading(is_synchronised=flag)
@@ -64,12 +64,12 @@ def read_clock() -> ClockReading:
 
 
 def free_bytes(folder: Path) -> int:
-    """Return the free disk where the folder is or would be, bytes. Raises OSError."""
+    """Return the free bytes of the disk on which the folder is, or would be. Raises OSError."""
     return shutil.disk_usage(nearest_existing(folder)).free
 
 
 def write_fault(folder: Path) -> str | None:
-    """Return why a folder cannot be written; None when it can, or could once it is made."""
+    """Return why a folder cannot be written; None when it can, or can once it is made."""
     nearest = nearest_existing(folder)
     if not nearest.is_dir():
         return f"{nearest} is no folder"
@@ -102,7 +102,7 @@ def read_terminal(environ: Mapping[str, str] | None = None) -> Terminal | None:
 
 
 def colours_of(environ: Mapping[str, str]) -> int:
-    """Return the number of colours that the terminal declares."""
+    """Return the number of colours that the terminal's environment variables declare."""
     if environ.get("COLORTERM", "") in {"truecolor", "24bit"}:
         return 1 << 24
     term = environ.get("TERM", "dumb")
@@ -112,7 +112,7 @@ def colours_of(environ: Mapping[str, str]) -> int:
 
 
 def nearest_existing(folder: Path) -> Path:
-    """Return the folder, or the nearest existing one above it."""
+    """Return the folder itself where it exists, else the nearest existing folder above it."""
     nearest = folder.absolute()
     while not nearest.exists() and nearest != nearest.parent:
         nearest = nearest.parent

@@ -1,4 +1,4 @@
-"""Abilities that a mount's driver lacks, and the effect on a night. Pure."""
+"""Functions that a mount's driver lacks, and the effect of each on a night."""
 
 from dataclasses import dataclass
 from typing import Literal
@@ -16,28 +16,28 @@ PROPERTIES: dict[LackName, str] = {
     "site": "GEOGRAPHIC_COORD",
     "time": "TIME_UTC",
 }
-"""The INDI property of each ability."""
+"""The INDI property of each function."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MissingAbility:
-    """One ability that a driver lacks."""
+    """One function that a driver lacks, and what follows from that."""
 
     name: LackName
     what: str
-    """Name of the missing ability in two words, for a panel."""
+    """Name of the missing function in two words, for a panel."""
     follows: str
     needs_override: bool = False
-    """True where arming needs an override by the ability's name."""
+    """True where arming needs the operator to override the lack by its name."""
 
     @property
     def text(self) -> str:
-        """Description of the lack and its effect, in one line."""
+        """The missing function and the effect of its lack, in one line."""
         return f"the mount has {self.what}: {self.follows}"
 
 
 def missing_abilities(abilities: MountAbilities, mount: MountConfig) -> tuple[MissingAbility, ...]:
-    """Return all missing abilities, the unsafe first."""
+    """Return all functions that a driver lacks, those that matter for safety first."""
     then = "it parks there" if abilities.can_park else "stay at its power switch"
     known: tuple[tuple[bool, LackName, str, str], ...] = (
         (abilities.can_abort, "abort", "no ABORT", "STOP cannot end a slew: cut its power"),

@@ -1,1 +1,1 @@
-"""Stares where low satellites come by, and leaps ahead of them."""
+"""Leaps ahead of low satellites, and stares that wait for one to come by."""

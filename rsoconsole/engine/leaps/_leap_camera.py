@@ -1,4 +1,4 @@
-"""The camera's exposure, binning and subframe during leaps, and their return to the night's own."""
+"""The camera's exposure, binning and subframe during leaps, and their return to the night's."""
 
 import logging
 
@@ -15,15 +15,15 @@ _WORTH_CHANGING = 0.15
 
 
 class LeapCamera:
-    """Sets exposure and binning, on record, and restores the night's own."""
+    """Sets exposure, binning and subframe for leaps, on record, and sets them back afterwards."""
 
     def __init__(self, control: LoopControl, parts: Parts) -> None:
         self._control, self._session_log = control, parts.session_log
         self._camera = parts.instrument_controller.instruments.camera
         self.binning = 1
-        """Pixels joined on each axis, in units of the configured ones."""
+        """Pixels joined on each axis, on top of the night's configured binning."""
         self.share = 1.0
-        """Share of each side of the sensor that is read out."""
+        """Part of each side of the sensor that is read out; 1: the whole sensor."""
         self._share_asked = 1.0
         self._can_read_parts = True
         self._is_said = False
@@ -36,9 +36,9 @@ class LeapCamera:
         """Exposure set by the leaps, s."""
 
     def begin(self) -> bool:
-        """Set the binning of leaps; True where the camera reads out in another mode from now on.
+        """Set the binning for leaps; True where the camera's binning has changed by that.
 
-        A camera that cannot bin is reported once, and used as it is.
+        A camera that cannot bin is reported once, and used unbinned.
         """
         config = self._control.config
         wanted = config.leap.binning or binning_for(config)
@@ -54,10 +54,11 @@ class LeapCamera:
         return self.binning != before
 
     def set_subframe(self, share: float) -> bool:
-        """Read this share of each side from the next exposure on; True where the share has changed.
+        """Read out only the sensor's middle from the next exposure on, ``share`` of each side.
 
-        A camera that cannot is reported once, and read whole. One that does not give the whole back
-        is asked again the next time.
+        True where that has changed. A camera without subframes is reported once, and read out
+        whole. A camera that does not return to the whole sensor gets the order again at the next
+        call.
         """
         if share == self._share_asked or (share < 1.0 and not self._can_read_parts):
             return False
@@ -82,7 +83,7 @@ class LeapCamera:
         return self.share != before
 
     def expose_for(self, exposure_s: float) -> None:
-        """Set the exposure, on record, where it differs from the present one."""
+        """Set the exposure, on record, where it differs enough from the present one."""
         config = self._control.config
         wanted_s = two_digits(exposure_s)
         if abs(wanted_s / config.exposure.exposure_s - 1.0) <= _WORTH_CHANGING:
@@ -92,7 +93,7 @@ class LeapCamera:
         self._set(wanted_s, "the leaps")
 
     def give_back(self) -> None:
-        """Restore the night's own exposure, binning and whole sensor."""
+        """Set exposure, binning and subframe back to what they were before the leaps."""
         own_s, self._before_s = self._before_s, None
         if own_s is not None:
             self._set(own_s, "the end of the leaps")
@@ -112,7 +113,7 @@ class LeapCamera:
             self._session_log.say("warning", words)
 
     def apply_new_settings(self, before: Config) -> None:
-        """Take new settings: an exposure that the operator sets during leaps holds after them."""
+        """Note new settings: an exposure that the operator sets during leaps stays after them."""
         if before.leap.subframe != self._control.config.leap.subframe:
             self._can_read_parts = True
         wanted_s = self._control.config.exposure.exposure_s

@@ -1,4 +1,4 @@
-"""Records and log lines of leaps and of the pass that they follow."""
+"""Records and log lines of leaps, and of the pass that they follow."""
 
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, replace
@@ -36,10 +36,10 @@ from rsoconsole.sky import IntArray, Pose, lit_fraction, wrap_180
 def leap_record(
     parts: LeapDurations, leap: Leap, before: LeapTrack, ends: StreakEnds | None, **facts: Any
 ) -> LeapDone:
-    """Return a leap's record: its plan, its figures and the offset of its streak.
+    """Return a leap's record: its plan, its times and the offset of its streak from the prediction.
 
-    ``before``: the track before its frame; ``ends``: its streak there, where met; ``facts``:
-    further fields of the record.
+    ``before``: the track before the leap's frame; ``ends``: the satellite's streak in that frame,
+    None where there is none; ``facts``: further fields of the record.
     """
     place = leap.place
     along, across = np.sqrt(np.maximum(np.diag(place.along_across_arcsec2), 0.0))
@@ -89,10 +89,9 @@ def _rms(orbit: LowOrbit, axis: int) -> float:
 
 _PASS_S, _PASS_STEP_S = 1_200.0, 10.0
 _AGAIN_AT = (6, 15)
-"""Numbers of streaks at which the rest of a pass is planned again: one streak determines it
-poorly."""
+"""Numbers of streaks at which the rest of a pass is planned again, as the orbit is better then."""
 _SURE = np.eye(6) * 1e-6
-"""Covariance of an orbit taken as known, 6 x 6: later leaps will determine it better than now."""
+"""Covariance of an orbit taken as known, 6 x 6, because later leaps determine it better."""
 
 
 @dataclass(slots=True)
@@ -109,7 +108,7 @@ class _Begun:
 
 
 class LeapLog:
-    """Gathers the facts of each leap; slow computations wait until no frame needs the loop."""
+    """Collects the facts of each leap; slow computations wait until the loop has time."""
 
     def __init__(self, control: LoopControl, parts: Parts, times: LeapTimes) -> None:
         self._control, self._times = control, times
@@ -125,12 +124,15 @@ class LeapLog:
         """Frame of the last leap or first streak."""
 
     def begin(self, frame_id: int, name: str) -> None:
-        """Begin a pass with its first streak; ``name``: the expected satellite's, else empty."""
+        """Begin a pass with its first streak.
+
+        ``name``: the expected satellite's, empty where none was expected.
+        """
         self._begun, self._frame_id = _Begun(frame_id=frame_id, name=name), frame_id
         self._unrecorded, self._spent = None, []
 
     def note_leap_times(self, leap: Leap, *, waited_for_frame: bool) -> None:
-        """Note a leap's times, now that the next slew can be ordered."""
+        """Note a leap's times; called when the next slew can be ordered."""
         now_ns = self._instrument_controller.now_utc_ns()
         self._spent.append(
             self._times.leap_durations(leap, now_ns, waited_for_frame=waited_for_frame)
@@ -146,7 +148,10 @@ class LeapLog:
         before: LeapTrack,
         streak: FrameStreak | None = None,
     ) -> None:
-        """Note the result of a leap, by its frame; ``before``: the track until then."""
+        """Note whether a leap met its satellite, by its frame.
+
+        ``order``: what triggered the leap's slew; ``before``: the track until that frame.
+        """
         self._begun.leaps += 1
         self._frame_id = frame_id
         self._unrecorded = partial(
@@ -162,7 +167,7 @@ class LeapLog:
         )
 
     def record(self) -> None:
-        """Record the last leap, where that has not been done yet."""
+        """Put the last leap on record, unless that was done."""
         record_of, self._unrecorded = self._unrecorded, None
         if record_of is not None and self._spent:
             self._session_log.append(record_of(self._spent[-1]))
@@ -170,11 +175,10 @@ class LeapLog:
     def plan(
         self, track: LeapTrack, first: Leap, start: Pose, telescope: Telescope, sure_from: int
     ) -> None:
-        """Log the plan of the pass: by its first streak with the first leap under way, and again
-        later.
+        """Log the plan of the pass: first during the first leap, and again after more streaks.
 
-        With one streak the likeliest of many orbits is used; with more the fitted one, and then the
-        Earth's shadow ends the pass too. ``sure_from``: as in ``plan_pass``.
+        With one streak, the likeliest of many possible orbits is used. With more, the fitted orbit
+        is used, and the pass also ends at the Earth's shadow. ``sure_from``: as in ``plan_pass``.
         """
         streaks, best = len(track.best.streaks), track.best
         is_first = not self._begun.planned_at
@@ -206,7 +210,7 @@ class LeapLog:
         self._session_log.say("info", words)
 
     def end(self, track: LeapTrack, why: str) -> None:
-        """Log and record the orbit and the next pass of the satellite that was followed."""
+        """Log and record the satellite's orbit and next pass; ``why``: why the pass has ended."""
         orbit = track.best.orbit
         self._session_log.say("info", f"{why}: {pass_summary_words(track, self._spent)}")
         later: ExpectedPass | None = None
@@ -219,7 +223,7 @@ class LeapLog:
         self._record_pass(track, why, later)
 
     def record_interrupted_pass(self, track: LeapTrack, why: str) -> None:
-        """Record a pass that was cut short by something else."""
+        """Record a pass that was interrupted; ``why``: the reason in words."""
         self._record_pass(track, why, None)
 
     def _record_pass(self, track: LeapTrack, end: str, later: ExpectedPass | None) -> None:

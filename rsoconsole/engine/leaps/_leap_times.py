@@ -26,18 +26,18 @@ from rsoconsole.pipeline import (
 from rsoconsole.records import Frame
 
 STEP = 0.8
-"""Settling time of a trial, as a share of the kept time."""
+"""Shorter settling time to be tested, in units of the settling time in use."""
 TURNS = 4
-"""Number of leaps of each sort, trial and kept, before they are compared."""
+"""Number of leaps with each of the two settling times before they are compared."""
 AS_SHARP, SHARPER = 1.05, 0.94
-"""Ratio of star widths after a trial to those without: no worse, and better."""
+"""Ratio of star widths, tested time to time in use, that counts as no worse, and as better."""
 SHORTEST_S, LONGEST = 0.3, 2.5
-"""Bounds of the kept time: least, in s, and greatest, in units of the configured time."""
+"""Bounds of the settling time: least, in s, and greatest, in units of the configured time."""
 _SURE_SIGMAS = 1.5
 _MEDIAN = 1.25
-"""Error of a median over that of a mean."""
+"""Error of a median, in units of the error of a mean."""
 _RESTS = 2
-"""Number of comparisons without a trial once neither less nor more is better."""
+"""Number of comparisons without a test once neither a shorter nor a longer time is better."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,34 +51,37 @@ class _Turn:
 
 @dataclass(slots=True)
 class SettleTrials:
-    """Learns from leap to leap how long the mount must settle, by trials against the kept time."""
+    """Learns how long the mount must settle, by testing other times against the time in use.
+
+    The width of the stars shows whether the mount had settled.
+    """
 
     configured_s: float
-    """Configured time to settle, s: the first kept time."""
+    """Configured settling time, s; the time in use at the beginning."""
     _factor: float = 1.0
-    """Kept time in units of the configured time."""
+    """Settling time in use, in units of the configured time."""
     _is_shorter: bool = True
-    """True where a shorter time is in trial; else a longer one."""
+    """True where a shorter time is tested; else a longer one."""
     _next: _Turn | None = None
-    """Settling time of the next leap, which is planned by it already."""
+    """Settling time of the next leap, which is already planned with it."""
     _used: _Turn | None = None
     """Settling time of the leap under way; None: not known."""
     _comparison: int = 0
     """Number of the comparison under way."""
     _refused: int = 0
-    """Number of trials in a row that were not kept."""
+    """Number of tested times in a row that were not adopted."""
     _rests: int = 0
     _widths: dict[bool, list[float]] = field(default_factory=lambda: {False: [], True: []})
-    """Widths of the stars, px, without (False) and with (True) the trial's time."""
+    """Widths of the stars, px, with the time in use (False) and with the tested time (True)."""
 
     @property
     def seconds(self) -> float:
-        """Time to settle for the next leap, s."""
+        """Settling time for the next leap, in use or in test, s."""
         return self.kept_s if self._next is None else self._next.seconds
 
     @property
     def kept_s(self) -> float:
-        """Time to settle as learned until now, s."""
+        """Settling time in use, as learned until now, s."""
         return self.configured_s * self._factor
 
     @property
@@ -93,18 +96,18 @@ class SettleTrials:
         return min(self.kept_s / STEP, LONGEST * self.configured_s)
 
     def begun(self) -> None:
-        """Note that a leap has had its time to settle; the next one gets its own."""
+        """Note that the mount has settled for a leap, and choose the settling time of the next."""
         self._used = self._next or _Turn(self.kept_s, False, self._comparison)
         is_trial = not self._used.is_trial and self._rests == 0
         seconds = self._trial_s if is_trial else self.kept_s
         self._next = _Turn(seconds, is_trial, self._comparison)
 
     def lost(self) -> None:
-        """Forget the frame under way: it is of no leap, or never comes."""
+        """Forget the leap under way, because its frame will not come or belongs to no leap."""
         self._used = None
 
     def forget_star_widths(self) -> None:
-        """Begin the comparison again: another mode of the camera changes the width of stars."""
+        """Begin the comparison again, because another camera mode changes the width of stars."""
         self._begin_comparison()
         self._used = None
 
@@ -113,9 +116,9 @@ class SettleTrials:
         self._comparison += 1
 
     def seen(self, width_px: float | None) -> str | None:
-        """Take the width of the stars of the leap under way, px; None: too wide to be measured.
+        """Add the width of the stars in a leap's frame, px; None: too wide to be measured.
 
-        Returns words for the log where another time is kept from now on.
+        Returns words for the log where the settling time in use changes, else None.
         """
         used, self._used = self._used, None
         if used is None or used.comparison != self._comparison:
@@ -172,10 +175,9 @@ class SettleTrials:
 _FRAMES = 12
 _LONGEST_READOUT_S = 20.0
 _SUBFRAME = 0.5
-"""Share of each side where nothing else is set: a quarter of the pixels."""
+"""Part of each side that is read where no other is configured: a quarter of the pixels."""
 _LATE_S = (-0.05, 3.0)
-"""Least and greatest believable delay from order to shutter, s: beyond, the camera's clock is
-off."""
+"""Least and greatest believable delay from order to shutter, s; else the camera's clock is off."""
 _MIN_FRAMES = 3
 _CLOSED_SIGMAS = 4.0
 _MIN_SCATTER_S = 0.01
@@ -183,27 +185,27 @@ _MIN_SCATTER_S = 0.01
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LeapDurations:
-    """The times of one leap, in seconds."""
+    """The durations of one leap's parts, in seconds."""
 
     total_s: float
-    """Time from the order of its slew until the next could be ordered."""
+    """Time from the order of this leap's slew until the next slew could be ordered."""
     slew_s: float
     settle_s: float
     shutter_s: float
-    """Time until the shutter opens, beyond the part of it in which the mount settles."""
+    """Time until the shutter opens, without the part of it in which the mount still settles."""
     open_s: float
     readout_s: float
-    """Time of read-out and reduction; 0 where the next slew was ordered as the shutter closed."""
+    """Time of read-out and processing; 0 where the next slew was ordered as the shutter closed."""
 
     @property
     def wait_s(self) -> float:
-        """Time of waiting for the satellite, and all that is not listed here, s."""
+        """Time of waiting for the satellite, with all else that is not listed here, s."""
         named_s = self.slew_s + self.settle_s + self.shutter_s + self.open_s + self.readout_s
         return self.total_s - named_s
 
 
 class LeapTimes:
-    """Learns the times of slews, shutter, read-out and settling from each slew and frame."""
+    """Learns the times of slew, shutter, read-out and settling from each slew and frame."""
 
     def __init__(
         self,
@@ -233,16 +235,16 @@ class LeapTimes:
         """Travel of the slew under way on both axes, deg, and the time of its order, UTC ns."""
 
     def forget_slew(self) -> None:
-        """Forget the slew under way: it no longer belongs to a leap."""
+        """Forget the slew under way, because it no longer belongs to a leap."""
         self._ordered = None
         self._settle.lost()
 
     def ordered(self, travel_deg: tuple[float, float], t_utc_ns: int) -> None:
-        """Note the order of a leap's slew: its travel on both axes, deg, and the time, UTC ns."""
+        """Note a leap's slew: the travel of both axes, deg, and the time of its order, UTC ns."""
         self._ordered = travel_deg, t_utc_ns
 
     def arrived(self) -> None:
-        """Learn the duration of a leap's slew from its arrival."""
+        """Learn how long a leap's slew took; called when the mount has arrived."""
         if self._ordered is None:
             self._settle.lost()
             return
@@ -257,7 +259,7 @@ class LeapTimes:
             self._motion = None
 
     def read_out(self, frame: Frame, opened_utc_ns: int) -> None:
-        """Learn the shutter from a frame whose exposure was ordered at an instant."""
+        """Learn the shutter's delay from a frame; its exposure was ordered at ``opened_utc_ns``."""
         self._closed_utc_ns = None
         t_mid_ns = shutter_mid_utc_ns(frame, self._config().exposure)
         if t_mid_ns is None or frame.exposure_s is None:
@@ -270,24 +272,24 @@ class LeapTimes:
         self._rows_s = rows_s
 
     def learn_processing_time(self, now_utc_ns: int) -> None:
-        """Learn the time of read-out and reduction: the next slew can be ordered now."""
+        """Learn how long read-out and processing took; called when the next slew can be ordered."""
         took_s = self._since_closed_s(now_utc_ns)
         if took_s is not None:
             self._readouts_s.append(took_s)
 
     def forget_camera(self) -> None:
-        """Forget the camera's times: its clock was set, or it reads out in another mode."""
+        """Forget the camera's times, because its clock was set or its read-out mode has changed."""
         self._readouts_s.clear()
         self._whole_s.clear()
         self._latencies_s.clear()
         self._settle.forget_star_widths()
 
     def forget_readouts(self) -> None:
-        """Forget the times of read-out, not the shutter's: another share of the sensor is read."""
+        """Forget the read-out times, not the shutter's: another part of the sensor is read."""
         self._readouts_s.clear()
 
     def subframe_for(self, leap: Leap) -> float:
-        """Share of each side of the sensor that is worth reading for a well-predicted leap."""
+        """Return the part of each sensor side to read in a well-predicted leap; 1: all of it."""
         share = self._config().leap.subframe or self._worth_reading()
         return share if leap.fits_in(share, self.terms(leap.binning)) else 1.0
 
@@ -305,23 +307,24 @@ class LeapTimes:
             self._whole_s.append(took_s)
 
     def _since_closed_s(self, now_utc_ns: int) -> float | None:
-        """Time since the shutter closed, s; None where not known, or not plausible as a
-        read-out."""
+        """Time since the shutter closed, s; None where not known, or too long for a read-out."""
         if self._closed_utc_ns is None:
             return None
         took_s = (now_utc_ns - self._closed_utc_ns) / NS
         return took_s if 0.0 <= took_s < _LONGEST_READOUT_S else None
 
     def add_star_width(self, width_px: float | None) -> str | None:
-        """Learn from the width of the stars of the last leap's frame, px; return words where
-        another settling time holds from now on."""
+        """Learn from the width of the stars in the last leap's frame, px; None: not measured.
+
+        Returns words for the log where another settling time is used from now on, else None.
+        """
         return self._settle.seen(width_px) if self._config().leap.learns_settle else None
 
     def closed_after_s(self, exposure_s: float, scatter_s: float = 0.0) -> float | None:
-        """Time from the order of an exposure until its shutter has surely closed, s.
+        """Return the time from the order of an exposure until its shutter has surely closed, s.
 
-        ``scatter_s``: scatter of the shutter as streaks show it, beside the headers. None where
-        frames do not determine it (too few of them, or the camera's clock is off), and where the
+        ``scatter_s``: scatter of the shutter's delay as streaks show it, s; frame headers show
+        another. None where too few frames are known, where the camera's clock is off, and where the
         frame itself comes sooner.
         """
         latency = self._shutter_s(scatter_s)
@@ -344,11 +347,11 @@ class LeapTimes:
         return min(middle_s - spread_s, *seen), max(middle_s + spread_s, *seen)
 
     def settle_s(self) -> float:
-        """Time from the mount's arrival until an exposure may be ordered, s.
+        """Return the time from the mount's arrival until an exposure may be ordered, s.
 
-        The shutter opens later: an exposure ordered while the mount still settles finds it settled.
-        The gain is at most ``exposure.start_latency_s``: a camera's clock that is ahead looks like
-        a late shutter.
+        This is less than the settling time, because the shutter opens some time after the order.
+        The difference is ``exposure.start_latency_s`` at most: a camera clock that is ahead would
+        look like a late shutter.
         """
         return max(self._given_s() - self._opens_s(), 0.0)
 
@@ -365,14 +368,14 @@ class LeapTimes:
         return min(max(latency[0], 0.0), self._config().exposure.start_latency_s)
 
     def terms(self, binning: int) -> LeapTerms:
-        """Return the times that a leap needs beside its slew, as learned so far."""
+        """Return the times that a leap needs beside its slew, as learned so far, at a binning."""
         terms = replace(terms_of(self._config(), binning), settle_s=self.settle_s())
         if self._readouts_s:
             terms = replace(terms, readout_s=float(np.median(self._readouts_s)))
         return terms
 
     def telescope(self, binning: int) -> Telescope:
-        """Return the telescope's motion, times and limits, as learned so far."""
+        """Return the telescope's motion, times and limits, as learned so far, at a binning."""
         if self._motion is None:
             self._motion = learned_motion(self._config().mount, list(self._seen))
         return Telescope(
@@ -383,7 +386,7 @@ class LeapTimes:
         )
 
     def apply_new_settings(self, before: Config) -> None:
-        """Take new settings."""
+        """Note new settings; ``before``: the configuration until now."""
         mount = self._config().mount
         if before.mount != mount:
             self._motion = None
@@ -394,8 +397,11 @@ class LeapTimes:
     def leap_durations(
         self, leap: Leap, now_utc_ns: int, *, waited_for_frame: bool
     ) -> LeapDurations:
-        """Return the times of a leap, from the order of its slew until now, when the next can go
-        out."""
+        """Return the durations of a leap, from the order of its slew until now.
+
+        To be called when the next slew can be ordered. ``waited_for_frame``: that had to wait for
+        the leap's frame.
+        """
         terms = self.terms(leap.binning)
         readout_s = self._readouts_s[-1] if self._readouts_s else terms.readout_s
         while_settling_s = min(self._opens_s(), self._given_last_s)

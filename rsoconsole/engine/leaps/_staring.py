@@ -1,4 +1,4 @@
-"""Exposures between passes: staring for any low satellite, or where one is expected."""
+"""Exposures between passes: a stare for any low satellite, or where one is expected."""
 
 from rsoconsole.engine.aim.instrument_controller import NS, Plan
 from rsoconsole.engine.leaps._leap_camera import LeapCamera
@@ -17,15 +17,15 @@ from rsoconsole.sky import (
 from rsoconsole.words import text
 
 _DRIFT = 0.1
-"""Share of the field's short side by which a stare may drift with the stars."""
+"""Distance by which a stare may drift with the stars, in units of the field's shorter side."""
 _GO_THERE_NS = 90 * NS
 """Time before a pass at which the telescope goes to where the satellite will be, ns."""
 _LOOK_NS = 600 * NS
-"""Greatest time between two frames until then, ns."""
+"""Greatest time between two frames before that, ns."""
 
 
 class Staring:
-    """Plans exposures, one after another, at one hour angle and declination."""
+    """Plans the exposures of a stare, which stays at one hour angle and declination."""
 
     def __init__(
         self,
@@ -43,13 +43,13 @@ class Staring:
         """Hour angle and declination of date of the stare, deg."""
 
     def forget(self) -> None:
-        """Forget the place: the next stare is where the telescope then points."""
+        """Forget where to stare; the next stare is where the telescope points by then."""
         self._stare = None
 
     def next_plan(self, pose: Pose, now_ns: int) -> Plan:
-        """Plan the next exposure of a stare; the mount moves where its place has drifted away.
+        """Plan the next exposure of a stare; the mount moves back where tracking has led it away.
 
-        Raises what ``Slews.order`` does.
+        Raises what ``Slews.order`` raises.
         """
         awaited = self._awaiting.next_pass(now_ns)
         if awaited is not None:
@@ -78,8 +78,7 @@ class Staring:
         return plan
 
     def _waited(self, awaited: AwaitedPass, pose: Pose, now_ns: int) -> Plan:
-        """Plan a frame in place until shortly before the pass, then at a point of its orbit until
-        it comes."""
+        """Plan an exposure in place until shortly before the pass, then one on its path."""
         stare = awaited.stare
         until_ns = stare.from_utc_ns - _GO_THERE_NS
         if now_ns < until_ns:
@@ -104,7 +103,7 @@ class Staring:
         return plan
 
     def in_place(self, now_ns: int) -> Plan:
-        """Plan one more exposure where the telescope looks."""
+        """Plan one more exposure where the telescope looks, without a slew."""
         return self._parts.planner.plan_exposure_at(None, now_ns, "", now_ns)
 
     def _note_slew(self, pose: Pose, there: tuple[float, float], now_ns: int) -> None:

@@ -1,4 +1,4 @@
-"""The awaited pass: of a catalogued object, or of the satellite followed last."""
+"""The pass that is waited for: of a catalogued object, or of the satellite followed last."""
 
 from collections.abc import Callable, Iterator, Sequence
 
@@ -35,7 +35,10 @@ from rsoconsole.words import NS_PER_DAY, NS_PER_S, utc_ns_to_iso
 
 
 def entry_of(config: Config) -> CatalogueEntry:
-    """Return the newest elements of ``leap.pass_norad``. Raises OrbitError, with the remedy."""
+    """Return the newest elements of the object ``leap.pass_norad``.
+
+    Raises OrbitError, with a remedy.
+    """
     number, files = config.leap.pass_norad, config.catalogue.tle_files
     if not files:
         raise OrbitError(
@@ -49,13 +52,17 @@ def entry_of(config: Config) -> CatalogueEntry:
 
 
 SEARCHED_NS = NS_PER_DAY
-"""Time ahead that is searched for passes, ns."""
+"""How far ahead passes are searched, ns."""
 
 
 def first_streak_words(
     track: LeapTrack, awaited: AwaitedPass | None, found: PassOffset | None
 ) -> str:
-    """Return a first streak in words: its rate, its sense, and its delay against the prediction."""
+    """Return a first streak in words: its rate, its sense, and how late the satellite is.
+
+    ``awaited``: the expected pass; ``found``: the streak's offset from its prediction; both None
+    where none was expected.
+    """
     speed = track.best.streaks[0].speed_arcsec_s
     if awaited is None or found is None:
         sure = 100.0 * track.best.probability
@@ -68,7 +75,7 @@ def first_streak_words(
 
 
 def awaited_words(awaited: AwaitedPass) -> str:
-    """Return the awaited pass in words."""
+    """Return the pass that is waited for in words."""
     stare = awaited.stare
     either_s = (stare.until_utc_ns - stare.from_utc_ns) / 2 / NS_PER_S
     return (
@@ -78,7 +85,7 @@ def awaited_words(awaited: AwaitedPass) -> str:
 
 
 def successful_leap_words(track: LeapTrack, seen: FrameStreak, leap: Leap | None) -> str:
-    """Return a successful leap in words: its number, its streak, how well the orbit fits."""
+    """Return a leap that met its satellite in words: its number, its streak and the orbit's fit."""
     best, number = track.best, len(track.best.streaks) - 1
     words = f"leap {number} met: {seen.detection.length_px:.0f} px"
     if leap is not None:
@@ -92,14 +99,14 @@ def successful_leap_words(track: LeapTrack, seen: FrameStreak, leap: Leap | None
 
 
 def pass_words(plan: PassPlan) -> str:
-    """Return the plan of a pass in words, before its first leap."""
+    """Return the plan of a pass, made before its first leap, in words."""
     return f"up to {len(plan.leaps)} leaps{_flips_words(plan)}; then: {_end_words(plan)}"
 
 
 def remaining_pass_words(plan: PassPlan, *, is_dark: bool) -> str:
-    """Return the rest of a pass in words, by its own orbit: leaps, until when, and what ends it.
+    """Return the rest of a pass in words: the number of leaps, until when, and what ends it.
 
-    ``is_dark``: True where the Earth's shadow ends it.
+    ``is_dark``: True where the Earth's shadow ends the pass.
     """
     words = f"by its orbit up to {len(plan.leaps)} more leaps{_flips_words(plan)}"
     if plan.leaps:
@@ -118,7 +125,7 @@ def _flips_words(plan: PassPlan) -> str:
 
 
 def pass_summary_words(track: LeapTrack, parts: Sequence[LeapDurations]) -> str:
-    """Return a finished pass in words: its streaks, and the median times of a leap."""
+    """Return a finished pass in words: its streaks, and the median durations of its leaps."""
     streaks = track.best.streaks
     span_s = (streaks[-1].t_mid_utc_ns - streaks[0].t_mid_utc_ns) / NS_PER_S
     words = f"{len(streaks)} streaks in {span_s:.0f} s, shutter ± {track.best.scatter_s:.2f} s"
@@ -140,7 +147,7 @@ def pass_summary_words(track: LeapTrack, parts: Sequence[LeapDurations]) -> str:
 def next_pass_of(
     orbit: LowOrbit, site: Site, now_utc_ns: int, least_altitude_deg: float
 ) -> ExpectedPass | None:
-    """Return the next pass within a day; None where there is none."""
+    """Return an orbit's next pass within a day; None where there is none."""
     later = passes_above(
         orbit, site, now_utc_ns + 600 * NS_PER_S, now_utc_ns + SEARCHED_NS, least_altitude_deg
     )
@@ -148,7 +155,7 @@ def next_pass_of(
 
 
 def orbit_words(orbit: LowOrbit, later: ExpectedPass | None) -> Iterator[str]:
-    """Yield an orbit and its next pass in lines, with their uncertainties."""
+    """Yield lines on an orbit and its next pass, with their uncertainties."""
     found = elements_of(orbit.r_km, orbit.v_km_s)
     yield (
         f"its orbit: {found.a_km - EARTH_RADIUS_KM:.0f} km, e {found.e:.4f},"
@@ -166,14 +173,14 @@ _LOOKS_AGAIN_NS = 3600 * NS
 
 
 class Awaiting:
-    """Finds the next pass, by elements or by the last satellite's own orbit."""
+    """Finds the next pass to wait for, by elements or by the last satellite's own orbit."""
 
     def __init__(self, control: LoopControl, parts: Parts) -> None:
         self._control = control
         self._parts = parts
         self._site = control.config.site.to_site()
         self.awaited: AwaitedPass | None = None
-        """The awaited pass; None: any satellite."""
+        """The pass that is waited for; None: any satellite will do."""
         self._entry: CatalogueEntry | None = None
         self._last_orbit: LowOrbit | None = None
         """Orbit of the satellite that was last followed by leaps."""
@@ -183,30 +190,33 @@ class Awaiting:
         """Time before which all passes are over, UTC ns."""
 
     def forget(self) -> None:
-        """Forget the awaited pass; the next one is found again."""
+        """Forget the pass that is waited for, so that ``next_pass`` searches again."""
         self.awaited, self._looked_until_ns = None, 0
 
     def forget_elements(self) -> None:
-        """Forget the elements: another satellite is awaited from now on."""
+        """Forget the elements, because another satellite is to be waited for."""
         self.forget()
         self._entry, self._from_ns = None, 0
 
     def forget_orbit(self) -> None:
-        """Forget the last orbit, which was found by a wrong clock."""
+        """Forget the orbit of the satellite followed last, because the clock was wrong."""
         self._last_orbit, self._from_ns = None, 0
 
     def skip_pass(self) -> None:
-        """Give up the expected pass, which cannot be met or has not come; the next one is found."""
+        """Give up the expected pass; ``next_pass`` then finds a later one."""
         if self.awaited is not None:
             self._from_ns, self.awaited = self.awaited.set_utc_ns, None
 
     def over(self, orbit: LowOrbit | None) -> None:
-        """Note the end of a pass, and its orbit where one was found."""
+        """Note that a pass is over; ``orbit``: the orbit found from it, None without one."""
         self.forget()
         self._last_orbit = orbit
 
     def next_pass(self, now_ns: int) -> AwaitedPass | None:
-        """Return the awaited pass, found where the last is over; None: any satellite."""
+        """Return the pass to wait for, searched for where the last is over.
+
+        None where none is configured or found: then any satellite will do.
+        """
         awaited, leap = self.awaited, self._control.config.leap
         if awaited is not None and now_ns > awaited.stare.until_utc_ns:
             self._parts.session_log.say("info", f"{awaited.name} did not come by")

@@ -1,11 +1,11 @@
 """Stares where low satellites come by, and leaps ahead of one until it sets.
 
-The telescope exposes where it looks, one frame after another. A streak fast enough to be of a low
-orbit begins a track (`orbit.leap_track`); from then on the track determines the place and time of
-each exposure. Once the orbit is known so well that one frame more changes nothing, the next slew is
-ordered as the shutter closes, and the camera reads out on the way; else as soon as a look at the
-middle of the frame has shown the streak. Frames are measured and recorded as usual, whole; this
-module only determines where the next one is.
+The telescope exposes where it looks, one frame after another. A streak fast enough for a low orbit
+begins a track (`orbit.leap_track`); from then on the track gives the place and time of each
+exposure. Once another frame would hardly improve the orbit, the next slew is ordered as the shutter
+closes, and the camera reads out during the slew. Before that, the slew is ordered as soon as a
+quick search in the middle of the frame has found the streak. Frames are measured and recorded as
+usual, as a whole; this module only decides where the next frame is.
 """
 
 import time
@@ -48,22 +48,22 @@ from rsoconsole.sky import Pose
 from rsoconsole.words import text
 
 LEAP_POLL_NS = NS // 10
-"""Interval between polls of a leaping mount's arrival, ns."""
+"""Interval between the mount's reports while a leap's arrival is waited for, ns."""
 _AHEAD_S, _STEP_S = 150.0, 3.0
-"""Length and step of the path searched for the next leap, s: a flip of the mount fits in."""
+"""Length and step of the path in which the next leap is sought, s; long enough for a pier flip."""
 SURE_STREAKS = 3
-"""Number of streaks from which on an orbit is known well enough to go ahead of the next frame."""
+"""Number of streaks from which on the next slew need not wait for the frame."""
 SURE_WITHIN, SURE_PROBABILITY = 0.98, 0.99
-"""Least probability of both ends in the next field, and of the track's sense."""
+"""Least probability that both ends are in the next field, and that the track's sense is right."""
 _GLANCE_NS = NS // 10
-"""Time of a look at the middle of a frame in the simulated observatory, ns."""
+"""Assumed time of the quick search in a frame's middle, in the simulated observatory, ns."""
 
 LookAt = Callable[[Frame, float], Glance | None]
-"""Looks at the middle of a frame, within a number of pixels of its centre."""
+"""Searches for streaks in a frame's middle, within a distance of its centre, px; None: none."""
 
 
 class Leaping:
-    """Follows a low satellite: determines where and when it is met next."""
+    """Follows a low satellite by leaps: decides where and when it is photographed next."""
 
     def __init__(self, control: LoopControl, parts: Parts, look_at: LookAt) -> None:
         self._control = control
@@ -71,7 +71,7 @@ class Leaping:
         self._site = control.config.site.to_site()
         self._look_at = look_at
         self.track: LeapTrack | None = None
-        """The satellite's track; None while staring."""
+        """Track of the satellite that is followed; None while staring."""
         self._leap: Leap | None = None
         """The leap under way."""
         self._misses = 0
@@ -97,7 +97,7 @@ class Leaping:
         return self._control.config.leap.enabled
 
     def forget(self, why: str = "autonomy has lost the mount") -> None:
-        """End the leaps, with a reason for the record; later ones begin where it then points."""
+        """End the leaps, with a reason for the record; later stares begin where the mount is."""
         if self.track is not None:
             self._log.record_interrupted_pass(self.track, why)
         self.track = self._leap = None
@@ -109,17 +109,17 @@ class Leaping:
         self._camera.give_back()
 
     def forget_times(self) -> None:
-        """Forget all that depends on times: the clock was set."""
+        """End the leaps and forget all learned times of the camera, because the clock was set."""
         self.forget("the clock was set")
         self.times.forget_camera()
         self._awaiting.forget_orbit()
 
     def drop_early(self) -> None:
-        """Forget the leap that was ordered ahead of a frame."""
+        """Forget the next leap, found or ordered before the frame was measured."""
         self._next = self._early = None
 
     def configure(self, before: Config) -> None:
-        """Take new tunables: ended leaps leave the night its own exposure, and forget."""
+        """Note new settings; where leaps were switched off, end them."""
         after = self._control.config
         if before.leap.pass_norad != after.leap.pass_norad:
             self._awaiting.forget_elements()
@@ -129,13 +129,13 @@ class Leaping:
             self.forget("leaps were switched off")
 
     def telescope(self) -> Telescope:
-        """The telescope's motion, times and limits, as learned so far."""
+        """Return the telescope's motion, times and limits, as learned so far."""
         return self.times.telescope(self._camera.binning)
 
     # --- an exposure of a leap
 
     def opened(self, frame_id: int, opened_utc_ns: int) -> None:
-        """Find the next leap while the exposure that was just ordered is under way."""
+        """Find the next leap while the exposure ordered at ``opened_utc_ns`` is under way."""
         self._exposing, self._next = (frame_id, opened_utc_ns), None
         leap, track = self._leap, self.track
         if leap is None or track is None or not self._is_sure(track):
@@ -153,10 +153,10 @@ class Leaping:
             self._next = found
 
     def closed(self) -> MountReport | None:
-        """Send the mount on as the shutter closes, where one more frame changes nothing.
+        """Send the mount on as the shutter closes, where the orbit is known well enough for that.
 
-        Returns the mount's report from before; None where it stays. Raises what ``Slews.order``
-        does.
+        Returns the mount's report from just before; None where the mount stays. Raises what
+        ``Slews.order`` raises.
         """
         found, self._next = self._next, None
         if found is None or not self._may_order():
@@ -166,9 +166,9 @@ class Leaping:
         return looked if self._order_early(found, waited_for_frame=False) else None
 
     def read_out(self, frame: Frame) -> None:
-        """Learn a frame's times; a look at its middle may be enough for the next order.
+        """Learn a frame's times, and order the next slew if its middle already shows the streak.
 
-        Raises what ``Slews.order`` does.
+        Raises what ``Slews.order`` raises.
         """
         self.times.read_out(frame, self._exposing[1])
         leap, track = self._leap, self.track
@@ -198,7 +198,7 @@ class Leaping:
             return
 
     def take_stage_ms(self) -> dict[str, float]:
-        """Return the times of the look at the frame's middle and of its order, ms, once."""
+        """Return the times of the quick search and the order made from it, ms, and forget them."""
         taken, self._stage_ms = self._stage_ms, {}
         return taken
 
@@ -232,7 +232,7 @@ class Leaping:
     # --- what a frame shows
 
     def follow_frame(self, frame: Frame, reduction: Reduction) -> None:
-        """Follow the satellite through one more frame, or begin with a streak of the frame."""
+        """Follow the satellite in one more frame, or begin a track with a streak of the frame."""
         if not self.is_on:
             return
         leap, self._leap = self._leap, None
@@ -337,7 +337,7 @@ class Leaping:
         return True
 
     def record(self) -> None:
-        """Record the last leap and plan the whole pass, once no frame waits for it."""
+        """Record the last leap and log the plan of the pass; called while no frame has to wait."""
         self._log.record()
         if self.track is None or self._leap is None:
             return
@@ -363,9 +363,9 @@ class Leaping:
     # --- where the next one is
 
     def order_next(self, *, is_held: bool) -> Plan:
-        """Plan the next exposure; the mount is on its way when this returns.
+        """Plan the next exposure and order its slew; the mount is on its way when this returns.
 
-        Raises what ``Slews.order`` does.
+        Raises what ``Slews.order`` raises.
         """
         if self._camera.share == 1.0:
             self.times.learn_whole_readout_time(self._parts.instrument_controller.now_utc_ns())

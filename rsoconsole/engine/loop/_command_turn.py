@@ -1,4 +1,7 @@
-"""Executes what came in since the last frame: waiting commands, and alarms that cut it short."""
+"""Executes the commands and alarms that came in since the last frame.
+
+An alarm interrupts the loop: STOP, a limit, or the end of the night.
+"""
 
 import logging
 import time
@@ -31,7 +34,7 @@ STOP_POLL_S = 0.02
 
 
 class CommandTurn:
-    """Executes commands in their order, recording each outcome; alarms come before them."""
+    """Executes alarms, then commands in their order, and records each command's outcome."""
 
     def __init__(
         self,
@@ -44,7 +47,7 @@ class CommandTurn:
         handlers: Handlers,
         on_executed: Callable[[], None],
     ) -> None:
-        """``on_executed`` is called after commands that may have changed the next aim."""
+        """``on_executed``: called after commands that may have changed the next aim."""
         self._control = control
         self._instrument_controller = instrument_controller
         self._queue = queue
@@ -52,7 +55,7 @@ class CommandTurn:
         self._handlers, self._on_executed = handlers, on_executed
 
     def execute_waiting(self) -> None:
-        """Execute the waiting commands, in order; each gets its outcome on record in any case."""
+        """Execute the waiting commands in their order; every one gets its outcome on record."""
         requests = self._queue.take_all()
         for number, request in enumerate(requests):
             outcome = DONE
@@ -89,10 +92,10 @@ class CommandTurn:
         request.course.settle(result)
 
     def heed_alarms(self) -> None:
-        """Act on alarms: say them, then pass through their steps.
+        """Act on the alarms that came in: log each, then pass its trigger to the state machine.
 
         Raises Interrupted while a STOP is still talking to the mount on its own thread: nothing may
-        be executed before it is over.
+        be executed until that is over.
         """
         if not self._queue.is_stopping:
             return

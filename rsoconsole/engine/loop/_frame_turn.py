@@ -1,4 +1,4 @@
-"""One frame of the loop: exposed, reduced, followed, the mount sent on, and put on record."""
+"""One frame of the loop: exposed, reduced, followed, and recorded once the mount is sent on."""
 
 import time
 from collections.abc import Callable
@@ -23,7 +23,7 @@ CLEAR_FRAMES = 2
 
 
 class FrameTurn:
-    """Takes each exposure through the loop, and keeps what the next one needs."""
+    """Takes each exposure through the loop, and keeps the state that the next exposure needs."""
 
     def __init__(
         self,
@@ -39,8 +39,7 @@ class FrameTurn:
         forgive: Callable[[], None],
         on_cycle: Callable[[Reduction], None],
     ) -> None:
-        """``forgive``: called when instruments work again; ``on_cycle``: called with each finished
-        frame."""
+        """``forgive``: called when instruments work again; ``on_cycle``: after each frame."""
         self._control = control
         self._parts = parts
         self._exposures, self._cycle, self._orbits = exposures, cycle, orbits
@@ -50,20 +49,20 @@ class FrameTurn:
         self._is_first_look = False
         self._must_check_pointing = True
         self.clear_frames = 0
-        """Number of frames with stars in a row, up to the last one."""
+        """Number of frames in a row, up to the last one, in which stars were seen."""
         self.last_track: TrackState | None = None
         """The last lead track of this night."""
         self.ahead: AimAhead | None = None
-        """The aim of the exposure after the next one."""
+        """Where the telescope looks in the exposure after the next one."""
         self._pace = Pace()
         self.temporary = TemporarySettings(self._pace.of_night)
-        """Settings that hold for some frames only."""
+        """Settings that were changed for a number of frames only."""
         self._places = PlacesOfInterest()
 
     def begin_search(self, *, checks_pointing: bool) -> None:
-        """Take the next exposure where the telescope points.
+        """Start a search; the next exposure is taken where the telescope points.
 
-        ``checks_pointing``: its stars must agree with the mount's report.
+        ``checks_pointing``: the stars in that frame must agree with the mount's report.
         """
         self._is_first_look, self._must_check_pointing = True, checks_pointing
         self._parts.planner.start_search(
@@ -72,18 +71,18 @@ class FrameTurn:
         )
 
     def forget_plan(self) -> None:
-        """Drop the plan after a change from outside."""
+        """Drop the planned exposure, because something outside the loop has changed."""
         self._plan = self._exposures.next_start_utc_ns = None
 
     def end_autonomy(self) -> None:
-        """Reset for the next arming: it looks where it stands, with the night's own exposure."""
+        """Reset for the next arming: no slew, no leaps, the night's own exposure and cadence."""
         self._is_first_look = False
         self._parts.slews.forget()
         self._leaping.forget()
         self.set_pace(None)
 
     def look_ahead(self) -> None:
-        """Compute where the exposure after the next one would look, before the mount goes there."""
+        """Compute where the exposure after the next one looks, before the mount goes there."""
         ahead = None
         if self._control.authority.is_autonomous:
             now_ns = self._parts.instrument_controller.now_utc_ns()
@@ -91,7 +90,7 @@ class FrameTurn:
         self.ahead = aim_ahead(ahead, self._control.following, self._control.config)
 
     def one_exposure(self) -> None:
-        """Wait for the mount, expose, reduce, follow, send the mount on; then put it on record."""
+        """Wait for the mount, expose, reduce, follow, send the mount on; then record the frame."""
         plan = self._plan or self._order_next()
         self._plan = None
         poll_ns, settle_s = POLL_NS, None
@@ -129,7 +128,7 @@ class FrameTurn:
         )
 
     def one_look(self) -> None:
-        """Take an exposure while the operator has control: shown and measured, without a track."""
+        """Take an exposure while the operator has control: recorded, measured, not followed."""
         if self._by_hand.move is not None:
             report = self._parts.instrument_controller.wait_for_arrival(*self._by_hand.move.command)
             self._by_hand.move = None
@@ -153,8 +152,7 @@ class FrameTurn:
             self._exposures.keep(frame, self._control.following.state, place_px)
 
     def _count_frame(self) -> None:
-        """Count a finished frame: settings for some frames, or a hold until the sky clears, may
-        end."""
+        """Count a finished frame; temporary settings, and a hold until the sky clears, may end."""
         config, changes = self.temporary.count(self._control.config)
         self._parts.session_log.append_all(changes)
         if changes:
@@ -170,7 +168,7 @@ class FrameTurn:
             self._control.handle(Resumed(by="the sky"))
 
     def set_pace(self, track: TrackState | None) -> None:
-        """Set exposure and cadence for the lead track; the night's own without one."""
+        """Set exposure and cadence for the lead track; without a track, restore the night's own."""
         config, changes = self._pace.after(self._control.config, track)
         self._parts.session_log.append_all(changes)
         if changes:

@@ -27,9 +27,10 @@ def status_of(
     next_aim: NextAim | None,
     orbits: Orbits,
 ) -> Status:
-    """Return a snapshot; every part is read once, so that any thread may call.
+    """Return the engine's status now; may be called from any thread.
 
-    ``names``: identified tracks' names, by track id; ``orbits``: source of the field as a whole.
+    ``names``: names of identified tracks, by track id; ``orbits``: source of the tracks' relative
+    motion and of missing objects.
     """
     last_pairs = orbits.pairs.last if authority.following.tracks else ()
     expected = orbits.expected

@@ -1,7 +1,7 @@
-"""Interruptions that nobody ordered: clocks that are set, wrong or stood still; slews ended by the
-lease.
+"""Interruptions that nobody ordered: faults of the clock, and slews that the lease ended.
 
-Each is reported with its figures, and the night goes on by itself once the mount's state is known.
+The mount's own process ends a slew when the engine has not renewed its lease. Each interruption is
+reported with its figures, and the night goes on by itself once the mount's state is known.
 """
 
 import contextlib
@@ -19,20 +19,20 @@ from rsoconsole.sky import icrs_to_altaz
 
 NS = 1_000_000_000
 SETTLED_NS = NS
-"""Wait until the mount's process, which stood still too, has looked again, ns."""
+"""Wait before the mount's report is used, ns: its process stood still too, and must read again."""
 GIVEN_UP = "what was under way is given up"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ClockTrouble:
-    """The last fault of the clock, for the health panel."""
+    """The clock's last fault, for the health panel."""
 
     t_utc_ns: int
     text: str
 
 
 class Interruptions:
-    """Reports faults of time and slews ended by the lease, and checks the mount after them."""
+    """Reports clock faults and slews that the lease ended, and checks the mount afterwards."""
 
     def __init__(
         self,
@@ -44,21 +44,22 @@ class Interruptions:
         forget_camera: Callable[[], None],
         end_at_limit: Callable[[str], None],
     ) -> None:
-        """``forget``: drop what depends on times that are wrong; ``forget_camera``: drop the
-        difference between the camera's clock and this machine's; ``end_at_limit``: stop at a
-        limit."""
+        """``forget``: drops all that depends on wrong times; ``end_at_limit``: stops at a limit.
+
+        ``forget_camera``: drops the difference between the camera's clock and this machine's.
+        """
         self._control, self._by_hand = control, by_hand
         self._parts = parts
         self._forget, self._forget_camera = forget, forget_camera
         self._end_at_limit = end_at_limit
         self._must_look = False
         self.trouble: ClockTrouble | None = None
-        """Last fault of the clock."""
+        """The clock's last fault; None without one."""
 
     # -- time -----------------------------------------------------------------------------------
 
     def receive(self, fault: ClockFault) -> None:
-        """Act on a fault of the clock; the loop drops its work."""
+        """Act on a fault of this machine's clock; the loop drops its present work."""
         match fault.kind:
             case "set" | "leap second":
                 self._clock_set(fault)
@@ -91,7 +92,7 @@ class Interruptions:
             self._control.handle(ClockSet(step_s=fault.seconds))
 
     def camera_set(self, step_s: float) -> None:
-        """Act on a camera's clock that was set: later times do not continue those of the track."""
+        """Act on a camera clock that was set by ``step_s``: the track's measurements end there."""
         self._forget()  # what is known of the camera's clock is of the new time already
         self._note(f"camera's set by {step_s:+.1f} s")
         self._say(
@@ -123,8 +124,7 @@ class Interruptions:
         self._control.handle(ClockSet(step_s=fault.seconds))
 
     def _mount_clock(self) -> str:
-        """Return how far the mount's own clock is off, in words, where it reports its time; else
-        empty."""
+        """Return in words how far the mount's own clock is off; empty where it reports none."""
         off_s = None
         with contextlib.suppress(InstrumentError):
             off_s = self._parts.instrument_controller.instruments.mount.utc_offset_s()
@@ -144,10 +144,11 @@ class Interruptions:
     # -- the mount ------------------------------------------------------------------------------
 
     def look_at_mount(self) -> None:
-        """Report how the mount stands after a pause without watch, and end what is beyond a limit.
+        """After a time when nothing ran, report what the mount does, and stop it beyond a limit.
 
-        Does nothing without such a pause. Raises Interrupted, also where a limit was met, and
-        InstrumentError where the mount that somebody controls is silent.
+        Does nothing where the program has not stood still. Raises Interrupted where the loop is to
+        be interrupted or a limit was met, InstrumentError where the mount is silent while somebody
+        has control.
         """
         if not self._must_look:
             return
@@ -168,9 +169,9 @@ class Interruptions:
         self._go_on_from(report)
 
     def goes_on_after(self) -> bool:
-        """True where the mount's own process ended the slew that left it elsewhere.
+        """True where the mount is not where it was sent because its own process ended the slew.
 
-        Then this is reported, and autonomy goes on from where the mount stands.
+        That is then reported, and autonomy goes on from where the mount stands.
         """
         if not self._say_slew_end():
             return False
@@ -190,8 +191,10 @@ class Interruptions:
         return ended is not None
 
     def _go_on_from(self, report: MountReport) -> None:
-        """Go on from a report. Raises Interrupted where the mount is beyond a limit: it has been
-        stopped then."""
+        """Go on from a mount's report.
+
+        Raises Interrupted where the mount is beyond a limit; it has been stopped then.
+        """
         if not report.is_slewing:
             self._parts.planner.moved_by_hand(report)
         how = "slews" if report.is_slewing else "tracks" if report.is_tracking else "stands still"

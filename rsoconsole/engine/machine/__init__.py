@@ -1,1 +1,1 @@
-"""The machine itself: its heat, time, disk and name, and its messages to systemd."""
+"""The machine itself: its heat, time, disk and name, and the engine's messages to systemd."""

@@ -18,14 +18,16 @@ from pathlib import Path
 from rsoconsole.control import Machine
 
 ROOT = Path("/")
-"""Folder that holds ``proc`` and ``sys``; tests have their own."""
+"""Folder that holds ``proc`` and ``sys``; tests use another."""
 PI_HOT_C, HOT_C = 80.0, 95.0
-"""Temperatures that count as hot, deg C: a Raspberry Pi slows itself down from 80 on; others bear
-more."""
+"""Temperatures that count as hot on a Raspberry Pi and on other machines, deg C.
+
+A Raspberry Pi slows itself down from 80 on.
+"""
 TIMEOUT_S = 3.0
 UNDER_VOLTAGE, CAPPED, THROTTLED, SOFT_LIMIT = 1 << 0, 1 << 1, 1 << 2, 1 << 3
 EARLIER = 16
-"""Shift from each of these bits to the bit that says whether it has been so before."""
+"""Bits between a flag of the present and the flag that says whether it was ever set since boot."""
 _THROTTLED_FILE = "sys/devices/platform/soc/soc:firmware/get_throttled"
 _CPU_ZONES = ("cpu", "soc", "pkg")
 
@@ -47,7 +49,7 @@ HEAT_REMEDY = "a heat sink or a fan, air around the case, shade by day"
 
 
 def read_machine(root: Path = ROOT) -> Machine:
-    """Read the machine once; raises nothing."""
+    """Read the machine's state once; never raises."""
     alarm, word = _supply_alarm(root), _throttled_word(root)
     return Machine(
         model=board_model(root),
@@ -62,8 +64,7 @@ def read_machine(root: Path = ROOT) -> Machine:
 
 
 def troubles_of(reading: Machine) -> tuple[Trouble, ...]:
-    """Return the troubles of a reading, worst first; empty where there are none or nothing is
-    reported."""
+    """Return the faults that a reading shows, worst first; empty where it shows none."""
     found = []
     if reading.is_under_voltage:
         words = "under-voltage: the power supply gives too little"
@@ -82,13 +83,13 @@ def troubles_of(reading: Machine) -> tuple[Trouble, ...]:
 
 
 def board_model(root: Path) -> str | None:
-    """Return the board's name in the device tree; None where there is none, as on a PC."""
+    """Return the board's name from its device tree; None without one, as on a PC."""
     text = text_of(root / "proc/device-tree/model")
     return None if text is None else text.replace("\0", "").strip() or None
 
 
 def text_of(path: Path) -> str | None:
-    """Return a small file's text without its line's end; None where it cannot be read."""
+    """Return a small file's text without its last line break; None where it cannot be read."""
     try:
         return path.read_text(encoding="utf-8", errors="replace").strip()
     except OSError:
@@ -96,8 +97,7 @@ def text_of(path: Path) -> str | None:
 
 
 def _temperature_c(root: Path) -> float | None:
-    """Temperature of the processor's thermal zone, deg C; of the first zone where none has that
-    name."""
+    """Temperature of the processor's thermal zone, else of the first zone, deg C."""
     found: list[tuple[bool, float]] = []
     for zone in sorted(root.glob("sys/class/thermal/thermal_zone*")):
         thousandths, kind = _whole(zone / "temp"), text_of(zone / "type") or ""
@@ -116,8 +116,10 @@ def _supply_alarm(root: Path) -> bool | None:
 
 
 def _throttled_word(root: Path) -> int | None:
-    """Return the firmware's throttling value, from its own program first: the kernel's file
-    complains when read."""
+    """Return the firmware's throttling value, from its own program where there is one.
+
+    The kernel's file logs a complaint when it is read.
+    """
     answer = run_program(("vcgencmd", "get_throttled")) if root == Path("/") else None
     if answer is None:
         answer = text_of(root / _THROTTLED_FILE)
@@ -128,7 +130,7 @@ def _throttled_word(root: Path) -> int | None:
 
 
 def run_program(words: Sequence[str]) -> str | None:
-    """Return the output of a program; None where it is not there, fails or takes too long."""
+    """Return a program's output; None where it is not installed, fails or takes too long."""
     program = shutil.which(words[0])
     if program is None:
         return None
@@ -142,7 +144,7 @@ def run_program(words: Sequence[str]) -> str | None:
 
 
 def name_values(text: str | None, mark: str) -> dict[str, str]:
-    """Return name and value of the lines that have both; the first where a name stands twice."""
+    """Return names and values of the lines "name``mark``value"; of equal names, the first."""
     found: dict[str, str] = {}
     for line in (text or "").splitlines():
         name, _, value = line.partition(mark)
@@ -174,14 +176,14 @@ def _either(one: bool | None, other: bool | None) -> bool | None:
 
 _VARIABLE = "NOTIFY_SOCKET"
 _kept: list[str] = []
-"""The systemd notify address, once it is hidden from the children."""
+"""systemd's notify address, once it is hidden from the programs that the engine runs."""
 
 
 def hide_notify_socket() -> None:
-    """Take the notify address out of the environment: a program that the engine runs is not the
-    engine.
+    """Take systemd's notify address out of the environment, and keep it for ``notify``.
 
-    Without this, systemd's own programs (``timedatectl``) report their failures to it.
+    Else systemd's own programs (``timedatectl``), run by the engine, would report their failures as
+    the engine's.
     """
     address = os.environ.pop(_VARIABLE, None)
     if address is not None:
@@ -189,9 +191,9 @@ def hide_notify_socket() -> None:
 
 
 def notify(state: str) -> bool:
-    """Send e.g. "READY=1", "WATCHDOG=1", "STATUS=..."; True when it was sent.
+    """Send a state to systemd: "READY=1", "WATCHDOG=1", "STATUS=..."; True when it was sent.
 
-    Never raises and never waits: without a listener nothing is sent.
+    Never raises and never waits. Without systemd nothing is sent.
     """
     address = os.environ.get(_VARIABLE) or "".join(_kept)
     if not address.startswith(("/", "@")):

@@ -1,4 +1,4 @@
-"""The machine's identity for a report, from what it states about itself."""
+"""The machine's name and kind, as it states them itself."""
 
 import os
 import platform
@@ -14,22 +14,21 @@ _ARM = {"aarch64", "arm64", "armv7l", "armv8l", "armv6l"}
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MachineIdentity:
-    """The machine as named beside figures measured on it."""
+    """The machine as it is named beside figures that were measured on it."""
 
     model: str
-    """Board by its device tree, else the processor by its own name."""
+    """Board's name from the device tree, else the processor's name."""
     cores: int
     """Number of cores that this process may use."""
     architecture: str
     python: str
     system: str
     is_emulated: bool
-    """True where the processor is emulated by another machine; False also where that is not
-    known."""
+    """True where another machine emulates the processor; False also where that is not known."""
 
     @property
     def words(self) -> str:
-        """The identity in one line."""
+        """The machine's name, processor and system in one line."""
         cores = f"{self.cores} core{'s' if self.cores > 1 else ''}"
         emulated = " (EMULATED: not the speed of a real one)" if self.is_emulated else ""
         return (
@@ -54,8 +53,7 @@ def machine_identity(root: Path = ROOT, architecture: str | None = None) -> Mach
 
 
 def load_share() -> float:
-    """Return the work that waits for or has a core, as a share of the cores, over the last
-    minute."""
+    """Return the load of the last minute: running and waiting processes, in units of the cores."""
     return os.getloadavg()[0] / available_cores()
 
 
@@ -65,8 +63,7 @@ def _system(root: Path) -> str:
 
 
 def _is_emulated(architecture: str, cpu: dict[str, str], root: Path) -> bool:
-    """True with signs of QEMU: a PC's processor under an ARM program, QEMU's own, or its
-    handler."""
+    """True with signs of QEMU: a PC's processor under an ARM program, or QEMU's own."""
     if architecture not in _ARM:
         return cpu.get("model name", "").startswith("QEMU Virtual CPU")
     is_pc = "vendor_id" in cpu or "cpu family" in cpu

@@ -1,4 +1,4 @@
-"""The kind of disk that a folder lies on, and how many nights it has room for."""
+"""The kind of disk that a folder lies on, and how many nights fit on it."""
 
 import os
 import re
@@ -25,13 +25,16 @@ class Medium:
 
     kind: MediumKind
     device: str = ""
-    """Kernel's name of the whole disk; empty where it is none."""
+    """The kernel's name of the whole disk; empty where the folder is on no disk."""
     life_used_percent: int | None = None
-    """Life used, percent, as an eMMC counts it in steps of ten; 110: beyond what it is made for."""
+    """Part of the disk's life that is used, percent; None: not reported.
+
+    An eMMC counts it in steps of ten; 110: beyond what it is made for.
+    """
 
 
 def medium_of(folder: Path, root: Path = ROOT) -> Medium:
-    """Return the disk that a folder lies on, or would once it is made. Raises nothing."""
+    """Return the disk that a folder lies on, or will once it is made; never raises."""
     mount = _mount_of(folder, root)
     if mount is None:
         return Medium(kind="unknown")
@@ -96,10 +99,10 @@ def _unescaped(place: str) -> str:
 
 
 NIGHT_WITHOUT_DARK_S = 10 * 3600.0
-"""Assumed length of a night where no dark time begins within a day, s."""
+"""Assumed length of a night where it does not become dark within a day, s."""
 LONGEST_NIGHT_S = 24 * 3600.0
 COMPRESSED_SHARE = 0.52
-"""Compressed size over raw, for a camera that fills all 16 bits; 12 bits give half of it."""
+"""Compressed over raw size of frames that fill all 16 bits; with 12 bits it is half of that."""
 BYTES_BESIDE_FRAME = 100_000
 """Size of preview and records of one exposure, bytes."""
 WARN_BELOW_NIGHTS = 3.0
@@ -111,18 +114,15 @@ DISK_REMEDY = (
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DiskOutlook:
-    """The disk that the coming night takes, and the number of such nights that there is room
-    for."""
+    """The disk that the coming night needs, and how many such nights there is room for."""
 
     bytes_a_night: int
-    """Greatest use of a night, bytes: exposures from dusk to dawn without a pause, kept as
-    configured."""
+    """Greatest number of bytes of a night: exposures from dusk to dawn, kept as configured."""
     dark_s: float
-    """Length of that night, s."""
+    """Length of the coming night, s."""
     nights: float
     warning: str | None
-    """Warning in words, with the figures and what to do; None while there is room for some
-    nights."""
+    """Warning with figures and remedy; None while there is room for some nights."""
 
 
 def disk_outlook(
@@ -130,9 +130,9 @@ def disk_outlook(
 ) -> DiskOutlook:
     """Compute how many nights like the coming one the free disk holds.
 
-    ``bytes_a_frame`` is the measured size of a frame, without preview and records; None computes it
-    from the sensor and how well such frames compress. For "detected" every frame is counted: the
-    number of frames with a detection is not known.
+    ``bytes_a_frame``: measured size of a frame, without preview and records; None: computed from
+    the sensor and how well such frames compress. Where only frames with detections are kept, all
+    frames are counted, because the number with detections is not known.
     """
     dark_s = min(_dark_s(config, now_utc_ns, from_utc_ns=0), LONGEST_NIGHT_S)
     need = session_bytes(config, dark_s, bytes_a_frame)
@@ -146,8 +146,10 @@ def disk_outlook(
 
 
 def bytes_until_dawn(config: Config, now_utc_ns: int) -> tuple[float, float]:
-    """Return (disk taken by the rest of this night, or by the whole coming one, bytes; its length,
-    s)."""
+    """Return the disk that the rest of the night needs, bytes, and that rest's length, s.
+
+    By day both are for the whole coming night.
+    """
     dark_s = _dark_s(config, now_utc_ns, from_utc_ns=now_utc_ns)
     return session_bytes(config, dark_s), dark_s
 
@@ -161,7 +163,7 @@ def _dark_s(config: Config, now_utc_ns: int, *, from_utc_ns: int) -> float:
 
 
 def session_bytes(config: Config, duration_s: float, bytes_a_frame: float | None = None) -> float:
-    """Return the disk that exposures over ``duration_s`` take at most, bytes."""
+    """Return the greatest number of bytes that exposures over ``duration_s`` need."""
     cadence_s = max(config.exposure.cadence_s, config.exposure.exposure_s)
     if config.session.keep_frames in {"none", "last"}:  # those of the last few weigh little
         kept_bytes = 0.0
@@ -174,7 +176,7 @@ def session_bytes(config: Config, duration_s: float, bytes_a_frame: float | None
 
 
 def disk_words(free_bytes: float, dark_s: float, need_bytes: float) -> str:
-    """Return the free disk and the need of a night, in words."""
+    """Return the free disk and a night's need, in words."""
     takes = f"{dark_s / 3600:.1f} h of dark take up to {need_bytes / 1e9:.1f} GB"
     return f"{free_bytes / 1e9:.1f} GB free, {takes}"
 

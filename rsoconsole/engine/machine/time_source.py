@@ -10,7 +10,7 @@ from rsoconsole.engine.machine.machine import ROOT, name_values, run_program, te
 
 TimeSourceKind = Literal["GPS", "NTP", "none", "unknown"]
 _CLOCKS = re.compile(r"GPS|PPS|NMEA|GNSS|SHM|UBX", re.IGNORECASE)
-"""Names of reference clocks in chrony and gpsd."""
+"""Names that chrony and gpsd give to reference clocks."""
 _LEAP_UNSET = "Not synchronised"
 Ask = Callable[[Sequence[str]], str | None]
 
@@ -20,15 +20,14 @@ class TimeSource:
     """The service that sets this machine's clock."""
 
     kind: TimeSourceKind
-    """Kind of source; none: a time service runs and reaches no source, or is off; unknown:
-    not reported."""
+    """Kind of source; none: a time service is off or reaches no source; unknown: not reported."""
     detail: str
     rtc: str | None
-    """Name of the real-time clock that goes on without power; None where there is none."""
+    """Name of the real-time clock, which runs without power; None where there is none."""
 
 
 def read_time_source(ask: Ask = run_program, root: Path = ROOT) -> TimeSource:
-    """Read the time source from chrony, else from systemd. Runs programs; raises nothing."""
+    """Read the time source from chrony, else from systemd; runs programs, never raises."""
     clock = text_of(root / "sys/class/rtc/rtc0/name")
     chrony = ask(("chronyc", "-c", "tracking"))
     found = None if chrony is None else _by_chrony(chrony)
@@ -38,8 +37,7 @@ def read_time_source(ask: Ask = run_program, root: Path = ROOT) -> TimeSource:
 
 
 def _by_chrony(line: str) -> tuple[TimeSourceKind, str] | None:
-    """Return the source by the comma-separated line of ``chronyc -c tracking``; None where it is
-    none."""
+    """Return the source by the line of ``chronyc -c tracking``; None for any other line."""
     fields = line.strip().split(",")
     if len(fields) < 14:
         return None
@@ -52,8 +50,7 @@ def _by_chrony(line: str) -> tuple[TimeSourceKind, str] | None:
 
 
 def _by_systemd(clock: str | None, service: str | None) -> tuple[TimeSourceKind, str]:
-    """Return the source by what ``timedatectl`` reports of the clock and of its own time
-    service."""
+    """Return the source by what ``timedatectl`` reports of the clock and its time service."""
     pairs = name_values(clock, "=")
     server = name_values(service, "=").get("ServerName", "")
     is_set = pairs.get("NTPSynchronized") == "yes"

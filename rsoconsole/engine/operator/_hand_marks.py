@@ -1,4 +1,4 @@
-"""A streak that the operator marks by hand: the decision from it, and its result."""
+"""A streak that the operator marks by hand: the decision made from it, and the result."""
 
 import math
 from dataclasses import replace
@@ -21,17 +21,24 @@ from rsoconsole.records import (
 from rsoconsole.sky import largest_sigma, separation_deg
 
 MARK_SIGMA_PX = 2.0
-"""Default one sigma of a mark by hand, px."""
+"""Default one sigma of the ends of a mark by hand, px."""
 SHORTEST_MARK_PX = 3.0
 WIDEST_MARK_PX = 10_000.0
 BETTER = 1.5
-"""Ratio of a mark's sigma to a measurement's above which the operator must confirm replacing it."""
+"""Ratio of a mark's sigma to a measurement's above which the operator must confirm the mark."""
 SAME_STREAK_ARCSEC = 30.0
-"""Distance beyond which an automatic measurement is of something else, if the mark is precise."""
+"""Distance beyond which the detector's measurement is of another streak, arcsec.
+
+For an imprecise mark it is three sigma of the mark, where that is more.
+"""
 
 
 def marked_decision(shown: FrameObservations, mark: MarkByHand, by: str, config: Config) -> Ruling:
-    """Return the decision for a streak between two ends that the operator has marked."""
+    """Return the decision to follow a streak between two ends that the operator has marked.
+
+    Raises ValueError for a frame that was not solved or has no time, and for ends that are not
+    possible.
+    """
     x_a, y_a, x_b, y_b = mark.x_a_px, mark.y_a_px, mark.x_b_px, mark.y_b_px
     taken = shown.taken
     if not isinstance(shown.solution, Solution):
@@ -53,7 +60,7 @@ def marked_decision(shown: FrameObservations, mark: MarkByHand, by: str, config:
 
 
 def detection_of(mark: MarkByHand, frame_id: int) -> Detection:
-    """Return the streak between the mark's two ends, with the mark's precision."""
+    """Return a mark as a detection, with the mark's precision."""
     x_a, y_a, x_b, y_b = mark.x_a_px, mark.y_a_px, mark.x_b_px, mark.y_b_px
     sigma_px = MARK_SIGMA_PX if mark.sigma_px is None else mark.sigma_px
     across_px = sigma_px if mark.sigma_across_px is None else mark.sigma_across_px
@@ -78,7 +85,7 @@ def detection_of(mark: MarkByHand, frame_id: int) -> Detection:
 
 
 def refined_command(mark: MarkByHand, found: Detection) -> MarkByHand:
-    """Return a mark moved onto the light that was found beneath it."""
+    """Return a mark with the ends and precision of the streak that was found beneath it."""
     return replace(
         mark,
         x_a_px=found.x_a_px,
@@ -92,15 +99,17 @@ def refined_command(mark: MarkByHand, found: Detection) -> MarkByHand:
 
 
 def sigma_arcsec(measurement: Measurement) -> float:
-    """One sigma of a direction on its worst axis, arcsec."""
+    """Return one sigma of a direction, arcsec, on the axis where it is largest."""
     return largest_sigma(*measurement.cov_sky_arcsec2)
 
 
 def better_measurement(
     mark: Measurement, shown: FrameObservations, taken: Measurement | None
 ) -> Measurement | None:
-    """Return a much more precise measurement that a mark would replace; None where there is
-    none."""
+    """Return a much more precise measurement that a mark would replace; None: there is none.
+
+    ``taken``: the track's accepted measurement of the frame.
+    """
     sigma = sigma_arcsec(mark)
     near = [m for m in shown.measurements if _away_arcsec(m, mark) <= 3.0 * sigma]
     known = [m for m in (taken, *near) if m is not None and m != mark and not m.is_clipped]
@@ -118,7 +127,10 @@ def _away_arcsec(one: Measurement, other: Measurement) -> float:
 def measured(
     detection: Detection, measurement_id: str, shown: FrameObservations, config: Config
 ) -> Measurement:
-    """Measure a detection that the operator accepts. Raises ValueError without stars or time."""
+    """Measure a detection that the operator accepts.
+
+    Raises ValueError where the frame was not solved, or has no time.
+    """
     if not isinstance(shown.solution, Solution):
         raise ValueError(_not_solved(shown.taken.frame_id))
     made = measure(
@@ -141,7 +153,7 @@ def _not_solved(frame_id: int) -> str:
 def detected_measurement(
     mark: Measurement, shown: FrameObservations, taken: Measurement | None
 ) -> Measurement | None:
-    """Return the detector's measurement of a marked streak; None where it has none.
+    """Return the detector's measurement of the streak that was marked; None where it has none.
 
     ``taken``: the track's accepted measurement of the frame.
     """
@@ -154,7 +166,10 @@ def detected_measurement(
 def with_mark_figures(
     result: CommandResult, mark: Measurement, automatic: Measurement | None
 ) -> CommandResult:
-    """Add a mark's precision and its distance from the detector's measurement to a result."""
+    """Add a mark's precision, and its distance from the detector's measurement, to a result.
+
+    ``automatic``: the detector's measurement; None where it has none.
+    """
     east, _, north = mark.cov_sky_arcsec2
     return replace(
         result,
@@ -164,7 +179,7 @@ def with_mark_figures(
 
 
 def unfollowed_frame_result(decision: Ruling, records: tuple[Record, ...]) -> CommandResult:
-    """Return the result of a decision on a frame taken without autonomy."""
+    """Return the result of a decision on a frame that was taken without autonomy."""
     states = [r for r in records if isinstance(r, TrackState) and r.frame_id == decision.frame_id]
     result = result_of(decision, ())
     kinds = {each.kind for each in states}
@@ -174,7 +189,7 @@ def unfollowed_frame_result(decision: Ruling, records: tuple[Record, ...]) -> Co
 
 
 def result_of(decision: Ruling, records: tuple[Record, ...]) -> CommandResult:
-    """Return the result of a decision."""
+    """Return the result of a decision, with the number of frames that the track did not use."""
     taken, left_alone = decision.taken, 0
     ruled: RuledKind = "rejected" if decision.refused else "taken back"
     if taken is not None:

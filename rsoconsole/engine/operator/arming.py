@@ -1,6 +1,6 @@
-"""The checklist before the engine may move a telescope: facts are gathered, then judged.
+"""The checklist before the engine may move a telescope: facts are gathered, then checked.
 
-Each check has a one-word name by which an operator may override it; each override is logged.
+Each check has a name of one word, by which an operator may override it; each override is logged.
 """
 
 from collections.abc import Callable, Collection, Sequence
@@ -28,14 +28,16 @@ CHECKS = (
     *("clock", "site", "time", "sun", "unparked", "abort", "tracking"),
     *("weather", "dome", "disk", "network", "index", "pointing"),
 )
-"""Names of all checks, in the order of their display; "pointing" is judged on its own."""
+"""Names of all checks, in display order; "pointing" is checked later, on a frame."""
 CLOCK_OFFSET_S = 0.1
-"""Greatest offset of the clock, s: 1.5 arcsec of sky."""
+"""Greatest offset of the machine's clock, s; in 0.1 s the sky moves by 1.5 arcsec."""
 MOUNT_TIME_S = 30.0
-"""Greatest offset of the mount's clock, s: many report whole seconds, and late; a wrong zone or day
-still shows."""
+"""Greatest offset of the mount's clock, s.
+
+Many mounts report whole seconds, and late; a wrong time zone or day is still found.
+"""
 POINTING_DEG = CLIP_ARCSEC / 3600.0
-"""Reach of the loop's own pointing offset: beyond it no slew would find its place."""
+"""Greatest pointing offset that the loop corrects, deg; beyond it no slew reaches its target."""
 MOUNT_ANSWER_S = 2.0
 
 
@@ -44,17 +46,17 @@ class ArmingCheck:
     """One check of the list, and its result."""
 
     name: str
-    """The word by which an operator overrides it; one of ``CHECKS``."""
+    """Name by which an operator overrides the check; one of ``CHECKS``."""
     ok: bool
     detail: str
-    """Details of the result, with the figure."""
+    """What was found, with the figure."""
     remedy: str = ""
-    """Remedy; empty when all is well."""
+    """What to do; empty when all is well."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ArmingFacts:
-    """Facts for the checklist at one instant; None: not known."""
+    """Facts that the checks need, at one instant; None: not known."""
 
     now_utc_ns: int
     is_simulated: bool
@@ -62,21 +64,24 @@ class ArmingFacts:
     site: SiteCheck | None
     report: MountReport | None
     mount_fault: str
-    """Reason why the mount did not answer; empty when it did."""
+    """Reason why the mount did not answer; empty when it answered."""
     mount_utc_offset_s: float | None
-    """Mount's clock minus the engine's, s; None when it does not report its time."""
+    """The mount's clock minus the engine's, s; None when the mount does not report its time."""
     abilities: MountAbilities | None
-    """Abilities of the mount's driver; None: not known."""
+    """Functions that the mount's driver offers; None: not known."""
     sky: SkyReport | None
     free_bytes: int | None
     disk_fault: str
-    """Reason why nothing can be written; empty when it can."""
+    """Reason why nothing can be written to the session's folder; empty when it can."""
     network: Check
     index: Check
 
 
 def gather_facts(instruments: Instruments, config: Config, session_folder: Path) -> ArmingFacts:
-    """Query clock, mount, safety monitor and disk; never raises; quick while the mount answers."""
+    """Query clock, mount, safety monitor and disk; never raises.
+
+    Quick while the mount answers; a silent mount is waited for a few seconds.
+    """
     mount = instruments.mount
     report, mount_fault = _ask(lambda: mount.report(timeout_s=MOUNT_ANSWER_S))
     site: SiteCheck | None = None
@@ -110,7 +115,7 @@ def gather_facts(instruments: Instruments, config: Config, session_folder: Path)
 
 
 def arming_checks(facts: ArmingFacts, config: Config) -> tuple[ArmingCheck, ...]:
-    """Judge every check but "pointing", which needs a frame. Pure."""
+    """Return the result of every check but "pointing", which needs a frame."""
     found = {
         "clock": _clock(facts, config),
         "site": _site(facts),
@@ -131,9 +136,9 @@ def arming_checks(facts: ArmingFacts, config: Config) -> tuple[ArmingCheck, ...]
 def pointing_check(
     solution: Solution | NotSolved | None, report: MountReport | None, config: Config
 ) -> ArmingCheck:
-    """Check that a solved frame shows the stars of where the mount reports to look. Pure.
+    """Check that a solved frame shows the stars at which the mount reports to point.
 
-    ``report`` is of the time of the exposure; None: the mount did not report.
+    ``report``: the mount's at the time of the exposure; None: the mount did not report.
     """
     return _of_doctor("pointing", _pointing(solution, report, config))
 
@@ -170,13 +175,13 @@ def _pointing(
 
 
 def unknown_words(names: Collection[str]) -> str:
-    """Return a message that names unknown checks; empty where all are known."""
+    """Return a message that lists unknown names of checks; empty where all are known."""
     unknown = ", ".join(sorted(set(names) - set(CHECKS)))
     return f"no check is called {unknown}; there are {', '.join(CHECKS)}" if unknown else ""
 
 
 def refusal_text(checks: Sequence[ArmingCheck], overridden: Collection[str]) -> str | None:
-    """Return why the engine is not armed; None when every failed check is overridden."""
+    """Return why the engine cannot be armed; None when every failed check is overridden."""
     failed = [check for check in checks if not check.ok and check.name not in overridden]
     if not failed:
         return None

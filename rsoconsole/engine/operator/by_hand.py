@@ -1,4 +1,4 @@
-"""The mount by the operator's hand: go to, nudge, track, unpark, and what a move would do."""
+"""Commands that move the mount by hand (go to, nudge, track, unpark), and previews of moves."""
 
 import math
 from dataclasses import dataclass
@@ -20,23 +20,23 @@ from rsoconsole.words import text
 
 Direction = tuple[float, float]
 Move = Goto | Nudge
-"""Commands that send the telescope somewhere."""
+"""A command that sends the telescope somewhere."""
 PARKED = "the mount is parked: unpark it first"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class HandMove:
-    """A move by hand under way, ICRS degrees."""
+    """A move by hand under way."""
 
     direction: Direction
-    """Target of the move, ICRS degrees."""
+    """Direction at which the telescope is to look, ICRS degrees."""
     command: Direction
-    """The direction commanded to the mount for that."""
+    """Direction commanded to the mount for that, in its own coordinates, ICRS degrees."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Parts:
-    """Parts of the engine that moves by hand, frames and leaps work with."""
+    """The engine's parts with which moves by hand, frames and leaps work."""
 
     instrument_controller: InstrumentController
     planner: Planner
@@ -47,7 +47,7 @@ class Parts:
 
 
 class ByHand:
-    """Moves the mount within its limits and remembers where it was sent."""
+    """Moves the mount by hand, within its limits, and remembers where it was sent."""
 
     def __init__(self, control: LoopControl, parts: Parts) -> None:
         self._control = control
@@ -57,7 +57,7 @@ class ByHand:
 
     @property
     def handlers(self) -> Handlers:
-        """Handlers of its commands."""
+        """Handlers of the commands ``goto``, ``nudge``, ``track`` and ``unpark``, by class."""
         move = Handler(check=self._check_move, expect=self._expect_unparked, execute=self._move)
         return {
             Goto: move,
@@ -67,9 +67,10 @@ class ByHand:
         }
 
     def preview(self, preview: Preview) -> MovePreview:
-        """Preview a move: target, way, time and limits; nothing moves.
+        """Return the preview of a move: its target, distance, duration and limits; nothing moves.
 
-        Raises ValueError where it leads nowhere, InstrumentError when the mount is silent.
+        Raises ValueError for a move whose target is not known, InstrumentError when the mount is
+        silent.
         """
         direction = self._wanted(preview.move)
         now_ns = self._parts.instrument_controller.now_utc_ns()
@@ -133,8 +134,10 @@ class ByHand:
         return done("on its way")
 
     def _possible(self, command: Move) -> Direction:
-        """Return the direction of a move, ICRS degrees. Raises ValueError where it must not go
-        there."""
+        """Return the direction of a move, ICRS degrees.
+
+        Raises ValueError where the telescope must not go there.
+        """
         direction = self._wanted(command)
         refused = self._refusal(direction, command.override)
         if refused is not None:

@@ -1,8 +1,8 @@
 """The operator's decisions on a frame's streaks: chosen, accepted, rejected, marked by hand.
 
-Each makes a ``Ruling`` on one of the last frames, by which it and those after it are followed
-again; without autonomy, two of them make a track that is kept. Nothing here moves the mount. The
-loop's own thread executes them, the wire's only checks.
+Each makes a ``Ruling`` on one of the last frames; that frame and those after it are then followed
+once more. Without autonomy, two decisions make a track that can be followed later. Nothing here
+moves the mount. Decisions are executed on the loop's thread; the wire's threads only check them.
 """
 
 import math
@@ -63,9 +63,10 @@ from rsoconsole.words import error_figure, text
 def track_decision(
     word: Drop | Keep, shown: FrameObservations, following: Following, by: str, config: Config
 ) -> Ruling:
-    """Return the decision to drop or keep one track; earlier decisions on the frame stand.
+    """Return the decision to drop or keep one track; earlier decisions on the frame stay.
 
-    Raises ValueError where there is no such track.
+    ``word``: the command; ``shown``: the frame and what was observed in it. Raises ValueError where
+    there is no such track, or nothing changes.
     """
     frame_id = shown.taken.frame_id
     before = shown.decision or Ruling(frame_id=frame_id)
@@ -96,9 +97,10 @@ def track_decision(
 
 
 def frame_of(word: Drop | Keep, decisions: Sequence[Ruling]) -> int | None:
-    """Return the frame of a decision that is taken back; else the frame of the command.
+    """Return the number of the frame that a command to drop or keep a track is about.
 
-    Raises ValueError where there is nothing to take back.
+    For a drop that is taken back this is the frame of that drop; else the command's own frame.
+    Raises ValueError where no such drop is found.
     """
     if not (isinstance(word, Drop) and word.off):
         return word.frame_id
@@ -112,33 +114,36 @@ def frame_of(word: Drop | Keep, decisions: Sequence[Ruling]) -> int | None:
 
 
 def with_track_decisions(decision: Ruling, before: Ruling | None) -> Ruling:
-    """Add the earlier decisions on a frame's tracks to a decision on its streaks."""
+    """Return a decision on a frame's streaks with the frame's earlier decisions on tracks added."""
     if before is None:
         return decision
     return replace(decision, dropped=before.dropped, kept=before.kept, released=before.released)
 
 
 def ruled_kind(word: Drop | Keep) -> RuledKind:
-    """Return the kind of result of dropping or keeping a track."""
+    """Return the kind of result that a command to drop or keep a track has."""
     if isinstance(word, Drop):
         return "taken up again" if word.off else "dropped"
     return "released" if word.off else "kept"
 
 
 NEAR_PX = 25.0
-"""Greatest distance of a chosen candidate from the place that the operator points at, px."""
+"""Greatest distance of a chosen streak from the pixel at which the operator points, px."""
 MAX_MARKED = 2
-"""Number of frames whose pixels are kept for marking: one of a large camera is 120 MB."""
+"""Number of frames whose pixels are kept for marking; a large camera's frame takes 120 MB."""
 PixelsOf = Callable[[int], PixelArray | None]
-"""The pixels of a frame by its number, (height, width) ADU; None where they were not kept."""
+"""Function that returns a frame's pixels by its number: (height, width), ADU.
+
+None where they were not kept.
+"""
 
 
 Frames: TypeAlias = FollowedFrames | HandTrack
-"""The last frames that accept a decision; each method raises ValueError where none is possible."""
+"""The last frames that accept a decision; each method raises ValueError for other frames."""
 
 
 class Decisions:
-    """Executes the operator's decisions on frames, and has the frames since followed again."""
+    """Executes the operator's decisions on frames, and has later frames followed again."""
 
     def __init__(
         self,
@@ -156,7 +161,7 @@ class Decisions:
 
     @property
     def handlers(self) -> Handlers:
-        """Handlers of its commands."""
+        """Handlers of the commands on streaks and tracks, by class."""
         handler = Handler(check=self._check, execute=self._rule)
         mark = Handler(check=self._check_mark, execute=self._rule)
         commands = (Choose, Accept, Reject, TakeBack, Drop, Keep)
@@ -164,7 +169,7 @@ class Decisions:
 
     @property
     def frame_ids(self) -> tuple[int, ...]:
-        """Return the frames that still accept a decision, oldest first."""
+        """Numbers of the frames that still accept a decision, oldest first."""
         return self._frames.frame_ids()
 
     @property
@@ -174,9 +179,10 @@ class Decisions:
         return self._cycle.folds if is_autonomous else self._cycle.hand
 
     def begin_mark(self, begun: BeginMark) -> int:
-        """Keep a frame in which somebody begins to mark, or stop keeping it (any thread).
+        """Keep the frame in which the operator begins a mark, or stop keeping it.
 
-        Returns its number. Raises ValueError where no mark can be made in it any more.
+        Returns the frame's number; may be called from any thread. Raises ValueError where the frame
+        accepts no mark any more.
         """
         frames = self._frames
         shown = frames.newest() if begun.frame_id is None else frames.shown(begun.frame_id)
@@ -206,8 +212,7 @@ class Decisions:
         return Accepted(message="taken up with the next frame", command=pinned)
 
     def _check_mark(self, mark: MarkByHand, by: str) -> Accepted:
-        """Check a mark by hand: refine it on the light beneath it, and compare it with known
-        measurements.
+        """Check a mark by hand: refine it on the image, and compare it with known measurements.
 
         Raises RefusedError, which a console may answer with the same mark and ``replaces``.
         """
@@ -282,8 +287,7 @@ class Decisions:
         return result
 
     def _rule_by_hand(self, decision: Ruling) -> CommandResult:
-        """Apply a decision on a frame taken without autonomy: the marks alone make the kept
-        track."""
+        """Apply a decision on a frame taken without autonomy; marks alone make the kept track."""
         authority = self._control.authority
         kept, records = self._cycle.apply_hand_decision(
             decision, authority.kept, authority.following.last_track_id
@@ -376,8 +380,7 @@ def _accept(shown: FrameObservations, folds: Frames, by: str, config: Config) ->
 
 
 def _reject(rejection: Reject, folds: Frames, following: Following, by: str) -> Ruling:
-    """Return the decision to reject a frame's measurement of the track; without a frame, the
-    last."""
+    """Return the decision to reject a frame's measurement of the track; no frame: the last."""
     taken = following.taken
     if rejection.frame_id is not None:
         shown = _frame(rejection, folds)

@@ -1,4 +1,4 @@
-"""Handlers of commands: a check on the wire's threads, the execution on the loop's.
+"""Handlers of commands: checked on the wire's threads, executed on the loop's thread.
 
 Each part of the engine provides the handlers of its own commands (``by_hand.py``,
 ``decisions.py``); the loop and the command handler only look them up.
@@ -37,7 +37,7 @@ SOON = "in force from the next cycle"
 
 
 class LoopControl(Protocol):
-    """The part of the loop that handlers see: its state, and the ways to change it."""
+    """What handlers see of the loop: its state, and the methods that change it."""
 
     @property
     def config(self) -> Config:
@@ -45,15 +45,15 @@ class LoopControl(Protocol):
 
     @property
     def authority(self) -> Authority:
-        """Control of the mount, and what the loop follows."""
+        """State of the loop: who has control of the mount, and which tracks are followed."""
 
     @property
     def following(self) -> Following:
-        """The tracks and the fold's state."""
+        """The followed tracks, and the state of the fold over frames."""
 
     @property
     def frame_id(self) -> int:
-        """Number of the exposure begun last."""
+        """Number of the last exposure that was begun."""
 
     @property
     def last_track(self) -> TrackState | None:
@@ -61,41 +61,51 @@ class LoopControl(Protocol):
 
     @property
     def may_move(self) -> bool:
-        """True where autonomy has control and is not on hold."""
+        """True where autonomy has control and no hold stops its slews."""
 
     def handle(self, trigger: Trigger) -> Step:
-        """Take one step of the state machine. Raises ValueError with the reason where it
-        refuses."""
+        """Pass a trigger through the state machine and return the step.
+
+        Raises ValueError, with the reason, where the state machine refuses.
+        """
 
     def configure(self, config: Config) -> None:
-        """Take new settings; in force from the next cycle."""
+        """Use a new configuration from the next cycle on."""
 
     def arm(self, by: str, lifted: frozenset[str]) -> None:
-        """Give control to autonomy. Raises ValueError where it has it already."""
+        """Give control to autonomy; ``lifted``: names of the checks that are overridden.
+
+        Raises ValueError where autonomy has control already.
+        """
 
     def resume(self, by: str) -> None:
-        """Give control back to autonomy, or follow an ended track again. Raises ValueError where it
-        cannot."""
+        """Give control back to autonomy, or follow an ended track again.
+
+        Raises ValueError where that is not possible.
+        """
 
     def expect_night(self) -> None:
-        """Raise ValueError where dome, weather or daylight would end the night at once."""
+        """Raise ValueError where dome, weather or daylight would end autonomy at once."""
 
     def expect_cloud(self) -> None:
-        """Raise ValueError where the sky is clear."""
+        """Raise ValueError where the sky is clear: a hold until it clears would end at once."""
 
     def park(self, by: str) -> None:
-        """Disarm and send the mount to its park position. Raises ValueError where it has none."""
+        """Disarm and send the mount to its park position.
+
+        Raises ValueError where the driver has none.
+        """
 
     @property
     def is_park_wanted(self) -> bool:
-        """True while the mount is to be parked and is not yet."""
+        """True while the mount is to be parked and is not parked yet."""
 
     def end_park(self) -> None:
-        """End parking: release a parked mount, stop one that is on its way there."""
+        """End parking: release a parked mount, or stop one that is on its way to park."""
 
 
 class RefusedError(ValueError):
-    """A command that cannot be carried out now, with data for a console beside the reason."""
+    """A command that cannot be carried out now; ``data``: details for a console."""
 
     def __init__(self, reason: str, data: Mapping[str, Any] | None = None) -> None:
         super().__init__(reason)
@@ -104,12 +114,12 @@ class RefusedError(ValueError):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Accepted:
-    """The answer to a command that passed its check."""
+    """The answer to a command that has passed its check."""
 
     message: str = SOON
     data: Mapping[str, Any] = field(default_factory=dict)
     command: Command | None = None
-    """Command to execute in its place, made exact; None: the command as it is."""
+    """More exact command to execute instead; None: the command itself."""
 
 
 def accept(_command: Command, _by: str) -> Accepted:
@@ -118,28 +128,39 @@ def accept(_command: Command, _by: str) -> Accepted:
 
 
 def need_no_state(_command: Command, _by: str) -> None:
-    """Expect nothing of the loop's state."""
+    """Check nothing: for commands that are possible in every state of the loop."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Handler:
-    """The check and the execution of one command; ``by`` is the sender."""
+    """The check and the execution of one command; ``by``, their second argument, is the sender."""
 
     execute: Callable[[Any, str], CommandResult]
-    """Executes the command on the loop's thread; returns its result. Raises ValueError with the
-    reason where it cannot, InstrumentError where the mount fails."""
+    """Executes the command on the loop's thread and returns its result.
+
+    Raises ValueError with the reason where it is not possible, InstrumentError where the mount
+    fails.
+    """
     check: Callable[[Any, str], Accepted] = accept
-    """Checks the command on the wire's threads, before it is queued. Raises ValueError if it cannot
-    be."""
+    """Checks the command on the wire's threads, before it is queued.
+
+    Raises ValueError, with the reason, where the command is not possible.
+    """
     expect: Callable[[Any, str], None] = need_no_state
-    """Checks conditions that earlier commands may still change: called only while none waits."""
+    """Checks conditions that earlier commands may still change; called only while none waits.
+
+    Raises ValueError, with the reason, where the command is not possible.
+    """
 
 
 Handlers = Mapping[type[Command], Handler]
 
 
 def joined(parts: Iterable[Handlers]) -> dict[type[Command], Handler]:
-    """Return all handlers of some parts. Raises ValueError where two handle the same command."""
+    """Return the handlers of several parts of the engine in one mapping.
+
+    Raises ValueError where two of them handle the same command.
+    """
     found: dict[type[Command], Handler] = {}
     for part in parts:
         twice = found.keys() & part.keys()
@@ -150,14 +171,14 @@ def joined(parts: Iterable[Handlers]) -> dict[type[Command], Handler]:
 
 
 class Modes:
-    """Turns commands into triggers of the state machine."""
+    """Handles commands on the control of the mount, as triggers of the state machine."""
 
     def __init__(self, control: LoopControl) -> None:
         self._control = control
 
     @property
     def handlers(self) -> Handlers:
-        """Handlers of its commands."""
+        """Handlers of the commands on the control of the mount, by class."""
         return {
             Arm: Handler(expect=self._expect, execute=self._arm),
             Disarm: Handler(execute=self._pass),
@@ -201,7 +222,10 @@ class Modes:
 
 
 def trigger_of(command: Command, by: str) -> Trigger:
-    """Return the state machine's trigger for a command on the control of the mount."""
+    """Return the state machine's trigger for arm, disarm, hold or resume.
+
+    Raises TypeError for other commands.
+    """
     match command:
         case Arm():
             return Armed(by=by)
@@ -226,7 +250,7 @@ class Settings:
 
     @property
     def handlers(self) -> Handlers:
-        """Handlers of its commands."""
+        """Handler of the command ``set``, by class."""
         return {Set: Handler(check=self._check, execute=self._set)}
 
     def _check(self, command: Set, _by: str) -> Accepted:
@@ -248,7 +272,7 @@ class Settings:
 
 
 class Seeking:
-    """Begins a search round the predicted place of the last track."""
+    """Handles the command to search around the predicted position of the last track."""
 
     def __init__(
         self,
@@ -266,7 +290,7 @@ class Seeking:
 
     @property
     def handlers(self) -> Handlers:
-        """Handlers of its commands."""
+        """Handler of the command ``seek``, by class."""
         return {Seek: Handler(expect=self._expect, execute=self._seek)}
 
     def _expect(self, _command: Seek, _by: str) -> None:
@@ -280,9 +304,9 @@ class Seeking:
         return done("looking for it in a widening spiral")
 
     def direction(self) -> tuple[float, float]:
-        """Return the predicted direction of the last track now, ICRS degrees.
+        """Return the direction predicted for the last track now, ICRS degrees.
 
-        Raises ValueError where it cannot be looked for.
+        Raises ValueError where no search is possible there.
         """
         track, authority = self._control.last_track, self._control.authority
         if track is None:

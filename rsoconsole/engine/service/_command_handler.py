@@ -60,15 +60,15 @@ log = logging.getLogger(__name__)
 
 LONGEST_NOTE = 2000
 FLUSH_S = 3.0
-"""Greatest wait of an answer for the disk, s; milliseconds where all is well."""
+"""How long an answer waits for the disk at most, s; usually some milliseconds."""
 MOUNT_WORD_S = 2.0
-"""Greatest wait of an answer for the mount, from the command's arrival, s."""
+"""How long an answer waits for the mount at most, from the command's arrival, s."""
 SENT = "sent; the mount has not answered"
 WAITS = "accepted; it is sent as soon as the loop is free"
 
 
 class CommandHandler:
-    """Handles requests on the wire's threads; never waits for the loop."""
+    """Answers requests on the wire's threads; never waits for the end of the loop's cycle."""
 
     def __init__(
         self,
@@ -82,11 +82,11 @@ class CommandHandler:
         lacks: tuple[MissingAbility, ...] = (),
         mount_word_s: float = MOUNT_WORD_S,
     ) -> None:
-        """``flush``: wait until the disk has what was put on record, at most that long, in seconds.
+        """``flush``: waits until the record is on the disk, that many seconds at most.
 
-        ``machine``: the last reading of the machine itself; ``lacks``: what the mount's driver did
-        not offer when it was connected; ``mount_word_s``: greatest wait of an answer for the mount,
-        s.
+        ``machine``: returns the last reading of the machine itself; ``lacks``: what the mount's
+        driver did not offer when it was connected; ``mount_word_s``: greatest wait of an answer for
+        the mount, s.
         """
         self._engine = engine
         self._instruments = engine.instrument_controller.instruments
@@ -119,12 +119,12 @@ class CommandHandler:
         }
 
     def handle(self, request: Request) -> Outcome:
-        """Handle a request to its end; a refusal gives the reason."""
+        """Answer a request and wait for the whole outcome; a refusal gives the reason."""
         begun = self.begin(request)
         return begun.outcome() if isinstance(begun, PendingOutcome) else begun
 
     def begin(self, request: Request) -> Outcome | PendingOutcome:
-        """Handle a request at once; an answer that needs the mount comes as a ``Later``."""
+        """Answer a request at once; a ``PendingOutcome`` where the answer needs the mount."""
         command = request.command
         refused = self._seats.refusal(request.sender, needs_control=command.needs_control)
         if refused is not None:
@@ -141,8 +141,7 @@ class CommandHandler:
     # -- through the loop -----------------------------------------------------------------------
 
     def _accept(self, request: Request) -> Outcome | PendingOutcome:
-        """Check a request and queue it for the loop; what can be known at once is answered at
-        once."""
+        """Check a request and queue it for the loop; what is known at once is answered at once."""
         command, by = request.command, request.by
         handler = self._handlers.get(type(command))
         if handler is None:
@@ -258,7 +257,7 @@ class CommandHandler:
         return Outcome(ok=True, data=status_json(self.status()))
 
     def status(self) -> Status:
-        """Return the loop's status, with health, seats and the last STOP, which are known here."""
+        """Return the loop's status with the health, seats and last STOP, which are known here."""
         status = self._engine.status()
         report = self._engine.watch.last_report
         health = self._health.read(report, self._engine.interruptions.trouble, self._lacks)

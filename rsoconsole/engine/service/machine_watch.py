@@ -1,7 +1,7 @@
-"""Watches the machine beside the loop, and reports which troubles begin and end.
+"""Watches the machine beside the loop, and reports when troubles begin and end.
 
-A reading may take a moment (it runs programs), so that neither the loop nor the thread that answers
-the operator makes it: both use the last one.
+A reading takes time because it runs programs, so it is made on a thread of its own; the loop and
+the thread that answers the operator use the last one.
 """
 
 import logging
@@ -25,9 +25,9 @@ log = logging.getLogger(__name__)
 
 EVERY_S = 15.0
 SLOW_LOOKS = 8
-"""Number of looks from one check of disk and time source to the next."""
+"""Number of looks between two checks of disk and time source."""
 QUIET_LOOKS = 4
-"""Number of looks without it after which a trouble is over: a weak supply comes and goes."""
+"""Number of looks without a trouble after which it is over; a weak power supply comes and goes."""
 ABOUT = "machine: "
 """Beginning of every log line about the machine."""
 Level = Literal["info", "warning", "alarm"]
@@ -35,16 +35,16 @@ Level = Literal["info", "warning", "alarm"]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MachineState:
-    """The machine as it was seen last."""
+    """The machine when it was last looked at."""
 
     reading: Machine
     troubles: tuple[Trouble, ...]
-    """Troubles of now, and of a moment ago."""
+    """Troubles of the last look, and those that have ended only just before it."""
     medium: Medium
     time_source: TimeSource
 
     def as_status(self) -> Machine:
-        """Return the machine as ``status`` has it."""
+        """Return the machine's state as the status holds it."""
         return replace(
             self.reading,
             troubles=tuple(trouble.words for trouble in self.troubles),
@@ -58,18 +58,21 @@ class MachineState:
 
 
 class Troubles:
-    """A fold over troubles: each is reported when it begins and when it is over."""
+    """A fold over looks: each trouble is reported when it begins and when it is over."""
 
     def __init__(self) -> None:
         self._held: dict[str, tuple[Trouble, int]] = {}
 
     @property
     def held(self) -> tuple[Trouble, ...]:
-        """Return the troubles that are not over yet, in the order in which they began."""
+        """The troubles that are not over yet, in the order in which they began."""
         return tuple(trouble for trouble, _ in self._held.values())
 
     def step(self, seen: tuple[Trouble, ...]) -> list[tuple[Level, str]]:
-        """Return the lines to report after one more look."""
+        """Return the lines to report after one more look, each with its level.
+
+        ``seen``: troubles that the look has found.
+        """
         said: list[tuple[Level, str]] = []
         for trouble in seen:
             if trouble.name not in self._held:
@@ -89,7 +92,7 @@ class Troubles:
 
 
 class MachineWatch(Poller):
-    """Looks on a thread of its own; any thread can read the last result."""
+    """Looks at the machine on a thread of its own; ``state`` may be read from any thread."""
 
     def __init__(self, folder: Path, say: Callable[[Level, str], None]) -> None:
         """``folder``: the session's folder; ``say``: puts a line on record."""
@@ -101,7 +104,7 @@ class MachineWatch(Poller):
         self.state: MachineState | None = None
 
     def look(self) -> None:
-        """Look once."""
+        """Look at the machine once, and report what has changed."""
         reading = read_machine()
         said = self._troubles.step(troubles_of(reading))
         before = self.state
@@ -124,16 +127,19 @@ class MachineWatch(Poller):
 
 
 HOLDS_S = 5.0
-"""Age at which a reading is taken again, s."""
+"""Age at which clock and disk are read again, s."""
 SILENT_S = 10.0
-"""Silence after which a mount counts as not answering, s."""
+"""Age of its last report at which a mount counts as silent, s."""
 LOW_HOURS = 4.0
 SAID_S = 900.0
-"""Time for which a fault of the clock is still reported, s."""
+"""How long a fault of the clock is still reported after it came, s."""
 
 
 class HealthMeter:
-    """Reads the health of mount, clock, disk and machine, at most every few seconds; any thread."""
+    """Reads the health of mount, clock, disk and machine; may be called from any thread.
+
+    Clock and disk are read at most every few seconds.
+    """
 
     def __init__(
         self,
@@ -142,7 +148,7 @@ class HealthMeter:
         folder: Path,
         machine: Callable[[], MachineState | None] = lambda: None,
     ) -> None:
-        """``machine``: the last reading of the machine itself; None: not read."""
+        """``machine``: returns the last reading of the machine itself; None: not read."""
         self._config = config
         self._clock = clock
         self._folder = folder
@@ -156,10 +162,10 @@ class HealthMeter:
         trouble: ClockTrouble | None = None,
         lacks: Sequence[MissingAbility] = (),
     ) -> tuple[Health, ...]:
-        """Return mount, clock, disk, temperature; what cannot be read is left out.
+        """Return the health of mount, clock, disk and machine; what cannot be read is left out.
 
-        ``trouble``: the last fault of the machine's clock; ``lacks``: abilities that the mount's
-        driver does not offer.
+        ``trouble``: the clock's last fault; ``lacks``: functions that the mount's driver does not
+        offer.
         """
         now_s = time.monotonic()
         if now_s - self._read_s >= HOLDS_S:
@@ -206,13 +212,13 @@ class HealthMeter:
 
 
 def driver_health(lacks: Sequence[MissingAbility]) -> tuple[Health, ...]:
-    """Return the mount's missing abilities; nothing of what it only does not report."""
+    """Return the health of the mount's driver; empty where it lacks no important function."""
     missing = [lack.what for lack in lacks if lack.name in ("abort", "tracking", "park")]
     return (Health(name="driver", ok=False, text=", ".join(missing)),) if missing else ()
 
 
 def machine_health(state: MachineState | None) -> tuple[Health, ...]:
-    """Return a weak power supply and the processor's heat; nothing of a silent machine."""
+    """Return the health of power supply and processor; empty where the machine reports neither."""
     if state is None:
         return ()
     found = []

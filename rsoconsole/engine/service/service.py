@@ -1,4 +1,4 @@
-"""Assembles an engine, runs it, and takes it apart in the right order."""
+"""Builds an engine from its parts, runs it, and closes the parts in the right order."""
 
 import contextlib
 import importlib.metadata
@@ -51,9 +51,9 @@ from rsoconsole.words import shutter_words
 log = logging.getLogger(__name__)
 
 START_AGAIN_US = 60_000_000
-"""Extension of the service manager's wait for an engine that says what it waits for."""
+"""Time that is added to the service manager's wait while an engine reports why it waits, us."""
 DEFINED_S = 2.0
-"""Wait for a driver's definitions after its connection, s."""
+"""Wait for a driver's properties after its connection, s."""
 VERSIONS_OF = ("rsoconsole", "ai-edge-litert", "astrometry", "numpy")
 
 
@@ -65,12 +65,12 @@ class RunSettings:
     session: Path | None = None
     """Folder of the session; None: a new folder under the configured root."""
     frames: int | None = None
-    """Number of frames; None: until it is ended."""
+    """Number of frames after which the run ends; None: no such end."""
     is_armed: bool = False
     lifted: frozenset[str] = frozenset()
-    """Checks of the arming list overridden by name."""
+    """Names of the arming checks that are overridden."""
     listens: bool = True
-    """True where it opens the control socket."""
+    """True where the engine listens on its control socket."""
     socket: Path | None = None
 
 
@@ -81,10 +81,10 @@ def run_engine(
     on_cycle: Callable[[Engine, Reduction], None] | None = None,
     on_start: Callable[[Path], None] | None = None,
 ) -> Path:
-    """Run the telescope; returns the session's folder.
+    """Run the engine until it is to end; return the session's folder.
 
-    SIGTERM and SIGINT are a safe stop: the mount stops, the session is closed. Raises
-    InstrumentError, ModelError, SolverError, SessionError or ControlError before it starts.
+    SIGTERM and SIGINT end it safely: the mount stops and the session is closed. Raises
+    InstrumentError, ModelError, SolverError, SessionError or ControlError where it cannot start.
     """
     return_freed_blocks()
     hide_notify_socket()

@@ -1,7 +1,7 @@
-"""Ends a motion that must not go on, once, and reports the measured result.
+"""Ends a motion that is not allowed, and reports whether the mount has stopped.
 
-The mount is not fought: a motion that goes on after its ABORT gets another one twice a minute, and
-the alarm stays. The way on after each ABORT shows how far this mount needs to stop.
+A motion that goes on after its ABORT gets another ABORT twice a minute, and the alarm stays. How
+far the mount moves after an ABORT shows how far this mount needs to stop.
 """
 
 import contextlib
@@ -18,12 +18,12 @@ from rsoconsole.sky import Pose, StoppingDistance, wrap_180
 
 AGAIN_S = 30.0
 ENOUGH = 20
-"""Number of orders to stop one motion, ten minutes of them: then it is left to a person on site."""
+"""Number of orders to end one motion, over ten minutes; after them a person must act."""
 MEASURED_BY_S = 10.0
-"""Time after ABORT at which it is reported that the mount does not rest, or is not known to, s."""
+"""Time after ABORT at which it is reported that the mount is not known to rest, s."""
 LEARNS_WITHIN_S = 30.0
 PARK_WAITS_S = 10.0
-"""Greatest wait of a park until the loop has taken notice of the limit, s: the loop sends ABORT."""
+"""Greatest wait of a park for the loop to notice the limit, s; the loop then sends ABORT."""
 PARKS_S = 900.0
 
 
@@ -41,7 +41,7 @@ class _Ended:
 
 
 class LimitStop:
-    """Orders that end a motion at a limit, and their measured results."""
+    """Gives the orders that end a motion at a limit, and reports their measured results."""
 
     def __init__(self, instruments: Instruments, say: Callable[[Event], None]) -> None:
         """``say``: puts a line on the record, from any thread."""
@@ -59,27 +59,26 @@ class LimitStop:
 
     @property
     def is_parking(self) -> bool:
-        """True where the mount is on its way to its park position because it could not be made to
-        stand."""
+        """True while the mount moves to its park position because it could not be stopped."""
         return self._parks_since_ns is not None
 
     def forget_motion(self) -> None:
-        """Forget the motion: the mount rests or is within its limits; the next is another one."""
+        """Forget the motion that was to end; a later motion counts as a new one."""
         self._how, self._orders = None, 0
 
     def is_due(self, how: How, now_ns: int) -> bool:
-        """True where a motion is due for an order to end."""
+        """True where an order to end this kind of motion is due now."""
         since_s = (now_ns - self._ordered_ns) / NS
         if how != self._how:
             return True
         return self._orders < ENOUGH and not 0.0 <= since_s < AGAIN_S
 
     def is_first(self, how: How) -> bool:
-        """True where no order has gone out yet to end a motion."""
+        """True where this kind of motion has not yet been ordered to end."""
         return how != self._how
 
     def words(self, how: How, *, parks: bool) -> str:
-        """Return the orders that will go out, in words."""
+        """Return the orders that ``end`` gives, in words."""
         able = self._abilities()
         if how == "slews":
             lacks = "" if able.can_abort else "it knows no ABORT"
@@ -92,9 +91,10 @@ class LimitStop:
         return f"ABORT sent, but {lacks}: park it, or cut its power"
 
     def end(self, how: How, now_ns: int, *, parks: bool) -> StopResult:
-        """Send ABORT; a mount that tracks is then ordered to stand, or parked where it cannot.
+        """Send ABORT; then stop tracking, or park a mount that cannot be ordered to stand.
 
-        ``parks``: it may be parked; never for a mount that autonomy will lead away.
+        ``how``: the kind of motion; ``parks``: whether the mount may be parked, which it may not
+        where autonomy will move it away.
         """
         mount = self._instruments.mount
         if how != self._how:
@@ -112,7 +112,7 @@ class LimitStop:
         return result
 
     def note_abort(self, now_ns: int) -> None:
-        """Note an ABORT by another part of the engine, which reports its result (any thread)."""
+        """Note an ABORT that another part of the engine sends and reports; from any thread."""
         last = self._last
         if last is not None and last[1].how == "slews":
             self._note(now_ns, "slews", is_known=True)
@@ -134,16 +134,16 @@ class LimitStop:
         )
 
     def forget_park(self, ordered_utc_ns: int) -> None:
-        """Forget the park due for a limit after an order that came later than it."""
+        """Forget a park due for a limit, where the order at ``ordered_utc_ns`` came later."""
         if self._park_due_ns is not None and ordered_utc_ns > self._park_due_ns:
             self._park_due_ns = None
 
     def look(
         self, report: MountReport, pose: Pose, seen: ObservedMotion, *, is_heeded: bool
     ) -> None:
-        """Take one look: learn, report, park where that is due.
+        """Use a look at the mount: learn the stopping distance, report, and park where due.
 
-        ``is_heeded``: the loop has taken notice of all that cut it short.
+        ``seen``: the motion at this look; ``is_heeded``: the loop has acted on all its alarms.
         """
         self._last = pose, seen
         self._see_to_park(report, is_heeded=is_heeded)

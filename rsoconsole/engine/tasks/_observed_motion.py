@@ -1,7 +1,7 @@
-"""The mount's motion at one look: measured where possible, else the more careful claim.
+"""The mount's motion at one look: measured where possible, else the more cautious assumption.
 
-The driver's slewing, tracking or parked is a claim. Motions ordered by this program are
-distinguished from others.
+What the driver reports (slewing, tracking, parked) is only a claim. Motions that this program has
+ordered are distinguished from others.
 """
 
 from collections import deque
@@ -17,30 +17,32 @@ How = Literal["stands", "tracks", "slews"]
 Own = Literal["slew", "park"]
 
 MOVED_ARCSEC = 200.0
-"""Turn between two looks that counts as a slew: above the coarsest driver's step and a second of
-sky."""
+"""Turn of an axis between two looks above which it slews, arcsec.
+
+Above the coarsest driver's step and a second of the sky's motion.
+"""
 LONGEST_APART_S = 10.0
 STARTS_WITHIN_S = 30.0
-"""Time after an order within which a mount that follows it starts to move, s."""
+"""Time after an order within which a mount that follows the order starts to move, s."""
 PARKS_WITHIN_S = 900.0
 TURNS_WITHIN_S = 3.0
-"""Time in which an axis that moved when the order came may still have to turn round, s."""
+"""Time after an order in which an axis may still move the old way before it turns round, s."""
 FRESH_S = 5.0
 PARKED_S = 5.0
-"""Time in which a mount that reports to be parked may come to rest, s."""
+"""Time in which a mount that reports to be parked may still come to rest, s."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ObservedMotion:
-    """The mount's motion as one look found it."""
+    """The mount's motion, as one look found it."""
 
     how: How
     rates: Rates | None = None
-    """Rates of a slew; None where they are not known."""
+    """Rates of the axes during a slew; None where they are not known."""
 
 
 def pose_of(report: MountReport) -> Pose:
-    """Return the pose that the mount reports."""
+    """Return the direction and pier side of a mount's report as a pose."""
     return Pose(
         t_utc_ns=report.t_utc_ns,
         ra_icrs_deg=report.ra_icrs_deg,
@@ -50,11 +52,11 @@ def pose_of(report: MountReport) -> Pose:
 
 
 def observed_motion(report: MountReport, before: MountReport | None) -> ObservedMotion:
-    """Return the motion by a report; ``before``: the report at the look before this one.
+    """Return the mount's motion from its report; ``before``: the report of the look before.
 
-    A measured drift counts as tracking: it is slow enough to be held where it is. A motion not yet
-    measured is a slew where the directions have changed since the last look or the driver reports
-    one, and tracking where the driver reports that.
+    A slow motion that was measured counts as tracking. A motion not measured yet is a slew where
+    the direction has changed since the last look or the driver reports a slew; it is tracking where
+    the driver reports that.
     """
     motion = report.motion
     if motion.kind == "moves":
@@ -86,8 +88,10 @@ def _rates_between(before: MountReport | None, report: MountReport) -> Rates | N
 
 
 def _turned_arcsec(before: MountReport, report: MountReport) -> float:
-    """Return the larger turn of both axes, arcsec; in right ascension the smaller of tracking and
-    standing."""
+    """Return the larger turn of both axes, arcsec.
+
+    In right ascension it is the smaller of the turns against a tracking and a standing mount.
+    """
     apart_s = (report.t_utc_ns - before.t_utc_ns) / NS
     ra_arcsec = wrap_180(report.ra_icrs_deg - before.ra_icrs_deg) * 3600.0
     dec_arcsec = (report.dec_icrs_deg - before.dec_icrs_deg) * 3600.0
@@ -95,7 +99,7 @@ def _turned_arcsec(before: MountReport, report: MountReport) -> float:
 
 
 class OwnMotion:
-    """The last motion that this program ordered, until it is over."""
+    """Follows the motion that this program ordered last, until it is over."""
 
     def __init__(self, ordered: Callable[[], Ordered | None]) -> None:
         self._ordered = ordered
@@ -105,7 +109,7 @@ class OwnMotion:
         self._is_over = False
 
     def note(self, report: MountReport, pose: Pose, seen: ObservedMotion) -> None:
-        """Note one look."""
+        """Note one look at the mount."""
         ordered = self._ordered()
         if ordered is not self._of:
             last = self._last
@@ -127,7 +131,7 @@ class OwnMotion:
             self._is_over = since_s > PARKS_WITHIN_S
 
     def kind(self, pose: Pose, seen: ObservedMotion, limits: Limits) -> Own | None:
-        """Return the kind of order that a slew follows; None where it is not this program's."""
+        """Return the order that a slew carries out; None where it is not this program's."""
         ordered, start = self._of, self._start
         if ordered is None or start is None or self._is_over:
             return None
@@ -140,7 +144,7 @@ class OwnMotion:
 
 
 class ParkedMotion:
-    """Measures whether a mount that reports to be parked rests."""
+    """Measures whether a mount that reports to be parked is at rest."""
 
     def __init__(self) -> None:
         self._looks: deque[MountReport] = deque()
@@ -148,8 +152,10 @@ class ParkedMotion:
         self._since_ns = 0
 
     def see(self, report: MountReport) -> Literal["tracks", "moves"] | None:
-        """Return the measured motion of a parked mount; None where it rests, or that is not known
-        yet."""
+        """Return how a parked mount moves, by its last reports.
+
+        None where the mount rests, is not parked, or was not observed for long enough.
+        """
         if not report.is_parked:
             self._looks.clear()
             return None

@@ -1,4 +1,4 @@
-"""The queue of commands from the socket's threads to the loop, and the alarms that cut it short."""
+"""Queue of commands from the wire's threads to the loop, with the alarms that interrupt it."""
 
 import contextlib
 import threading
@@ -16,25 +16,27 @@ OVERTAKEN = CommandResult(kind="dropped", dropped_by="STOP")
 
 
 class OvertakenError(ValueError):
-    """STOP came after a command was given and before it was queued."""
+    """STOP came after a command was given, and before the command was queued."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Alarm:
-    """An event that cuts the loop short: an operator's STOP, a limit, the end of the night."""
+    """An event that interrupts the loop: a STOP, a limit, or the end of the night."""
 
     trigger: Trigger
     result: StopResult | None = None
-    """The mount's answer, where its motion was ended before the loop took notice; None where it was
-    not, or where that failed."""
+    """The mount's answer to the ABORT sent before the loop noticed the alarm.
+
+    None where none was sent, or it failed.
+    """
     dropped: tuple[Request, ...] = ()
-    """Commands that were waiting when it came: STOP undoes them."""
+    """Commands that were waiting when the alarm came, and that it cancels."""
 
 
 class CommandQueue:
-    """A queue of commands, and the flags that cut everything short.
+    """Queue of commands for the loop, and flags that interrupt the loop.
 
-    The flags are plain attributes: a signal handler may set one at any instant.
+    Some flags are plain attributes, because a signal handler may set them at any instant.
     """
 
     def __init__(self) -> None:
@@ -51,10 +53,10 @@ class CommandQueue:
         self._is_shutdown = False
 
     def put(self, request: Request, on_taken: Callable[[], None] = lambda: None) -> None:
-        """Queue a command for the loop (any thread).
+        """Queue a command for the loop; may be called from any thread.
 
-        ``on_taken`` is called before the loop can see it. Raises OvertakenError where STOP has come
-        since the command was given, by its stamp.
+        ``on_taken`` is called before the loop can see the command. Raises OvertakenError where a
+        STOP was given after the command was read.
         """
         with self._lock:
             is_late = request.stamp is not None and request.stamp < self.stops
@@ -64,8 +66,10 @@ class CommandQueue:
             self._waiting.append(request)
 
     def take_all(self) -> tuple[Request, ...]:
-        """Return all waiting requests, in order; they count as under way until ``finished`` or put
-        back."""
+        """Return all waiting requests in order, and empty the queue.
+
+        They count as under way until ``finished`` or ``put_back`` is called.
+        """
         with self._lock:
             requests = tuple(self._waiting)
             self._waiting.clear()
@@ -73,19 +77,20 @@ class CommandQueue:
         return requests
 
     def finished(self) -> None:
-        """Note that the requests taken last are done, refused or dropped."""
+        """Note that all requests from the last ``take_all`` have their results."""
         self._are_under_way = False
 
     @property
     def is_settled(self) -> bool:
-        """True while no command waits or is under way, and there is no alarm."""
+        """True while no command waits or is under way, and no alarm waits or is being raised."""
         with self._lock:
             return not (self._waiting or self._are_under_way or self.is_stopping)
 
     def stop(self, trigger: Trigger, abort: Callable[[], StopResult]) -> StopResult:
-        """Raise the flag, then stop the mount, then keep the result for the record.
+        """Raise an alarm, stop the mount by ``abort``, and keep its result for the record.
 
-        From the first instant on the loop gives no order to the mount any more.
+        From the first instant on the loop gives no order to the mount any more. Commands that the
+        alarm cancels are taken from the queue.
         """
         with self._lock:
             self._stops_under_way += 1
@@ -106,7 +111,7 @@ class CommandQueue:
         return result
 
     def interrupt(self, trigger: Trigger) -> None:
-        """Cut the loop short for something that it must act on itself (any thread)."""
+        """Raise an alarm without stopping the mount, for the loop to act on; from any thread."""
         with self._lock:
             self._cut_by = trigger
             # What came of a STOP undoes nothing that was given after it.
@@ -116,16 +121,15 @@ class CommandQueue:
             request.course.settle(dropped_by(trigger))
 
     def _undo_waiting(self, trigger: Trigger) -> tuple[Request, ...]:
-        """Remove the waiting requests that a trigger undoes and return them; call it under the
-        lock."""
+        """Remove and return the waiting requests that a trigger cancels; call it under the lock."""
         undone = tuple(r for r in self._waiting if is_undone(r, trigger))
         self._waiting = deque(r for r in self._waiting if r not in undone)
         return undone
 
     def put_back(self, requests: tuple[Request, ...]) -> tuple[tuple[Request, ...], CommandResult]:
-        """Put requests that were not executed back, before all others.
+        """Put requests that were not executed back into the queue, ahead of all others.
 
-        Returns those that an alarm undoes instead, and their result.
+        Returns the requests that an alarm cancels instead, and the result of those.
         """
         with self._lock:
             cut_by = self._cut_by if self.is_stopping else None
@@ -139,8 +143,7 @@ class CommandQueue:
 
     @contextlib.contextmanager
     def executing(self) -> Iterator[None]:
-        """Keep other commands from cutting short the one being executed; STOP and alarms still
-        do."""
+        """While entered, urgent commands do not interrupt the loop; STOP and alarms still do."""
         self._is_executing = True
         try:
             yield
@@ -148,7 +151,7 @@ class CommandQueue:
             self._is_executing = False
 
     def take_alarms(self) -> tuple[Alarm, ...]:
-        """Return the alarms since the last call, in order."""
+        """Return the alarms since the last call, in order, and remove them."""
         with self._lock:
             alarms = tuple(self._alarms)
             self._alarms.clear()
@@ -156,16 +159,16 @@ class CommandQueue:
 
     @property
     def is_stopping(self) -> bool:
-        """True while a stop is under way, or an alarm has not been taken."""
+        """True while the mount is being stopped, or an alarm waits for the loop."""
         return self._stops_under_way > 0 or bool(self._alarms)
 
     def request_shutdown(self) -> None:
-        """Request the engine's end after a safe stop."""
+        """Ask the engine to end, after a safe stop."""
         self._is_shutdown = True
 
     @property
     def is_shutdown(self) -> bool:
-        """True once the engine is to end."""
+        """True once the engine has been asked to end."""
         return self._is_shutdown
 
     @property
@@ -188,14 +191,14 @@ def action_record(request: Request, outcome: CommandResult) -> OperatorAction:
 
 
 def is_undone(request: Request, trigger: Trigger) -> bool:
-    """True where an alarm undoes a command that has not been executed."""
+    """True where an alarm with this trigger cancels a command that has not been executed."""
     if isinstance(trigger, Stopped):
         return not request.command.survives_stop
     return request.command.moves_mount
 
 
 def dropped_by(trigger: Trigger) -> CommandResult:
-    """Return the result of a command that waited and was not executed."""
+    """Return the result of a waiting command that an alarm with this trigger has cancelled."""
     if isinstance(trigger, Stopped):
         return OVERTAKEN
     is_limit = isinstance(trigger, LimitMet)
@@ -205,7 +208,8 @@ def dropped_by(trigger: Trigger) -> CommandResult:
 def alarm_words(alarm: Alarm, is_answered_again: bool) -> str:
     """Return an alarm in words for the operator.
 
-    ``is_answered_again``: the loop's own ABORT, which follows every alarm, was answered.
+    ``is_answered_again``: True where the mount answered the ABORT that the loop itself sends after
+    every alarm.
     """
     trigger = alarm.trigger
     if isinstance(trigger, LimitMet):

@@ -18,30 +18,29 @@ from rsoconsole.records import Frame, LoopState
 
 REMEMBERED = 10
 KNOWN_FROM = 5
-"""Number of frames from which the usual difference of the clocks is known."""
+"""Number of frames after which the usual difference between the two clocks counts as known."""
 UNKNOWN_S = 10.0
-"""Allowed error of time while fewer frames are known, s."""
+"""Greatest error of a frame's time while fewer frames are known, s."""
 MIN_S = 0.5
 SPREADS = 2.0
-"""Limit of an error of time, in units of the scatter of the frames before."""
+"""Greatest error of a frame's time, in units of the range of the last frames' differences."""
 AGREED = 3
-"""Number of frames in a row that agree on a step: then the clock was set, and no frame errs."""
+"""Number of frames in a row with the same error after which the camera's clock was set."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FrameTime:
-    """The judgement of one frame's time."""
+    """Whether a frame's time can be right, and how far it is off."""
 
     is_believed: bool
     off_s: float
-    """Difference from the time expected by the frames before, s."""
+    """Difference from the time that the frames before lead to expect, s."""
     is_set: bool = False
-    """True where the camera's clock was set by this difference: earlier measurements have another
-    time."""
+    """True where the camera's clock was set by ``off_s``, so that earlier times do not compare."""
 
 
 class FrameTimes:
-    """Remembers the difference of the two clocks in the last frames."""
+    """Checks frames' times by the difference between the camera's clock and this machine's."""
 
     def __init__(self) -> None:
         self._usual: deque[float] = deque(maxlen=REMEMBERED)
@@ -49,13 +48,16 @@ class FrameTimes:
         """Differences of the last frames that were not believed, s."""
 
     def forget(self) -> None:
-        """Forget the frames: this machine's own clock was set."""
+        """Forget the last frames, because this machine's own clock was set."""
         self._usual.clear()
         self._off.clear()
 
     def check_frame_time(self, t_start_utc_ns: int, opened_utc_ns: int) -> FrameTime:
-        """Judge a frame's time: ``t_start_utc_ns`` by the frame, ``opened_utc_ns`` by this
-        machine's clock."""
+        """Return whether a frame's time is believable.
+
+        ``t_start_utc_ns``: its start by the camera's clock; ``opened_utc_ns``: when this machine
+        ordered it.
+        """
         apart_s = (t_start_utc_ns - opened_utc_ns) / 1e9
         if not self._usual:
             self._usual.append(apart_s)
@@ -82,7 +84,7 @@ class FrameTimes:
 
 
 class Exposures:
-    """Takes exposures: from a plan to a frame on record."""
+    """Takes exposures: makes a frame on record from a plan."""
 
     def __init__(
         self,
@@ -95,8 +97,7 @@ class Exposures:
         self.frame_id = 0
         """Number of the exposure begun last."""
         self.next_start_utc_ns: int | None = None
-        """Time at which the next exposure is to begin, UTC ns; None while the shutter is open, or
-        not known."""
+        """Time at which the next exposure is to begin, UTC ns; None: not known, or shutter open."""
         self.open_until_utc_ns: int | None = None
         """Time at which the shutter closes, UTC ns; None while it is closed."""
         self.frame_times = FrameTimes()
@@ -109,15 +110,15 @@ class Exposures:
         self._config = config
 
     def configure(self, config: Config) -> None:
-        """Take new tunables."""
+        """Use a new configuration from now on."""
         self._config = config
 
     def take(self, plan: Plan) -> tuple[Frame, float]:
         """Take an exposure; return the frame, and the time since its last byte came, ms.
 
-        No exposure begins that sidereal tracking would end behind a limit: tracking is stopped
-        then. Raises Interrupted for that and for what else needs the loop, InstrumentError when no
-        frame comes.
+        Where sidereal tracking would meet a limit before the exposure's end, tracking is stopped
+        instead. Raises Interrupted for that, for a frame whose time is not believable, and for all
+        else that needs the loop; raises InstrumentError when no frame comes.
         """
         self.next_start_utc_ns = plan.t_start_utc_ns
         self._instrument_controller.wait_until(plan.t_start_utc_ns)
@@ -160,15 +161,14 @@ class Exposures:
             raise Interrupted
 
     def pass_readout_time(self, frame: Frame) -> None:
-        """Let virtual time pass for the read-out, in proportion to the pixels read; wall time does
-        not."""
+        """In a simulated night, let the time of the read-out pass, by the number of pixels read."""
         optics, share = self._config.optics, 1.0
         if frame.camera is not None:
             share = frame.width_px * frame.height_px / (optics.width_px * optics.height_px)
         self._pass(min(share, 1.0) * self._config.exposure.readout_s)
 
     def pass_processing_time(self) -> None:
-        """Let virtual time pass for the processing; wall time does not."""
+        """In a simulated night, let the time of the processing pass."""
         self._pass(self._config.indi.simulated_latency_s)
 
     def _pass(self, pause_s: float) -> None:
@@ -178,7 +178,10 @@ class Exposures:
             )
 
     def keep(self, frame: Frame, state: LoopState, place_px: tuple[float, float] | None) -> None:
-        """Keep the frame's small pictures, and its pixels where the configuration wants them."""
+        """Keep the frame's previews, and its pixels where the configuration says so.
+
+        ``place_px``: column and row of the close-up; None: no close-up.
+        """
         wanted = self._config.session.keep_frames
         is_wanted = wanted in {"all", "last"} or (
             wanted == "detected" and state in ("ACQUIRE", "TRACK")
@@ -186,7 +189,6 @@ class Exposures:
         self._session_log.keep(frame, is_wanted=is_wanted, place_px=place_px)
 
     def end_at_limit(self, words: str) -> NoReturn:
-        """End motion and tracking for a limit. Raises Interrupted, so that the loop takes
-        notice."""
+        """End motion and tracking at a limit, then raise Interrupted; ``words``: the limit."""
         self._watch.end_at_limit(words)
         raise Interrupted

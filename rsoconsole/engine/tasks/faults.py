@@ -1,11 +1,11 @@
-"""Present faults in words, and their end: by an order, or by the mount's own answer."""
+"""Present faults in words, and what ends them: orders, finished frames, the mount's answer."""
 
 from rsoconsole.engine.aim.states import Authority, Stopped
 from rsoconsole.engine.tasks.watch import Watch
 
 
 class Faults:
-    """Present faults, and a STOP that was not obeyed."""
+    """The present faults, and a STOP that the mount did not obey."""
 
     def __init__(self) -> None:
         self._words: list[str] = []
@@ -16,11 +16,11 @@ class Faults:
 
     @property
     def words(self) -> tuple[str, ...]:
-        """Return the words of all present faults."""
+        """The present faults, each in words."""
         return tuple(self._words)
 
     def add(self, words: str) -> bool:
-        """Add a fault; False where it is known already."""
+        """Add a fault; return False where it is present already."""
         if words in self._words:
             return False
         self._words.append(words)
@@ -32,12 +32,14 @@ class Faults:
         self._was_blind, self._stop = False, None
 
     def add_disobeyed_stop(self, stopped: Stopped, words: str, now_utc_ns: int) -> None:
-        """Note that a STOP was not obeyed: a fault until the mount is measured to be at rest."""
+        """Note that the mount did not obey a STOP: a fault until it is measured to be at rest.
+
+        ``words``: the fault, in place of all others.
+        """
         self._words, self._stop = [words], (stopped, now_utc_ns)
 
     def take_stop(self, watch: Watch) -> Stopped | None:
-        """Return the STOP that was not obeyed, once the mount is measured to be at rest; else
-        None."""
+        """Return the STOP that was not obeyed, once the mount is measured at rest; else None."""
         report = watch.last_report
         if self._stop is None or watch.is_blind or report is None:
             return None
@@ -48,7 +50,7 @@ class Faults:
         return stopped
 
     def is_over(self, authority: Authority, watch: Watch) -> bool:
-        """True once, when the mount whose silence was the cause of a FAULT answers again."""
+        """True once, when a mount that was silent during a FAULT answers again."""
         if authority.state != "FAULT" or authority.is_stopped or not self._words:
             self._was_blind = False
             return False

@@ -1,4 +1,4 @@
-"""The tracks of the field at one instant, and the next aim for them. Pure."""
+"""The tracks at one instant, as the status shows them, and the next aim for them."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -14,19 +14,19 @@ from rsoconsole.words import NS_PER_S
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class AimAhead:
-    """The aim of the exposure after the next, and the tracks in its field."""
+    """Where the telescope looks in the exposure after the next one, and the tracks in its field."""
 
     aim: NextAim
     inside: frozenset[int]
-    """Tracks in the field of the aim, by track id."""
+    """Numbers of the tracks that are in the field of the aim."""
 
 
 def aim_ahead(
     ahead: tuple[NextAim, tuple[float, float]] | None, following: Following, config: Config
 ) -> AimAhead | None:
-    """Return the planner's next aim, with the tracks in its field; None without a track.
+    """Return the planner's next aim with the tracks in its field; None where ``ahead`` is None.
 
-    ``ahead``: the aim, and the lead's direction then, ICRS degrees.
+    ``ahead``: the aim, and the lead track's direction at that time, ICRS degrees.
     """
     if ahead is None:
         return None
@@ -52,10 +52,11 @@ def tracks_now(
     now_utc_ns: int,
     ahead: AimAhead | None,
 ) -> tuple[TrackNow, ...]:
-    """Return all tracks after their last frames, by number.
+    """Return all tracks as they are after their last frames, in the order of their numbers.
 
-    ``names``: identified tracks' names, by track id. ``shown_of``: returns the observations of one
-    of the last frames, ValueError for others.
+    ``names``: names of identified tracks, by track id. ``shown_of``: returns the observations of a
+    frame by its number, and raises ValueError for a frame that is not kept. ``ahead``: the next
+    aim.
     """
     found = []
     for each in sorted(following.tracks, key=lambda one: one.track.track_id):
@@ -81,8 +82,10 @@ def tracks_now(
 
 
 def _snr_of(taken: Measurement, shown_of: Callable[[int], FrameObservations]) -> float | None:
-    """Return the SNR of the measured streak; None where its light was not measured, or its frame is
-    long past."""
+    """Return the SNR of the measured streak.
+
+    None where its light was not measured, or its frame is not kept any more.
+    """
     try:
         found = shown_of(taken.frame_id).detections
     except ValueError:
@@ -93,15 +96,18 @@ def _snr_of(taken: Measurement, shown_of: Callable[[int], FrameObservations]) ->
 
 
 class KeptTrack:
-    """The time until which the kept track can be followed again."""
+    """Remembers until when the ended track that is kept can still be followed again."""
 
     def __init__(self) -> None:
         self._following: Following | None = None
         self.until_utc_ns: int | None = None
-        """Time until which it can be followed again, UTC ns; None while nothing is kept."""
+        """Time until which the kept track can be followed again, UTC ns; None without one."""
 
     def see(self, authority: Authority, settings: FilterConfig, now_utc_ns: int) -> None:
-        """Note a change of state. In MANUAL a track is kept as long as it would be coasted."""
+        """Note the loop's state, and set the time when another track is kept.
+
+        While the operator has control, the track is kept for as long as it would be coasted.
+        """
         kept = authority.kept
         if kept is None:
             self._following = self.until_utc_ns = None
@@ -113,12 +119,15 @@ class KeptTrack:
         self.until_utc_ns = kept_until_utc_ns(kept, settings, now_utc_ns, is_lent=is_lent)
 
     def is_over(self, now_utc_ns: int) -> bool:
-        """True where the kept track is too old."""
+        """True where the kept track is too old to be followed again."""
         return self.until_utc_ns is not None and now_utc_ns >= self.until_utc_ns
 
 
 def kept_name(following: Following | None, names: Mapping[int, str]) -> str | None:
-    """Return a track's name or number; None without a track. ``names``: by track id."""
+    """Return a track's name, else its number in words; None without a track.
+
+    ``names``: names of identified tracks, by track id.
+    """
     if following is None or following.track_id is None:
         return None
     return names.get(following.track_id, f"track {following.track_id}")

@@ -1,9 +1,9 @@
 """Exposure and cadence for a track's rate, within configured bounds.
 
-A streak of a few pixels has no direction, and one as long as the frame is often cut; an object that
-crosses half the field between two exposures is lost where one prediction fails. Where the settings
-of the night lead there, others are taken until the track ends, on record. A setting that the
-operator changes meanwhile stands.
+A streak of a few pixels has no direction, and a streak as long as the frame is often cut; an object
+that crosses half the field between two exposures is lost where one prediction fails. Where the
+night's settings would lead to that, others are used until the track ends, on record. A setting that
+the operator changes in the meantime stays.
 """
 
 from collections.abc import Callable
@@ -36,12 +36,14 @@ _BY_SECTION = {
     ),
 }
 TUNABLE = {f"{section}.{key}" for section, keys in _BY_SECTION.items() for key in keys}
-"""Settings that may change while the loop runs."""
+"""Names of the settings that may change while the loop runs."""
 
 
 def config_with_setting(config: Config, name: str, value: float | str) -> Config:
-    """Return the configuration with one tunable set. Raises ValueError naming the allowed
-    values."""
+    """Return the configuration with one setting changed.
+
+    Raises ValueError, with the allowed values, where the value or the setting is not allowed.
+    """
     check_tunable(name)
     try:
         return with_setting(config, name, value)
@@ -62,32 +64,34 @@ def check_tunable(name: str) -> None:
 
 
 def change_record(before: Config, after: Config, name: str, by: str) -> ParameterChange:
-    """Return the record of a change."""
+    """Return the record of a changed setting; ``by``: who or what changed it."""
     return ParameterChange(
         name=name, before=value_of(before, name), after=value_of(after, name), by=by
     )
 
 
 def value_of(config: Config, name: str) -> Any:
-    """Return the value of a setting."""
+    """Return the value of a setting by its dotted name."""
     return attrgetter(name)(config)
 
 
 SHORTEST_PX = 40.0
-"""Length, in pixels, from which a streak's direction is good to a degree or two."""
+"""Least length of a streak, px, whose direction is good to a degree or two."""
 LONGEST_SHARE = 1.0 / 3.0
-"""Greatest length of a streak, as a share of the frame's shorter side."""
+"""Greatest length of a streak, in units of the frame's shorter side."""
 _INSIDE = 1.25
-"""Margin by which a new exposure keeps inside these lengths: the next rate is another one."""
+"""Factor by which a new exposure keeps inside these lengths, because the next rate differs."""
 _WORTH_CHANGING = 0.2
 FARTHEST_FIELDS = 0.5
-"""Share of the field's shorter side that a track may cross between exposures."""
+"""Greatest path of a track between two exposures, in units of the field's shorter side."""
 EXPOSURE, CADENCE = "exposure.exposure_s", "exposure.cadence_s"
 
 
 def pace_for(rate_arcsec_s: float, config: Config) -> tuple[float, float]:
-    """Return exposure and cadence, s, for a rate on the sky; the configured ones where they will
-    do."""
+    """Return exposure and cadence, s, for a rate on the sky.
+
+    They are the configured ones where the streak's length and its path between exposures allow it.
+    """
     exposure, optics = config.exposure, config.optics
     pixels_s = max(rate_arcsec_s / optics.scale_arcsec_px, 1e-6)
     longest_px = LONGEST_SHARE * min(optics.width_px, optics.height_px)
@@ -118,12 +122,12 @@ def _cadence_s(rate_arcsec_s: float, exposure_s: float, config: Config) -> float
 
 
 def two_digits(value_s: float) -> float:
-    """Round to two significant digits, as an operator would choose."""
+    """Return a value rounded to two significant digits, as an operator would choose it."""
     return float(np.format_float_positional(value_s, precision=2, fractional=False))
 
 
 class Pace:
-    """Sets exposure and cadence for the rate of a track, and sets them back at its end."""
+    """Sets exposure and cadence for a track's rate, and sets them back when the track ends."""
 
     def __init__(self) -> None:
         self._before: dict[str, float] = {}
@@ -134,7 +138,7 @@ class Pace:
     def after(
         self, config: Config, track: TrackState | None
     ) -> tuple[Config, tuple[ParameterChange, ...]]:
-        """Return the configuration for the next exposure, and its changes.
+        """Return the configuration for the next exposure, and the records of what has changed.
 
         ``track``: the lead track after the last frame; None without one.
         """
@@ -161,7 +165,7 @@ class Pace:
         return self._changed_to(config, apart, f"the track's {rate:.0f} arcsec/s")
 
     def of_night(self, config: Config) -> Config:
-        """Return the configuration without the changes made for the track."""
+        """Return the configuration with exposure and cadence as before the track."""
         for name, value in self._before.items():
             if value_of(config, name) == self._own.get(name):
                 config = config_with_setting(config, name, value)
@@ -186,8 +190,10 @@ class Pace:
 
 
 def _may_change(config: Config) -> bool:
-    """True where exposures may vary: the paper's night has one exposure, an unscalable dark fits
-    only one."""
+    """True where exposures may vary from frame to frame.
+
+    The paper's night has one exposure, and a dark frame without a bias fits one exposure only.
+    """
     is_dark_fixed = bool(config.calibration.darks) and config.calibration.bias is None
     return config.exposure.automatic and config.filter.preset != "paper" and not is_dark_fixed
 
@@ -199,7 +205,7 @@ class _Loan:
 
 
 class TemporarySettings:
-    """Settings that hold for a number of frames, by their names."""
+    """Remembers settings that were changed for a number of frames only."""
 
     def __init__(self, of_night: Callable[[Config], Config] = lambda config: config) -> None:
         """``of_night``: returns a configuration without the changes made for a track."""
@@ -207,22 +213,28 @@ class TemporarySettings:
         self._loans: dict[str, _Loan] = {}
 
     def remember_setting(self, config: Config, name: str, frames: int) -> None:
-        """Remember the present setting; the value before the first change comes back at the end."""
+        """Remember a setting's value before it is changed for ``frames`` frames.
+
+        If the setting is changed again meanwhile, the value before the first change comes back at
+        the end.
+        """
         known = self._loans.get(name)
         before = value_of(self._of_night(config), name) if known is None else known.before
         self._loans[name] = _Loan(before=before, frames=frames)
 
     def keep(self, name: str) -> None:
-        """Note that a setting was changed for good."""
+        """Note that a setting was changed for good, so that it is not set back."""
         self._loans.pop(name, None)
 
     def left(self) -> dict[str, int]:
-        """Return the number of frames that each setting still holds for."""
+        """Return the number of frames left for each temporary setting, by name."""
         return {name: loan.frames for name, loan in dict(self._loans).items()}
 
     def count(self, config: Config) -> tuple[Config, tuple[ParameterChange, ...]]:
-        """Count one frame; return the configuration with expired settings set back, and its
-        records."""
+        """Count one frame; return the configuration and the records of its changes.
+
+        Settings whose frames are over are set back.
+        """
         changes: list[ParameterChange] = []
         for name, loan in list(self._loans.items()):
             if loan.frames > 1:

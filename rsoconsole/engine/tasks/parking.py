@@ -1,4 +1,4 @@
-"""Sends the mount to its park position and does not let go until it is there."""
+"""Sends the mount to its park position, again and again until it is parked."""
 
 from rsoconsole.base import InstrumentError
 from rsoconsole.engine.aim.instrument_controller import NS, InstrumentController
@@ -7,11 +7,11 @@ from rsoconsole.words import NO_PARK
 
 RETRY_NS = 30 * NS
 ENOUGH = 20
-"""Number of orders after which it is reported for the last time that somebody must go there."""
+"""Number of orders after which parking is given up, with a last alarm."""
 
 
 class Parking:
-    """One request to park, from the order to the mount's report that it is parked."""
+    """A request to park, which lasts until the mount reports that it is parked."""
 
     def __init__(
         self, instrument_controller: InstrumentController, session_log: SessionLog
@@ -19,9 +19,9 @@ class Parking:
         self._instrument_controller = instrument_controller
         self._session_log = session_log
         self.is_wanted = False
-        """True while the mount is to be parked and is not yet."""
+        """True while the mount is to be parked and is not parked yet."""
         self.trouble = ""
-        """Reason why it does not park; empty where it has taken the last order."""
+        """Reason why the mount does not park; empty where it has accepted the last order."""
         self._orders = 0
         self._next_utc_ns = 0
         """Time before which no further order and no report goes out, UTC ns."""
@@ -29,8 +29,11 @@ class Parking:
         """True where the mount did not answer at the last look."""
 
     def want(self) -> None:
-        """Request a park; the order goes out with the next look, unless the mount is on its way
-        already."""
+        """Request a park.
+
+        The order goes out at the next ``see_to_it``, unless the mount moves to its park position
+        already.
+        """
         self.is_wanted, self._orders, self._next_utc_ns = True, 0, 0
         self.trouble = ""
 
@@ -39,7 +42,7 @@ class Parking:
         self.is_wanted = self._is_silent = False
 
     def see_to_it(self) -> None:
-        """Take one look: order, wait, or order again; never raises."""
+        """Look at the mount once and give the order to park where that is due; never raises."""
         if not self.is_wanted:
             return
         now_ns = self._instrument_controller.now_utc_ns()

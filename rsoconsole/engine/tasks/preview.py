@@ -1,4 +1,4 @@
-"""Two small pictures a frame: the whole of it, and a close-up at full resolution."""
+"""Two small pictures of each frame: the whole frame, and a close-up at full resolution."""
 
 from dataclasses import replace
 
@@ -12,15 +12,19 @@ from rsoconsole.tracking import Following
 
 LONG_SIDE_PX = 466
 STEPS = 0xF8
-"""Mask of the grey levels kept of 256: steps of a third of the noise's sigma, a third of the
-disk."""
+"""Bit mask of the grey levels that are kept, in steps of 8 of 256.
+
+A step is a third of the noise's sigma; pictures then take a third of the disk.
+"""
 CLOSEUP_PX = (256, 192)
-"""Columns and rows of a close-up: a geostationary streak of 10 s, and sky about it."""
+"""Columns and rows of a close-up: it shows a geostationary streak of 10 s and sky around it."""
 
 
 def preview_of(pixels: PixelArray) -> npt.NDArray[np.uint8]:
-    """Return the frame area-averaged to at most 466 px, stretched by asinh about the median; (h, w)
-    uint8."""
+    """Return the frame as a small picture of at most 466 px; (h, w) uint8.
+
+    Averaged over areas, and stretched by asinh around the median.
+    """
     import cv2
 
     height, width = pixels.shape
@@ -30,9 +34,10 @@ def preview_of(pixels: PixelArray) -> npt.NDArray[np.uint8]:
 
 
 class PlacesOfInterest:
-    """Chooses the place of a frame's close-up; without stars by the last known plate.
+    """Chooses the pixel position of a frame's close-up.
 
-    On the lead track, else where it was expected, else on the most confident candidate.
+    It is on the lead track's streak, else where the lead track was predicted, else on the likeliest
+    streak. A frame that was not solved uses the last known plate.
     """
 
     def __init__(self) -> None:
@@ -42,7 +47,7 @@ class PlacesOfInterest:
     def of(
         self, frame: Frame, reduction: Reduction, following: Following
     ) -> tuple[float, float] | None:
-        """Return the place (x, y, px) of a frame's close-up; None: there is no reason for any."""
+        """Return the position (x, y; px) of a frame's close-up; None: there is nothing to show."""
         wcs = self._plate_of(frame, reduction)
         found, taken, track = reduction.detections, following.taken, following.track
         if taken is not None and taken.frame_id == found.frame_id:
@@ -56,8 +61,7 @@ class PlacesOfInterest:
         return None if best is None else (best.x_px, best.y_px)
 
     def _plate_of(self, frame: Frame, reduction: Reduction) -> Wcs | None:
-        """Return the frame's own plate, else the last one turned by the mount's reported turn
-        since."""
+        """Return the frame's own plate, else the last one moved by the mount's reported motion."""
         ra, dec = frame.pointing_ra_icrs_deg, frame.pointing_dec_icrs_deg
         if isinstance(reduction.solution, Solution):
             wcs = reduction.solution.wcs
@@ -76,10 +80,10 @@ class PlacesOfInterest:
 def closeup_of(
     pixels: PixelArray, x_px: float, y_px: float
 ) -> tuple[tuple[int, int], npt.NDArray[np.uint8]]:
-    """Return a piece of the frame about a place, unbinned: ((first column, first row), (h, w)
-    uint8).
+    """Return a piece of the frame around a position, at full resolution.
 
-    At the frame's edge it is moved inwards; of a smaller frame it is all.
+    Returned are (first column, first row) and the pixels, (h, w) uint8. At the frame's edge the
+    piece is moved inwards; of a frame smaller than the piece it is all.
     """
     height, width = pixels.shape
     columns, rows = min(CLOSEUP_PX[0], width), min(CLOSEUP_PX[1], height)

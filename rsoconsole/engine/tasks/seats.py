@@ -1,6 +1,6 @@
-"""Control among several consoles: the first that acts has it until it gives it away or is gone.
+"""Control among several consoles: the first to act has it until it gives it up or is gone.
 
-Every console sees everything; STOP is open to all. Commands from a shell need no control.
+Every console sees everything, and may give STOP. Commands from a shell need no control.
 """
 
 import threading
@@ -11,22 +11,22 @@ from dataclasses import dataclass
 from rsoconsole.control import Sender
 
 GONE_S = 10.0
-"""Silence after which a console counts as gone, s."""
+"""Time without a request after which a console counts as gone, s."""
 ASKED_S = 30.0
-"""Silence after a request for control by which it is given up, s."""
+"""Time after which a request for control succeeds without an answer, s."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SeatView:
-    """The console in control, and another that requests control."""
+    """The console in control, and a console that requests control."""
 
     holder: Sender | None
-    """Console in control; None while none has acted, or it has left."""
+    """Console in control; None while no console has acted, or after it has left."""
     asked_by: Sender | None
 
 
 class Seats:
-    """Tracks which console has control; called on the wire's threads."""
+    """Keeps which console has control; called from the wire's threads."""
 
     def __init__(self, now_s: Callable[[], float] = time.monotonic) -> None:
         self._now_s = now_s
@@ -37,7 +37,10 @@ class Seats:
         self._seen_s: dict[Sender, float] = {}
 
     def refusal(self, who: Sender, *, needs_control: bool) -> str | None:
-        """Return why a sender may not act now; None where it may, and then it takes control."""
+        """Return why a sender may not act now; None where it may.
+
+        A console that may act, and needs control for its command, gets control by that.
+        """
         if who.kind != "console":
             return None
         with self._lock:
@@ -50,7 +53,7 @@ class Seats:
             return f"{seat_name(self._holder)} has control: ask for it"
 
     def ask(self, who: Sender) -> str:
-        """Request control; return the answer in words."""
+        """Request control for a console; return the answer in words."""
         with self._lock:
             self._receive(who)
             if self._holder in {None, who}:
@@ -63,9 +66,10 @@ class Seats:
             return f"{seat_name(self._holder)} is asked; yours in {ASKED_S:.0f} s at the latest"
 
     def answer(self, who: Sender, *, gives: bool, to: str | None = None) -> str:
-        """Give control away, or keep it; ``to``: the console meant, None: any that requests it.
+        """Give control to the console that requests it, or refuse; return the outcome in words.
 
-        Raises ValueError where none requests it, or another does by now.
+        ``to``: the console that is meant; None: any that requests control. Raises ValueError where
+        no console requests it, or another one than ``to``.
         """
         with self._lock:
             self._receive(who)
@@ -80,7 +84,7 @@ class Seats:
             return "you keep control"
 
     def view(self) -> SeatView:
-        """Return the console in control and the requesting one."""
+        """Return which console has control, and which requests it."""
         with self._lock:
             self._tidy()
             return SeatView(holder=self._holder, asked_by=self._asked_by)
@@ -90,8 +94,7 @@ class Seats:
         self._tidy()
 
     def _tidy(self) -> None:
-        """Drop consoles that have left and their requests; a holder silent after a request loses
-        control."""
+        """Drop consoles that have left; a holder that did not answer a request loses control."""
         now_s = self._now_s()
         self._seen_s = {w: s for w, s in self._seen_s.items() if now_s - s < GONE_S}
         if self._asked_by is not None and self._asked_by not in self._seen_s:
@@ -102,5 +105,5 @@ class Seats:
 
 
 def seat_name(who: Sender | None) -> str:
-    """Return a console's name."""
+    """Return a console's name; "nobody" for None."""
     return "nobody" if who is None else who.name

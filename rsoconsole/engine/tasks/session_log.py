@@ -1,4 +1,4 @@
-"""The loop's records, in order, each with the time of the clock."""
+"""Puts the loop's records into the session, in order and each with the clock's time."""
 
 import contextlib
 import logging
@@ -18,7 +18,7 @@ _LOG_LEVELS = {"info": logging.INFO, "warning": logging.WARNING, "alarm": loggin
 
 
 class SessionLog:
-    """Writes records, frames and words; safe to use from any thread, never raises for a disk."""
+    """Writes records, frames and log lines from any thread; a disk fault raises nothing."""
 
     def __init__(
         self,
@@ -41,12 +41,12 @@ class SessionLog:
             self._on_record(record)
 
     def say(self, level: Literal["info", "warning", "alarm"], text: str, topic: Topic = "") -> None:
-        """Put a line for the operator on record and into the log."""
+        """Put a line for the operator on record and into the program's log."""
         self.append(Event(level=level, text=text, frame_id=self.frame_id, topic=topic))
         log.log(_LOG_LEVELS[level], "%s", text)
 
     def append_all(self, records: Iterable[Record]) -> None:
-        """Append records in order; log lines among them also go into the program's log."""
+        """Append records in order; lines for the operator also go into the program's log."""
         for record in records:
             self.append(record)
             if isinstance(record, Event):
@@ -55,9 +55,9 @@ class SessionLog:
     def keep(
         self, frame: Frame, *, is_wanted: bool, place_px: tuple[float, float] | None = None
     ) -> None:
-        """Keep the frame's small pictures, and its pixels where they are wanted.
+        """Keep the frame's small pictures, and its pixels where ``is_wanted``.
 
-        ``place_px``: x and y about which a piece of it is kept at full resolution.
+        ``place_px``: x and y around which a close-up is kept at full resolution; None: no close-up.
         """
         if is_wanted:
             self._record.save_frame(frame)
@@ -77,17 +77,16 @@ class SessionLog:
             self._record.save_closeup(frame.frame_id, picture)
 
     def last_utc_ns(self) -> int:
-        """Return the clock's present, UTC ns; where the clock is gone, its last time."""
+        """Return the clock's time, UTC ns; where the clock no longer answers, its last time."""
         with contextlib.suppress(RsoconsoleError):
             self._seen_utc_ns = self._now_utc_ns()
         return self._seen_utc_ns
 
 
 class WarningsOnRecord(logging.Handler):
-    """Puts every warning of a logger and of those below it on record, while it is entered.
+    """While entered, puts every warning of a logger and of its child loggers on record.
 
-    Events beside the loop (e.g. a process that died and was replaced before anybody missed it)
-    reach the record in no other way.
+    Events outside the loop (a process that died and was replaced) reach the record only so.
     """
 
     def __init__(self, session_log: SessionLog, logger: str) -> None:
@@ -101,7 +100,7 @@ class WarningsOnRecord(logging.Handler):
         self._logger.removeHandler(self)
 
     def emit(self, record: logging.LogRecord) -> None:
-        """Put one line into the session alone, from any thread: the log has it already."""
+        """Put a warning into the session only, because the program's log has it already."""
         self._session_log.append(
             Event(
                 level="alarm" if record.levelno >= logging.ERROR else "warning",
@@ -112,7 +111,10 @@ class WarningsOnRecord(logging.Handler):
 
 
 def read_past(*, is_simulated: bool) -> tuple[Past | None, str | None]:
-    """Return uncorrelated tracks of earlier nights, and the ledger's fault in words."""
+    """Return uncorrelated tracks of earlier nights, and why they could not be read, in words.
+
+    Each is None where there is none.
+    """
     if is_simulated:
         return None, None
     try:
@@ -123,9 +125,9 @@ def read_past(*, is_simulated: bool) -> tuple[Past | None, str | None]:
 
 
 def keep_uncorrelated(folder: Path) -> None:
-    """Put the night's uncorrelated tracks into the ledger; the session is closed.
+    """Put the night's uncorrelated tracks into the ledger, once the session is closed.
 
-    Nothing is raised: the night is over, and `identify --keep` does it at any time.
+    Never raises: the night is over, and `identify --keep` can do it later.
     """
     try:
         kept = keep_night(folder)

@@ -23,7 +23,7 @@ from rsoconsole.words import text
 
 
 class NowhereError(RsoconsoleError):
-    """Raised when every place of the search is refused."""
+    """No place of the search is allowed by the limits."""
 
     def __init__(self, words: str, *, is_dawn: bool) -> None:
         super().__init__(words)
@@ -32,7 +32,7 @@ class NowhereError(RsoconsoleError):
 
 
 class Slews:
-    """Orders the loop's slews: planned, checked against the limits, and waited for."""
+    """Plans the loop's slews, checks them against the limits, orders them and waits for them."""
 
     def __init__(
         self,
@@ -51,8 +51,9 @@ class Slews:
     def order_next(self, following: Following, *, is_held: bool) -> Plan:
         """Plan the next exposure and order its slew; the mount is on its way when this returns.
 
-        Raises NowhereError when a search has no place left, StoppedElsewhere when somebody else
-        has moved the mount, Interrupted instead of moving.
+        ``is_held``: the operator's hold is on, so that no slew is ordered. Raises NowhereError when
+        no place of the search is left, StoppedElsewhere when somebody else has moved the mount,
+        Interrupted instead of moving the mount.
         """
         self._expect_mount_where_left(self._instrument_controller.mount_report())
         plan = self._planner.plan(
@@ -72,11 +73,10 @@ class Slews:
         return plan
 
     def order(self, plan: Plan, *, t_until_utc_ns: int) -> SlewRefusal | None:
-        """Send the mount where a plan wants it until an instant; return the limit that refuses it,
-        if any.
+        """Order a plan's slew unless a limit forbids it; return that limit, else None.
 
-        Raises StoppedElsewhere when somebody else has moved the mount, Interrupted instead of
-        moving.
+        ``t_until_utc_ns``: how long the telescope will stay there. Raises StoppedElsewhere when
+        somebody else has moved the mount, Interrupted instead of moving the mount.
         """
         if plan.slew is None:
             return None
@@ -94,7 +94,7 @@ class Slews:
         self._session_log.append(slew)
 
     def forget(self) -> None:
-        """Forget the slew: autonomy no longer has control of the mount."""
+        """Forget the slew that was ordered, because autonomy no longer has control of the mount."""
         self._commanded = None
 
     def finish(
@@ -102,10 +102,9 @@ class Slews:
     ) -> bool:
         """Wait until the mount is where the plan wants it; True when the last plate is void.
 
-        ``settle_s``: time to settle after its arrival; None for as long as configured.
-
-        Raises StoppedElsewhere when somebody else has moved or stopped it, InstrumentError when it
-        does not arrive.
+        ``is_held``: the operator's hold is on; ``settle_s``: time to settle after the arrival, s,
+        None for the configured time. Raises StoppedElsewhere when somebody else has moved or
+        stopped the mount, InstrumentError when it does not arrive.
         """
         if plan.slew is not None:
             # A frame that came since may have taught another pointing offset.
@@ -157,7 +156,12 @@ class Slews:
         t_until_utc_ns: int,
         lifted: frozenset[LimitName] = frozenset(),
     ) -> SlewRefusal | None:
-        """Return why the mount must not go to a direction; one rule for loop and operator."""
+        """Return why the mount must not go to a direction; None when it may.
+
+        The same rule holds for the loop and the operator. ``t_aim_utc_ns``, ``t_until_utc_ns``:
+        when the telescope looks there, and until when it stays; ``lifted``: limits that do not
+        count.
+        """
         start = self._instrument_controller.mount_report()
         refusal = self._watch.limits.refuse_slew(
             replace(pose_of(start), t_utc_ns=self._instrument_controller.now_utc_ns()),

@@ -1,8 +1,8 @@
-"""Looks at the mount once a second, no matter what moves it, and ends what must not go on.
+"""Looks at the mount once a second, whatever moves it, and ends motions that are not allowed.
 
-On a real telescope a thread of its own looks, so that a loop that waits for a solver or a camera
-cannot keep it from looking. Under simulation time passes only while the loop waits, so the loop
-itself looks at every step of a wait. The watch acts first and informs the loop afterwards.
+On a real telescope this runs on a thread of its own, so that it goes on while the loop waits for a
+solver or a camera. Under simulation, time passes only while the loop waits, so that the loop itself
+looks at every step of a wait. The watch acts first and informs the loop afterwards.
 """
 
 import contextlib
@@ -39,23 +39,25 @@ log = logging.getLogger(__name__)
 NS = 1_000_000_000
 EVERY_S = 1.0
 SILENCE_S = 5.0
-"""Wait for a mount's report, s."""
+"""How long a look waits for the mount's report, s."""
 AHEAD_S = 6 * 3600.0
 FORECAST_HOLDS_NS = 300 * NS
 LATEST_S = 10.0
-"""Age up to which a report still gives where the mount is, s."""
+"""Age up to which a report still gives the mount's position, s."""
 MOVED_DEG = 0.05
 STOOD_STILL_S = 5.0
 LOOP_SILENCE_S = 180.0
-"""Silence after which the loop counts as hanging, s; longer than camera, solver or mount keep it
-waiting with the usual time limits."""
+"""Time without a sign from the loop after which it counts as hanging, s.
+
+It is longer than camera, solver or mount keep the loop waiting with the usual time limits.
+"""
 LIFTS: dict[str, LimitName] = {"sun": "twilight"}
-"""The limit that an override of an arming check lifts, by the check's name."""
+"""The limit that is lifted by overriding an arming check, by the check's name."""
 ALL_BUT_SUN: tuple[LimitName, ...] = ("altitude", "horizon", "hour angle", "pier", "twilight")
 
 
 class Watch:
-    """Watches mount, sky and loop: ``look()`` once, ``running()`` at 1 Hz."""
+    """Watches mount, sky and loop: ``look`` once, ``running`` every second."""
 
     def __init__(
         self,
@@ -93,20 +95,20 @@ class Watch:
         self._own, self._parked = OwnMotion(ordered), ParkedMotion()
         self._stop = LimitStop(instruments, say)
         self.next_limit: tuple[int, Refusal] | None = None
-        """Time at which sidereal tracking meets a limit, UTC ns, and which; None when none is
-        near."""
+        """Time at which sidereal tracking meets a limit, UTC ns, and the limit; None: none near."""
         self._end = threading.Event()
         self._loop_alive_s = time.monotonic()
 
     def configure(self, config: Config) -> None:
-        """Take new tunables."""
+        """Use a new configuration from now on."""
         self._config = config
         self.limits = Limits(config.site.to_site(), config.limits, config.mount)
 
     def take_over(self, is_responsible: bool, lifted: frozenset[str] | None = None) -> None:
-        """Set whether autonomy is responsible: then night's end and least altitude end motions.
+        """Set whether autonomy is responsible for the mount.
 
-        ``lifted``: checks that are overridden by name from now on; None: unchanged.
+        Only then do the end of the night and the least altitude end a motion. ``lifted``: names of
+        the checks that are overridden from now on; None: unchanged.
         """
         with self._lock:
             self._is_responsible = is_responsible
@@ -114,12 +116,12 @@ class Watch:
                 self.lifted = lifted
 
     def lifted_limits(self) -> frozenset[LimitName]:
-        """Return the limits that an override of the checklist has lifted."""
+        """Return the limits that are lifted by overridden arming checks."""
         return frozenset(LIFTS[name] for name in self.lifted if name in LIFTS)
 
     @contextlib.contextmanager
     def running(self) -> Iterator[None]:
-        """Run a thread that looks at 1 Hz; none under simulation, where the loop looks itself."""
+        """While entered, look at 1 Hz on a thread; under simulation the loop looks instead."""
         if self._instruments.clock.is_simulated:
             yield
             return
@@ -141,13 +143,13 @@ class Watch:
             looked_s = time.monotonic()
 
     def loop_is_alive(self) -> None:
-        """Note that the loop is alive; called at every step of a wait."""
+        """Note that the loop is alive, at every step of a wait; under simulation also look."""
         self._loop_alive_s = time.monotonic()
         if self._instruments.clock.is_simulated:
             self.look()
 
     def look(self) -> None:
-        """Look once at mount, sky and weather; never raises."""
+        """Look once at loop, weather and mount, and end motions not allowed; never raises."""
         try:
             self._look_at_the_loop()
             now_ns = self._instruments.clock.now_utc_ns()
@@ -164,7 +166,7 @@ class Watch:
             self._say_once("watch", "alarm", "the watch over the limits broke: see the log")
 
     def is_loop_alive(self) -> bool:
-        """True while the loop has reported of late; from any thread."""
+        """True while the loop has given a sign of late; may be called from any thread."""
         silent_s = time.monotonic() - self._loop_alive_s
         frame_s, again_s = self._config.exposure.frame_timeout_s, self._config.waits.connected_s
         return silent_s < max(LOOP_SILENCE_S, 2.0 * frame_s, frame_s + again_s)
@@ -178,14 +180,16 @@ class Watch:
         self._say_once("loop", "alarm", words)
 
     def limit_before(self, t_utc_ns: int) -> Refusal | None:
-        """Return the limit that continued tracking meets before an instant; None when none."""
+        """Return the limit that sidereal tracking meets before an instant; None: none."""
         if self.next_limit is None or self.next_limit[0] > t_utc_ns:
             return None
         return self.next_limit[1]
 
     def refusal(self, report: MountReport) -> Refusal | None:
-        """Return the limit that forbids the mount's motion; None also where it stands or is
-        parked."""
+        """Return the limit that forbids the mount's present motion; None where none does.
+
+        None also for a mount that stands or is parked.
+        """
         last = self.last_report
         seen = observed_motion(report, last)
         if seen.how == "stands" or (report.is_parked and seen.how != "slews"):
@@ -195,9 +199,10 @@ class Watch:
         return self._refusal(report, pose, seen, own)
 
     def end_at_limit(self, words: str) -> None:
-        """End motion and tracking for a limit that the loop sees ahead; the loop is then informed.
+        """End motion and tracking before a limit that the loop foresees, and raise an alarm.
 
-        Nothing counts as ahead until the next look: the loop would else meet it again at once.
+        The forecast is forgotten until the next look, so that the loop does not meet the same limit
+        again.
         """
         self.next_limit = self._forecast_of = None
         parks = not self._is_responsible
@@ -208,20 +213,18 @@ class Watch:
         self._queue.stop(LimitMet(words=f"{words}; {done}"), end)
 
     def abort_ordered(self) -> None:
-        """Note that a STOP sends ABORT now: the way on shows how far this mount needs to stop."""
+        """Note that a STOP sends ABORT now, to learn from it how far this mount needs to stop."""
         self._stop.note_abort(self._instruments.clock.now_utc_ns())
 
     def _held_lifted(self) -> frozenset[LimitName]:
-        """Return the limits that do not act on a motion: the least altitude does so only under
-        autonomy."""
+        """Return the limits that end no motion; the least altitude does so under autonomy only."""
         lifted = self.lifted_limits()
         return lifted if self._is_responsible else lifted | {"altitude"}
 
     def _refusal(
         self, report: MountReport, pose: Pose, seen: ObservedMotion, own: Own | None
     ) -> Refusal | None:
-        """Return the limit that forbids a motion; one ordered by this program has been judged
-        before."""
+        """Return the limit that forbids a motion; this program's own were checked when ordered."""
         limits = self.limits
         if seen.how != "slews":
             return limits.refuse_pose(pose, is_slewing=False, lifted=self._held_lifted())
@@ -388,8 +391,7 @@ class Watch:
     def _say_once(
         self, about: str, level: Literal["warning", "alarm"], text: str, *, is_same: bool = False
     ) -> None:
-        """Report it unless it was reported; ``is_same``: also where only its figures have
-        changed."""
+        """Report a text once; ``is_same``: not again where only its figures have changed."""
         said = self._said.get(about)
         if said == text or (is_same and said is not None):
             return
