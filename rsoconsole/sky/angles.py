@@ -37,7 +37,10 @@ def wrap_360(angle_deg: Angle) -> Angle:
 
 
 def turn_deg(one_deg: float, other_deg: float) -> float:
-    """Angle between two lines, 0 to 90 deg; a direction and its opposite are the same line."""
+    """Angle, 0 to 90 deg, between two lines given by their direction angles in degrees.
+
+    A direction and its opposite (180 deg further) are the same line.
+    """
     return abs((one_deg - other_deg + 90.0) % 180.0 - 90.0)
 
 
@@ -52,14 +55,14 @@ def deg_to_hours(angle_deg: Angle) -> Angle:
 
 
 def direction_to_unit(ra_deg: AngleLike, dec_deg: AngleLike) -> FloatArray:
-    """Unit vectors (..., 3) of directions."""
+    """Convert right ascensions and declinations, arrays (...), to unit vectors (..., 3)."""
     ra, dec = np.broadcast_arrays(np.asarray(ra_deg) * _DEG, np.asarray(dec_deg) * _DEG)
     cos_dec = np.cos(dec)
     return np.stack([cos_dec * np.cos(ra), cos_dec * np.sin(ra), np.sin(dec)], axis=-1)
 
 
 def east_and_north(ra_deg: FloatArray, dec_deg: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Unit vectors (..., 3) across directions (...): eastward and northward."""
+    """Unit vectors (..., 3) that point east and north at the directions (...), in this order."""
     ra, dec = np.radians(ra_deg), np.radians(dec_deg)
     east = np.stack([-np.sin(ra), np.cos(ra), np.zeros_like(ra)], axis=-1)
     north = np.stack([-np.sin(dec) * np.cos(ra), -np.sin(dec) * np.sin(ra), np.cos(dec)], axis=-1)
@@ -67,7 +70,7 @@ def east_and_north(ra_deg: FloatArray, dec_deg: FloatArray) -> tuple[FloatArray,
 
 
 def unit_to_direction(vector: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Right ascension (0 to 360) and declination in degrees of vectors (..., 3) of any length."""
+    """Convert vectors (..., 3) of any length to RA (0 to 360) and Dec in degrees."""
     x, y, z = vector[..., 0], vector[..., 1], vector[..., 2]
     ra_deg = np.degrees(np.arctan2(y, x)) % 360.0
     dec_deg = np.degrees(np.arctan2(z, np.hypot(x, y)))
@@ -99,7 +102,10 @@ def separation_deg(
 def separation_deg(
     ra_a_deg: AngleLike, dec_a_deg: AngleLike, ra_b_deg: AngleLike, dec_b_deg: AngleLike
 ) -> AngleLike:
-    """Great-circle distance, exact for tiny and for opposite directions (Vincenty's form)."""
+    """Great-circle distance between directions a and b, degrees.
+
+    Exact for tiny distances and for opposite directions (Vincenty's form).
+    """
     east, north, cosine = _separation(ra_a_deg, dec_a_deg, ra_b_deg, dec_b_deg)
     distance = np.degrees(np.arctan2(np.hypot(east, north), cosine))
     return float(distance) if np.ndim(distance) == 0 else np.asarray(distance)
@@ -116,16 +122,17 @@ def position_angle_deg(
 def position_angle_deg(
     ra_a_deg: AngleLike, dec_a_deg: AngleLike, ra_b_deg: AngleLike, dec_b_deg: AngleLike
 ) -> AngleLike:
-    """Direction of b as seen from a, east of north, 0 to 360."""
+    """Direction of b as seen from a, in degrees east of north, 0 to 360."""
     east, north, _ = _separation(ra_a_deg, dec_a_deg, ra_b_deg, dec_b_deg)
     angle = np.degrees(np.arctan2(east, north)) % 360.0
     return wrap_360(float(angle)) if np.ndim(angle) == 0 else wrap_360(np.asarray(angle))
 
 
 def parse_sexagesimal(text: str) -> float:
-    """Parse 'a', 'a b' or 'a b c' with any usual separators, in units of the first field.
+    """Parse one to three fields ('12.5', '12 34.5', '12:34:56.7') to one number.
 
-    Raises ValueError for anything else.
+    The result is in the unit of the first field: hours or degrees. Blanks, colons and the marks h,
+    d, m, s, degree, minute and second separate fields. Raises ValueError for anything else.
     """
     cleaned = text.strip().replace("−", "-")
     sign = -1.0 if cleaned.startswith("-") else 1.0
@@ -168,6 +175,6 @@ def parse_dec_deg(text: str) -> float:
 
 
 def largest_sigma(east_east: float, east_north: float, north_north: float) -> float:
-    """One sigma along the longest axis of a 2x2 covariance, in the root of its unit."""
+    """Largest standard deviation in a 2x2 covariance: the root of its larger eigenvalue."""
     half = math.hypot(0.5 * (east_east - north_north), east_north)
     return math.sqrt(max(0.5 * (east_east + north_north) + half, 0.0))

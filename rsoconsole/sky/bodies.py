@@ -19,7 +19,7 @@ LIT_SHARE = 0.5
 
 
 def sun_icrs(t_utc_ns: int) -> tuple[float, float]:
-    """RA and Dec in degrees of the Sun's centre as seen from the Earth's, astrometric."""
+    """Astrometric RA and Dec, degrees, of the Sun's centre seen from the Earth's centre."""
     ra_deg, dec_deg = unit_to_direction(sun_gcrs_km(t_utc_ns))
     return float(ra_deg), float(dec_deg)
 
@@ -31,14 +31,18 @@ def sun_altitude_deg(site: Site, t_utc_ns: int) -> float:
 
 
 def lit_fraction(position_gcrs_km: FloatArray, t_utc_ns: TimeLike) -> FloatArray:
-    """Share of the solar disc that a satellite at (..., 3) sees: 1 in the light, 0 in the umbra."""
+    """Share of the solar disc that a satellite sees: 1 in full sunlight, 0 in the umbra.
+
+    ``position_gcrs_km``: (..., 3); one share for each position.
+    """
     return lit_fraction_by(sun_gcrs_km(t_utc_ns), position_gcrs_km)
 
 
 def lit_fraction_by(sun_km: FloatArray, position_gcrs_km: FloatArray) -> FloatArray:
-    """Share of the solar disc seen by a satellite; the Sun at (..., 3) km from the Earth's centre.
+    """Share of the solar disc that a satellite sees, where the Sun's position is known already.
 
-    Overlap of two discs, the Earth a sphere without air. Source: Montenbruck & Gill 2000, 3.4.2.
+    Both positions (..., 3), km from the Earth's centre. Overlap of two discs, the Earth a sphere
+    without air. Source: Montenbruck & Gill 2000, 3.4.2.
     """
     to_sun = sun_km - position_gcrs_km
     distance_km = np.linalg.norm(to_sun, axis=-1)
@@ -63,7 +67,10 @@ def lit_fraction_by(sun_km: FloatArray, position_gcrs_km: FloatArray) -> FloatAr
 def phase_angle_deg(
     position_gcrs_km: FloatArray, site_gcrs_km: FloatArray, t_utc_ns: TimeLike
 ) -> FloatArray:
-    """Angle Sun - satellite - site: 0 when fully lit as seen from the site."""
+    """Angle at the satellite between the Sun and the site, degrees.
+
+    0 where the site sees the fully lit side, 180 where it sees the dark one.
+    """
     to_sun = sun_gcrs_km(t_utc_ns) - position_gcrs_km
     to_site = site_gcrs_km - position_gcrs_km
     cosine = np.sum(to_sun * to_site, axis=-1)
@@ -72,7 +79,7 @@ def phase_angle_deg(
 
 
 def moon_gcrs_km(t_utc_ns: TimeLike) -> FloatArray:
-    """Vector (..., 3) from the Earth's centre to the Moon's, to some 10 arcsec.
+    """Vector (..., 3), km, from the Earth's centre to the Moon's, to some 10 arcsec.
 
     Source: Meeus 1998, chapter 47, by IAU SOFA (erfa.moon98).
     """
@@ -97,11 +104,11 @@ def moon_lit_fraction(t_utc_ns: int) -> float:
 PLANETS = MappingProxyType(
     {"Mercury": 1, "Venus": 2, "Mars": 4, "Jupiter": 5, "Saturn": 6, "Uranus": 7, "Neptune": 8}
 )
-"""Number of each planet in the theory by its name; the third is the Earth."""
+"""Number of each planet in the theory of ``planet_icrs``, by name; 3, the Earth, is left out."""
 
 
 def planet_icrs(name: str, t_utc_ns: int) -> tuple[float, float]:
-    """Astrometric RA and Dec in degrees from the Earth's centre, to some 2 arcmin.
+    """Astrometric RA and Dec of a planet in degrees, from the Earth's centre, to some 2 arcmin.
 
     ``name``: a key of ``PLANETS``; KeyError for another. The parallax of a site is below an
     arcminute. Source: Simon et al. 1994, A&A 282, 663, by IAU SOFA (erfa.plan94).
@@ -118,16 +125,18 @@ def planet_icrs(name: str, t_utc_ns: int) -> tuple[float, float]:
 
 
 SCAN_STEP_NS = 600 * NS_PER_S
-"""Step of the search, ns: fine enough for nights of a quarter of an hour at the edge of a polar
-summer."""
+"""Step of the search for dusk and dawn, ns.
+
+Fine enough for nights of a quarter of an hour at the edge of a polar summer.
+"""
 CROSSING_NS = NS_PER_S // 10
 
 
 def night_span(site: Site, now_utc_ns: int, twilight_deg: float) -> tuple[int, int] | None:
     """Find the present dark time, or the next that begins within a day: (dusk, dawn) in UTC ns.
 
-    Dark is a Sun at ``twilight_deg`` or lower, refraction left out. None when it does not get dark
-    within a day. Where the Sun stays down longer, the span is cut a day before and after now: in a
+    It is dark while the Sun is at ``twilight_deg`` or lower, without refraction. None when it does
+    not get dark within a day. The span reaches at most from a day before now to a day after: in a
     polar night it is two days long.
     """
 

@@ -1,7 +1,7 @@
-"""Sky of one hour: apparent places, sidereal time and the Sun, for frequent queries.
+"""Quantities of one hour for frequent queries: apparent places, sidereal time and the Sun.
 
 Within half an hour aberration, precession and nutation move a place by less than 0.02 arcsec, so
-that slow quantities are computed once an hour. The Sun's place runs on a straight line: good to an
+that slow quantities are computed once an hour. The Sun's place is taken to move evenly: good to an
 arcsecond for hours.
 """
 
@@ -25,7 +25,10 @@ SIDEREAL_DEG_S = 360.98564736629 / 86_400.0
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Epoch:
-    """True equator and equinox of one hour; good to a tenth of an arcsecond for hours around."""
+    """What is needed for apparent places, sidereal time and the Sun's place, computed for one hour.
+
+    Frame: true equator and equinox of date. Good to 0.1 arcsec for some hours around.
+    """
 
     t_utc_ns: int
     """Middle of the hour, UTC ns."""
@@ -34,13 +37,13 @@ class Epoch:
     equation_of_origins_deg: float
     gast_deg: float
     sun_ra_deg: float
-    """Apparent right ascension of the Sun's centre, of date."""
+    """Apparent right ascension of the Sun's centre, of date, at ``t_utc_ns``."""
     sun_dec_deg: float
     sun_ra_rate_deg_s: float
     sun_dec_rate_deg_s: float
 
     def to_date(self, ra_icrs_deg: float, dec_icrs_deg: float) -> tuple[float, float]:
-        """Apparent right ascension (0 to 360) and declination of date of a catalogue direction."""
+        """Convert an ICRS direction to apparent RA (0 to 360) and declination of date."""
         ra, dec = erfa.atciqz(np.radians(ra_icrs_deg), np.radians(dec_icrs_deg), self.astrom)
         ra_deg = (np.degrees(ra) - self.equation_of_origins_deg) % 360.0
         return float(ra_deg), float(np.degrees(dec))
@@ -51,7 +54,7 @@ class Epoch:
         return np.asarray((self.gast_deg + longitude_deg + turned_deg) % 360.0)
 
     def sun_date_deg(self, t_utc_ns: TimeLike) -> tuple[FloatArray, FloatArray]:
-        """Right ascension (not wrapped) and declination of date of the Sun's centre."""
+        """Apparent right ascension (not wrapped) and declination of date of the Sun's centre."""
         since_s = self._since_s(t_utc_ns)
         return (
             self.sun_ra_deg + self.sun_ra_rate_deg_s * since_s,
@@ -63,7 +66,7 @@ class Epoch:
 
 
 def epoch_at(t_utc_ns: int) -> Epoch:
-    """Return the epoch of the hour in which an instant lies; cached."""
+    """Return the ``Epoch`` of the UTC hour that holds this instant; cached."""
     return _epoch(t_utc_ns // HOUR_NS)
 
 

@@ -40,7 +40,7 @@ def jnow_to_icrs(
 
 
 def hour_angle_jnow_deg(site: Site, ra_jnow_deg: Angle, t_utc_ns: TimeLike) -> Angle:
-    """Hour angle of a place of date, -180 to 180, west positive."""
+    """Hour angle of a right ascension of date, -180 to 180, west positive."""
     ha = lst_deg(site.longitude_deg, t_utc_ns) - np.asarray(ra_jnow_deg)
     return _like(ra_jnow_deg, (ha + 180.0) % 360.0 - 180.0)
 
@@ -56,7 +56,7 @@ def hour_angle_icrs_deg(
 def icrs_of_hour_angle(
     site: Site, hour_angle_deg: Angle, dec_jnow_deg: Angle, t_utc_ns: TimeLike
 ) -> tuple[Angle, Angle]:
-    """Catalogue direction at an hour angle and declination of date."""
+    """Convert an hour angle and declination of date to the catalogue direction."""
     ra = (lst_deg(site.longitude_deg, t_utc_ns) - np.asarray(hour_angle_deg)) % 360.0
     return jnow_to_icrs(_like(hour_angle_deg, ra), dec_jnow_deg, t_utc_ns)
 
@@ -64,7 +64,10 @@ def icrs_of_hour_angle(
 def altaz_of_hour_angle(
     site: Site, hour_angle_deg: Angle, dec_jnow_deg: Angle
 ) -> tuple[Angle, Angle]:
-    """Altitude and azimuth (north 0, east 90) without refraction."""
+    """Convert an hour angle and declination of date to altitude and azimuth, without refraction.
+
+    Azimuth: north 0, east 90.
+    """
     azimuth, altitude = erfa.hd2ae(
         np.radians(hour_angle_deg), np.radians(dec_jnow_deg), np.radians(site.latitude_deg)
     )
@@ -80,7 +83,10 @@ def icrs_to_altaz(
     *,
     is_refracted: bool = False,
 ) -> tuple[Angle, Angle]:
-    """Convert a catalogue direction to altitude and azimuth, on request refracted."""
+    """Convert a catalogue direction to altitude and azimuth.
+
+    ``is_refracted``: True adds refraction to the altitude.
+    """
     ra_jnow_deg, dec_jnow_deg = icrs_to_jnow(ra_icrs_deg, dec_icrs_deg, t_utc_ns)
     ha = hour_angle_jnow_deg(site, ra_jnow_deg, t_utc_ns)
     altitude_deg, azimuth_deg = altaz_of_hour_angle(site, ha, dec_jnow_deg)
@@ -101,7 +107,10 @@ def altaz_to_icrs(
 
 
 def refraction_deg(altitude_deg: Angle) -> Angle:
-    """Refraction at a true altitude, air at 10 C; held below -1 deg. Source: Saemundsson 1986."""
+    """Refraction, deg, at an altitude without refraction, for air at 10 C; constant below -1 deg.
+
+    Source: Saemundsson 1986.
+    """
     h = np.maximum(np.asarray(altitude_deg, float), -1.0)
     lift_arcmin = 1.02 / np.tan(np.radians(h + 10.3 / (h + 5.11)))
     return _like(altitude_deg, lift_arcmin / 60.0)
@@ -125,9 +134,10 @@ def _like(model: Angle, value: FloatArray) -> Angle:
 def chart_to_icrs(
     ra_deg: FloatArray, dec_deg: FloatArray, equinox_year: int | None, t_utc_ns: IntArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Convert chart directions of one equinox, seen at (N,) instants, to ICRS degrees, (N,) each.
+    """Convert directions (N,) referred to an equinox to ICRS RA and Dec, degrees, (N,) each.
 
-    ``equinox_year``: 2000 and later of FK5, before 1984 of FK4; None: that of date.
+    ``equinox_year``: before 1984 the frame is FK4, from 1984 on FK5; None: FK5 with the equinox of
+    each instant ``t_utc_ns`` (N,), the time of the observation.
     """
     if equinox_year == 2000:
         return ra_deg, dec_deg  # FK5 differs from ICRS by 0.02 arcsec

@@ -104,4 +104,4 @@ def _places(table: str) -> dict[str, tuple[float, float]]:
 MESSIER = MappingProxyType({int(name): place for name, place in _places(_MESSIER_TABLE).items()})
 """Right ascension and declination, ICRS degrees, by number in Messier's list."""
 NAMED_STARS = _places(_STAR_TABLE)
-"""Right ascension and declination, ICRS degrees, by name."""
+"""Right ascension and declination, ICRS degrees, of bright stars by their names."""

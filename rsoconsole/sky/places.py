@@ -26,12 +26,12 @@ S_PER_DAY = 86_400.0
 _KNOT_NS = 3600 * NS_PER_S
 
 PositionOf = Callable[[IntArray], tuple[FloatArray, FloatArray]]
-"""GCRS position (N, 3) km and velocity (N, 3) km/s at instants (N,)."""
+"""Function of instants (N,), UTC ns, to GCRS position (N, 3) km and velocity (N, 3) km/s."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Places:
-    """Astrometric places of one object at N instants; every array starts with N."""
+    """Astrometric places of one object at N instants; N is the first axis of every array."""
 
     t_utc_ns: IntArray
     ra_icrs_deg: FloatArray
@@ -54,9 +54,9 @@ def _pole_knot(hour: int) -> tuple[float, float, float]:
 
 
 def cirs_to_gcrs(t_utc_ns: TimeLike) -> FloatArray:
-    """Rotation matrices (..., 3, 3) from the intermediate frame of date to GCRS.
+    """Rotation matrices (..., 3, 3) from the celestial intermediate frame of date (CIRS) to GCRS.
 
-    Linear between whole hours: nutation bends by less than 1e-5 arcsec in that time.
+    The pole is interpolated linearly between whole hours, which costs less than 1e-5 arcsec.
     """
     t = np.asarray(t_utc_ns, np.int64)
     hours = t // _KNOT_NS
@@ -71,7 +71,7 @@ def cirs_to_gcrs(t_utc_ns: TimeLike) -> FloatArray:
 
 
 def site_gcrs(site: Site, t_utc_ns: TimeLike) -> tuple[FloatArray, FloatArray]:
-    """Position (..., 3) km and velocity (..., 3) km/s of a site on the turning Earth."""
+    """GCRS position (..., 3) km and velocity (..., 3) km/s of a site that turns with the Earth."""
     orientation = earth_orientation(t_utc_ns)
     pv = erfa.pvtob(
         np.radians(site.longitude_deg),
@@ -87,7 +87,7 @@ def site_gcrs(site: Site, t_utc_ns: TimeLike) -> tuple[FloatArray, FloatArray]:
 
 
 def zenith_gcrs(site: Site, t_utc_ns: TimeLike) -> FloatArray:
-    """Unit vectors (..., 3) along the vertical of the ellipsoid at a site."""
+    """Unit vectors (..., 3), GCRS, to the zenith of a site: normal to the WGS84 ellipsoid."""
     high, _ = site_gcrs(replace(site, elevation_m=site.elevation_m + 1e4), t_utc_ns)
     up = high - site_gcrs(site, t_utc_ns)[0]
     return np.asarray(up / np.linalg.norm(up, axis=-1, keepdims=True))
@@ -128,9 +128,9 @@ _remembered: dict[int, FloatArray] = {}
 
 
 def earth_velocity_km_s(t_utc_ns: TimeLike) -> FloatArray:
-    """Velocity (..., 3) of the Earth's centre about the barycentre of the solar system.
+    """Velocity (..., 3), km/s, of the Earth's centre about the barycentre of the solar system.
 
-    The tracks of a field share the same instants, frame after frame: those are cached.
+    Results are cached by instant (calls of up to 256): all tracks of a frame ask for the same ones.
     """
     t = np.asarray(t_utc_ns, np.int64)
     if t.size > _FEW:
@@ -153,17 +153,18 @@ def _velocity_km_s(t_utc_ns: TimeLike) -> FloatArray:
 
 
 def sun_gcrs_km(t_utc_ns: TimeLike) -> FloatArray:
-    """Vector (..., 3) from the Earth's centre to the Sun."""
+    """Vector (..., 3), km, from the Earth's centre to the Sun's."""
     heliocentric, _ = erfa.epv00(*jd_tt(t_utc_ns))
     return -np.asarray(heliocentric["p"]) * AU_KM
 
 
 def astrometric_places(position_of: PositionOf, site: Site, t_utc_ns: IntArray) -> Places:
-    """Directions relative to catalogue stars, as a plate solution measures them.
+    """Places of an object at instants (N,), as a plate solution measures them against stars.
 
-    u = r_object(t - tau) - r_site(t) - v_earth * tau: light time by iteration, and no annual
-    aberration, which the stars of the same plate share; but the object rides with the Earth, which
-    moved on while the light travelled. t_utc_ns: (N,).
+    Direction u = r_object(t - tau) - r_site(t) - v_earth * tau, the light time tau by iteration.
+    Annual aberration is left out: the stars of the same plate share it. v_earth * tau is the
+    Earth's own motion while the light travelled; ``position_of`` counts from the Earth's centre,
+    which moved by that much.
     """
     t = np.atleast_1d(np.asarray(t_utc_ns, np.int64))
     site_km, site_km_s = site_gcrs(site, t)
@@ -195,9 +196,10 @@ def astrometric_places(position_of: PositionOf, site: Site, t_utc_ns: IntArray) 
 def line_of_sight_gcrs(
     ra_icrs_deg: FloatArray, dec_icrs_deg: FloatArray, t_utc_ns: IntArray
 ) -> FloatArray:
-    """Unit vectors (N, 3) site to object of measured places; undoes ``astrometric_places``.
+    """Unit vectors (N, 3) from the site to the object, of measured places.
 
-    Direction of u + v_earth/c, whatever the range; the object was there at t - tau.
+    Undoes ``astrometric_places``: the direction of u + v_earth / c, whatever the range. It points
+    to where the object was at t - tau, when the light left.
     """
     u = direction_to_unit(ra_icrs_deg, dec_icrs_deg)
     line = u + earth_velocity_km_s(t_utc_ns) / LIGHT_KM_S
@@ -219,11 +221,11 @@ def _rotate(rotation: FloatArray, vector: FloatArray) -> FloatArray:
 
 
 def belt_declination_deg(site: Site, hour_angle_deg: float) -> float:
-    """Topocentric declination of the belt at a topocentric hour angle (west positive).
+    """Topocentric declination of the geostationary belt at a topocentric hour angle.
 
-    The direction at this hour angle lies in a meridian plane of the sky through the site; the
-    belt crosses that plane once above the horizon. Geometry on the WGS84 ellipsoid; good to a
-    few arcminutes, far less than a field.
+    Hour angle west positive. Directions of one hour angle lie in a plane through the site, which
+    the belt crosses once above the horizon. Geometry on the WGS84 ellipsoid; good to a few
+    arcminutes, far less than a field.
     """
     axis_km, height_km = _site_km(site)
     # In the equatorial plane, x along the site's meridian: |(axis, 0) + d (cos h, -sin h)| = GEO.
@@ -234,10 +236,10 @@ def belt_declination_deg(site: Site, hour_angle_deg: float) -> float:
 
 
 def slot_direction(site: Site, slot_longitude_deg: float) -> tuple[float, float]:
-    """Topocentric hour angle (west positive, -180 to 180) and declination of a belt slot.
+    """Topocentric hour angle and declination, deg, of a longitude on the geostationary belt.
 
-    ``slot_longitude_deg`` is east positive. Where the Earth is in the way the direction points
-    below the horizon, which the limits refuse.
+    Hour angle: -180 to 180, west positive; ``slot_longitude_deg``: east positive. A slot hidden by
+    the Earth gives a direction below the horizon, which the limits refuse.
     """
     axis_km, height_km = _site_km(site)
     west = math.radians(site.longitude_deg - slot_longitude_deg)

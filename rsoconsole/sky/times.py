@@ -1,9 +1,9 @@
-"""Time scales: the program's whole nanoseconds of UTC since 1970 as ISO text, UT1, TT, sidereal.
+"""Time scales: whole nanoseconds of UTC since 1970 as ISO text, UT1, TT and sidereal time.
 
-Julian dates come as pairs (day, fraction) as erfa wants them. A nanosecond count has no room
-for a leap second: the second 23:59:60 is not representable, as in POSIX time. UT1 and polar
-motion come from the table that astropy-iers-data ships (IERS finals2000A); nothing is ever
-fetched. Beyond the table's ends UT1-TAI and the pole hold their last value.
+Julian dates come as pairs (day, fraction), as erfa takes them. A nanosecond count has no room for a
+leap second: the second 23:59:60 is not representable, as in POSIX time. UT1 and polar motion come
+from the table that astropy-iers-data ships (IERS finals2000A); nothing is downloaded. Beyond the
+table's ends UT1-TAI and the pole keep their last value.
 """
 
 import re
@@ -73,7 +73,7 @@ def _offset_s(zone: str | None) -> int:
 
 
 def jd_utc(t_utc_ns: TimeLike) -> tuple[FloatArray, FloatArray]:
-    """Julian date of UTC, as (midnight, fraction of the day)."""
+    """Julian date of UTC as (day, fraction): that of 0 h, and the fraction of the day since."""
     days, in_day = np.divmod(np.asarray(t_utc_ns, np.int64), NS_PER_DAY)
     return np.asarray(JD_UNIX + days), np.asarray(in_day / NS_PER_DAY)
 
@@ -87,7 +87,7 @@ def _tai_minus_utc_of_day(day: int) -> float:
 
 
 def tai_minus_utc_s(t_utc_ns: TimeLike) -> FloatArray:
-    """TAI - UTC in seconds; a day after the table of leap seconds keeps the last value."""
+    """TAI - UTC in seconds; after the end of the leap-second table its last value holds."""
     days = np.asarray(t_utc_ns, np.int64) // NS_PER_DAY
     unique, inverse = np.unique(days, return_inverse=True)
     values = np.array([_tai_minus_utc_of_day(int(day)) for day in unique])
@@ -95,20 +95,20 @@ def tai_minus_utc_s(t_utc_ns: TimeLike) -> FloatArray:
 
 
 def jd_tt(t_utc_ns: TimeLike) -> tuple[FloatArray, FloatArray]:
-    """Julian date of terrestrial time (which also serves for TDB: 2 ms at most)."""
+    """Julian date of terrestrial time as (day, fraction); serves for TDB too (2 ms off at most)."""
     jd_1, jd_2 = jd_utc(t_utc_ns)
     return jd_1, jd_2 + (tai_minus_utc_s(t_utc_ns) + TT_MINUS_TAI_S) / 86_400.0
 
 
 def jd_ut1(t_utc_ns: TimeLike) -> tuple[FloatArray, FloatArray]:
-    """Julian date of UT1."""
+    """Julian date of UT1 as (day, fraction)."""
     jd_1, jd_2 = jd_utc(t_utc_ns)
     return jd_1, jd_2 + earth_orientation(t_utc_ns).ut1_minus_utc_s / 86_400.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class EarthOrientation:
-    """UT1-UTC and the place of the Earth's pole, at each requested instant."""
+    """UT1-UTC and the coordinates of the Earth's pole, one value for each instant."""
 
     ut1_minus_utc_s: FloatArray
     pole_x_arcsec: FloatArray
@@ -116,7 +116,7 @@ class EarthOrientation:
 
 
 def earth_orientation(t_utc_ns: TimeLike) -> EarthOrientation:
-    """UT1-UTC and the pole, linear between the days of the IERS table."""
+    """UT1-UTC and the Earth's pole at instants, linear between the days of the IERS table."""
     mjd, ut1_minus_tai, pole_x, pole_y = _iers_table()
     t = np.asarray(t_utc_ns, np.int64)
     t_mjd = MJD_UNIX + t / NS_PER_DAY

@@ -23,7 +23,7 @@ Sip = tuple[tuple[int, int, float], ...]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FieldDescription:
-    """Plate as an observer describes it, evaluated at the centre of the image."""
+    """Direction, scale, rotation and mirroring of a plate, at the centre of its image."""
 
     ra_icrs_deg: float
     dec_icrs_deg: float
@@ -31,7 +31,7 @@ class FieldDescription:
     rotation_deg: float
     """Position angle of the array's +y axis, east of north, 0 to 360."""
     is_flipped: bool
-    """True when det cd > 0: a mirror image of the sky as a FITS viewer shows it."""
+    """True where the image is mirrored (det cd > 0): with north up, east is to the right."""
 
 
 def pixel_to_sky(
@@ -54,7 +54,10 @@ def pixel_to_sky(
 def sky_to_pixel(
     wcs: Wcs, ra_icrs_deg: float | FloatArray, dec_icrs_deg: float | FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Convert directions to pixels; NaN behind the tangent plane or where SIP has no inverse."""
+    """Convert ICRS directions to pixels (x, y); NaN where a direction has none.
+
+    That is 90 deg or more from the tangent point, and where the SIP distortion has no inverse.
+    """
     dra = np.radians(np.asarray(ra_icrs_deg, float) - wcs.crval_ra_deg)
     dec, dec0 = np.radians(np.asarray(dec_icrs_deg, float)), math.radians(wcs.crval_dec_deg)
     sin_dec, cos_dec, cos_dra = np.sin(dec), np.cos(dec), np.cos(dra)
@@ -104,9 +107,10 @@ def tan_wcs(
     width_px: int,
     height_px: int,
 ) -> Wcs:
-    """Plate without distortion whose centre pixel ((w-1)/2, (h-1)/2) looks at the direction.
+    """Plate without distortion whose image centre ((w-1)/2, (h-1)/2) has the given direction.
 
-    rotation_deg is the position angle of +y; unflipped means east lies to the left of +y = north.
+    ``rotation_deg``: position angle of +y. ``is_flipped`` False: with +y to the north, east is to
+    the left.
     """
     s = scale_arcsec_px / ARCSEC_PER_DEG
     sin_r, cos_r = math.sin(math.radians(rotation_deg)), math.cos(math.radians(rotation_deg))
@@ -121,9 +125,9 @@ def tan_wcs(
 
 
 def jacobian_arcsec_px(wcs: Wcs, x_px: float, y_px: float) -> FloatArray:
-    """Jacobian (2, 2): rows (east, north) on the sky in arcsec, columns per pixel in (x, y).
+    """Jacobian (2, 2) of sky by pixel at one pixel, in arcsec per pixel.
 
-    A pixel covariance C becomes J C J' on the sky.
+    Rows: east, north; columns: x, y. A pixel covariance C becomes J C J' on the sky.
     """
     h = 0.5
     x = np.array([x_px + h, x_px - h, x_px, x_px])
@@ -137,7 +141,10 @@ def jacobian_arcsec_px(wcs: Wcs, x_px: float, y_px: float) -> FloatArray:
 
 
 def describe(wcs: Wcs, width_px: int, height_px: int) -> FieldDescription:
-    """Return centre, scale, rotation and hand of a plate, as ``records.Solution`` holds them."""
+    """Return direction, scale, rotation and mirroring of a plate at the centre of its image.
+
+    The same figures as in ``records.Solution``.
+    """
     x, y = (width_px - 1) / 2.0, (height_px - 1) / 2.0
     ra, dec = pixel_to_sky(wcs, x, y)
     jacobian = jacobian_arcsec_px(wcs, x, y)
@@ -152,7 +159,7 @@ def describe(wcs: Wcs, width_px: int, height_px: int) -> FieldDescription:
 
 
 def wcs_cards(wcs: Wcs, width_px: int, height_px: int) -> dict[str, str | int | float]:
-    """FITS cards of a plate, in writing order; CRPIX is 1-based there."""
+    """FITS cards of a plate, in writing order; CRPIX1 and CRPIX2 count pixels from 1."""
     suffix = "-SIP" if wcs.sip_a or wcs.sip_b else ""
     cards: dict[str, str | int | float] = {
         "WCSAXES": 2,

@@ -1,9 +1,9 @@
-"""Passage of a slew by the Sun: the motion of both axes, in steps finer than its cone.
+"""Passage of a slew by the Sun: the motion of both axes, in steps finer than the Sun's cone.
 
-Both axes are assumed to start together at the same rate, and the one with less to go to end first.
-A real mount is a little different, so that either axis may also run ahead of the other: by half a
-second of full speed and by 5 % in rate. These ways enclose all others, and further ways are added
-between them where the cone is narrow, so that it cannot hide in a gap.
+Both axes are assumed to start together at the same rate; the axis with less to go ends first. A
+real mount is a little different, so that either axis may also run ahead of the other: by half a
+second at full speed and by 5 % in rate. These extreme paths enclose all others, and paths between
+them are added where the cone is narrow, so that the gaps are smaller than the cone.
 """
 
 from collections.abc import Iterator
@@ -19,22 +19,26 @@ from rsoconsole.sky.frames import PierSide
 POLE_DEG = 0.5
 """Distance from a pole, deg, within which the hour angle has no meaning."""
 PARKED_DEG = 0.02
-"""Distance from a pole, deg, within which the reported hour angle is noise: the mount is taken to
-be parked there."""
+"""Distance from a pole, deg, within which a mount is taken to be parked.
+
+The hour angle that it reports there is noise.
+"""
 POLE_PLACES = 9
-"""Number of places of the polar axis, evenly over its range; mounts are parked at the middle one: a
-German mount with its counterweight down, a fork at the meridian."""
+"""Number of angles of the polar axis, evenly over its range, that stand for an unknown one.
+
+Mounts are parked at the middle one: a German mount with its counterweight down, a fork at the
+meridian.
+"""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SlewPath:
-    """One slew as the motion of both axes."""
+    """One slew as the motion of both axes, from and to angles of the axes in degrees."""
 
     polar_from_deg: float
     polar_to_deg: float
     declination_from_deg: float
-    """Start of the declination axis, deg; beyond the elevated pole where the telescope is east of
-    the pier."""
+    """Start of the declination axis, deg, as ``declination_axis_deg`` gives it."""
     declination_to_deg: float
 
     @property
@@ -47,27 +51,38 @@ class SlewPath:
 
 
 def polar_deg(hour_angle_deg: float, side: PierSide) -> float:
-    """Angle of the polar axis of a German mount, -270 to 90: with the counterweight low."""
+    """Angle of a German mount's polar axis, -270 to 90 deg; at -90 its counterweight is lowest."""
     turned_deg = hour_angle_deg if side == "west" else hour_angle_deg - 180.0
     return wrap_360(turned_deg - 90.0) - 270.0
 
 
 def declination_axis_deg(dec_deg: float, side: PierSide, latitude_deg: float) -> float:
-    """Angle of the declination axis: beyond the elevated pole when east of the pier."""
+    """Angle of the declination axis, degrees.
+
+    West of the pier it is the declination; east of it the axis stands beyond the elevated pole: at
+    180 minus the declination in the north, at -180 minus the declination in the south.
+    """
     if side == "west":
         return dec_deg
     return (180.0 if latitude_deg >= 0 else -180.0) - dec_deg
 
 
 def is_pole(declination_axis_deg: float, within_deg: float = POLE_DEG) -> bool:
-    """True where the declination axis, or a declination, is that near to a pole of date."""
+    """True where a declination, or an angle of the declination axis, is near a pole of date.
+
+    ``within_deg``: what counts as near.
+    """
     return abs(declination_axis_deg % 180.0 - 90.0) < within_deg
 
 
 def side_after(
     hour_angle_deg: float, present: PierSide | None, flip_hysteresis_deg: float
 ) -> PierSide | None:
-    """Side of the pier a German mount chooses for a target; None where it is not determined."""
+    """Side of the pier on which a German mount ends a slew to this hour angle.
+
+    Less than ``flip_hysteresis_deg`` from the meridian it keeps its ``present`` side: None if
+    unknown.
+    """
     if abs(hour_angle_deg) < flip_hysteresis_deg:
         return present
     return "west" if hour_angle_deg < 0 else "east"
@@ -80,12 +95,14 @@ def slew_paths(
     start: tuple[float, float, PierSide | None],
     target: tuple[float, float],
 ) -> Iterator[tuple[SlewPath, PierSide | None]]:
-    """Yield every way a slew may take, with the side of the pier at its end (None: a fork).
+    """Yield every path that a slew may take, with the side of the pier at its end (None: a fork).
 
-    start: hour angle, declination of date and side of the pier; target: hour angle and declination.
-    At a pole the hour angle says little of the polar axis: a mount there is taken to be at the
-    reported and at the parked angle, a mount that goes there to places all over the range. An
-    unknown side of the pier (also: at a pole as the target) means both.
+    - start: hour angle, declination of date and side of the pier (None: unknown, both are taken)
+    - target: hour angle and declination; both sides are taken where it is a pole
+
+    At a pole the hour angle says little of the polar axis. A mount that starts there is taken to
+    stand at the reported angle and at the parked one; one that goes there may end anywhere in its
+    range.
     """
     if mount.type == "fork":
         reach_deg = limits.max_hour_angle_deg
@@ -135,24 +152,27 @@ def _polar_ways(
 
 
 LAG_S = 0.5
-"""Lag of one axis behind the other, s: ramps of T seconds make v T / 8 (a quarter of a second of
-full speed where they last 2 s), ramps that differ by a second half a second."""
+"""Lag of one axis behind the other, s at full speed.
+
+Ramps that last T seconds cause a lag of v T / 8 (a quarter of a second of full speed for 2 s),
+ramps that differ by a second cause half a second.
+"""
 RATE_SPREAD = 0.05
 NEARER_DEG = 0.05
-"""Largest approach to the Sun, deg, of a way out of the cone."""
+"""Largest further approach to the Sun, deg, allowed to a path that begins inside the cone."""
 _COARSE_STEPS_DEG = (4.0, 0.5)
 _FINE_DEG = 0.05
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SunPassage:
-    """Worst place of a way that does not keep clear of the Sun."""
+    """Point of a slew's path that violates the Sun's cone most."""
 
     from_sun_deg: float
     kept_deg: float
-    """Least distance from the Sun required there."""
+    """Distance from the Sun, deg, that the path must keep at this point."""
     is_way_out: bool
-    """True where the way began inside the cone, and comes nearer than it was."""
+    """True where the path began inside the cone and comes nearer to the Sun than it was."""
 
 
 def sun_passage(
@@ -162,12 +182,14 @@ def sun_passage(
     cone_deg: float,
     slew_rate_deg_s: float,
 ) -> SunPassage | None:
-    """Find where the way comes too near to the Sun; None when it is clear.
+    """Find where a slew's path comes too near to the Sun; None when it stays clear.
 
-    From outside it must never enter the cone, however the axes run. From inside it may not come
-    nearer than it has been (``NEARER_DEG``) as long as it is inside, both axes at one pace. Between
-    two samples the telescope moves by no more than both axes' steps together: 4 deg, then 0.5 and
-    0.05 deg where that leaves a doubt, so that at most 0.025 deg of the cone slip through.
+    - A path that begins outside the cone must not enter it, however the axes run.
+    - A path that begins inside may not come nearer than it has been (by more than ``NEARER_DEG``)
+      until it is out; both axes are taken to run at one pace.
+
+    The path is sampled in steps of 4 deg (both axes together), then of 0.5 and 0.05 deg where that
+    leaves a doubt: at most 0.025 deg of the cone are missed.
     """
     if cone_deg <= 0.0:
         return None
@@ -236,7 +258,11 @@ def from_sun_deg(
     sun_hour_angle_deg: float | FloatArray,
     sun_dec_deg: float | FloatArray,
 ) -> FloatArray:
-    """Angle from the Sun; the declination axis may stand beyond a pole. Good to 1e-6 deg."""
+    """Angle between a place and the Sun, degrees; good to 1e-6 deg.
+
+    ``polar`` and ``sun_hour_angle_deg``: both hour angles, or both right ascensions.
+    ``declination`` may lie beyond a pole, as an angle of the declination axis.
+    """
     dec, sun_dec = np.radians(declination), np.radians(sun_dec_deg)
     cosine = np.sin(dec) * np.sin(sun_dec) + np.cos(dec) * np.cos(sun_dec) * np.cos(
         np.radians(np.asarray(polar) - sun_hour_angle_deg)

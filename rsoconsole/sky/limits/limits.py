@@ -1,8 +1,8 @@
 """Limits on where a telescope may look and turn: checked for every slew and motion, at 1 Hz.
 
-Hour angles are of date, altitudes without refraction (a little lower than the eye sees: on the safe
-side). The Sun's cone holds by night too, for a clock may be wrong. Near a pole the hour angle has
-no meaning and is not checked.
+Hour angles are of date, altitudes without refraction (a little lower than the apparent ones: on the
+safe side). The Sun's cone is checked unless the Sun is more than 6 deg below the horizon. Near a
+pole the hour angle has no meaning and is not checked.
 """
 
 from collections.abc import Collection, Iterable, Iterator
@@ -45,9 +45,9 @@ UNTIL_S = 4 * 3600.0
 FIRST_UTC_NS = iso_to_utc_ns("2000-01-01T00:00:00Z")
 LAST_UTC_NS = iso_to_utc_ns("2100-01-01T00:00:00Z")
 LESS_BAD_DEG = 0.002
-"""Change of a reported position, deg, that does not count as worse: positions tremble."""
+"""Growth of an excess, deg, that does not count as worse: reported positions are noisy."""
 LOWER_DEG = 1.0
-"""Depth, deg, to which a way that begins below the horizon may go lower before it leads out."""
+"""How much lower, deg, a motion that began below a least altitude may go before it rises."""
 _SLEW_STEP_S = 2.0
 _SUN_STEP_S = 300.0
 _WATCH_STEP_S = 5.0
@@ -56,7 +56,7 @@ _WATCH_FINE_S = 0.1
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Pose:
-    """Position of a mount at one instant."""
+    """Reported position of a mount at one instant; ``pier_side`` None: unknown, or a fork."""
 
     t_utc_ns: int
     ra_icrs_deg: float
@@ -65,7 +65,10 @@ class Pose:
 
 
 class Limits:
-    """Limits of one site and mount; pure, and quick enough to check before every slew."""
+    """Limits of one site and mount: which slews, poses and motions they refuse, and why.
+
+    Keeps no state between calls; quick enough to check before every slew.
+    """
 
     def __init__(self, site: Site, limits: LimitsConfig, mount: MountConfig) -> None:
         self._site = site
@@ -84,14 +87,18 @@ class Limits:
     ) -> Refusal | None:
         """Return the reason to refuse this slew; None when all of it is safe.
 
-        ``start`` is where the mount stands now. Checked are: the instants (an aim more than 5 min
-        ago or 2 h ahead, an end before now or the aim or more than 4 h ahead, a clock outside 2000
-        to 2100), the directions, the target from arrival at full slew rate until ``t_until_utc_ns``
-        on the side of the pier the mount will choose, the Sun's cone along the way
-        (``sun_passage``) unless the Sun is more than 6 deg below the horizon, and twilight. A way
-        that begins inside the cone may only lead away from the Sun, and out. Where the side of the
-        pier is unknown both are checked and either refuses. ``lifted`` limits are not checked; time
-        and direction always are.
+        ``start`` is where the mount stands now. Checked are:
+
+        - the instants: the aim at most 5 min ago and 2 h ahead; the end neither before now or the
+          aim nor more than 4 h ahead; the clock between 2000 and 2100
+        - the directions: finite and in range
+        - the target, from arrival at full slew rate until ``t_until_utc_ns``, on the side of the
+          pier that the mount will choose (where that is unknown, on both)
+        - the Sun's cone along the path (``sun_passage``), unless the Sun is more than 6 deg below
+          the horizon; a path that begins inside the cone may only lead away from the Sun, and out
+        - twilight
+
+        Limits in ``lifted`` are not checked; instants and directions always are.
         """
         fault = _slew_times_fault(start.t_utc_ns, t_aim_utc_ns, t_until_utc_ns) or (
             _direction_fault(start.ra_icrs_deg, start.dec_icrs_deg)
@@ -121,9 +128,10 @@ class Limits:
     def arrival_side(
         self, start: Pose, ra_icrs_deg: float, dec_icrs_deg: float, t_utc_ns: int
     ) -> PierSide | None:
-        """Side of the pier after a slew commanded at this instant; None for a fork or when unknown.
+        """Side of the pier after a slew commanded at this instant; None: a fork, or unknown.
 
-        The side changes only where the target is ``flip_hysteresis_deg`` past the meridian.
+        The side changes only where the target is at least ``flip_hysteresis_deg`` from the
+        meridian.
         """
         fault = _instant_fault(t_utc_ns) or _direction_fault(ra_icrs_deg, dec_icrs_deg)
         if fault is not None or self._mount.type == "fork":
@@ -135,9 +143,10 @@ class Limits:
     def travel_deg(
         self, start: Pose, ra_icrs_deg: float, dec_icrs_deg: float
     ) -> tuple[float, float]:
-        """Travel of the polar and the declination axis in a slew begun now, degrees.
+        """Travel of the polar and the declination axis, degrees, in a slew begun at ``start``.
 
-        The longest way where the side of the pier or, at a pole, the polar axis is not known.
+        The longest possible path counts where the side of the pier, or at a pole the polar axis, is
+        unknown.
         """
         epoch = epoch_at(start.t_utc_ns)
         target = self._track(epoch, ra_icrs_deg, dec_icrs_deg, None)
@@ -153,14 +162,17 @@ class Limits:
         lifted: Collection[LimitName] = (),
         before: Pose | None = None,
     ) -> Refusal | None:
-        """Return the limit that a reported pose violates; None when all is well.
+        """Return the limit that a reported pose violates; None when it violates none.
 
-        While it is on the way of a slew that ``refuse_slew`` has allowed: the Sun's cone, and how
-        far the polar axis has turned (a fork: its hour angle); the way may dip. On its way to its
-        park position: these, and no more than a few degrees below the level horizon. ``before``,
-        the pose reported last, shows a way out: a limit violated then and not worse now is no
-        reason while slewing. While it tracks or stands: all but twilight, and the meridian's limit
-        where the side of the pier is known.
+        What is checked depends on what the mount does:
+
+        - slewing, in a slew that ``refuse_slew`` has allowed: the Sun's cone, and how far the polar
+          axis has turned (a fork: its hour angle); the altitude is not checked
+        - slewing to its park position: the same, and no more than 5 deg below the level horizon
+        - tracking or standing: all but twilight, and the pier's limit only where the side is known
+
+        ``before`` is the pose reported last: in a slew, a limit violated then and not worse now is
+        not reported, so that the mount can leave the forbidden place.
         """
         fault = _instant_fault(pose.t_utc_ns) or _direction_fault(
             pose.ra_icrs_deg, pose.dec_icrs_deg
@@ -191,12 +203,15 @@ class Limits:
         before: Pose | None = None,
         rested: Pose | None = None,
     ) -> Refusal | None:
-        """Return the reason to stop a motion of unknown end; None while it may go on.
+        """Return the reason to stop a motion whose end is unknown; None while it may go on.
 
-        Checked are its place and those that it will have passed in ``ahead_s`` seconds, straight on
-        at its ``rates`` (None: not known, only where it is), against all but twilight. A way out is
-        allowed as in ``refuse_pose``: ``before`` is the pose reported last, ``rested`` the one
-        where the motion began; below the horizon it may lead a little lower first.
+        - rates: the motion is extrapolated at them for ``ahead_s`` seconds; None: unknown, only the
+          pose itself is checked
+        - lifted: limits that are not checked; nor is twilight
+        - before: pose reported last; a limit violated there already is no reason unless it is worse
+          now, so that the mount can leave a forbidden place
+        - rested: pose where the motion began; from below a least altitude it may first go a little
+          lower
         """
         fault = _instant_fault(pose.t_utc_ns) or _direction_fault(
             pose.ra_icrs_deg, pose.dec_icrs_deg
@@ -225,9 +240,10 @@ class Limits:
     def is_on_its_way(
         self, start: Pose, to_icrs_deg: tuple[float, float], pose: Pose, rates: Rates | None
     ) -> bool:
-        """True where a mount is on the way of a slew begun at ``start``, and goes on to its end.
+        """True where a mount is on the path of a slew begun at ``start``, and goes on to its end.
 
-        Only then has ``refuse_slew`` allowed its motion.
+        Only such a motion is covered by what ``refuse_slew`` has allowed. ``pose``: where the mount
+        is now. ``rates`` None: unknown, only the place is checked.
         """
         for one in (start, pose):
             if _instant_fault(one.t_utc_ns) or _direction_fault(one.ra_icrs_deg, one.dec_icrs_deg):
@@ -254,10 +270,10 @@ class Limits:
         )
 
     def margins_deg(self, pose: Pose) -> tuple[tuple[LimitName, float], ...]:
-        """Margin in degrees of each limit of a tracking mount at a pose, the nearest first.
+        """Degrees left to each limit for a mount that tracks at this pose, the least first.
 
-        Negative beyond it. The pier's margin needs a known side. Empty where instant or direction
-        are invalid.
+        Negative beyond the limit. The pier's limit is left out where the side is unknown. Empty
+        where the instant or the direction is invalid.
         """
         fault = _instant_fault(pose.t_utc_ns) or _direction_fault(
             pose.ra_icrs_deg, pose.dec_icrs_deg
@@ -271,11 +287,12 @@ class Limits:
     def next_limit(
         self, pose: Pose, horizon_s: float = 6 * 3600.0, *, lifted: Collection[LimitName] = ()
     ) -> tuple[int, Refusal] | None:
-        """Find the first instant (to 0.1 s) at which tracking from this pose meets a limit.
+        """Find the first instant (to 0.1 s) at which tracking from this pose violates a limit.
 
-        The edge of the Sun's cone is good to an arcsecond: half a minute of the Sun's own motion.
-        None when it meets none within ``horizon_s``. Twilight is not checked. A German mount that
-        does not report its side of the pier is taken to be west of it as long as it may be.
+        Returns the instant and the refusal; None where there is none within ``horizon_s``. Twilight
+        is not checked. The edge of the Sun's cone is good to an arcsecond: half a minute of the
+        Sun's own motion. A German mount that does not report its side of the pier is taken to be
+        west of it up to the hour angle ``past_meridian_deg``, and east of it beyond.
         """
         fault = _instant_fault(pose.t_utc_ns) or _direction_fault(
             pose.ra_icrs_deg, pose.dec_icrs_deg

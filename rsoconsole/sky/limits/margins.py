@@ -1,4 +1,4 @@
-"""Margins of each limit along a track: the excess over its bound, instant by instant."""
+"""Margins of each limit for a tracked direction: the excess over its bound, instant by instant."""
 
 from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -20,39 +20,41 @@ from rsoconsole.sky.times import IntArray
 def horizon_altitude_deg(
     mask: Sequence[tuple[float, float]], azimuth_deg: FloatArray
 ) -> FloatArray:
-    """Altitude of the mask at azimuths: straight lines between its points, round through north.
+    """Altitude of a horizon mask, degrees, at azimuths of any shape.
 
-    mask: (azimuth, altitude) in degrees, at least one point.
+    mask: (azimuth, altitude) in degrees, at least one point; linear between points, also across
+    north.
     """
     azimuths_deg, altitudes_deg = zip(*mask, strict=True)
     return np.asarray(np.interp(azimuth_deg, azimuths_deg, altitudes_deg, period=360.0))
 
 
 def level_horizon_deg(limits: LimitsConfig) -> float:
-    """Altitude of the horizon without walls: 0, or lower where the telescope may look lower."""
+    """Altitude of the horizon without a mask: 0, or ``min_altitude_deg`` where that is lower."""
     return min(0.0, limits.min_altitude_deg)
 
 
 def lowest_altitude_deg(limits: LimitsConfig, azimuth_deg: FloatArray) -> FloatArray:
-    """Lowest allowed altitude: the mask, or the level horizon where none was drawn."""
+    """Lowest altitude allowed at azimuths: the horizon mask, without one the level horizon."""
     if limits.horizon:
         return horizon_altitude_deg(limits.horizon, azimuth_deg)
     return np.full(azimuth_deg.shape, level_horizon_deg(limits))
 
 
 SUN_HARMLESS_DEG = -6.0
-"""Altitude of the Sun, deg, below which it is harmless: no tube above the horizon looks at it, and
-a German mount that flips by night may well swing through the place below the horizon where it is;
-also one that is parked at dawn."""
+"""Altitude of the Sun, deg, at and below which its cone is not checked.
+
+No tube above the horizon then looks at it, and a German mount that flips by night, or is parked at
+dawn, may swing through the place below the horizon where the Sun is.
+"""
 
 PARKS_BELOW_DEG = 5.0
-"""Depth below the horizon, deg, allowed while parking: a mount parked level may report a little
-less."""
+"""Depth below the horizon, deg, allowed while parking: a level mount may report a little less."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Margin:
-    """One limit at N instants; an excess above 0 is a violation."""
+    """One limit at N instants, arrays (N,); an excess above 0 is a violation."""
 
     limit: AngleLimit
     value_deg: FloatArray
@@ -61,14 +63,14 @@ class Margin:
     azimuth_deg: FloatArray | None = None
     side: PierSide | None = None
     is_axis: bool = False
-    """True where the value is the polar axis itself, not an hour angle."""
+    """True where the value comes from the angle of the polar axis, not from an hour angle."""
 
     def waived_where(self, is_let_be: NDArray[np.bool_]) -> "Margin":
-        """Return the margin without a violation where the limit does not apply."""
+        """Return the margin with no violation (excess -inf) where ``is_let_be`` (N,) is True."""
         return replace(self, excess_deg=np.where(is_let_be, -np.inf, self.excess_deg))
 
     def refusal_at(self, index: int, later_s: float = 0.0) -> Refusal:
-        """Return the refusal at one instant; ``later_s``: seconds until then."""
+        """Return the refusal at the instant of this index, ``later_s`` seconds from now."""
         value_deg, bound_deg = float(self.value_deg[index]), float(self.bound_deg[index])
         if self.is_axis:
             return refusals.past_meridian_refusal(value_deg, bound_deg)
@@ -85,7 +87,10 @@ class Margin:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TrackedPose:
-    """Tracked place of date, and the side of the pier (None: not known, fork)."""
+    """Direction of date that a mount tracks, and its side of the pier.
+
+    ``side`` None: unknown, or a fork. ``epoch``: what turns the direction into hour angles.
+    """
 
     epoch: Epoch
     ra_deg: float
@@ -94,7 +99,7 @@ class TrackedPose:
 
 
 def hour_angle_deg(site: Site, track: TrackedPose, t_ns: IntArray) -> FloatArray:
-    """Hour angle of date, -180 to 180, at (N,) instants."""
+    """Hour angle of date of a tracked direction, -180 to 180, at (N,) instants."""
     return wrap_180(track.epoch.sidereal_deg(site.longitude_deg, t_ns) - track.ra_deg)
 
 
@@ -108,10 +113,10 @@ def tracking_margins(
     lifted: Collection[LimitName],
     is_level_held: bool = True,
 ) -> Iterator[Margin]:
-    """Yield every limit but twilight at (N,) instants, the gravest first.
+    """Yield the margin of each limit but twilight at (N,) instants, the gravest limit first.
 
-    ``is_level_held``: where the least altitude is lifted and no walls are drawn, the level horizon
-    is held all the same.
+    Limits in ``lifted`` are left out. ``is_level_held``: True checks the level horizon where
+    "altitude" is lifted and the site has no horizon mask.
     """
     if "Sun" not in lifted:
         yield _of_track_from_sun(site, limits, track, t_ns)
@@ -151,10 +156,11 @@ def slewing_margins(
     *,
     lifted: Collection[LimitName],
 ) -> Iterator[Margin]:
-    """Yield the limits on the way of a slew: the Sun's cone, and the turn of the polar axis.
+    """Yield the margins that hold during a slew: the Sun's cone, and the turn of the polar axis.
 
-    A flip leads past the pole, where the hour angle may be anything: there the axis itself counts,
-    whose counterweight must not rise above the horizontal by more than the meridian's limit.
+    A flip leads past the pole, where the hour angle may be anything. For a German mount the angle
+    of the polar axis is limited: it may raise its counterweight above the horizontal by
+    ``past_meridian_deg``. For a fork the hour angle is limited.
     """
     if "Sun" not in lifted:
         yield _of_track_from_sun(site, limits, track, t_ns)
@@ -185,7 +191,11 @@ def parking_margins(
     *,
     lifted: Collection[LimitName],
 ) -> Iterator[Margin]:
-    """Yield the limits on the way to a park position, which may lie behind a wall or be level."""
+    """Yield the margins that hold on the path to a park position.
+
+    They are those of a slew, and a horizon 5 deg below the level one: a park position may be level,
+    or behind a wall.
+    """
     yield from slewing_margins(site, limits, mount, track, t_ns, lifted=lifted)
     if "horizon" not in lifted:
         ha_deg = hour_angle_deg(site, track, t_ns)
@@ -204,7 +214,10 @@ def from_sun(  # noqa: PLR0917 -- one place, its two coordinates and their insta
     dec_deg: float | FloatArray,
     t_ns: IntArray,
 ) -> Margin:
-    """Margin of the Sun's cone; by night it is no violation."""
+    """Margin of the Sun's cone for a place of date, at (N,) instants.
+
+    No violation while the Sun is more than 6 deg below the horizon.
+    """
     sun_ra_deg, sun_dec_deg = epoch.sun_date_deg(t_ns)
     distance_deg = from_sun_deg(ra_deg, dec_deg, sun_ra_deg, sun_dec_deg)
     margin = least_angle_margin("Sun", distance_deg, limits.sun_cone_deg)
@@ -218,7 +231,10 @@ def _of_track_from_sun(
 
 
 def past_meridian_margin(limits: LimitsConfig, axis_deg: FloatArray) -> Margin:
-    """Margin of the angle by which a German mount's polar axis has raised its counterweight."""
+    """Margin of a German mount's polar axis: how far above the horizontal its counterweight is.
+
+    ``axis_deg``: angles of the axis (N,) as ``polar_deg`` gives them.
+    """
     past_deg = np.maximum(axis_deg, -180.0 - axis_deg)
     bound_deg = np.full(axis_deg.shape, limits.past_meridian_deg)
     return Margin(
@@ -231,7 +247,7 @@ def past_meridian_margin(limits: LimitsConfig, axis_deg: FloatArray) -> Margin:
 
 
 def hour_angle_margin(limits: LimitsConfig, ha_deg: FloatArray) -> Margin:
-    """Margin of the hour angle that the mount may reach."""
+    """Margin of hour angles (N,) to the largest one allowed, on either side of the meridian."""
     bound_deg = np.copysign(limits.max_hour_angle_deg, ha_deg)
     excess_deg = np.abs(ha_deg) - limits.max_hour_angle_deg
     return Margin(limit="hour angle", value_deg=ha_deg, bound_deg=bound_deg, excess_deg=excess_deg)
@@ -243,7 +259,7 @@ def least_angle_margin(
     bound_deg: float | FloatArray,
     azimuth_deg: FloatArray | None = None,
 ) -> Margin:
-    """Margin of an angle that has a least value."""
+    """Margin of angles (N,) that must not be smaller than ``bound_deg``."""
     bound = np.broadcast_to(bound_deg, value_deg.shape)
     return Margin(
         limit=limit,

@@ -1,4 +1,4 @@
-"""Refusals by a limit: which one, the figure and the bound as measured, and the reason."""
+"""Refusals by a limit: which limit, the measured figure and its bound, and the reason."""
 
 from dataclasses import dataclass
 from typing import Literal
@@ -15,47 +15,50 @@ LimitName = Literal[
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Refusal:
-    """Refusal by one limit that forbids the telescope to go or stay there."""
+    """Refusal of a slew, a pose or a motion by one limit."""
 
     limit: LimitName
     value_deg: float | None
-    """Measured figure, deg; None where it is no angle (direction, time)."""
+    """Measured angle, deg; None for limits that are not angles (direction, time)."""
     bound_deg: float | None
     reason: SlewRefusal
     """Recorded reason; its figures are those in the message."""
 
     @property
     def text(self) -> str:
-        """Text for the operator, with the figure and the excess."""
+        """Message for the operator, with the figure and the excess."""
         return text(self.reason)
 
 
 def beyond(limit: AngleLimit, value_deg: float, bound_deg: float) -> Refusal:
-    """Refuse a figure beyond its bound, now."""
+    """Return the refusal of an angle that is beyond its bound now."""
     reason = SlewRefusal.beyond(limit, value_deg, bound_deg)
     return Refusal(limit=limit, value_deg=value_deg, bound_deg=bound_deg, reason=reason)
 
 
 def sun_passage_refusal(from_sun_deg: float, kept_deg: float, *, is_way_out: bool) -> Refusal:
-    """Refuse the way of a slew that passes the Sun too near."""
+    """Return the refusal of a slew whose path comes too near to the Sun.
+
+    ``kept_deg``: distance it must keep; ``is_way_out``: the path began inside the Sun's cone.
+    """
     kind: SlewRefusalKind = "nearer to the Sun" if is_way_out else "past the Sun"
     reason = SlewRefusal.beyond(kind, from_sun_deg, kept_deg)
     return Refusal(limit="Sun", value_deg=from_sun_deg, bound_deg=kept_deg, reason=reason)
 
 
 def past_meridian_refusal(past_deg: float, bound_deg: float) -> Refusal:
-    """Refuse a polar axis that has turned its counterweight up too far."""
+    """Return the refusal of a polar axis that raises its counterweight too far."""
     reason = SlewRefusal.beyond("polar axis", past_deg, bound_deg)
     return Refusal(limit="pier", value_deg=past_deg, bound_deg=bound_deg, reason=reason)
 
 
 def invalid_direction_refusal(ra_icrs_deg: float, dec_icrs_deg: float) -> Refusal:
-    """Refuse a direction that is not a number, or outside the circle."""
+    """Return the refusal of a direction that is not finite or out of range."""
     said = f"RA {ra_icrs_deg} Dec {dec_icrs_deg}"
     reason = SlewRefusal(kind="direction", detail=said)
     return Refusal(limit="direction", value_deg=None, bound_deg=None, reason=reason)
 
 
 def instant_refusal(reason: SlewRefusal) -> Refusal:
-    """Refuse an impossible instant."""
+    """Return the refusal of an impossible instant, with this reason."""
     return Refusal(limit="time", value_deg=None, bound_deg=None, reason=reason)

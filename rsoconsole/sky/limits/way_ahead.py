@@ -1,7 +1,7 @@
-"""Places of a moving mount until it can be stopped, and the limits on that way.
+"""Positions of a moving mount until it can be stopped, and the limits along that path.
 
-The end of a motion that somebody else has ordered is unknown. It is taken to go straight on in both
-axes; the declination axis goes on over a pole.
+The end of a motion that another program has ordered is unknown. Both axes are taken to go on at
+constant rates, the declination axis beyond a pole too.
 """
 
 from collections.abc import Iterable, Iterator
@@ -27,13 +27,14 @@ from rsoconsole.sky.limits.refusals import LimitName
 
 SIDEREAL_DEG_S = 15.041067 / 3600.0
 POLE_ROOM_DEG = 10.0
-"""Distance from a pole, deg, within which a right ascension runs at another rate than the polar
-axis."""
+"""Distance from a pole, deg, within which right ascension and polar axis differ in rate."""
 FLIP_ROOM_DEG = 45.0
 """Distance from the elevated pole, deg, within which a flip may lead through any hour angle."""
 BESIDE_DEG = 3.0
-"""Distance from its way, or its end, deg, up to which a mount is on it: some slew without the sky's
-motion, some come from beyond."""
+"""Distance from a slew's path or its end, deg, up to which a mount counts as on the path.
+
+Some mounts slew without the sky's motion, some approach the target from beyond it.
+"""
 PAUSE_DEG_S = 0.05
 """Rate below which an axis counts as still, deg/s."""
 _STEP_DEG = 0.5
@@ -49,7 +50,10 @@ class Rates:
     dec_deg_s: float
 
     def fastest_deg_s(self, dec_deg: float) -> float:
-        """Rate of the faster axis, deg/s, as far as its coordinate shows."""
+        """Rate of the faster axis, deg/s, not negative.
+
+        Near a pole the rate in right ascension counts times the cosine of the declination.
+        """
         near_pole = abs(dec_deg) > 90.0 - POLE_ROOM_DEG
         polar_deg_s = self.ra_deg_s * (np.cos(np.radians(dec_deg)) if near_pole else 1.0)
         return float(max(abs(polar_deg_s), abs(self.dec_deg_s)))
@@ -57,7 +61,7 @@ class Rates:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class PathAhead:
-    """Places of a moving mount at later and later seconds, the first where it is now."""
+    """Positions that a moving mount will have at N delays from now; the first delay is 0."""
 
     track: TrackedPose
     t_utc_ns: int
@@ -65,13 +69,16 @@ class PathAhead:
     hour_angle_deg: FloatArray
     """Hour angle, not wrapped."""
     declination_deg: FloatArray
-    """Declination; beyond a pole where the way leads over it."""
+    """Declination; beyond 90 deg where the path leads over a pole."""
 
 
 def way_ahead(
     site: Site, track: TrackedPose, t_utc_ns: int, rates: Rates, ahead_s: float
 ) -> PathAhead:
-    """Extrapolate straight on from a place, in steps of at most half a degree of either axis."""
+    """Extrapolate a mount's position at constant rates for ``ahead_s`` seconds.
+
+    In steps of at most half a degree of either axis; it ends after 90 deg at the latest.
+    """
     fastest_deg_s = rates.fastest_deg_s(track.dec_deg)
     if fastest_deg_s > 0.0:
         ahead_s = min(ahead_s, _MAX_DEG / fastest_deg_s)
@@ -95,10 +102,10 @@ def path_ahead_margins(
     *,
     lifted: Iterable[LimitName],
 ) -> Iterator[Margin]:
-    """Yield every limit of a motion of unknown end, the gravest first.
+    """Yield the margin of every limit but twilight along an extrapolated path, the gravest first.
 
-    The hour angle of a German mount is checked far from its pole only: a flip may pass there at
-    any.
+    Limits in ``lifted`` are left out. The hour angle of a German mount counts only far from the
+    elevated pole: near it a flip may lead through any hour angle.
     """
     track, held = way.track, frozenset(lifted)
     t_ns = np.full(way.later_s.shape, way.t_utc_ns)
@@ -152,11 +159,13 @@ def keeps_to_slew_path(
     rates: Rates | None,
     latitude_deg: float,
 ) -> bool:
-    """True where a mount at this place is on a slew's way, and does not leave it.
+    """True where a mount is on a slew's path, and does not turn away from its end.
 
-    On its way are all places of the axes between start and end, since either may run ahead.
-    ``hour_angle_deg``: that of the place, at the instant at which the slew began; ``rates``: None
-    where they are not known.
+    On the path are all positions with both axes between start and end, since either may run ahead.
+
+    - place: where the mount is
+    - hour_angle_deg: hour angle of that place at the instant when the slew began
+    - rates: None where they are not known; then only the place is checked
     """
     near_pole = abs(place.dec_deg) > 90.0 - POLE_ROOM_DEG
     for side in ("west", "east"):
@@ -184,35 +193,35 @@ def _closes_in(from_deg: float, to_deg: float, at_deg: float, rate_deg_s: float)
 
 UNLEARNED_DEG = 5.0
 UNLEARNED_S = 5.0
-"""Longest way, deg, and longest time, s, to stop for a mount without a recorded stop."""
+"""Longest distance, deg, and longest time, s, to stop for a mount without a recorded stop."""
 MIN_DEG, MAX_DEG = 0.5, 15.0
 SLOW_DEG_S = 0.02
 """Rate below which no stop is recorded, deg/s."""
 FASTER = 2.0
-"""Factor on the rate up to which a recorded stop is believed."""
+"""A recorded stop is used for rates up to this many times its own."""
 
 
 class StoppingDistance:
-    """Longest way that this mount moved on after an order to stop, by the rate at that time."""
+    """How far a mount moves on after an order to stop, from the stops recorded by ``learn``."""
 
     def __init__(self) -> None:
         self._seen: list[tuple[float, float]] = []
 
     def learn(self, way_deg: float, rate_deg_s: float) -> None:
-        """Record one stop: ordered at this rate, at rest ``way_deg`` further on."""
+        """Record one stop: ordered at ``rate_deg_s``, at rest ``way_deg`` further on."""
         if rate_deg_s > SLOW_DEG_S:
             self._seen.append((rate_deg_s, min(max(way_deg, MIN_DEG), MAX_DEG)))
 
     @property
     def is_learned(self) -> bool:
-        """True where any stop of this mount was recorded."""
+        """True once a stop of this mount is recorded."""
         return bool(self._seen)
 
     def at(self, rate_deg_s: float) -> float:
-        """Distance that the faster axis may move on at this rate, degrees.
+        """Distance that the faster axis may move on after an order to stop at this rate, degrees.
 
-        At rates lower than those recorded the way is taken to be shorter in proportion, at higher
-        ones as their square.
+        Each recorded stop is scaled: in proportion to lower rates, with the square of higher ones;
+        the longest counts. Without a usable one: 5 s at this rate, 5 deg at most.
         """
         known = [
             way_deg * (share if (share := rate_deg_s / seen_deg_s) <= 1.0 else share * share)

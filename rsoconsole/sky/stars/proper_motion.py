@@ -1,4 +1,4 @@
-"""Proper motion: a catalogue's places carried to another epoch.
+"""Proper motion: places of a catalogue moved to another epoch.
 
 A star goes straight on at the speed it has across the sky. Its radial velocity is left out (0.4
 arcsec for Barnard's star in 26 years, nothing for the others), and so is its yearly parallax.
@@ -19,7 +19,7 @@ _RAD_PER_MAS = np.pi / 648_000_000.0
 
 
 def julian_year(t_utc_ns: int) -> float:
-    """Epoch as years of 365.25 days; the minute between UTC and TT moves no star."""
+    """Convert UTC ns to a Julian epoch in years; UTC counts as TT, a minute moves no star."""
     return J2000_JYEAR + (t_utc_ns - _J2000_UTC_NS) / NS_PER_DAY / 365.25
 
 
@@ -30,7 +30,10 @@ def apply_proper_motion(
     pm_dec_mas_yr: FloatArray,
     years: float,
 ) -> tuple[FloatArray, FloatArray]:
-    """Carry (RA, Dec) in degrees on by years; the motion in RA is times cos(dec), as Tycho-2's."""
+    """Move ICRS places (N,), degrees, by ``years`` of proper motion; returns RA and Dec.
+
+    The motion in RA is times cos(dec), as in Tycho-2.
+    """
     east, north = east_and_north(ra_icrs_deg, dec_icrs_deg)
     way = pm_ra_mas_yr[:, None] * east + pm_dec_mas_yr[:, None] * north
     return unit_to_direction(

@@ -33,7 +33,7 @@ IndexArray = npt.NDArray[np.int64]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Stars:
-    """Stars of one piece of sky, brightest first; arrays of one length."""
+    """Stars of one piece of sky, brightest first; arrays (N,)."""
 
     ra_icrs_deg: FloatArray
     dec_icrs_deg: FloatArray
@@ -47,7 +47,7 @@ class Stars:
     def at_rest(
         cls, ra_icrs_deg: FloatArray, dec_icrs_deg: FloatArray, magnitude: FloatArray
     ) -> "Stars":
-        """Return stars without proper motion, or with an unknown one."""
+        """Return stars with a proper motion of zero, because they have none or it is unknown."""
         still = np.zeros(len(magnitude))
         return cls(ra_icrs_deg, dec_icrs_deg, magnitude, still, still)
 
@@ -58,9 +58,9 @@ class Stars:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class StarCatalogue:
-    """Stars in order of declination, and the declinations within which none is missing.
+    """Stars in order of declination, complete between two declinations.
 
-    Kept as they are stored, 14 bytes a star.
+    The columns are the integers of the file, 14 bytes a star.
     """
 
     ra_counts: npt.NDArray[np.uint32]
@@ -92,9 +92,9 @@ class StarCatalogue:
 
     @classmethod
     def load(cls, path: Path | None = None) -> "StarCatalogue":
-        """Load the shipped belt, or a file of the same form; read once, then cached.
+        """Load the stars of the geostationary belt, |dec| <= 12 deg, or a file of the same form.
 
-        Raises SolverError when the file cannot be read.
+        Read once, then cached. Raises SolverError when the file cannot be read.
         """
         return _load(resource(*_SHIPPED) if path is None else path)
 
@@ -107,7 +107,10 @@ class StarCatalogue:
         return _load_whole_sky()
 
     def covers(self, dec_icrs_deg: float, radius_deg: float = 0.0) -> bool:
-        """True where the catalogue is complete; elsewhere an empty list says nothing."""
+        """True where the catalogue is complete within ``radius_deg`` of this declination.
+
+        Outside, an empty list of stars says nothing.
+        """
         return (
             self.dec_min_deg <= max(dec_icrs_deg - radius_deg, -90.0)
             and min(dec_icrs_deg + radius_deg, 90.0) <= self.dec_max_deg
@@ -121,7 +124,7 @@ class StarCatalogue:
         *,
         epoch_jyear: float = J2000_JYEAR,
     ) -> Stars:
-        """Stars within a great-circle distance at that epoch, with their places then."""
+        """Stars within ``radius_deg`` of a direction, with their places at the epoch."""
         years = epoch_jyear - J2000_JYEAR
         wide_deg = radius_deg + abs(years) * FASTEST_ARCSEC_YR / 3600.0
         reach = wide_deg / max(
@@ -156,7 +159,10 @@ def _scaled(counts: npt.NDArray[np.integer[Any]], step: float) -> FloatArray:
 
 
 def holds_stars(path: Path) -> bool:
-    """True where a file holds Tycho-2 stars, as the solver's index files do; reads headers only."""
+    """True where a FITS file holds Tycho-2 stars, as the solver's index files do.
+
+    Reads headers only; False where the file cannot be read.
+    """
     from astropy.io import fits
 
     try:

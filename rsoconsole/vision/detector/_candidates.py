@@ -44,7 +44,10 @@ MIN_RECORDED_CONFIDENCE = 0.01
 
 DARK = NotAStreak(kind="no light")
 LONGEST_FIT_PX = 450.0
-"""Longer lines are measured along themselves alone (``streak_trace``): a fit would take seconds."""
+"""Length, px, above which a line is traced (``streak_trace``) but not fitted.
+
+A fit would take seconds.
+"""
 _MIN_TRACE_SNR, _MIN_QUARTILE_SNR, _MIN_QUARTILE_SHARE, _MAX_ROUGH = 8.0, 3.0, 0.15, 0.9
 _NARROWEST, _WIDEST, _SHORTEST = 0.6, 2.2, 2.2
 """Limits of a candidate's width over the stars' (``SHARP_PX`` at most for the first), and of its
@@ -81,19 +84,25 @@ _AGREE_SNR, _AGREE_LENGTH = 0.75, 0.15
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Proposal:
-    """A place where a streak may be."""
+    """Line along which a streak may lie, from the network, the line filter or the star search."""
 
     box: NetworkBox
-    """Box of the proposal with the network's confidence; the lowest where it proposed nothing
-    there."""
+    """Box and ends of the proposal, with the network's confidence.
+
+    ``LOWEST_CONFIDENCE`` where the network proposed nothing there.
+    """
     is_line: bool
-    """True where the line filter or the star search sees it."""
+    """True where the line filter or the star search proposed it."""
     is_light: bool = False
-    """True for one light of the star search, which may be a piece of something longer."""
+    """True for a single light of the star search, which may be a piece of a longer line."""
 
 
 def merged_proposals(boxes: Sequence[NetworkBox], lines: Sequence[CellLine]) -> list[Proposal]:
-    """Proposals of both, each streak once: the filter's ends with the network's confidence."""
+    """Merge the proposals of network and line filter, so that each streak appears once.
+
+    Where both propose one, it gets the filter's ends and the network's confidence; the network's
+    ends where it is sure.
+    """
     is_left = np.ones(len(boxes), dtype=bool)
     said = np.array([box.confidence for box in boxes])
     ends = np.array([box.ends_px for box in boxes]).reshape(-1, 4)
@@ -125,7 +134,10 @@ def merged_proposals(boxes: Sequence[NetworkBox], lines: Sequence[CellLine]) -> 
 
 
 def ranked_proposals(found: Sequence[Proposal]) -> list[Proposal]:
-    """Proposals, most promising first: the line filter's best and the network's in turn."""
+    """Sort proposals, most promising first.
+
+    The line filter's best and the network's best come in turn.
+    """
     by_network = sorted(range(len(found)), key=lambda i: -found[i].box.confidence)
     by_filter = [i for i in range(len(found)) if found[i].is_line]
     place = {i: rank for rank, i in enumerate(by_network)}
@@ -157,25 +169,26 @@ def _of_one_streak(boxes: FloatArray, line: Ends) -> BoolArray:
 
 @dataclass(slots=True)
 class FrameCandidates:
-    """Measured candidates of a frame: those that are lines of light, and why others are not."""
+    """Measured candidates of a frame: lines of light, and the rejected with their reasons."""
 
     frame: Frame
     sky: Background
     stars: StarList
     focus: PointImage
     is_worth_fitting: Callable[[Candidate], bool] = lambda _: True
-    """Return True where a candidate as it was traced is worth the time of a fit."""
+    """Return True for a traced candidate that is worth the time of a fit."""
     lights: ShortLights | None = None
-    """Images of the frame's stars to compare short lines with; None: they are not compared."""
+    """Star images with which short lines are compared; None: they are not compared."""
     taken: list[Candidate] = field(default_factory=list)
     """Candidates that are lines of light, with the network's confidence."""
     rejected: list[Rejection] = field(default_factory=list)
 
     def reason_not_to_measure(self, proposal: Proposal) -> NotAStreak | None:
-        """The reason not to measure a proposal, by a glance along it; None where it is worth it.
+        """Return the reason not to measure a proposal, from a quick look; None: measure it.
 
-        Too little light where the network alone proposes it; light that is narrower than stars
-        where the line filter does: a cosmic ray or a column of the sensor.
+        - proposed by the network alone: too little light along it
+        - proposed by the line filter: narrower than stars, so a cosmic ray or a column of the
+          sensor
         """
         box = proposal.box
         width_px = self._focus_at(box.ends_px).fwhm_px
@@ -192,7 +205,7 @@ class FrameCandidates:
         return None if signal.is_worth_a_fit(box.confidence) else DARK
 
     def has(self, proposal: Proposal) -> bool:
-        """True where a light proposed by itself is a piece of a line already measured."""
+        """True where a proposal is a single light that belongs to a line measured already."""
         if not proposal.is_light:
             return False
         piece = from_box(self.frame, proposal.box)
@@ -202,7 +215,7 @@ class FrameCandidates:
         )
 
     def measure(self, proposal: Proposal) -> None:
-        """Measure one candidate and file it as a line of light or as refused."""
+        """Measure a proposal and add it to ``taken`` or to ``rejected``."""
         try:
             self._measure(proposal)
         except Exception:
@@ -355,7 +368,10 @@ class FrameCandidates:
     def record_rejection(
         self, box: NetworkBox, reason: NotAStreak, fit: StreakFit | None = None
     ) -> None:
-        """Record a candidate with the reason against it, if the network believes it."""
+        """Add a rejected proposal with its reason, if the network's confidence is worth a record.
+
+        ``fit``: its measurement, where there is one.
+        """
         if box.confidence < MIN_RECORDED_CONFIDENCE:
             return
         found = (

@@ -12,8 +12,10 @@ from rsoconsole.vision.stars.star_list import Trail
 from rsoconsole.vision.stars.star_moments import FWHM_PER_SIGMA
 
 TRAILED_STREAKS = 9
-"""Number of streaks of one length and direction from which they are stars, where stars are not
-points."""
+"""Number of streaks alike in length and direction from which they are taken for trailed stars.
+
+Not in a frame that shows many more stars as points.
+"""
 _POINTS_TO_STREAKS = 3.0
 """Ratio of points to streaks that are alike, above which the stars are no streaks."""
 _LENGTH_KNOWN = 0.2
@@ -42,10 +44,11 @@ def reject_artifacts(
     points: int = 0,
     is_striped: bool = False,
 ) -> tuple[list[Detection], list[Rejection]]:
-    """Streaks of the sky among a frame's measured lines, and the others with their reasons.
+    """Split a frame's measured lines into streaks of the sky and rejections of artifacts.
 
-    ``points``: how many stars the frame shows. ``is_striped``: whether offsets of rows or columns
-    were taken from it.
+    - trail: trail of the stars; None: they are points
+    - points: number of stars in the frame
+    - is_striped: True where offsets of rows or columns were subtracted from the frame
     """
     rejected: list[Rejection] = []
     if trail is not None:
@@ -57,7 +60,7 @@ def reject_artifacts(
 
 
 def is_star_trail(proposal: Proposal, trail: Trail) -> bool:
-    """True where a proposal is no more than the trail of one star."""
+    """True where a proposal is as short as the trail of one star and runs in its direction."""
     box, one_px = proposal.box, trail.length_px + 2.0 * trail.fwhm_px
     leeway_deg = _AS_TRAILS_DEG + math.degrees(trail.fwhm_px / max(box.length_px, 1.0))
     is_along = turn_deg(box.angle_deg, trail.angle_deg) < leeway_deg
@@ -127,10 +130,11 @@ def _is_saturated(frame: Frame, found: Detection) -> bool:
 def reject_star_trails(
     judged: list[Candidate], trail: Trail
 ) -> tuple[list[Candidate], list[Rejection]]:
-    """Reject lines that run like the stars' own trails and are as long as a few of them in a row.
+    """Split off lines that run like the stars' trails and are as long as a few of them in a row.
 
-    A longer one stays where there is no doubt, or its light is steady: a satellite may go the same
-    way, and trails that meet end to end are seldom alike.
+    Longer lines stay. The limit is two trails for a line of high confidence or steady light, eight
+    for others: a satellite may run in the same direction, and trails end to end are seldom equally
+    bright.
     """
     one_px = trail.length_px + trail.fwhm_px
     kept: list[Candidate] = []

@@ -1,7 +1,7 @@
-"""A streak's light against the star catalogue: whether its places are those of known stars.
+"""A streak's light against the star catalogue: does it lie at known stars?
 
-A catalogue has few of the stars that a frame shows, but of those brighter than its limit none is
-missing: light that would be such a star's and is at no known place is no star's.
+A catalogue lists few of the stars that a frame shows, but it lacks none that is brighter than its
+limit: light as bright as such a star, away from every listed place, is no star's.
 """
 
 import math
@@ -33,22 +33,27 @@ _MIN_MISSING, _MIN_SNR = 0.5, 10.0
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CatalogueLight:
-    """Shares of a streak's light by whether catalogue stars explain it."""
+    """Parts of a streak's light that catalogue stars explain, and that they do not."""
 
     stars: int
     """Number of catalogue stars on the line."""
     star_share: float
-    """Share of the streak's light that lies at them."""
+    """Share of the streak's light that lies at catalogue stars."""
     rest_share: float
-    """Share of the streak's light that lies away from them."""
+    """Share of the streak's light that lies away from catalogue stars."""
     rest_snr: float
     missing_share: float
-    """Share of the streak's light that is away from them and so bright that the catalogue would
-    have it."""
+    """Share of the streak's light that cannot be stars: bright, and at no catalogue star.
+
+    It is so bright that the catalogue would have a star there.
+    """
 
     @property
     def finding(self) -> CatalogueFinding:
-        """Outcome: catalogue stars make the streak, or stars cannot; usually "unclear"."""
+        """Outcome: catalogue stars make the streak ("stars"), cannot ("no stars"), or "unclear".
+
+        Usually it is unclear.
+        """
         has_rest = self.rest_snr > _REST_SNR and self.rest_share > _NO_REST
         is_theirs = self.star_share > _CHAIN and self.rest_share < _MAX_REST
         if self.stars >= _FEWEST and is_theirs and not has_rest:
@@ -66,11 +71,13 @@ def catalogue_light(
     width_px: float,
     complete_adu: float,
 ) -> CatalogueLight | None:
-    """Compare the light between ``ends`` (x_a, y_a, x_b, y_b) against catalogue stars.
+    """Compare the light between ``ends`` (x_a, y_a, x_b, y_b) with catalogue stars.
 
-    ``stars_px``: (n, 2), their places in the frame; ``stars_adu``: (n,), their expected light by
-    the catalogue's magnitudes; ``complete_adu``: light from which no star is missing. None where
-    the line is too long or leaves the frame, or no light stands out.
+    - stars_px: (n, 2) their places in the frame
+    - stars_adu: (n,) their expected light, by the catalogue's magnitudes
+    - complete_adu: light from which the catalogue lacks no star
+
+    None where the line is too long or leaves the frame, or no light stands out.
     """
     length, fwhm = length_of(ends), max(width_px, 1.5)
     if not 1.0 < length < _LONGEST_PX:

@@ -1,10 +1,10 @@
 """Confidence of a measured candidate: the network's log-odds and the line fit's figures together.
 
 The network sees a small map, in which a chain of stars or a cosmic ray can look like a faint
-streak. The line fit on the raw frame separates them: a real streak holds its light along a line of
-the seeing's width. Only its neighbours reveal a distant aircraft's flash: others lie on the same
-line, or a light of another length runs parallel. A logistic curve over all of it, fitted on frames
-with known truth (``models.confidence``), makes a probability.
+streak. The line fit on the raw frame separates them: a real streak has light all along a line as
+wide as stars are. A flash of a distant aircraft can be recognised only by other candidates: some
+lie on the same line, or a light of another length runs parallel. A logistic curve of all these
+figures, fitted on frames with known truth (``models.confidence``), gives a probability.
 """
 
 import math
@@ -43,15 +43,20 @@ FEATURE_NAMES = (
     "blurred",
     "drifted",
 )
-"""Names of the inputs of one image kind. All from ``wide`` on are 0 or more and weigh nothing at 0;
-they speak against a streak, except the last two, which describe how the frame shows stars."""
+"""Names of the inputs of the curve for one image kind.
+
+Those from ``wide`` on are at least 0 and have no effect at 0. They count against a streak, except
+the last two, which describe how the frame shows stars.
+"""
 IMAGE_KINDS = ("", "joined ", "trailed ")
-"""Kinds of star image: sharp, so wide that pixels were joined, or drawn out by drift. Each has
-weights of its own, since something else looks like a streak in each."""
+"""Kinds of star image: sharp, so wide that pixels were joined, or drawn out by drift.
+
+Each kind has its own weights, since other things look like a streak in each.
+"""
 FEATURES = tuple(way + name for way in IMAGE_KINDS for name in FEATURE_NAMES)
 """Names of the curve's inputs; a candidate has those of one image kind, the others are 0."""
 MIN_LOGIT = -7.0
-"""Least log-odds of the network: the line filter may see what the network does not."""
+"""Least log-odds of the network that counts: the line filter may see what the network misses."""
 MAX_LOG_SNR, MAX_LOG_STEADY, _MIN_STEADY = 0.3, 1.5, 0.5
 _EXTENDED_FWHM, _MAX_EXTENT = 8.0, 2.0
 _SURE_OF_LINE, _MAX_ONE_LINE = 10.0, 2.5
@@ -69,11 +74,12 @@ stars, and scatter by noise at a signal to noise of 1."""
 FAINT_SNR = 12.0
 """Signal to noise below which a chain of faint stars is as likely as a streak."""
 SHORT_FWHM, LONG_FWHM = 12.0, 120.0
-"""Lengths in widths of a star below and above which streaks are less likely: pieces of cosmic
-rays are short, lights that cross the frame are long."""
+"""Lengths in star widths below and above which streaks are less likely.
+
+Pieces of cosmic rays are short, lights that cross the frame are long.
+"""
 LENGTH_ERROR = 2.0
-"""Largest ratio of a streak's length to its proposal's: a fit follows light beyond its ends as far
-again."""
+"""Largest ratio of a streak's length to its proposal's: a fit follows light beyond the ends."""
 MAX_IN_LINE = 2
 _LEAST, _MOST = 1e-7, 1.0 - 1e-7
 _SAME_WIDTH, _WIDTH_PER_SNR = 0.05, 1.5
@@ -99,7 +105,7 @@ class ConfidenceCurve:
 
     @classmethod
     def from_card(cls, card: Mapping[str, Any]) -> "ConfidenceCurve":
-        """Return the curve of a network's card.
+        """Read the curve from a network's card.
 
         Raises ModelError when its weights are missing or made for other features.
         """
@@ -118,9 +124,10 @@ class ConfidenceCurve:
     def confidence(
         self, candidate: Candidate, focus: PointImage, others: Sequence[Candidate] = ()
     ) -> float:
-        """Probability, 0 to 1, of a measured candidate that carries the network's confidence.
+        """Probability, 0 to 1, that a measured candidate is a real streak.
 
-        ``others`` are the measured candidates of its frame, with or without itself.
+        ``candidate`` still has the network's confidence. ``others``: the measured candidates of its
+        frame, with or without ``candidate`` itself.
         """
         features = confidence_features(candidate, focus, others)
         z = sum(w * f for w, f in zip(self.weights, features, strict=True))
@@ -129,10 +136,10 @@ class ConfidenceCurve:
     def highest(
         self, network_confidence: float, proposed_px: float = math.inf, focus: PointImage = _SHARP
     ) -> float:
-        """Highest confidence that a proposal can reach by its measurement in a frame.
+        """Highest confidence that a proposal can reach when it is measured.
 
-        ``focus`` is that of its place (``Focus.at``). A proposal's length is taken to be up to
-        ``LENGTH_ERROR`` times too short.
+        ``proposed_px``: its length, taken to be up to ``LENGTH_ERROR`` times too short. ``focus``:
+        that at the proposal's place (``PointImage.at``).
         """
         first = _image_kind(focus) * len(FEATURE_NAMES)
         table = dict(zip(FEATURE_NAMES, self.weights[first:], strict=False))
@@ -154,7 +161,7 @@ class ConfidenceCurve:
         return 1.0 / (1.0 + math.exp(-min(max(z, -30.0), 30.0)))
 
     def judged(self, candidates: Sequence[Candidate], focus: PointImage) -> list[Candidate]:
-        """Return a frame's measured candidates, each with its confidence among them."""
+        """Return a frame's measured candidates with their confidence in place of the network's."""
         confidences = [self.confidence(each, focus, candidates) for each in candidates]
         return [each.with_confidence(at) for each, at in zip(candidates, confidences, strict=True)]
 
@@ -187,18 +194,26 @@ def confidence_features(
 ) -> tuple[float, ...]:
     """Inputs of the curve for one candidate, in the order of ``FEATURES``.
 
-    The network's log-odds, no less than ``MIN_LOGIT``; the logarithm of the fit's matched signal to
-    noise over 20, no more than ``MAX_LOG_SNR``, since a chain of bright stars is bright too; the
-    same for the whole by its darker parts, which is small for stars in a row; how much longer than
-    a few widths it is; how much better one line explains a short one than a few stars do, of its
-    profile and of its pixels; how far, as a logarithm, it is wider and narrower than the stars,
-    beyond what its signal to noise leaves open; how short it is against ``SHORT_FWHM``; how much
-    better a few stars explain it, of either; how unlike the stars' images it is; how long it is
-    against ``LONG_FWHM``; how many others lie on its line; whether one that is much longer, or
-    bright and of another length, is parallel; how bent its path is; how much fainter than
-    ``FAINT_SNR`` it is; how much of its scatter along the line nothing explains; how restless the
-    sky beside it is; whether it runs as drawn-out stars do; how wide the stars were, and how long
-    drift has drawn them.
+    Those of other image kinds are 0. By their names:
+
+    - network: the network's log-odds, at least ``MIN_LOGIT``
+    - log_snr: logarithm of the matched signal to noise over 20, at most ``MAX_LOG_SNR``, since a
+      chain of bright stars is bright too
+    - steady: the same by the line's darker parts; small for stars in a row
+    - extent: how much longer than a few widths it is
+    - one_line, few_points: how much better one line, or a few points, explain a short profile
+    - like_line, like_stars: how much better one line, or star images, explain the pixels
+    - wide, narrow: logarithm of the width over the stars', beyond what noise explains
+    - shortness, longness: logarithms against ``SHORT_FWHM`` and ``LONG_FWHM``
+    - unlike: how much of the light is unlike star images
+    - in_line: number of other candidates on its line
+    - parallel_unlike: 1 where a parallel one is much longer, or bright and of another length
+    - uneven: how bent its path is
+    - faint: how much fainter than ``FAINT_SNR`` it is
+    - rough: scatter along the line that nothing explains
+    - confused: how much the sky beside it scatters
+    - along_trails: how nearly it runs like drawn-out stars
+    - blurred, drifted: how wide the stars were, and how far drift has drawn them out
     """
     found, light = candidate.found, candidate.light
     focus = focus.at(found.x_px, found.y_px)
@@ -314,16 +329,17 @@ def _is_parallel_unlike(one: Detection, other: Detection, unlike: float) -> bool
 CALIBRATED_ARCSEC_PX, USABLE_ARCSEC_PX = (1.0, 10.0), (0.3, 250.0)
 EXPOSURE_S = (0.05, 60.0)
 SMALLEST_PX, LARGEST_PX = (640, 480), (9576, 6388)
-"""Longer and shorter side of the smallest and largest frames of the calibration, px."""
+"""Longer and shorter side of the smallest and of the largest calibrated frames, px."""
 _ROUNDING = 1e-3
 
 
 def range_cautions(
     scale_arcsec_px: float | None, exposure_s: float | None, width_px: int, height_px: int
 ) -> dict[str, str]:
-    """Cautions about a camera by their subject: "scale", "exposure", "size"; None is unknown.
+    """Cautions about a camera outside the calibrated range, by subject.
 
-    Empty for a camera of the kind that the confidence was calibrated with.
+    Subjects: "scale", "exposure", "size". Empty for a camera of the kind that the confidence was
+    calibrated with; None (unknown) gives no caution.
     """
     text_of = {
         "scale": _scale_words(scale_arcsec_px),
@@ -334,7 +350,7 @@ def range_cautions(
 
 
 def is_usable_scale(scale_arcsec_px: float) -> bool:
-    """True where the detector can be expected to work at this scale."""
+    """True where the detector can be expected to work at this scale, in arcsec per pixel."""
     return _is_within(scale_arcsec_px, USABLE_ARCSEC_PX)
 
 

@@ -52,8 +52,7 @@ MAX_FITS = 28
 MAX_QUICK_FITS = 3
 MAX_WITNESSES = 12
 MIN_BELIEVED = 1e-3
-"""Network's confidence below which a proposal is measured only where the line filter sees it
-too."""
+"""Network's confidence below which a proposal is measured only if the line filter made it too."""
 _MAX_JOININGS = 2
 _MAX_WIDE_STARS = 1500
 """Largest number of stars listed where they are wide: they cover so much of a frame that faint ones
@@ -68,30 +67,32 @@ class Proposer(Protocol):
     """Source of proposals: the trained network, or a stand-in."""
 
     def run(self, frame_map: FrameMap) -> tuple[NetworkBox, ...]:
-        """Candidates of one map, most confident first."""
+        """Candidates in one map, most confident first."""
         ...
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class FrameAnalysis:
-    """Everything measured of one frame, so that the plate solver need not begin again."""
+    """All that was measured in one frame; stars and background serve the plate solver as well."""
 
     detections: Detections
     stars: StarList
     background: Background
     candidates: tuple[Candidate, ...] = ()
-    """All measured lines of light, in working-frame pixels, with the network's confidence."""
+    """Measured lines of light, in working-frame pixels, with the network's confidence."""
     focus: PointImage
     working: WorkingFrame
     proposals: tuple[Proposal, ...] = ()
     """Proposals, in working-frame pixels."""
     class_shares: Mapping[Detection, Likelihood] = field(default_factory=dict)
-    """Probabilities of all classes by streak of ``detections``, accepted or not, where it has
-    any."""
+    """Probabilities of all classes by streak, accepted or rejected.
+
+    Streaks whose class was not examined are missing.
+    """
 
 
 class StreakDetector:
-    """Finder and measurer of streaks. Not for use by two threads at once (nor is its network)."""
+    """Finds and measures streaks; neither it nor its network may be used by two threads at once."""
 
     def __init__(
         self,
@@ -102,11 +103,12 @@ class StreakDetector:
         *,
         is_quick: bool = False,
     ) -> None:
-        """Make a detector; ``curve`` None: a streak keeps the confidence of its proposal.
+        """Make a detector from a source of proposals and settings.
 
-        ``memory`` of the stars' width, where frames come in order from one camera; None: each frame
-        stands alone. ``is_quick``: only the likeliest few of the line filter's proposals are
-        measured, and stars are taken to be points.
+        - curve: gives the confidence after measurement; None: a streak keeps that of its proposal
+        - memory: width of stars in earlier frames, where frames come in order from one camera;
+          None: each frame stands alone
+        - is_quick: measure only the few best proposals of the line filter, take stars to be points
         """
         self._is_quick = is_quick
         self._network = network
@@ -120,11 +122,11 @@ class StreakDetector:
         return self.analyse(frame, tau).detections
 
     def analyse(self, frame: Frame, tau: float | None = None) -> FrameAnalysis:
-        """Measure streaks, stars and background of ``frame``.
+        """Measure streaks, stars and background of ``frame``; ``tau`` as in ``detect``.
 
-        Where there is a second thread, it estimates the maps' noise while the first reads the
-        frame, and looks for stars and lines beside map and network; the time of the stages
-        ``stars`` and ``lines`` then runs beside theirs.
+        With a second thread, the maps' noise, then stars and lines are computed beside frame, map
+        and network: the times of the stages ``stars`` and ``lines`` overlap with those of other
+        stages.
         """
         threshold = self._settings.tau if tau is None else tau
         watch = _Stopwatch()

@@ -1,8 +1,9 @@
-"""A streak's light against an earlier frame: the same light there already, or new.
+"""A streak's light compared with an earlier frame: was the same light there already, or is it new?
 
 Stars in a row, and other fixed sources, shine at the same places in both frames; moving ones do
-not. The light of every column along the line is summed across it in this frame and, at the places
-that correspond, in the earlier one. Arrays only: the caller supplies the mapping between places.
+not. The light of every column along the line is summed across it in this frame and, at the
+corresponding places, in the earlier one. Arrays only: the caller supplies the mapping between
+places.
 """
 
 import math
@@ -25,7 +26,7 @@ from rsoconsole.vision.lines.segments import Ends, length_of
 from rsoconsole.vision.stars.star_moments import FWHM_PER_SIGMA
 
 Mapping2d: TypeAlias = Callable[[FloatArray, FloatArray], tuple[FloatArray, FloatArray]]
-"""Map from pixels of this frame to pixels of the earlier one, arrays of any one shape."""
+"""Function from pixels (x, y) of this frame to pixels of the earlier one, arrays of one shape."""
 EarlierFinding: TypeAlias = Literal["same", "new", "unclear"]
 
 _LONGEST_PX = 1500.0
@@ -57,36 +58,39 @@ _CALIBRATED = 0.1
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class EarlierLight:
-    """Comparison of a streak's light with an earlier frame."""
+    """Comparison of a streak's light with that at the same places in an earlier frame."""
 
     amplitude: float
-    """Amplitude of the streak's profile in the earlier frame over that of the same light; 0: none
-    of it, 1: all."""
+    """How strongly the streak's profile is present in the earlier frame; 0: not, 1: as bright."""
     explained: float
-    """Share of the streak's light that the earlier frame's light reaches column by column."""
+    """Share of the streak's light that the earlier frame has too, column by column."""
     depth_snr: float
-    """Signal to noise that the streak's light would have in the earlier frame."""
+    """Signal to noise that the streak would have in the earlier frame."""
     fresh_share: float
-    """Share of its light that lies where the earlier frame is dark."""
+    """Share of the streak's light that lies where the earlier frame is dark."""
     fresh_snr: float
     lacking: float
-    """Share of the light of an even streak, as bright as this one was measured, that is not new;
-    1: none of it is."""
+    """Share of the light expected to be new that is missing; 1: no light is new.
+
+    Expected is the light of an even streak as bright as this one.
+    """
     lacking_snr: float
     beyond_share: float
-    """Light of the earlier frame on the line beyond the streak's ends that is not there now, over
-    the streak's."""
+    """Light of the earlier frame, on the line beyond the streak's ends, that has gone since.
+
+    As a share of the streak's light.
+    """
     beyond_snr: float
 
     @property
     def is_identical(self) -> bool:
-        """True where the light is so nearly identical that other stars cannot pass for it."""
+        """True where the light is so nearly the same that other stars can hardly make it."""
         is_deep = self.depth_snr >= _SURE_SNR
         return self.finding == "same" and is_deep and self.explained > _IDENTICAL
 
     @property
     def finding(self) -> EarlierFinding:
-        """Outcome: the light is the same or new; "unclear" wherever something speaks against it."""
+        """Outcome: the light is the "same" or "new"; "unclear" where the figures show neither."""
         is_dark_now = self.beyond_snr > _FRESH_SNR and self.beyond_share > _MAX_FRESH
         has_fresh = self.fresh_snr > _FRESH_SNR and self.fresh_share > _NO_LIGHT
         if (
@@ -105,19 +109,19 @@ class EarlierLight:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Profile:
-    """A streak's light in its own frame, to be compared with others."""
+    """A streak's light in its own frame, column by column, for comparison with other frames."""
 
     ends: Ends
     fwhm_px: float
     u_px: FloatArray
-    """(columns,): distance along the line from end a, px, some beyond either end."""
+    """(columns,): distance along the line from end a, px; it extends beyond both ends."""
     v_px: FloatArray
-    """(rows,): distance off the line, px."""
+    """(rows,): distance across from the line, px."""
     columns: LineColumns
 
     @classmethod
     def of(cls, pixels: PixelArray, ends: Ends, width_px: float) -> "Profile | None":
-        """Profile of the light between ``ends`` (x_a, y_a, x_b, y_b); None where that is too long.
+        """Measure the light between ``ends`` (x_a, y_a, x_b, y_b); None where the line is too long.
 
         ``width_px``: full width at half maximum across, the widest of the frames to be compared.
         """
@@ -139,11 +143,13 @@ def earlier_light(
     snr: float,
     flux_ratio: float,
 ) -> EarlierLight | None:
-    """Compare a streak's light with another frame's pixels, ``earlier``.
+    """Compare a streak's light with the pixels of another frame, ``earlier``.
 
-    ``to_earlier``: None for the same pixels; ``snr``: matched, of the streak in its own frame;
-    ``flux_ratio``: light of a star in the earlier frame over this one's. None where a frame does
-    not hold the line, or no light stands out.
+    - to_earlier: maps pixels to that frame; None: the pixels are the same
+    - snr: matched signal to noise of the streak in its own frame
+    - flux_ratio: light of a star in the other frame over that in this one
+
+    None where a frame does not hold the line, or no light stands out.
     """
     u, v, fwhm = now.u_px, now.v_px, now.fwhm_px
     if to_earlier is None:

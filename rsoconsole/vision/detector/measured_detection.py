@@ -14,32 +14,35 @@ from rsoconsole.vision.streaks.streak_fit import StreakFit
 from rsoconsole.vision.streaks.streak_trace import Trace
 
 SHARP_PX = 3.2
-"""Width of a star that neither wind nor the mount has widened, px: a streak may be as narrow."""
+"""Largest width of stars, px, not widened by wind or mount.
+
+Where stars are wider, a streak may still be as narrow as this.
+"""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LineLight:
-    """Evenness of a candidate's light along its line (``streak_trace``)."""
+    """How even a candidate's light is along its line, and how well a line explains it."""
 
     lower_quartile_snr: float
-    """Signal to noise of the whole line if all its parts were like their lower quartile."""
+    """Signal to noise of the whole line if all its parts were as bright as their lower quartile."""
     roughness: float
-    """Scatter of its parts over their mean that neither a slow change nor one period explains."""
+    """Scatter of the parts over their mean that no slow change and no single period explains."""
     confusion: float = 1.0
-    """Scatter of the sky beside it over its pixels' noise."""
+    """Scatter of the sky beside the line over the noise of its pixels."""
     bend: float = 0.0
     lumpiness: float = 0.0
-    """Excess over noise of how its path and its light vary, of a short one
-    (``streak_evenness``)."""
+    """How much the path (``bend``) and the light of a short line vary beyond noise.
+
+    See ``streak_evenness``; 0 for longer lines.
+    """
 
     over_points: float = 0.0
-    """Chi-square that one line explains better than a few stars in a row, of its profile
-    (``line_or_points``)."""
+    """Chi-square of a few points minus that of one line, for its profile (``line_or_points``)."""
     over_stars: float = 0.0
-    """Chi-square that one line explains better than images of the frame's stars, of its pixels
-    (``line_or_stars``)."""
+    """Chi-square of star images minus that of one line, for its pixels (``line_or_stars``)."""
     left: float = 0.0
-    """Chi-square of a pixel that the line leaves; 0: not compared."""
+    """Chi-square per pixel that the line leaves; 0: not compared with star images."""
 
     @property
     def unevenness(self) -> float:
@@ -52,10 +55,10 @@ UNMEASURED = LineLight(lower_quartile_snr=0.0, roughness=1.0)
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Candidate:
-    """One measured line of light."""
+    """One measured line of light that may be a streak."""
 
     found: Detection
-    """Detection with the network's confidence, later with its calibrated one."""
+    """Detection with the network's confidence; after ``ConfidenceCurve.judged`` the curve's."""
     light: LineLight
 
     def with_confidence(self, confidence: float) -> "Candidate":
@@ -70,16 +73,16 @@ class PointImage:
     fwhm_px: float
     """Width of the stars: their median, or at the place given to ``at``."""
     joined: int = 1
-    """Side of the squares of camera pixels joined to one, for wide stars."""
+    """Side of the squares of camera pixels that were joined to one; 1: none."""
     trail_px: float = 0.0
-    """Length to which drift has drawn the stars out; 0: they are points."""
+    """Length to which drift has drawn the stars out, px; 0: they are points."""
     trail_deg: float = 0.0
     """Direction of the trail, deg, x towards y."""
     psf_field: PsfField | None = None
     """Change of the stars' width over the frame; None where it does not change."""
 
     def at(self, x_px: float, y_px: float) -> "PointImage":
-        """Return the focus at one place, with the stars' width there."""
+        """Return the point image at one place, with the stars' width there."""
         if self.psf_field is None:
             return self
         return replace(self, fwhm_px=self.psf_field.at(x_px, y_px), psf_field=None)
@@ -87,8 +90,8 @@ class PointImage:
     def widest_px(self, angle_deg: float) -> float:
         """Largest width of a streak of this direction, px.
 
-        A satellite's path and a drift of the mount add up to one straight line, as wide as a star;
-        blur of the whole image, like shaking in one direction, draws the line out sideways.
+        Drift of the mount adds to a satellite's motion as one straight line, as wide as a star.
+        Blur of the whole image, like shaking in one direction, widens the line across.
         """
         if self.trail_px == 0.0:
             return self.fwhm_px
@@ -102,12 +105,11 @@ edges."""
 
 
 BOX_SIGMA_PX = 3.0
-"""One sigma of a box's centre against the streak's midpoint, px, of boxes about streaks of 119
-px."""
+"""One sigma between a box's centre and the streak's midpoint, px, for streaks of 119 px."""
 
 
 def with_fit(detection: Detection, fit: StreakFit) -> Detection:
-    """Return the detection with the measurement of a fit."""
+    """Return the detection with the place, ends, width and errors of a fit."""
     return replace(
         detection,
         x_px=fit.x_px,
@@ -128,10 +130,12 @@ def with_fit(detection: Detection, fit: StreakFit) -> Detection:
 
 
 def detection_from_fit(frame: Frame, box: NetworkBox, fit: StreakFit) -> Detection:
+    """Return a detection with the proposal's box and confidence and the measurement of a fit."""
     return with_fit(replace(from_box(frame, box), method="line"), fit)
 
 
 def line_light_of(trace: Trace | None) -> LineLight:
+    """Return the evenness of a traced line; ``UNMEASURED`` for None."""
     if trace is None:
         return UNMEASURED
     return LineLight(
@@ -143,9 +147,9 @@ def line_light_of(trace: Trace | None) -> LineLight:
 
 
 def with_trace(detection: Detection, trace: Trace, least_open_px: float = 0.0) -> Detection:
-    """Return the detection with the measurement of a trace.
+    """Return the detection with the place, ends, width and errors of a trace.
 
-    ``least_open_px``: sigma along one that leaves the frame, where it is not longer than that.
+    ``least_open_px``: least sigma along, px, of a line that leaves the frame.
     """
     length_px = math.hypot(trace.x_b_px - trace.x_a_px, trace.y_b_px - trace.y_a_px)
     is_clipped = any(trace.is_open)
@@ -170,13 +174,14 @@ def with_trace(detection: Detection, trace: Trace, least_open_px: float = 0.0) -
 
 
 def detection_from_trace(frame: Frame, box: NetworkBox, trace: Trace) -> Detection:
+    """Return a detection with the proposal's box and confidence and the measurement of a trace."""
     return with_trace(replace(from_box(frame, box), method="line"), trace, 100.0)
 
 
 def at_box_centre(detection: Detection) -> Detection:
-    """Return the detection measured as in the paper: its box's centre for the streak's midpoint.
+    """Return the detection with its box's centre as the midpoint, as in the paper.
 
-    The line fit still decides whether it is a streak, and where it ends.
+    The line fit still decides whether it is a streak, and where its ends are.
     """
     x0, y0, x1, y1 = detection.box_px
     return replace(
@@ -190,7 +195,7 @@ def at_box_centre(detection: Detection) -> Detection:
 
 
 def from_box(frame: Frame, box: NetworkBox) -> Detection:
-    """Proposal as an unmeasured detection, for comparison and for the record of refusals."""
+    """Return a proposal as an unmeasured detection, to compare it or to record its rejection."""
     x0, y0, x1, y1 = box.corners_px
     x_a, y_a, x_b, y_b = box.ends_px
     rim_px = 1.0
@@ -221,14 +226,16 @@ def from_box(frame: Frame, box: NetworkBox) -> Detection:
 
 
 SAME_STREAK_DEG, _SAME_WIDTHS, _MIN_WIDTH_PX = 10.0, 1.5, 2.0
-"""Limits within which two boxes are one streak: turn, deg, and distance across, in widths but at
-least this in px."""
+"""Limits within which two boxes are one streak: the turn between them, and their distance.
+
+The turn in degrees; the distance across in widths of the streak, of at least ``_MIN_WIDTH_PX``.
+"""
 _RUNS_ALIKE_DEG = 6.0
 """Largest difference of two proposals' directions that run alike, deg."""
 
 
 def distinct_boxes(found: list[tuple[NetworkBox, ...]]) -> tuple[NetworkBox, ...]:
-    """Return the candidates of maps of several blocks, each streak once, at its most confident."""
+    """Merge the candidates of several maps; of each streak the most confident stays."""
     if len(found) == 1:
         return found[0]
     boxes = sorted((b for each in found for b in each), key=lambda b: -b.confidence)
@@ -258,7 +265,7 @@ def _are_same(ends: FloatArray) -> BoolArray:
 
 
 def is_same_streak(one: Detection, other: Detection) -> bool:
-    """True where the midpoint of either lies on the other's line, and both run alike."""
+    """True where two detections run alike and the midpoint of one lies on the other's line."""
     turn = turn_deg(one.angle_deg, other.angle_deg)
     shortest = max(min(one.length_px, other.length_px), 1.0)
     if turn > SAME_STREAK_DEG + float(np.degrees(2.0 / shortest)):
@@ -267,7 +274,7 @@ def is_same_streak(one: Detection, other: Detection) -> bool:
 
 
 def is_parallel_to_any(one: Detection, others: list[Detection]) -> bool:
-    """True where any of ``others`` may have the direction of a proposal."""
+    """True where ``one`` has the direction of any of ``others`` within 6 deg."""
     turns = (turn_deg(one.angle_deg, other.angle_deg) for other in others)
     return any(turn < _RUNS_ALIKE_DEG for turn in turns)
 

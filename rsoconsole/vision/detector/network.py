@@ -1,8 +1,8 @@
 """The trained streak detector: TensorFlow Lite in, candidate streaks in raw pixels out.
 
-Every location of the network's answer (one in 4 x 4 cells of the map) says: confidence as a
-logit, where the midpoint lies, ln(length / 16 cells), and cos 2 theta, sin 2 theta of the
-direction. Both ends follow; the box is what encloses them.
+The network's answer has six values for every location (one in 4 x 4 cells of the map): confidence
+as a logit, the offset of the midpoint (two values), ln(length / 16 cells), and cos 2 theta, sin 2
+theta of the direction. Both ends follow from them; the box encloses the ends.
 """
 
 import contextlib
@@ -32,7 +32,7 @@ STRIDE_CELLS = 4
 LENGTH_UNIT_CELLS = 16.0
 ANSWERS = 6
 LOWEST_CONFIDENCE = 1e-5
-"""Lowest confidence of a candidate, far below any tau: the line fit on the raw frame decides."""
+"""Lowest confidence of a candidate, far below any tau: the measurement on the frame decides."""
 
 _SAME_LINE_CELLS = 4.0
 _LONGEST_CELLS = 160.0
@@ -47,8 +47,10 @@ class NetworkBox:
     """One candidate of the network, in pixels of the raw frame (0 = centre of the first)."""
 
     confidence: float
-    """Calibrated confidence, 0 to 1: the share of such candidates that are satellites in the
-    training data."""
+    """Calibrated confidence, 0 to 1.
+
+    The share of such candidates that are satellites in the training data.
+    """
     corners_px: Box
     ends_px: Ends
     """Ends of the streak, to about half a cell; one frame does not show which came first."""
@@ -73,7 +75,7 @@ class NetworkBox:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MapStreak:
-    """One candidate in cells of the map (0 = left edge of the first cell)."""
+    """One candidate of the network in cells of the map (0: left edge of the first cell)."""
 
     logit: float
     x_a: float
@@ -93,7 +95,10 @@ class MapStreak:
 
 
 def decode(answer: Float32Array, lowest_logit: float) -> list[MapStreak]:
-    """Candidates of one answer (6, rows, columns) above a logit, most confident first, no NMS."""
+    """Read the candidates out of an answer (6, rows, columns), most confident first.
+
+    Only those above ``lowest_logit``; overlapping ones all remain (see ``keep_distinct``).
+    """
     rows, columns = np.nonzero(answer[0] > lowest_logit)
     logits = answer[0][rows, columns]
     order = np.argsort(-logits, kind="stable")[:_MAX_CANDIDATES]
@@ -111,10 +116,10 @@ def decode(answer: Float32Array, lowest_logit: float) -> list[MapStreak]:
 
 
 def keep_distinct(candidates: list[MapStreak]) -> list[MapStreak]:
-    """Keep the most confident of candidates that lie on one another, most confident first.
+    """Return the candidates without those that lie on a more confident one, most confident first.
 
-    Two lie on one another when the midpoint of either is within 4 cells of the other's line and
-    between the other's ends. Parallel neighbours further apart than that both stay.
+    Two lie on one another when the midpoint of one is within 4 cells of the other's line and
+    between its ends. Parallel neighbours further apart both stay.
     """
     ordered = sorted(candidates, key=lambda c: -c.logit)
     x_a, y_a, x_b, y_b = (
@@ -139,15 +144,15 @@ def keep_distinct(candidates: list[MapStreak]) -> list[MapStreak]:
 
 
 class Network:
-    """A loaded network. Not for use by two threads at once.
+    """Loaded network; not for use by two threads at once.
 
     It works on maps of any size: smaller ones are padded to its input, larger ones tiled.
-    ``interpreter``: TensorFlow Lite's, its tensors allocated.
+    ``interpreter``: TensorFlow Lite's, with its tensors allocated.
     """
 
     def __init__(self, interpreter: Any, card: Mapping[str, Any]) -> None:
         self.card = card
-        """Take a loaded network; ``card``: content of the .json beside it."""
+        """Content of the .json file beside the network."""
         self._interpreter = interpreter
         self._input = interpreter.get_input_details()[0]
         self._output = interpreter.get_output_details()[0]
@@ -156,10 +161,9 @@ class Network:
 
     @classmethod
     def load(cls, path: Path | None = None, threads: int = 0) -> "Network":
-        """Load the network at ``path`` (None: the shipped one), checked with its .json.
+        """Load the network at ``path`` (None: the shipped one) and check it against its .json.
 
-        ``threads`` 0: by the cores there are (``workers.threads_for``); the answer is the same.
-
+        ``threads`` 0: as many as ``workers.threads_for`` gives; the results do not depend on it.
         Raises ModelError when a file is missing, damaged, or not a network of this form.
         """
         model, card_path = _files_of(path)
@@ -183,13 +187,16 @@ class Network:
 
     @property
     def version(self) -> str:
-        """Name and beginning of the digest, for logs."""
+        """Name, version and beginning of the digest, for logs."""
         return f"{self.card['name']} {self.card['version']} ({self.card['sha256'][:8]})"
 
     def run(
         self, frame_map: FrameMap, lowest_confidence: float = LOWEST_CONFIDENCE
     ) -> tuple[NetworkBox, ...]:
-        """Candidates of one map above a confidence, most confident first, each streak once."""
+        """Find the candidates in one map above a confidence, most confident first.
+
+        Each streak appears once.
+        """
         lowest = min(max(lowest_confidence, 1e-6), 1.0 - 1e-6)
         lowest_logit = (np.log(lowest / (1.0 - lowest)) - self._offset) / self._slope
         candidates: list[MapStreak] = []
@@ -205,7 +212,10 @@ class Network:
         return tuple(self._to_box(streak, frame_map) for streak in candidates)
 
     def answer(self, values: ByteArray, top: int = 0, left: int = 0) -> Float32Array:
-        """Return the network's raw answer (6, 112, 152) for the tile of a map at this corner."""
+        """Return the network's raw output (6, 112, 152) for one tile of a map.
+
+        ``top``, ``left``: the tile's first row and column of cells.
+        """
         tile = values[top : top + NETWORK_HEIGHT_CELLS, left : left + NETWORK_WIDTH_CELLS]
         padded = np.zeros((NETWORK_HEIGHT_CELLS, NETWORK_WIDTH_CELLS), dtype=np.float32)
         np.multiply(tile, np.float32(1 / 255), out=padded[: tile.shape[0], : tile.shape[1]])

@@ -1,8 +1,8 @@
 """The frame as the detector works on it: pixels joined where the stars are many pixels wide.
 
-Everything that looks for streaks and measures them expects stars a few pixels wide. Out of focus,
-in wind or in poor seeing, or where the pixels are finer than the seeing, pixels are joined until
-stars are that again: nothing is lost, since no detail is finer than a star.
+All that searches and measures streaks expects stars a few pixels wide. Out of focus, in wind, in
+poor seeing, or where pixels are finer than the seeing, pixels are joined until the stars are that
+narrow. Nothing is lost, since no detail is finer than a star.
 """
 
 from dataclasses import dataclass, replace
@@ -13,7 +13,7 @@ from rsoconsole.records import Detection, Frame, Rejection
 from rsoconsole.vision.stars.star_list import StarList
 
 WIDE_PX = 5.0
-"""Width of the stars from which pixels are joined, px."""
+"""Width of the stars, px, from which pixels are joined."""
 _WANTED_PX = 4.0
 """Width of the stars to join towards, px: narrower, a short streak out of focus would be a blob."""
 _SMALLEST_PX = 96
@@ -21,7 +21,7 @@ _SMALLEST_PX = 96
 
 
 def pixels_to_join(stars: StarList, frame: Frame) -> int:
-    """Side of the squares of pixels to join to one; 1: the frame is used as it is."""
+    """Side of the squares of pixels that should be joined to one; 1: none."""
     if stars.median_fwhm_px < WIDE_PX:
         return 1
     most = min(frame.width_px, frame.height_px) // _SMALLEST_PX
@@ -30,7 +30,7 @@ def pixels_to_join(stars: StarList, frame: Frame) -> int:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class WorkingFrame:
-    """A frame of joined pixels, and the way back."""
+    """Frame with pixels joined, and the conversions back to the original frame."""
 
     frame: Frame
     side: int
@@ -38,7 +38,10 @@ class WorkingFrame:
 
     @classmethod
     def of(cls, frame: Frame, side: int) -> "WorkingFrame":
-        """Join ``side`` x ``side`` pixels of ``frame`` to their mean; a rest is left out."""
+        """Join squares of ``side`` x ``side`` pixels of a frame to their mean.
+
+        Rows and columns that do not fill a square are left out.
+        """
         if side == 1:
             return cls(frame=frame, side=1)
         import cv2
@@ -57,19 +60,19 @@ class WorkingFrame:
         )
 
     def px(self, place: float) -> float:
-        """Column or row in the original frame of a place in this one."""
+        """Convert a column or row of this frame to one of the original frame."""
         return (place + 0.5) * self.side - 0.5
 
     def original(self, found: Detection) -> Detection:
-        """Return a detection in pixels of the original frame."""
+        """Return a detection with its pixels converted to the original frame."""
         return to_original(found, self.side)
 
     def original_rejection(self, rejected: Rejection) -> Rejection:
-        """Return a rejection in pixels of the original frame."""
+        """Return a rejection with its pixels converted to the original frame."""
         return replace(rejected, detection=self.original(rejected.detection))
 
     def original_stars(self, stars: StarList) -> StarList:
-        """Return stars in pixels of the original frame, with its ADU."""
+        """Return stars with pixels and light converted to the original frame."""
         if self.side == 1:
             return stars
         trail, field, lights = stars.trail, stars.psf_field, stars.oblong
@@ -98,7 +101,7 @@ class WorkingFrame:
 
 
 def to_original(found: Detection, side: int) -> Detection:
-    """Detection in the original's pixels, from a frame with ``side`` x ``side`` pixels joined."""
+    """Convert a detection from a frame with ``side`` x ``side`` pixels joined to the original."""
     if side == 1:
         return found
 

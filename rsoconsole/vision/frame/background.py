@@ -32,7 +32,7 @@ class Background:
     """Sky level and noise of one frame on a grid of cells."""
 
     level: Float32Array
-    """(ceil(height / cell_px), ceil(width / cell_px)), ADU."""
+    """Sky level by cell, ADU: (ceil(height / cell_px), ceil(width / cell_px))."""
     noise: Float32Array
     """One sigma of a single pixel, ADU, same shape; always positive."""
     cell_px: int
@@ -40,13 +40,16 @@ class Background:
     height_px: int
 
     def at(self, small: Float32Array, x_px: float, y_px: float) -> float:
-        """Value of one of the small maps in the cell that holds a pixel; edges are clamped."""
+        """Value of one small map (``level`` or ``noise``) in the cell of a pixel.
+
+        A place beyond the frame takes the nearest cell.
+        """
         row = min(max(int((y_px + 0.5) // self.cell_px), 0), small.shape[0] - 1)
         column = min(max(int((x_px + 0.5) // self.cell_px), 0), small.shape[1] - 1)
         return float(small[row, column])
 
     def all_at(self, small: Float32Array, x_px: IndexArray, y_px: IndexArray) -> Float32Array:
-        """Values of one of the small maps in the cells that hold whole pixels, (n,) each."""
+        """Values of one small map (``level`` or ``noise``) at whole pixels, (n,) each."""
         rows = np.clip(y_px // self.cell_px, 0, small.shape[0] - 1)
         return small[rows, np.clip(x_px // self.cell_px, 0, small.shape[1] - 1)]
 
@@ -58,10 +61,10 @@ def local_background(
     bins: FrameBins | None = None,
     workers: Workers = CALLER_ALONE,
 ) -> Background:
-    """Sky level and noise of ``pixels`` (height, width), uint16 or finite float32, >= 64 px a side.
+    """Measure sky level and noise of ``pixels`` (height, width), at least 64 px a side.
 
-    ``bins``: those of the same frame and cells, where they are known already. Without them about 15
-    ms for 4656 x 3520 on one core of a desktop.
+    Pixels are uint16 or finite float32. ``bins``: those of the same frame and cells, where they are
+    known already. Without them about 15 ms for 4656 x 3520 on one core of a desktop.
     """
     height, width = pixels.shape
     if bins is None or bins.cell_px != cell_px:
@@ -84,9 +87,12 @@ def sky_noise(
     binning: int = 1,
     workers: Workers = CALLER_ALONE,
 ) -> Float32Array:
-    """One sigma of a bin of ``binning`` x ``binning`` pixels on ``shape`` cells, always positive.
+    """Noise (one sigma) of a bin in every cell of a grid, ADU, always positive.
 
-    The frame is mirrored up to whole blocks, and a whole number of bins makes a block.
+    - shape: rows and columns of the grid; its cells are ``cell_px`` wide
+    - binning: pixels along the side of a bin
+    - block: the frame is mirrored up to a multiple of this many pixels, itself a multiple of
+      ``binning``
     """
     height, width = (-(-side // block) * block // binning for side in pixels.shape)
     tile = cell_px // binning * _TILE_CELLS
@@ -105,7 +111,10 @@ def sky_noise(
 
 
 def resample(small: Float32Array, cell: int, height: int, width: int) -> Float32Array:
-    """A map of cells ``cell`` units wide as (height, width) units, linear between cell centres."""
+    """Enlarge a map of cells to (height, width) units, linear between the cells' centres.
+
+    ``cell``: units along the side of a cell.
+    """
     rows, columns = small.shape
     grown = _resize(small, rows * cell, columns * cell)
     return np.ascontiguousarray(grown[:height, :width])

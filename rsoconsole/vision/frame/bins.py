@@ -21,7 +21,7 @@ from rsoconsole.vision.frame.workers import CALLER_ALONE, Workers
 CELL_PX = 16
 _MAX_CODE = 65535.0
 LINE_REACH = 2
-"""Bins on either side of one that a line through it needs."""
+"""Number of bins on either side of a bin that a line through it covers."""
 
 
 def _line_through(down: int, right: int) -> ByteArray:
@@ -39,7 +39,10 @@ _LINES = tuple(
 
 
 def lines_through() -> Iterator[tuple[ByteArray, ByteArray]]:
-    """Yield pairs of lines of five bins at right angles: each of the eight ways once."""
+    """Yield pairs of lines at right angles, as masks of 5 x 5 bins.
+
+    Four pairs: each of the eight directions once.
+    """
     for along, across in ((0, 3), (1, 5), (2, 4), (6, 7)):
         yield _LINES[along], _LINES[across]
 
@@ -51,23 +54,29 @@ _Values = TypeVar("_Values", bound=npt.NDArray[Any])
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class FrameBins:
-    """Reductions of a frame that one pass over its pixels makes."""
+    """What one pass over a frame's pixels gives: its sky, and the brightest bins and lines."""
 
     means: Float32Array
     """Means of cells, ADU: (ceil(height / cell_px), ceil(width / cell_px))."""
     level: Float32Array
-    """Sky, ADU, same shape: the median of 5 x 5 means."""
+    """Sky level by cell, ADU, shape as ``means``: the median of 5 x 5 means."""
     cell_px: int
     brightest: Mapping[int, Float32Array]
-    """Mean of the brightest bin by block, ADU: (ceil(height / block), ceil(width / block))."""
+    """By side of a block: mean of the brightest bin of every block, ADU.
+
+    Shape (ceil(height / block), ceil(width / block)).
+    """
     squares: Float32Array | None
-    """Means of the requested squares, ADU: (ceil(height / side), ceil(width / side))."""
+    """Means of squares, ADU: (ceil(height / side), ceil(width / side)); None: not requested."""
     lines: Mapping[int, Float32Array]
-    """Brightest piece of a line (``lines_of_light``) by block, ADU, same shape."""
+    """By side of a block: brightest value of ``lines_of_light`` in every block, ADU.
+
+    Shape as in ``brightest``.
+    """
 
 
 def binning_of(block: int) -> int:
-    """Side of the bins whose maximum a block takes: 2 where that leaves at least 2 x 2 bins."""
+    """Side in pixels of a block's bins: 2 where a block has at least 2 x 2 of them, else 1."""
     return 2 if block >= 4 and block % 2 == 0 else 1
 
 
@@ -80,11 +89,14 @@ def bin_frame(
     cell_px: int = CELL_PX,
     workers: Workers = CALLER_ALONE,
 ) -> FrameBins:
-    """Read ``pixels`` (height, width), uint16 or finite float32; every block divides ``cell_px``.
+    """Read ``pixels`` (height, width), uint16 or finite float32, in one pass.
 
-    Kept are the brightest bins of ``blocks``, the brightest lines of ``line_blocks``, and the means
-    of squares of ``square_px``, which divides ``cell_px`` too. About 7 ms for 4656 x 3520 on one
-    core of a desktop, 12 more for lines.
+    - blocks: sides of the blocks whose brightest bin is wanted
+    - line_blocks: sides of the blocks whose brightest line is wanted
+    - square_px: side of the squares whose means are wanted
+    - cell_px: side of the cells of the sky; a multiple of every block and of ``square_px``
+
+    About 7 ms for 4656 x 3520 on one core of a desktop, 12 more for lines.
     """
     height, width = pixels.shape
     rows, columns = -(-height // cell_px), -(-width // cell_px)
@@ -161,11 +173,12 @@ def bin_frame(
 
 
 def lines_of_light(bins: _Values) -> _Values:
-    """Set every bin to the darkest of five in a row through it, along the best of eight ways.
+    """Give every bin the brightest of eight lines of five bins through it.
 
-    A morphological opening with lines: long lights keep their brightness, while of a star, a hot
-    pixel or a cosmic ray only parts five bins long are left. ``bins`` has ``LINE_REACH`` rows above
-    and below that the result lacks; columns beyond the sides are mirror images.
+    A line is as bright as its darkest bin: a morphological opening with lines. Long lights keep
+    their brightness, while of a star, a hot pixel or a cosmic ray only parts five bins long are
+    left. The result has ``LINE_REACH`` rows less than ``bins`` at the top and at the bottom;
+    columns beyond the sides are mirror images.
     """
     import cv2
 
@@ -186,7 +199,7 @@ def _is_well_sampled(pixels: PixelArray) -> bool:
 
 
 def block_maximum(values: _Values, block: int) -> _Values:
-    """Largest value of every ``block`` x ``block`` square; both sides must be whole multiples."""
+    """Largest value of every ``block`` x ``block`` square; it divides both sides of ``values``."""
     height, width = values.shape
     rows = values.reshape(height // block, block, width).max(axis=1)
     out: _Values = rows[:, ::block].copy()
@@ -196,7 +209,7 @@ def block_maximum(values: _Values, block: int) -> _Values:
 
 
 def mean_of_squares(values: _Values, side: int) -> _Values:
-    """Mean of every ``side`` x ``side`` square; both sides of ``values`` are whole multiples."""
+    """Mean of every ``side`` x ``side`` square; ``side`` divides both sides of ``values``."""
     import cv2
 
     # In halves where that can be: OpenCV is several times faster at them.
@@ -209,9 +222,10 @@ def mean_of_squares(values: _Values, side: int) -> _Values:
 
 
 def means_of_whole_blocks(pixels: PixelArray, bins: FrameBins, block: int) -> Float32Array:
-    """Return ``bins.means`` of the frame mirrored to whole blocks, and its bins to whole cells.
+    """Return ``bins.means`` with the lowest row and the rightmost column as a map sees them.
 
-    That is how a map sees the rim; where whole blocks are whole cells, there is no difference.
+    There the frame is mirrored up to whole blocks, and its bins then up to whole cells. No
+    difference where whole blocks are whole cells.
     """
     cell_px, means = bins.cell_px, bins.means.copy()
     sides = zip(means.shape, pixels.shape, strict=True)
@@ -231,7 +245,10 @@ def _up_to_cells(count: int, size: int, block: int) -> IndexArray:
 
 
 def copy_mirrored_rows(pixels: PixelArray, rows: range, out: PixelArray) -> None:
-    """Copy some rows, as far right as ``out`` is wide, of the frame with its mirror images."""
+    """Copy ``rows`` of a frame to ``out``; beyond its edges the frame is its own mirror image.
+
+    ``rows`` may lie above or below the frame; ``out`` may be wider than the frame.
+    """
     height, width = pixels.shape
     inside = min(width, out.shape[1])
     if len(rows) > 0 and (rows[-1] >= height or rows[0] < 0):
@@ -243,16 +260,20 @@ def copy_mirrored_rows(pixels: PixelArray, rows: range, out: PixelArray) -> None
 
 
 def mirrored(index: IndexArray, size: int) -> IndexArray:
-    """Rows or columns that mirror those beyond the frame; the outermost is not repeated."""
+    """Replace rows or columns beyond the frame by those inside that they mirror.
+
+    ``size``: rows or columns of the frame. The outermost one is not repeated.
+    """
     there_and_back = max(2 * (size - 1), 1)
     folded = index % there_and_back
     return np.minimum(folded, there_and_back - folded)
 
 
 def median_5x5(cells: Float32Array, *, is_sky: bool = False) -> Float32Array:
-    """Median over 5 x 5 cells, through 16 bits: OpenCV's median of 5 takes no floats.
+    """Median over 5 x 5 cells, in steps of 16 bits: OpenCV's median of 5 takes no floats.
 
-    Held down where most of 25 are brighter than nearly all others, unless they may be the sky.
+    Cells much brighter than the 98th percentile of all are clipped, as stars. ``is_sky``: True
+    where they may be sky (an amplifier's glow); medians that bright are then kept.
     """
     low, high = (float(v) for v in np.percentile(cells, (0.0, 98.0)))
     # Cells brighter than most are stars: where exactly they lie cannot move a median.

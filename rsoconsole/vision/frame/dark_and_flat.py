@@ -18,9 +18,9 @@ from rsoconsole.vision.frame.mosaic import CELL
 from rsoconsole.vision.frame.workers import CALLER_ALONE, Workers
 
 MIN_LIT = 0.1
-"""Least light of a pixel to be divided by the flat, as a share of the flat's median."""
+"""Least light in the flat, as a share of its median, by which a pixel is divided."""
 HOT_SHARE = 0.5
-"""Share of a pixel's range that the dark fills, above which the pixel is not used."""
+"""Share of a pixel's range: where the dark fills more, the pixel is not used."""
 MAX_DEFECTS = 0.01
 """Largest share of defective pixels: with more, none is filled from its neighbours."""
 _HOTTEST = 0.01
@@ -35,23 +35,23 @@ _GAIN_STEPS = 65535.0
 
 
 class DarkAndFlat:
-    """One dark and one flat, ready for frames of their size. For one thread."""
+    """Master dark and master flat, ready to calibrate frames of their size; for one thread."""
 
     def __init__(
         self, dark: PixelArray, flat: PixelArray | None = None, *, has_mosaic: bool = False
     ) -> None:
-        """Take ``dark``, ADU, with the camera's offset in it, ``flat`` without; (height, width).
+        """Prepare the masters, (height, width) in ADU; only the dark has the camera's offset in it.
 
-        ``has_mosaic``: the colours of a 2 x 2 mosaic keep their levels among each other, and are
-        filled from their like. Raises ValueError where shapes differ and where the flat has no
-        light in it.
+        ``has_mosaic``: the sensor has a 2 x 2 mosaic of colours. The flat is then normalised colour
+        by colour, and defective pixels are filled from neighbours of their colour. Raises
+        ValueError where shapes differ and where the flat has no light in it.
         """
         if flat is not None and flat.shape != dark.shape:
             raise ValueError(f"a flat of {flat.shape} does not fit a dark of {dark.shape}")
         self.shape = dark.shape
         self._step = 2 if has_mosaic else 1
         self.level_adu = float(np.rint(np.median(dark[::_SAMPLE, ::_SAMPLE])))
-        """Median of the dark, which stays in the frame; whole, as frames are."""
+        """Median of the dark, ADU, rounded; calibrated frames keep this level."""
         self._hot = _brightest(dark)
         self._hot_adu = dark.reshape(-1)[self._hot].astype(np.float32)
         self._gain, self._gain_step, self._unlit = _gains(flat, has_mosaic)
@@ -62,9 +62,9 @@ class DarkAndFlat:
     def calibrated_frame(self, frame: Frame, workers: Workers = CALLER_ALONE) -> Frame:
         """Return the calibrated frame; ``frame`` itself is not changed.
 
-        Pixels stay uint16 where the noise is wide against whole numbers, or only whole numbers are
-        subtracted; else they become float32. Saturated pixels stay at ``saturation_adu`` at least.
-        Raises ValueError for a frame of another shape.
+        Pixels stay uint16 where the noise is several ADU, or where only whole numbers are added;
+        else they become float32. Saturated pixels stay at ``saturation_adu`` at least. Raises
+        ValueError for a frame of another shape.
         """
         if frame.pixels.shape != self.shape:
             raise ValueError(f"masters of {self.shape} do not fit a frame of {frame.pixels.shape}")
@@ -86,7 +86,7 @@ class DarkAndFlat:
         return replace(frame, pixels=out)
 
     def defects(self, saturation_adu: float) -> int:
-        """Number of pixels filled from their neighbours, where the camera saturates there."""
+        """Number of pixels filled from their neighbours, for a camera saturating at this level."""
         return int(self._defects(saturation_adu)[0].size)
 
     def _calibrate(
@@ -119,7 +119,7 @@ class DarkAndFlat:
 
 
 def normalised(flat: PixelArray, *, has_mosaic: bool = False) -> Float32Array:
-    """The flat over its median, each colour of a mosaic over its own.
+    """Return the flat divided by its median, each colour of a mosaic by its own.
 
     Raises ValueError where a median is not positive: there is no light in it.
     """

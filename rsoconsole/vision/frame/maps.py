@@ -1,10 +1,11 @@
 """Frame maps: a frame reduced to the small map that the network takes, in two modes.
 
-``fast``: the frame binned 2 x 2 (where the block allows), every bin as bright as the darkest of
-five in a row along the best direction, so that stars all but vanish and lines stay; of every block
-the brightest, above the local background, in units of the local noise; graded from -2 to +14 sigma.
-``paper``: 8-bit, JPEG, a black-and-white map at full size, as Jordan et al. (arXiv 2304.06227)
-have it; then white where a block holds any white.
+- fast: the frame is binned 2 x 2 where the block allows it. Every bin becomes as bright as the
+  darkest of five in a row along the best direction, so that stars all but vanish and lines stay.
+  The map has the brightest bin of every block, above the local background, in units of the local
+  noise, graded from -2 to +14 sigma.
+- paper: an 8-bit JPEG, made black and white at full size, as by Jordan et al. (arXiv 2304.06227); a
+  cell is white where its block holds any white.
 
 A cell's coordinates are continuous: cell i covers [i, i + 1), pixel x covers [x - 0.5, x + 0.5),
 hence ``x_px = u * block - 0.5`` exactly, whatever the padding, which is on the right and below.
@@ -31,12 +32,14 @@ from rsoconsole.vision.frame.workers import CALLER_ALONE, Workers
 NETWORK_WIDTH_CELLS = 608
 NETWORK_HEIGHT_CELLS = 448
 MAP_KIND = "lines of 5 bins"
-"""Kind of map that a network for mode ``fast`` is trained on, named by its card."""
+"""Kind of map that a network for mode ``fast`` must be trained on; its card states the kind."""
 LOWEST_SIGMA = -2.0
 HIGHEST_SIGMA = 14.0
 LINE_GAIN, LINE_SHIFT = 1.25, 1.25
-"""Gain and shift that make good the loss by the darkest of five: plain sky looks as the brightest
-of its bins would."""
+"""Gain and shift (sigma) of values of lines, which are the darkest of five bins.
+
+With them plain sky looks like the brightest of its single bins.
+"""
 CODES_PER_SIGMA = 255.0 / (HIGHEST_SIGMA - LOWEST_SIGMA)
 SIDEREAL_ARCSEC_S = 15.04
 
@@ -63,24 +66,25 @@ class FrameMap:
     height_px: int
 
     def to_px(self, cells: float) -> float:
-        """Column or row in raw pixels (0 = centre of the first) of a place in the map."""
+        """Convert a place in the map to a column or row in raw pixels (0: centre of the first)."""
         return cells * self.block - 0.5
 
     def to_cells(self, px: float) -> float:
-        """Place in the map (0 = left edge of the first cell) of a raw pixel's column or row."""
+        """Convert a raw pixel's column or row to a place in the map (0: first cell's left edge)."""
         return (px + 0.5) / self.block
 
 
 def choose_blocks(
     width_px: int, height_px: int, scale_arcsec_px: float | None, exposure_s: float | None
 ) -> tuple[int, ...]:
-    """Blocks at which to search a frame, smallest first.
+    """Return the blocks (side of a map's cell, px) at which to search a frame, smallest first.
 
-    Where scale and exposure are known, the one for which a geostationary streak is 12 to 24 cells
-    long: 8 for the paper's telescope, and 4 too where the network sees such a map at once, for
-    short streaks; longer where the frame is too small for so large a block, shorter where even a
-    block of 2 is too large. Where they are unknown, every block whose map fits the network at once
-    and keeps 48 cells a side: a small frame costs little.
+    - scale and exposure known: the block for which a geostationary streak is 12 to 24 cells long,
+      for example 8 for the paper's telescope; at most the block that leaves 48 cells a side. Below
+      4 it is used only if that map fits the network in one piece, else 4 is used. Above 4, the
+      block 4 is searched as well, for short streaks, if that map fits the network in one piece.
+    - scale or exposure None: every block whose map fits the network in one piece and has 48 cells a
+      side
     """
     short_px = min(width_px, height_px)
     fitting = [
@@ -112,10 +116,11 @@ def make_map(
     noise: Float32Array | None = None,
     workers: Workers = CALLER_ALONE,
 ) -> FrameMap:
-    """Reduce ``pixels`` (height, width), uint16 or finite float32 ADU, by ``block`` a side.
+    """Reduce ``pixels`` (height, width), uint16 or finite float32 ADU, to a map for the network.
 
-    ``bins`` and ``noise`` (``map_noise``): those of the same frame, where known already; another
-    block than that of the bins is binned here. Raises ValueError for a block below 1.
+    ``block``: pixels along the side of a cell. ``bins`` and ``noise`` (``map_noise``): those of the
+    same frame, where known already; bins without this block are replaced. Raises ValueError for a
+    block below 1.
     """
     if block < 1:
         raise ValueError(f"a block of {block} pixels: it must be 1 or more")
@@ -128,7 +133,7 @@ def make_map(
 
 
 def map_noise(pixels: PixelArray, block: int, *, workers: Workers = CALLER_ALONE) -> Float32Array:
-    """One sigma of the bins whose lines a map of mode ``fast`` takes, ADU, of every cell."""
+    """Noise (one sigma) of the bins that make a map of mode ``fast``, ADU, for every cell."""
     cell_px = _cells_of(block)[1]
     shape = tuple(-(-side // cell_px) for side in pixels.shape)
     binning = binning_of(block)
@@ -176,7 +181,7 @@ def _fast_map(
 
 
 def to_codes(excess_sigma: Float32Array) -> ByteArray:
-    """Signal to noise as the bytes of a graded map, clipped at both ends."""
+    """Convert signal to noise, in sigma, to the bytes of a graded map, clipped at both ends."""
     coded = np.rint((excess_sigma - LOWEST_SIGMA) * CODES_PER_SIGMA)
     codes: ByteArray = np.clip(coded, 0.0, 255.0).astype(np.uint8)
     return codes

@@ -1,7 +1,8 @@
-"""The 2 x 2 mosaic of a colour camera evened out: one level and one response in all four places.
+"""The 2 x 2 mosaic of a colour camera evened out: one level and one response in all four pixels.
 
-Nothing is interpolated: each of the four places is scaled by the light that stars, or else the
-noise of the sky, show in it, and its sky is laid on the mean of the four.
+Nothing is interpolated. The four pixels of a cell are scaled by the light that stars show in them,
+or without enough stars by the noise of the sky; the sky of each is then shifted to the mean of the
+four.
 """
 
 from collections.abc import Mapping
@@ -15,7 +16,7 @@ from rsoconsole.records import FloatArray, Frame, PixelArray
 from rsoconsole.vision.arrays import Float32Array
 
 CELL = ((0, 0), (0, 1), (1, 0), (1, 1))
-"""Row and column of the four places."""
+"""Row and column of the four pixels of a mosaic's cell."""
 _COLOURS = frozenset("RGBCYMWL")
 _GRID = 8
 """Number of pieces along each side in which the sky's levels are compared."""
@@ -40,7 +41,7 @@ def has_mosaic(header: Mapping[str, Any]) -> bool:
 
 
 def without_mosaic(frame: Frame) -> Frame:
-    """Return the frame without its mosaic; the frame itself where its header names none.
+    """Return the frame with its mosaic evened out; the frame itself where its header names none.
 
     Pixels stay uint16 where the noise is wide against the converter's steps, else they become
     float32. The saturation is that of the colour that reaches it first.
@@ -58,9 +59,10 @@ def without_mosaic(frame: Frame) -> Frame:
 def even_out(
     pixels: PixelArray, saturation_adu: float
 ) -> tuple[PixelArray, tuple[float, ...], tuple[float, ...]]:
-    """Return (pixels, factor of each place, median offset added to each), places as ``CELL``.
+    """Give the four pixels of a mosaic's cell one response and one level.
 
-    Rows and columns beyond a whole number of cells, one at most, are treated like the others.
+    Returns the pixels, the factor of each of the four (in the order of ``CELL``) and the median
+    offset added to it, ADU. A last odd row or column is treated like the others.
     """
     height, width = (side // 2 * 2 for side in pixels.shape)
     planes = [pixels[row:height:2, column:width:2] for row, column in CELL]

@@ -11,16 +11,20 @@ _Result = TypeVar("_Result")
 
 
 class Workers:
-    """Threads that share work, the caller's among them; OpenCV and NumPy let them run together."""
+    """Threads that share the work on a frame; the caller's thread is one of them.
+
+    OpenCV and NumPy let them run together.
+    """
 
     def __init__(self, threads: int = 1) -> None:
         self._pool = ThreadPoolExecutor(threads - 1, "vision") if threads > 1 else None
         self._others = threads - 1
 
     def share(self, work: Callable[[Iterator[int]], None], count: int) -> None:
-        """Call ``work`` once a thread; all draw their numbers from one ``range(count)``.
+        """Call ``work`` in each thread with one common iterator over ``range(count)``.
 
-        A late thread draws fewer; none waits for one that is too late.
+        Each thread takes the next number when it is free, so that a slow one takes fewer. Returns
+        when all numbers are done; threads that had not started by then are cancelled.
         """
         numbers = iter(range(count))
         begun: list[Future[None]] = []
@@ -35,7 +39,7 @@ class Workers:
             other.result()
 
     def begin(self, work: Callable[[], _Result]) -> "Future[_Result]":
-        """Run ``work`` beside the caller; with one thread it has finished when this returns."""
+        """Run ``work`` in another thread; with a single thread it is run before this returns."""
         if self._pool is not None:
             return self._pool.submit(work)
         done: Future[_Result] = Future()
@@ -52,12 +56,12 @@ CGROUPS = Path("/sys/fs/cgroup")
 
 
 def threads_for(wanted: int) -> int:
-    """Threads to use where ``wanted`` are configured; 0: one a core, at most four."""
+    """Number of threads for a configured number; 0 means one for each core, at most four."""
     return wanted if wanted > 0 else min(available_cores(), MAX_THREADS)
 
 
 def available_cores(cgroups: Path = CGROUPS, own: Path = Path("/proc/self/cgroup")) -> int:
-    """Cores that this process may use: its affinity, and the quota of the groups it is in."""
+    """Number of cores that this process may use, by its affinity and its cgroups' CPU quota."""
     if hasattr(os, "sched_getaffinity"):
         cores = len(os.sched_getaffinity(0))
     else:

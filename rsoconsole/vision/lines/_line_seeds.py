@@ -1,4 +1,4 @@
-"""Seeds of lines: sums over cells along straight ways that stand out. Pure."""
+"""Seeds of lines: sums of cells along straight lines that stand out. Pure."""
 
 import math
 from collections.abc import Iterator
@@ -10,8 +10,10 @@ import numpy.typing as npt
 from rsoconsole.vision.arrays import Float32Array
 
 THRESHOLD, LONG_THRESHOLD = 5.0, 4.6
-"""Thresholds of a short and of a long partial sum to be traced, in sigma of the cells' own
-scatter."""
+"""Thresholds from which short and long sums along a line are traced, in sigma.
+
+The sigma is that of the cells' own scatter.
+"""
 _SHORTEST, _LONGEST = 2, 7
 """Smallest and largest k of lines of 2^k rows of cells."""
 
@@ -25,7 +27,10 @@ _MAX_STEPS = 32767 >> _LONGEST
 
 @dataclass(frozen=True, slots=True)
 class Seed:
-    """Partial sum that stands out: column and row of both ends, the first cell's middle 0."""
+    """Sum along a straight line of cells that stands out, with both ends in cells.
+
+    0 is the centre of the first cell; ``rows`` counts the cells along the line.
+    """
 
     snr: float
     rows: int
@@ -36,16 +41,23 @@ class Seed:
 
     @property
     def alike(self) -> tuple[int, bool]:
-        """Length, and True where it runs along a row or column, as the sensor's own lines do."""
+        """Key by which seeds are grouped: number of cells, and True along a row or column.
+
+        Bad lines of the sensor run along rows and columns too.
+        """
         return self.rows, self.x_a == self.x_b or self.y_a == self.y_b
 
 
 def threshold(rows: int) -> float:
-    """Threshold in sigma of a sum over a number of rows: long sums are few."""
+    """Threshold, in sigma, of a sum over this many rows; lower for long sums, which are few."""
     return THRESHOLD if rows < _LONG_ROWS else LONG_THRESHOLD
 
 
 def seeds_in(cells: Float32Array) -> Iterator[Seed]:
+    """Yield the sums along straight lines in a map of signal to noise that exceed their threshold.
+
+    ``cells``: (rows, columns), in sigma. Lines run in all directions.
+    """
     steps = np.clip(np.rint(cells * np.float32(_STEPS)), -_MAX_STEPS, _MAX_STEPS)
     whole = steps.astype(np.int16)
     for is_turned in (False, True):

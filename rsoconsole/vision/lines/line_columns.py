@@ -16,7 +16,10 @@ _RIM_PX = 4
 
 
 def ridge_of(pixels: PixelArray, sky: Background, ends: Ends, psf_sigma: float) -> Float32Array:
-    """Smoothed signal to noise at every pixel along a line, as far as it is in the frame."""
+    """Smoothed signal to noise at every pixel along a line, where that is in the frame.
+
+    Of a line longer than ``LONGEST_PX`` only the middle.
+    """
     columns = int(min(length_of(ends), float(LONGEST_PX))) + 1
     smooth, is_inside = smoothed_strip(pixels, sky, ends, psf_sigma, columns=columns, reach=_RIM_PX)
     ridge: Float32Array = smooth[_RIM_PX][is_inside[_RIM_PX]]
@@ -26,10 +29,11 @@ def ridge_of(pixels: PixelArray, sky: Background, ends: Ends, psf_sigma: float) 
 def smoothed_strip(
     pixels: PixelArray, sky: Background, ends: Ends, psf_sigma: float, *, columns: int, reach: int
 ) -> tuple[Float32Array, BoolArray]:
-    """Pixels about a line's middle, it along the rows, and True for those that exist.
+    """Return signal to noise about a line, the line along the rows, and where pixels exist.
 
-    The nearest pixel of each place, smoothed by ``psf_sigma`` px as stars are, in units of the
-    noise that is left: (2 reach + 1, columns) each.
+    Two arrays (2 reach + 1, columns), centred on the line's middle: the nearest pixel of each
+    place, smoothed by ``psf_sigma`` px as stars are, in units of the noise that is left; and True
+    for places inside the frame.
     """
     import cv2
 
@@ -65,12 +69,12 @@ _MEDIAN = 1.57
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class LineColumns:
-    """Light along a line, ADU per px of length."""
+    """Light along a line, column by column of one pixel of length."""
 
     light_adu: FloatArray
     """(columns,) light, ADU per px of length."""
     sigma_adu: float
-    """One sigma of a column by the sky's noise alone, its level's included."""
+    """One sigma of a column's light by the noise of the sky, in the column and beside it."""
     noise_adu: float
     """One sigma of a pixel."""
     is_inside: BoolArray
@@ -80,14 +84,14 @@ class LineColumns:
 def pixels_of_line_places(
     ends: Ends, u: FloatArray, v: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Pixels of places ``u`` along the line from end a and ``v`` across it."""
+    """Convert places along a line (``u`` from end a) and across it (``v``) to pixels x and y."""
     length = length_of(ends)
     dx, dy = (ends[2] - ends[0]) / length, (ends[3] - ends[1]) / length
     return ends[0] + dx * u - dy * v, ends[1] + dy * u + dx * v
 
 
 def rows_across(fwhm: float) -> FloatArray:
-    """Offsets across the line, px, of the pixels that are summed and of the sky beside it."""
+    """Offsets across a line, px, (rows,): the pixels that are summed, and the sky beside them."""
     _, near_px = _rows_px(fwhm)
     return np.arange(-near_px - _SIDE_PX, near_px + _SIDE_PX + 1, dtype=np.float64)
 
@@ -101,9 +105,11 @@ def _rows_px(fwhm: float) -> tuple[int, int]:
 def columns_at(
     pixels: PixelArray, x: FloatArray, y: FloatArray, v: FloatArray, fwhm: float
 ) -> LineColumns:
-    """Light of the columns with pixels at ``x``, ``y`` (rows, columns); NaN: no place.
+    """Sum the light of a line's columns, above the sky beside it.
 
-    ``v``: (rows,) how far off the line each row is, as ``rows_across`` gives it.
+    - x, y: (rows, columns) pixels of the places; NaN where there is no pixel
+    - v: (rows,) offset of each row from the line, as ``rows_across`` gives it
+    - fwhm: full width at half maximum across, px
     """
     import cv2
 

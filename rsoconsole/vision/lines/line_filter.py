@@ -1,10 +1,10 @@
 """Matched line filter: straight lines of light too faint or too long for the network's map.
 
-The frame as cells of a few pixels, the light in each limited so that a star counts little; along
-every straight line of 2^k rows (or columns) of cells the sum, by the approximate discrete Radon
-transform (Brady, SIAM J. Comput. 27, 1998), whose partial sums are lines of every length (Nir,
-Zackay & Ofek, AJ 156:229, 2018). Each sum that stands out is traced to its own ends; its light is
-then subtracted, so that it adds nothing to the next line.
+The frame is divided into cells of a few pixels, and the light of each is limited so that a star
+counts little. Light is summed along every straight line of 2^k rows (or columns) of cells by the
+approximate discrete Radon transform (Brady, SIAM J. Comput. 27, 1998), whose partial sums are lines
+of every length (Nir, Zackay & Ofek, AJ 156:229, 2018). Each sum that stands out is traced to its
+own ends; its light is then removed, so that it adds nothing to the next line.
 """
 
 import math
@@ -53,20 +53,20 @@ _LIT = 0.4
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CellLine:
-    """Line of light; in cells, 0 = left edge of the first, or in pixels."""
+    """Line of light by its ends: in cells (0: left edge of the first), or in pixels."""
 
     x_a: float
     y_a: float
     x_b: float
     y_b: float
     snr: float
-    """Limited light along it over its noise."""
+    """Signal to noise of the light along the line, each cell's light limited."""
     is_light: bool = False
-    """True for one light of the star search (``short_lines``), no sum along cells."""
+    """True for a light of the star search (``short_lines``), False for a sum along cells."""
 
 
 def cell_side_px(height: int, width: int, finest_px: int = FINEST_PX) -> int:
-    """Side of a frame's cells: about a star's width, twice that where that would be slow."""
+    """Side of the line filter's cells, px: ``finest_px``, doubled while cells are too many."""
     side = finest_px
     while height * width > _MAX_CELLS * side**2 and side < CELL_PX:
         side *= 2
@@ -76,10 +76,10 @@ def cell_side_px(height: int, width: int, finest_px: int = FINEST_PX) -> int:
 def propose_lines(
     sky: Background, squares: Float32Array, side_px: int, stars: StarList
 ) -> list[CellLine]:
-    """Lines of a frame in its pixels (0 = centre of the first), strongest first.
+    """Find lines in a frame, in its pixels (0: centre of the first), strongest first.
 
-    ``squares``: its means of squares of ``side_px`` (``bins.bin_frame``); the light of ``stars``
-    does not count.
+    ``squares``: means of squares of ``side_px`` (``bins.bin_frame``). The light of ``stars`` does
+    not count.
     """
     rows, columns = squares.shape
     per_cell = sky.cell_px // side_px
@@ -160,10 +160,11 @@ def _cover(cells: Float32Array, side_px: int, stars: StarList, noise: float) -> 
 
 
 def limited_snr(cells: Float32Array) -> Float32Array:
-    """Limit the signal to noise of cells, (rows, columns), to ``_LIMIT`` where there is no line.
+    """Limit the signal to noise of cells, (rows, columns), so that stars count little.
 
-    An opening along each of eight directions, less that across it: a star, however bright, is as
-    long across as along; only light that goes on along one of them for five cells is kept.
+    The limit is ``_LIMIT`` where there is no line. A line is what an opening along one of eight
+    directions leaves, less what the opening across leaves: a star is as long across as along, only
+    a light five cells long in one direction is kept.
     """
     import cv2
 
@@ -180,9 +181,9 @@ def limited_snr(cells: Float32Array) -> Float32Array:
 
 
 def find_lines(cells: Float32Array) -> list[CellLine]:
-    """Find lines in a map of limited signal to noise (rows, columns); longest and brightest first.
+    """Find lines in a map of limited signal to noise, (rows, columns), strongest first.
 
-    Level and noise are those of the cells themselves, where they are not covered (0): faint stars,
+    Level and noise are those of the cells themselves, without those set to 0 (stars): faint stars,
     which long sums add up, are part of both.
     """
     import cv2

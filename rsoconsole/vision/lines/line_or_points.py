@@ -1,11 +1,14 @@
 """One line or a few stars in a row: which explains the profile of a short line better.
 
-Both are put through the stars' own width and fitted to the profile along the line: points, as many
-as it takes up to ``_MAX_POINTS``, each for the price of a star that happens to stand there, against
-a line with two ends, for nothing, whose brightness changes slowly or in one period. Points closer
-than about two widths explain a line as well as a line does: it is ahead by their price then, as it
-is in front of a faint star. Where drift has drawn the stars out, a point is as long as they are in
-the line's direction.
+Both models are blurred by the stars' width and fitted to the profile along the line:
+
+- points: as many as the profile needs, up to ``_MAX_POINTS``; each adds to chi-square the price of
+  a star that happens to stand there
+- line: two ends, and a brightness that changes slowly or in one period; no price
+
+Points closer than about two widths fit a line as well as a line does; their price then decides for
+the line, and so it does where a faint star stands on it. Where drift has drawn the stars out, a
+point is as long as they are in the line's direction.
 """
 
 import itertools
@@ -30,9 +33,10 @@ _SMALLEST = 1e-9
 def surroundings_scatter_ratio(
     strip: LineStrip, known: BoolArray, course: Course, sigma: float
 ) -> float:
-    """Scatter of the sky beside a line, in parts like the line's, over their noise; 1 at least.
+    """Scatter of the sky beside a line over the noise expected of its pixels, at least 1.
 
-    Faint stars, glow and a bright star's wings are part of it: the frame's own yardstick.
+    Measured in parts as long as the line's own. Faint stars, glow and a bright star's wings raise
+    it. ``known``: columns to use; ``sigma``: of the Gaussian across, px.
     """
     window = max(round(2.0 * FWHM_PER_SIGMA * sigma), 2)
     away = 3.5 * sigma + 2.0
@@ -57,9 +61,12 @@ def surroundings_scatter_ratio(
 def line_texture(
     profile: LineProfile, ends: tuple[float, float], scatter: float
 ) -> tuple[float, float]:
-    """Return (lower quartile of the parts, as sigma of the whole; scatter that nothing explains).
+    """Return two figures of the light along a line: its darker parts, and its roughness.
 
-    ``scatter``: noise of a part in units of what its pixels make (``confusion``).
+    - lower quartile of the parts' signal to noise, scaled to the whole line
+    - scatter of the parts over their mean that no slow change and no single period explains
+
+    ``scatter``: noise of a part over that of its pixels (``Trace.confusion``).
     """
     length = ends[1] - ends[0]
     count = int(np.clip(length / (2.0 * FWHM_PER_SIGMA * profile.sigma), 3, _MAX_PARTS))
@@ -112,9 +119,10 @@ def _roughness(place: FloatArray, light: FloatArray, sigmas: FloatArray) -> floa
 def best_wave_share(
     rest: FloatArray, basis: FloatArray, cosines: FloatArray, sines: FloatArray
 ) -> float:
-    """Part of the sum of squares of ``rest`` (n,) that the best of k waves (n, k) explains.
+    """Reduction of the sum of squares of ``rest`` (n,) by the best of k waves.
 
-    ``basis`` (n, m), orthonormal: what ``rest`` is free of, and the waves are freed of.
+    ``cosines``, ``sines``: (n, k). ``basis`` (n, m), orthonormal: terms already removed from
+    ``rest``, which are removed from the waves too.
     """
     c = cosines - basis @ (basis.T @ cosines)
     s = sines - basis @ (basis.T @ sines)
@@ -125,7 +133,7 @@ def best_wave_share(
 
 
 MAX_FWHM = 30.0
-"""Length in widths of a star up to which a few stars may look like a line."""
+"""Length in star widths up to which a few stars may look like a line."""
 _MAX_POINTS = 4
 _PRICE_OF_A_POINT, _PRICE_OF_A_PERIOD = 12.0, 16.0
 """Prices in chi-square: of a point (place and light of a star in the field's own density), and of a
@@ -147,10 +155,10 @@ _ACROSS_FWHM = 1.5
 def line_over_points_chi2(
     profile: LineProfile, ends: tuple[float, float], scatter: float, drawn_px: float = 0.0
 ) -> float:
-    """Chi-square by which one line is better than the best few points; negative: points are.
+    """Chi-square of the best few points minus that of one line; negative: points fit better.
 
-    0 where it is too long to compare or too little of it is seen. ``scatter``: noise in units of
-    what the pixels make (``confusion``). ``drawn_px``: length of a drawn-out star along the line.
+    0 where the line is too long to compare or too little of it is seen. ``scatter``: noise over
+    that of the pixels (``Trace.confusion``). ``drawn_px``: length of a star's trail along the line.
     """
     sigma, length = profile.sigma, ends[1] - ends[0]
     if length > MAX_FWHM * FWHM_PER_SIGMA * sigma:
@@ -194,7 +202,10 @@ def _left_by_line(
 
 
 def trail_along_line_px(length_px: float, turn_deg: float, fwhm_px: float) -> float:
-    """Length of a star's trail along a line turned against it, within the line's width, px."""
+    """Length of a star's trail along a line, px, as far as it lies within the line's width.
+
+    ``turn_deg``: angle between trail and line; ``fwhm_px``: width of the trail across.
+    """
     turn = math.radians(turn_deg)
     along = length_px * abs(math.cos(turn))
     return min(along, _ACROSS_FWHM * fwhm_px / max(abs(math.sin(turn)), 1e-3))
@@ -233,9 +244,10 @@ def _left_by_points(
 
 
 def best_pair(gram: FloatArray, projected: FloatArray) -> list[int]:
-    """Find the two of n places, or one twice, whose lights, none of them dark, explain most.
+    """Return the indices of the two places of n whose lights, none negative, explain the data best.
 
-    ``gram`` (n, n): products of the images of the places; ``projected`` (n,): with the data.
+    Twice the same index where one place alone is best. ``gram`` (n, n): products of the images of
+    the places with each other; ``projected`` (n,): their products with the data.
     """
     own = np.maximum(np.diag(gram), _SMALLEST)
     single = np.maximum(projected, 0.0) ** 2 / own

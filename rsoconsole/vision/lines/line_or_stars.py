@@ -1,11 +1,14 @@
 """One line or a few stars in a row: a short light compared with images of the frame's stars.
 
-Star images close together along the line are any light that came along it: with lights that change
-slowly or in one period they are a streak, with a few of any light they are stars. Both are fitted
-to the pixels about the line, stars for the price of one that happens to stand there, the sky and
-listed stars beside the line free to both. A cosmic ray is neither, since it did not come through
-the optics. Where drift has drawn the stars out or wind has shaken them, a moving object is a
-narrower line.
+Both models are made of star images along the line and fitted to the pixels about it:
+
+- streak: images close together, whose brightness changes slowly or in one period
+- stars: a few images of any brightness; each adds to chi-square the price of a star that happens to
+  stand there
+
+The sky and listed stars beside the line are free in both. A cosmic ray is neither, since it did not
+come through the optics. Where drift has drawn the stars out or wind has shaken them, a moving
+object is a narrower line.
 """
 
 import math
@@ -23,7 +26,7 @@ from rsoconsole.vision.stars.star_list import StarList
 from rsoconsole.vision.stars.star_moments import FWHM_PER_SIGMA
 
 MAX_FWHM = 20.0
-"""Length in widths of a star up to which a few stars may look like a line."""
+"""Length in star widths up to which a few stars may look like a line."""
 
 _STEP_SIGMAS, _BEYOND_SIGMAS, _MIN_STEP_PX, _MAX_STEP_PX = 0.6, 3.0, 0.7, 2.0
 _MAX_PLACES, _MAX_BESIDE, _MIN_SIDE_PX = 160, 30, 5
@@ -48,26 +51,34 @@ _SMALLEST = 1e-9
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LineOrStars:
-    """Chi-squares of a short light as one line and as a few stars."""
+    """Comparison of a short light as one line and as a few stars."""
 
     over_stars: float
-    """Chi-square that one line explains better than the best few stars, over what it leaves of a
-    pixel; negative: stars it is."""
+    """Chi-square of the best few stars minus that of one line; negative: stars fit better.
+
+    Divided by ``left``, where that is above 1.
+    """
     left: float
-    """Chi-square of a pixel that the line leaves, each pixel's limited: about 1 for a streak."""
+    """Chi-square per pixel that the line leaves, each pixel's limited: about 1 for a streak."""
 
 
 class ShortLights:
-    """Short lights of one frame, and the images of its stars, made for the first comparison."""
+    """Comparison of a frame's short lights with images of its own stars.
+
+    The star images are made at the first comparison.
+    """
 
     def __init__(self, pixels: PixelArray, sky: Background, stars: StarList) -> None:
-        """Take ``pixels`` (height, width), ADU: those of the camera, none joined."""
+        """Take ``pixels`` (height, width), ADU: the camera's own, not a binned frame."""
         self._pixels, self._sky, self._stars = pixels, sky, stars
         self._image: StarImage | None = None
         self._is_made = False
 
     def compared(self, found: Detection) -> LineOrStars | None:
-        """Compare one light, places in the camera's pixels; None where that shows nothing."""
+        """Compare one light, given in the camera's pixels, as a line and as stars.
+
+        None where it is too long or too short, and where the frame has too few stars for an image.
+        """
         fwhm_px = self._stars.fwhm_at(found.x_px, found.y_px)
         if found.length_px > MAX_FWHM * fwhm_px or found.length_px < 1.0:
             return None

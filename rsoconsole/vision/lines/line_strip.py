@@ -18,7 +18,7 @@ from rsoconsole.vision.lines.segments import Ends
 from rsoconsole.vision.stars.star_list import StarList, lit_radius_px
 
 OFF_PX = 9.0
-"""Largest distance of a proposal from its line, px, at its middle and at its ends."""
+"""Largest distance of a true line from the proposed one, px, at its middle and at its ends."""
 INTERPOLATED_VARIANCE = 1.0 / 6.0
 """Variance that linear interpolation adds across, px^2."""
 _BEYOND, _MIN_BEYOND_PX = 0.35, 40.0
@@ -31,19 +31,19 @@ _SMALLEST = 1e-9
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LineStrip:
-    """Pixels about a line, it along the rows."""
+    """Pixels about a line, turned so that the line runs along the rows."""
 
     values: Float32Array
-    """(2 reach + 1, columns), sigma of a pixel above the sky."""
+    """(2 reach + 1, columns) light above the sky, in units of a pixel's noise."""
     is_good: BoolArray
     x0_px: float
-    """Column in the frame of the strip's column 0, row ``reach``."""
+    """Column of the frame at the strip's column 0 and middle row (``reach``)."""
     y0_px: float
     dx: float
     dy: float
     reach: int
     is_cut: tuple[bool, bool]
-    """True where it ends with the frame, at its first and at its last column."""
+    """True at the first, at the last column: the strip ends there with the frame."""
 
     @property
     def columns(self) -> IndexArray:
@@ -51,13 +51,13 @@ class LineStrip:
         return np.arange(self.values.shape[1])
 
     def at(self, u: float, v: float) -> tuple[float, float]:
-        """Raw pixel of a place at a distance along and across, px."""
+        """Convert a place in the strip (``u`` along, ``v`` across, px) to a pixel of the frame."""
         return self.x0_px + u * self.dx - v * self.dy, self.y0_px + u * self.dy + v * self.dx
 
 
 @dataclass(frozen=True, slots=True)
 class Course:
-    """Straight course of a line in a strip."""
+    """Straight line in a strip: its row offset at column ``middle``, its slope, their errors."""
 
     middle: float
     offset: float
@@ -66,20 +66,26 @@ class Course:
     sigma_slope: float
 
     def at(self, columns: IndexArray | FloatArray | float) -> FloatArray:
+        """Rows of the line at these columns, counted from the strip's middle row."""
         return np.asarray(self.offset + self.slope * (np.asarray(columns) - self.middle))
 
 
 class StripPath(Protocol):
-    """Course of light in a strip, straight or not."""
+    """Path of light in a strip, straight or not."""
 
     def at(self, columns: IndexArray) -> FloatArray:
-        """Rows of the light, from the strip's middle one."""
+        """Rows of the path at these columns, counted from the strip's middle row."""
         ...
 
 
 def strip_about(
     pixels: PixelArray, sky: Background, ends: Ends, stars: StarList, sigma: float
 ) -> LineStrip | None:
+    """Cut out and turn the pixels about a line between ``ends``, with listed stars masked.
+
+    The strip reaches 35 % of the length, at least 40 px, beyond either end, but not beyond the
+    frame. ``sigma``: of the stars, px. None where the line is too short or hardly in the frame.
+    """
     import cv2
 
     x_a, y_a, x_b, y_b = ends
@@ -166,7 +172,7 @@ def _mask_stars(
 
 
 def subtract_sky_beside(strip: LineStrip, course: Course, sigma: float) -> None:
-    """Subtract the sky beside the line, above that of its cells: glow, a bright star's wings."""
+    """Subtract from a strip, in place, the light beside the line: glow, a bright star's wings."""
     import cv2
 
     v = np.arange(-strip.reach, strip.reach + 1, dtype=np.float32)[:, None]
@@ -185,7 +191,7 @@ def subtract_sky_beside(strip: LineStrip, course: Course, sigma: float) -> None:
 def weights_of(
     strip: LineStrip, columns: IndexArray, course: StripPath, sigma: float
 ) -> Float32Array:
-    """Gaussian across about the line, sum 1 a column."""
+    """Weights of a strip's pixels: in every column a Gaussian about the path, with sum 1."""
     v = np.arange(-strip.reach, strip.reach + 1, dtype=np.float32)[:, None]
     off = v - course.at(columns).astype(np.float32)
     return np.asarray(
@@ -211,7 +217,7 @@ class LineProfile:
 
     @property
     def is_known(self) -> BoolArray:
-        """True where the line is not hidden."""
+        """True for the columns in which the line is not hidden."""
         return np.isfinite(self.error)
 
     def between(self, first: float, last: float) -> BoolArray:
@@ -221,7 +227,7 @@ class LineProfile:
 
 
 def profile_of(strip: LineStrip, course: StripPath, sigma: float) -> LineProfile:
-    """Light of a strip along a line in it."""
+    """Measure the light of a strip along a path in it, matched across to ``sigma`` px."""
     weight = weights_of(strip, strip.columns, course, sigma)
     known = weight * strip.is_good
     share = np.einsum("ij,ij->j", known, weight).astype(np.float64)

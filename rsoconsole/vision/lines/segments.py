@@ -14,12 +14,12 @@ def length_of(ends: Ends) -> float:
 
 
 def midpoint_of(ends: Ends) -> tuple[float, float]:
-    """Column and row of the midpoint."""
+    """Column and row of the midpoint of a segment."""
     return 0.5 * (ends[0] + ends[2]), 0.5 * (ends[1] + ends[3])
 
 
 def box_about(*segments: Ends) -> Box:
-    """Return the smallest box that holds all of these ends, or corners of other boxes."""
+    """Return the smallest box that holds all of these segments or boxes."""
     x = [each[at] for each in segments for at in (0, 2)]
     y = [each[at] for each in segments for at in (1, 3)]
     return min(x), min(y), max(x), max(y)

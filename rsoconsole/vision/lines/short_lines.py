@@ -1,7 +1,8 @@
-"""Short streaks among the lights that the search for stars sees longer than they are wide.
+"""Short streaks among the lights that the star search finds longer than wide.
 
-Where stars are wide a streak may be three of their widths long: no line filter's sum stands out,
-and the network knows none so short. As a light it is bright, and its moments give its direction.
+Where stars are wide a streak may be three of their widths long: no sum of the line filter stands
+out, and the network knows none so short. As a single light it is bright, and its moments give its
+direction.
 """
 
 import itertools
@@ -15,8 +16,10 @@ from rsoconsole.vision.lines.line_filter import CellLine
 from rsoconsole.vision.stars.star_list import StarList
 
 MAX_SHORT, _MAX_WHERE_SHARP = 12, 6
-"""Largest numbers of short lines: with wide stars and with sharp ones, where a streak is seldom so
-short and line filter and network see it too."""
+"""Largest number of short lines where stars are wide, and where they are sharp.
+
+With sharp stars a streak is seldom so short, and line filter and network see it too.
+"""
 _ACROSS_FWHM, _SAME_DEG = 1.0, 15.0
 """Distance across, in widths, and turn up to which a light is a piece of a proposed line."""
 
@@ -24,7 +27,11 @@ _ACROSS_FWHM, _SAME_DEG = 1.0, 15.0
 def short_lines(
     stars: StarList, found: Sequence[CellLine], *, is_sharp: bool = False
 ) -> list[CellLine]:
-    """Find the surest lights longer than wide, at most one on a line already ``found``; px."""
+    """Return the surest oblong lights of ``stars`` as lines, px.
+
+    At most one lies on a line already in ``found``. ``is_sharp``: stars are sharp; fewer are
+    returned.
+    """
     most = _MAX_WHERE_SHARP if is_sharp else MAX_SHORT
     lights = stars.oblong
     if lights is None:
@@ -52,7 +59,10 @@ def short_lines(
 
 
 def interleaved_lines(found: Sequence[CellLine], short: Sequence[CellLine]) -> list[CellLine]:
-    """Merge both lists, the best of either first: the number that is measured is limited."""
+    """Merge two lists of lines in turn, the best of each first.
+
+    Only a limited number of lines is measured later.
+    """
     pairs = itertools.zip_longest(found, short)
     return [line for pair in pairs for line in pair if line is not None]
 

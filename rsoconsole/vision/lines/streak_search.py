@@ -41,7 +41,7 @@ class Cutout:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LineGuess:
-    """Line through the cutout: raw pixel coordinates, direction as a unit vector."""
+    """Line through the cutout, by a point in raw pixels and a direction as a unit vector."""
 
     x_px: float
     y_px: float
@@ -51,26 +51,32 @@ class LineGuess:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class LitStretch:
-    """Lit stretch along a guess."""
+    """Part of a guessed line that is lit; u is the distance along the line from its point, px."""
 
     u_a: float
     u_b: float
     amplitudes: tuple[float, ...]
     """ADU per pixel of length in equal parts of the stretch, first to last."""
     matched_snr: float
-    """Approximate signal to noise of the stretch, matched."""
+    """Approximate signal to noise of the stretch, matched across."""
     lit_share: float
     """Share of the stretch's length lit at more than a quarter of the amplitude."""
     dark_u: tuple[float | None, float | None]
-    """u of a short dark gap near either end: the light beyond it may be a star."""
+    """u of a short dark gap near end a, near end b; None where there is none.
+
+    The light beyond such a gap may be a star.
+    """
     reaches_rim: bool
-    """True where the stretch runs into the cutout's edge, not the frame's: look further out."""
+    """True where the stretch runs into the cutout's edge: a larger cutout is needed."""
 
 
 def cut_out(
     pixels: PixelArray, sky: Background, box: Box, margin_px: float, stars: StarList | None
 ) -> Cutout:
-    """Raw pixels of ``box`` grown by ``margin_px`` on each side, as far as the frame goes."""
+    """Cut ``box``, grown by ``margin_px`` on each side, out of a frame, and subtract the sky.
+
+    Pixels lit by ``stars`` are masked.
+    """
     height, width = pixels.shape
     x0, x1 = _range(box[0] - margin_px, box[2] + margin_px, width)
     y0, y1 = _range(box[1] - margin_px, box[3] + margin_px, height)
@@ -145,9 +151,10 @@ def _mask_stars(is_good: BoolArray, x0: int, y0: int, stars: StarList, noise: fl
 def find_line(
     cutout: Cutout, box: Box, psf_sigma: float, ends: Ends | None = None
 ) -> LineGuess | None:
-    """Find the best line through the box among those its shape allows.
+    """Find the brightest line through the box; None where all lines lie outside the cutout.
 
-    ``ends`` (x_a, y_a, x_b, y_b) narrows the search; without it both diagonals are tried.
+    ``ends`` (x_a, y_a, x_b, y_b) narrows the search to directions near theirs; without it both
+    diagonals of the box are tested, in a small box all directions.
     """
     smooth = _smooth_snr(cutout, psf_sigma)
     x0, y0, x1, y1 = ends or box
@@ -246,9 +253,10 @@ def _best_line(
 
 
 def find_ends(cutout: Cutout, guess: LineGuess, psf_sigma: float) -> LitStretch | None:
-    """Find the lit stretch along a guess: where the light above half of its level adds up to most.
+    """Find the lit part of a guessed line; None where no light stands out.
 
-    Never weighted by flux: a bright part counts no more than one and a half times the level.
+    The part over which the light above half of its level adds up to most. A bright piece counts no
+    more than one and a half times the level, so that it does not pull the ends.
     """
     profile, is_known, noise, first = _profile(cutout, guess, psf_sigma)
     if np.count_nonzero(is_known) < 5:

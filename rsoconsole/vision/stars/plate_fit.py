@@ -35,7 +35,7 @@ class PlateFit:
     rms_arcsec: float
     """Root mean square residual of one matched star, per axis."""
     catalogue_indices: IndexArray
-    """Rows of the catalogue stars used."""
+    """Rows of the matched stars in the catalogue given."""
 
 
 def refit(
@@ -47,11 +47,11 @@ def refit(
     height_px: int,
     tolerance_px: float | None = None,
 ) -> PlateFit | None:
-    """Match every star to the catalogue one to one and fit the plate again.
+    """Match stars to the catalogue one to one, from a starting plate, and fit the plate to them.
 
-    The tolerance starts at ``tolerance_px`` (default 0.8 % of the longer side, for a start that
-    knows no distortion) and shrinks with the residuals. None when too few stars match for the
-    match to be more than chance.
+    Matches lie within a tolerance that starts at ``tolerance_px`` (default 0.8 % of the longer
+    side, for a start without distortion) and shrinks with the residuals. None when too few stars
+    match for the match to be more than chance.
     """
     stars = np.asarray(stars_xy_px, float)[:MAX_STARS, :2]
     shown = in_field(
@@ -96,7 +96,10 @@ def refit(
 def solution_from(
     fit: PlateFit, *, frame_id: int, width_px: int, height_px: int, path: PlatePath, ms: float
 ) -> Solution:
-    """Return the record of a fitted plate, evaluated at the image centre."""
+    """Return the record of a fitted plate, evaluated at the image centre.
+
+    ``path`` and ``ms``: how it was solved, and the time that took.
+    """
     field = describe(fit.wcs, width_px, height_px)
     return Solution(
         frame_id=frame_id,
@@ -122,7 +125,10 @@ def in_field(
     height_px: int,
     margin_px: float = 0.0,
 ) -> IndexArray:
-    """Rows of the brightest catalogue stars that the plate puts on the frame."""
+    """Rows of the ``most`` brightest catalogue stars that the plate puts on the frame.
+
+    ``margin_px``: stars this far beyond the edges count too.
+    """
     x, y = sky_to_pixel(wcs, catalogue_deg[:, 0], catalogue_deg[:, 1])
     with np.errstate(invalid="ignore"):
         is_inside = (np.abs(x - (width_px - 1) / 2) <= width_px / 2 + margin_px) & (

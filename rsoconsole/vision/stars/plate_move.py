@@ -29,12 +29,12 @@ def refit_from(
     shift_deg: tuple[float, float] = (0.0, 0.0),
     search_arcsec: float = 120.0,
 ) -> PlateFit | None:
-    """Fit the plate of a field next to one that is solved; None when it does not fit.
+    """Fit the plate of a frame from that of an earlier one; None when it does not fit.
 
     ``shift_deg`` is the commanded move of the telescope since, as (RA, Dec) differences in degrees;
-    the camera keeps its angle to the pole. The remaining offset, up to ``search_arcsec``, is found
-    by a vote of all star pairs. A wrong field gets no majority and is refused, and so is a plate
-    whose scale or angle differs from the previous one's.
+    the camera keeps its angle to the pole. The remaining offset, up to ``search_arcsec``, is the
+    one on which most pairs of star and catalogue star agree. Refused are a field without such a
+    majority, and a plate whose scale or angle differs from the previous one's.
     """
     predicted = plate_after_mount_move(previous, shift_deg)
     scale = describe(predicted, width_px, height_px).scale_arcsec_px
@@ -76,7 +76,7 @@ def _shown(
 
 
 def plate_after_mount_move(wcs: Wcs, shift_deg: tuple[float, float]) -> Wcs:
-    """Return the plate after the mount turned by (RA, Dec): same pixels, tangent point moved."""
+    """Return the plate after the mount moved by (RA, Dec) degrees: only its tangent point moves."""
     dec_deg = float(np.clip(wcs.crval_dec_deg + shift_deg[1], -90.0, 90.0))
     return replace(
         wcs, crval_ra_deg=(wcs.crval_ra_deg + shift_deg[0]) % 360.0, crval_dec_deg=dec_deg
@@ -84,7 +84,7 @@ def plate_after_mount_move(wcs: Wcs, shift_deg: tuple[float, float]) -> Wcs:
 
 
 def plate_shifted_px(wcs: Wcs, offset_px: tuple[float, float]) -> Wcs:
-    """Return the plate whose stars lie ``offset_px`` further on the frame."""
+    """Return the plate on which every star lies ``offset_px`` (x, y) further on the frame."""
     ra, dec = pixel_to_sky(wcs, wcs.crpix_x_px - offset_px[0], wcs.crpix_y_px - offset_px[1])
     shift = (float(ra) - wcs.crval_ra_deg, float(dec) - wcs.crval_dec_deg)
     return plate_after_mount_move(wcs, shift)
@@ -127,7 +127,7 @@ def _is_same_camera(before: Wcs, after: Wcs, width_px: int, height_px: int) -> b
 
 
 MIN_SHIFT_STARS = 2
-"""Fewest stars that agree on one shift."""
+"""Fewest stars that must agree on one shift."""
 _ASKED = ((10, 12), (20, 20), (60, 40))
 """Numbers of stars and of catalogue stars, used in turn until their agreement is no chance."""
 _MAX_BY_CHANCE = 1e-4 / len(_ASKED)
@@ -148,10 +148,11 @@ def shift_plate(
     search_arcsec: float = 120.0,
     rms_arcsec: float,
 ) -> PlateFit | None:
-    """Shift ``previous`` to the plate that most stars share; None where it may be chance.
+    """Shift a plate by the offset on which most stars agree; None where that may be chance.
 
-    ``shift_deg`` and ``search_arcsec`` as in ``plate_move.refit_from``. ``rms_arcsec``: of the
-    previous plate's stars, per axis: that few stars agree better by luck is not believed.
+    For fields with too few stars for a fit. ``shift_deg`` and ``search_arcsec`` as in
+    ``refit_from``. ``rms_arcsec``: residual of the previous plate's stars, per axis; the result
+    states no smaller one, since few stars may agree better by luck.
     """
     predicted = plate_after_mount_move(previous, shift_deg)
     scale = describe(predicted, width_px, height_px).scale_arcsec_px

@@ -1,10 +1,10 @@
 """Width of the stars over the field: curved focal surface, tilt, soft corners.
 
-The logarithm of the width is a low polynomial in the place: a slope in x and y and a bowl in the
-distance from the middle (a bowl with a slope is a bowl about another place), where the stars ask
-for it with a steeper rim. It is fitted robustly, because a blend of two stars is wide wherever it
-stands, and taken only where it is significant and large enough to matter: elsewhere one width
-holds for the whole frame.
+The logarithm of the width is a polynomial of low order in the position: a slope in x and y, a bowl
+in the distance from the middle (slope and bowl together are a bowl about another place), and a
+steeper rim where the stars show one. The fit is robust, because a blend of two stars is wide
+anywhere. It is used only where it is significant and large enough to matter; in other frames one
+width holds everywhere.
 """
 
 import math
@@ -16,10 +16,10 @@ import numpy as np
 from rsoconsole.records import FloatArray
 
 WidthSource: TypeAlias = Literal["measured", "remembered", "guessed"]
-"""Source of the width of a frame's stars: its own stars, earlier frames', or none."""
+"""Where the width of a frame's stars comes from: its own stars, earlier frames, or a guess."""
 
 MIN_STARS = 40
-"""Fewest stars for a fit: with fewer, scatter makes as large a change."""
+"""Fewest stars for a fit: with fewer, scatter alone makes changes as large."""
 _MIN_CHANGE = 0.08
 """Least change of width among the stars' places, largest over smallest less 1, that counts."""
 _MIN_F = 12.0
@@ -46,11 +46,11 @@ class PsfField:
     middle_px: tuple[float, float]
     """Column and row of the frame's middle; 0 is the centre of the first pixel."""
     half_diagonal_px: float
-    """Unit of the distance from there, px."""
+    """Half the frame's diagonal, px: the unit of distances from the middle."""
     log_fwhm: tuple[float, ...]
     """Natural logarithm of the width in px: constant, x, y, r^2 and, where needed, r^4."""
     log_range: tuple[float, float]
-    """Smallest and largest natural logarithm of the width that it takes."""
+    """Smallest and largest natural logarithm of the width; beyond, the polynomial is clipped."""
 
     def at(self, x_px: float, y_px: float) -> float:
         """Full width at half maximum at one place, px."""
@@ -66,9 +66,9 @@ class PsfField:
         return np.asarray(np.clip(value, *self.log_range))
 
     def of_joined(self, side: float) -> "PsfField":
-        """Return the field in a frame with ``side`` x ``side`` of its pixels joined.
+        """Return the field in the pixels of a frame binned by ``side``.
 
-        1 / side: the way back.
+        ``side`` below 1 goes from a binned frame back to a finer one.
         """
         x, y = ((place + 0.5) / side - 0.5 for place in self.middle_px)
         return replace(
@@ -76,7 +76,11 @@ class PsfField:
         )
 
     def through(self, x_px: FloatArray, y_px: FloatArray, fwhm_px: FloatArray) -> "PsfField":
-        """Return the field scaled to other stars' widths, (n,) each, n at least 1."""
+        """Return the field times one factor, so that it fits the widths of other stars.
+
+        Places and widths (n,), n at least 1; the factor is the median of measured over expected
+        width.
+        """
         factor = np.median(fwhm_px / self.all_at(x_px, y_px))
         return self._times(float(factor))
 
@@ -100,7 +104,7 @@ class Psf:
     """Width over the frame; None: the same everywhere."""
 
     def of_joined(self, side: float) -> "Psf":
-        """Return the width in a frame with ``side`` x ``side`` of its pixels joined."""
+        """Return the width in the pixels of a frame binned by ``side``."""
         if side == 1:
             return self
         field = None if self.field is None else self.field.of_joined(side)
@@ -110,10 +114,11 @@ class Psf:
 def fit_psf_field(
     x_px: FloatArray, y_px: FloatArray, fwhm_px: FloatArray, shape: tuple[int, int]
 ) -> PsfField | None:
-    """Fit unsaturated stars' widths, (n,) each, over a frame of ``shape`` (height, width).
+    """Fit how the width of stars changes over a frame of ``shape`` (height, width).
 
-    None where there are fewer than ``MIN_STARS``, where their widths follow no surface, and
-    where the change is no more than their scatter explains or too small to matter.
+    Places and widths of unsaturated stars, (n,) each. None where there are fewer than
+    ``MIN_STARS``, where their widths follow no surface, and where the change is no more than their
+    scatter explains or too small to matter.
     """
     if x_px.size < MIN_STARS:
         return None

@@ -1,9 +1,9 @@
-"""The point-spread function of the last frame with stars, for those that show too few.
+"""The width of the stars in the last frame that showed enough of them, for frames that do not.
 
 Under cloud, in a narrow field or a short exposure a frame does not show how wide a star is; the
 frames just before it do. Seeing and focus hold for a while, in angle on the sky: a frame of the
-same field of view uses the width whatever its binning, one of unknown scale only from frames of the
-same shape.
+same field of view uses the width whatever its binning, a frame of unknown scale only from frames of
+the same shape.
 """
 
 from dataclasses import dataclass
@@ -15,7 +15,7 @@ from rsoconsole.vision.stars.star_list import StarList
 HOLDS_NS = 30 * 60 * 10**9
 """Longest time between mid-exposures over which a width holds."""
 MIN_STARS_KEPT = 12
-"""Fewest stars whose width is remembered: with fewer it may be that of something else."""
+"""Fewest stars whose width is remembered: with fewer it may not be the width of stars."""
 _SAME_VIEW = 0.01
 """Relative difference of fields of view up to which a camera's binning explains it."""
 
@@ -42,16 +42,16 @@ class _Known:
 
 
 class PsfMemory:
-    """Width of a star in the last frame of one camera that showed enough of them."""
+    """Width of a star in the last frame of one camera that showed enough stars."""
 
     def __init__(self) -> None:
         self._last: _Known | None = None
 
     def remember(self, frame: Frame, stars: StarList) -> None:
-        """Keep the width of a frame's stars, in its pixels.
+        """Remember the width of a frame's stars for later frames.
 
-        Nothing is kept of a frame without a time, with fewer than ``MIN_STARS``, or whose stars are
-        trails: drift and wind pass with it.
+        Ignored are frames without a time, with fewer than ``MIN_STARS_KEPT`` stars, and those whose
+        stars are trails: drift and wind pass with the frame.
         """
         is_good = stars.width_source == "measured" and stars.trail is None
         if not is_good or len(stars) < MIN_STARS_KEPT or frame.t_mid_utc_ns is None:
@@ -65,10 +65,10 @@ class PsfMemory:
         )
 
     def recall(self, frame: Frame) -> Psf | None:
-        """Expected width of a star in a frame, in its pixels.
+        """Return the width of a star to expect in a frame, in that frame's pixels.
 
-        None where nothing is known of its field of view, or only of longer ago than ``HOLDS_NS``
-        or of a later time.
+        None where the remembered width is of another field of view, of later than this frame, or
+        older than ``HOLDS_NS``.
         """
         last = self._last
         if last is None or frame.t_mid_utc_ns is None:

@@ -1,7 +1,7 @@
 """Image of a star in a frame, whatever its shape: disc, ring, comet or trail.
 
-The median of the frame's own stars: bright ones that stand alone, each moved so that its middle
-lies on a pixel's, of unit light.
+The median of the frame's own stars: bright ones that stand alone, each scaled to a total light of 1
+and moved so that its middle lies at the centre of a pixel.
 """
 
 import math
@@ -25,20 +25,23 @@ _SMALLEST = 1e-9
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class StarImage:
-    """Image of a point of unit light."""
+    """Image of a point source whose light adds up to 1."""
 
     pixels: Float32Array
-    """(2 reach + 1, 2 reach + 1) pixels, its middle on the middle pixel's centre."""
+    """(2 reach + 1, 2 reach + 1); the point lies at the centre of the middle pixel."""
     misfit: float = 0.0
-    """Difference of single stars from it beyond their noise, as a share of their light there."""
+    """How far single stars differ from this image beyond their noise, as a share of its peak."""
 
     @property
     def reach(self) -> int:
-        """Number of pixels from its middle to its rim."""
+        """Number of pixels from the middle pixel to the rim."""
         return int(self.pixels.shape[0] // 2)
 
     def at(self, x_px: float, y_px: float) -> tuple[int, int, Float32Array]:
-        """Image of a point at a place: column and row of its first pixel, and its pixels."""
+        """Return the image of a point at a place of the frame, moved by the fraction of a pixel.
+
+        As (column, row, pixels): where its first pixel lies in the frame, and the pixels.
+        """
         import cv2
 
         column, row = round(x_px), round(y_px)
@@ -51,7 +54,7 @@ class StarImage:
 
 
 def disc(fwhm_px: float) -> StarImage:
-    """Return a Gaussian image of this width."""
+    """Return the image of a Gaussian star of this full width at half maximum."""
     import cv2
 
     reach = max(math.ceil(_REACH_FWHM * fwhm_px) + 1, _MIN_REACH_PX)
@@ -60,7 +63,10 @@ def disc(fwhm_px: float) -> StarImage:
 
 
 def star_image(pixels: PixelArray, sky: Background, stars: StarList) -> StarImage | None:
-    """Star image of a frame, pixels (height, width) in ADU; None: too few stars stand alone."""
+    """Return the median image of a frame's stars; None where too few of them stand alone.
+
+    ``pixels``: (height, width), ADU.
+    """
     half_trail = 0.0 if stars.trail is None else 0.5 * stars.trail.length_px
     size_px = stars.median_fwhm_px + half_trail
     reach = max(math.ceil(_REACH_FWHM * stars.median_fwhm_px + half_trail) + 1, _MIN_REACH_PX)

@@ -12,14 +12,14 @@ from rsoconsole.vision.stars.star_moments import FWHM_PER_SIGMA
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class OblongLights:
-    """Lights of one frame that are longer than wide, the surest first; arrays of one length."""
+    """Lights of one frame that are longer than wide, the surest first; arrays (n,)."""
 
     x_px: FloatArray
     y_px: FloatArray
     angle_deg: FloatArray
     """Direction, x towards y, 0 to 180 deg."""
     half_px: FloatArray
-    """Half the length, roughly, px; anything longer than a few star widths may be longer still."""
+    """Half the length, roughly, px; too small for lights longer than a few star widths."""
     snr: FloatArray
 
 
@@ -48,29 +48,31 @@ class StarList:
     snr: FloatArray
     is_saturated: BoolArray
     median_fwhm_px: float
-    """Median width of unsaturated stars, px; with fewer than five of them as ``width_source`` says;
-    of trails across."""
+    """Median width of unsaturated stars, px; of trails, the width across.
+
+    With fewer than five such stars it comes from the source in ``width_source``.
+    """
     trail: Trail | None = None
     """Trail of every star; None where they are points."""
     psf_field: PsfField | None = None
     """Width over the frame; None where it is the median everywhere."""
     width_source: WidthSource = "measured"
-    """Source of the width; guessed: 2.5 px."""
+    """Source of the width; "guessed" stands for 2.5 px."""
     oblong: OblongLights | None = None
     """Lights longer than wide, listed as stars or not; None where they were not searched for."""
 
     def fwhm_at(self, x_px: float, y_px: float) -> float:
-        """Width of a star at a place of the frame, px."""
+        """Expected width of a star at a place of the frame, px."""
         return self.median_fwhm_px if self.psf_field is None else self.psf_field.at(x_px, y_px)
 
     def expected_fwhm_px(self) -> FloatArray | float:
-        """Width that each star should have, (n,); one for all where it does not change."""
+        """Width that each star should have, px, (n,); a float where it is the same everywhere."""
         if self.psf_field is None:
             return self.median_fwhm_px
         return self.psf_field.all_at(self.x_px, self.y_px)
 
     def chosen(self, index: IndexArray) -> "StarList":
-        """Return the list with these of its stars, in this order."""
+        """Return the list of the stars with these indices, in this order."""
         return replace(
             self,
             x_px=self.x_px[index],
@@ -87,7 +89,10 @@ class StarList:
 
 
 def lit_radius_px(stars: StarList, noise_adu: float) -> FloatArray:
-    """Radius within which each star lights a pixel by half a sigma, px, (n,); across a trail."""
+    """Radius within which each star adds at least half a sigma to a pixel, px, (n,).
+
+    ``noise_adu``: one sigma of a pixel. Of trails, the distance across. At most 40 px.
+    """
     sigma = np.maximum(stars.fwhm_px, stars.expected_fwhm_px()) / FWHM_PER_SIGMA
     area = 2.0 * np.pi * sigma**2
     if stars.trail is not None:

@@ -17,7 +17,7 @@ _ITERATIONS = 8
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class StarMoments:
-    """Windowed moments of candidates, one entry each."""
+    """Windowed moments of star candidates; every array has one entry for each."""
 
     x_px: FloatArray
     y_px: FloatArray
@@ -42,10 +42,11 @@ def measure(
     sigma_px: float,
     half_px: int,
 ) -> StarMoments:
-    """Windowed centroid, width and flux around each start pixel; edges of the frame are mirrored.
+    """Measure windowed centroid, width and flux around each start pixel.
 
-    Gaussian window of ``sigma_px``; boxes of 2 half_px + 1. A width follows from the windowed
-    moment M by 1/C = 1/M - 1/W, exact for a Gaussian star in a Gaussian window.
+    Gaussian window of ``sigma_px``, in boxes of 2 half_px + 1; beyond its edges the frame is
+    mirrored. A width follows from the windowed moment M and the window's W by 1/C = 1/M - 1/W,
+    exact for a Gaussian star in a Gaussian window.
     """
     offset = np.arange(-half_px, half_px + 1)
     boxes, noise = _boxes(pixels, sky, x0_px, y0_px, half_px)

@@ -1,4 +1,4 @@
-"""Pairs of stars of two lists that are the same: nearest to each other, each in one pair at most.
+"""Pairs of the same star in two lists: each other's nearest, each star in one pair at most.
 
 Pure: distances or places in, indices out; and how the light of such pairs compares.
 """
@@ -21,18 +21,19 @@ parts."""
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StarComparison:
-    """Comparison of two lists of the same stars."""
+    """Places and light of the stars that two lists have in common, compared."""
 
     flux_ratio: float
-    """Median of the second's light over the first's."""
+    """Median of the second list's light over the first's."""
     is_good: bool
-    """True where they agree on places, and on one ratio of light all over the field."""
+    """True where the lists agree on places, and on one ratio of light all over the field."""
 
 
 def mutual_nearest(distance: FloatArray, within: float) -> tuple[IndexArray, IndexArray]:
-    """Rows and columns of the pairs that are nearest to each other, and no further than a limit.
+    """Rows and columns of the pairs that are each other's nearest, within a limit.
 
-    ``distance``: (n, m), or its square, without NaN; ``within`` in its unit.
+    ``distance``: (n, m) distances or their squares, without NaN; ``within``: the limit in the same
+    unit.
     """
     nearest, rows = distance.argmin(axis=1), np.arange(len(distance))
     is_pair = (distance.argmin(axis=0)[nearest] == rows) & (distance[rows, nearest] <= within)
@@ -42,9 +43,9 @@ def mutual_nearest(distance: FloatArray, within: float) -> tuple[IndexArray, Ind
 def match_stars(
     one_px: FloatArray, other_px: FloatArray, reach_px: float
 ) -> tuple[IndexArray, IndexArray]:
-    """Indices into (n, 2) and (m, 2) places of those that are nearest to each other.
+    """Indices of the pairs of places that are each other's nearest and within ``reach_px``.
 
-    Closer than ``reach_px``; NaN is nowhere.
+    Places (n, 2) and (m, 2), px; one array of indices into each. Places that are NaN match none.
     """
     if not len(one_px) or not len(other_px):
         return np.zeros(0, dtype=np.intp), np.zeros(0, dtype=np.intp)
@@ -59,7 +60,7 @@ def compare_stars(
     other_adu: FloatArray,
     fwhm: float,
 ) -> StarComparison | None:
-    """Compare places and light of two frames' stars; None where too few are the same.
+    """Compare places and light of two frames' stars; None where too few are in both.
 
     Places (n, 2) and (m, 2) in pixels of one frame, light (n,) and (m,) in ADU, ``fwhm`` in px.
     """

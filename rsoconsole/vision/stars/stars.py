@@ -26,8 +26,10 @@ STAR_BLOCK_PX = 8
 """Side of the squares whose brightest places are candidates."""
 
 MIN_POINTS, MAX_POINTS = 5, 40
-"""Limits of the number of points on one line: fewer may be chance; among more, a streak's pieces
-are the smaller part."""
+"""Least and largest number of points in which ``on_one_line`` looks for a line.
+
+Fewer may be on a line by chance; among more, a streak's pieces are the smaller part.
+"""
 _LARGE_PX = 1024
 _CANDIDATE_SIGMA = 5.0
 _TILES = (8, 6)
@@ -73,12 +75,16 @@ def find_stars(
 ) -> StarList:
     """Measure up to ``max_stars`` stars of ``pixels`` (height, width), ADU.
 
-    Streaks (elongated), cosmic rays and hot pixels (sharper than the stars) and blends are left
-    out; saturated stars are kept and flagged. The selection takes the brightest of each part of the
-    field, so that no corner goes empty. ``background`` and ``bins`` are those of the same frame,
-    where known already; missing ones are computed here. ``expected``, of earlier frames, holds as
-    far as there are too few stars to measure it. The brightest place of each three by three blocks
-    of ``block_px`` is examined. ``may_be_trails``: whether drift may have drawn all of them out.
+    Left out are streaks (elongated), cosmic rays and hot pixels (sharper than stars) and blends;
+    saturated stars are listed and flagged. Each part of the field gives its brightest, so that no
+    corner goes empty.
+
+    - background, bins: those of the same frame where known already; else they are computed
+    - saturation_adu: level at which the camera saturates
+    - expected: width of stars in earlier frames, for a frame with too few stars to measure it
+    - block_px: side of the blocks whose brightest places are candidates, one in three by three
+      blocks
+    - may_be_trails: False where drift cannot have drawn out all stars
     """
     if bins is None or block_px not in bins.brightest:
         bins = bin_frame(pixels, (block_px,))
@@ -275,10 +281,10 @@ def _without_streak(found: StarMoments, is_good: BoolArray) -> BoolArray:
 
 
 def on_one_line(x_px: FloatArray, y_px: FloatArray, reach_px: float) -> BoolArray:
-    """True for points, (n,) each, within ``reach_px`` of the line through two that holds most.
+    """True for the points, (n,) each, on that line through two of them that holds most points.
 
-    None of them, where those are fewer than ``MIN_POINTS`` or not the larger part, or where there
-    are more than ``MAX_POINTS``.
+    On the line: within ``reach_px``. All False where the line holds fewer than ``MIN_POINTS`` or no
+    more than half of the points, or where there are more than ``MAX_POINTS``.
     """
     count = x_px.size
     none = np.zeros(count, dtype=bool)

@@ -1,8 +1,8 @@
-"""Stars drawn out by the telescope's own drift: every one the same trail.
+"""Stars drawn out by the telescope's own drift, all to the same trail.
 
-Each bright piece of light is measured as a whole, above a share of its own brightness: middle,
-length and direction by moments. The trail is what most of the bright ones agree on; a piece with
-that length and direction is a star, and its middle its place at mid-exposure.
+Each bright light is measured as a whole, down to a share of its own brightness: middle, length and
+direction by moments. The trail is the length and direction on which most of the bright lights
+agree. A light with that length and direction is a star; its middle is its place at mid-exposure.
 """
 
 import math
@@ -21,7 +21,7 @@ MAX_OBLONG = 60
 
 
 HALF_PX = 40
-"""Half the side of the pixels examined about a bright one: trails up to 60 px are whole in it."""
+"""Half the side of the box examined about a bright pixel: it holds trails of up to 60 px whole."""
 _LIT_SHARE, _LIT_SIGMA = 0.25, 3.0
 """Thresholds of lit pixels: as a share of the brightest (smoothed) one, and in sigma of the
 noise."""
@@ -60,7 +60,10 @@ class _Piece:
 def trailed_stars(
     pixels: PixelArray, sky: Background, x0_px: IndexArray, y0_px: IndexArray, saturation_adu: float
 ) -> StarList | None:
-    """Measure the stars about bright pixels, brightest first; None where they agree on no trail."""
+    """Measure stars drawn out to equal trails, brightest first; None without a common trail.
+
+    ``x0_px``, ``y0_px``: bright pixels, each of which may belong to a star.
+    """
     pieces: list[_Piece] = []
     seen: set[tuple[int, int]] = set()
     for x0, y0 in zip(x0_px.tolist(), y0_px.tolist(), strict=True):

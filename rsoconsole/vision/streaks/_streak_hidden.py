@@ -1,7 +1,7 @@
-"""Ends of a streak that lie where pixels are masked: behind a star, or mistaken for one.
+"""Ends of a streak that lie where pixels are masked: behind a star, or mistaken for a star.
 
-The fit does not determine an end there. The light along the line still shows where the streak
-cannot end: not before light that is no star's, nor beyond the last light.
+The fit does not determine such an end. The light along the line still limits it: the streak reaches
+at least to the last light that is no star's, and no further than the last light of all.
 """
 
 import math
@@ -50,9 +50,12 @@ class _Profile:
 def with_hidden_ends(
     cutout: Cutout, axes: tuple[FloatArray, FloatArray], fit: LineFit, is_used: BoolArray
 ) -> LineFit:
-    """Return the fit with its ends moved to where they may be, with the remaining variance.
+    """Move the ends of a fit that lie behind masked pixels to where they may be.
 
-    ``axes``: u along and v across of every pixel of the cutout; ``is_used``: of the fit; (h, w).
+    - axes: u along and v across for every pixel of the cutout, (h, w) each
+    - is_used: pixels that the fit used, (h, w)
+
+    The returned fit has ``hidden_variance`` for the ends that were moved.
     """
     profile = _profile_of(cutout, axes, fit, is_used)
     if profile is None:

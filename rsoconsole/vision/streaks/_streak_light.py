@@ -1,7 +1,7 @@
 """Light along a streak: its rise and fall from end to end, and its pulse.
 
 A satellite in sunlight shines from one end of the exposure to the other, a meteor flares up and
-dies away, an aircraft's strobes and a tumbling body's facets come again in equal times.
+dies away, an aircraft's strobes and the facets of a tumbling body flash at regular intervals.
 """
 
 import math
@@ -43,57 +43,63 @@ _PHASES = 8
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class StreakLight:
-    """Light of each pixel's length of a streak, from end a to end b."""
+    """Light along a streak from end a to end b, in columns of one pixel of length."""
 
     light_adu: FloatArray
-    """(columns,) ADU per px of length above the sky beside it."""
+    """(columns,) light above the sky beside the streak, ADU per px of length."""
     sigma_adu: float
     """One sigma of a column by the sky's noise alone."""
     fwhm_px: float
-    """Full width at half maximum of the blur, px."""
+    """Full width at half maximum of the streak across, px."""
     first_px: float = 0.0
-    """Distance from end a to the first column, px; the frame's rim may cut what comes before."""
+    """Distance from end a to the first column, px; large where the frame's rim cuts the streak."""
 
     @property
     def mean_adu(self) -> float:
-        """Mean light, ADU per px, at least 0."""
+        """Mean light, ADU per px of length, at least 0."""
         return max(float(self.light_adu.mean()), 0.0)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Fading:
-    """Lengths over which light grows and dies at the ends, beyond the blur of a cut."""
+    """How gradually the light along a streak begins and ends, beyond the blur of a sharp cut."""
 
     shorter_px: float
-    """Length at the end where it is shorter, px, from a fifth to seven tenths of the level between
-    them."""
+    """Length over which the light rises or falls, px, at the end where that is shorter.
+
+    From a fifth to seven tenths of the level between the ends.
+    """
     longer_px: float
     length_px: float
-    """Length from where the light grows to where it has died, px."""
+    """Length from where the light begins to where it ends, px."""
     gap_share: float = 0.0
-    """Share that is dark between the first and the last full light."""
+    """Share of the length between the first and the last full light that is dark."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Modulation:
-    """Regular rise and fall of the light along a streak."""
+    """Regular rise and fall of the light along a streak: flashes, or a tumbling body."""
 
     periods: float
     """Number of periods along the streak."""
     period_px: float
     depth: float
-    """(most - least) / (most + least) of the mean period, as blurred; 0 to 1."""
+    """(most - least) / (most + least) of the mean period, 0 to 1, with the blur in it."""
     sharpness: float
-    """First harmonic over the mean, the blur undone: 1 at most for a sine, 2 for mere flashes."""
+    """Amplitude of the first harmonic over the mean light, corrected for the blur.
+
+    At most 1 for a sine, up to 2 for short flashes.
+    """
 
 
 def light_along(
     pixels: PixelArray, sky: Background, ends: Ends, width_px: float
 ) -> StreakLight | None:
-    """Light of a streak between ``ends`` (x_a, y_a, x_b, y_b), raw pixels; None if too short.
+    """Measure the light along a streak between ``ends`` (x_a, y_a, x_b, y_b); None if too short.
 
-    Summed across ``width_px`` (full width at half maximum) to either side; the level is that of the
-    pixels beside it, smoothed along it. Columns outside the frame are left out.
+    Ends are in raw pixels. Light is summed across, ``width_px`` (full width at half maximum) to
+    either side; from it the level of the pixels beside the streak, smoothed along it, is
+    subtracted. Columns outside the frame are left out.
     """
     import cv2
 
@@ -132,8 +138,8 @@ def light_along(
 def fading_of(pixels: PixelArray, sky: Background, ends: Ends, width_px: float) -> Fading | None:
     """Measure how gradually the light begins and ends; None where noise would hide it.
 
-    Looked for along the line a third further than ``ends`` either way, as dying light is not all
-    within them; smoothed until noise is a tenth of the level.
+    The line is examined a third of its length further than ``ends`` on either side, since dying
+    light lies partly beyond them. The light is smoothed until its noise is a tenth of its level.
     """
     along = light_along(pixels, sky, _lengthened(ends, _BEYOND), width_px)
     if along is None:
@@ -178,11 +184,11 @@ def _lengthened(ends: Ends, share: float) -> Ends:
 def modulation_of(along: StreakLight) -> Modulation | None:
     """Find the regular pulse of the light; None where noise explains the highest peak.
 
-    The highest peak of the periodogram of what a slow trend leaves over, normalised by the variance
-    of the data, with its false alarm probability: Zechmeister & Kuerster 2009 (A&A 496, 577), on an
-    even grid, where the sums are a discrete Fourier transform. Columns that scintillate together
-    count as one. The peak must stand above its neighbours as well: clouds and stars in the way put
-    power into all of them.
+    The highest peak of the periodogram of the light less a slow trend, normalised by the variance
+    of the data, with its false alarm probability: Zechmeister & Kuerster 2009 (A&A 496, 577). The
+    grid is even, so that the sums are a discrete Fourier transform. Columns within the blur of each
+    other count as one sample. The peak must stand above its neighbours as well: clouds and stars
+    put power into all of them.
     """
     light = _without_stars(along.light_adu)
     count, mean = light.size, along.mean_adu

@@ -22,7 +22,10 @@ _SHAPE = 5
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Pixels:
-    """Pixels about one streak in its own axes: u along, v across, both from a first guess."""
+    """Pixels about one streak, arrays (n,), in its own axes by a first guess.
+
+    u runs along the streak, v across it, px.
+    """
 
     u: FloatArray
     v: FloatArray
@@ -34,7 +37,7 @@ class Pixels:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Line:
-    """Parameters of the model. An end that is outside the frame is None."""
+    """Parameters of the model of a streak; an end outside the frame is None."""
 
     u_a: float | None
     u_b: float | None
@@ -51,23 +54,30 @@ class Line:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class LineFit:
-    """Converged line."""
+    """Line fitted to pixels, with its covariance."""
 
     line: Line
     covariance: FloatArray
     """(4, 4) of u_a, u_b, offset, slope; rows of an end outside the frame are 0."""
     excess: float
-    """Variance that the source's own light adds, ADU^2 per ADU: photons, and a different PSF."""
+    """Variance of a pixel that the streak's light adds, ADU^2 per ADU of that light.
+
+    From photons, and from a point-spread function that is not Gaussian.
+    """
     model: FloatArray
     """Model at every pixel, ADU, without the sky term."""
     hidden_variance: tuple[float, float] = (0.0, 0.0)
-    """Variance added to either end, px^2, as it may be anywhere behind a star."""
+    """Variance added to either end, px^2, where a star hides it: the end may be anywhere behind."""
 
 
 def fit_line(
     pixels: Pixels, start: Line, psf_sigma: float, *, excess: float = 0.0
 ) -> LineFit | None:
-    """Fit by Levenberg-Marquardt from ``start``; None when it diverges or becomes singular."""
+    """Fit a line by Levenberg-Marquardt from ``start``; None when it diverges or becomes singular.
+
+    ``psf_sigma``: sigma of the stars, px; the line's width has a prior about it. ``excess``: as in
+    ``LineFit``, for the weights.
+    """
     parameters = _pack(start)
     free = np.ones(parameters.size, dtype=bool)
     free[0], free[1] = start.u_a is not None, start.u_b is not None
@@ -103,15 +113,16 @@ def fit_line(
 
 
 def light_of(pixels: Pixels, line: Line) -> FloatArray:
-    """Light of the line on every pixel, ADU, without its sky term."""
+    """Light of the line in every pixel, (n,), ADU, without its sky term."""
     value, _ = _evaluate(pixels, _pack(line), line, _hats(pixels.u, line))
     return value - line.sky
 
 
 def source_noise(pixels: Pixels, line: Line, model: FloatArray) -> float:
-    """Variance per ADU of the source, from the residuals; never negative.
+    """Variance of a pixel per ADU of the streak's light, from the residuals; never negative.
 
-    Residuals beyond four sigma are cut back: light in the way is no noise.
+    ``model``: the line's light in every pixel, ADU. Residuals beyond four sigma are cut back, since
+    light of other sources is no noise.
     """
     source = np.maximum(model, 0.0)
     total = float(source @ source)
@@ -125,7 +136,7 @@ def source_noise(pixels: Pixels, line: Line, model: FloatArray) -> float:
 
 
 def with_knots(line: Line, count: int) -> Line:
-    """Return the line with its amplitude on ``count`` knots."""
+    """Return the line with its amplitude interpolated to ``count`` knots."""
     low, high = line.knot_range
     old = np.linspace(low, high, len(line.amplitudes))
     new = np.interp(np.linspace(low, high, count), old, line.amplitudes)

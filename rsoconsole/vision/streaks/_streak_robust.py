@@ -1,4 +1,4 @@
-"""Fit of a line where stars stand in the way of it, beside it and just beyond its ends."""
+"""Fit of a line where stars stand on it, beside it and just beyond its ends."""
 
 from dataclasses import replace
 
@@ -35,7 +35,11 @@ _CHI2_OF_A_STAR = 12.0
 def fit_robustly(
     cutout: Cutout, axes: Axes, start: Line, stretch: LitStretch, psf_sigma: float
 ) -> LineFit | None:
-    """Fit the line after masking light in the way; more knots only where the light needs them."""
+    """Fit the line after masking the light of other sources; None where the fit fails.
+
+    ``start``: line by a first guess; ``stretch``: what of it is lit; ``psf_sigma``: of stars, px.
+    The amplitude varies along the line only where the light asks for it.
+    """
     u, v = axes
     low, high = start.knot_range
     reach = 6.0 * psf_sigma + 10.0
@@ -64,9 +68,10 @@ def fit_robustly(
 
 
 def uneven_share(cutout: Cutout, axes: Axes, fit: LineFit) -> float:
-    """Share of the length where the light differs from the line's by more than half of it.
+    """Share of the length where the light differs from the fit by more than half of it.
 
-    Stars that happen to stand in a row are uneven all along; a satellite is where it meets a star.
+    High for stars in a row, which are uneven all along; a satellite's streak is so only where it
+    meets a star.
     """
     line, (u, v) = fit.line, axes
     low = line.knot_range[0] if line.u_a is None else line.u_a
@@ -85,7 +90,10 @@ def uneven_share(cutout: Cutout, axes: Axes, fit: LineFit) -> float:
 def without_star_beyond_end(
     cutout: Cutout, axes: Axes, start: Line, stretch: LitStretch, fit: LineFit
 ) -> LineFit:
-    """Return the fit, or the shorter one that leaves out a star beyond a dark gap, if likelier."""
+    """Return the fit, or a shorter one without a star beyond a dark gap, if that is likelier.
+
+    ``start`` and ``stretch`` as in ``fit_robustly``.
+    """
     for side, dark_u in enumerate(stretch.dark_u):
         if dark_u is None or (start.u_a if side == 0 else start.u_b) is None:
             continue

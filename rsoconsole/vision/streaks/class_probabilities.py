@@ -1,12 +1,16 @@
 """Class probabilities of a streak: satellite, aircraft, meteor, cosmic ray or chain of stars.
 
-Bayes' rule over the evidence of one frame, each piece as if independent of the others: the width
-(aircraft and meteors are too near to be in focus, rays are sharper than any star), the light from
-end to end (meteors flare up and die away), its pulse (strobes), the speed where time and scale are
-known, the stars that lie on it. Missing measurements have no effect. The likelihoods are rough, by
-the nature of the objects and the few real ones at hand; none of them is near zero, so that no
-single figure decides against all others. Evidence of an earlier frame of the field and of the star
-catalogue comes last, by the same rule.
+Bayes' rule over the evidence of one frame, each piece as if independent of the others:
+
+- width: aircraft and meteors are too near to be in focus, rays are sharper than any star
+- light from end to end: meteors flare up and die away
+- pulse: strobes
+- speed, where time and scale are known
+- stars that lie on the streak
+
+Missing measurements have no effect. The likelihoods are rough, by the nature of the objects and the
+few real ones at hand; none of them is near zero, so that no single figure decides against all
+others. Evidence of an earlier frame and of the star catalogue comes last, by the same rule.
 """
 
 import math
@@ -29,7 +33,7 @@ PRIOR: Likelihood = {
     "cosmic ray": 0.05,
     "star chain": 0.10,
 }
-"""Shares of the classes among all streaks under any sky; with nothing else known: undetermined."""
+"""Shares of the classes among all streaks, under any sky; alone they give "undetermined"."""
 COMPARISON_LIKELIHOODS: dict[Comparison, Likelihood] = {
     # What moves is seldom where another one of the same light was.
     "same light": {"satellite": 0.002, "aircraft": 0.002, "meteor": 0.002, "cosmic ray": 0.002},
@@ -38,10 +42,15 @@ COMPARISON_LIKELIHOODS: dict[Comparison, Likelihood] = {
     # Red stars are brighter to a camera without a filter than the catalogue has them.
     "no catalogue stars": {"star chain": 0.05},
 }
-"""Likelihood of a comparison's outcome for each class, over that of the likeliest one."""
+"""Likelihood of a comparison's outcome for each class, over that of the likeliest class.
+
+1 for classes that are not listed.
+"""
 SATELLITE_FROM, OTHERS_FROM = 0.5, 2.0 / 3.0
-"""Least probability to name a satellite, and to name another class: more is needed for those that
-start no track."""
+"""Least probability to name a satellite, and to name another class.
+
+More is required for classes that start no track.
+"""
 
 _SAME_WIDTH = 0.06
 """Relative scatter of a line's width against one star's beside it."""
@@ -69,17 +78,20 @@ _UNEVEN = 0.3, 1.0
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Evidence:
-    """Measurements of a streak in one frame that show its class; None and 0 where unknown."""
+    """Measurements of a streak in one frame that bear on its class.
+
+    None where unknown; ``unevenness`` 0 and ``spoken_against`` "" where there is nothing.
+    """
 
     kind: StreakKind
     length_px: float
     width_px: float
     """Full width at half maximum across, px."""
     snr: float
-    """Matched signal to noise of the whole."""
+    """Matched signal to noise of the whole streak."""
     star_fwhm_px: float
     star_scatter: float
-    """Relative scatter of single stars' widths, one sigma."""
+    """Relative scatter of the widths of single stars, one sigma."""
     unevenness: float = 0.0
     scale_arcsec_px: float | None = None
     exposure_s: float | None = None
@@ -89,20 +101,27 @@ class Evidence:
     is_pulse_seen: bool = False
     """True where the light is bright and long enough that a strobe's pulse would show."""
     star_share: float | None = None
-    """Share of its light that lies at listed stars on it."""
+    """Share of the streak's light that lies at listed stars on it."""
     spoken_against: str = ""
-    """Kind of the reason for which the detector rejected it."""
+    """Kind of the reason for which the detector rejected the streak; empty: not rejected."""
 
     @property
     def rate_deg_s(self) -> float | None:
-        """Rate from end to end in the frame, deg/s; less than the true one where it is cut."""
+        """Angular rate from end to end, deg/s; too small where the frame cuts the streak.
+
+        None where scale or exposure is unknown.
+        """
         if self.scale_arcsec_px is None or not self.exposure_s:
             return None
         return self.length_px * self.scale_arcsec_px / 3600.0 / self.exposure_s
 
 
 def most_likely_class(shares: Likelihood) -> tuple[ObjectClass, float]:
-    """Class and its probability; for "undetermined" the difference of the likeliest to 1."""
+    """Return the likeliest class and its probability, or "undetermined" with that of all others.
+
+    "undetermined" where the likeliest does not exceed ``SATELLITE_FROM`` or ``OTHERS_FROM``; its
+    figure is 1 minus the probability of the likeliest.
+    """
     best = max(shares, key=lambda name: shares[name])
     asked = SATELLITE_FROM if best == "satellite" else OTHERS_FROM
     if shares[best] > asked:
@@ -111,7 +130,7 @@ def most_likely_class(shares: Likelihood) -> tuple[ObjectClass, float]:
 
 
 def probabilities(evidence: Evidence) -> Likelihood:
-    """Probability of each class, given that it is one of them."""
+    """Probability of each class by the evidence of one frame; they add up to 1."""
     parts = (_by_width, _by_ends, _by_gaps, _by_pulse, _by_speed, _by_stars, _by_evenness, _by_gate)
     shares = dict(PRIOR)
     for part in parts:
@@ -120,7 +139,7 @@ def probabilities(evidence: Evidence) -> Likelihood:
 
 
 def update_probabilities(shares: Likelihood, comparison: Comparison) -> Likelihood:
-    """Return the probabilities of all classes after a comparison."""
+    """Return the probabilities of the classes after a comparison with this outcome."""
     return _normalised(_times(shares, COMPARISON_LIKELIHOODS[comparison]))
 
 

@@ -26,10 +26,12 @@ from rsoconsole.vision.streaks.class_probabilities import (
 )
 
 MIN_CUT, MIN_WHOLE = 2, 3
-"""Fewest lines of a train: where the frame cuts two of them, and where it does not."""
+"""Fewest lines of a train: 2 where the frame cuts at least two of them, 3 elsewhere."""
 SLOWEST_DEG_S = 0.05
-"""Least rate of a whole train, deg/s: slower ones are neighbours in a slot, which run alike for
-ever."""
+"""Least rate, deg/s, of the streaks of a train that are whole in the frame.
+
+Slower ones are neighbours in a geostationary slot, which always run alike.
+"""
 _PARALLEL_DEG, _SIGMAS = 1.0, 4.0
 _SAME_LENGTH = 0.15
 _LIGHTS_APART = 0.5
@@ -40,11 +42,11 @@ _TRAIN = ("satellite", "undetermined")
 def with_neighbours(
     streaks: Sequence[Detection], deg_s_per_px: float | None = None
 ) -> list[Detection]:
-    """Correct class and train of the streaks by those beside them.
+    """Correct class and train of the streaks by the others of the frame.
 
-    A streak beside an aircraft, parallel and near, is another of its lights. Parallel streaks that
-    may be satellites are a train; of whole streaks only where ``deg_s_per_px`` (scale over
-    exposure) shows that they are too fast for neighbours in a slot.
+    - A streak near an aircraft and parallel to it is another of its lights.
+    - Parallel streaks that may be satellites are a train. Streaks with both ends in the frame count
+      only where ``deg_s_per_px`` (scale over exposure) shows them faster than ``SLOWEST_DEG_S``.
     """
     seen = [_as_its_light(each, streaks) for each in streaks]
     may_be = [
@@ -111,7 +113,7 @@ _PER_QUARTILES = 0.7413
 _MIN_STARS = 8
 _UNKNOWN_SCATTER = 0.25
 CONTINUOUS_CLASSES = ("satellite", "aircraft", "undetermined")
-"""Classes that may shine all through an exposure, so that places along a streak are times."""
+"""Classes that may shine during the whole exposure, so that places along a streak are times."""
 
 
 def classify_streaks(
@@ -121,11 +123,11 @@ def classify_streaks(
     detections: Iterable[Detection],
     rejected: Iterable[Rejection] = (),
 ) -> tuple[list[Detection], list[Rejection], Mapping[Detection, Likelihood]]:
-    """Return the streaks in their order, each with its class, pulse and train.
+    """Give the streaks of a frame their class, pulse and train; order is kept.
 
-    With them the probabilities of all classes by streak, those of the streak alone without its
-    neighbours. A streak not measured by a line stays undetermined. Raises nothing: a streak that
-    cannot be examined stays as it is, without probabilities.
+    Returns the detections, the rejections, and the probabilities of all classes by streak (before
+    the correction by neighbours). Streaks drawn by the operator or without a width keep their
+    class. Raises nothing: a streak that cannot be examined stays as it is, without probabilities.
     """
     per_px = None
     if frame.scale_arcsec_px is not None and frame.exposure_s:

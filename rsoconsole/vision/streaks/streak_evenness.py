@@ -26,13 +26,15 @@ _STANDS_ALONE = 0.7
 
 
 def unevenness(cutout: Cutout, ends: Ends, psf_sigma: float, snr: float) -> tuple[float, float]:
-    """Excess over noise of how a line's light and its place vary along it.
+    """Measure how unevenly the light of a line runs, and how much its path bends: two figures.
 
-    Natural logarithms of variances, 0 where noise explains all. ``ends`` (x_a, y_a, x_b, y_b) in
-    raw pixels, ``snr`` of the whole line. Parts touched by masked stars are left out, unless they
-    are most of the line: then they are measured. 0 too where too little of it is in the frame. Of
-    135 pieces of cosmic rays in the calibration split 116 came above 0.5, of 31 satellites as short
-    none, and of 1,200 even lines drawn at 2, 5 and 30 sigma a pixel one.
+    Each is the natural logarithm of a variance along the line over that expected from noise and
+    air, 0 where these explain all, and where too little of the line is in the frame. ``ends`` (x_a,
+    y_a, x_b, y_b) in raw pixels, ``snr`` of the whole line. Parts touched by masked stars are left
+    out, unless they are most of the line.
+
+    Of 135 pieces of cosmic rays in the calibration split 116 came above 0.5, of 31 satellites as
+    short none, and of 1,200 even lines drawn at 2, 5 and 30 sigma a pixel one.
     """
     measured = _light_and_place(cutout, ends, psf_sigma)
     if measured is None:

@@ -50,7 +50,7 @@ _MAX_UNEVEN_SHARE = 0.35
 _UNSURE_PX = 0.5
 """Sigma along, px, from which a second fit from the first one's ends is worth its time."""
 AS_CHAINS_FWHM = 25.0
-"""Length in star widths up to which cosmic rays and chains of stars are as long."""
+"""Length in star widths up to which a line may be a cosmic ray or a chain of stars."""
 MAX_UNEVEN = 1.5
 """Unevenness above which a short line is patchy."""
 _FAINT_SNR = 40.0
@@ -61,10 +61,10 @@ _FLOOR_PX = 0.005
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StreakFit:
-    """Measured streak; pixels of the raw frame, 0-based."""
+    """Measured streak, in pixels of the raw frame, 0-based."""
 
     x_px: float
-    """Column of the midpoint between the ends; of the visible part where clipped."""
+    """Column of the midpoint between the ends; of the visible part where the streak is clipped."""
     y_px: float
     x_a_px: float
     y_a_px: float
@@ -76,8 +76,10 @@ class StreakFit:
     snr: float
     """Matched signal to noise of the whole streak."""
     sigma_along_px: float
-    """One sigma of the midpoint along, px; large where clipped, as nothing is known along it
-    then."""
+    """One sigma of the midpoint along the streak, px; at least 100 px where clipped.
+
+    A clipped streak says nothing about its midpoint along itself.
+    """
     sigma_across_px: float
     is_clipped: bool
     is_crossing: bool = False
@@ -85,7 +87,7 @@ class StreakFit:
     sigma_angle_deg: float | None = None
     bend: float = 0.0
     lumpiness: float = 0.0
-    """Excess over noise of the variation of its path and light; for short ones alone."""
+    """How much its path (``bend``) and its light vary beyond noise; 0 for longer streaks."""
 
     @property
     def unevenness(self) -> float:
@@ -95,7 +97,7 @@ class StreakFit:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class NoStreak:
-    """Proposal that is no streak: the reason, and the measurement of it, if any."""
+    """Reason why a proposal is no streak, with the measurement, if there is one."""
 
     reason: NotAStreak
     fit: StreakFit | None = None
@@ -112,9 +114,12 @@ def fit_streak(
 ) -> StreakFit | NoStreak:
     """Measure the streak in ``box`` (x0, y0, x1, y1), or return the reason why there is none.
 
-    ``ends`` (x_a, y_a, x_b, y_b) is a first guess at the ends. ``stars`` are masked. The width of
-    the stars there is taken from ``stars`` unless ``psf_fwhm_px`` is given. The covariance is that
-    of least squares with the source's own noise measured from the residuals.
+    - stars: are masked; they also give the width of a star there
+    - psf_fwhm_px: width of a star, instead of that from ``stars`` (2.5 px without either)
+    - ends: first guess at the ends (x_a, y_a, x_b, y_b)
+
+    The covariance is that of least squares, with the source's own noise measured from the
+    residuals.
     """
     middle = 0.5 * (box[0] + box[2]), 0.5 * (box[1] + box[3])
     fwhm = psf_fwhm_px or (stars.fwhm_at(*middle) if stars is not None else 2.5)

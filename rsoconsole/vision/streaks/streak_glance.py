@@ -1,6 +1,6 @@
-"""A glance along a proposal: light all along some line near it.
+"""A quick look along a proposal: is there light all along a line near it?
 
-A glance costs a small part of a fit's time and so decides which proposals are worth one. Most faint
+It costs a small part of a fit's time and so decides which proposals are fitted. Most faint
 proposals of the network are a few stars in a row: bright here and there, dark between. Light is
 limited to a few sigmas before it is summed: stars count little, an unbroken line in full.
 """
@@ -46,15 +46,21 @@ drift widen stars alone, so that a satellite's streak is narrower; a ray is a pi
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LineSignal:
-    """Signal to noise of the light along a line at a glance."""
+    """Signal to noise along a line, measured quickly to decide whether a fit is worth its time."""
 
     value: float
-    """Signal to noise of light along the best line, limited; the noise is that of plain sky."""
+    """Signal to noise of the light along the best line; single bright places count little.
+
+    The noise is that of plain sky.
+    """
     most: float
-    """Signal to noise of a line as long, bright all along."""
+    """Largest ``value`` possible for a line of this length: bright all along."""
 
     def is_worth_a_fit(self, network_confidence: float) -> bool:
-        """True where there is light enough; the less the network believes, the more is required."""
+        """True where there is light enough for a fit.
+
+        The less confident the network is, the more light is required.
+        """
         p = min(max(network_confidence, _SMALLEST), 1.0 - _SMALLEST)
         doubt = max(0.0, _FREE_LOGIT - math.log(p / (1.0 - p)))
         needed = min(_NEEDED + _NEEDED_PER_LOGIT * doubt, _NEEDED_OF_MOST * self.most)
@@ -62,7 +68,10 @@ class LineSignal:
 
 
 def line_signal(pixels: PixelArray, sky: Background, ends: Ends, psf_sigma: float) -> LineSignal:
-    """Measure light along the best line near ``ends`` (x_a, y_a, x_b, y_b); 0 outside the frame."""
+    """Measure the light along the best line near ``ends`` (x_a, y_a, x_b, y_b).
+
+    Both figures are 0 where the line is outside the frame.
+    """
     length = float(np.clip(length_of(ends), _SHORTEST_PX, LONGEST_PX))
     count = max(int(length) // _STEP_PX // _COUNTS, 1) * _COUNTS + 1
     smooth, is_inside = smoothed_strip(
@@ -102,10 +111,10 @@ def _lines(count: int) -> IndexArray:
 def width_at_a_glance(
     pixels: PixelArray, sky: Background, ends: Ends, psf_fwhm_px: float
 ) -> tuple[float, float]:
-    """Signal to noise of a line matched to the stars' width, and to a much narrower one.
+    """Signal to noise of a line as wide as stars, and of a much narrower one, at these ends.
 
-    A line that the narrower fits better by far is a cosmic ray or a column of the sensor. Of a long
-    line the middle alone is examined.
+    Where the narrower fits far better, the line is a cosmic ray or a column of the sensor. Of a
+    long line only the middle is examined.
     """
     import cv2
 
@@ -150,8 +159,8 @@ gap."""
 def is_broken(pixels: PixelArray, sky: Background, ends: Ends, psf_sigma: float) -> bool:
     """True where the light between ``ends`` is no single line: a few stars, or light with a gap.
 
-    Stars spread the middle half of the places further than a tumbling satellite's light does; a gap
-    is a dark stretch longer than stars are wide. Both are compared with the effect of noise.
+    Stars scatter the brightness along the line further than a tumbling satellite does; a gap is a
+    dark stretch longer than stars are wide. Both are compared with the effect of noise.
     """
     ridge = ridge_of(pixels, sky, ends, psf_sigma)
     widths_px = FWHM_PER_SIGMA * psf_sigma
@@ -171,9 +180,9 @@ def is_broken(pixels: PixelArray, sky: Background, ends: Ends, psf_sigma: float)
 
 
 def goes_on_beyond(pixels: PixelArray, sky: Background, ends: Ends, psf_sigma: float) -> bool:
-    """True where light from a to b goes on beyond b, typically half as bright or more.
+    """True where the light of a line from a to b continues beyond b, at least half as bright.
 
-    Typical is the median along the line, so that stars in the way say nothing.
+    Both brightnesses are medians along the line, so that stars on it do not count.
     """
     x_a, y_a, x_b, y_b = ends
     length = max(length_of(ends), 1.0)

@@ -1,13 +1,15 @@
 """Middle of a streak whose image shook while it was drawn: ends and light weighed together.
 
-The image moves with the wind, stars and satellite alike. Stars show its mean place of the exposure,
-an end of a streak shows where it was at one instant: off by as much as it shook, for the middle
-between two ends by 0.7 of that. But a steady light that is pushed along its way is brighter where
-it lingers and fainter where it hurries. So the profile is taken for a steady light whose place
-along its way is even motion plus a wander w(t) that is 0 in the mean of the exposure: linear in w,
-of which the seeing leaves nothing finer than itself, so that some ten cosines hold it. How far and
-how fast it wanders is not known: each of a few is believed as its likelihood (with least squares
-under a Gaussian prior, Rasmussen & Williams 2006, 2.2). Where nothing shook the ends alone give it.
+Wind moves the image of stars and satellite alike. Stars show the mean position over the exposure,
+an end of a streak the position at one instant: wrong by as much as the image shook, and the middle
+of two ends by 0.7 of that. The light helps: a steady light that is shaken along its path is
+brighter where it is slow and fainter where it is fast.
+
+The profile is therefore fitted as a steady light whose position along its path is even motion plus
+a wander w(t) with mean 0 over the exposure. The model is linear in w; seeing blurs everything
+finer, so that some ten cosines describe w. Size and speed of the wander are unknown: several are
+tested and weighted by their likelihood (least squares under a Gaussian prior, Rasmussen & Williams
+2006, 2.2). Where nothing shook, the result follows from the ends alone.
 """
 
 import logging
@@ -69,20 +71,24 @@ _BELIEVED = 4.0
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Middle:
-    """Middle of a streak along itself, by ends and light together; px."""
+    """Position of a streak's middle along the streak, from its ends and its light together."""
 
     offset_px: float
-    """Distance from the midpoint of the given ends, towards the second, px."""
+    """Distance from the midpoint of the given ends, px; positive towards the second end."""
     sigma_px: float
     length_px: float
-    """Length of the even motion, px."""
+    """Length that even motion covers during the exposure, px."""
     sigma_length_px: float
 
 
 def with_middle(
     pixels: PixelArray, sky: Background, stars: StarList, streak: Detection
 ) -> Detection:
-    """Streak with its middle by light and ends, where both ends are seen and the light shows it."""
+    """Return the streak with its middle by ends and light, where its light shows that.
+
+    Unchanged where an end is outside the frame, where the streak was not measured as a line, and
+    where ``middle_of`` finds nothing or fails.
+    """
     if streak.kind != "streak" or streak.method != "line":
         return streak
     ends = streak.x_a_px, streak.y_a_px, streak.x_b_px, streak.y_b_px
@@ -106,10 +112,11 @@ def with_middle(
 def middle_of(
     pixels: PixelArray, sky: Background, ends: Ends, stars: StarList, fwhm_px: float
 ) -> Middle | None:
-    """Find the middle of a streak between ``ends`` (x_a, y_a, x_b, y_b); ``fwhm_px``: of stars.
+    """Find the middle of a streak between ``ends`` (x_a, y_a, x_b, y_b), by ends and light.
 
-    None where the frame ends with it, stars hide it or are part of its light. The errors take the
-    light for steady: they do not hold for what flashes or tumbles.
+    ``fwhm_px``: width of stars. None where the frame cuts the streak, and where stars hide it or
+    are part of its light. The errors hold for a steady light only, not for one that flashes or
+    tumbles.
     """
     sigma = math.hypot(fwhm_px / FWHM_PER_SIGMA, math.sqrt(INTERPOLATED_VARIANCE))
     strip = strip_about(pixels, sky, ends, stars, sigma)

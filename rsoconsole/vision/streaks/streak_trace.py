@@ -1,10 +1,12 @@
 """Measurement of a line of light of any length along itself, however its brightness varies.
 
 The pixels about a proposed line are turned so that it runs along the rows; matched across to the
-frame's own point-spread function they make a profile along it. Where the line runs comes from the
-middles of its parts, its ends from the edges of the lit stretch, and whether its light is a line's
-or that of stars in a row from the parts that are darkest and from what neither a slow change nor
-one period explains. The light need not be even.
+frame's own point-spread function they make a profile along it.
+
+- course of the line: from the middles of its parts
+- ends: from the edges of the lit stretch
+- line or stars in a row: from the darkest parts, and from the variation of the light that no slow
+  change and no single period explains
 """
 
 import math
@@ -54,32 +56,35 @@ _SMALLEST = 1e-9
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Trace:
-    """Measured line; pixels of the frame, 0-based."""
+    """Line of light measured along itself, in pixels of the frame, 0-based."""
 
     x_a_px: float
     y_a_px: float
     x_b_px: float
     y_b_px: float
     is_open: tuple[bool, bool]
-    """True where the line leaves the frame at a, at b."""
+    """True for end a, end b: the line leaves the frame there."""
     width_px: float
     """Full width at half maximum across, px."""
     snr: float
-    """Signal to noise of all its light, matched across, masked stars left out."""
+    """Signal to noise of all the line's light, matched across; masked stars left out."""
     sigma_end_px: tuple[float, float]
     sigma_across_px: float
-    """One sigma of the line's place in its middle, px."""
+    """One sigma of the line's position across, at its middle, px."""
     sigma_angle_deg: float
     lower_quartile_snr: float
-    """Signal to noise of the whole line if all its parts were like their lower quartile."""
+    """Signal to noise of the whole line if all its parts were as bright as their lower quartile."""
     roughness: float
-    """Scatter of the parts over their mean that neither a slow change nor one period explains."""
+    """Scatter of the parts over their mean that no slow change and no single period explains."""
     confusion: float
-    """Scatter of the sky beside the line over its pixels' noise: faint stars are part of it."""
+    """Scatter of the sky beside the line over the noise of its pixels: above 1 by faint stars."""
     beyond: float
-    """Light beyond the ends over that within, on the brighter side."""
+    """Median light beyond an end over the mean light of the line, at the brighter end."""
     over_points: float
-    """Chi-square that one line explains better than a few stars in a row; for a short one."""
+    """Chi-square of a few stars in a row minus that of one line; positive: a line fits better.
+
+    0 for a line too long to compare.
+    """
 
 
 def trace_line(
@@ -91,10 +96,10 @@ def trace_line(
     *,
     off_px: float = OFF_PX,
 ) -> Trace | None:
-    """Measure the light along a line from a to b, ``ends`` (x_a, y_a, x_b, y_b), a few px off.
+    """Measure the light of a line proposed between ``ends`` (x_a, y_a, x_b, y_b).
 
-    ``pixels`` (height, width), ADU; ``off_px``: its largest distance from there, at its middle and
-    at its ends. None where no line stands out there.
+    ``pixels`` (height, width), ADU. ``off_px``: largest distance of the true line from the proposed
+    one, at its middle and at its ends. None where no line stands out there.
     """
     sigma = math.sqrt((psf_fwhm_px / FWHM_PER_SIGMA) ** 2 + INTERPOLATED_VARIANCE)
     strip = strip_about(pixels, sky, ends, stars, sigma)
