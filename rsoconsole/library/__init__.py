@@ -1,7 +1,7 @@
 """Functions of ``import rsoconsole``: from frames and observations to orbits and names.
 
-Each function does what the verb of its name does, by the same code, and speaks astropy: tables
-with units, times and directions. ``README.md`` here is its page.
+Each function does the same as the command of its name, by the same code, with tables, units, times
+and directions of astropy. ``README.md`` in this folder describes them.
 """
 
 from lazy_loader import attach_stub

@@ -1,4 +1,7 @@
-"""Arguments of callers: numbers with units, times, places. Units are converted here alone."""
+"""Conversion of the caller's arguments: numbers with units, times, places, configurations.
+
+Units of arguments are converted in this module alone.
+"""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -58,17 +61,21 @@ class EarthLocationLike(Protocol):
 
 
 Number: TypeAlias = float | QuantityLike
-"""A quantity; a plain number is of the unit that the parameter's description names."""
+"""A quantity, or a plain number in the unit that the parameter's description names."""
 Instant: TypeAlias = TimeLike | datetime
-"""``Time``, or a ``datetime`` that knows its zone."""
+"""An astropy ``Time``, or a ``datetime`` with a time zone."""
 Place: TypeAlias = EarthLocationLike | Site | tuple[float, float, float]
-"""``EarthLocation``, or (latitude, longitude east positive, metres) in degrees."""
+"""``EarthLocation``, ``Site``, or (latitude deg, longitude deg east positive, height m)."""
 ConfigLike: TypeAlias = Config | str | PathLike[str] | None
-"""A configuration, its file, or None: the user's own file where there is one."""
+"""A configuration, the path of its file, or None for the user's own file where there is one."""
 
 
 def config_of(config: ConfigLike, overrides: dict[str, Any] | None = None) -> Config:
-    """The configuration meant. Raises ConfigError with every fault."""
+    """Return the configuration that an argument stands for, with some settings replaced.
+
+    ``overrides``: values by dotted name of the setting; those that are None are left out. Raises
+    ConfigError that lists every fault.
+    """
     wanted = {name: value for name, value in (overrides or {}).items() if value is not None}
     if isinstance(config, Config):
         return with_changes(config, wanted)
@@ -76,7 +83,11 @@ def config_of(config: ConfigLike, overrides: dict[str, Any] | None = None) -> Co
 
 
 def number(value: Number, unit: str, name: str) -> float:
-    """One finite number in that unit; plain ones are in it already. Raises InputError."""
+    """Convert one value to a finite float in ``unit``.
+
+    A plain number counts as being in ``unit`` already. ``name`` is what the error calls it. Raises
+    InputError.
+    """
     found = numbers(value, unit, name)
     if found.ndim:
         raise InputError(f"{name}: one value is needed, not {found.size}")
@@ -84,7 +95,11 @@ def number(value: Number, unit: str, name: str) -> float:
 
 
 def numbers(value: Any, unit: str, name: str) -> np.ndarray[Any, np.dtype[np.float64]]:
-    """An array of finite numbers in that unit. Raises InputError."""
+    """Convert values to an array of finite floats in ``unit``.
+
+    Plain numbers count as being in ``unit`` already. ``name`` is what the error calls them. Raises
+    InputError.
+    """
     if isinstance(value, QuantityLike) and value.unit is not None:
         from astropy.units import UnitConversionError
 
@@ -106,7 +121,10 @@ def numbers(value: Any, unit: str, name: str) -> np.ndarray[Any, np.dtype[np.flo
 
 
 def instants_utc_ns(value: Any, name: str) -> IntArray:
-    """UTC nanoseconds, (N,) or (). Raises InputError for times without time scale or zone."""
+    """Convert instants to UTC nanoseconds: () for a single instant, (N,) for several.
+
+    ``name`` is what the error calls them. Raises InputError for times without time scale or zone.
+    """
     if isinstance(value, TimeLike):
         return _of_time(value, name)
     if isinstance(value, datetime):
@@ -147,7 +165,10 @@ def _of_datetime(value: datetime, name: str) -> int:
 
 
 def direction_deg(value: SkyCoordLike, name: str) -> tuple[float, float]:
-    """ICRS degrees of one direction. Raises InputError."""
+    """Return (RA, Dec) of one direction, ICRS, degrees; ``name`` is what the error calls it.
+
+    Raises InputError for a value that is not one ``SkyCoord``.
+    """
     try:
         icrs = value.icrs
         if icrs.size != 1:
@@ -158,7 +179,10 @@ def direction_deg(value: SkyCoordLike, name: str) -> tuple[float, float]:
 
 
 def site_of(place: Place, name: str = "site") -> Site:
-    """Site of a place. Raises InputError for what is no place on the Earth."""
+    """Convert a place to a ``Site``; ``name`` is what the error calls it.
+
+    Raises InputError for a value that is no place on the Earth.
+    """
     if isinstance(place, Site):
         return place
     if isinstance(place, EarthLocationLike):
@@ -194,7 +218,10 @@ def site_of(place: Place, name: str = "site") -> Site:
 
 
 def required_site(given: Place | None, own: Site | None, config: ConfigLike) -> Site:
-    """Site as given, else the observations' own, else the configured. Raises InputError without."""
+    """Return the caller's site, else the observations' own, else the configured site.
+
+    ``given``: of the caller; ``own``: of the observations. Raises InputError where all are missing.
+    """
     site = own if given is None else site_of(given)
     site = configured_site(config) if site is None else site
     if site is None:
@@ -206,7 +233,7 @@ def required_site(given: Place | None, own: Site | None, config: ConfigLike) -> 
 
 
 def configured_site(config: ConfigLike) -> Site | None:
-    """The configured site; None where only the default one is there."""
+    """Return the configured site; None where the configuration has only the default coordinates."""
     if isinstance(config, Config):
         is_set = {"latitude_deg", "longitude_deg"} <= config.site.model_fields_set
         return config.site.to_site() if is_set else None
@@ -233,10 +260,11 @@ def table_of(
     extra: Sequence[Column] = (),
     more: Sequence[Row] = (),
 ) -> "QTable":
-    """The view of that name over these records, a ``QTable``; ``sessions/README.md`` describes it.
+    """Return records as the public table ``name`` of a session, a ``QTable``.
 
-    ``names``: names of the frames by number, for a first column ``frame``. ``extra``: further
-    columns, whose values ``more`` has for each row.
+    ``sessions/README.md`` describes these tables. ``names``: frame names by frame number, for an
+    added first column ``frame``. ``extra``: columns to append; ``more``: their values, one mapping
+    for each row.
     """
     rows = rows_of(name, [(seq, 0, record) for seq, record in enumerate(records, start=1)])
     columns = [each for each in TABLES[name].columns if each.name not in _LOG_COLUMNS]

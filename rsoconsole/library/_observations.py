@@ -1,4 +1,4 @@
-"""A table of directions as a caller has it: from ``rso.measure``, or with columns of its own."""
+"""Reading of directions from a table made by ``rso.measure`` or by the caller."""
 
 import math
 from dataclasses import dataclass, fields
@@ -13,7 +13,7 @@ from rsoconsole.records import FloatArray, Site
 from rsoconsole.sky import IntArray
 
 META = "rsoconsole"
-"""Key in a table's ``meta`` of what its rows do not state: site and frames."""
+"""Key in a table's ``meta`` under which ``rso.measure`` stores the site and the frames."""
 TIMES = ("t_mid_utc", "time", "t_utc", "obstime", "t", "date_obs", "epoch")
 RAS = ("ra_icrs", "ra")
 DECS = ("dec_icrs", "dec")
@@ -32,20 +32,23 @@ class TableLike(Protocol):
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Directions:
-    """N measured directions, in the order of the rows."""
+    """N measured directions, one for each row of a table, in the order of the rows."""
 
     t_utc_ns: IntArray
-    """Mid-exposure, (N,)."""
+    """Mid-exposure of each direction, UTC nanoseconds, (N,)."""
     ra_icrs_deg: FloatArray
     dec_icrs_deg: FloatArray
     cov_sky_arcsec2: FloatArray
     """Covariance on the sky, (N, 3): east-east, east-north, north-north."""
     site: Site | None
-    """Site in the table's ``meta``."""
+    """Site in the table's ``meta``; None where the table has none."""
 
 
 def expect_table(value: Any, what: str) -> Any:
-    """The table; a pandas data frame as one. Raises InputError."""
+    """Return the table; a pandas data frame is converted to a ``QTable``.
+
+    ``what``: what the caller should give, for the error. Raises InputError for any other value.
+    """
     if isinstance(value, TableLike):
         return value
     if hasattr(value, "to_records") and hasattr(value, "columns"):
@@ -59,9 +62,11 @@ def expect_table(value: Any, what: str) -> Any:
 
 
 def directions_of(table: Any, sigma: Number | None) -> Directions:
-    """Directions of its rows. ``sigma``: where a row states none, arcsec; None: each must.
+    """Read the directions of a table, one for each row.
 
-    Raises InputError naming the column that is missing, has no unit or holds what is none.
+    ``sigma``: error of the directions where the table has no column of errors, arcsec; None: such a
+    table is an error. Raises InputError that names the column that is missing, has no unit or holds
+    an invalid value.
     """
     count = len(table)
     if not count:
@@ -82,7 +87,10 @@ def directions_of(table: Any, sigma: Number | None) -> Directions:
 
 
 def site_in(table: Any) -> Site | None:
-    """Site in a table's ``meta``; None where it has none."""
+    """Return the site in a table's ``meta``; None where it holds none.
+
+    Raises InputError for a site that is not valid.
+    """
     # The second: an exported table.
     said = own_meta(table).get("site") or (getattr(table, "meta", None) or {}).get("site")
     if not isinstance(said, dict):
@@ -94,13 +102,16 @@ def site_in(table: Any) -> Site | None:
 
 
 def own_meta(table: Any) -> dict[str, Any]:
-    """Metadata that ``rso.measure`` wrote into its table; empty for other tables."""
+    """Return the metadata that ``rso.measure`` wrote into a table; empty for other tables."""
     own = (getattr(table, "meta", None) or {}).get(META)
     return own if isinstance(own, dict) else {}
 
 
 def expect_one_object(table: Any) -> None:
-    """Raise InputError where the rows are of several objects, or two of one instant."""
+    """Check that all rows are directions of one object.
+
+    Raises InputError where a column names several objects, or two rows have the same instant.
+    """
     for name in _OBJECTS:
         if name in table.colnames:
             names = sorted({str(each) for each in table[name]})
@@ -119,7 +130,7 @@ def expect_one_object(table: Any) -> None:
 
 
 def times_of(table: Any) -> IntArray:
-    """Times of the rows, (N,) UTC ns. Raises InputError."""
+    """Return the mid-exposure times of the rows, UTC nanoseconds, (N,). Raises InputError."""
     column = next((name for name in TIMES if name in table.colnames), None)
     if column is None:
         found = [each for each in table.colnames if hasattr(table[each], "utc")]
@@ -136,9 +147,10 @@ def times_of(table: Any) -> IntArray:
 
 
 def column_of(table: Any, names: tuple[str, ...], unit: str) -> FloatArray | None:
-    """A column in that unit, (N,): a quantity, or plain numbers whose name states the unit.
+    """Return a column converted to ``unit``, (N,); None where the table has none of ``names``.
 
-    None where there is none. Raises InputError for plain numbers without a stated unit.
+    The column is a quantity called as in ``names``, or plain numbers whose name ends in the unit
+    (``ra_deg``). Raises InputError for missing values and for numbers without a unit.
     """
     for name in names:
         ending = f"{name}_{unit}"
@@ -207,7 +219,7 @@ def _covariances(table: Any, count: int, sigma: Number | None) -> FloatArray:
 
 
 def plain_column(table: Any, name: str, kind: type) -> npt.NDArray[Any] | None:
-    """A column without a unit; None where there is none."""
+    """Return a column as an array of type ``kind``; None where the table has no such column."""
     if name not in table.colnames:
         return None
     try:
@@ -221,7 +233,10 @@ def _listed(table: Any) -> str:
 
 
 def sigmas_of(cov_arcsec2: tuple[float, float, float]) -> tuple[float, float, float]:
-    """Errors of a covariance on the sky: (sigma_ra, sigma_dec, correlation)."""
+    """Return (sigma_ra, sigma_dec, correlation) of a covariance on the sky; sigmas in arcsec.
+
+    ``cov_arcsec2``: east-east, east-north, north-north. sigma_ra is on the sky: times cos Dec.
+    """
     ee, en, nn = cov_arcsec2
     east, north = math.sqrt(ee), math.sqrt(nn)
     return east, north, en / (east * north)

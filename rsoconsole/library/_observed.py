@@ -1,4 +1,4 @@
-"""Observations in any form as directions of one object from one site, for orbits and names."""
+"""Conversion of observations in any form to directions of one object, for orbits and names."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -25,14 +25,14 @@ from rsoconsole.pipeline import ObservedTrack, sightings_from_measurements
 from rsoconsole.records import Measurement, Site
 
 Observations: TypeAlias = str | PathLike[str] | Session | Track | NightTrack | TableLike
-"""A session or a file of observations by its path, a session, a track, a table of one object."""
+"""Path of a session or of a file of observations, a session, a track, a table of one object."""
 Group: TypeAlias = tuple[ObservedTrack, ...]
-"""A session's tracks, the longest first, or one object alone."""
+"""The tracks of one session, the longest first, or the observations of a single object."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CallerValues:
-    """Values of the caller for observations that do not state them."""
+    """The caller's values for what observations do not state; None: not given."""
 
     sigma: Number | None = None
     site: Place | None = None
@@ -43,9 +43,11 @@ class CallerValues:
 
 
 def groups_of(what: Observations | Sequence[Observations], ask: CallerValues) -> list[Group]:
-    """Groups of observations, in order, as ``rsoconsole orbit`` reads its arguments.
+    """Read observations as groups, in order, as ``rsoconsole orbit`` reads its arguments.
 
-    Raises InputError for what holds no observations, and as reading files and sessions does.
+    A session gives one group of all its tracks, a file one group for each station. ``ask``: values
+    of the caller. Raises InputError for an argument without observations, and the errors of reading
+    files and sessions.
     """
     if isinstance(what, list | tuple):
         if not what:
@@ -89,7 +91,7 @@ def _read_as(ask: CallerValues) -> ReadOptions:
 
 
 def _only(groups: list[Group], track: int) -> Group:
-    """The track of that number, as ``night.tracks`` has it."""
+    """The track with this number, as ``night.tracks`` numbers the tracks."""
     known = [each for group in groups for each in group if each.track_id is not None]
     if not known:
         raise InputError("track: a file has none; only sessions do")

@@ -1,4 +1,4 @@
-"""Frames of any make: files, arrays, astropy's CCDData and HDUs, one of them or many."""
+"""Frames in any form (files, arrays, CCDData, HDUs), and ``detect`` and ``solve`` on them."""
 
 import io
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -52,17 +52,17 @@ class ImageLike(Protocol):
 
 
 FrameLike: TypeAlias = str | PathLike[str] | npt.NDArray[Any] | ImageLike
-"""FITS (also .gz, .bz2, fpack), TIFF or PNG by its path; pixels (height, width) in ADU."""
+"""A path (FITS, also .gz, .bz2, fpack; TIFF; PNG), an array (height, width) in ADU, an image."""
 Frames: TypeAlias = FrameLike | Iterable[FrameLike]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FrameFacts:
-    """Facts on frames by the caller; they override the headers."""
+    """The caller's values about frames, which override the headers; None: as in the header."""
 
     extension: str | None = None
     t_start_utc_ns: npt.NDArray[np.int64] | None = None
-    """Start of the exposure, UTC ns: () or one a frame."""
+    """Start of exposure, UTC nanoseconds: () for a single frame, (N,) for N frames."""
     exposure_s: float | None = None
     scale_arcsec_px: float | None = None
     pointing_deg: tuple[float, float] | None = None
@@ -76,7 +76,7 @@ def frame_facts(
     scale: Number | None = None,
     pointing: SkyCoordLike | None = None,
 ) -> FrameFacts:
-    """The facts with units converted. Raises InputError."""
+    """Convert the caller's values about frames to plain units. Raises InputError."""
     exposure_s = None if exposure is None else number(exposure, "s", "exposure")
     if exposure_s is not None and exposure_s <= 0.0:
         raise InputError(f"exposure: {exposure_s:g} s must be above 0")
@@ -91,7 +91,10 @@ def frame_facts(
 
 
 def scale_of(value: Number, name: str) -> float:
-    """Scale in arcsec a pixel, from an angle or an angle a pixel. Raises InputError."""
+    """Convert a scale, given as an angle or as an angle a pixel, to arcsec a pixel.
+
+    ``name`` is what the error calls it. Raises InputError.
+    """
     unit = str(getattr(value, "unit", ""))
     found = number(value, "arcsec / pix" if "pix" in unit else "arcsec", name)
     if found <= 0.0:
@@ -100,9 +103,11 @@ def scale_of(value: Number, name: str) -> float:
 
 
 def read_given(frames: Frames, facts: FrameFacts, *, max_masked: float = 0.0) -> Iterator[Frame]:
-    """Frames numbered from 1, each read when it is needed.
+    """Read frames one by one, when the caller asks for the next; they are numbered from 1.
 
-    Raises FrameError naming the frame that cannot be used, InputError for what is none.
+    ``facts``: values that override the headers; ``max_masked``: largest fraction of pixels that may
+    be NaN or infinite. Raises FrameError that names the frame that cannot be used, InputError for a
+    value that is no frame.
     """
     given = tuple(_each(frames))
     if not given:
@@ -232,21 +237,23 @@ def detect(
     """Find streaks in frames, as ``rsoconsole detect`` does.
 
     ``frames``: a path (FITS, also .gz, .bz2 and fpack; TIFF; PNG), an array (height, width) of
-    integers or real numbers in ADU, a ``CCDData``, an HDU, or any number of these; a mask's
-    pixels are filled from their neighbours. ``tau``: the confidence that a detection must exceed;
-    ``map_mode``: the map that the network sees; None: as configured. ``extension``: which image
-    of a FITS file that has several; ``"all"``: each. ``exposure`` (s) and ``scale`` (arcsec/pix)
-    are for frames whose header does not state them: classes and notes depend on both. ``config``:
-    None for the user's own.
+    integers or real numbers in ADU, a ``CCDData``, an HDU, or any number of these; masked pixels
+    are filled from their neighbours.
+    ``tau``: the confidence that a detection must exceed; None: as configured.
+    ``map_mode``: kind of the map that the network receives; None: as configured.
+    ``extension``: which image of a FITS file that has several; ``"all"``: each of them.
+    ``exposure`` (s), ``scale`` (arcsec/pix): for frames whose header does not state them; classes
+    and notes depend on both.
+    ``config``: None for the user's own.
 
-    Returns one table for all frames, a row a streak, frame by frame, the most confident first,
-    with the columns of a session's ``detections`` (``sessions/README.md``) and ``frame``, the
-    frame's name. ``x_px``, ``y_px`` in pixels from the centre of the first pixel (0, 0), x along
-    a row of the array. ``meta["frames"]`` names all frames, also those without a streak;
-    ``meta["notes"]`` says what is unusual about them.
+    Returns one table for all frames, one row for each streak: in the order of the frames, in each
+    frame the most confident first. Its columns are ``frame``, the frame's name, and those of a
+    session's ``detections`` (``sessions/README.md``). ``x_px`` and ``y_px`` are in pixels from the
+    centre of the first pixel (0, 0), x along a row of the array. ``meta["frames"]`` names all
+    frames, also those without a streak; ``meta["notes"]`` says what is unusual about them.
 
     Raises FrameError for a frame that cannot be used (damaged, NaN, three axes, below 64 px),
-    InputError for other input that cannot be, ConfigError, ModelError.
+    InputError for other invalid arguments, ConfigError, ModelError.
 
     >>> streaks = rso.detect("frame.fits", tau=0.2)
     >>> streaks["x_px", "y_px", "length_px", "confidence"]
@@ -267,7 +274,7 @@ def detect(
 
 
 class Hints(TypedDict, total=False):
-    """Keywords of ``solve``."""
+    """Keyword arguments of ``solve``."""
 
     center: SkyCoordLike | None
     ra: Number | None
@@ -299,14 +306,15 @@ def solve(
 ) -> PlateWCS | list[PlateWCS]:
     """Plate-solve a frame, or several, as ``rsoconsole solve`` does.
 
-    ``frames`` as ``rso.detect`` takes them. Hints come from the header; what is given overrides
-    it: ``center``, a ``SkyCoord``, or ``ra`` and ``dec`` (quantities; plain numbers are degrees,
-    ICRS), ``radius`` about it (degrees), ``scale`` in arcsec a pixel, a quantity or number, or
-    the lowest and the highest. Wrong hints cost time and are named in ``wrong_hints``.
-    ``extension`` and ``config`` as ``rso.detect`` has them.
+    ``frames``: as for ``rso.detect``. ``center`` to ``scale`` are hints for the solver, which
+    replace those of the header; wrong hints cost time and are named in ``wrong_hints``.
+    ``center``: a ``SkyCoord``; or instead of it ``ra`` and ``dec``, quantities or degrees (ICRS).
+    ``radius``: largest distance of the frame's centre from ``center``, quantity or degrees.
+    ``scale``: in arcsec a pixel, quantity or number, or a pair of the lowest and the highest.
+    ``extension``, ``config``: as for ``rso.detect``.
 
-    Returns an astropy ``WCS`` (TAN or TAN-SIP, ICRS, pixels from 0) of each frame, a list where a
-    list was given, with ``matched``, ``rms``, ``center``, ``scale``, ``rotation`` and
+    Returns an astropy ``WCS`` (TAN or TAN-SIP, ICRS, pixels from 0), or a list of them where a list
+    was given; each also has ``matched``, ``rms``, ``center``, ``scale``, ``rotation`` and
     ``is_flipped`` (``rso.PlateWCS``).
 
     Raises NotSolvedError with ``reason`` for a frame that has no solution, SolverError without

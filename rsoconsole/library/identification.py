@@ -1,4 +1,4 @@
-"""``rso.identify``: which catalogued object was seen."""
+"""``rso.identify``: which catalogued object was observed."""
 
 from collections.abc import Mapping, Sequence
 from os import PathLike, fspath
@@ -34,7 +34,7 @@ Verdict = Literal["identified", "ambiguous", "unknown"]
 
 
 class Identification:
-    """Identification of one track and its grounds; differences are measured minus predicted."""
+    """Result of the identification of one track; differences are measured minus predicted."""
 
     def __init__(self, found: Found, seen: MeasuredDirections) -> None:
         self._found = found
@@ -42,7 +42,7 @@ class Identification:
 
     @property
     def verdict(self) -> Verdict:
-        """ "identified" from a probability of 95 % on."""
+        """Result: "identified" (with a probability of 95 % or more), "ambiguous" or "unknown"."""
         return self._found.verdict
 
     @property
@@ -57,38 +57,44 @@ class Identification:
 
     @property
     def probability(self) -> float | None:
-        """Probability of this object; None unless it is identified."""
+        """Probability that the track is the identified object; None unless it is identified."""
         return self._found.matches[0].probability if self.verdict == "identified" else None
 
     @property
     def not_catalogued(self) -> float:
-        """Probability that no catalogue knows it."""
+        """Probability that the observed object is in no catalogue."""
         return self._found.not_catalogued
 
     @property
     def reason(self) -> str:
-        """Reason of the verdict, in words."""
+        """Reason for the result, in words."""
         return self._found.reason
 
     @property
     def hint(self) -> str:
-        """Hint of a manoeuvre; empty as a rule."""
+        """Sentence on a possible manoeuvre; empty where nothing suggests one."""
         return self._found.hint
 
     @property
     def catalogued(self) -> int:
-        """Number of catalogued objects compared with it."""
+        """Number of catalogued objects that were compared with the track."""
         return self._found.catalogued
 
     @property
     def matches(self) -> "QTable":
-        """The nearest objects, best first, at the middle of the directions.
+        """Table of the nearest catalogued objects, best first, at the middle of the directions.
 
-        ``norad_id``, ``name``, ``separation``, ``along_track`` (positive: ahead of its elements),
-        ``cross_track`` (positive: north of a motion to the east), ``along_track_time`` (how early
-        it is), ``rate_difference`` (NaN where one direction gives no rate), ``elements_epoch``,
-        ``elements_age`` (negative: younger than the directions), ``score`` (how many sigma off),
-        ``probability``, ``is_within_gate``.
+        ``norad_id``, ``name``: the object.
+        ``separation``: angle between measured and predicted direction.
+        ``along_track``: positive where the object is ahead of its elements.
+        ``cross_track``: positive to the north for an object that moves east.
+        ``along_track_time``: ``along_track`` as a time, positive where the object is early.
+        ``rate_difference``: of the angular speed; NaN where a single direction gives no rate.
+        ``elements_epoch``: epoch of the object's elements.
+        ``elements_age``: age of the elements at the directions; negative where they are newer.
+        ``score``: Mahalanobis distance of measured from predicted, sigma.
+        ``probability``: that the track is this object.
+        ``is_within_gate``: True where the object is within the gate.
         """
         from astropy import units
         from astropy.table import QTable
@@ -119,7 +125,7 @@ class Identification:
         return table
 
     def report(self) -> dict[str, Any]:
-        """The report of ``rsoconsole identify --json`` on one track."""
+        """Return the report that ``rsoconsole identify --json`` gives on this track."""
         arc_s = float(self._seen.t_s[-1] - self._seen.t_s[0])
         return identification_report(self.name or "", self._found, arc_s)
 
@@ -132,11 +138,11 @@ class Identification:
 
 
 ElementsLike: TypeAlias = str | PathLike[str] | Sequence[str | PathLike[str]]
-"""Files of element sets (TLE, OMM as XML, JSON or CSV), or the text of one of them."""
+"""Paths of files of element sets (TLE, OMM as XML, JSON or CSV), or the text of such a file."""
 
 
 class IdentifyKeywords(TypedDict, total=False):
-    """Keywords of ``identify``."""
+    """Keyword arguments of ``identify``."""
 
     tle: ElementsLike | None
     gate: Number
@@ -174,22 +180,25 @@ def identify(
     radians: bool | None = None,
     config: ConfigLike = None,
 ) -> Identification | dict[int, Identification]:
-    """Say which catalogued object was seen, as ``rsoconsole identify`` does.
+    """Say which catalogued object was observed, as ``rsoconsole identify`` does.
 
-    ``observations``: an orbit of ``rso.orbit`` (the directions that it is of), a track, a table
-    of one object, a file, or a session's path; or all tracks of ``rso.track``, or a session of
-    ``rso.open_session``: these are named together, because one catalogued object is one track.
-    ``tle``: files of element sets (TLE; OMM as XML, JSON, CSV), or their text; None: those of
+    ``observations``: an orbit of ``rso.orbit`` (its directions are used), a track, a table of one
+    object, a file, or a session's path; or all tracks of ``rso.track``, or a session of
+    ``rso.open_session``. Several tracks are identified together, because one catalogued object can
+    be only one of them.
+    ``tle``: files of element sets (TLE; OMM as XML, JSON, CSV), or their text; None: the files of
     ``catalogue.tle_files`` in the configuration, or those that a session was recorded with.
-    ``gate``: how far off an object may be, degrees. ``track``: which of a session's tracks
-    answers, as ``night.tracks`` numbers them; None: the longest of a path, all of a session.
-    ``sigma``, ``site``, ``target``, ``radians``
-    and ``config`` as ``rso.orbit`` has them; ``config`` also says how far elements may be off.
+    ``gate``: largest separation of an object from the track, degrees.
+    ``track``: number of the only track to return, as ``night.tracks`` numbers them; None: the
+    longest track of a path, all tracks of a session.
+    ``sigma``, ``site``, ``target``, ``radians``, ``config``: as for ``rso.orbit``; ``config`` also
+    gives the errors of the elements.
 
-    Returns an ``rso.Identification``; of several tracks a dict of them by number. "ambiguous"
-    and "unknown" are answers too.
+    Returns an ``rso.Identification``; for several tracks a dict of them by track number.
+    "ambiguous" and "unknown" are results too.
 
-    Raises OrbitError for element sets that cannot be read, or none; else as ``rso.orbit`` does.
+    Raises OrbitError for element sets that cannot be read or are missing; else as ``rso.orbit``
+    does.
 
     >>> name = rso.identify(found, tle="catalogue.tle")
     >>> name.verdict, name.name, name.matches["name", "separation", "probability"]

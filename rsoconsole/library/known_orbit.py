@@ -1,4 +1,4 @@
-"""An orbit: elements, errors, predicted positions, elements for SGP4."""
+"""``rso.orbit``: an orbit with its elements, errors, predicted directions, and TLE or OMM."""
 
 import time
 from collections.abc import Sequence
@@ -38,10 +38,10 @@ _UNITS = {"a_km": "km", "i_deg": "deg", "raan_deg": "deg", "argp_deg": "deg", "m
 
 
 class Orbit:
-    """An orbit found by ``rso.orbit``.
+    """An orbit found by ``rso.orbit``, with its errors.
 
-    State, covariance and elements are osculating, along GCRS axes, at ``epoch``; those for SGP4
-    (``tle``, ``omm``) are mean elements in TEME, as all such are.
+    State, covariance and elements are osculating, along GCRS axes, at ``epoch``. ``tle`` and
+    ``omm`` give mean elements in TEME, as SGP4 requires.
     """
 
     def __init__(self, found: FoundOrbit, orbit: Determined) -> None:
@@ -53,17 +53,17 @@ class Orbit:
 
     @property
     def label(self) -> Label:
-        """Label of how well the directions determine the orbit; ``reason`` says why."""
+        """Label of how well the directions determine the orbit; ``reason`` gives the grounds."""
         return self._orbit.label
 
     @property
     def reason(self) -> str:
-        """Reason of the label."""
+        """Reason for the label, in words."""
         return self._found.reason
 
     @property
     def prior(self) -> str:
-        """Prior in use; "none" for a free orbit."""
+        """Name of the prior used in the fit; "none" for a free orbit."""
         return self._orbit.prior
 
     @property
@@ -78,23 +78,23 @@ class Orbit:
 
     @property
     def rivals(self) -> int:
-        """Number of other orbits that fit as well."""
+        """Number of other orbits that fit the directions as well as this orbit."""
         return self._orbit.rivals
 
     @property
     def rms(self) -> "Quantity":
-        """Root mean square residual of the used directions, per axis."""
+        """Root mean square residual of the used directions, per axis, arcsec."""
         return _quantity(self._orbit.rms_arcsec, "arcsec")
 
     @property
     def arc(self) -> "Quantity":
-        """Length of the arc, from the first direction to the last."""
+        """Time from the first direction to the last."""
         seen = self._found.seen
         return _quantity(float(seen.t_s[-1] - seen.t_s[0]), "s")
 
     @property
     def parts(self) -> tuple[OrbitArc, ...]:
-        """The arcs, and how likely each further one is of the same object."""
+        """The arcs; each after the first with the probability that it is of the same object."""
         return self._found.parts
 
     # -- what it is ------------------------------------------------------------------------------
@@ -146,9 +146,10 @@ class Orbit:
 
     @property
     def sigmas(self) -> "dict[str, Quantity | float | None]":
-        """One sigma of each element by its name here; None where the orbit does not fix one.
+        """One sigma of each element, by the name that the element has as a property.
 
-        The node of an orbit in the equator and the perigee of a circle are such.
+        None for an element that the orbit does not define: the node of an equatorial orbit, the
+        perigee of a circular orbit.
         """
         return {
             "mean_anomaly" if key == "m_deg" else key.partition("_")[0]: value
@@ -169,20 +170,20 @@ class Orbit:
 
     @property
     def covariance(self) -> FloatArray:
-        """Covariance (6, 6) of ``r`` and ``v``, km and km/s."""
+        """Covariance (6, 6) of ``r`` and ``v``, in km and km/s."""
         return self._orbit.covariance.copy()
 
     @property
     def site(self) -> Site:
-        """Site of its longest arc."""
+        """Site from which the longest arc was observed."""
         return self._found.observed.site
 
     # -- where it will be ------------------------------------------------------------------------
 
     def gcrs(self, times: Instant) -> "SkyCoord":
-        """Positions at these times, geocentric in GCRS, with distance and velocity.
+        """Return geocentric positions in GCRS at these times, with distance and velocity.
 
-        ``times``: a ``Time``, () or (N,). NaN where it has come down.
+        ``times``: a ``Time``, () or (N,). NaN for times after the object has come down.
         """
         from astropy import units
         from astropy.coordinates import (
@@ -199,16 +200,21 @@ class Orbit:
         return SkyCoord(at, frame=GCRS(obstime=utc_time(t)))
 
     def predict(self, times: Instant, site: Place | None = None) -> "QTable":
-        """Predicted directions at these times, with their errors.
+        """Return a table of predicted directions at these times, with errors, a row an instant.
 
-        ``times``: a ``Time``, () or (N,). ``site``: None for that of the observations.
+        ``times``: a ``Time``, () or (N,). ``site``: None for the site of the observations.
 
-        A row an instant: ``time``, ``direction`` (``SkyCoord``, ICRS, astrometric, as a plate
-        solution would measure it: light time and the Earth's motion are in it), ``range``,
-        ``sigma`` (the longer half axis of the one-sigma ellipse), ``cov_ee``, ``cov_en``,
-        ``cov_nn`` (on the sky), ``rate_ra`` (on the sky: times cos dec), ``rate_dec``,
-        ``altitude``, ``azimuth`` (without refraction), and ``lit``, the share of the Sun that it
-        sees. NaN where it has come down. Raises InputError.
+        ``time``: the instant.
+        ``direction``: ``SkyCoord``, ICRS, astrometric, as a plate solution would measure it: light
+            time and the Earth's motion are accounted for.
+        ``range``: distance from the site.
+        ``sigma``: longer half axis of the one-sigma ellipse.
+        ``cov_ee``, ``cov_en``, ``cov_nn``: covariance on the sky.
+        ``rate_ra``, ``rate_dec``: rates on the sky; ``rate_ra`` is times cos dec.
+        ``altitude``, ``azimuth``: without refraction.
+        ``lit``: fraction of the Sun's disk that is visible from the object.
+
+        NaN for instants after the object has come down. Raises InputError.
         """
         from astropy import units
         from astropy.coordinates import SkyCoord
@@ -240,11 +246,11 @@ class Orbit:
     # -- for others ------------------------------------------------------------------------------
 
     def tle(self, *, norad_id: int | None = None, name: str = "UNKNOWN", cospar: str = "") -> str:
-        """Two lines for SGP4 below a line with the name; TEME.
+        """Return elements for SGP4 as text: a line with ``name``, then two lines; TEME.
 
-        ``norad_id``: None for an analyst's number. ``cospar``: as ``2009-064A``. Raises
-        OrbitError where the orbit is not known well enough for elements, SGP4 does not follow it,
-        or the number does not fit.
+        ``norad_id``: None for an analyst's number. ``cospar``: as ``2009-064A``. Raises OrbitError
+        where the orbit is not known well enough for elements, SGP4 does not follow it, or the
+        number does not fit into the lines.
         """
         fitted = self._fitted(norad_id, name, cospar)
         if fitted.tle is None:
@@ -259,19 +265,23 @@ class Orbit:
         name: str = "UNKNOWN",
         cospar: str = "",
     ) -> str:
-        """A CCSDS Orbit Mean-Elements Message; as ``tle``, with all digits and any number."""
+        """Return elements for SGP4 as a CCSDS Orbit Mean-Elements Message (OMM).
+
+        ``form``: form of the message; the other arguments are those of ``tle``. All digits are
+        written and any number fits. Raises OrbitError where there are no such elements.
+        """
         fitted = self._fitted(norad_id, name, cospar)
         if fitted.mean is None:
             raise OrbitError(f"no elements: {fitted.reason}")
         return omm(fitted.mean, created_utc_ns=time.time_ns(), form=form)
 
     def report(self) -> dict[str, Any]:
-        """The report of ``rsoconsole orbit --json``, without predictions and elements."""
+        """Return the report of ``rsoconsole orbit --json``, without predictions and elements."""
         return orbit_report(self._found, None)
 
     @property
     def seen(self) -> MeasuredDirections:
-        """Directions from which it was found."""
+        """Directions from which the orbit was found."""
         return self._found.seen
 
     def __repr__(self) -> str:
@@ -311,25 +321,28 @@ def orbit(
     radians: bool | None = None,
     config: ConfigLike = None,
 ) -> Orbit:
-    """Find the orbit of what was observed, as ``rsoconsole orbit`` does.
+    """Find the orbit of an observed object, as ``rsoconsole orbit`` does.
 
-    ``observations``: a track of ``rso.track``; a table of one object, as ``rso.track`` takes it;
-    a session (``rso.open_session``) or its path; a file (CCSDS TDM, IOD and UK lines, tables,
-    JSON); or a list of these, several nights of one object. ``prior``: what is believed of the
-    orbit beforehand: ``"auto"`` only what is needed, ``"none"``, ``"slot"`` (held over the
-    equator), ``"geo"``, ``"meo"`` (nearly circular). ``method``: ``"gooding"`` for Gooding's
-    orbit through three of the directions alone. ``track``: which of a session's, as
-    ``night.tracks`` numbers them; None: the longest, and others that one orbit fits too.
-    ``sigma`` (arcsec): of directions that state none; None: 1. ``site``: of those that do not
-    say it. ``target``: which object of a file of several. ``radians``: what a file's angles are
-    in where it does not say. ``config``:
-    for the site of tables without one.
+    ``observations``: a track of ``rso.track``; a table of one object, as ``rso.track`` takes it; a
+    session (``rso.open_session``) or its path; a file (CCSDS TDM, IOD and UK lines, tables, JSON);
+    or a list of these, such as several nights of one object.
+    ``prior``: what is assumed of the orbit: ``"auto"`` only what is needed, ``"none"``, ``"slot"``
+    (held over the equator), ``"geo"``, ``"meo"`` (nearly circular).
+    ``method``: ``"gooding"`` for Gooding's orbit through only three of the directions.
+    ``track``: number of the only track of a session, as ``night.tracks`` numbers them; None: the
+    longest track, and others that the same orbit fits.
+    ``sigma``: error of directions that state none, arcsec; None: 1.
+    ``site``: site of observations that do not state theirs.
+    ``target``: name of the object in a file of several.
+    ``radians``: True where a file's angles are in radians and the file does not say so.
+    ``config``: gives the site of a table that has none.
 
-    Returns an ``rso.Orbit``: elements as quantities, covariance, label, places ahead, elements
-    for SGP4. Directions are taken as astrometric: aberration and light time are dealt with here.
+    Returns an ``rso.Orbit``: elements as quantities, covariance, label, predicted directions,
+    elements for SGP4. Directions are taken as astrometric: aberration and light time are accounted
+    for here.
 
-    Raises OrbitError where no orbit is found, saying why; InputError, OrbitError, ExportError or
-    SessionError for observations that cannot be used.
+    Raises OrbitError, with the reason, where no orbit is found; InputError, OrbitError, ExportError
+    or SessionError for observations that cannot be used.
 
     >>> found = rso.orbit(tracks[1])
     >>> found.label, found.a, found.sigma_a, found.predict(Time.now() + [1, 2] * u.h)

@@ -1,4 +1,4 @@
-"""``rso.measure``: directions with times and covariances, of every streak in frames."""
+"""``rso.measure``: directions of all streaks in frames, with times and covariances."""
 
 from collections.abc import Iterable
 from dataclasses import asdict
@@ -48,21 +48,23 @@ def measure(
 ) -> "QTable":
     """Measure the direction of every streak in frames, as ``rsoconsole process`` does.
 
-    Each frame is searched, solved and measured; frames are taken in the order given, and the
-    plate of one helps the next. ``frames`` as ``rso.detect`` takes them. ``t_start``: the start
-    of the exposure (``Time``, or a ``datetime`` with its zone), one for each frame; ``exposure``
-    (s), ``scale`` (arcsec/pix) and ``pointing`` (``SkyCoord``, for the solver): where headers do
-    not state them, or state wrong ones. ``site`` goes along in the table, for ``rso.track`` and
-    ``rso.orbit``; None: the configured one. ``tau``,
-    ``extension`` and ``config`` as ``rso.detect`` has them.
+    Each frame is searched, solved and measured. Frames are taken in the order given: the plate
+    solution of one helps to solve the next.
+    ``frames``: as for ``rso.detect``.
+    ``t_start``: start of the exposure (``Time``, or a ``datetime`` with its zone), one for each
+    frame; with ``exposure`` (s), ``scale`` (arcsec/pix) and ``pointing`` (``SkyCoord``, for the
+    solver) it replaces what headers state.
+    ``site``: written into the table, for ``rso.track`` and ``rso.orbit``; None: the configured
+    site.
+    ``tau``, ``extension``, ``config``: as for ``rso.detect``.
 
-    Returns one table, a row a streak in a solved frame, with the columns of a session's
-    ``measurements``: ``direction``, the ``SkyCoord`` (ICRS, astrometric: as among the catalogue
-    stars, seen from the site) of the streak's midpoint at ``t_mid_utc``, the ``Time`` of
-    mid-exposure; its covariance on the sky (``cov_ee_arcsec2`` ...), and the same as
-    ``sigma_ra_arcsec``, ``sigma_dec_arcsec``, ``correlation``. ``meta["frames"]``: every frame,
-    its time, whether it was solved, and why not. The table survives ``write`` and ``QTable.read``
-    as ECSV whole.
+    Returns one table, one row for each streak in a solved frame, with the columns of a session's
+    ``measurements``. ``direction`` is the ``SkyCoord`` of the streak's midpoint (ICRS, astrometric:
+    relative to catalogue stars, seen from the site) at ``t_mid_utc``, the ``Time`` of mid-exposure.
+    Its covariance on the sky is ``cov_ee_arcsec2`` and so on, and the same as ``sigma_ra_arcsec``,
+    ``sigma_dec_arcsec``, ``correlation``. ``meta["frames"]`` lists every frame, its time, whether
+    it was solved, and if not, why. The table keeps everything when written and read as ECSV
+    (``write``, ``QTable.read``).
 
     Raises FrameError for a frame that cannot be used or has no time or exposure, SolverError
     without index files, and as ``rso.detect`` does.

@@ -21,9 +21,9 @@ class PlateWCS(WCS):  # type: ignore[misc]  # astropy ships no types
     matched: int
     """Number of matched catalogue stars."""
     wrong_hints: tuple[str, ...]
-    """Hints that the stars contradict, a sentence each."""
+    """Solver hints that the stars contradict, one sentence each."""
     notes: tuple[str, ...]
-    """Further notes on the frame."""
+    """Further notes on the frame, in words."""
     is_flipped: bool
     """True where the array is a mirror image of the sky as a FITS viewer shows it."""
     _solution: Solution
@@ -38,7 +38,11 @@ class PlateWCS(WCS):  # type: ignore[misc]  # astropy ships no types
         wrong_hints: tuple[str, ...] = (),
         notes: tuple[str, ...] = (),
     ) -> "PlateWCS":
-        """The WCS of a plate solution; ``shape``: (height, width) of the frame."""
+        """Make the WCS of a plate solution of a frame.
+
+        ``name``: the frame's name; ``shape``: its (height, width); ``wrong_hints``, ``notes``: see
+        the attributes.
+        """
         from astropy.io.fits import Header
 
         cards = wcs_cards(solution.wcs, shape[1], shape[0])
@@ -51,7 +55,7 @@ class PlateWCS(WCS):  # type: ignore[misc]  # astropy ships no types
 
     @property
     def rms(self) -> "Quantity":
-        """Root mean square residual of one matched star, per axis."""
+        """Root mean square residual of a matched star, per axis, arcsec."""
         return self._solution.rms_arcsec * units.arcsec
 
     @property
@@ -72,7 +76,7 @@ class PlateWCS(WCS):  # type: ignore[misc]  # astropy ships no types
 
     @property
     def summary(self) -> dict[str, Any]:
-        """The figures by name, plain numbers in arcsec and degrees."""
+        """Figures of the plate solution by name, plain numbers in arcsec and degrees."""
         found = self._solution
         return {
             "frame": self.frame,

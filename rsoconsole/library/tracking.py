@@ -1,4 +1,4 @@
-"""``rso.track``: which measurements are of one object, by the live tracker's own fold."""
+"""``rso.track``: groups measurements by object, with the same fold as the live tracker."""
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict, replace
@@ -47,7 +47,7 @@ _TABLES = ("measurements", "track", "not_followed", "misses", "orbits", "identif
 
 
 class Track:
-    """One object over the frames: its measurements, states and orbit."""
+    """One object followed over frames: its measurements, states and orbit."""
 
     def __init__(self, *, site: Site, found: NightTrack) -> None:
         self._found = found
@@ -61,7 +61,7 @@ class Track:
 
     @property
     def measurements(self) -> "QTable":
-        """Measurements of the track in order of time, as ``rso.measure`` has them."""
+        """Measurements of the track in order of time, in the columns of ``rso.measure``."""
         rows = self._found.measurements
         more = [
             dict(zip((c.name for c in SIGMAS[:3]), sigmas_of(m.cov_sky_arcsec2), strict=True))
@@ -72,32 +72,32 @@ class Track:
 
     @property
     def states(self) -> "QTable":
-        """The filter's states with their covariance (4, 4), innovations and NIS."""
+        """States of the filter, one a row, with covariance (4, 4), innovation and NIS."""
         return table_of("track", self._found.states, {"track": self.number})
 
     @property
     def orbit(self) -> OrbitEstimate | None:
-        """The last orbit while it was followed; ``rso.orbit`` finds it again with all the rest."""
+        """Last orbit found during tracking; None without one. ``rso.orbit`` fits all directions."""
         return self._found.orbit
 
     @property
     def identified(self) -> Identified | None:
-        """The last name while it was followed, where the configuration names a catalogue."""
+        """Last identification during tracking; None without one, or without a catalogue."""
         return self._found.identified
 
     @property
     def missed(self) -> Mapping[int, str]:
-        """Reasons of the frames that did not show it, by frame number."""
+        """Reasons why frames did not show the object, by frame number."""
         return self._found.missed
 
     @property
     def ended(self) -> str:
-        """Reason of its end, in words; empty: it was followed to the last frame."""
+        """Reason why the track ended, in words; empty where it lasted to the last frame."""
         return self._found.ended
 
     @property
     def residual_rms(self) -> "Quantity | None":
-        """Root mean square of measured minus predicted, on the sky; None without an update."""
+        """Root mean square innovation on the sky, both axes together; None without an update."""
         from astropy import units
 
         rms = self._found.quality.residual_rms_arcsec
@@ -105,12 +105,12 @@ class Track:
 
     @property
     def nis_mean(self) -> float | None:
-        """Normalised innovation squared, 2 on average where the errors are as stated."""
+        """Mean NIS: about 2 where the stated errors are right; None without an update."""
         return self._found.quality.nis_mean
 
     @property
     def taken(self) -> tuple[Measurement, ...]:
-        """The measurements as records."""
+        """Measurements of the track, as records."""
         return self._found.measurements
 
     def __len__(self) -> int:
@@ -124,7 +124,7 @@ class Track:
 
 
 class Tracks(dict[int, Track]):
-    """Tracks by number; with everything that was decided on the way."""
+    """Tracks by number, with the records of everything that the tracker decided."""
 
     def __init__(self, tracks: Mapping[int, Track], records: tuple[Record, ...]) -> None:
         super().__init__(tracks)
@@ -132,9 +132,9 @@ class Tracks(dict[int, Track]):
         """Records in order, as in a session's log."""
 
     def table(self, name: str) -> "QTable":
-        """One of a session's tables over all tracks, e.g. ``"misses"`` or ``"not_followed"``.
+        """Return one of a session's tables of all tracks, e.g. ``"misses"``, ``"not_followed"``.
 
-        Raises InputError for a name that there is not.
+        Raises InputError for an unknown name.
         """
         if name not in _TABLES:
             raise InputError(f"there is no table {name!r}; there are {', '.join(_TABLES)}")
@@ -143,10 +143,13 @@ class Tracks(dict[int, Track]):
 
 _ENDS = ("ra_a_icrs_deg", "dec_a_icrs_deg", "ra_b_icrs_deg", "dec_b_icrs_deg")
 MIN_MORE = 3
-"""Directions of a track beside the first telescope's: two agree by chance."""
+"""Fewest measurements of a track that a further telescope finds: two may agree by chance."""
 USUAL_EXPOSURE_S = 0.1
-"""Exposure of observations that state none: they have no ends and count as points, as in short
-exposures. In a long one a fast object is a streak, which no point can be."""
+"""Exposure assumed for observations that state none, s.
+
+Such observations have no ends and count as points, as in short exposures. In a long exposure a fast
+object is a streak, which no point can be.
+"""
 
 
 def track(
@@ -158,28 +161,32 @@ def track(
     preset: Preset | None = None,
     config: ConfigLike = None,
 ) -> Tracks:
-    """Follow what moves through measurements, as the telescope would have followed it.
+    """Follow moving objects through measurements, as the telescope would have followed them.
 
-    ``measurements``: the table of ``rso.measure``, or one of your own (also a pandas data frame):
-    times as a ``Time`` column (``time`` or ``t_mid_utc``; mid-exposure, UTC), directions as a
-    ``SkyCoord`` column or ``ra`` and ``dec`` with units (ICRS), errors as ``sigma``, or
-    ``sigma_ra`` (on the sky), ``sigma_dec`` and ``correlation``, with units; ``exposure_s`` and
-    ``confidence`` where there are such. A column without a unit must have it in its name
-    (``ra_deg``, ``sigma_arcsec``). Rows of one instant are of one frame; several objects in it
-    may be one table.
+    ``measurements``: the table of ``rso.measure``, or a table of your own (also a pandas data
+    frame) with these columns:
 
-    ``site``: an ``EarthLocation`` or (latitude, longitude east positive, metres); None: the
-    table's own, else the configured one. ``exposure`` (s; None: 0.1) and ``sigma`` (arcsec): of
-    rows that state none. ``preset``: of the filter; ``config``: with every setting of it.
+    - times as a ``Time`` column ``time`` or ``t_mid_utc`` (mid-exposure, UTC);
+    - directions as a ``SkyCoord`` column, or as ``ra`` and ``dec`` with units (ICRS);
+    - errors as ``sigma``, or as ``sigma_ra`` (on the sky), ``sigma_dec`` and ``correlation``;
+    - ``exposure_s`` and ``confidence`` where known.
 
-    A telescope goes with what it follows; what it leaves behind, as it moves differently, is
-    looked through by another one until three directions or more agree on nothing any more.
+    Columns have a unit, or its name at the end of theirs (``ra_deg``, ``sigma_arcsec``). Rows of
+    the same instant belong to one frame; a table may hold several objects.
 
-    Returns a dict of ``rso.Track`` by number from 1, in the order in which they began, telescope
-    after telescope: empty where nothing agreed on one motion. ``Tracks.table`` has states, misses
-    and what was not taken, and why.
+    ``site``: an ``EarthLocation`` or (latitude, longitude east positive, metres); None: the table's
+    own, else the configured site. ``exposure`` (s; None: 0.1), ``sigma`` (arcsec): for rows that
+    state none. ``preset``: of the filter; ``config``: all further settings.
 
-    Raises InputError saying what the table lacks, ConfigError.
+    The telescope goes with the object that it follows, and leaves objects that move differently.
+    Their measurements are followed by a further telescope, and so on, until no three measurements
+    or more agree on one motion.
+
+    Returns a dict of ``rso.Track`` by number from 1, in the order in which the tracks began,
+    telescope after telescope; empty where no measurements agree on one motion. ``Tracks.table``
+    gives states, misses, and measurements not taken with the reasons.
+
+    Raises InputError that says what the table lacks, ConfigError.
 
     >>> tracks = rso.track(measured)
     >>> tracks[1].measurements["t_mid_utc", "direction"], tracks[1].residual_rms
@@ -225,7 +232,10 @@ def _left(
 def followed(
     frames: Sequence[FrameObservations], config: Config, *, last_track_id: int = 0
 ) -> Iterator[Record]:
-    """Records of the frames, one after another, as ``process`` makes them."""
+    """Yield the records of these frames, frame after frame, as ``process`` makes them.
+
+    ``last_track_id``: id after which new tracks are numbered.
+    """
     following, stars, orbits = Following(last_track_id=last_track_id), StarHistory(), Orbits(config)
     for each in frames:
         shown = replace(each, orbits=orbits.last)

@@ -1,4 +1,4 @@
-"""A session's night: one fold over its records, read by all who show it."""
+"""A session's night, from one fold over its records: frames, tracks, log lines, figures."""
 
 from lazy_loader import attach_stub
 

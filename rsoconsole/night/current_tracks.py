@@ -1,4 +1,4 @@
-"""The followed tracks as of a record: state, last measurement, rows of plots. Pure."""
+"""The followed tracks as of one record: state, last measurement, rows of plots. Pure."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
@@ -23,74 +23,79 @@ from rsoconsole.tracking import ON_TRIAL
 from rsoconsole.words import text
 
 MAX_ROWS = 400
-"""Number of last frames of a track that its plots show."""
+"""Largest number of a track's last frames that its plots show."""
 PAIRS_KEPT_NS = 3_600_000_000_000
-"""Age in nanoseconds beyond which a pair is dropped: its tracks have ended."""
+"""Age beyond which a pair's relative motion is left out, ns: its tracks have ended."""
 TAKEN_BACK_FRAMES = 12
-"""Frames within which the engine reverses a decision (``pipeline.cycle.decisions``)."""
+"""Frames after which a decision is no longer reversed, as in ``pipeline.cycle.decisions``."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FollowedTrack:
-    """Followed track, as of its last frame."""
+    """A followed track, as of its last frame."""
 
     state: TrackState
     is_lead: bool
     began_frame_id: int
     since_utc_ns: int
-    """Mid-exposure of the frame in which it began, UTC nanoseconds."""
+    """Mid-exposure of the frame in which the track began, UTC nanoseconds."""
     measured_frame_id: int | None = None
-    """Frame of its last measurement."""
+    """Number of the frame of its last measurement."""
     measured_utc_ns: int | None = None
     """Mid-exposure of its last measurement, UTC nanoseconds."""
     measured_px: tuple[float, float] | None = None
-    """Column and row of its last measurement, pixels."""
+    """Column and row of its last measurement, pixels; None where that is not on record."""
     residual_arcsec: tuple[float, float] | None = None
-    """Innovation of its last update, arcsec, as in ``FrameRow``."""
+    """Innovation of its last update (RA on the sky, Dec), arcsec."""
     nis: float | None = None
     snr: float | None = None
-    """Integrated SNR of its last streak; None where that was not measured."""
+    """Integrated SNR of the last streak measured; None where its light was not measured."""
     rows: tuple[FrameRow, ...] = ()
-    """Rows of its frames, oldest first, ``MAX_ROWS`` at most: its own residual, NIS and miss in
-    each."""
+    """Rows of its frames for the plots, oldest first, ``MAX_ROWS`` at most.
+
+    Each has the residual, NIS and miss of this track.
+    """
 
     @property
     def track_id(self) -> int:
-        """Its number in the session."""
+        """Id of the track, its number in the session."""
         return self.state.track_id
 
     @property
     def number(self) -> str:
-        """Its number as shown: the lead's with a star."""
+        """Number of the track as shown on screens; the lead's has a star."""
         return track_number(self.track_id, is_lead=self.is_lead)
 
     @property
     def is_on_trial(self) -> bool:
-        """True where its next miss ends it: it is not confirmed yet."""
+        """True while the track is not confirmed: its next miss ends it."""
         return not self.is_lead and self.state.innovations < ON_TRIAL
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CurrentTracks:
-    """The tracks of a session as of a record."""
+    """The tracks of a session, as of one record."""
 
     tracks: Mapping[int, FollowedTrack] = field(default_factory=dict)
     """Followed tracks, by track id."""
     in_frame: tuple[int, ...] = ()
-    """Ids of the tracks with a record in the frame under way, in its order."""
+    """Ids of the tracks with a record in the frame being read, in the order of the records."""
     set_aside: Mapping[int, FollowedTrack] = field(default_factory=dict)
-    """Tracks ended by a command, which may be followed again, by track id."""
+    """Tracks ended by a command, which a command may resume, by track id."""
     dropped: Mapping[int, FollowedTrack] = field(default_factory=dict)
-    """Tracks dropped by the operator, as they were then, by track id, the last one last."""
+    """Tracks as they were when the operator dropped them, by track id, the latest last."""
     dropped_in: Mapping[int, int] = field(default_factory=dict)
-    """Frame from which on each of them is dropped, by track id."""
+    """Number of the frame from which on each dropped track is dropped, by track id."""
 
     def restorable_track_ids(self, frame_id: int) -> tuple[int, ...]:
-        """Return the dropped tracks that may still be resumed after a frame, the last one last."""
+        """Return the ids of dropped tracks that may still be resumed, the latest last.
+
+        ``frame_id``: number of the newest frame.
+        """
         return tuple(n for n, at in self.dropped_in.items() if at > frame_id - TAKEN_BACK_FRAMES)
 
     def in_order(self) -> tuple[FollowedTrack, ...]:
-        """Return the followed tracks by number; where the lead has just ended, the next leads."""
+        """Return the followed tracks by number; where the lead has just ended, another leads."""
         lead = next((n for n, each in self.tracks.items() if each.is_lead), None)
         if lead is None:
             lead = next((n for n in self.in_frame if n in self.tracks), None)
@@ -107,7 +112,10 @@ def tracks_after(  # noqa: PLR0911 -- one case a kind
     measurements: tuple[Measurement, ...],
     found: Detections | None,
 ) -> CurrentTracks:
-    """Fold one record into the tracks; ``measurements`` and ``found`` are its frame's."""
+    """Fold one record into the tracks; return the tracks after it.
+
+    ``t_utc_ns``: time of the record; ``measurements``, ``found``: of the record's frame.
+    """
     match record:
         case FrameTaken() | CycleTiming():
             return _settled(now)
@@ -142,7 +150,10 @@ def _with_decision(now: CurrentTracks, record: Ruling) -> CurrentTracks:
 
 
 def pairs_after(before: tuple[PairMotion, ...], record: PairMotions) -> tuple[PairMotion, ...]:
-    """Return the last motion of each pair: of many pairs each frame measures some."""
+    """Return the latest motion of each pair: those known before, and those of a new record.
+
+    One record holds only some of many pairs. Motions older than ``PAIRS_KEPT_NS`` are left out.
+    """
     newest = max((each.t_utc_ns for each in record.pairs), default=0)
     found = {(p.track_id, p.other_track_id): p for p in (*before, *record.pairs)}
     return tuple(each for each in found.values() if newest - each.t_utc_ns < PAIRS_KEPT_NS)

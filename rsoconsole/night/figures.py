@@ -22,34 +22,34 @@ from rsoconsole.records import (
 from rsoconsole.tracking import three_sigma_deg
 
 CURVE_FRAMES = 40
-"""Number of newest frames of which ``TrackFigures`` keeps each NIS."""
+"""Number of newest frames whose NIS is in ``TrackFigures.nis_curve``."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TrackFigures(Quality):
-    """Figures of the tracks over some frames; None where no frame gives one."""
+    """Figures of merit of the tracks over some frames; None where no frame gives a figure."""
 
     frames: int
-    """Number of folded frames: without those taken while the operator had control."""
+    """Number of folded frames; frames taken while the operator had control are not folded."""
     locked_after_frames: int | None
-    """Frame number of the first frame in TRACK; None: the loop never reached TRACK."""
+    """Number of the first frame after which the loop was in TRACK; None: it never was."""
     locked_after_s: float | None
-    """Seconds from mid-exposure of the first frame to that of the first in TRACK."""
+    """Seconds from mid-exposure of the first frame to that of the first frame in TRACK."""
     lock_held: float | None
-    """Share of the frames after the first in TRACK that ended in TRACK."""
+    """Fraction of the frames after the first in TRACK that also ended in TRACK."""
     misses: int
     losses: int
-    """Number of changes of the loop to LOST."""
+    """Number of times that the loop changed to LOST."""
     max_3sigma_arcmin: float | None
-    """3 sigma of the widest prediction, arcmin."""
+    """3 sigma of the most uncertain prediction, arcmin."""
     state: str
     """The loop's state after the last frame."""
     carried_by_orbit: int = 0
-    """Number of updates predicted by the orbit, because the filter's prediction had failed."""
+    """Number of updates with a prediction from the orbit, because the filter's had failed."""
     states: Mapping[str, int] = field(default_factory=dict)
     """Number of frames that ended in each state of the loop."""
     nis_curve: tuple[float | None, ...] = ()
-    """NIS of the lead in each of the last ``CURVE_FRAMES`` frames; None: not measured there."""
+    """NIS of the lead in each of the last ``CURVE_FRAMES`` frames; None where not measured."""
 
 
 class _Frame(NamedTuple):
@@ -69,10 +69,10 @@ class _Frame(NamedTuple):
 
 
 class FigureSum:
-    """Running sum of a night's figures over its frames."""
+    """Sum of a night's figures of merit, to which frames are added one by one."""
 
     def __init__(self, *, of_lead: bool = False) -> None:
-        """``of_lead``: only the lead track counts, as in ``as_recorded``."""
+        """Start without frames; ``of_lead``: only the lead track counts, as in ``as_recorded``."""
         self._of_lead = of_lead
         self._frames: dict[int, _Frame] = {}
 
@@ -86,10 +86,11 @@ class FigureSum:
         state: LoopState,
         solution: Solution | NotSolved | None,
     ) -> None:
-        """Add a frame, or replace it by its result of being processed again.
+        """Add a frame; a frame that was added before is replaced by its new result.
 
-        ``folded``: the fold's records of it in order (TrackState, NotFollowed, Miss, StateChange);
-        ``state``: the loop's state after it.
+        ``folded``: records that the fold made of the frame, in order (TrackState, NotFollowed,
+        Miss, StateChange); ``state``: the loop's state after the frame; ``solution``: its plate
+        solution.
         """
         records = _of_lead(folded) if self._of_lead else folded
         tracks = [r for r in records if isinstance(r, TrackState)]
@@ -109,12 +110,12 @@ class FigureSum:
         )
 
     def add_recorded(self, frame: NightFrame) -> None:
-        """Add a recorded frame; one that was not folded is left out."""
+        """Add a recorded frame; a frame that was not folded is ignored."""
         if frame.taken is not None and frame.fold is not None:
             self.add(frame.taken, frame.fold.records, frame.fold.state, frame.solution)
 
     def figures(self, last: int | None = None) -> TrackFigures:
-        """Return the figures of the ``last`` frames; of all with None."""
+        """Return the figures of merit of the ``last`` frames; None: of all frames."""
         every = [self._frames[number] for number in sorted(self._frames)]
         chosen = [each for each in every if each.is_chosen]
         chosen = chosen if last is None else chosen[max(len(chosen) - last, 0) :]
@@ -141,10 +142,10 @@ class FigureSum:
 def as_recorded(
     records: Iterable[Record], last: int | None = None, *, of_lead: bool = False
 ) -> TrackFigures:
-    """Return the figures of a recorded night, or of its ``last`` frames.
+    """Return the figures of merit of a recorded night; ``last``: only of the last frames.
 
-    ``of_lead``: of the lead track alone, without the frames in which it was missed because they
-    looked elsewhere; else of all tracks.
+    ``of_lead``: True: of the lead track alone, without frames that missed it because the telescope
+    pointed elsewhere; False: of all tracks.
     """
     found = FigureSum(of_lead=of_lead)
     frames = NightFrames(newest=NEWEST, on_past=found.add_recorded).take_all(records)
@@ -166,7 +167,7 @@ def _seconds_between(first: _Frame, later: _Frame) -> float | None:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StateSpan:
-    """Time that the loop spent in one state."""
+    """A span of time that the loop spent in one state."""
 
     state: str
     t_from_utc_ns: int
@@ -174,24 +175,24 @@ class StateSpan:
 
     @property
     def seconds(self) -> float:
-        """Its duration in seconds."""
+        """Duration of the span, s."""
         return (self.t_to_utc_ns - self.t_from_utc_ns) / 1e9
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Summary(Quality):
-    """Figures of the lead track over a night; None where no frame gives one."""
+    """Figures of merit of the lead track over a night; None where no frame gives a figure."""
 
     frames: int
     followed: int
     """Number of frames in which the lead track took a measurement."""
     misses: int
     locked_after_frames: int | None
-    """Frames until the first in TRACK, that one included; None: the loop never reached TRACK."""
+    """Number of frames until the loop reached TRACK, that frame included; None: it never did."""
 
 
 def summary_of(frames: Sequence[NightFrame]) -> Summary:
-    """Sum up a night's frames, each of which has a time."""
+    """Compute the lead track's figures of merit over a night's frames with a time, in order."""
     locked = (n for n, f in enumerate(frames, 1) if any(c.after == "TRACK" for c in f.changes))
     return Summary(
         **asdict(quality_of(updates_of(frame.updated for frame in frames))),
@@ -203,7 +204,7 @@ def summary_of(frames: Sequence[NightFrame]) -> Summary:
 
 
 def state_spans(log: Sequence[tuple[int, int, Any]]) -> tuple[StateSpan, ...]:
-    """Return the loop's states one after another, from the first record to the last.
+    """Return the spans of the loop's states, in order, from the first record to the last.
 
     ``log``: (seq, UTC nanoseconds, record) in order.
     """

@@ -32,7 +32,7 @@ from rsoconsole.words import text
 
 
 def is_without_detection(record: Record) -> bool:
-    """Return True if a record says that a frame had no detection, for no outside cause."""
+    """Return True if a record's reason is a missing detection, and nothing such as cloud hid it."""
     reason = record.reason if isinstance(record, Miss | StateChange) else None
     missed = reason.missed if isinstance(reason, Cause) else reason
     return missed is not None and missed.kind == "no detection" and not missed.hidden_by
@@ -41,7 +41,10 @@ def is_without_detection(record: Record) -> bool:
 def is_outside_field(
     predicted: TrackState | None, solution: Solution | NotSolved | None, taken: FrameTaken | None
 ) -> bool:
-    """Return True if a solved frame's field leaves out the lead track's predicted position."""
+    """Return True if the lead's predicted position is outside the field of a solved frame.
+
+    False where the prediction, the plate solution or the frame is missing.
+    """
     if predicted is None or taken is None or not isinstance(solution, Solution):
         return False
     from rsoconsole.sky import sky_to_pixel
@@ -53,9 +56,9 @@ def is_outside_field(
 def was_pointed_at(
     records: Iterable[Record], solution: Solution | NotSolved | None, taken: FrameTaken
 ) -> bool:
-    """Return True if a folded frame was pointed at the lead; False: it missed it by looking away.
+    """Return False if a folded frame missed the lead because it was pointed elsewhere, else True.
 
-    ``records``: the fold's records of that frame.
+    ``records``: records that the fold made of the frame.
     """
     predicted = lead_id = None
     is_missed = False
@@ -69,14 +72,14 @@ def was_pointed_at(
 
 
 class FrameFact(NamedTuple):
-    """Figure of image or sky that every frame has."""
+    """A quantity of image or sky quality that every frame has: its name, label, unit, format."""
 
     name: str
-    """Name of its field in ``Detections`` and of its column in the session."""
+    """Name of its field in ``Detections`` and of its column in the session's tables."""
     label: str
     unit: str
     form: str
-    """Format string of its value."""
+    """Python format of its value."""
 
 
 FRAME_FACTS = (
@@ -85,16 +88,16 @@ FRAME_FACTS = (
     FrameFact("zero_point_mag", "transparency, zero point", "mag", ".2f"),
     FrameFact("star_count", "stars", "", ".0f"),
 )
-"""Figures of image and sky, in the order in which they are shown."""
+"""Quantities of image and sky quality, in the order in which they are shown."""
 
 
 def facts_of(seen: Detections | None) -> dict[str, float | None]:
-    """Return a frame's ``FRAME_FACTS`` by name; None for unknown ones."""
+    """Return a frame's values of ``FRAME_FACTS`` by name; None for a value that is not known."""
     return {each.name: getattr(seen, each.name, None) for each in FRAME_FACTS}
 
 
 def median_and_range_text(fact: FrameFact, values: Iterable[float | None]) -> str:
-    """Return the median of a night and its range in words; empty where no frame has the figure."""
+    """Format the median of a night's values and their range; empty where no value is known."""
     known = sorted(value for value in values if value is not None)
     if not known:
         return ""
@@ -105,11 +108,11 @@ def median_and_range_text(fact: FrameFact, values: Iterable[float | None]) -> st
 
 
 UNSOUGHT: frozenset[LoopState | None] = frozenset(("IDLE", "MANUAL", "FAULT"))
-"""States of the loop in which no object is looked for."""
+"""States of the loop in which no object is searched for or followed."""
 ELSEWHERE = "not pointed at it"
-"""Reason why a frame that looked somewhere else does not show the track."""
+"""Reason shown for a frame without the track because the telescope pointed elsewhere."""
 SAME_PLACE_PX = 1.0
-"""Pixels within which a measurement is of a detection."""
+"""Largest distance on either axis of a measurement from its detection, pixels."""
 OUTLINE_SIGMAS = 3.0
 
 
@@ -121,22 +124,22 @@ class FrameTrack:
     is_lead: bool
     predicted: TrackState | None = None
     updated: TrackState | None = None
-    """State after the update; None where the frame did not show it."""
+    """State after the update; None where the track was not measured in the frame."""
 
     @property
     def number(self) -> str:
-        """The track's number as shown: the lead's with a star."""
+        """Number of the track as shown; the lead's has a star."""
         return track_number(self.track_id, is_lead=self.is_lead)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FrameFold:
-    """Result of a frame in the fold, in the order of the record."""
+    """Result of the fold for one frame, in the order of the record."""
 
     before: LoopState
     """The loop's state when the frame was reduced."""
     records: tuple[Record, ...] = ()
-    """Records of the fold: TrackState, NotFollowed, Miss, StateChange."""
+    """Records that the fold made: TrackState, NotFollowed, Miss, StateChange."""
 
     @property
     def state(self) -> LoopState:
@@ -147,41 +150,41 @@ class FrameFold:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class NightFrame:
-    """Everything on record of one exposure; empty where nothing is."""
+    """Everything on record of one exposure; fields are empty where nothing is on record."""
 
     frame_id: int = 0
     began_utc_ns: int | None = None
-    """Start of exposure by the header, else the time of its record, UTC nanoseconds."""
+    """Start of exposure by the frame's header, else the time of its record, UTC nanoseconds."""
     state_before: LoopState | None = None
-    """State of the loop at the exposure; None where it is not on record."""
+    """State of the loop when the exposure was taken; None where that is not on record."""
     tau: float = 0.0
-    """The detector's tau in force at the exposure."""
+    """Value of the setting ``detector.tau`` in force at the exposure."""
     settings: Mapping[str, float | int | str] = field(default_factory=dict)
-    """Settings changed between the session's begin and its processing, by dotted name."""
+    """Settings changed from the session's beginning to the processing of this frame, by name."""
     taken: FrameTaken | None = None
     detections: Detections | None = None
     solution: Solution | NotSolved | None = None
     measurements: tuple[Measurement, ...] = ()
     predicted: TrackState | None = None
-    """The lead track's prediction."""
+    """The lead track's prediction; None where there is none."""
     updated: TrackState | None = None
-    """The lead track's state after its measurement; the first state of a track too."""
+    """The lead track's state after its measurement, or a new lead's first state; None: neither."""
     tracks: tuple[FrameTrack, ...] = ()
-    """Predictions and updates of all its tracks."""
+    """Predictions and updates of all tracks in the frame."""
     not_followed: tuple[NotFollowed, ...] = ()
     misses: tuple[Miss, ...] = ()
     closeup: Closeup | None = None
-    """Place of its close-up at full resolution."""
+    """Record of the place of its close-up at full resolution; None without a close-up."""
     decision: Ruling | None = None
-    """The operator's last decision on it."""
+    """The operator's last decision on the frame; None without a decision."""
     orbits: tuple[OrbitEstimate, ...] = ()
     names: tuple[Identified, ...] = ()
     fold: FrameFold | None = None
-    """Result in the fold; None for a frame not folded, and until its records are complete."""
+    """Result of the fold; None for a frame that is not folded, or not yet read to its end."""
     changes: tuple[StateChange, ...] = ()
-    """Changes of the loop's state in it, by the fold and by others."""
+    """Changes of the loop's state in the frame, by the fold and by others."""
     first: "NightFrame | None" = None
-    """Frame as it was before the operator's decision had it processed again."""
+    """The frame before the operator's decision had it processed again; None: processed once."""
 
     @property
     def t_mid_utc_ns(self) -> int:
@@ -190,7 +193,7 @@ class NightFrame:
 
     @property
     def has_time(self) -> bool:
-        """True where its mid-exposure is known."""
+        """True where the frame's mid-exposure is known."""
         return self.taken is not None and self.taken.t_mid_utc_ns is not None
 
     @property
@@ -200,60 +203,60 @@ class NightFrame:
 
     @property
     def found(self) -> tuple[Detection, ...]:
-        """Its detections."""
+        """Detections of the frame."""
         return () if self.detections is None else self.detections.detections
 
     @property
     def track(self) -> TrackState | None:
-        """The lead track's best state at mid-exposure: updated, else predicted."""
+        """The lead track's best state at mid-exposure: updated, else predicted; None: neither."""
         return self.updated or self.predicted
 
     @property
     def all_measured(self) -> tuple[Measurement, ...]:
-        """Its measurements and that of the operator's decision."""
+        """Measurements of the frame, with the measurement that the operator's decision took."""
         taken = None if self.decision is None else self.decision.taken
         return self.measurements if taken is None else (*self.measurements, taken)
 
     @property
     def measured(self) -> Measurement | None:
-        """The measurement that the lead took."""
+        """The measurement that the lead track took; None where it took none."""
         named = None if self.updated is None else self.updated.measurement_id
         return next((m for m in self.all_measured if m.measurement_id == named), None)
 
     @property
     def followed(self) -> Measurement | None:
-        """The measurement chosen by the operator, else the one the lead took."""
+        """The measurement chosen by the operator, else the one the lead took; None: neither."""
         taken = None if self.decision is None else self.decision.taken
         return self.measured if taken is None else taken
 
     @property
     def others(self) -> tuple[Measurement, ...]:
-        """Measurements that the lead did not take."""
+        """Measurements of the frame that the lead track did not take."""
         measured = self.measured
         return tuple(m for m in self.measurements if m is not measured)
 
     @property
     def beside(self) -> dict[int, TrackState]:
-        """The other tracks' best states in it, by track id."""
+        """Best states (updated, else predicted) of the tracks other than the lead, by track id."""
         states = {each.track_id: each.updated or each.predicted for each in self._not_led()}
         return {number: state for number, state in states.items() if state is not None}
 
     @property
     def miss(self) -> Miss | None:
-        """The lead's miss; None where it was measured, or where there was no track."""
+        """The lead track's miss; None where it was measured, or where there was no track."""
         others = {each.track_id for each in self._not_led()}
         own = (each for each in reversed(self.misses) if each.track_id not in others)
         return next(own, None)
 
     @property
     def missed(self) -> str | None:
-        """Reason why the lead was not measured, in words."""
+        """Reason why the lead track was missed, in words; None where it was not missed."""
         miss = self.miss
         return None if miss is None else text(miss.reason)
 
     @property
     def is_miss_outside_field(self) -> bool:
-        """True where the lead was missed because its predicted position was not in the field."""
+        """True where the lead was missed because its predicted position was outside the field."""
         miss = self.miss
         return miss is not None and is_without_detection(miss) and self.is_lead_outside
 
@@ -266,69 +269,72 @@ class NightFrame:
         return tuple(each for each in self.tracks if not each.is_lead)
 
     def track_of(self, measured: Measurement) -> FrameTrack | None:
-        """Return the track that took a measurement; None where none did."""
+        """Return the track that took a measurement; None where no track took it."""
         named = measured.measurement_id
         taken_by = (t for t in self.tracks if t.updated and t.updated.measurement_id == named)
         return next(taken_by, None)
 
     def streak_of(self, measured: Measurement) -> Detection | None:
-        """Return the detection of a measurement; None for one by hand."""
+        """Return the detection of a measurement; None for a mark by hand."""
         return next((each for each in self.found if is_of_streak(each, measured)), None)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FrameRow:
-    """One exposure as the plots show it."""
+    """Values of one exposure that the plots show."""
 
     frame_id: int
     is_reduced: bool = False
-    """True where the frame's detections are known."""
+    """True where the frame's detections or its miss are on record."""
     confidence: float | None = None
-    """Confidence of the best detection above tau; None without one."""
+    """Confidence of the best detection above tau; None without a detection."""
     miss: str | None = None
     refused: tuple[float, str] | None = None
-    """The likeliest streak that was not accepted: its confidence, and why; None without one."""
+    """Confidence of the likeliest streak that was not accepted, and why; None: there is none."""
     is_followed: bool = False
-    """True where the track took a measurement of it."""
+    """True where the track took a measurement in the frame."""
     residual_arcsec: tuple[float, float] | None = None
-    """(d alpha cos delta, d delta), measured minus predicted; None where nothing was measured."""
+    """Innovation (RA on the sky, Dec), arcsec; None where nothing was measured."""
     sigma_arcsec: tuple[float, float] | None = None
-    """One sigma of the residual; of the prediction where nothing was measured."""
+    """One sigma of the innovation, arcsec; of the prediction where nothing was measured."""
     nis: float | None = None
     facts: Mapping[str, float | None] = field(default_factory=dict)
-    """Its ``FRAME_FACTS`` by name."""
+    """Values of ``FRAME_FACTS`` of the frame, by name."""
     t_utc_ns: int | None = None
     """Start of exposure, UTC nanoseconds."""
     mount_icrs_deg: tuple[float, float] | None = None
-    """RA and Dec that the mount reported, ICRS, degrees."""
+    """RA and Dec that the mount reported, ICRS, degrees; None: it reported none."""
     plate_icrs_deg: tuple[float, float] | None = None
-    """RA and Dec of its centre by the plate solution, ICRS, degrees."""
+    """RA and Dec of the frame's centre by its plate solution, ICRS, degrees; None: not solved."""
     rotation_deg: float | None = None
-    """Rotation of its plate, east of north, degrees."""
+    """Position angle of the frame's +y axis by its plate solution, east of north, degrees."""
     was_sought: bool = True
-    """True where it was pointed at the object in a state that looks for one: else no miss."""
+    """True where the frame was pointed at the object, while the loop searched or followed.
+
+    Where it is False, a missing measurement is no miss.
+    """
     settings: Mapping[str, float | int | str] = field(default_factory=dict)
-    """Settings changed between the session's begin and its processing, by dotted name."""
+    """Settings changed from the session's beginning to the processing of this frame, by name."""
     is_solved: bool | None = None
-    """True where it was plate-solved; None while that is not known."""
+    """True where the frame was plate-solved; None while that is not known."""
     is_cloudy: bool = False
-    """True where the lead's miss in it is attributed to cloud."""
+    """True where the miss of the lead track in the frame is attributed to cloud."""
     is_by_orbit: bool = False
-    """True where its residual is from the orbit's prediction: the filter's own had failed."""
+    """True where the innovation is relative to the orbit's prediction: the filter's had failed."""
 
     @property
     def fwhm_px(self) -> float | None:
-        """FWHM of its stars, pixels."""
+        """FWHM of the frame's stars, pixels; None where it is not known."""
         return self.facts.get("star_fwhm_px")
 
     @property
     def zero_point_mag(self) -> float | None:
-        """Zero point in magnitudes: the sky's transparency."""
+        """Photometric zero point of the frame, magnitudes: a measure of the sky's transparency."""
         return self.facts.get("zero_point_mag")
 
 
 def row_of(frame: NightFrame) -> FrameRow:
-    """Return a frame's row of the plots."""
+    """Return the values of a frame that the plots show."""
     seen, plate, taken, updated = frame.detections, frame.solution, frame.taken, frame.updated
     miss, is_elsewhere = frame.miss, frame.is_miss_outside_field
     hidden_by = () if miss is None or is_elsewhere else miss.reason.hidden_by
@@ -363,12 +369,12 @@ def row_of(frame: NightFrame) -> FrameRow:
 
 
 def track_number(track_id: int, *, is_lead: bool) -> str:
-    """Return a track's number, the lead's with a star."""
+    """Format a track's number; the lead's gets a star."""
     return f"{track_id}*" if is_lead else f"{track_id}"
 
 
 def predicted_sigma_arcsec(track: TrackState) -> tuple[float, float]:
-    """Return one sigma (east, north) on the sky of a state's position."""
+    """Return one sigma (east, north) on the sky of a state's position, arcsec."""
     cos_dec = math.cos(math.radians(track.x[2]))
     east_deg = math.sqrt(max(track.P[0][0], 0.0)) * cos_dec
     return east_deg * 3600.0, math.sqrt(max(track.P[2][2], 0.0)) * 3600.0
@@ -377,7 +383,10 @@ def predicted_sigma_arcsec(track: TrackState) -> tuple[float, float]:
 def outline_px(
     track: TrackState, solution: Solution, points: int
 ) -> tuple[tuple[float, float], ...]:
-    """Return the 3-sigma ellipse of a state's position, as pixels of the frame."""
+    """Return the 3-sigma ellipse of a state's position as ``points`` pixels (x, y) of the frame.
+
+    Points that do not fall on the plate (not finite) are left out.
+    """
     from rsoconsole.sky import sky_to_pixel
 
     ra, _, dec, _ = track.x
@@ -394,7 +403,7 @@ def outline_px(
 
 
 def is_of_streak(detection: Detection, measured: Measurement | None) -> bool:
-    """Return True if a measurement is of that detection, within ``SAME_PLACE_PX``."""
+    """Return True if a measurement is of this detection: within ``SAME_PLACE_PX`` on both axes."""
     return measured is not None and (
         abs(detection.x_px - measured.x_px) < SAME_PLACE_PX
         and abs(detection.y_px - measured.y_px) < SAME_PLACE_PX
@@ -402,7 +411,7 @@ def is_of_streak(detection: Detection, measured: Measurement | None) -> bool:
 
 
 def mount_icrs_deg(taken: FrameTaken) -> tuple[float, float] | None:
-    """Return the RA and Dec that the mount reported for a frame; None where it reported none."""
+    """Return the RA and Dec that the mount reported for a frame, ICRS, degrees; None: none."""
     ra_deg, dec_deg = taken.pointing_ra_icrs_deg, taken.pointing_dec_icrs_deg
     return None if ra_deg is None or dec_deg is None else (ra_deg, dec_deg)
 

@@ -1,4 +1,4 @@
-"""The fold of a session's records into its exposures, each with everything on record of it."""
+"""The fold of a session's records into its exposures, with everything on record of each."""
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
@@ -31,11 +31,13 @@ from rsoconsole.records import (
 )
 
 NEWEST = 16
-"""Number of last frames kept whole in a long night: an operator's decision comes within twelve
-frames, a picture within a few. While a mark is made in a frame, all frames since that one are
-kept."""
+"""Number of last frames that are kept whole in a long night.
+
+The operator decides on a frame within twelve frames, a picture comes within a few. While a mark is
+made in a frame, all frames since that frame are kept.
+"""
 MARKED_FOR = 600
-"""Frames for which a frame is kept for a mark, as in the engine (``pipeline.frame.HELD``)."""
+"""Number of frames for which a frame with a mark under way is kept (``pipeline.frame.HELD``)."""
 TAU = "detector.tau"
 FOLDED: frozenset[LoopState] = frozenset(("SEARCH", "ACQUIRE", "TRACK", "COAST", "LOST"))
 """States of the loop in which frames are folded into tracks."""
@@ -74,10 +76,10 @@ class _Reading:
 
 
 class NightFrames:
-    """Folds a session's records, in order and of every kind, into its frames.
+    """Fold of a session's records, in order and of every kind, into its frames.
 
-    A frozen frame is changed in place until it is shared: a frame has a dozen changes, a night
-    50,000 frames.
+    For speed a frame object, though frozen, is changed in place until it is shared: a frame has a
+    dozen changes, a night 50,000 frames.
     """
 
     def __init__(
@@ -87,8 +89,11 @@ class NightFrames:
         newest: int | None = None,
         on_past: Callable[[NightFrame], None] = lambda _: None,
     ) -> None:
-        """``newest``: how many of the last frames are kept, None: all; ``on_past``: called with
-        each dropped frame."""
+        """Start before the first record.
+
+        ``config``: settings that the session began with; ``newest``: how many of the last frames
+        are kept, None: all; ``on_past``: called with each frame that is no longer kept.
+        """
         self._reading = _Reading(tau=0.1 if config is None else config.detector.tau)
         self._newest, self._on_past = newest, on_past
         self._frames: dict[int, NightFrame] = {}
@@ -101,7 +106,7 @@ class NightFrames:
 
     @property
     def tau(self) -> float:
-        """The detector's tau in force now."""
+        """Value of the setting ``detector.tau`` in force now."""
         return self._reading.tau
 
     @property
@@ -111,11 +116,11 @@ class NightFrames:
 
     @property
     def state(self) -> LoopState | None:
-        """The loop's state; None before the record says."""
+        """The loop's state; None before the first record of it."""
         return self._reading.state
 
     def take(self, record: Record, t_utc_ns: int = 0) -> None:  # noqa: PLR0912
-        """Fold the next record; ``t_utc_ns``: the time of its record."""
+        """Fold the next record; ``t_utc_ns``: the time of the record in the log."""
         reading = self._reading
         match record:
             case FrameTaken():
@@ -166,28 +171,30 @@ class NightFrames:
                     reading.tau = float(record.after)
 
     def take_all(self, records: Iterable[Record]) -> "NightFrames":
-        """Fold a whole log and return itself."""
+        """Fold all records of a log; return this object."""
         for record in records:
             self.take(record)
         self.close()
         return self
 
     def of(self, frame_id: int) -> NightFrame:
-        """Return all that is on record of a frame, empty for one long past. For the moment alone:
-        it may change in its place."""
+        """Return the frame as recorded so far; an empty frame where it is no longer kept.
+
+        Use the result at once: the next record may change it in place.
+        """
         return self._frames.get(frame_id, _EMPTY)
 
     def seen(self) -> Iterator[NightFrame]:
-        """Yield the kept frames in the order of the record; they do not change in place."""
+        """Yield the kept frames in the order of the record; later records do not change them."""
         self._own.clear()
         yield from self._frames.values()
 
     def keep(self) -> tuple[Any, ...]:
-        """Return the fold's state, for ``go_back``."""
+        """Return the present state of the fold, for ``go_back``."""
         return self._reading.copy(), tuple(self.seen()), self._past
 
     def go_back(self, kept: tuple[Any, ...]) -> None:
-        """Return to a kept state, of this fold or of another one of the same night."""
+        """Return to a state that ``keep`` gave, of this or of another fold of the same night."""
         reading, frames, self._past = kept
         self._reading = reading.copy()
         self._own.clear()
@@ -282,7 +289,7 @@ class NightFrames:
         reading.open, reading.before, reading.records = frame_id, before, []
 
     def close(self) -> None:
-        """End the open frame: its records are complete."""
+        """End the frame whose records are being read: they are complete."""
         reading = self._reading
         if reading.open is None:
             return
@@ -327,11 +334,11 @@ def frames_of(records: Iterable[Record], config: Config | None = None) -> tuple[
 
 
 def is_from_outside(change: StateChange) -> bool:
-    """Return True if a change of state came from operator, instruments or limits, not the fold."""
+    """Return True if operator, instruments or limits changed the loop's state, not the fold."""
     is_between_folded = change.before in FOLDED and change.after in FOLDED
     return not is_between_folded or change.reason.kind in FROM_OUTSIDE
 
 
 def is_instrument_miss(miss: Miss) -> bool:
-    """Return True if a miss is an instrument's failure: the loop's own, with nothing to fold."""
+    """Return True if a miss is an instrument's failure, so that there was no frame to fold."""
     return miss.reason.kind == "instrument"

@@ -52,83 +52,83 @@ Level = Literal["info", "good", "warning", "alarm"]
 OF_ALARMS: frozenset[CauseKind] = frozenset(
     ("instrument", "not pointing", "limit met", "too many limits", "night ended", "clock set")
 )
-"""Causes that an alarm has already named before the state changes."""
+"""Causes of a change of state that an alarm has already named before the change."""
 SHOWN_BY_CHANGE: Mapping[str, CauseKind] = {
     Arm.verb: "armed",
     Disarm.verb: "disarmed",
     Resume.verb: "resumed",
     Seek.verb: "looked for again",
 }
-"""Causes of changes of state that say the same as a command's success, by the command's verb."""
+"""Cause of the change of state that shows a command's success, by the command's verb."""
 _CONSOLE = re.compile(r"\bconsole (?=\S+@)")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LogLine:
-    """One line of the log."""
+    """One line of the log; fields that do not apply to its record are empty."""
 
     t_utc_ns: int
     frame_id: int | None
     level: Level
     text: str
     kind: str = ""
-    """Class name of its record."""
+    """Name of the class of its record."""
     seq: int = 0
     """Place of its record in the log, counted from 1."""
     times: int = 1
-    """Number of records that it stands for."""
+    """Number of records that the line stands for."""
     turns: int = 1
-    """Number of changes of the aim between filter and orbit, this one included."""
+    """Number of switches of the aim between filter and orbit that the line stands for."""
     since_utc_ns: int | None = None
-    """Time of the first of those changes, UTC nanoseconds; None: this is the first."""
+    """Time of the first of these switches, UTC nanoseconds; None where there is only one."""
     asked: str = ""
-    """Sender of a command and the command, without its outcome; empty: no command."""
+    """Sender and text of a command, without its outcome; empty: the record is no command."""
     topic: Topic = ""
-    """Topic of an event."""
+    """Topic of an event; empty: the record is no event."""
     missed: Missed | None = None
-    """Reason why a frame had no measurement."""
+    """Reason of a miss; None: the record is no miss."""
     not_taken: str = ""
-    """Kind of the reason why a measurement was not accepted."""
+    """Kind of the reason why a measurement was not accepted; empty: no such record."""
     is_of_miss: bool = False
     """True for a change of state caused by a miss."""
     is_wanted: bool = False
-    """True for a change of state by the operator: to search again, or to a streak."""
+    """True for a change of state that the operator caused: to search again, or by a decision."""
     is_accepted: bool = False
-    """True for a command that waits for its outcome."""
+    """True for a command that was accepted and whose outcome is still to come."""
     is_of_alarm: bool = False
-    """True for a miss or change of state that the alarm just before it has named."""
+    """True for a miss or a change of state whose cause an alarm has named just before."""
     change: tuple[str, ...] = ()
-    """State before and after a change of state, and the kinds of its reasons."""
+    """State before, state after, kind of the cause, kind of the miss; empty: no change of state."""
     cause: CauseKind | Literal[""] = ""
-    """Cause of a change of state, or of the change that says as much as a command's success."""
+    """Cause of a change of state; for a command, the cause of the change that shows its success."""
     refused_by: str = ""
-    """Operator whose command was refused; empty: none was."""
+    """Operator whose command was refused; empty: the record is no refusal."""
     marked_by: str = ""
-    """Operator whose mark by hand is used; empty: none is."""
+    """Operator whose mark by hand is used as a measurement; empty: the record is no such mark."""
     setting: str = ""
-    """Setting that a record or a command changes, by dotted name."""
+    """Setting that a record or a command changes, by dotted name; empty: none."""
     tracks: tuple[int, ...] = ()
-    """Tracks that it is about, where several are followed."""
+    """Ids of the tracks that the line is about, where several are followed."""
     words: str = ""
-    """Its text without tracks, operator and level before it."""
+    """Text of the line without the tracks, operator and level that precede it."""
 
     @property
     def whole(self) -> str:
-        """Its text, with the number of records where it stands for several."""
+        """Text of the line, with the number of records where it stands for several."""
         return f"{self.text} ({self.times} times)" if self.times > 1 else self.text
 
     def of(self, tracks: tuple[int, ...]) -> "LogLine":
-        """Return the line with these tracks before its words."""
+        """Return the line with these tracks named before its words."""
         return replace(self, tracks=tracks, text=f"{tracks_words(tracks)}: {self.words}")
 
 
 def without_console(text: str) -> str:
-    """Drop the word "console" before an operator's name."""
+    """Remove the word "console" before an operator's name."""
     return _CONSOLE.sub("", text)
 
 
 def rejected_words(found: Detections | None, tau: float) -> str:
-    """Return the likeliest rejected streak of a frame at or above tau, and why; empty: none."""
+    """Describe the likeliest rejected streak with confidence tau or more; empty: there is none."""
     rejected = () if found is None else found.rejected
     likely = [each for each in rejected if each.detection.confidence >= tau]
     if not likely:
@@ -141,10 +141,10 @@ def rejected_words(found: Detections | None, tau: float) -> str:
 def line_of(
     record: Record, t_utc_ns: int, beside: str = "", *, is_one_of_several: bool = False
 ) -> LogLine | None:
-    """Return a record's line; None for a routine record.
+    """Return the log line of a record; None for a routine record.
 
-    ``beside``: words appended to its own; ``is_one_of_several``: True where several tracks are
-    followed, so that the line names its track.
+    ``beside``: words to append; ``is_one_of_several``: True where several tracks are followed, so
+    that the line names its track.
     """
     words = _words(record)
     if words is None:
@@ -293,19 +293,25 @@ def _came_of(record: OperatorAction) -> str:
 
 
 LOOK_BACK_LINES = 6
-"""Last lines searched for an accepted command, or an earlier change of the aim."""
+"""Number of last lines searched for an accepted command or an earlier switch of the aim."""
 FOLLOWED_AGAIN_LINES = 100
-"""Last lines searched for those of the frames that can be processed again."""
+"""Number of last lines searched for changes of state of a frame that is processed again."""
 
 
 def append_line(log: list[LogLine], line: LogLine) -> None:
-    """Add a line, or merge it with the lines before it that say the same.
+    """Add a line to the log, or merge it with earlier lines that say the same.
 
-    Merged are: refusals in one frame; misses in a row for one reason; frames in a row that were not
-    plate-solved or lay in cloud; a neighbour not taken frame after frame, with the numbers of all
-    tracks; the turns of the aim between orbit and filter. A change of state stands for the miss and
-    the alarm that led to it, and a command's outcome for its acceptance. A change of state that a
-    frame comes to again, when it is processed again, is said once.
+    Merged into one line are:
+
+    - refusals of measurements in one frame;
+    - misses in a row for the same reason;
+    - frames in a row that were not plate-solved, or lay in cloud;
+    - the same neighbour not taken in frame after frame, with the numbers of all tracks;
+    - switches of the aim between orbit and filter.
+
+    A change of state replaces the miss and the alarm that led to it, and a command's outcome
+    replaces its acceptance. A change of state that repeats when its frame is processed again is
+    left out.
     """
     if line.kind != "StateChange" or not _is_repeated(log, line):
         _append_news(log, line)

@@ -1,4 +1,4 @@
-"""Figures of merit of a night: the label and the wording of each, wherever they are shown."""
+"""Figures of merit of a night: label and wording of each, for all places that show them."""
 
 from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple
@@ -7,7 +7,7 @@ from rsoconsole.words import number
 
 
 class MeritFigure(NamedTuple):
-    """Figure of merit of a night: its label, and the format of its value."""
+    """A figure of merit: its label, and the function that formats its value."""
 
     label: str
     words: Callable[[Any], str]
@@ -30,6 +30,6 @@ MISSES = MeritFigure("misses", lambda f: str(f.misses))
 STATE = MeritFigure("state", lambda f: f.state or "-")
 
 TUNED = (RMS, NIS_MEAN, LOG_L, INSIDE, MISSES, STATE)
-"""Figures compared for a setting on trial over the last frames."""
+"""Figures of merit that compare settings over the last frames."""
 NIGHT = (LOCK, UPDATES, MISSES, RMS, NIS_MEAN, BAND, INSIDE)
-"""Figures compared for a setting on trial over a whole night."""
+"""Figures of merit that compare settings over a whole night."""

@@ -1,4 +1,4 @@
-"""The fold of a session's records into a night that can be shown at any moment."""
+"""The fold of a session's records into a night that can be viewed at any moment."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -46,7 +46,7 @@ from rsoconsole.records import (
 
 
 class Night:
-    """Folds a session's records, in order, and gives views of the night so far."""
+    """Fold of a session's records, in order, that gives views of the night so far."""
 
     def __init__(
         self,
@@ -56,7 +56,11 @@ class Night:
         *,
         newest: int | None = NEWEST,
     ) -> None:
-        """``newest``: how many of the last frames are kept whole; None: all."""
+        """Start before the first record.
+
+        ``about``: metadata of the session; ``newest``: how many of the last frames are kept whole;
+        None: all.
+        """
         self._now = NightView(
             folder=folder,
             title=str(about.get("title") or ""),
@@ -68,7 +72,7 @@ class Night:
         self._tracks = CurrentTracks()
         self._site = config.site.to_site() if config is not None else None
         self.frames = NightFrames(config, newest=newest, on_past=self._keep_row)
-        """Exposures; the last ones with everything on record of them."""
+        """The exposures; only the last are kept whole."""
         self._rows: dict[int, FrameRow] = {}
         self._kept_rows: Chunks[FrameRow] = ()
         self._log: list[LogLine] = []
@@ -92,7 +96,7 @@ class Night:
         )
 
     def keep(self) -> NightCheckpoint:
-        """Return the night as it is now, for ``go_back``."""
+        """Return a checkpoint of the night as it is now, for ``go_back``."""
         self._kept_rows = in_chunks([*self._all_rows().values()], self._kept_rows)
         self._kept_log = in_chunks(self._log, self._kept_log)
         return NightCheckpoint(
@@ -104,14 +108,14 @@ class Night:
         )
 
     def go_back(self, kept: NightCheckpoint) -> None:
-        """Return to a kept place, kept by this fold or by another of the same night."""
+        """Return to a checkpoint of this fold or of another fold of the same night."""
         self._now, self._tracks = replace(kept.now), kept.tracks
         self.frames.go_back(kept.frames)
         self._rows = {row.frame_id: row for chunk in kept.rows for row in chunk}
         self._log = [line for chunk in kept.log for line in chunk]
 
     def forget_log(self) -> None:
-        """Drop the log lines so far, as those of a log that was read in part."""
+        """Discard the log lines so far, as they are incomplete where the log was read in part."""
         self._log.clear()
 
     @property
@@ -121,7 +125,7 @@ class Night:
 
     @property
     def slew(self) -> SlewCommand | None:
-        """Last slew command to the mount; None where it no longer counts."""
+        """Last slew command; None before the first, and once the mount has been armed again."""
         return self._now.slew
 
     @property
@@ -135,7 +139,7 @@ class Night:
         return self._now.is_read
 
     def row(self, frame_id: int) -> FrameRow | None:
-        """Return a frame's row of the plots; None for a frame that has not been taken."""
+        """Return a frame's values for the plots; None for a frame that has not been taken."""
         return self._all_rows().get(frame_id)
 
     @property
@@ -144,24 +148,27 @@ class Night:
         return tuple(self._log)
 
     def frame(self, frame_id: int) -> NightFrame:
-        """Return everything on record of a frame; empty for one long past."""
+        """Return everything on record of a frame; an empty frame where it is no longer kept."""
         return next((f for f in self.frames.seen() if f.frame_id == frame_id), NightFrame())
 
     def newest_frames(self) -> tuple[int, ...]:
-        """Return the numbers of the last frames that the camera gave, newest first."""
+        """Return the numbers of the kept frames that the camera gave, newest first."""
         taken = [each.frame_id for each in self.frames.seen() if each.taken is not None]
         return tuple(reversed(taken))
 
     def mark_past_read(self) -> None:
-        """Note that the past has been read: every further record is news."""
+        """Mark the session's past as read: every further record is news."""
         self._now.is_read = True
 
     def close(self) -> None:
-        """Note that the session is closed: no record follows."""
+        """Mark the session as closed: no record follows."""
         self._now.is_closed = True
 
     def take(self, t_utc_ns: int, record: Record, seq: int | None = None) -> None:
-        """Fold the next record of the log; ``seq``: its place there, None: the next one."""
+        """Fold the next record; ``t_utc_ns``: time of the record.
+
+        ``seq``: place of the record in the log; None: the next place.
+        """
         now = self._now
         # A record that could not be written leaves an alarm at instant 0 in its place.
         now.last_utc_ns = max(t_utc_ns, now.last_utc_ns or 0) or None

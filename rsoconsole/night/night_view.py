@@ -1,4 +1,4 @@
-"""A night at one instant, as screens show it, and a place of the log to return to."""
+"""A night at one instant, as screens show it, and a checkpoint to return to."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -25,13 +25,13 @@ from rsoconsole.sky import largest_sigma
 
 Item = TypeVar("Item")
 Chunks: TypeAlias = tuple[tuple[Item, ...], ...]
-"""Items in order, in chunks of ``CHUNK``."""
+"""Items in order, cut into chunks of ``CHUNK`` items."""
 CHUNK = 256
-"""Items in a chunk: kept places of a night share the chunks that are alike."""
+"""Number of items in a chunk; checkpoints of a night share chunks that are equal."""
 
 
 def in_chunks(items: Sequence[Item], before: Chunks[Item]) -> Chunks[Item]:
-    """Cut items into chunks, taking those of ``before`` that are the same."""
+    """Cut items into chunks; chunks that are equal to those of ``before`` are taken from there."""
     chunks = []
     for number, start in enumerate(range(0, len(items), CHUNK)):
         chunk = tuple(items[start : start + CHUNK])
@@ -46,20 +46,23 @@ LAST_FRAMES = 8
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LastMeasured:
-    """Measurement that the lead track took of one of the last frames."""
+    """A measurement that the lead track took in one of the last frames."""
 
     frame_id: int
     t_utc_ns: int
     source: str
     sigma_arcsec: float
-    """One sigma along the longer axis of its error ellipse."""
+    """One sigma along the longer axis of the measurement's error ellipse."""
     nis: float | None
 
 
 def last_measured(
     frames: Iterable[NightFrame], rows: Mapping[int, FrameRow]
 ) -> tuple[LastMeasured, ...]:
-    """Return the measurements of the last ``LAST_FRAMES`` frames, newest first."""
+    """Return the lead's measurements in the last ``LAST_FRAMES`` frames, newest first.
+
+    ``rows``: the frames' values for the plots, by frame number.
+    """
     pairs = ((frame.followed, rows.get(frame.frame_id)) for frame in [*frames][-LAST_FRAMES:])
     found = (
         LastMeasured(
@@ -83,7 +86,7 @@ class Pointing:
     ra_icrs_deg: float
     dec_icrs_deg: float
     is_ordered: bool = False
-    """True for the target of a slew from which there is no frame yet."""
+    """True for the target of a slew after which no frame has come yet."""
     alt_deg: float | None = None
     az_deg: float | None = None
     """Azimuth in degrees; None where the session does not give its site."""
@@ -91,7 +94,7 @@ class Pointing:
 
 @dataclass(slots=True, kw_only=True)
 class NightView:
-    """Session at one instant; one given by ``Night.view`` does not change any more."""
+    """A session at one instant; a view that ``Night.view`` gave does not change any more."""
 
     folder: Path | None = None
     title: str = ""
@@ -102,11 +105,11 @@ class NightView:
     seq: int = 0
     """Place in the log of the last folded record."""
     is_read: bool = False
-    """True where the past has been read to its end: further records are news."""
+    """True where the session's past has been read to its end: further records are news."""
     has_ended: bool = False
-    """True where its engine ended as ordered, with the mount at rest."""
+    """True where the engine ended as ordered, with the mount at rest."""
     fault: str | None = None
-    """Reason why the session cannot be read at this moment; None: it can."""
+    """Reason why the session cannot be read at this moment; None: it can be read."""
     tau: float = 0.1
     rows: tuple[FrameRow, ...] = ()
     log: tuple[LogLine, ...] = ()
@@ -117,63 +120,64 @@ class NightView:
     frame: FrameTaken | None = None
     pointing: Pointing | None = None
     track: TrackState | None = None
-    """The lead track's state."""
+    """The lead track's last state; None without a lead."""
     beside: Mapping[int, TrackState] = field(default_factory=dict)
-    """The other tracks of the last frame, by track id."""
+    """States of the tracks other than the lead in the last frame, by track id."""
     timing: CycleTiming | None = None
     slew: SlewCommand | None = None
     track_frame_id: int = 0
-    """Frame in which the last lead track began."""
+    """Number of the frame in which the last lead track began."""
     track_since_utc_ns: int | None = None
-    """Mid-exposure of that frame, UTC nanoseconds."""
+    """Mid-exposure of ``track_frame_id``, UTC nanoseconds."""
     orbit: OrbitEstimate | None = None
-    """Orbit of the lead track, or of the last one."""
+    """Last orbit of the lead track, or of the last lead where there is none now."""
     orbit_utc_ns: int | None = None
-    """Time at which that orbit was found, UTC nanoseconds."""
+    """Time at which ``orbit`` was found, UTC nanoseconds."""
     orbits: Mapping[int, OrbitEstimate] = field(default_factory=dict)
     """Last orbit of every track, by track id."""
     identified: Identified | None = None
-    """Identification of the lead track, or of the last one."""
+    """Last identification of the lead track, or of the last lead where there is none now."""
     identifications: Mapping[int, Identified] = field(default_factory=dict)
     """Last identification of every track, by track id."""
     changed: Mapping[str, float | int | str] = field(default_factory=dict)
     """Settings changed since the session began, by dotted name."""
     measured: tuple[LastMeasured, ...] = ()
-    """Measurements that the lead took of the last frames, newest first."""
+    """Measurements that the lead took in the last frames, newest first."""
     tracks: tuple[FollowedTrack, ...] = ()
-    """All followed tracks, by their numbers."""
+    """All followed tracks, in the order of their numbers."""
     dropped: tuple[int, ...] = ()
-    """Tracks whose dropping may still be undone, the last one last."""
+    """Ids of dropped tracks that may still be restored, the latest last."""
     pairs: tuple[PairMotion, ...] = ()
-    """Relative motions of the tracks, as of the last frame."""
+    """Last relative motion of each pair of tracks."""
     expected: ExpectedMembers | None = None
-    """Catalogued objects that should be in the field, as of the last look at the catalogue."""
+    """Catalogued objects that should be in the field, by the last comparison with the catalogue."""
     being_fitted_again: frozenset[int] = frozenset()
-    """Tracks whose orbit is from before the operator's last decision on a frame, by track id."""
+    """Ids of tracks whose orbit does not yet include the operator's last decision on a frame."""
     kept_track: TrackState | None = None
-    """Lead track as it was ended by a command: it may be followed again; None: there is none."""
+    """Lead track that a command ended and a command may resume; None: there is no such track."""
 
     @property
     def last_seen_utc_ns(self) -> int | None:
-        """Mid-exposure of the lead's last measurement; None where the record does not say."""
+        """Mid-exposure of the lead's last measurement, UTC nanoseconds; None: none is on record."""
         return next((each.measured_utc_ns for each in self.tracks if each.is_lead), None)
 
     @property
     def is_in_cloud(self) -> bool:
-        """True where the lead coasts, and its miss in the newest frame is attributed to cloud."""
+        """True where the lead coasts and its miss in the newest frame is attributed to cloud."""
         last = next((row for row in reversed(self.rows) if row.is_reduced), None)
         return self.state == "COAST" and last is not None and last.is_cloudy
 
     @property
     def is_orbit_past(self) -> bool:
-        """True where the orbit is of a track that has ended."""
+        """True where ``orbit`` is of a track that no longer leads."""
         orbit = self.orbit
         return orbit is not None and (self.track is None or orbit.track_id != self.track.track_id)
 
     def setting(self, name: str, changed: Mapping[str, Any] | None = None) -> Any:
         """Return the value of a setting in force; None where it is not on record.
 
-        ``name``: dotted; ``changed``: the settings changed by then, None: by now.
+        ``name``: dotted; ``changed``: the settings changed until the instant of interest; None:
+        until now.
         """
         changed = self.changed if changed is None else changed
         if name in changed:
@@ -184,9 +188,9 @@ class NightView:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class NightCheckpoint:
-    """Night as it was at one place of the log, for ``Night.go_back``.
+    """The night at one place in the log, for ``Night.go_back``.
 
-    Rows, frames and lines are shared with the night and among kept places.
+    Rows, frames and log lines are shared with the night and with other checkpoints.
     """
 
     now: NightView
@@ -197,7 +201,7 @@ class NightCheckpoint:
 
 
 def above_horizon(pointing: Pointing, site: Site) -> Pointing:
-    """Add altitude and azimuth to a pointing that has none yet."""
+    """Return a pointing with altitude and azimuth at a site; unchanged where it has them."""
     if pointing.alt_deg is not None:
         return pointing
     from rsoconsole.sky import icrs_to_altaz

@@ -12,16 +12,16 @@ from rsoconsole.tracking import Consistency, consistency, mean_band
 
 
 class FilterUpdate(NamedTuple):
-    """Innovation of a measurement with its sigmas and NIS."""
+    """Innovation of a filter update, with its sigmas and its NIS."""
 
     residual_arcsec: tuple[float, float]
-    """Measured minus predicted, arcsec: right ascension on the sky, declination."""
+    """Innovation (RA on the sky, Dec), arcsec."""
     sigma_arcsec: tuple[float, float] | None
     nis: float | None
 
     @property
     def is_inside(self) -> bool:
-        """True where the residual lies within 3 sigma on both axes."""
+        """True where the innovation lies within 3 sigma on both axes; False without sigmas."""
         if self.sigma_arcsec is None:
             return False
         pairs = zip(self.residual_arcsec, self.sigma_arcsec, strict=True)
@@ -29,7 +29,10 @@ class FilterUpdate(NamedTuple):
 
     @property
     def log_likelihood(self) -> float | None:
-        """Log likelihood of the innovation. Source: Bar-Shalom et al. 2001, ch. 5.4."""
+        """Log likelihood of the innovation; None without NIS or sigmas.
+
+        Source: Bar-Shalom et al. 2001, ch. 5.4.
+        """
         if self.sigma_arcsec is None or self.nis is None or min(self.sigma_arcsec) <= 0.0:
             return None
         return -math.log(2.0 * math.pi * math.prod(self.sigma_arcsec)) - 0.5 * self.nis
@@ -37,36 +40,38 @@ class FilterUpdate(NamedTuple):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Quality:
-    """Figures of a number of updates; None where no update gives one.
+    """Figures of merit of some filter updates; None where no update gives a figure.
 
-    Residuals are measured minus predicted, of every measurement that the track took.
+    Residuals are innovations (measured minus predicted) of every measurement that the track took.
     """
 
     updates: int
     residual_rms_arcsec: float | None
-    """Root mean square of both axes together, arcsec."""
+    """Root mean square of the residuals, both axes together, arcsec."""
     residual_east_rms_arcsec: float | None
     residual_north_rms_arcsec: float | None
     nis_mean: float | None
-    """Mean normalised innovation squared: 2 for a sound filter."""
+    """Mean NIS; 2 for a consistent filter."""
     nis_band: tuple[float, float] | None
-    """Bounds of that mean for a sound filter, 95 times in 100."""
+    """Bounds within which the mean NIS of a consistent filter lies with probability 95 %."""
     inside_3sigma: float | None
-    """Share of updates whose residual lies within 3 sigma on both axes; 0.995 for a sound one."""
+    """Fraction of updates with a residual within 3 sigma on both axes; 0.995 when consistent."""
     log_likelihood_mean: float | None
-    """Mean log likelihood of the innovations in arcsec: the larger, the likelier. The
-    correlation of the two axes counts in the NIS alone."""
+    """Mean log likelihood of the innovations, which are in arcsec; larger is better.
+
+    The correlation of the two axes enters by the NIS alone.
+    """
 
     @property
     def is_nis_sound(self) -> bool | None:
-        """True where the mean NIS lies in its band; None without one."""
+        """True where the mean NIS lies within ``nis_band``; None where it is not known."""
         if self.nis_mean is None or self.nis_band is None:
             return None
         return self.nis_band[0] <= self.nis_mean <= self.nis_band[1]
 
 
 def updates_of(states: Iterable[TrackState | None]) -> list[FilterUpdate]:
-    """Return the updates among some states of a track."""
+    """Return the updates among a track's states: those that have an innovation."""
     return [
         FilterUpdate(each.innovation_arcsec, each.sigma_innovation_arcsec, each.nis)
         for each in states
@@ -75,7 +80,7 @@ def updates_of(states: Iterable[TrackState | None]) -> list[FilterUpdate]:
 
 
 def quality_of(updates: Sequence[FilterUpdate]) -> Quality:
-    """Compute the figures of some updates."""
+    """Compute the figures of merit of some filter updates."""
     nis = [each.nis for each in updates if each.nis is not None]
     terms = [term for each in updates if (term := each.log_likelihood) is not None]
     east, north = (rms([each.residual_arcsec[axis] for each in updates]) for axis in (0, 1))
@@ -92,12 +97,12 @@ def quality_of(updates: Sequence[FilterUpdate]) -> Quality:
 
 
 def rms(values: Sequence[float]) -> float | None:
-    """Return the root mean square; None of no values."""
+    """Return the root mean square of values; None without values."""
     return math.sqrt(fmean(value**2 for value in values)) if values else None
 
 
 def consistency_of(frames: Iterable[NightFrame]) -> Consistency:
-    """Test the filter by the lead track's newest updates."""
+    """Judge the consistency of the filter by the lead track's newest updates."""
     updates = [each for each in updates_of(f.updated for f in frames) if each.nis is not None]
     nis = [each.nis for each in updates if each.nis is not None]
     return consistency(nis, [each.residual_arcsec for each in updates])

@@ -18,14 +18,13 @@ from rsoconsole.words import text
 
 Row = dict[str, Any]
 Logged = tuple[int, int, Any]
-"""Record in its place: (place in the log, UTC nanoseconds, record), as the reader gives it."""
+"""A record with its place: (place in the log, UTC nanoseconds, record), as the reader gives it."""
 
 
 def rows_of(name: str, log: Sequence[Logged], files: Iterable[Row] = ()) -> list[Row]:
-    """Return the rows of a public table, in the order of the log.
+    """Return the rows of the public table ``name``, in the order of the log.
 
-    ``name``: name of the table; ``files``: rows of the session's view ``frames``, which knows the
-    files.
+    ``files``: rows of the session's view ``frames``, from which columns about files are taken.
     """
     table = TABLES[name]
     rows = list(_rows(table, log))

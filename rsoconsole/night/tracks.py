@@ -12,40 +12,40 @@ from rsoconsole.words import identity, text
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class NightTrack:
-    """One track at the session's end, without records replaced by the operator's decisions."""
+    """One track at the session's end, without records that the operator's decisions replaced."""
 
     number: int
-    """Its number in the session."""
+    """Number of the track in the session."""
     states: tuple[TrackState, ...]
     """States in order of time: predicted, initial, updated."""
     measurements: tuple[Measurement, ...]
-    """Measurements that it took in order of time, with its first where that is on record."""
+    """Measurements that the track took, in order of time, with the first where it is on record."""
     orbit: OrbitEstimate | None = None
-    """Its last orbit."""
+    """Last orbit of the track; None without an orbit."""
     identified: Identified | None = None
-    """Its last identification."""
+    """Last identification of the track; None without one."""
     missed: Mapping[int, str] = field(default_factory=dict)
-    """Reasons why it was missed, in words, by frame number."""
+    """Reasons why frames missed the track, in words, by frame number."""
     lost: str = ""
-    """Reason why the fold gave it up, in words; empty: it did not."""
+    """Reason why the fold last gave the track up, in words; empty: it did not."""
     ended: str = ""
-    """Cause of its end, in words; empty: none is on record."""
+    """Cause of the track's end (given up, or dropped by the operator), in words; empty: neither."""
 
     @property
     def name(self) -> str | None:
-        """Its name in the catalogue; None where that is unknown or ambiguous."""
+        """Name of the object in the catalogue; None unless it is identified."""
         found = self.identified
         is_known = found is not None and found.verdict == "identified" and bool(found.matches)
         return self.object_words if is_known else None
 
     @property
     def object_words(self) -> str:
-        """Its name in catalogue or ledger, "?" where in doubt; or that none fits."""
+        """Identity of the object in words: INTELSAT 14, UCT 7?, not in catalogue; "-": none yet."""
         return one_line(identity(self.identified))
 
     @property
     def quality(self) -> Quality:
-        """Quality of its updates: how well they met their predictions."""
+        """Figures of merit of the track's updates: how well measurements met their predictions."""
         return quality_of(updates_of(self.states))
 
 
@@ -61,7 +61,7 @@ class _Parts:
 
 
 def tracks_of(frames: Iterable[NightFrame]) -> dict[int, NightTrack]:
-    """Return the tracks of a night's frames by their numbers."""
+    """Gather the tracks of a night's frames, by track number."""
     parts: dict[int, _Parts] = {}
     measured: dict[str, Measurement] = {}
     for frame in sorted(frames, key=lambda each: each.frame_id):

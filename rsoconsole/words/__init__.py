@@ -1,7 +1,7 @@
-"""Facts, reasons and figures of a night in words, in forms by width: worded here alone.
+"""Wording of a night's facts, reasons and figures, in forms of several widths.
 
-Pure functions of records and plain values: no ink, no fitting to a width, no JSON. Nothing is
-ever decided by the words.
+All other rooms take their words from here. Pure functions of records and plain values: no colours,
+no fitting to a width, no JSON. No decision depends on the words.
 """
 
 from lazy_loader import attach_stub

@@ -33,7 +33,10 @@ def _format_sexagesimal(value: float, decimals: int) -> str:
 def direction(
     ra_deg: float, dec_deg: float, form: Literal["screen", "measured", "bare"] = "screen"
 ) -> str:
-    """Format a direction: α 05:32:11.0 δ -04:52:10; measured: a digit more, bare: no signs."""
+    """Format a direction: α 05:32:11.0 δ -04:52:10.
+
+    ``form``: "measured" gives both angles one digit more, "bare" also leaves out α and δ.
+    """
     if form == "screen":
         return f"α {format_ra(ra_deg, 1)} δ {format_dec(dec_deg, 0)}"
     ra, dec = format_ra(ra_deg), format_dec(dec_deg)
@@ -46,7 +49,10 @@ def altaz(alt_deg: float | None, az_deg: float | None) -> str:
 
 
 def angle(arcsec: float, form: Literal["line", "cell"] = "line") -> str:
-    """Format an angle's size: 3.12″, 4.2′, 1.72°; in a cell of five columns 0.45″, 3.1″."""
+    """Format the size of an angle: 3.12″, 4.2′, 1.72°.
+
+    ``form``: "cell" fits into five columns: 0.45″, 3.1″.
+    """
     size, digits = abs(arcsec), 1 if form == "cell" else 2
     if size < 100.0:
         return f"{size:.{2 if size < 0.95 else digits}f}″"
@@ -59,18 +65,21 @@ def signed_angle(arcsec: float) -> str:
 
 
 def error_figure(value: float) -> str:
-    """Format an error to two digits."""
+    """Format an error: two significant digits below 10, a whole number from there on."""
     return f"{value:.0f}" if value >= 10.0 else f"{value:.2g}"
 
 
 def plus_minus(value: float, sigma: float | None) -> str:
-    """Format a value with its sigma, to the sigma's last digit: 42165±9, .0002±.0001."""
+    """Format a value with its sigma, both to the sigma's first digit: 42165±9, .0002±.0001."""
     texts = with_sigma(value, sigma)
     return "±".join(text.removeprefix("0") if "." in text else text for text in texts if text)
 
 
 def with_sigma(value: float, sigma: float | None, *, digits: int = 1) -> tuple[str, str]:
-    """Return value and sigma to the last of ``digits`` of the sigma; empty where there is none."""
+    """Return value and sigma as texts, both rounded to ``digits`` digits of the sigma.
+
+    The sigma's text is empty where the sigma is None, not finite, or not above 0.
+    """
     if sigma is None or not (math.isfinite(sigma) and sigma > 0.0):
         return f"{value:.5g}", ""
     decimals = min(max(digits - 1 - math.floor(math.log10(sigma)), 0), _MAX_DECIMALS)
@@ -79,7 +88,7 @@ def with_sigma(value: float, sigma: float | None, *, digits: int = 1) -> tuple[s
 
 
 def number(value: float | None, form: str, unit: str = "") -> str:
-    """Format a figure with its unit by a Python format; "-" where there is none."""
+    """Format a number by the Python format ``form``, with its unit; "-" for None."""
     return "-" if value is None else f"{value:{form}}{unit}"
 
 
@@ -94,12 +103,12 @@ def joined(words: Sequence[str]) -> str:
 
 
 def short_figure(value: float) -> str:
-    """Format a figure to two decimals, without the zero before the point."""
+    """Format a number to two decimals, without the zero before the point: .83."""
     return f"{value:.2f}".removeprefix("0")
 
 
 def file_size(size_bytes: float) -> str:
-    """Format a size in decimal units, as disks are sold."""
+    """Format a size in decimal units: 340 kB, 12.0 MB, 1.5 GB."""
     for unit, factor in (("GB", 1e9), ("MB", 1e6)):
         if size_bytes >= factor:
             return f"{size_bytes / factor:.1f} {unit}"

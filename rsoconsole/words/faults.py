@@ -12,12 +12,12 @@ TAKE_DARK = "give a dark of that exposure"
 
 
 def no_night(twilight_deg: float) -> str:
-    """Say that it does not get dark, for a limit of the Sun's altitude."""
+    """Say that the Sun does not sink to the altitude ``twilight_deg`` within a day."""
     return f"the Sun does not sink to {twilight_deg:+.1f} deg here within a day"
 
 
 def no_direction(ra_deg: float, dec_deg: float) -> str:
-    """Say that two figures are no right ascension and declination in degrees; empty: they are."""
+    """Say that two numbers are no right ascension and declination in degrees; empty: they are."""
     if -360.0 <= ra_deg <= 360.0 and abs(dec_deg) <= 90.0:
         return ""
     return f"RA {ra_deg:g}, Dec {dec_deg:g} is no direction in degrees"

@@ -13,14 +13,20 @@ def semi_major_axis_words(a_km: float, sigma_a_km: float) -> str:
 
 
 def due_words(what: str, t_utc_ns: int, now_utc_ns: int, form: Clock = "minute") -> str:
-    """Format a coming event: sets 04:23Z (2h00)."""
+    """Format a coming event with the time left: sets 04:23Z (2h00).
+
+    ``what``: the event; ``form``: of its time.
+    """
     return f"{what} {clock(t_utc_ns, form)} ({duration_words((t_utc_ns - now_utc_ns) / NS_PER_S)})"
 
 
 def set_or_rise_words(
     t_utc_ns: int | None, now_utc_ns: int, form: Clock = "minute", *, is_up: bool
 ) -> str:
-    """Say when an object sets that is up, or rises that is below."""
+    """Say when an object that is up sets, or an object that is down rises.
+
+    ``t_utc_ns``: time of the event; None: not within a day.
+    """
     if t_utc_ns is None:
         return f"does not {'set' if is_up else 'rise'} within a day"
     return due_words("sets" if is_up else "rises", t_utc_ns, now_utc_ns, form)
@@ -32,7 +38,11 @@ def eclipse_words(
     now_utc_ns: int,
     form: Clock = "minute",
 ) -> str:
-    """Say when an eclipse begins and ends, or that it has begun."""
+    """Say when an eclipse begins and ends, or that it has begun.
+
+    ``eclipse_utc_ns``: its begin and end (None: not known), or None for no eclipse within a day. An
+    eclipse that begins before ``from_utc_ns`` has begun.
+    """
     if eclipse_utc_ns is None:
         return "no eclipse within a day"
     begins, ends = eclipse_utc_ns
@@ -47,13 +57,13 @@ def separation_words(pair: PairMotion) -> str:
 
 
 def separation_rate_words(pair: PairMotion) -> str:
-    """Format the rate of a separation: -1.44 ± 0.03″/min, below 0 while they approach."""
+    """Format the rate of a separation: -1.44 ± 0.03″/min, negative while the pair approaches."""
     sigma = pair.sigma_separation_rate_arcsec_min
     return f"{pair.separation_rate_arcsec_min:+.2f} ± {sigma:.2f}″/min"
 
 
 def closest_words(pair: PairMotion) -> str:
-    """Say how near a pair comes and when, or that they part."""
+    """Say how near a pair comes and when, or that the pair parts."""
     hours = pair.horizon_s / 3600.0
     if pair.closest == "now":
         return f"they part, looked {hours:.1f} h ahead"
@@ -65,7 +75,7 @@ def closest_words(pair: PairMotion) -> str:
 
 
 def unseen_words(name: str, member: UnseenMember) -> str:
-    """Say which expected object is missing, where in the frame, and why it may not be seen."""
+    """Say where in the frame an expected object is missing, and why it may not be visible."""
     whys = (("in shadow", member.is_lit), ("at the edge", member.is_usable))
     why = ", ".join(words for words, is_plain in whys if not is_plain)
     return f"{name} x {member.x_px:.0f} y {member.y_px:.0f} {why}".rstrip()
@@ -77,7 +87,7 @@ def catalogued_name(name: str | None, norad_id: int) -> str:
 
 
 def identity(found: Identified | None) -> str:
-    """Format an identity: INTELSAT 14, UCT 7?, not in catalogue; "-": none yet, "?": doubt."""
+    """Format an identity: INTELSAT 14, UCT 7?, not in catalogue; "-": none yet, "?": in doubt."""
     if found is None:
         return "-"
     if found.verdict == "unknown":
@@ -90,12 +100,12 @@ def identity(found: Identified | None) -> str:
 
 
 def offset_words(match: CatalogueMatch) -> str:
-    """Format the separation from a catalogue orbit: 0.45″, 3.1″, 4.2′."""
+    """Format the separation of a track from a catalogued object: 0.45″, 3.1″, 4.2′."""
     return angle(match.separation_arcsec, "cell")
 
 
 def match_words(match: CatalogueMatch) -> list[str]:
-    """Format a catalogue match: 98%, 3.1″ off, elements 0.4 d old."""
+    """Return the parts of a catalogue match in words: 98%, 3.1″ off, elements 0.4 d old."""
     return [
         probability_words(match.probability),
         f"{offset_words(match)} off",
@@ -110,7 +120,7 @@ def ledger_words(past: LedgerName) -> str:
 
 
 def probability_words(probability: float) -> str:
-    """Format a probability in percent, at most ">99%", at least "<1%"."""
+    """Format a probability in per cent, between "<1%" and ">99%"."""
     if probability >= 0.995:
         return ">99%"
     return "<1%" if probability < 0.005 else f"{probability:.0%}"

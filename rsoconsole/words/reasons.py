@@ -1,4 +1,4 @@
-"""Reasons as sentences: the only module that words them. Nothing is ever decided by the words."""
+"""Reasons as sentences: the only module that words them. No decision depends on the words."""
 
 from typing import assert_never
 
@@ -131,7 +131,7 @@ _MISSED: dict[MissKind, str] = {
 
 
 def text(reason: Reason) -> str:  # noqa: PLR0911 -- one case a kind
-    """Say a reason as a sentence."""
+    """Return a reason as a sentence."""
     match reason:
         case BelowTau():
             return f"confidence {reason.confidence:.2f} below tau {reason.tau:.2f}"
@@ -183,7 +183,11 @@ def _result(result: CommandResult) -> str:  # noqa: PLR0911 -- one case a kind
 
 
 def answered_text(ms: float, path: str, ordered_ms: float | None) -> str:
-    """Say that the mount's driver has answered a STOP, and how fast."""
+    """Say that the mount's driver answered a STOP, after how long, and by which path.
+
+    ``ms``: time until the answer; ``path``: key of ``STOP_PATHS``; ``ordered_ms``: time until the
+    STOP was ordered, None: not known.
+    """
     way = STOP_PATHS.get(path, path)
     return f"ABORT answered in {ms:.0f} ms by {way}{ordered_text(ordered_ms)}"
 
@@ -196,7 +200,11 @@ def measured_text(
     why: str = "",
     remedy: str = f"{CUT_POWER} if it does",
 ) -> str:
-    """Say how a STOP ended and how long it took, or that it is not known and the remedy."""
+    """Say how a STOP ended: the mount stands, tracks, still moves, or that this is not known.
+
+    ``rate_deg_s``: rate at which the mount still moves; ``seconds``: time until it was at rest;
+    ``why``, ``remedy``: for an end that is not known.
+    """
     if motion is None or motion == "unknown":
         return unmeasured_text(why, remedy)
     if motion == "moves":
@@ -210,19 +218,22 @@ def unmeasured_text(why: str, remedy: str) -> str:
 
 
 def rate_text(rate_deg_s: float) -> str:
-    """Format an angular rate in a unit of its size."""
+    """Format an angular rate: in deg/s from 0.1 deg/s on, below that in arcsec/s."""
     if rate_deg_s >= 0.1:
         return f"{rate_deg_s:.1f} deg/s"
     return f"{rate_deg_s * 3600.0:.0f} arcsec/s"
 
 
 def ordered_text(ordered_ms: float | None, within: str = "; {}", unknown: str = "") -> str:
-    """Say how soon a STOP was ordered, whatever its outcome."""
+    """Say how soon a STOP was ordered: "; ordered in 12 ms".
+
+    ``within``: template of the words; ``unknown``: result where the time is None.
+    """
     return unknown if ordered_ms is None else within.format(f"ordered in {ordered_ms:.0f} ms")
 
 
 def decision_text(result: CommandResult) -> str:
-    """Say the outcome of a decision on a frame that has been named before."""
+    """Say the outcome of a decision on a frame, without naming the frame."""
     if result.sigma_arcsec is not None:
         return _mark_text(result, result.sigma_arcsec)
     beside = f", {result.left_alone} left alone" if result.left_alone else ""

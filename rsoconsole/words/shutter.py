@@ -10,7 +10,10 @@ OLD_DAYS = 180
 
 
 def mode_words(mode: tuple[object, ...], others: str = "any exposure") -> str:
-    """Format a camera's mode, ``2 s, 1x1, 4656 x 3520 px, gain 139``; ``others``: for any time."""
+    """Format a camera's mode: ``2 s, 1x1, 4656 x 3520 px, gain 139``.
+
+    ``others``: words for a mode without an exposure time.
+    """
     exposure_s, binning, width_px, height_px, x0_px, y0_px, gain, time_by = mode
     parts = [others if exposure_s is None else f"{exposure_s:g} s"]
     parts += [str(binning)] if binning else []
@@ -35,7 +38,7 @@ def timing_words(timing: CalibratedTiming, today: date) -> str:
 
 
 def errors_words(timing: CalibratedTiming) -> str:
-    """Format a calibration's errors alone."""
+    """Format only the errors of a calibration: of bias, scatter and line time."""
     line = timing.line_time_sigma_us
     lines = "lines not measured" if line is None else f"lines ±{line:.1f} µs"
     return (
@@ -45,7 +48,7 @@ def errors_words(timing: CalibratedTiming) -> str:
 
 
 def line_time_words(timing: CalibratedTiming) -> str:
-    """Format the line time, and whether it was measured."""
+    """Format the line time with its sigma, or with the remark that it was not measured."""
     value = f"{timing.line_time_us:.1f}"
     if timing.line_time_sigma_us is None:
         return f"{value} µs (not measured)"
@@ -58,13 +61,13 @@ def age_days(timing: CalibratedTiming, today: date) -> int:
 
 
 def age_words(timing: CalibratedTiming, today: date) -> str:
-    """Format a calibration's age."""
+    """Format a calibration's age: of today, 1 day old, 3 days old."""
     days = age_days(timing, today)
     return "of today" if days == 0 else "1 day old" if days == 1 else f"{days} days old"
 
 
 def shutter_words(exposure: ExposureConfig, today: date) -> str:
-    """Format the shutter's calibration in one line: that of the newest mode."""
+    """Format the newest calibration of the shutter in one line, with the number of other modes."""
     if not exposure.calibrated:
         return (
             f"shutter not calibrated: ±{exposure.timing_sigma_s * 1e3:g} ms assumed,"

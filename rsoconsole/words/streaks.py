@@ -10,9 +10,9 @@ PLAIN = ("satellite", "undetermined")
 
 
 def streak_name(streak: Detection) -> str:
-    """Format a streak's kind, class with probability, and train; empty where all is undetermined.
+    """Format a streak's kind, class with probability, and train: crossing, aircraft 0.83.
 
-    A whole streak is named by its class alone.
+    The kind "streak" and the class "undetermined" are left out; empty where nothing remains.
     """
     return streak_name_words(
         streak.kind, streak.object_class, streak.class_probability, train=streak.train
@@ -20,7 +20,7 @@ def streak_name(streak: Detection) -> str:
 
 
 def streak_name_words(kind: str, object_class: str, probability: float, *, train: int) -> str:
-    """Format single figures as ``streak_name`` does."""
+    """Format kind, class, probability and train given singly, as ``streak_name`` does."""
     words = [] if kind == "streak" else [kind]
     if object_class != "undetermined":
         words.append(f"{object_class} {probability:.2f}")
@@ -30,7 +30,7 @@ def streak_name_words(kind: str, object_class: str, probability: float, *, train
 
 
 def short_name_of(streak: Detection) -> str:
-    """Return a streak's class, else its kind, in one word; empty for neither."""
+    """Return a streak's class in one word, else its kind; empty where neither says anything."""
     if streak.object_class != "undetermined":
         return streak.object_class
     return "" if streak.kind == "streak" else streak.kind
@@ -42,21 +42,21 @@ def size_of(streak: Detection) -> str:
 
 
 def parts_of(streak: Detection) -> list[str]:
-    """Format a streak's size, SNR, name and pulse, each as one part."""
+    """Return a streak's size, SNR, name and pulse in words, one item each, without empty items."""
     snr = f"SNR {streak.snr:.0f}" if streak.snr else ""
     parts = (size_of(streak), snr, streak_name(streak), streak_pulse_words(streak))
     return [each for each in parts if each]
 
 
 def streak_pulse_words(streak: Detection) -> str:
-    """Format period and depth of a streak's varying light; empty where it is steady."""
+    """Format period and depth of a streak's varying brightness; empty where it is steady."""
     return pulse_words(
         streak.modulation_period_px, streak.modulation_period_s, streak.modulation_depth
     )
 
 
 def pulse_words(period_px: float | None, period_s: float | None, depth: float | None) -> str:
-    """Format single figures as ``streak_pulse_words`` does."""
+    """Format period and depth given singly, as ``streak_pulse_words`` does."""
     if period_px is None:
         return ""
     period = f"{period_px:.1f} px"
@@ -66,7 +66,7 @@ def pulse_words(period_px: float | None, period_s: float | None, depth: float | 
 
 
 def notable_streaks(streaks: Iterable[Detection]) -> str:
-    """Name the streaks that start no track in one line; empty where there are none."""
+    """Name the streaks that start no track, and how many of each, in one line; empty: none."""
     counts = Counter(
         streak_name(each)
         for each in streaks

@@ -29,14 +29,17 @@ def utc_ns_to_iso(t_utc_ns: int, decimals: int = 3) -> str:
 
 
 def clock(t_utc_ns: int | None, form: Clock = "second", zone: str = "Z") -> str:
-    """Format an instant: 05:39:40Z, 05:39Z, 2026-07-14 05:39:40Z; dashes where it is not known."""
+    """Format an instant: 05:39:40Z, 05:39Z, 2026-07-14 05:39:40Z; dashes where it is not known.
+
+    ``form``: which of these; ``zone``: ending of the text.
+    """
     if not t_utc_ns:
         return ("--:--" if form == "minute" else "--:--:--") + zone
     return utc_ns_to_iso(t_utc_ns, 0)[_CUTS[form]].replace("T", " ") + zone
 
 
 def date_span_words(first_utc_ns: int | None, last_utc_ns: int | None) -> str:
-    """Format a span of time from its ends, the day once where it is one."""
+    """Format a span of time; the date is written once where both ends have the same."""
     if first_utc_ns is None or last_utc_ns is None:
         return "nothing on record yet"
     days = [clock(each, "day", "") for each in (first_utc_ns, last_utc_ns)]
@@ -45,7 +48,7 @@ def date_span_words(first_utc_ns: int | None, last_utc_ns: int | None) -> str:
 
 
 def duration_words(seconds: float, form: Literal["cell", "line"] = "cell") -> str:
-    """Format a duration: 8s, 12m04, 3h05; in a line 8 s, 12 min 4 s, 3 h 5 min."""
+    """Format a duration: 8s, 12m04, 3h05; ``form`` "line": 8 s, 12 min 4 s, 3 h 5 min."""
     whole = max(int(seconds), 0)
     hours, minutes, rest = whole // 3600, whole // 60 % 60, whole % 60
     if form == "cell" and hours:
@@ -57,10 +60,10 @@ def duration_words(seconds: float, form: Literal["cell", "line"] = "cell") -> st
 
 
 def time_left_words(seconds: float) -> str:
-    """Format a remaining time in whole minutes, under two in seconds."""
+    """Format the time left: in minutes, below two minutes in seconds."""
     return f"{seconds / 60:.0f} min" if seconds >= 120.0 else f"{max(seconds, 0.0):.0f} s"
 
 
 def element_age_words(days: float) -> str:
-    """Format the age of elements at an instant: 0.4 d old, 0.2 d younger."""
+    """Format the age of elements: 0.4 d old; a negative age: 0.2 d younger."""
     return f"{abs(days):.1f} d {'old' if days >= 0.0 else 'younger'}"

@@ -1,5 +1,6 @@
-"""The night for others: tables, CCSDS tracking messages, IOD lines, solved frames, DS9 regions.
+"""Sessions in the formats of others, and reading of others' observations.
 
-Reads sessions and branches, writes files beside them, and reads what others wrote. May touch
-session, pipeline and all below; the report is drawn by ``notebook.report``, a floor above.
+Tables, CCSDS tracking messages, IOD lines, solved frames, DS9 regions: sessions and branches are
+read, files are written beside them. May import session, pipeline and all below;
+``notebook.report``, a layer above, draws the report.
 """

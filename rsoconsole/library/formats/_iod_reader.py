@@ -1,8 +1,8 @@
-"""Reader of IOD lines, all angle formats; a missing value is None.
+"""Reader of IOD and UK lines, all angle formats; a missing value is None.
 
-Strict in the columns, as the format is: a line that is one column off is none, also in those of
-sky, behaviour, magnitude and flash period, which are not read. Digits that are missing at
-the end of a time or an angle are zeros, and ``t_step_ns`` says how fine the time is.
+The columns are checked strictly: a line that is one column off is no IOD line, even where the fault
+is in a field that is not read (sky, behaviour, magnitude, flash period). Missing digits at the end
+of a time or an angle count as zeros; ``t_step_ns`` is the step of the last digit given.
 """
 
 import math
@@ -42,18 +42,18 @@ _LINE = re.compile(
     re.VERBOSE | re.ASCII,
 )
 EPOCHS = {"1": 1855, "2": 1875, "3": 1900, "4": 1950, "5": 2000, "6": 2050}
-"""Year of the equinox by code; 0 and blank are the equinox of date."""
+"""Year of the equinox by the line's code; codes 0 and blank mean the equinox of date."""
 _FIRST_SATELLITE = 57
-"""Smallest two-digit year of the last century."""
+"""Two-digit years from this one on are of the 1900s, smaller ones of the 2000s."""
 _ARCSEC_BY_CODE = {1: 1.0, 2: 60.0, 3: 3600.0, 4: 1.0, 5: 60.0, 6: 3600.0, 7: 3600.0}
 """Unit of the position's uncertainty by angle format, arcsec."""
 HORIZONTAL = (4, 5, 6)
-"""Angle formats of azimuth and elevation."""
+"""Angle formats whose two angles are azimuth and elevation."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class IodObservation:
-    """One observation line."""
+    """One observation from an IOD or UK line; None for what the line does not state."""
 
     norad_id: int | None
     cospar: str | None
@@ -61,21 +61,21 @@ class IodObservation:
     station: str
     t_utc_ns: int
     t_step_ns: int
-    """Step of the time's last digit."""
+    """Step of the last digit given of the time, nanoseconds."""
     time_sigma_s: float | None
     angle_format: int | None
-    """4 to 6: azimuth and elevation, else right ascension and declination."""
+    """Angle format, 1 to 7: 4 to 6 are azimuth and elevation, the others RA and Dec."""
     epoch_year: int | None
-    """Year of the equinox; None: equinox of date, or no angles."""
+    """Year of the equinox; None for the equinox of date, and for a line without angles."""
     first_deg: float | None
-    """Right ascension, or azimuth."""
+    """Right ascension (in formats 4 to 6 azimuth), degrees."""
     second_deg: float | None
-    """Declination, or elevation."""
+    """Declination (in formats 4 to 6 elevation), degrees."""
     position_sigma_arcsec: float | None
 
 
 def parse_iod(line: str) -> IodObservation:
-    """The observation in one line. Raises ExportError."""
+    """Parse one IOD line. Raises ExportError for a line of another form."""
     match = _LINE.match(line.rstrip("\r\n"))
     if match is None:
         raise ExportError(f"{line.strip()[:50]!r} does not keep the columns of an IOD line")
@@ -105,7 +105,7 @@ def parse_iod(line: str) -> IodObservation:
 
 
 def full_year(two_digits: str) -> int:
-    """Full year of two digits, of a launch or an observation: 57 to 99 are 1957 to 1999."""
+    """Return the full year of two digits: 57 to 99 are 1957 to 1999, 00 to 56 are 2000 to 2056."""
     year = int(two_digits)
     return year + (1900 if year >= _FIRST_SATELLITE else 2000)
 
@@ -124,9 +124,11 @@ def _mx(text: str) -> float:
 
 
 def angles_of(code: int, first: str, sign: str, second: str) -> tuple[float, float]:
-    """Both angles in degrees, of IOD and UK lines; missing digits at the end are zeros.
+    """Return both angles of an IOD or UK line, degrees.
 
-    Minutes and seconds above 59 are carried over as written. Raises ExportError beyond the range.
+    ``code``: the angle format; ``sign``: of the second angle. Missing digits at the end count as
+    zeros; minutes and seconds above 59 are carried over as written. Raises ExportError for an angle
+    out of range.
     """
     first_of, second_of = _FORMATS[code]
     one = first_of(first)
@@ -193,7 +195,7 @@ _UK_LINE = re.compile(
 
 
 def parse_uk(line: str) -> IodObservation:
-    """The observation in one line. Raises ExportError."""
+    """Parse one UK line. Raises ExportError for a line of another form."""
     match = _UK_LINE.match(line.rstrip("\r\n"))
     if match is None:
         raise ExportError(f"{line.strip()[:50]!r} does not keep the columns of a UK line")

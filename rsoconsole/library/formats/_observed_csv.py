@@ -1,7 +1,8 @@
-"""Observations in tables with named columns: CSV, ECSV and JSON lines of this program or of others.
+"""Reader of observations in tables with named columns: CSV, ECSV and JSON lines.
 
-A column is known by its name, capitals and units' spelling aside. Degrees are taken unless a name
-says ``_rad`` or ``_hours``; sigmas are in arcsec on the sky unless a name says ``_deg``.
+The tables are this program's own or others'. A column is known by its name, in which capitals and
+the spelling of the unit do not matter. Angles are in degrees unless the name says ``_rad`` or
+``_hours``; sigmas are in arcsec on the sky unless the name says ``_deg``.
 """
 
 import csv
@@ -22,24 +23,24 @@ class ObservedRow:
     """One observed direction: astrometric, ICRS."""
 
     where: str
-    """File and line, for people."""
+    """File and line of the row, for error messages."""
     t_utc_ns: int
     ra_icrs_deg: float
     dec_icrs_deg: float
     sigma_ra_arcsec: float | None = None
-    """One sigma on the sky. None: the file states none."""
+    """One sigma of right ascension on the sky, arcsec; None where the file states none."""
     sigma_dec_arcsec: float | None = None
     correlation: float = 0.0
     time_sigma_s: float | None = None
-    """One sigma of the time, beside the direction's own error; None where that includes it."""
+    """One sigma of the time, s, to be added to the direction's error; None: nothing to add."""
     target: str | None = None
-    """Name of the object in the file; None where it names none."""
+    """Name of the object in the file; None where the file names none."""
     station: str | None = None
-    """Name of the station in the file."""
+    """Name of the station in the file; None where the file names none."""
     site: Site | None = None
-    """Site of the station, where the file states it."""
+    """Site of the station; None where the file does not state it."""
     is_degrees: bool = False
-    """True where the written form leaves no doubt about the unit."""
+    """True where the column's name or the file's format leaves no doubt about the angles' unit."""
 
 
 _TIME = ("t_mid_utc", "time_utc", "obtime", "utc", "time", "epoch", "date_obs", "datetime", "t")
@@ -76,7 +77,11 @@ NEEDED = (
 
 
 def read_table(text: str, name: str) -> tuple[ObservedRow, ...]:
-    """The rows of such a text. Raises ExportError naming the line that is none."""
+    """Read the rows of a table; ``name`` is what errors call the file.
+
+    In tables of this program, rows that no track took and streaks cut by the frame's edge are left
+    out. Raises ExportError that names the line that cannot be read.
+    """
     plain = [line for line in text.splitlines() if not line.startswith("#")]
     first = next((line for line in plain if line.strip()), "")
     if first.lstrip().startswith("{"):
@@ -90,7 +95,7 @@ def read_table(text: str, name: str) -> tuple[ObservedRow, ...]:
 
 
 def looks_like_table(text: str) -> bool:
-    """True where the first line of a text names columns, or is a JSON object."""
+    """True where the first line names columns of RA and Dec, or is a JSON object with such keys."""
     for line in text.splitlines():
         if line.startswith("#") or not line.strip():
             continue
@@ -237,7 +242,7 @@ def _number(text: str, where: str) -> float:
 
 
 def ecsv_site(text: str) -> Site | None:
-    """Site of the telescope in the head of an ECSV of this program."""
+    """Return the site in the header of this program's ECSV; None where there is none."""
     found = {
         key: re.search(rf"^#.*\b{key}: (-?[0-9.]+)", text, re.MULTILINE)
         for key in ("latitude_deg", "longitude_deg", "elevation_m")
@@ -249,9 +254,11 @@ def ecsv_site(text: str) -> Site | None:
 
 
 def stations_of(path: Path, text: str) -> dict[str, Site]:
-    """Places of stations: ``2701 ME 43.6876 -79.3924 230 Name``, as observers keep them.
+    """Read a file of stations: their sites by station number.
 
-    Raises ExportError naming the line that is none.
+    A line is ``2701 ME 43.6876 -79.3924 230 Name``: number, letters, latitude and longitude
+    (degrees, east positive), height in metres, name. Raises ExportError that names the line that
+    cannot be read.
     """
     found: dict[str, Site] = {}
     for number, line in enumerate(text.splitlines(), start=1):

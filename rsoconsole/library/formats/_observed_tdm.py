@@ -1,4 +1,7 @@
-"""Directions from others' Tracking Data Messages: at mid-exposure, corrected, by station."""
+"""Conversion of others' Tracking Data Messages to directions at mid-exposure.
+
+Corrections that a message states but has not applied are applied here.
+"""
 
 from collections.abc import Sequence
 
@@ -14,7 +17,10 @@ _ABERRATIONS = ("CORRECTION_ABERRATION_YEARLY", "CORRECTION_ABERRATION_DIURNAL")
 
 
 def rows_of_tdm(message: Tdm, name: str) -> tuple[ObservedRow, ...]:
-    """Directions of a message. Raises ExportError where it has none that can be used."""
+    """Return the RA-Dec directions of a message at mid-exposure, with its corrections applied.
+
+    ``name`` is what errors call the message. Raises ExportError where it has no usable directions.
+    """
     found: list[ObservedRow] = []
     for number, segment in enumerate(message.segments, start=1):
         found.extend(_of_segment(segment, f"{name}, segment {number}"))

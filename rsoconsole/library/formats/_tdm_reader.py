@@ -1,7 +1,7 @@
-"""Reader of Tracking Data Messages: knows every keyword of the standard, keeps the angles.
+"""Reader of Tracking Data Messages: knows every keyword of the standard, returns the angles.
 
-Keyword = value form, versions 1.0 and 2.0, times in UTC. Whatever the standard does not allow
-raises ExportError with the number of the line.
+Reads the keyword = value form and XML, versions 1.0 and 2.0, times in UTC. Anything that the
+standard does not allow raises ExportError with the number of the line.
 """
 
 import re
@@ -68,34 +68,34 @@ _DATA = {
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TdmAngles:
-    """Both angles of one epoch, with their errors where the message's comments state them."""
+    """Both angles of one epoch; the errors are None unless the message's comments state them."""
 
     t_utc_ns: int
     angle_1_deg: float
-    """Right ascension where the segment's ANGLE_TYPE is RADEC."""
+    """First angle: right ascension where the segment's ANGLE_TYPE is RADEC."""
     angle_2_deg: float
     sigma_1_arcsec: float | None = None
-    """One sigma on the sky: times the cosine of the second angle."""
+    """One sigma of the first angle on the sky (times the cosine of the second angle)."""
     sigma_2_arcsec: float | None = None
     correlation: float | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TdmSegment:
-    """One track: its metadata and its angles."""
+    """One segment of a message, which holds one track: its metadata and its angles."""
 
     metadata: Mapping[str, str]
-    """Values by keyword, as written."""
+    """Values by keyword, as the message states them."""
     comments: tuple[str, ...]
     angles: tuple[TdmAngles, ...]
-    """Epochs that have both, in the order of the file."""
+    """Epochs that have both angles, in the order of the file."""
     others: int
-    """Number of data lines other than these angles."""
+    """Number of data lines that are not part of ``angles``."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Tdm:
-    """A Tracking Data Message."""
+    """A Tracking Data Message: its version, its header and its segments."""
 
     version: str
     header: Mapping[str, str]
@@ -104,9 +104,9 @@ class Tdm:
 
 
 def parse_tdm(text: str, name: str = "the message") -> Tdm:
-    """The message in a text, keyword = value or XML; ``name`` is what errors call it.
+    """Parse a message in keyword = value form or XML; ``name`` is what errors call it.
 
-    Raises ExportError, with the line's number, where it is none.
+    Raises ExportError, with the number of the line, for a text that is no such message.
     """
     text = text.removeprefix("\ufeff")
     is_xml = text.lstrip().startswith("<")

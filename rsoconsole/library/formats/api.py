@@ -1,4 +1,4 @@
-"""Export in every format but the report, which the layer above draws."""
+"""Export of sessions in every format but the report, which ``notebook.report`` draws."""
 
 import csv
 import io
@@ -23,7 +23,7 @@ from rsoconsole.library.formats.tdm import ORIGINATOR, to_tdm, unclipped, xml_of
 from rsoconsole.words import utc_ns_to_iso
 
 MARKING = "U"
-"""Unclassified, as the UDL writes it."""
+"""Classification marking of the UDL: unclassified."""
 DESCRIPTOR = (
     "astrometric: relative to catalogue stars, no aberration in it, light time not taken out;"
     " obTime is mid-exposure"
@@ -32,7 +32,10 @@ _DEG2_PER_ARCSEC2 = 1.0 / 3600.0**2
 
 
 def to_udl(night: ExportedNight, tracks: Iterable[int], options: "ExportOptions") -> str:
-    """EOObservation records of these tracks as JSON, without streaks that the frame cuts."""
+    """Return the measurements of these tracks as JSON, in EOObservation records of the UDL.
+
+    Streaks cut by the frame's edge are left out. Of ``options``, target and originator are used.
+    """
     found: list[dict[str, Any]] = []
     for track in tracks:
         rows = unclipped(night.of_track(track))
@@ -91,7 +94,7 @@ TIME, DIRECTION = "t_mid_utc", "direction"
 
 
 def to_csv(rows: Iterable[MeasuredRow]) -> str:
-    """A head line with the columns' names, then a line a measurement."""
+    """Return the rows as CSV: a line with the columns' names, then one line a measurement."""
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow(_NAMES)
@@ -101,7 +104,7 @@ def to_csv(rows: Iterable[MeasuredRow]) -> str:
 
 
 def to_jsonl(rows: Iterable[MeasuredRow]) -> str:
-    """One object a measurement, a line each."""
+    """Return the rows as JSON lines, one object for each measurement."""
     return "".join(
         json.dumps({name: row.value(name) for name in _NAMES}, allow_nan=False) + "\n"
         for row in rows
@@ -109,9 +112,10 @@ def to_jsonl(rows: Iterable[MeasuredRow]) -> str:
 
 
 def to_ecsv(night: ExportedNight) -> str:
-    """A table with units and descriptions; its ``meta`` is ``ExportedNight.facts``.
+    """Return a session's measurements as ECSV, with units and descriptions of the columns.
 
-    Read back by astropy, ``t_mid_utc`` is a ``Time`` and ``direction`` a ``SkyCoord``.
+    The table's ``meta`` is ``ExportedNight.facts``. Read by astropy, ``t_mid_utc`` is a ``Time``
+    and ``direction`` a ``SkyCoord``.
     """
     import numpy as np
     from astropy.coordinates import SkyCoord
@@ -159,10 +163,10 @@ Format = Literal[TextFormat, FrameFormat]
 TEXT_FORMATS: tuple[str, ...] = get_args(TextFormat)
 FRAME_FORMATS: tuple[str, ...] = get_args(FrameFormat)
 MESSAGES = ("tdm", "tdm-xml", "iod", "udl")
-"""Formats that carry the measurements of tracks."""
+"""Formats that hold only measurements taken by tracks, as messages for others."""
 _ENDINGS: Mapping[str, str] = {"tdm-xml": "tdm.xml", "udl": "udl.json"}
 FOLDER = Path("branches") / "exports"
-"""Default folder of exports inside a session."""
+"""Default folder of exports, relative to the session's folder."""
 _SUFFIXES: Mapping[FrameFormat, str] = {"fits": ".fits.fz", "regions": ".reg"}
 
 
@@ -171,26 +175,26 @@ class ExportOptions:
     """Options of an export."""
 
     everything: bool = False
-    """True: tables also hold what the operator refused and what their decision replaced."""
+    """True: tables also hold refused measurements and the results that a decision replaced."""
     track: int | None = None
-    """Only track in TDM, IOD and UDL; None: all tracks."""
+    """Id of the only track in TDM, IOD and UDL; None: all tracks."""
     target: Target = field(default_factory=Target)
-    """Catalogue numbers of the track's object."""
+    """Catalogue numbers of the observed object, in TDM, IOD and UDL."""
     station: str = STATION
-    """Number of the observing site in IOD lines."""
+    """Number of the observing station in IOD lines."""
     sky: str = " "
-    """State of the sky in IOD lines, one of E, G, F, P, B, T."""
+    """State of the sky in IOD lines: one of E, G, F, P, B, T, or blank for not stated."""
     site_line: bool = False
-    """True: IOD lines begin with one of the station and its place, as in posts to SeeSat-L."""
+    """True: IOD lines follow a comment with the station's place, as in posts to SeeSat-L."""
     originator: str = ORIGINATOR
-    """Originator in TDM and UDL."""
+    """Originator in TDM, source in UDL."""
     frames: tuple[int, ...] | None = None
-    """Only frames in FITS and regions; None: all frames."""
+    """Numbers of the only frames in FITS and regions; None: all frames."""
     is_forced: bool = False
     """True: existing files are overwritten."""
 
     def __post_init__(self) -> None:
-        """Raises ExportError for what cannot be written."""
+        """Check the options. Raises ExportError for a value that cannot be written."""
         check_station(self.station, self.sky)
 
 
@@ -199,24 +203,24 @@ class Export:
     """Result of an export."""
 
     path: Path | None = None
-    """The file; the folder where each frame has its own; None where only a text was made."""
+    """File, or folder with a file for each frame; None where no file was written."""
     files: tuple[Path, ...] = ()
     format: str
     measurements: int
     tracks: int
     left_out: Mapping[str, int] = field(default_factory=dict)
-    """Number of measurements that are not in it, by reason."""
+    """Number of measurements left out of the export, by reason."""
     is_simulated: bool
 
 
 def export(
     session: Path, kind: Format, out: Path | None = None, options: ExportOptions | None = None
 ) -> Export:
-    """Write a session or a branch in another format, whole files or none.
+    """Write a session or a branch in another format; each file is written whole or not at all.
 
-    ``out``: a file, or for ``fits`` and ``regions`` a folder; None means ``branches/exports`` in
-    the session. Raises SessionError for what is no session, ExportError for what cannot be
-    exported, for files that exist (unless ``is_forced``) and where nothing can be written.
+    ``out``: a file, or for ``fits`` and ``regions`` a folder; None: ``branches/exports`` in the
+    session. Raises SessionError for a folder that is no session; ExportError for what cannot be
+    exported, for files that exist (unless ``options.is_forced``) and where nothing can be written.
     """
     options = options or ExportOptions()
     if kind not in (*TEXT_FORMATS, *FRAME_FORMATS):
@@ -233,7 +237,11 @@ def export(
 def save_text(
     session: Path, text: str, made: Export, out: Path | None, *, is_forced: bool
 ) -> Export:
-    """Write a session's exported text to its file. Raises ExportError."""
+    """Write an exported text to ``out``, or with None to the session's folder of exports.
+
+    ``made``: summary of the export, returned with the path added; ``is_forced``: overwrite an
+    existing file. Raises ExportError.
+    """
     path = out
     if path is None:
         ending = _ENDINGS.get(made.format, made.format)
@@ -243,7 +251,10 @@ def save_text(
 
 
 def render(session: Path, kind: TextFormat, options: ExportOptions) -> tuple[str, Export]:
-    """The text of a format that has one, and what is in it. Raises as ``export`` does."""
+    """Return the text of an export and the export's summary, without writing a file.
+
+    Raises as ``export`` does.
+    """
     night = read_night(session, everything=options.everything and kind not in MESSAGES)
     if kind in MESSAGES:
         return _messages(night, kind, options)
@@ -262,7 +273,10 @@ def render(session: Path, kind: TextFormat, options: ExportOptions) -> tuple[str
 
 
 def write_file(path: Path, content: bytes, *, is_forced: bool) -> None:
-    """Write a whole file in its place, or none. Raises ExportError."""
+    """Write a file whole or not at all; ``is_forced``: overwrite an existing one.
+
+    Raises ExportError.
+    """
     if path.is_dir():
         raise ExportError(f"{path} is a folder: name a file with --out")
     if path.exists() and not is_forced:

@@ -1,10 +1,10 @@
-"""IOD lines, as satellite observers exchange them (SeeSat-L): fixed columns, a line a measurement.
+"""Writer of IOD lines, the format of satellite observers (SeeSat-L): one line a measurement.
 
-Angle format 2, ``HHMMmmm+DDMMmm``: 0.9 arcsec (times cos Dec) by 0.6; epoch 5, J2000. The errors
-come from the data: of the position the larger axis of its covariance with the format's own
-rounding, of the time how well the shutter is known with the clock's recorded offset. Optical
-behaviour and magnitude are not measured and stay empty. Source: G. Lewis 1998, IOD Observation
-Format Description, clarified 2002.
+Columns are fixed. Angle format 2, ``HHMMmmm+DDMMmm``, has steps of 0.9 arcsec times cos Dec and 0.6
+arcsec; epoch code 5 is J2000. The position's error is the longer axis of the measurement's
+covariance together with the format's rounding; the time's error is that of the shutter together
+with the clock's recorded offset. Optical behaviour and magnitude are not measured and stay empty.
+Source: G. Lewis 1998, IOD Observation Format Description, clarified 2002.
 """
 
 import math
@@ -21,14 +21,14 @@ from rsoconsole.words import NS_PER_DAY, utc_ns_to_iso
 
 NS_PER_MS = 1_000_000
 STATION = "9999"
-"""Station number of a site that has none of its own."""
+"""Station number of a site that has no number of its own."""
 _STATION = re.compile(r"[0-9A-HJ-NP-Z]{4}", re.ASCII)
 SKIES = "EGFPBT "
-"""Codes of the sky: excellent, good, fair, poor, bad, terrible, not said."""
+"""Codes of the state of the sky: excellent, good, fair, poor, bad, terrible, not stated."""
 RA_STEPS_PER_DEG = 4000
-"""Steps of right ascension a degree: thousandths of a minute of time."""
+"""Steps in a degree of right ascension; a step is a thousandth of a minute of time."""
 DEC_STEPS_PER_DEG = 6000
-"""Steps of declination a degree: hundredths of a minute of arc."""
+"""Steps in a degree of declination; a step is a hundredth of a minute of arc."""
 _ARCSEC_PER_RA_STEP = 0.9
 _ARCSEC_PER_DEC_STEP = 0.6
 _UNIFORM = 1.0 / math.sqrt(12.0)
@@ -43,10 +43,10 @@ def to_iod(
     station: str = STATION,
     sky: str = " ",
 ) -> str:
-    """A line for each measurement a track took, in order of time.
+    """Return an IOD line for each measurement that these tracks took, in order of time.
 
-    A streak that the frame cuts is left out. Raises ExportError for a station or a sky that
-    cannot be written.
+    Streaks cut by the frame's edge are left out. Raises ExportError for a station or a state of the
+    sky that a line cannot hold.
     """
     check_station(station, sky)
     offset_s = night.about.get("clock_offset_s")
@@ -67,7 +67,7 @@ def to_iod(
 
 
 def site_line(night: ExportedNight, station: str) -> str:
-    """A comment line with the station and its place, ahead of its observations."""
+    """Return a comment line with the station and its place, to precede the station's lines."""
     site = night.config.site
     place = site.to_site()
     name = "".join(c if c.isascii() and c.isprintable() else "?" for c in site.name)
@@ -78,7 +78,10 @@ def site_line(night: ExportedNight, station: str) -> str:
 
 
 def check_station(station: str, sky: str) -> None:
-    """Raises ExportError for a station or a state of the sky that a line cannot say."""
+    """Check two fields of an IOD line: station number and state of the sky.
+
+    Raises ExportError for a value that a line cannot hold.
+    """
     if _STATION.fullmatch(station) is None:
         raise ExportError(
             f"{station!r} is no station: four digits or capitals without I and O, such as 9999"
@@ -102,7 +105,10 @@ def _line(
 
 
 def rounded_to_ms_ns(t_utc_ns: int) -> int:
-    """Instant rounded to 1 ms; never across a leap second, where half a ms becomes a second."""
+    """Round an instant to 1 ms, but never up across a leap second.
+
+    Rounding up across it would shift the instant by a second.
+    """
     rounded = (t_utc_ns + NS_PER_MS // 2) // NS_PER_MS * NS_PER_MS
     if rounded % NS_PER_DAY == 0 and rounded > t_utc_ns:
         leap_s = float(tai_minus_utc_s(rounded)) - float(tai_minus_utc_s(t_utc_ns))
@@ -111,10 +117,11 @@ def rounded_to_ms_ns(t_utc_ns: int) -> int:
 
 
 def position_sigma_arcsec(row: MeasuredRow, shutter_sigma_s: float = 0.0) -> float:
-    """Error of the position in a line: that of the worst direction, rounding included.
+    """Return the error of the position in a line, arcsec: one sigma along the longer axis.
 
-    ``shutter_sigma_s``: part that the line states as an error of its time. Readers add that to the
-    position along the motion, where the measurement's covariance has it already.
+    The format's rounding is included. ``shutter_sigma_s``: part of the time's error that is also in
+    the measurement's covariance, s. The line states the time's error separately, and readers add it
+    to the position along the motion; so it is taken out of the position's error here.
     """
     east2, cross, north2 = _without(row.cov_sky_arcsec2, shutter_sigma_s, _rate_arcsec_s(row))
     cos_dec = math.cos(math.radians(row.dec_icrs_deg))
@@ -153,7 +160,10 @@ def _rate_arcsec_s(row: MeasuredRow) -> tuple[float, float]:
 
 
 def mantissa_exponent_code(value: float) -> str:
-    """``MX`` for M x 10^(X - 8): one digit, from 1e-8 to 90; beyond, the nearest of these."""
+    """Return the code ``MX`` of a value, which means M x 10^(X - 8) with one digit M.
+
+    The range is 1e-8 to 90; a value beyond it gets the nearest code.
+    """
     if value <= 1e-8:
         return "10"
     exponent = math.floor(math.log10(value))

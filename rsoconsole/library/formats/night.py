@@ -1,4 +1,4 @@
-"""A session gathered for others: who observed with what, and every measurement that counts."""
+"""A session gathered for export: site, instruments, and every measurement that counts."""
 
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
@@ -37,7 +37,7 @@ KINDS = (
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ExportedNight:
-    """A session as the writers of all formats get it."""
+    """A session as the writers of all formats receive it."""
 
     name: str
     """Name of the session's folder."""
@@ -46,21 +46,21 @@ class ExportedNight:
     about: Mapping[str, Any]
     """Metadata of the session, without its configuration."""
     rows: tuple[MeasuredRow, ...]
-    """Measurements in order of time."""
+    """The measurements, in order of time."""
     clock_notes: tuple[str, ...] = ()
-    """Events of the clock behind all these times, a line each."""
+    """Faults of the computer's clock during the session, a line each."""
     names: Mapping[int, Identified] = field(default_factory=dict)
-    """The last name of each track on record, by track id."""
+    """Last identification of each track, by track id."""
     taken: Mapping[int, FrameTaken] = field(default_factory=dict)
-    """The frames, by their numbers."""
+    """Records of the exposures, by frame number."""
 
     @property
     def tracks(self) -> tuple[int, ...]:
-        """Ids of the tracks that took something."""
+        """Ids of the tracks that took a measurement, in ascending order."""
         return tuple(sorted({row.track for row in self.rows if row.track is not None}))
 
     def of_track(self, track: int) -> tuple[MeasuredRow, ...]:
-        """Measurements of a track that count, in order of time."""
+        """Return the measurements that a track took and that still count, in order of time."""
         return tuple(row for row in self.rows if row.track == track and not row.is_superseded)
 
     @property
@@ -74,7 +74,7 @@ class ExportedNight:
         return self.about.get("is_closed") is True
 
     def time_sigma_s(self, row: MeasuredRow) -> float:
-        """One sigma of a row's time by the shutter alone."""
+        """Return one sigma of a measurement's time, s: the shutter's scatter and bias error."""
         taken = self.taken.get(row.frame_id)
         exposure = self.config.exposure
         if taken is None:
@@ -82,13 +82,13 @@ class ExportedNight:
         return shutter_time(taken, exposure).total_sigma_s
 
     def shutter_sigma_s(self, row: MeasuredRow) -> float:
-        """Part of that in the row's covariance: the shutter's scatter, without the bias's error."""
+        """Return the shutter's scatter, s: the part of ``time_sigma_s`` in the row's covariance."""
         taken = self.taken.get(row.frame_id)
         exposure = self.config.exposure
         return exposure.timing_sigma_s if taken is None else shutter_time(taken, exposure).sigma_s
 
     def facts(self) -> dict[str, Any]:
-        """Provenance of a table; plain values."""
+        """Return where a table comes from (session, site, versions ...), as plain values."""
         site, optics = self.config.site, self.config.optics
         shutter = [each.model_dump(mode="json") for each in self.config.exposure.calibrated]
         facts: dict[str, Any] = {
@@ -118,10 +118,10 @@ class ExportedNight:
 
 
 def read_night(session: Path, *, everything: bool = False) -> ExportedNight:
-    """Gather all measurements of a session or a branch, taken by a track or not.
+    """Gather the measurements of a session or a branch, whether or not a track took them.
 
-    Without ``everything`` only what counts: not what the operator refused, and of frames that
-    were followed again by their decision only the last reading. Raises SessionError.
+    ``everything``: True: also measurements that the operator refused, and for frames that a
+    decision had processed again also the results before it. Raises SessionError.
     """
     reader = SessionReader(session)
     about = reader.about()

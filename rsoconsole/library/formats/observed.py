@@ -1,7 +1,7 @@
-"""Directions of one object from any file of observations: what ``orbit`` and ``identify`` read.
+"""Directions of one object from any file of observations, for ``orbit`` and ``identify``.
 
-Sessions and the program's own JSON are read by ``pipeline.read_observed_tracks``; here TDM (both
-forms), IOD and UK lines, tables, and rows of EOObservation records join them.
+``pipeline.read_observed_tracks`` reads sessions and the program's own JSON; this module adds TDM
+(both forms), IOD and UK lines, tables, and EOObservation records.
 """
 
 import math
@@ -47,7 +47,7 @@ _LISTED = 8
 _SITE_LINE = re.compile(r"# (\w{4}) (-?\d+\.\d+) (-?\d+\.\d+) (-?\d+) m \(WGS84, east positive\)")
 """Comment line with a station's place, as ``iod`` writes it."""
 NEAR_S = 600.0
-"""Largest distance in time of the neighbours that give a rate."""
+"""Largest time to a neighbouring direction from which the rate of motion is computed, s."""
 SITE_USAGE = "--site LATITUDE,LONGITUDE,METRES (east positive), or --stations FILE"
 
 
@@ -56,22 +56,24 @@ class ReadOptions:
     """Reading options: values for what a file does not state."""
 
     sigma_arcsec: float = 1.0
-    """One sigma of observations that state none."""
+    """One sigma of observations that state none, arcsec."""
     site: Site | None = None
     stations: Path | None = None
-    """File of stations' places."""
+    """File with the places of stations."""
     target: str | None = None
-    """Name in the file of one object of several."""
+    """Name in the file of the object to read; None where the file holds a single object."""
     is_radians: bool | None = None
-    """True: angles are radians where no name and no form states a unit; None: not specified."""
+    """True: angles whose unit neither name nor format states are radians; None: not specified."""
 
 
 def read_observations(
     path: Path, ask: ReadOptions, *, track: int | None = None
 ) -> tuple[tuple[ObservedTrack, ...], ...]:
-    """The tracks of a session, the longest first; or of a file its one object, by station.
+    """Read the tracks of a session, or the directions of one object in a file.
 
-    Raises SessionError, OrbitError or ExportError saying what is wrong with what.
+    Returns groups: of a session one, with its tracks, the longest first; of a file one for each
+    station. ``ask``: reading options; ``track``: id of the only track of a session. Raises
+    SessionError, OrbitError or ExportError that names the fault.
     """
     if path.is_dir() or path.name == "session.db" or not path.exists():
         return (read_observed_tracks(path, sigma_arcsec=ask.sigma_arcsec, track=track),)

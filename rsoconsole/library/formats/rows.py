@@ -1,4 +1,4 @@
-"""One measurement with what the track made of it: a line of every table, and its columns."""
+"""Rows of exported tables: one measurement, what its track made of it, and the columns."""
 
 import math
 from collections.abc import Iterator, Mapping
@@ -12,21 +12,21 @@ from rsoconsole.tracking import sky_covariance_arcsec2, sky_rate_arcsec_s
 from rsoconsole.words import utc_ns_to_iso
 
 AS_RECORDED = ""
-"""Meaning of a column that is the same on record."""
+"""Stands for the meaning of a column that has the same meaning in the session's tables."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MeasuredRow:
     """One measurement of one frame; fields of the track are None where no track took it.
 
-    Directions ICRS, astrometric, in degrees; errors and residuals on the sky in arcsec, those in
-    right ascension times cos Dec; pixels 0-based.
+    Directions are ICRS, astrometric, in degrees; errors and residuals on the sky in arcsec, those
+    in right ascension times cos Dec; pixels 0-based.
     """
 
     frame_id: Annotated[int, AS_RECORDED]
     track: Annotated[int | None, "track that took it, from 1 in order of time"]
     t_mid_utc_ns: Annotated[int, "the same since 1970-01-01, POSIX count"]
-    """Mid-exposure by the shutter, as ``t_mid_utc`` has it."""
+    """Mid-exposure by the shutter, UTC nanoseconds; ``t_mid_utc`` is the same instant as text."""
     exposure_s: Annotated[float | None, AS_RECORDED]
     ra_icrs_deg: Annotated[float, "measured right ascension, astrometric"]
     dec_icrs_deg: Annotated[float, "measured declination, astrometric"]
@@ -38,13 +38,12 @@ class MeasuredRow:
     confidence: Annotated[float, AS_RECORDED]
     source: Annotated[str, AS_RECORDED]
     is_clipped: Annotated[bool, AS_RECORDED]
-    """True for a streak cut by the edge of the frame: only the position across it is measured."""
+    """True for a streak cut by the frame's edge: only the position across it is measured."""
     is_taken: Annotated[bool, "a track took it"]
     not_taken_because: Annotated[str | None, "why none did"]
-    """Reason; for a superseded measurement the one why it no longer counts, where it was
-    refused."""
+    """Reason why no track took the measurement; of a superseded one, why it was refused."""
     ra_a_icrs_deg: Annotated[float | None, "one end of the streak"]
-    """One end of the streak; which end came first in time is not known."""
+    """Right ascension of one end of the streak; which end came first in time is not known."""
     dec_a_icrs_deg: Annotated[float | None, "one end of the streak"]
     ra_b_icrs_deg: Annotated[float | None, "its other end"]
     dec_b_icrs_deg: Annotated[float | None, "its other end"]
@@ -62,23 +61,23 @@ class MeasuredRow:
     rate_ra_arcsec_s: Annotated[float | None, "motion of the track, times cos Dec"] = None
     rate_dec_arcsec_s: Annotated[float | None, "motion of the track"] = None
     is_superseded: Annotated[bool, "counts no more, by the operator's word"]
-    """True: replaced by a decision of the operator; only in exports of everything."""
+    """True where a decision of the operator replaced this result; only in exports of everything."""
     beside: tuple[tuple[str, Any], ...] = ()
-    """Further columns of measurement and frame on record, with their values."""
+    """Names and values of further recorded columns of the measurement and its frame."""
 
     def value(self, name: str) -> Any:
-        """Value in a column; None where it is empty."""
+        """Return the value in a column; None where the column is empty."""
         found = dict(self.beside)
         return found[name] if name in found else getattr(self, name, None)
 
     @property
     def t_mid_utc(self) -> str:
-        """Mid-exposure, ISO 8601 to the nanosecond."""
+        """Mid-exposure as ISO 8601 text, UTC, to the nanosecond."""
         return utc_ns_to_iso(self.t_mid_utc_ns, decimals=9)
 
     @property
     def cov_sky_arcsec2(self) -> tuple[float, float, float]:
-        """Covariance on the sky: east-east, east-north, north-north."""
+        """Covariance on the sky, arcsec^2: east-east, east-north, north-north."""
         east, north = self.sigma_ra_arcsec, self.sigma_dec_arcsec
         return east**2, self.correlation * east * north, north**2
 
@@ -135,9 +134,11 @@ def row_of(
     corrected: TrackState | None,
     **found: Any,
 ) -> MeasuredRow:
-    """A row from the record; ``corrected`` only for a measurement that the track took.
+    """Make a row from the records of a measurement and its frame.
 
-    ``found``: the row's own members that say what became of it.
+    ``nis``: NIS with which a track refused the measurement; ``predicted``: the track's prediction;
+    ``corrected``: the track's state after the update, None where no track took the measurement;
+    ``found``: further fields of ``MeasuredRow``, such as ``track`` and ``is_taken``.
     """
     east2, cross, north2 = measurement.cov_sky_arcsec2
     sigma_east, sigma_north = math.sqrt(max(east2, 0.0)), math.sqrt(max(north2, 0.0))

@@ -1,4 +1,4 @@
-"""Single frames for others: with their plate in the FITS header, and as regions of DS9."""
+"""Single frames for others: FITS with the plate solution in the header, and regions of DS9."""
 
 import io
 import math
@@ -26,19 +26,22 @@ from rsoconsole.words import NS_PER_DAY, utc_ns_to_iso
 
 @dataclass(slots=True, kw_only=True)
 class FrameOnRecord:
-    """One frame on record."""
+    """One exposure on record, with its plate solution, prediction and measurements."""
 
     taken: FrameTaken
     solution: Solution | None = None
     predicted: TrackState | None = None
     rows: list[MeasuredRow] = field(default_factory=list)
-    """Measurements of the frame that count."""
+    """Measurements of the frame that count, not superseded."""
     file: Path | None = None
-    """File of its pixels, where they are kept."""
+    """File of the frame's pixels; None where they are not kept."""
 
 
 def frames_on_record(session: Path, rows: Iterable[MeasuredRow]) -> dict[int, FrameOnRecord]:
-    """Frames of a session by number. Raises SessionError."""
+    """Gather the exposures of a session by frame number, each with its measurements.
+
+    ``rows``: the session's measurements; superseded ones are left out. Raises SessionError.
+    """
     reader = SessionReader(session)
     frames = {
         each.frame_id: FrameOnRecord(
@@ -57,7 +60,10 @@ def frames_on_record(session: Path, rows: Iterable[MeasuredRow]) -> dict[int, Fr
 
 
 def selected_frames(frames: dict[int, FrameOnRecord], numbers: tuple[int, ...] | None) -> list[int]:
-    """Selected frames; all for None. Raises ExportError for one that there is not."""
+    """Return the chosen frame numbers in ascending order; None chooses all.
+
+    Raises ExportError for a number that the session does not have.
+    """
     if numbers is None:
         return sorted(frames)
     unknown = [str(number) for number in numbers if number not in frames]
@@ -68,7 +74,7 @@ def selected_frames(frames: dict[int, FrameOnRecord], numbers: tuple[int, ...] |
 
 
 def parse_numbers(text: str) -> tuple[int, ...]:
-    """``3,9-12`` as numbers. Raises ValueError."""
+    """Parse frame numbers written like ``3,9-12``. Raises ValueError."""
     numbers: set[int] = set()
     for part in text.split(","):
         first, dash, last = part.strip().partition("-")
@@ -105,7 +111,7 @@ _COLUMNS = (
 
 
 def solved_fits(frame: FrameOnRecord, config: Config) -> bytes:
-    """Content of the FITS file with the plate solution.
+    """Return a FITS file of the frame's pixels, with the plate solution in its header.
 
     Raises ExportError for a frame that was not kept, not solved, or whose file cannot be read.
     """
@@ -222,7 +228,10 @@ SMALLEST_ARCSEC = 0.01
 
 
 def to_regions(frame: FrameOnRecord) -> str:
-    """Text of the regions file; only its head for a frame without anything to show."""
+    """Return a DS9 regions file with the frame's streaks and the predicted position.
+
+    It holds only its header where the frame has neither.
+    """
     lines = [line for row in frame.rows for line in _streak(row)]
     if frame.predicted is not None:
         lines.append(_ellipse(frame.predicted))

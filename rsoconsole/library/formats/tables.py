@@ -1,8 +1,8 @@
-"""Rows as tables for analysis: astropy's with units, times and directions, or pandas'.
+"""Conversion of rows to tables for analysis: of astropy, or data frames of pandas.
 
 A column is named as in the session's views, with its type and unit (``records/columns.py``), with
-two exceptions: an instant ``*_utc_ns`` becomes a ``Time`` (pandas: a timestamp) named ``*_utc``,
-and where a row is a direction there is also ``direction``, a ``SkyCoord``. Missing is masked, never
+two exceptions: an instant ``*_utc_ns`` becomes a ``Time`` (in pandas a timestamp) named ``*_utc``,
+and a table with RA and Dec also has ``direction``, a ``SkyCoord``. Missing values are masked, never
 NaN.
 """
 
@@ -21,7 +21,7 @@ NS = "_utc_ns"
 
 
 def as_table(columns: Sequence[Column], rows: Sequence[Row], meta: dict[str, Any]) -> Any:
-    """An astropy ``QTable``: quantities, times in UTC (to the nanosecond), ICRS directions."""
+    """Return an astropy ``QTable``: quantities, UTC times to the nanosecond, ICRS directions."""
     from astropy.table import QTable
 
     table = QTable(meta=meta)
@@ -39,7 +39,7 @@ def as_table(columns: Sequence[Column], rows: Sequence[Row], meta: dict[str, Any
 
 
 def utc_time(t_utc_ns: Any) -> Any:
-    """An astropy ``Time`` of UTC nanoseconds, () or (N,); as text it is as exact."""
+    """Convert UTC nanoseconds, () or (N,), to an astropy ``Time``, exact also as text."""
     from astropy.time import Time
 
     found = Time(*jd_utc(t_utc_ns), format="jd", scale="utc")
@@ -86,7 +86,10 @@ def _array(column: Column, values: Sequence[Any]) -> Any:
 
 
 def as_frame(columns: Sequence[Column], rows: Sequence[Row]) -> Any:
-    """A pandas ``DataFrame``. Raises RsoconsoleError where pandas is not installed."""
+    """Return the rows as a pandas ``DataFrame``.
+
+    Raises RsoconsoleError where pandas is not installed.
+    """
     pandas = optional_library("pandas", "a data frame")
     series = {}
     for column in columns:
@@ -113,7 +116,10 @@ def _timestamps(pandas: Any, values: Sequence[int | None]) -> Any:
 
 
 def optional_library(library: str, what: str) -> Any:
-    """A library of the extra ``notebook``; RsoconsoleError names that where it is missing."""
+    """Import a library of the extra ``notebook``; ``what``: what needs it, for the error.
+
+    Raises RsoconsoleError that names the extra where the library is missing.
+    """
     try:
         return import_module(library)
     except ImportError as error:

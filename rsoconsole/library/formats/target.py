@@ -1,4 +1,4 @@
-"""Names of a track's object in formats that require one, also for unknown objects."""
+"""Names of the observed object in formats that require one, also for unknown objects."""
 
 import re
 from dataclasses import dataclass
@@ -13,7 +13,7 @@ LARGEST_NORAD = 999_999_999
 LARGEST_IOD_NORAD = 99_999
 """Largest catalogue number in the five columns of an IOD line."""
 UNKNOWN_NORAD = 99_900
-"""The first number of those that stand for unknown objects: 99901 is the night's first."""
+"""Base of the numbers that stand for unknown objects: track n of a session gets 99900 + n."""
 UNKNOWN_LAUNCH = 999
 _PIECES = "ABCDEFGHJKLMNPQRSTUVWXYZ"
 """Letters of pieces: without I and O."""
@@ -21,14 +21,14 @@ _PIECES = "ABCDEFGHJKLMNPQRSTUVWXYZ"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Target:
-    """The object's numbers in the catalogues, as far as given."""
+    """Catalogue numbers of the observed object; None for a number that is not given."""
 
     norad_id: int | None = None
     cospar: str | None = None
     """International designator, e.g. ``2009-064A``."""
 
     def __post_init__(self) -> None:
-        """Raises ExportError for what cannot be such a number."""
+        """Check the numbers. Raises ExportError for one that is not valid."""
         if self.norad_id is not None and not 1 <= self.norad_id <= LARGEST_NORAD:
             raise ExportError(f"{self.norad_id} is no catalogue number of one to nine digits")
         if self.cospar is not None and _COSPAR.fullmatch(self.cospar) is None:
@@ -38,20 +38,21 @@ class Target:
 
     @property
     def is_known(self) -> bool:
-        """True where one of its numbers was given."""
+        """True where at least one of the two numbers is given."""
         return self.norad_id is not None or self.cospar is not None
 
     def tdm_name(self, track: int) -> str:
-        """The international designation, else the catalogue number, else UNKNOWN and a number."""
+        """Return the international designator, else catalogue number, else ``UNKNOWN-track``."""
         if self.cospar is not None:
             return self.cospar
         return f"UNKNOWN-{track}" if self.norad_id is None else str(self.norad_id)
 
     def iod_name(self, track: int, year: int) -> str:
-        """Columns 1 to 15 of an IOD line.
+        """Return columns 1 to 15 of an IOD line: catalogue number and international designator.
 
-        An unknown object is 999NN with NN its track, launch 999 of the year of the observation:
-        no launch has that number. Raises ExportError where more tracks are than such numbers.
+        An unknown object gets the number 999NN, where NN is its track, and launch 999 of ``year``,
+        the year of the observation: no real launch has that number. Raises ExportError for a track
+        above 99, and for a catalogue number of more than five digits.
         """
         if self.norad_id is not None and self.norad_id > LARGEST_IOD_NORAD:
             raise ExportError(
@@ -69,7 +70,10 @@ class Target:
 
 
 def piece_letters(number: int) -> str:
-    """Letters of the piece with that number of a launch: 1 is A, 24 Z, 25 AA."""
+    """Return the letters of piece ``number`` of a launch: 1 is A, 24 is Z, 25 is AA.
+
+    The letters I and O are not used.
+    """
     letters = ""
     while number > 0:
         number, place = divmod(number - 1, len(_PIECES))
@@ -81,7 +85,10 @@ _LIKELY = 0.05
 
 
 def identification_words(name: Identified) -> str:
-    """Verdict, objects and probabilities, in one line of ASCII where the names are."""
+    """Format an identification in one line: its result, the objects and their probabilities.
+
+    The line is ASCII where the objects' names are.
+    """
     with_others = ""
     if name.named_with:
         others = "1 other track" if name.named_with == 1 else f"{name.named_with} other tracks"

@@ -1,13 +1,14 @@
-"""CCSDS Tracking Data Message 2.0 (503.0-B-2), keyword = value: what a track measured, for others.
+"""Writer of CCSDS Tracking Data Messages 2.0 (503.0-B-2): the measurements of tracks.
 
-One segment a track: right ascension and declination in degrees at mid-exposure, UTC. The standard
-has no keyword for the error of an angle; here it stands in the comments of the data section,
-``SIGMA epoch sigma_ra_arcsec sigma_dec_arcsec correlation`` for each epoch (the first on the sky,
-times cos Dec), which ``_tdm_reader`` understands and every other reader passes over.
+One segment a track, in keyword = value form: right ascension and declination in degrees at
+mid-exposure, UTC. The standard has no keyword for the error of an angle; here the errors of each
+epoch stand in a comment of the data section, ``SIGMA epoch sigma_ra_arcsec sigma_dec_arcsec
+correlation`` (sigma_ra on the sky, times cos Dec), which ``_tdm_reader`` reads and every other
+reader ignores.
 
-Directions are ICRS: EME2000 differs from it by 0.02 arcsec, less than any error here, and is the
-name that readers of angles expect. They are relative to stars of a catalogue, so annual and diurnal
-aberration are out of them; the keywords say so with how much that was.
+Directions are ICRS but called EME2000, the name that readers of angles expect: the two differ by
+0.02 arcsec, less than any error here. The directions are relative to catalogue stars, so that they
+contain no annual and no diurnal aberration; the keywords say so and state the size of both.
 """
 
 import math
@@ -40,7 +41,7 @@ ANGLE_DECIMALS = 9
 LONGEST_LINE = 254
 ORIGINATOR = "RSOCONSOLE"
 EQUATOR_KM_S = 7.292115e-5 * 6378.137
-"""Speed of the Earth's surface at its equator."""
+"""Speed of the Earth's surface at the equator, km/s."""
 
 
 def to_tdm(
@@ -51,7 +52,10 @@ def to_tdm(
     created_utc_ns: int,
     originator: str = ORIGINATOR,
 ) -> str:
-    """The message. A streak that the frame cuts is left out: along it nothing was measured."""
+    """Return a message with the measurements that these tracks took, one segment a track.
+
+    Streaks cut by the frame's edge are left out: along such a streak nothing is measured.
+    """
     lines = [
         f"CCSDS_TDM_VERS = {VERSION}",
         f"COMMENT Session {night.name}: {night.title}",
@@ -68,7 +72,7 @@ def to_tdm(
 
 
 def unclipped(rows: tuple[MeasuredRow, ...]) -> tuple[MeasuredRow, ...]:
-    """Measurements that no edge of a frame cuts: known in both directions."""
+    """Return the measurements of streaks that are not cut by the frame's edge."""
     return tuple(row for row in rows if not row.is_clipped)
 
 
@@ -144,7 +148,7 @@ def _shutter_words(night: ExportedNight, rows: tuple[MeasuredRow, ...]) -> str:
 def aberration_deg(
     site: Site, ra_icrs_deg: float, dec_icrs_deg: float, t_utc_ns: int
 ) -> tuple[float, float]:
-    """Displacement of a star there by (annual, diurnal) aberration, degrees on the sky."""
+    """Return the (annual, diurnal) aberration of a star in a direction, degrees on the sky."""
     line = direction_to_unit(ra_icrs_deg, dec_icrs_deg)
     velocity = earth_velocity_km_s(t_utc_ns)
     across_km_s = velocity - np.dot(velocity, line) * line
@@ -192,7 +196,7 @@ _DEG = {"ANGLE_1", "ANGLE_2"}
 
 
 def xml_of(text: str) -> str:
-    """The message of ``to_tdm`` as XML."""
+    """Convert a message of ``to_tdm`` from keyword = value form to XML."""
     out: list[str] = ['<?xml version="1.0" encoding="UTF-8"?>']
     section = "header"
     header: list[str] = []
@@ -230,7 +234,10 @@ _MARKS = {
 
 
 def lines_of_xml(text: str, name: str) -> list[str]:
-    """The message in a text of XML as lines of keyword = value. Raises ExportError."""
+    """Convert a message in XML to lines of keyword = value; ``name`` is what errors call it.
+
+    Raises ExportError for a text that is no such message.
+    """
     if "<!DOCTYPE" in text or "<!ENTITY" in text:
         raise ExportError(f"{name}: a document type has no place in a Tracking Data Message")
     try:

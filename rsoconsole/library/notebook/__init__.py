@@ -1,4 +1,4 @@
 """A session in Python, recorded or live: tables, figures, a panel on the engine.
 
-Nothing here is read by the verbs but the figures; ``LivePanel`` needs ``rsoconsole[notebook]``.
+The command line uses the figures and the report; ``LivePanel`` needs ``rsoconsole[notebook]``.
 """

@@ -1,4 +1,4 @@
-"""A frame's small picture with what was found in it, and a streak at full resolution."""
+"""Previews of frames with marks over them, and plots of streaks at full resolution."""
 
 import base64
 from collections.abc import Sequence
@@ -29,13 +29,13 @@ _LOW, _HIGH = -2.0, 10.0
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Picture:
-    """A preview, a picture of some 466 pixels; in a notebook it shows itself with its marks."""
+    """Preview of a frame, some 466 pixels wide; a notebook displays it with its marks."""
 
     frame_id: int
     path: Path
     png: bytes
     overlay: str
-    """SVG over it: streaks in boxes, a cross where the track was expected."""
+    """SVG to lay over the preview: boxes about streaks, a cross where the track was expected."""
     words: str
 
     def _repr_html_(self) -> str:
@@ -50,7 +50,10 @@ class Picture:
 
 
 def picture_with_overlay_html(png: bytes, overlay: str, alt: str = "") -> str:
-    """HTML of a picture under its overlay, as wide as there is room."""
+    """Return HTML of a picture under its overlay, as wide as the page allows.
+
+    ``overlay``: SVG; ``alt``: alternative text of the picture.
+    """
     return (
         '<div style="position:relative;line-height:0">'
         f'<img alt="{text(alt)}" src="data:image/png;base64,{base64.b64encode(png).decode()}" '
@@ -59,9 +62,9 @@ def picture_with_overlay_html(png: bytes, overlay: str, alt: str = "") -> str:
 
 
 def draw_streak(figure: Any, pixels: PixelArray, detection: Detection, title: str) -> None:
-    """The streak pixel by pixel with its ends and midpoint, and the light along it.
+    """Draw a streak pixel by pixel with its ends and midpoint, and below it the light along it.
 
-    ``pixels``: the whole frame, (height, width) ADU. The lower panel is the mean over seven rows
+    ``pixels``: the whole frame, (height, width) ADU. The lower panel is the mean over seven pixels
     across the streak, in units of the sky's noise.
     """
     x_0 = max(int(min(detection.x_a_px, detection.x_b_px)) - _ROOM_PX, 0)
@@ -122,7 +125,7 @@ def _widened(low: float, high: float, least: float, most: int) -> tuple[int, int
 
 
 class TrackStreak(NamedTuple):
-    """The streak that one track took of a frame."""
+    """A streak of a frame with the number of the track that took it."""
 
     number: int
     is_lead: bool
@@ -132,7 +135,7 @@ class TrackStreak(NamedTuple):
 def draw_tracks(
     figure: Any, pixels: PixelArray, streaks: Sequence[TrackStreak], title: str
 ) -> None:
-    """The piece of a frame with all these streaks, each with its track's number and confidence.
+    """Draw the part of a frame that holds these streaks, with track numbers and confidences.
 
     ``pixels``: the whole frame, (height, width) ADU.
     """
@@ -191,9 +194,9 @@ class SessionPictures(RecordedSession):
     """Pictures and pixels of single frames of a session."""
 
     def picture(self, frame_id: int | None = None) -> Picture:
-        """A frame's small picture with what was found in it; without a number the newest one.
+        """Return the preview of a frame; None: of the newest frame that has a preview.
 
-        Raises SessionError where the session has none of it.
+        Raises SessionError where there is no such preview.
         """
         reduced = (each.frame_id for each in self._frames.seen() if each.detections is not None)
         for number in (*reduced,)[::-1] if frame_id is None else (frame_id,):
@@ -204,10 +207,10 @@ class SessionPictures(RecordedSession):
         raise SessionError(f"{self.path} holds no picture of {which}")
 
     def pixels(self, frame_id: int) -> PixelArray:
-        """All pixels of a frame that was kept, (height, width) ADU, exactly as measured in.
+        """Return all pixels of a kept frame, (height, width) ADU, exactly as they were measured.
 
-        Raises SessionError where it was not kept, and says which were; FrameError where its file
-        cannot be read.
+        Raises SessionError, which lists the kept frames, for a frame that was not kept; FrameError
+        where its file cannot be read.
         """
         from rsoconsole.instruments import read_frame
 
@@ -222,9 +225,10 @@ class SessionPictures(RecordedSession):
         return read_frame(path, frame_id).pixels
 
     def plot_streak(self, frame_id: int, figure: Any = None) -> "Figure":
-        """The most confident streak of a kept frame, pixel by pixel, and the light along it.
+        """Plot the most confident streak of a kept frame pixel by pixel, and the light along it.
 
-        Raises SessionError where the frame was not kept or nothing was detected in it.
+        ``figure``: an empty matplotlib figure; None: a new one. Raises SessionError where the frame
+        was not kept or nothing was detected in it.
         """
         from rsoconsole.library.notebook.figures.inline import NightFigure, figure_style
 
@@ -240,9 +244,10 @@ class SessionPictures(RecordedSession):
         return figure  # type: ignore[no-any-return]
 
     def plot_tracks(self, frame_id: int, figure: Any = None) -> "Figure":
-        """The streaks of all tracks in one kept frame, each with its track's number and confidence.
+        """Plot the streaks that tracks took of a kept frame, with track numbers and confidences.
 
-        Raises SessionError where the frame was not kept or no track took anything of it.
+        ``figure``: an empty matplotlib figure; None: a new one. Raises SessionError where the frame
+        was not kept or no track took a streak of it.
         """
         from rsoconsole.library.notebook.figures.inline import NightFigure, figure_style
 

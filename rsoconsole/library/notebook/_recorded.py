@@ -11,7 +11,7 @@ from rsoconsole.session import SessionReader
 
 
 class RecordedSession(NightPlots):
-    """The record of one session, read so far."""
+    """The record of a session as read so far; ``refresh`` reads further."""
 
     def __init__(self, folder: Path) -> None:
         self._reader = SessionReader(folder)
@@ -21,7 +21,7 @@ class RecordedSession(NightPlots):
         self.refresh()
 
     def refresh(self) -> Self:
-        """Read what has been recorded since; for a session that goes on. Returns itself."""
+        """Read what a session that goes on has recorded since; return this object."""
         self._about = self._reader.about()
         since = self._log[-1][0] if self._log else 0
         for seq, t_utc_ns, record in self._reader.records(since_seq=since):
@@ -41,12 +41,12 @@ class RecordedSession(NightPlots):
 
     @property
     def about(self) -> dict[str, Any]:
-        """Metadata from its beginning: versions, the network's hash and so on."""
+        """Metadata of the session: versions, the network's hash and so on."""
         return dict(self._about)
 
     @property
     def config(self) -> Config:
-        """The configuration it began with."""
+        """Configuration at the session's beginning."""
         return self._reader.config()
 
     @property
@@ -56,7 +56,7 @@ class RecordedSession(NightPlots):
 
     @property
     def summary(self) -> Summary:
-        """The night in a handful of figures."""
+        """Figures of merit of the lead track over the night."""
         return summary_of(self._night().frames)
 
     @property
@@ -73,7 +73,7 @@ class RecordedSession(NightPlots):
         return tuple(self._log)
 
     def nights(self) -> tuple[DrawnNight, ...]:
-        """The night that is drawn."""
+        """Return the night that the plots draw. Raises SessionError where no frame has a time."""
         return (expect_frames(self._night(), self.path),)
 
     def _night(self) -> DrawnNight:

@@ -1,4 +1,4 @@
-"""A night followed with other settings, beside what was recorded."""
+"""A recorded night followed again with other settings, beside the recorded result."""
 
 from collections.abc import Iterator, Mapping
 from pathlib import Path
@@ -19,15 +19,18 @@ _TABLE = "border-collapse:collapse;margin:4px 0;color:inherit;font-size:inherit"
 
 
 class WhatIf(NightPlots):
-    """A night followed with other settings (``Session.what_if``); its figures show both nights."""
+    """A night followed again with other settings (``Session.what_if``); plots show both nights."""
 
     def __init__(self, session: RecordedSession, changes: Mapping[str, float | str]) -> None:
-        """Follow the night again. Raises ConfigError for a setting that cannot be."""
+        """Follow the night again with ``changes``, settings by dotted name.
+
+        Raises ConfigError for a setting that is not valid.
+        """
         self.session = session
         self.settings = dict(changes)
         log = session.records
         self.frames = tuple(replay((r for _, _, r in log), session.config, changes=changes))
-        """Frames folded again: ``recorded`` is the result on record, ``records`` the new one."""
+        """Frames followed again: ``recorded`` is the result on record, ``records`` the new one."""
         config = with_changes(session.config, changes)
         title = f"tried {self.words}" if changes else "as recorded"
         self._night = _night_of(title, config, log, self.frames)
@@ -35,7 +38,7 @@ class WhatIf(NightPlots):
 
     @property
     def words(self) -> str:
-        """Changed settings, in words."""
+        """The changed settings, in words."""
         return settings_words(self.settings)
 
     @property
@@ -49,21 +52,22 @@ class WhatIf(NightPlots):
         return summary_of(self._night.frames)
 
     def nights(self) -> tuple[DrawnNight, ...]:
-        """The night as recorded, and with the changed settings."""
+        """Return the night as recorded, and the night with the changed settings."""
         return self._recorded, self._night
 
     def save(self, name: str, *, force: bool = False) -> Path:
-        """Keep it as a branch of the session, ``branches/NAME``; returns its folder.
+        """Save the result as a branch of the session, ``branches/NAME``; return its folder.
 
-        The session's own record is not touched. Raises SessionError for a name that is taken
-        (unless ``force``) or cannot be one, and where it cannot be written.
+        The session's own record is not changed. ``force``: overwrite a branch of that name. Raises
+        SessionError for a name that exists (unless ``force``) or is not allowed, and where the
+        branch cannot be written.
         """
         from rsoconsole.pipeline import save_branch, what_if_session
 
         return save_branch(what_if_session(self.session.path, self.settings), name, force=force)
 
     def rows(self) -> Iterator[tuple[str, str, str]]:
-        """Rows of words: (figure, as recorded, as changed)."""
+        """Yield rows (name of a figure of merit, value as recorded, value as changed), in words."""
         old, new = self.recorded, self.changed
         for each in merit.NIGHT:
             yield each.label, each.words(old), each.words(new)

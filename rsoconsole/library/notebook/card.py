@@ -1,4 +1,4 @@
-"""A session as a card: what a notebook shows of it. Every word of the record is escaped."""
+"""A session as a card in a notebook; all text from the record is escaped."""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
@@ -28,28 +28,28 @@ _DIM = "opacity:0.72"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Card:
-    """A session at a glance."""
+    """Facts on a session for its card."""
 
     title: str
     folder: str
     when: str
     is_live: bool
-    """True where it has not been closed: open, or cut off."""
+    """True where the session has not been closed: it goes on, or was cut off."""
     branch_of: str | None
     changes: str
-    """Settings of a branch, in words."""
+    """Changed settings of a branch, in words; empty: none."""
     frames: int
     kept: int
     """Number of frames whose pixels are kept."""
     summary: Summary
     spells: tuple[StateSpan, ...]
     misses: tuple[int, ...]
-    """Instants of frames in which the object was not measured, UTC ns."""
+    """Instants of the frames in which the object was not measured, UTC nanoseconds."""
     picture: Picture | None
 
 
 def rows_of(card: Card) -> list[tuple[str, str]]:
-    """Rows of words: (label, value), for a page and for a terminal alike."""
+    """Return rows (label, value) in words, for HTML and for a terminal."""
     s = card.summary
     rows = [
         ("when", card.when),
@@ -69,7 +69,7 @@ def rows_of(card: Card) -> list[tuple[str, str]]:
 
 
 def card_html(card: Card) -> str:
-    """The card; it takes its colours from the page, dark or light."""
+    """Return the card as HTML, which takes its colours from the page, dark or light."""
     rows = "".join(
         f'<tr style="background:none"><th scope="row" style="{_CELL};{_DIM};font-weight:normal">'
         f'{text(what)}</th><td style="{_CELL}">{text(how)}</td></tr>'
@@ -95,14 +95,17 @@ def card_html(card: Card) -> str:
 
 
 def card_text(card: Card) -> str:
-    """The card for a plain terminal."""
+    """Return the card as plain text for a terminal."""
     rows = "\n".join(f"  {what:<13}{how}" for what, how in rows_of(card))
     states = f"\n  {'states':<13}{_strip_words(card.spells)}" if card.spells else ""
     return f"{card.title}  ({card.folder})\n{rows}{states}"
 
 
 def strip_svg(spells: Sequence[StateSpan], misses: Iterable[int] = ()) -> str:
-    """The states of the loop along time, and a mark below for every miss; words under it."""
+    """Return an SVG of the loop's states along time, with a mark below for every miss.
+
+    ``spells``: the states in order; ``misses``: instants, UTC nanoseconds.
+    """
     if not spells:
         return ""
     t_0, t_1 = spells[0].t_from_utc_ns, spells[-1].t_to_utc_ns

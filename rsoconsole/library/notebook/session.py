@@ -1,6 +1,6 @@
-"""A session in Python: ``open_session`` for notebooks and scripts, live or closed.
+"""Sessions in Python, live or closed: ``open_session`` for notebooks and scripts.
 
-What it gives is read from the record and never written back; derived data go to ``branches/``.
+The record is only read, never changed; derived data go to ``branches/``.
 """
 
 from collections.abc import Mapping
@@ -27,11 +27,11 @@ BRANCHES = "branches"
 
 
 def open_session(path: Path | str | None = None) -> "Session":
-    """A session by its folder; without one the newest of your own (``session.root``).
+    """Open a session by its folder; None: the newest of your own (``session.root``).
 
     The folder may be that of a branch, or of a night that still goes on: ``refresh()`` reads what
-    is new. Raises SessionError when the folder holds no session, it cannot be read, or there is
-    none yet.
+    is new. Raises SessionError when the folder holds no session, when it cannot be read, and with
+    None when there is no session yet.
 
     >>> night = open_session("sessions/intelsat-14")
     >>> night.measurements["direction"], night.plot_residuals()
@@ -43,11 +43,11 @@ def open_session(path: Path | str | None = None) -> "Session":
 
 
 def live_panel(socket: Path | str | None = None, *, read_only: bool = False) -> "LivePanel":
-    """A panel on the running engine, for a notebook: its state, its picture, its orders, STOP.
+    """Open a panel on the running engine in a notebook: its state, picture, orders, STOP.
 
-    ``socket``: the engine's, None for this user's own. ``read_only``: looks and stops, nothing
-    else. Without an engine it says so and waits for one. Raises RsoconsoleError where the extra
-    ``rsoconsole[notebook]`` is not installed.
+    ``socket``: the engine's control socket; None: that of this user's engine. ``read_only``: the
+    panel sends nothing but STOP. Without an engine the panel says so and waits for one. Raises
+    RsoconsoleError where the extra ``rsoconsole[notebook]`` is not installed.
     """
     optional_library("anywidget", "a live panel")
     from rsoconsole.library.notebook.panel.panel import LivePanel
@@ -76,7 +76,7 @@ def _table(name: str, words: str) -> Any:
 
 
 class Session(SessionPictures):
-    """One observing session; made by ``open_session``."""
+    """One observing session, recorded or live; made by ``open_session``."""
 
     frames = _table("frames", "Every exposure")
     detections = _table("detections", "Every streak")
@@ -100,21 +100,24 @@ class Session(SessionPictures):
 
     @property
     def table_names(self) -> tuple[str, ...]:
-        """Names that ``table`` and ``frame`` take."""
+        """Names of the session's tables, for ``table`` and ``frame``."""
         return tuple(TABLES)
 
     def table(self, name: str) -> Any:
-        """One of the session's views as an astropy ``QTable``, floats as exact as the log's.
+        """Return one of the session's tables as an astropy ``QTable``; floats are exact.
 
-        Columns are named as in ``sessions/README.md`` and carry their units; instants ``*_utc_ns``
-        are ``Time`` columns ``*_utc``, directions have a ``SkyCoord`` column ``direction`` beside
-        their degrees. Raises SessionError for a name that there is not.
+        Columns are named as in ``sessions/README.md`` and have their units; instants ``*_utc_ns``
+        are ``Time`` columns ``*_utc``, and directions have a ``SkyCoord`` column ``direction``
+        beside their degrees. Raises SessionError for an unknown name.
         """
         columns, rows = self._rows(name)
         return as_table(columns, rows, {"session": self.title, "table": name})
 
     def frame(self, name: str) -> Any:
-        """A table as a pandas ``DataFrame``, with timestamps (needs ``rsoconsole[notebook]``)."""
+        """Return one of the session's tables as a pandas ``DataFrame``, with timestamps.
+
+        Needs ``rsoconsole[notebook]``.
+        """
         return as_frame(*self._rows(name))
 
     def _rows(self, name: str) -> tuple[tuple[Column, ...], list[Row]]:
@@ -126,10 +129,10 @@ class Session(SessionPictures):
     # -- again, and otherwise -------------------------------------------------------------------
 
     def replay(self) -> "tuple[ReplayedFrame, ...]":
-        """Fold every frame again from the record, with the session's settings.
+        """Process every recorded frame again with the session's settings; return the frames.
 
-        A frame's ``is_as_recorded`` says whether that gave the same bits as it did then.
-        On another processor the last digits may differ: ``is_alike`` allows for that.
+        A frame's ``is_as_recorded`` is True where the result has the same bits as the recorded
+        result. On another processor the last digits may differ: ``is_alike`` allows for that.
         """
         from rsoconsole.pipeline import replay
 
@@ -146,13 +149,16 @@ class Session(SessionPictures):
         preset: str | None = None,
         **others: float | str,
     ) -> "WhatIf":
-        """The night followed with other settings, old and new side by side.
+        """Follow the night again with other settings, for comparison with the recorded night.
 
-        ``tau``: the confidence a detection must exceed. ``q``: white-noise acceleration,
-        arcsec²/s³. ``sigma``: the paper's, arcsec, which acts with preset "paper". ``r``:
-        factor of all of R. ``preset``: "tuned" or "paper". ``others``: any setting of
-        ``[filter]`` by its name, e.g. ``gate_nis=9``; ``settings``: any setting by its dotted
-        name. Raises ConfigError for one that there is not or that cannot be so.
+        ``settings``: any settings by dotted name.
+        ``tau``: the confidence that a detection must exceed.
+        ``q``: white-noise acceleration of the motion model, arcsec²/s³.
+        ``sigma``: error of a measurement as in the paper, arcsec; used with preset "paper".
+        ``r``: factor of the whole of R.
+        ``preset``: "tuned" or "paper".
+        ``others``: any setting of ``[filter]`` by its name, e.g. ``gate_nis=9``.
+        Raises ConfigError for an unknown setting and an invalid value.
         """
         from rsoconsole.library.notebook._what_if import WhatIf
 
@@ -183,10 +189,11 @@ class Session(SessionPictures):
         *,
         force: bool = False,
     ) -> Path:
-        """The night for others, as ``rsoconsole export`` writes it; returns where.
+        """Write the session in another format, as ``rsoconsole export`` does; return the path.
 
-        ``format``: csv, ecsv, jsonl, tdm, iod, fits, regions or html. Raises ExportError for
-        another one, and for a file that is there already (unless ``force``).
+        ``format``: csv, ecsv, jsonl, tdm, iod, fits, regions or html; ``force``: overwrite an
+        existing file. Raises ExportError for another format, and for an existing file (unless
+        ``force``).
         """
         from rsoconsole.library.formats.api import ExportOptions, export, save_text
 
@@ -203,9 +210,10 @@ class Session(SessionPictures):
         return made.path
 
     def live(self, socket: Path | str | None = None, *, read_only: bool = False) -> "LivePanel":
-        """The panel on the engine that writes this session (needs ``rsoconsole[notebook]``).
+        """Open the panel on the engine that writes this session (needs ``rsoconsole[notebook]``).
 
-        Raises ControlError when no engine runs, or where it writes another session.
+        ``socket``, ``read_only``: as for ``live_panel``. Raises ControlError when no engine runs,
+        or when it writes another session.
         """
         from rsoconsole.base import ControlError
         from rsoconsole.control import ControlClient, Sender, status_of

@@ -1,1 +1,1 @@
-"""The paper's figures, from a session."""
+"""The figures of Jordan et al. (arXiv 2304.06227), drawn from a session."""

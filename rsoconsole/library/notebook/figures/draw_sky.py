@@ -1,4 +1,4 @@
-"""Right ascension and declination against time: as the paper has it, and where more is seen."""
+"""Figures of right ascension and declination against time: as in the paper, and magnified."""
 
 import itertools
 import math
@@ -68,7 +68,7 @@ MISS_COLOUR = "#f3d9b8"
 
 
 def time_axis(axis: Any, night: DrawnNight) -> None:
-    """Label the time axis: seconds since the first exposure, and when that was."""
+    """Label the time axis: seconds since the first exposure, and the instant of that exposure."""
     first = utc_ns_to_iso(night.frames[0].t_mid_utc_ns, decimals=0).removesuffix("Z")
     at = first.replace("T", " ")
     axis.set_xlabel(f"Time since the middle of the first exposure, {at} UTC (s)")
@@ -78,12 +78,12 @@ def time_axis(axis: Any, night: DrawnNight) -> None:
 
 
 def write_title(axis: Any, night: DrawnNight, what: str) -> None:
-    """A title: what is drawn, of which session, with which preset."""
+    """Write a figure's title: what is drawn, the session's title, the filter's preset."""
     axis.set_title(f"{what}. {night.title}, preset {night.config.filter.preset}", loc="left")
 
 
 def note(axis: Any, words: str) -> None:
-    """A line inside the panel's lower right corner, legible over what is drawn there."""
+    """Write words in the panel's lower right corner, legible over the drawing."""
     paper = {"facecolor": "white", "alpha": 0.8, "edgecolor": "none", "pad": 1.5}
     axis.text(
         *(0.992, 0.03, words),
@@ -96,9 +96,9 @@ def note(axis: Any, words: str) -> None:
 
 
 def shade_misses(axis: Any, night: DrawnNight) -> Any:
-    """A pale column for every frame in which the followed object was not measured.
+    """Shade the time of every frame in which the lead track was missed.
 
-    Returns one of them for the legend, None when there is none.
+    Returns one of the shaded columns, for the legend; None where there is none.
     """
     column = None
     half_s = 0.5 * median_step_s(night)
@@ -112,14 +112,14 @@ def shade_misses(axis: Any, night: DrawnNight) -> Any:
 
 
 def median_step_s(night: DrawnNight) -> float:
-    """Typical time from one frame to the next."""
+    """Return the median time from one frame to the next, s; 30 where there are fewer than two."""
     times = [night.seconds(frame) for frame in night.frames]
     steps = sorted(b - a for a, b in itertools.pairwise(times))
     return steps[len(steps) // 2] if steps else 30.0
 
 
 def legend_above(figure: Any, handles: Sequence[tuple[Any, str]]) -> None:
-    """Draw a line of keys above the panels, without those for which nothing was drawn."""
+    """Draw a legend in one line above the panels; entries whose handle is None are left out."""
     drawn = [(handle, label) for handle, label in handles if handle is not None]
     figure.legend(
         [handle for handle, _ in drawn],
@@ -132,7 +132,10 @@ def legend_above(figure: Any, handles: Sequence[tuple[Any, str]]) -> None:
 
 
 def finish(figure: Any, night: DrawnNight, what: str, keys: Sequence[tuple[Any, str]] = ()) -> None:
-    """Finish a figure: title, axis of time, keys."""
+    """Finish a figure: title, axis of time, legend.
+
+    ``what``: what is drawn, for the title; ``keys``: entries (handle, label) of the legend.
+    """
     panels = figure.axes
     figure.align_ylabels(panels)
     time_axis(panels[-1], night)
@@ -142,17 +145,17 @@ def finish(figure: Any, night: DrawnNight, what: str, keys: Sequence[tuple[Any, 
 
 
 def tracked_frames(night: DrawnNight) -> list[NightFrame]:
-    """Frames in which there was a track."""
+    """Return the frames in which there was a lead track."""
     return [frame for frame in night.frames if frame.track is not None]
 
 
 _FAR_WIDER = 5.0
 Where = Callable[[NightFrame, float, float], float | None]
-"""Value in a panel of a direction (RA, Dec in degrees) in a frame; None: nothing is drawn."""
+"""Function of a frame, RA and Dec (degrees) that gives the value to plot; None: no mark."""
 
 
 def draw_track(figure: Any, night: DrawnNight) -> None:
-    """Right ascension and declination in degrees, as in the paper."""
+    """Draw right ascension and declination in degrees against time, as in the paper."""
     frames = tracked_frames(night)
     ra_0_deg = _first(frames).x[0]
 
@@ -173,7 +176,7 @@ def draw_track(figure: Any, night: DrawnNight) -> None:
 
 
 def draw_about_line(figure: Any, night: DrawnNight) -> None:
-    """Right ascension and declination minus the straight line through the states, arcsec."""
+    """Draw RA and Dec minus the straight line through the updated states, arcsec."""
     frames = [frame for frame in tracked_frames(night) if frame.updated is not None]
     ra_0_deg = _first(frames).x[0]
     t_s = np.array([night.seconds(frame) for frame in frames])
@@ -203,7 +206,10 @@ def draw_about_line(figure: Any, night: DrawnNight) -> None:
 
 
 def draw_errors(figure: Any, night: DrawnNight, truth: Mapping[int, TruePlace]) -> None:
-    """Measured, updated and predicted directions minus where the satellite really was."""
+    """Draw measured, updated and predicted directions minus the satellite's true directions.
+
+    ``truth``: true places by frame number.
+    """
 
     def error(index: int) -> Where:
         def of(frame: NightFrame, ra: float, dec: float) -> float | None:

@@ -1,4 +1,4 @@
-"""Confidence, innovations and their normalised square, against time."""
+"""Figures of confidence, innovations, NIS and image quality against time."""
 
 import math
 from typing import Any
@@ -15,17 +15,17 @@ from rsoconsole.library.notebook.night.night import DrawnNight
 from rsoconsole.night import FRAME_FACTS, facts_of
 
 NIS_BAND = (0.0506, 7.378)
-"""Band with 95 % of a chi-square of two degrees of freedom."""
+"""Bounds that hold 95 % of a chi-square of two degrees of freedom."""
 WINDOW = 12
 WINDOW_BAND = (1.03, 3.28)
-"""Band with 95 % of the mean of twelve such values."""
+"""Bounds that hold 95 % of the mean of twelve chi-squares of two degrees of freedom."""
 _WIDER = 5.0
 _FAR_WIDER = 20.0
 """Bounds wider than the innovations by this factor need a scale of their own."""
 
 
 def draw_confidence(figure: Any, night: DrawnNight) -> None:
-    """Confidence of the accepted measurement, of the others, and tau."""
+    """Draw the confidence of the accepted measurement, the confidence of the others, and tau."""
     axis = figure.subplots()
     column = shade_misses(axis, night)
     followed = [(f, m) for f in night.frames if (m := night.taken_of(f)) is not None]
@@ -61,7 +61,7 @@ def draw_confidence(figure: Any, night: DrawnNight) -> None:
 
 
 def draw_residuals(figure: Any, night: DrawnNight) -> None:
-    """Innovations on the sky, measured minus predicted, within 3 sqrt(S)."""
+    """Draw the innovations on the sky (measured minus predicted) within bounds of 3 sqrt(S)."""
     upper, lower = figure.subplots(2, 1, sharex=True)
     words = ("Δα cos δ (arcsec)", "Δδ (arcsec)")
     mark: Any = None
@@ -112,7 +112,7 @@ def _scale(axis: Any, values: list[float], bounds: list[float]) -> None:
 
 
 def draw_nis(figure: Any, night: DrawnNight) -> None:
-    """Normalised innovation squared of every update, against its band, and its running mean."""
+    """Draw the NIS of every update, its 95 % band, and its running mean."""
     axis = figure.subplots()
     column = shade_misses(axis, night)
     pairs = [
@@ -152,7 +152,7 @@ def draw_nis(figure: Any, night: DrawnNight) -> None:
 
 
 def draw_quality(figure: Any, night: DrawnNight) -> None:
-    """Image and sky quality of each frame, a panel a fact."""
+    """Draw image and sky quality of each frame, one panel for each quantity."""
     panels = figure.subplots(len(FRAME_FACTS), 1, sharex=True)
     for fact, axis in zip(FRAME_FACTS, panels, strict=True):
         points = [

@@ -1,9 +1,9 @@
-"""The paper's figures, from a session: confidence, right ascension and declination, residuals.
+"""The paper's figures of a session: confidence, right ascension and declination, residuals.
 
 Marks as in Jordan et al. (arXiv 2304.06227): measured red squares, updated blue triangles,
-predicted green circles, 3-sigma bounds dashed. At the scale of a night the three marks coincide
-and the bounds vanish, so the same is drawn again about a straight line, and the innovations with
-their own bounds by themselves.
+predicted green circles, 3-sigma bounds dashed. At the scale of a night the three marks coincide and
+the bounds vanish; so one figure shows the same relative to a straight line, and another the
+innovations with their own bounds.
 """
 
 import warnings
@@ -32,7 +32,7 @@ MAX_NOTES = 3
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FigureRecipe:
-    """One of the figures: its name, what draws it, and what it needs."""
+    """One of the figures: its name, the function that draws it, its height, and what it needs."""
 
     name: str
     draw: Callable[[Any, DrawnNight], None]
@@ -51,12 +51,12 @@ DRAWINGS = {
         FigureRecipe(name="nis", draw=draw_nis, height_in=3.0),
     )
 }
-"""Figures by name, in the order in which they are written."""
+"""Recipes of the figures by name, in the order in which they are written."""
 QUALITY = FigureRecipe(name="quality", draw=draw_quality, height_in=6.0, needs_track=False)
 
 
 def has_track(night: DrawnNight) -> bool:
-    """True where a measurement has updated a track in it."""
+    """True where a measurement has updated a lead track in at least one frame of the night."""
     return any(frame.updated is not None for frame in night.frames)
 
 
@@ -73,10 +73,10 @@ def write_figures(
 ) -> tuple[Path, ...]:
     """Draw a session's figures into the folder ``out`` and return their paths, in order.
 
-    ``truth`` is a simulated observatory's truth, one JSON object an exposure; with it there is
-    one figure more, the errors against what really was. A session without a track gives the
-    confidences alone. Raises SessionError when the session cannot be read, holds no frame, or
-    ``out`` cannot be written.
+    ``truth``: file of a simulated observatory's truth, one JSON object for each exposure; with it
+    one more figure is drawn, the errors relative to the truth. A session without a track gives only
+    the figure of the confidence. Raises SessionError when the session cannot be read, holds no
+    frame with a time, or ``out`` cannot be written.
     """
     night = read_night(session)
     drawings = [each for each in DRAWINGS.values() if has_track(night) or not each.needs_track]
@@ -115,39 +115,40 @@ if TYPE_CHECKING:
 class NightPlots(ABC):
     """Plots that a session, a branch and a what-if have in common.
 
-    Every method draws into ``figure`` (a matplotlib Figure or SubFigure of your own, empty) or
-    into a new one, and returns it; the last line of a cell shows it. Nothing needs pyplot or a
-    window. Marks as in Jordan et al. (arXiv 2304.06227): measured red squares, updated blue
-    triangles, predicted green circles, 3-sigma bounds dashed; frames that were missed are shaded.
-    Raises SessionError where there is no frame with a time, or no track to draw.
+    Every method draws into ``figure`` (an empty matplotlib Figure or SubFigure of your own) or into
+    a new figure, and returns it; a notebook displays it where it is the last line of a cell. No
+    pyplot and no window is needed. Marks as in Jordan et al. (arXiv 2304.06227): measured red
+    squares, updated blue triangles, predicted green circles, 3-sigma bounds dashed; frames in which
+    the lead track was missed are shaded. Raises SessionError where there is no frame with a time,
+    or no track to draw.
     """
 
     @abstractmethod
     def nights(self) -> tuple[DrawnNight, ...]:
-        """Nights that are drawn, side by side."""
+        """Return the nights to draw, side by side."""
 
     def plot_confidence(self, figure: Any = None) -> "Figure":
-        """Confidence of what the track took and of what it did not, and tau."""
+        """Plot the confidence of the lead's measurements, the confidence of the others, and tau."""
         return self._plot(DRAWINGS["confidence"], figure)
 
     def plot_track(self, figure: Any = None) -> "Figure":
-        """Right ascension and declination in degrees against time, as in the paper."""
+        """Plot right ascension and declination in degrees against time, as in the paper."""
         return self._plot(DRAWINGS["track"], figure)
 
     def plot_about_line(self, figure: Any = None) -> "Figure":
-        """The track in arcsec about the straight line through the updated states."""
+        """Plot the track in arcsec relative to the straight line through the updated states."""
         return self._plot(DRAWINGS["track_about_line"], figure)
 
     def plot_residuals(self, figure: Any = None) -> "Figure":
-        """Innovations on the sky, measured minus predicted, within 3 sqrt(S)."""
+        """Plot the innovations on the sky (measured minus predicted) within bounds of 3 sqrt(S)."""
         return self._plot(DRAWINGS["residuals"], figure)
 
     def plot_nis(self, figure: Any = None) -> "Figure":
-        """Normalised innovation squared against its 95 % band, and its running mean."""
+        """Plot the NIS of every update, its 95 % band, and its running mean."""
         return self._plot(DRAWINGS["nis"], figure)
 
     def plot_quality(self, figure: Any = None) -> "Figure":
-        """Image and sky quality of each frame: width of its stars, background and so on."""
+        """Plot image and sky quality of each frame: width of its stars, background and so on."""
         return self._plot(QUALITY, figure)
 
     def _plot(self, drawing: FigureRecipe, figure: Any) -> "Figure":

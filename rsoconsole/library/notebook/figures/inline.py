@@ -1,4 +1,4 @@
-"""A matplotlib figure that shows itself in a notebook, whichever backend is set, or none.
+"""A matplotlib figure that a notebook displays by itself, with any backend or none.
 
 It uses neither a window system nor pyplot: nothing is shown twice, nothing needs closing.
 """
@@ -15,20 +15,20 @@ from rsoconsole.library.notebook.figures.draw_sky import STYLE
 
 SHOWN_DPI = 100
 SAVED_DPI = 144
-"""Resolution for screens with small pixels; the size shown is by ``SHOWN_DPI``."""
+"""Resolution of the saved picture, for fine screens; ``SHOWN_DPI`` gives the displayed size."""
 
 
 def figure_style(salt: str | None = None) -> AbstractContextManager[None]:
-    """Context in which matplotlib draws in the product's type and colours.
+    """Return a context in which matplotlib draws in the program's fonts and colours.
 
-    ``salt``: with it the same drawing gives the same SVG.
+    ``salt``: makes the same drawing give the same SVG; None: ids in the SVG are random.
     """
     style: Any = STYLE if salt is None else {**STYLE, "svg.hashsalt": salt}
     return mpl.rc_context(style)
 
 
 class NightFigure(Figure):
-    """A figure with the product's own type and colours."""
+    """A matplotlib figure in the program's fonts and colours."""
 
     def __init__(self, width_in: float, height_in: float) -> None:
         with figure_style():

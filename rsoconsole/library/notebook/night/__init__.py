@@ -1,1 +1,1 @@
-"""One session gathered for figures and tables."""
+"""A session gathered for figures, and marks over its previews."""

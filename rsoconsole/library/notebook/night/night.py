@@ -1,4 +1,4 @@
-"""One session, gathered frame by frame for the figures."""
+"""A session gathered frame by frame, for the figures."""
 
 import math
 from collections.abc import Iterable, Mapping
@@ -19,20 +19,20 @@ SAME_FRAME_S = 1.0
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DrawnNight:
-    """A session's frames in order of time, and how it was set up."""
+    """A session's frames in order of time, with its title and configuration."""
 
     title: str
     frames: tuple[NightFrame, ...]
     config: Config
     firsts: frozenset[str] = frozenset()
-    """Measurements with which tracks began, by their ids, where they are drawn as taken."""
+    """Ids of measurements that began a track and are drawn as taken by it; empty: none is."""
 
     def seconds(self, frame: NightFrame) -> float:
-        """Seconds from the middle of the first exposure to that of this one."""
+        """Return the seconds from the first frame's mid-exposure to this frame's."""
         return (frame.t_mid_utc_ns - self.frames[0].t_mid_utc_ns) / 1e9
 
     def taken_of(self, frame: NightFrame) -> Measurement | None:
-        """The measurement that counts as taken by the lead."""
+        """Return the measurement to draw as taken by the lead; None without one."""
         first = (m for m in frame.measurements if m.measurement_id in self.firsts)
         return frame.measured or next(first, None)
 
@@ -47,7 +47,7 @@ class TruePlace:
 
 
 def night_of(title: str, config: Config, frames: Iterable[NightFrame]) -> DrawnNight:
-    """A night of the frames that have a time."""
+    """Make a night of the frames that have a time, in order of time."""
     in_order = sorted((each for each in frames if each.has_time), key=lambda f: f.t_mid_utc_ns)
     return DrawnNight(title=title, frames=tuple(in_order), config=config)
 
@@ -66,12 +66,15 @@ def read_night(session: Path) -> DrawnNight:
 
 
 def title_of(about: Mapping[str, Any], folder: Path) -> str:
-    """Title of a session, else its folder's name; nothing that steers a terminal."""
+    """Return a session's title, else its folder's name, without control characters.
+
+    ``about``: metadata of the session.
+    """
     return one_line(str(about.get("title") or folder.resolve().name))
 
 
 def expect_frames(night: DrawnNight, session: Path) -> DrawnNight:
-    """The night. Raises SessionError where it holds no frame with a time."""
+    """Return ``night`` as it is. Raises SessionError where it holds no frame with a time."""
     if not night.frames:
         raise SessionError(f"{session} holds no frame with a time: there is nothing to draw")
     return night
@@ -80,16 +83,20 @@ def expect_frames(night: DrawnNight, session: Path) -> DrawnNight:
 def offset_arcsec(
     ra_deg: float, dec_deg: float, from_ra_deg: float, from_dec_deg: float
 ) -> tuple[float, float]:
-    """Offset (east, north) of one direction from another, small angles, safe across RA 0h."""
+    """Return the offset (east, north) of one direction from another, arcsec; safe across RA 0h.
+
+    Valid for small angles.
+    """
     cos_dec = math.cos(math.radians(from_dec_deg))
     return wrap_180(ra_deg - from_ra_deg) * cos_dec * 3600.0, (dec_deg - from_dec_deg) * 3600.0
 
 
 def read_truth(path: Path, night: DrawnNight) -> dict[int, TruePlace]:
-    """True place of the followed satellite by frame, from a simulated observatory's truth.
+    """Read the true places of the followed satellite, by frame number.
 
-    One JSON object an exposure. The followed one is that on which most of the track's states lie.
-    Raises SessionError when the file is no such truth.
+    ``path``: truth of a simulated observatory, one JSON object for each exposure. The followed
+    satellite is the nearest to most of the lead's updated states. Raises SessionError when the file
+    is no such truth.
     """
     try:
         with path.open(encoding="utf-8") as lines:

@@ -1,6 +1,6 @@
-"""Marks over the small picture of a frame: its streaks, and where one was expected.
+"""Marks over the preview of a frame: its streaks, and where the lead track was expected.
 
-In pixels of the whole frame, whatever size the picture is shown at.
+Coordinates are pixels of the whole frame, so that the preview may have any size.
 """
 
 import math
@@ -17,7 +17,7 @@ _POINTS = 48
 
 
 def overlay_svg(frame: NightFrame) -> str:
-    """An SVG that lies over the picture; empty where the frame's size is not known."""
+    """Return an SVG to lay over a frame's preview; empty where the frame's size is not known."""
     taken, followed = frame.taken, frame.measured
     if taken is None or taken.width_px <= 0 or taken.height_px <= 0:
         return ""
@@ -35,7 +35,7 @@ def overlay_svg(frame: NightFrame) -> str:
 
 
 def words_of(frame: NightFrame) -> str:
-    """The frame in one line of words."""
+    """Describe a frame in one line: exposure, plate solution, streaks, measurement."""
     taken, followed = frame.taken, frame.measured
     if taken is None:
         return "no frame yet"

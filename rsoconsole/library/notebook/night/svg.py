@@ -16,13 +16,13 @@ RED, BLUE, AMBER, GREY, GREEN = "#d64545", "#4a80d9", "#b8860b", "#8a8a8a", "#3f
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Axis:
-    """Ranges of both axes of a drawing."""
+    """Ranges of the values on both axes of a drawing."""
 
     x: tuple[float, float]
     y: tuple[float, float]
 
     def at(self, x: float, y: float) -> tuple[float, float]:
-        """Place of a value; beyond the axis it stands on its edge."""
+        """Return the place of a point in the drawing; y beyond its range is put on the edge."""
         across = (x - self.x[0]) / ((self.x[1] - self.x[0]) or 1.0)
         up = (min(max(y, self.y[0]), self.y[1]) - self.y[0]) / ((self.y[1] - self.y[0]) or 1.0)
         return (
@@ -32,12 +32,16 @@ class Axis:
 
 
 def text(words: str) -> str:
-    """Words as they may stand in HTML and SVG, also inside an attribute."""
+    """Escape words for HTML and SVG, also inside an attribute."""
     return html.escape(words, quote=True)
 
 
 def drawing(axis: Axis, parts: Iterable[str], *, label: str, ends: tuple[str, str]) -> str:
-    """A small plot: frame, three ticks at the left, words at the ends of the time axis."""
+    """Return a small plot as SVG: frame, three ticks at the left, words below both ends.
+
+    ``parts``: SVG of the marks; ``label``: description for screen readers; ``ends``: the words
+    below both ends of the time axis.
+    """
     low, high = axis.y
     ticks = []
     for value in (low, (low + high) / 2.0, high):
@@ -62,7 +66,7 @@ def drawing(axis: Axis, parts: Iterable[str], *, label: str, ends: tuple[str, st
 def dots(
     axis: Axis, points: Iterable[tuple[float, float, str]], *, colour: str, hollow: bool = False
 ) -> str:
-    """Points (x, y, title) as dots; hollow ones for what is not there."""
+    """Return points (x, y, title) as SVG dots; ``hollow``: draw only the outlines."""
     fill = "none" if hollow else colour
     return "".join(
         f'<circle cx="{x:.1f}" cy="{y:.1f}" r="2.6" fill="{fill}" stroke="{colour}">'
@@ -72,7 +76,7 @@ def dots(
 
 
 def line(axis: Axis, points: Sequence[tuple[float, float]], *, colour: str, dashed: bool) -> str:
-    """A line through values; broken where one is not finite."""
+    """Return a line through points (x, y) as SVG; broken where y is not finite."""
     path, is_open = [], False
     for x, y in points:
         if not math.isfinite(y):
@@ -86,7 +90,7 @@ def line(axis: Axis, points: Sequence[tuple[float, float]], *, colour: str, dash
 
 
 def band(axis: Axis, low: float, high: float) -> str:
-    """A pale belt between two values."""
+    """Return a pale belt between two values of y as SVG, as wide as the plot."""
     x_0, y_0 = axis.at(axis.x[0], low)
     x_1, y_1 = axis.at(axis.x[1], high)
     size = f'width="{x_1 - x_0:.1f}" height="{y_0 - y_1:.1f}"'

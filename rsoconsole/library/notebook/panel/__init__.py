@@ -1,1 +1,1 @@
-"""The live panel: a seat on the running engine inside a notebook."""
+"""The live panel: shows the running engine in a notebook and may hold control (a seat)."""

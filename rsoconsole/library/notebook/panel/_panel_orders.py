@@ -1,6 +1,6 @@
-"""Orders of a panel's page: each is carried out on a thread of its own, STOP before all.
+"""Execution of the orders of a panel's page: each on a thread of its own, STOP before all.
 
-An order passes the same socket, seats, checklist and limits as one from a console.
+An order passes the same socket, seats, checklist and limits as an order of a console.
 """
 
 import logging
@@ -42,14 +42,14 @@ POINTING = {
     "detail": "judged on the first frame, once it is armed",
     "remedy": "tick it only where you know that the telescope looks where the mount says",
 }
-"""The check that only the first frame can decide."""
+"""Item of the checklist that only the first frame can decide."""
 NOTHING: dict[str, Any] = {}
 Show = Callable[[str, dict[str, Any]], None]
-"""Function that sends the page a value by name: said, asked, stop_news, goto, effect."""
+"""Function that sends the page a name (said, asked, stop_news, goto, effect) and its value."""
 
 
 class PanelOrders:
-    """Receiver of the page's orders, which it carries out and answers."""
+    """Receiver of the messages of a panel's page: executes its orders and answers them."""
 
     def __init__(
         self,
@@ -71,7 +71,7 @@ class PanelOrders:
         self._goto_asked = 0
 
     def receive(self, message: Mapping[str, Any]) -> None:
-        """Handle one message of the page; ignore an unknown one."""
+        """Execute one message of the page; unknown messages are ignored."""
         kind = message.get("kind")
         if kind == "stop":
             self._stop_once(message.get("press"))
@@ -95,7 +95,7 @@ class PanelOrders:
             self.stop()
 
     def stop(self) -> None:
-        """STOP: act first, then put away whatever is open."""
+        """Send STOP, then close an open question and an open go-to on the page."""
         with self._lock:
             self._stops += 1
             number = self._stops
@@ -255,7 +255,10 @@ class PanelOrders:
 
 
 def tuned_values(settings: Mapping[str, Any]) -> dict[str, float | str]:
-    """Settings as a page sends them, as numbers or words. Raises ValueError for others."""
+    """Return the settings that a page sends, as numbers or words, by dotted name.
+
+    Raises ValueError for a setting that is not in ``TUNED``, and for other types.
+    """
     known = {name for name, _, _ in TUNED}
     values: dict[str, float | str] = {}
     for name, value in settings.items():
@@ -269,10 +272,11 @@ def tuned_values(settings: Mapping[str, Any]) -> dict[str, float | str]:
 def effect_rows(
     records: list[Any], config: Config, changes: Mapping[str, float | str]
 ) -> list[list[str]]:
-    """Rows [figure, as recorded, as changed] of the last frames.
+    """Compare the last frames with other settings: rows [figure, as recorded, as changed].
 
-    Raises ConfigError for a value that cannot be. Both are followed again from the record;
-    ``config`` is that of the session's beginning.
+    The frames are followed again from ``records`` for both columns. ``config``: configuration at
+    the session's beginning; ``changes``: settings by dotted name. Raises ConfigError for a value
+    that is not valid.
     """
     from rsoconsole.night import merit
     from rsoconsole.pipeline import what_if

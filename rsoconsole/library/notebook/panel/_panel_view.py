@@ -31,7 +31,7 @@ _FRAMES = 3
 
 
 class LiveNight:
-    """Everything that a panel shows of one session. Raises SessionError as its reader does."""
+    """A session as a panel shows it while it goes on. Raises SessionError as its reader does."""
 
     def __init__(self, folder: Path) -> None:
         self._reader = SessionReader(folder)
@@ -46,7 +46,7 @@ class LiveNight:
         self.fold = Night(folder, about, self.begun_with, newest=None)
 
     def read(self) -> bool:
-        """Read what is new; True where there was anything."""
+        """Read new records and the newest preview; return True where there was anything new."""
         before = self.fold.seq
         for seq, t_utc_ns, record in self._reader.records(since_seq=before):
             self.records.append(record)
@@ -54,12 +54,12 @@ class LiveNight:
         return self._read_picture() or self.fold.seq != before
 
     def night(self) -> DrawnNight:
-        """Frames of the session so far."""
+        """Return the session's frames so far."""
         return night_of(self._title, self.begun_with, self.fold.frames.seen())
 
     @property
     def config(self) -> Config:
-        """Configuration in force now."""
+        """Configuration in force now: that of the session's beginning with all changes."""
         config = self.begun_with
         for name, value in self.fold.frames.settings.items():
             try:
@@ -95,12 +95,16 @@ TUNED = (
     ("filter.gate_nis", "gate NIS", ""),
     ("filter.max_coast_s", "lost after", "s"),
 )
-"""Settings that can be tuned here, (setting, label, unit); the console has the rest."""
+"""Settings that the panel can change: (dotted name, label, unit); the console has all."""
 CHOICES = {"filter.preset": PRESETS}
 
 
 def status_view(status: Status, reach: str, detail: str, seat: str) -> dict[str, Any]:
-    """The engine in words; ``status``: its latest; ``seat``: this panel's name."""
+    """Return the engine's status in words and plain values, by name, for the page.
+
+    ``status``: the last one received; ``reach``: "attached", "silent" or "gone"; ``detail``: fault
+    in words; ``seat``: this panel's name.
+    """
     is_attached = reach == "attached"
     holder, is_ours = status.holder, bool(seat) and status.seat == seat
     return {
@@ -126,7 +130,7 @@ def status_view(status: Status, reach: str, detail: str, seat: str) -> dict[str,
 
 
 def night_view(live: LiveNight) -> dict[str, Any]:
-    """The record: plots of the newest frames, marks over the picture, the log."""
+    """Return the record for the page, by name: plots, marks over the picture, log, settings."""
     night = live.night()
     frame_id = None if live.picture is None else live.picture[0]
     frame = None if frame_id is None else live.fold.frame(frame_id)
@@ -149,7 +153,7 @@ def night_view(live: LiveNight) -> dict[str, Any]:
 
 
 def plots(night: DrawnNight) -> dict[str, str]:
-    """Confidence, both residuals and NIS of the newest frames, as SVG by name."""
+    """Return plots of the newest frames as SVG, by name: confidence, both residuals, NIS."""
     newest = [(night.seconds(frame), frame) for frame in night.frames[-SHOWN_FRAMES:]]
     if not newest:
         return {}

@@ -1,6 +1,7 @@
-"""Poller of the engine and its session for a panel, on a thread of its own: the kernel is free.
+"""Poller of the engine and its session for a panel, on a thread of its own.
 
-It polls only while the page is open: a closed page releases engine and seat.
+The kernel stays free. The poller works only while the page is open: once the page is closed, engine
+and seat are released.
 """
 
 import logging
@@ -19,7 +20,7 @@ ANSWER_S = 1.0
 
 
 class PanelLink(Poller):
-    """Poller that reports ``status`` at every turn, and the rest where it has changed."""
+    """Poller that reports the engine's status at every turn, and the record when changed."""
 
     def __init__(
         self,
@@ -30,7 +31,11 @@ class PanelLink(Poller):
         on_status: Callable[[dict[str, Any]], None],
         on_night: Callable[[dict[str, Any], bytes], None],
     ) -> None:
-        """``on_night``: receives the view of the record and the newest picture (PNG, or empty)."""
+        """Prepare the poller; ``seat``: the panel's name, ``is_watched``: whether the page is open.
+
+        ``on_status``: receives the status; ``on_night``: receives the view of the record and the
+        newest picture (PNG, or empty).
+        """
         super().__init__("panel", EVERY_S)
         self._wire, self._seat = wire, seat
         self._is_watched = is_watched
@@ -38,11 +43,11 @@ class PanelLink(Poller):
         self._status = Status()
         self._fault = ""
         self.live: LiveNight | None = None
-        """The engine's session; None before it is known."""
+        """Record of the engine's session; None before the session is known."""
 
     @property
     def now_utc_ns(self) -> int | None:
-        """The engine's clock when it last answered."""
+        """Time of the engine's clock at its last answer, UTC nanoseconds; None before an answer."""
         return self._status.now_utc_ns
 
     def _look(self) -> None:

@@ -1,4 +1,4 @@
-"""The live panel: a seat on the running engine inside a notebook. Needs anywidget."""
+"""The widget ``LivePanel``: a seat on the running engine in a notebook. Needs anywidget."""
 
 import contextlib
 import os
@@ -20,18 +20,19 @@ from rsoconsole.library.notebook.panel._panel_orders import PanelOrders
 from rsoconsole.library.notebook.panel.link import PanelLink
 
 UNSEEN_S = 12.0
-"""Silence after which a page counts as closed and its panel releases the engine, s."""
+"""Silence of the page after which it counts as closed and the panel releases the engine, s."""
 SUBSHELLS_SINCE = 7
-"""First version of ipykernel that serves a page while a cell runs."""
+"""First major version of ipykernel that serves a page while a cell runs."""
 
 
 class LivePanel(anywidget.AnyWidget):  # type: ignore[misc]
-    """Panel that shows the running engine and sends it orders; STOP bypasses a silent engine.
+    """Notebook widget that shows the running engine and sends it orders.
 
-    It looks on a thread of its own while its page is open, and ends with ``close()``. Orders go
-    by the control socket: seats, checklist and limits are the engine's. While a cell runs, its
-    page is served where both ends know subshells (JupyterLab 4.4 and ipykernel 7, or later);
-    elsewhere STOP would wait for the cell, and the page says so at once.
+    It polls the engine on a thread of its own while its page is open, until ``close()``. Orders go
+    by the control socket: seats, checklist and limits are the engine's. STOP goes past an engine
+    that does not answer. While a cell runs, the page is served only where both ends support
+    subshells (JupyterLab 4.4 and ipykernel 7, or later); elsewhere STOP would wait for the cell,
+    and the page says so at once.
     """
 
     _esm = resource("library", "notebook", "static", "panel.js")
@@ -40,9 +41,9 @@ class LivePanel(anywidget.AnyWidget):  # type: ignore[misc]
     read_only = traitlets.Bool(False).tag(sync=True)
     answers_while_busy = traitlets.Bool(True).tag(sync=True)
     status = traitlets.Dict().tag(sync=True)
-    """The engine in words, at every look."""
+    """The engine's status in words, sent at every poll."""
     night = traitlets.Dict().tag(sync=True)
-    """View of the record: plots, marks, log; sent where it has changed."""
+    """View of the record: plots, marks, log; sent whenever it has changed."""
     picture = traitlets.Bytes(b"").tag(sync=True)
     said = traitlets.Dict().tag(sync=True)
     asked = traitlets.Dict().tag(sync=True)
@@ -57,7 +58,11 @@ class LivePanel(anywidget.AnyWidget):  # type: ignore[misc]
         read_only: bool = False,
         wire: ControlClient | None = None,
     ) -> None:
-        """``socket``: the engine's, None for this user's own; ``wire``: another way to it."""
+        """Open a panel; ``socket``: the engine's control socket, None: that of this user's engine.
+
+        ``read_only``: the panel sends nothing but STOP; ``wire``: client to use instead of one for
+        ``socket``.
+        """
         sender = Sender.at(f"notebook-{os.getpid()}")
         path = None if socket is None else Path(socket).expanduser()
         client = wire or ControlClient(path, sender=sender)
@@ -83,7 +88,7 @@ class LivePanel(anywidget.AnyWidget):  # type: ignore[misc]
         self._link.start()
 
     def stop(self) -> None:
-        """Send STOP, as the button does; return at once: ``stop_news`` gives the result."""
+        """Send STOP, as the page's button does; return at once: ``stop_news`` gives the result."""
         self._orders.stop()
 
     def close(self) -> None:
@@ -93,7 +98,7 @@ class LivePanel(anywidget.AnyWidget):  # type: ignore[misc]
 
     @property
     def is_running(self) -> bool:
-        """True while its thread reads the engine."""
+        """True while the panel's thread polls the engine."""
         return self._link.is_running
 
     def _receive(self, _widget: Any, content: Any, _buffers: Any) -> None:

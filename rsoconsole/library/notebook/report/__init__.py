@@ -1,1 +1,1 @@
-"""The night as one page."""
+"""The report of a night as one HTML page."""

@@ -1,4 +1,4 @@
-"""Facts of the report: tracks, course of the night, actions of the operator."""
+"""Facts for the report: tracks, course of the night, actions of the operator."""
 
 import math
 import statistics
@@ -18,27 +18,27 @@ GEO_WITHIN_ARCSEC_S = 0.3
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class NightCourse:
-    """Course of a night: lines of the log in the order of the record."""
+    """Course of a night as lines of its log, in the order of the record."""
 
     entries: tuple[LogLine, ...]
     actions: tuple[LogLine, ...]
     changes: tuple[LogLine, ...]
     locked_frame: int | None
-    """First frame with a track; None without a track."""
+    """Number of the first frame after which the loop was in TRACK; None: it never was."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TrackFacts:
-    """One track at a glance."""
+    """Facts on one track for the report."""
 
     known: NightTrack
     first: MeasuredRow
     last: MeasuredRow
     count: int
     sigma_arcsec: tuple[float, float]
-    """Median one sigma of its measurements, right ascension on the sky and declination."""
+    """Medians of its measurements' sigmas in right ascension (on the sky) and declination."""
     rate_arcsec_s: tuple[float, float] | None
-    """Rate on the sky at its end."""
+    """Rate at its last measurement: right ascension (on the sky), declination; None: not known."""
 
     @property
     def minutes(self) -> float:
@@ -47,7 +47,7 @@ class TrackFacts:
 
     @property
     def is_geostationary(self) -> bool:
-        """True where its rate at the end is that of a point fixed over the turning Earth."""
+        """True where its last rate is that of a satellite fixed over one point of the Earth."""
         if self.rate_arcsec_s is None:
             return False
         east, north = self.rate_arcsec_s
@@ -56,7 +56,7 @@ class TrackFacts:
 
 
 def filter_words(night: DrawnNight) -> str:
-    """Consistency of the filter at the end, in words."""
+    """Say whether the filter is consistent at the end of the night."""
     judged = consistency_of(night.frames)
     words = {
         "sound": "the filter's errors are as large as it says",
@@ -70,7 +70,10 @@ def filter_words(night: DrawnNight) -> str:
 def track_facts(
     rows: Sequence[MeasuredRow], known: Mapping[int, NightTrack]
 ) -> tuple[TrackFacts, ...]:
-    """Facts on the tracks that took a measurement, in order; ``known``: their records."""
+    """Gather facts on the tracks that took a measurement, in the order of ``known``.
+
+    ``rows``: the session's measurements; ``known``: the session's tracks by number.
+    """
     taken = {number: [row for row in rows if row.track == number] for number in known}
     return tuple(_track(known[number], own) for number, own in taken.items() if own)
 
@@ -92,7 +95,7 @@ def _track(known: NightTrack, rows: list[MeasuredRow]) -> TrackFacts:
 
 
 def read_course(session: Path) -> NightCourse:
-    """Read the course of a night, with every order and setting. Raises SessionError."""
+    """Read the log lines of a night, with every order and setting. Raises SessionError."""
     reader = SessionReader(session)
     night = Night(session, reader.about(), reader.config())
     done: list[LogLine] = []

@@ -1,4 +1,4 @@
-"""Small pictures of a session's frames for a page: inside it, and within a budget of bytes."""
+"""Small pictures of a session's frames for the report, within a budget of bytes."""
 
 import base64
 import io
@@ -18,16 +18,16 @@ from rsoconsole.sky import sky_to_pixel
 from rsoconsole.words import clock
 
 MAX_PICTURES = 40
-"""Most pictures chosen evenly; those of missed frames come on top."""
+"""Largest number of pictures that are chosen evenly; those of missed frames are added."""
 MAX_BYTES = 5_000_000
-"""Size of all pictures together, as the page carries them."""
+"""Largest size of all pictures together, bytes, as the page holds them."""
 WIDE_PX = 300
 QUALITY = 72
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Picture:
-    """One frame's picture."""
+    """One frame's picture, as a data URI."""
 
     frame_id: int
     data_uri: str
@@ -37,7 +37,7 @@ class Picture:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ShownFrame:
-    """One picture with the marks on it, in per cent of its size."""
+    """A picture with its marks, whose places (x, y) are in per cent of the picture's size."""
 
     picture: Picture
     caption: str
@@ -47,7 +47,7 @@ class ShownFrame:
 
 
 def chosen_frames(frames: list[int], missed: Iterable[int]) -> list[int]:
-    """Frames to show: all misses, and ``MAX_PICTURES`` at most, spread evenly, ends included."""
+    """Return the frames to show: all missed frames, and up to ``MAX_PICTURES`` spread evenly."""
     count = len(frames)
     most = min(count, MAX_PICTURES)
     even = {frames[round(k * (count - 1) / max(most - 1, 1))] for k in range(most)}
@@ -55,7 +55,7 @@ def chosen_frames(frames: list[int], missed: Iterable[int]) -> list[int]:
 
 
 def pictures(session: Path, frames: Iterable[int]) -> tuple[Picture, ...]:
-    """Pictures of the frames that have a readable preview, until the budget is spent."""
+    """Return pictures of the frames that have a readable preview, until ``MAX_BYTES`` is spent."""
     reader = SessionReader(session)
     found: list[Picture] = []
     spent_bytes = 0
@@ -102,7 +102,7 @@ def _picture(frame_id: int, path: Path) -> Picture | None:
 def shown_frames(
     session: Path, night: DrawnNight, rows: tuple[MeasuredRow, ...]
 ) -> list[ShownFrame]:
-    """The chosen frames of a night with their marks. Raises SessionError."""
+    """Return the frames that the report shows, with their marks. Raises SessionError."""
     frames = {frame.frame_id: frame for frame in night.frames}
     missed = [number for number, frame in frames.items() if frame.missed is not None]
     taken = {row.frame_id: row for row in rows if row.is_taken and not row.is_superseded}
@@ -173,10 +173,10 @@ _HEIGHTS_IN = {3.0: 2.8, 5.0: 4.6}
 
 
 def inline_figures(night: DrawnNight, with_firsts: DrawnNight) -> dict[str, str]:
-    """The paper's figures as SVG by name; a night without a track has the confidences alone.
+    """Return the paper's figures as SVG by name; without a track only that of the confidence.
 
-    Well-formed, without any reference out of the page. ``with_firsts``: the same night where what
-    began a track counts as taken by it, for the confidences.
+    The SVG is well-formed and refers to nothing outside the page. ``with_firsts``: the same night
+    where the measurement that began a track counts as taken by it, for the confidence.
     """
     drawn = {}
     for drawing in DRAWINGS.values():

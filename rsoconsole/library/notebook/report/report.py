@@ -1,7 +1,7 @@
-"""The night as one page: what was followed, how well, the paper's figures, every measurement.
+"""The report of a night: tracks, their quality, the paper's figures, every measurement.
 
-One HTML file that asks for nothing outside itself, by day, by night and on paper. Whatever people
-wrote (titles, notes) stands in it as text and never as markup.
+One HTML file that loads nothing from elsewhere, for a screen (light or dark) and for paper. Text
+that people wrote (titles, notes) is always escaped.
 """
 
 import statistics
@@ -57,34 +57,34 @@ from rsoconsole.words import (
 )
 
 MAX_PAIRS = 40
-"""Most pairs in the page's table, the nearest first; the session has all."""
+"""Largest number of pairs in the page's table, the nearest first; the session holds all."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PairFacts:
-    """Two tracks, as their last motion on record has them, and how near they had been."""
+    """A pair of tracks: its last relative motion, and its least separation on record."""
 
     last: PairMotion
     nearest_arcsec: float
-    """Least separation of a frame."""
+    """Least separation of the pair on record."""
     nearest_utc_ns: int
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class UnseenFacts:
-    """A catalogued object that stood in frames and was not followed there."""
+    """A catalogued object that was expected in the field and followed by no track."""
 
     looks: int
-    """Number of comparisons with the catalogue that expected it, while no track was of it."""
+    """Number of comparisons with the catalogue that expected it while no track was of it."""
     of_looks: int
-    """Number of comparisons with the catalogue on record."""
+    """Number of all comparisons with the catalogue on record."""
     lit: int
-    """Number of ``looks`` in which the Sun shone on it."""
+    """Number of ``looks`` at which the Sun shone on it."""
     last: UnseenMember
 
 
 def field_facts(records: Iterable[Record]) -> tuple[tuple[PairFacts, ...], tuple[UnseenFacts, ...]]:
-    """Pairs, the nearest first, and unseen objects, those missed most often first."""
+    """Return the pairs, the nearest first, and the unseen objects, most often missed first."""
     pairs: dict[tuple[int, int], PairFacts] = {}
     unseen: dict[int, tuple[int, int, UnseenMember]] = {}
     looks = 0
@@ -119,32 +119,32 @@ def _nearer(before: PairFacts | None, now: PairMotion) -> PairFacts:
 
 
 PARTS = ("slew_s", "settle_s", "shutter_s", "open_s", "readout_s", "wait_s")
-"""Parts of a leap's time, in order."""
+"""Durations of the parts of a leap, in order, as fields of ``LeapDone``."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PassFacts:
-    """One pass, with what came of its leaps."""
+    """One pass of a low satellite, with the results of its leaps."""
 
     over: LowPass
     leaps: int
     """Number of leaps ordered."""
     met: int
     at_close: int
-    """Number ordered as the shutter of the one before closed."""
+    """Number of leaps ordered as the shutter of the exposure before closed."""
     unmet: str
-    """Results of the other leaps, counted: ``2 another streak, 1 not solved``."""
+    """Results of the leaps that did not meet the satellite, counted: ``2 another streak``."""
     total_s: float | None
-    """Median from order to order; None where none was over."""
+    """Median time from the order of a leap until the next could be ordered; None without a leap."""
     parts_s: tuple[float, ...]
-    """Medians, as ``PARTS`` has them."""
+    """Median durations of the parts of a leap, in the order of ``PARTS``; empty without a leap."""
     along_arcsec: float | None
-    """Median distance from the prediction along the way; None where none was met."""
+    """Median distance from the prediction along the motion; None where no leap met it."""
     across_arcsec: float | None
 
 
 def pass_facts(records: Iterable[Record]) -> tuple[PassFacts, ...]:
-    """Passes of a session's records, in order of time."""
+    """Return the passes on record in a session, in order of time."""
     leaps: dict[int, list[LeapDone]] = {}
     passes: list[LowPass] = []
     for record in records:
@@ -184,20 +184,20 @@ def _median(values: Sequence[float]) -> float | None:
 
 TEMPLATE = "report.html.j2"
 MAX_ROWS = 2000
-"""Measurements in the page's table; the rest stand in the CSV."""
+"""Largest number of measurements in the page's table; the CSV holds all."""
 MAX_ENTRIES = 1000
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Report:
-    """The page, and what is in it."""
+    """The report's page, and a summary of its content."""
 
     html: str
     made: Export
 
 
 def render_report(session: Path) -> Report:
-    """The report of a session or a branch.
+    """Make the report of a session or a branch.
 
     Raises SessionError when the session cannot be read or holds no frame.
     """
