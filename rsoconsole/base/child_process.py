@@ -1,6 +1,6 @@
-"""A module in a process of its own, at the other end of a socket: native code may crash or hang.
+"""Runs a module in a process of its own, joined by a socket: native code may crash or hang there.
 
-Camera and mount have their own kind (``instruments/indi/indi_process.py``).
+The processes of camera and mount are another class (``instruments/indi/indi_process.py``).
 """
 
 import contextlib
@@ -14,7 +14,7 @@ _LEAVES_S = 5.0
 
 
 class ChildProcess:
-    """A module's process, one at a time: one that has ended is replaced with the next ``start``."""
+    """One process that runs a module; ``start`` replaces a process that has ended."""
 
     def __init__(self, module: str, *, is_group_of_its_own: bool = False) -> None:
         """``module``: defines ``main(socket_fd)``, which ends when the socket closes.
@@ -27,18 +27,20 @@ class ChildProcess:
 
     @property
     def pid(self) -> int | None:
-        """Number of the living process; None where there is none."""
+        """Process id of the living process; None where no process lives."""
         process = self._process
         return process.pid if process is not None and process.poll() is None else None
 
     @property
     def has_died(self) -> bool:
-        """True where the process has ended by itself, and ``end`` has not been called since."""
+        """True where the process that ``start`` began has ended without a call of ``end``."""
         return self._process is not None and self.pid is None
 
     def start(self) -> Connection:
-        """Return the parent's end of the socket, of a new process where none lives. Raises
-        OSError."""
+        """Return the parent's end of the socket; where no process lives, start one first.
+
+        Raises OSError.
+        """
         if self.pid is None or self._connection is None:
             self.end()
             ours, theirs = socket.socketpair()
@@ -56,9 +58,9 @@ class ChildProcess:
         return self._connection
 
     def end(self, grace_s: float = 0.0) -> int | None:
-        """End the process; with ``grace_s`` it may end by itself first, as its socket closes.
+        """End the process: close its socket, wait ``grace_s`` for it to exit, then kill it.
 
-        Returns its exit status, None where there was no process.
+        0: kill it at once. Returns its exit status, None where there was no process.
         """
         process, connection = self._process, self._connection
         self._process = self._connection = None

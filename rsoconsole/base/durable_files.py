@@ -1,4 +1,4 @@
-"""Files that are written whole, name included, or not at all; files that lock."""
+"""Writes files that are complete under their final name or absent; locks files."""
 
 import errno
 import fcntl
@@ -7,15 +7,15 @@ import time
 from pathlib import Path
 
 PART = ".part"
-"""Ending of a file that is not yet whole."""
+"""Suffix of the name of a file that is still being written."""
 _POLL_S = 0.05
 
 
 def write_durably(path: Path, content: bytes, mode: int | None = None) -> None:
-    """Put a whole file in place or none, and wait until the disk has it and its name.
+    """Write a file so that ``path`` is complete or unchanged, and wait until it is on the disk.
 
-    ``mode``: its permissions from the first byte on; None: the user's usual ones. Raises OSError;
-    on any failure the unfinished file is removed.
+    ``mode``: permissions, in force from the first byte on; None: the user's default ones. Raises
+    OSError; on any failure the unfinished file is removed.
     """
     beside = path.with_name(path.name + PART)
     try:
@@ -33,7 +33,7 @@ def write_durably(path: Path, content: bytes, mode: int | None = None) -> None:
 
 
 def sync_folder(folder: Path) -> None:
-    """Wait until the disk has the names in the folder: a renamed file is safe only then.
+    """Wait until a folder's list of names is on the disk: a rename is durable only then.
 
     Raises OSError.
     """
@@ -49,11 +49,10 @@ def sync_folder(folder: Path) -> None:
 
 
 def lock_file(path: Path, *, wait_s: float = 0.0) -> int:
-    """Return the descriptor of a file, created if missing, that others cannot lock until it is
-    closed.
+    """Lock a file, created if missing, and return its descriptor; closing it releases the lock.
 
-    Raises BlockingIOError where another has it for longer than ``wait_s``, OSError where it cannot
-    be made.
+    Raises BlockingIOError where another process holds the lock for longer than ``wait_s``, OSError
+    where the file cannot be created.
     """
     descriptor = os.open(path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o600)
     deadline = time.monotonic() + wait_s

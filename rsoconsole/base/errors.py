@@ -1,6 +1,6 @@
-"""The exceptions of the program: broken things, with the remedy in the message.
+"""The program's exceptions: for what is broken, with the remedy in the message.
 
-Expected results (nothing detected, not solved) are values, never one of these.
+An expected result (nothing detected, not solved) is a value and raises none of these.
 """
 
 import contextlib
@@ -17,7 +17,10 @@ class RsoconsoleError(Exception):
 
 @contextlib.contextmanager
 def system_errors_as(kind: type[RsoconsoleError], words: str, remedy: str = "") -> Iterator[None]:
-    """Raise an operating system's error as one of ours: its reason between both texts."""
+    """Context that turns an OSError into the error ``kind``.
+
+    Its message: ``words``, the system's reason, ``remedy``, joined without spaces.
+    """
     try:
         yield
     except OSError as error:
@@ -30,7 +33,10 @@ def value_errors_as(
     words: str = "",
     caught: type[Exception] | tuple[type[Exception], ...] = ValueError,
 ) -> Iterator[None]:
-    """Raise a fault of a text or a value as an error of ours, after ``words``."""
+    """Context that turns an error of the types ``caught`` into the error ``kind``.
+
+    Its message: ``words``, then the message of the error caught.
+    """
     try:
         yield
     except caught as error:
@@ -74,7 +80,7 @@ class ControlError(RsoconsoleError):
 
 
 class BatchError(RsoconsoleError):
-    """Raised when work over many sessions cannot be shared out."""
+    """Work over many sessions cannot be distributed over processes."""
 
 
 class InputError(RsoconsoleError, ValueError):

@@ -1,4 +1,4 @@
-"""Validation errors of pydantic and click in the program's own words; the nearest known name."""
+"""Rewrites validation errors of pydantic and click in plain words; finds the nearest known name."""
 
 import difflib
 import re
@@ -36,9 +36,9 @@ def plain_fault(message: str) -> str:
 
 
 def nearest(name: str, known: Iterable[str]) -> str | None:
-    """Return the known name that was probably meant; of dotted names the last part alone will do.
+    """Return the known name that was probably meant; None where no name is similar.
 
-    None where nothing is near.
+    Of a dotted name the last part alone is recognised, too.
     """
     names = list(known)
     same_end = [each for each in names if each.rpartition(".")[2] == name.lower()]

@@ -1,6 +1,7 @@
-"""Bounded reading of files of foreign origin: kind of file, size, depth of JSON and TOML.
+"""Reads files that others wrote, within limits: regular files only, of limited size and nesting.
 
-Reading a pipe never ends, and the readers of JSON and TOML recurse at every bracket.
+Without limits, reading from a pipe may never end, and the readers of JSON and TOML recurse at every
+bracket.
 """
 
 import json
@@ -11,9 +12,9 @@ from pathlib import Path
 from typing import Any
 
 MAX_BYTES = 8 << 20
-"""Greatest size of a small file, bytes: far more than any configuration, keymap or card has."""
+"""Default size limit of a file, bytes: far above any configuration, keymap or card."""
 MAX_DATA_BYTES = 256 << 20
-"""Greatest size of a data file, bytes: a whole catalogue of the sky, a season of measurements."""
+"""Size limit of a data file, bytes: a catalogue of the whole sky, a season of measurements."""
 TOO_DEEP = "its brackets are nested too deeply"
 
 
@@ -34,8 +35,11 @@ def read_foreign(path: Path, *, most_bytes: int = MAX_BYTES, encoding: str = "ut
 
 
 def read_private(path: Path, fault: type[Exception], remedy: str) -> list[str]:
-    """Return the lines of a file that nobody else can read. Raises ``fault``, never with a line in
-    it."""
+    """Return the lines of a file that only its owner may read, without empty ones.
+
+    Raises ``fault`` where others may read the file or where it cannot be read, with ``remedy`` in
+    the message and nothing of the file's content.
+    """
     try:
         if path.stat().st_mode & (stat.S_IRWXG | stat.S_IRWXO):
             raise fault(f"{path} can be read by others: 'chmod 600 {path}' first")
@@ -46,9 +50,9 @@ def read_private(path: Path, fault: type[Exception], remedy: str) -> list[str]:
 
 
 def read_named_file(path: Path, fault: type[Exception], absent: str) -> str:
-    """Return the text of a large file named by the user.
+    """Return the text of a data file that the user named, of at most MAX_DATA_BYTES.
 
-    Raises ``fault`` where it cannot be read; ``absent``: the remedy where it is not there.
+    Raises ``fault`` where it cannot be read; ``absent``: remedy in the message for a missing file.
     """
     try:
         return read_foreign(path, most_bytes=MAX_DATA_BYTES)
@@ -59,7 +63,7 @@ def read_named_file(path: Path, fault: type[Exception], absent: str) -> str:
 
 
 def json_of(text: str | bytes) -> Any:
-    """Parse JSON. Raises ValueError, also where it is nested too deeply."""
+    """Parse JSON. Raises ValueError, also for JSON that is nested too deeply."""
     try:
         return json.loads(text)
     except RecursionError as error:
@@ -67,7 +71,7 @@ def json_of(text: str | bytes) -> Any:
 
 
 def toml_of(text: str) -> dict[str, Any]:
-    """Parse TOML. Raises ValueError, also where it is nested too deeply."""
+    """Parse TOML. Raises ValueError, also for TOML that is nested too deeply."""
     try:
         return tomllib.loads(text)
     except RecursionError as error:

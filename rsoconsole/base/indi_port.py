@@ -1,10 +1,12 @@
-"""The port of an INDI server, and the option of INDI's own tools for another one."""
+"""An INDI server's default port, and the option by which INDI's own tools accept another one."""
 
 INDI_PORT = 7624
 """Default port of an INDI server."""
 
 
 def indi_port_option(port: int) -> str:
-    """Return the port's option for a command line, with a space before it; empty for the default
-    port."""
+    """Return the option for INDI's own tools that names ``port``, with a leading space.
+
+    Empty for the default port.
+    """
     return "" if port == INDI_PORT else f" -p {port}"

@@ -1,4 +1,4 @@
-"""Paths of shipped files, both in a wheel and in a checkout."""
+"""Paths of the files shipped with the program, in an installed wheel and in a checkout."""
 
 from pathlib import Path
 
@@ -7,8 +7,7 @@ _SAMPLE = "intelsat-14"
 
 
 def resource(*parts: str) -> Path:
-    """Return the path of a file shipped inside the package, e.g. ``resource("sky", "data",
-    "x.fits")``.
+    """Return the path of a file shipped in the package, as ``resource("sky", "data", "x.fits")``.
 
     Raises FileNotFoundError when the installation lacks it.
     """
@@ -19,10 +18,10 @@ def resource(*parts: str) -> Path:
 
 
 def model_resource(name: str) -> Path:
-    """Return the path of a file of the trained network: in the wheel, or in ``models/`` of a
-    checkout.
+    """Return the path of a file of the trained network.
 
-    hatch's force-include does nothing in an editable install, so the checkout is searched too.
+    In the wheel, or in ``models/`` of a checkout: hatch's force-include does nothing in an editable
+    install.
     """
     for folder in (_PACKAGE / "_models", _PACKAGE.parent / "models"):
         if (folder / name).exists():
@@ -31,7 +30,7 @@ def model_resource(name: str) -> Path:
 
 
 def sample_resource() -> Path:
-    """Return the folder of the sample session: in the wheel, or in ``sessions/`` of a checkout."""
+    """Return the folder of the sample session, in the wheel or in ``sessions/`` of a checkout."""
     for folder in (_PACKAGE / "_sessions", _PACKAGE.parent / "sessions"):
         if (folder / _SAMPLE / "session.db").exists():
             return folder / _SAMPLE

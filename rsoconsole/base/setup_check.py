@@ -19,9 +19,9 @@ APT_LINE = "sudo apt install git python3-venv python3-dev gcc"
 """Command that installs what a fresh Raspberry Pi OS (64 bit, Lite), Debian or Ubuntu lacks."""
 OLDEST_PYTHON = (3, 11)
 WHEEL_PYTHONS = ((3, 11), (3, 12), (3, 13))
-"""Pythons for which ``astrometry`` comes compiled, on x86-64 with glibc alone (PyPI, 4.3.0)."""
+"""Pythons for which PyPI has ``astrometry`` 4.3.0 compiled: for x86-64 with glibc alone."""
 MACHINES = ("x86_64", "aarch64")
-"""Machines for which every other library comes compiled."""
+"""Architectures for which PyPI has every library except ``astrometry`` compiled."""
 NEEDED_MB = 1500
 """Free disk for the virtual environment and what pip unpacks on the way to it, MB."""
 _COMPILER_S = 60.0
@@ -29,23 +29,28 @@ _COMPILER_S = 60.0
 
 @dataclass(frozen=True)
 class Machine:
-    """The traits of a machine that the installation depends on."""
+    """What the installation depends on: a machine and its Python."""
 
     python: "tuple[int, int]"
     machine: str
-    """Architecture as ``uname -m`` gives it; a 64-bit kernel may carry a 32-bit system."""
+    """Architecture as ``uname -m`` names it.
+
+    A 64-bit kernel may carry a 32-bit system: see ``is_64_bit``.
+    """
     is_64_bit: bool
     """True for a 64-bit Python, and hence a 64-bit system."""
     is_glibc: bool
     has_venv: bool
     header_fault: str
-    """Reason why nothing that includes Python.h can be compiled; empty where it can or need not
-    be."""
+    """Reason why C code that includes Python.h does not compile; empty where it does.
+
+    Empty also where nothing needs to be compiled.
+    """
     free_mb: int
 
 
 def faults(machine: Machine) -> "list[str]":
-    """Return the faults that keep rsoconsole from being installed here, each with its remedy."""
+    """Return every fault that prevents an installation on this machine, each with its remedy."""
     if not machine.is_64_bit or machine.machine not in MACHINES or not machine.is_glibc:
         kind = f"{64 if machine.is_64_bit else 32}-bit system on {machine.machine}"
         libc = "" if machine.is_glibc else " without glibc"
@@ -73,7 +78,7 @@ def faults(machine: Machine) -> "list[str]":
 
 
 def read_machine(folder: Path) -> Machine:
-    """Return this machine's traits; ``folder`` is where the virtual environment will lie."""
+    """Return what is true of this machine; ``folder``: where the virtual environment will lie."""
     machine = platform.machine()
     is_glibc = platform.libc_ver()[0] == "glibc"
     python = (sys.version_info[0], sys.version_info[1])
@@ -89,7 +94,7 @@ def read_machine(folder: Path) -> Machine:
 
 
 def is_compiled(python: "tuple[int, int]", machine: str) -> bool:
-    """True where pip will have to compile ``astrometry`` here."""
+    """True where pip must compile ``astrometry``, as PyPI has no wheel for this machine."""
     return machine != "x86_64" or python not in WHEEL_PYTHONS
 
 
@@ -123,7 +128,10 @@ def header_fault() -> str:
 
 
 def main() -> int:
-    """Return the exit status: 0 when all is there; else 1, with every fault on stderr."""
+    """Check this machine; return the exit status: 0 where rsoconsole can be installed, else 1.
+
+    Every fault is printed on stderr.
+    """
     machine = read_machine(Path.cwd())
     found = faults(machine)
     for fault in found:

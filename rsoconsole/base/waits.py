@@ -1,7 +1,7 @@
 """Log lines about long waits: for a process, a device, a server.
 
-Waiting code makes a ``LongWait`` and calls ``look`` now and then; code that starts the program
-listens with ``waits_reported_to``. Every line is in the log, too.
+Code that waits makes a ``LongWait`` and calls ``look`` now and then; code that starts the program
+shows the lines with ``waits_reported_to``. Every line is in the log, too.
 """
 
 import contextlib
@@ -15,7 +15,7 @@ log = logging.getLogger(__name__)
 
 
 class LongWait:
-    """One wait that logs, every few seconds, its object and its duration so far."""
+    """One wait; logs every few seconds what is awaited, and for how long by now."""
 
     def __init__(self, what: str, now_s: Callable[[], float] = time.monotonic) -> None:
         """``what``: the awaited thing, e.g. "the mount's process"."""
@@ -27,11 +27,11 @@ class LongWait:
 
     @property
     def waited_s(self) -> float:
-        """Time since the beginning, s."""
+        """Time since the wait began, s."""
         return self._now_s() - self._began_s
 
     def look(self) -> None:
-        """Log the wait, every few seconds; called until the awaited thing is there."""
+        """Log the wait where a line is due; to be called repeatedly while waiting."""
         now_s = self._now_s()
         if now_s >= self._next_s:
             self._next_s = now_s + SAY_EVERY_S
@@ -40,7 +40,7 @@ class LongWait:
 
 @contextlib.contextmanager
 def waits_reported_to(listener: Callable[[str], None]) -> Iterator[None]:
-    """Call ``listener`` with every line about waits, on the thread that waits."""
+    """Context in which ``listener`` is called with each line, on the thread that waits."""
     handler = _Listening(listener)
     level = log.level
     log.addHandler(handler)

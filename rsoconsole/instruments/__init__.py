@@ -1,4 +1,4 @@
-"""Clock, mount and camera, with one interface whatever the driver."""
+"""Clock, mount and camera, with the same interface for every driver."""
 
 from lazy_loader import attach_stub
 

@@ -1,8 +1,8 @@
-"""Faults of a machine's clocks, found by comparing them; pure, the readings are arguments.
+"""Finds faults of a machine's clocks by comparing them; readings are arguments, none is taken here.
 
-UTC can be set, monotonic time cannot, and time since boot goes on while the machine sleeps: their
-differences distinguish a clock that is set from one that runs wrong and from a machine that slept.
-A pause between two looks shows a process that stood still.
+UTC can be set, monotonic time cannot, and time since boot continues while the machine sleeps. Their
+differences distinguish a clock that was set, a clock that runs wrong and a machine that slept. A
+long pause between two looks shows a process that stood still.
 """
 
 import datetime
@@ -12,25 +12,27 @@ from rsoconsole.instruments.ports import ClockFault
 
 _NS = 1_000_000_000
 MIN_STEP_S = 0.1
-"""Least step of UTC that counts: 1.5 arcsec of a geostationary satellite."""
+"""Smallest step of UTC that counts; a geostationary satellite moves 1.5 arcsec in it."""
 MAX_DRIFT = 1e-3
-"""Largest drift of a sound clock, seconds a second: time services slew a clock by half of that."""
+"""Largest drift of a sound clock, seconds per second: time services slew by half of that."""
 DRIFT_WINDOW_S = 60.0
-"""Time over which drift is added up before the reference is renewed."""
+"""Time over which drift accumulates before the reference readings are renewed."""
 REPEAT_WITHIN_S = 2.0
-"""Longest time between steps of one size that count as a clock that runs wrong."""
+"""Longest time between steps of equal size that count as a clock that runs wrong."""
 MIN_APART_S = 0.02
-"""Least time between two looks from which a clock's rate is computed."""
+"""Shortest time between two looks that is used to compute a clock's rate."""
 MAX_PACE = 10.0
-"""Largest drift, in seconds a second, of a clock that runs wrong; beyond it the clock is set,
-however often."""
+"""Largest drift of a clock that counts as running wrong, seconds per second.
+
+Beyond it, the clock counts as set, however often.
+"""
 STEADY_S = 10.0
-"""Time that a clock must run right before it is believed again."""
+"""Time that a clock must run right before it is trusted again."""
 MIN_SLEEP_S = 0.5
 MIN_PAUSE_S = 5.0
-"""Pause between two looks that counts as a process that stood still."""
+"""Shortest pause between two looks that counts as a process that stood still."""
 _READ_S = 0.01
-"""Longest time between the readings of two clocks."""
+"""Longest time between reading one clock and reading another."""
 _MIDNIGHT_S = 5.0
 _LEAP_S = 1.0
 _LEAP_MONTHS = (1, 7)
@@ -38,22 +40,24 @@ _LEAP_MONTHS = (1, 7)
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ClockReadings:
-    """The clocks of one machine at one instant."""
+    """One machine's clocks, read at the same instant."""
 
     utc_ns: int
     monotonic_ns: int
     boottime_ns: int
-    """Monotonic time that goes on while the machine sleeps."""
+    """Time since boot, which continues while the machine sleeps."""
 
 
 class ClockWatch:
-    """Detector of clock faults, which compares readings a few times a second."""
+    """Finds clock faults in successive readings, a few a second."""
 
     def __init__(self, first: ClockReadings) -> None:
         self._last = self._reference = first
         self._paced: tuple[ClockReadings, float] | None = None
-        """Readings when the clock was last found to be off, and its drift then, in seconds a
-        second."""
+        """Readings when the clock was last found to be off, and its drift then.
+
+        Drift in seconds per second.
+        """
         self._unsteady_since: ClockReadings | None = None
         self._steady_since = first
 
@@ -63,7 +67,7 @@ class ClockWatch:
         return self._unsteady_since is None
 
     def look(self, now: ClockReadings) -> tuple[ClockFault, ...]:
-        """Return the faults since the last look, in order."""
+        """Return the faults between the last readings and ``now``, in order."""
         last, self._last = self._last, now
         found = [self._time_fault(last, now)]
         stood_s = (now.monotonic_ns - last.monotonic_ns) / _NS

@@ -1,8 +1,8 @@
-"""Motion of a mount, measured from the directions that it reports and from nothing else.
+"""Measures a mount's motion from the directions that its driver reports, and from nothing else.
 
-A driver's Idle, parked or tracking is a claim. What counts are the coordinates over a span of time,
-as rates of the two coordinates, right ascension and declination of date: a mount that tracks keeps
-both, one that stands gains 15.04 arcsec of right ascension a second, at the pole too.
+That a driver calls the mount idle, parked or tracking is a claim. What counts is how right
+ascension and declination of date change over a span of time: a tracking mount keeps both, a mount
+at rest gains 15.04 arcsec of right ascension a second, at the pole too.
 """
 
 import math
@@ -14,28 +14,35 @@ from typing import Literal
 MotionKind = Literal["stands", "tracks", "moves", "unknown"]
 
 SIDEREAL_ARCSEC_S = 15.041067
-"""Rate of the right ascension of a mount that stands still."""
+"""Rate of the right ascension of a mount that stands still, arcsec/s."""
 STEPS_ARCSEC: tuple[float, ...] = (1.5, 15.0, 90.0)
-"""Steps of reported right ascensions: INDI's base class reports changes of 1.5; drivers that read
-seconds, or tenths of a minute, have no finer ones."""
+"""Steps in which drivers report right ascension, arcsec.
+
+INDI's base class reports changes of 1.5; drivers that read whole seconds, or tenths of a minute, of
+right ascension have no finer steps than 15, or 90.
+"""
 MIN_SPAN_S, MIN_HOST_SPAN_S = 2.0, 1.5
 MIN_REPORTS = 3
 MAX_WIDTH_ARCSEC_S = 10.0
-"""Largest width of the interval of possible rates at which a motion is named."""
+"""Largest uncertainty of a rate (width of its interval) at which a motion is named."""
 REST_TOLERANCE_ARCSEC_S = 2.5
-"""Largest difference of a rate from a rest that counts as one: a lunar rate, a drift of a bad
-alignment."""
+"""Largest difference from the rate of tracking or standing that still counts as such.
+
+It allows for a lunar rate, and for the drift of a bad alignment.
+"""
 REPORT_DELAY_S = 0.1
-"""Largest delay of one report against another."""
+"""Largest delay of one report relative to another."""
 HOST_DELAY_S = 1.0
-"""Delay of a report on a busy machine: a change that this alone explains is no motion, and no
-rest."""
+"""Possible delay of a report on a busy machine.
+
+A change that this delay alone explains proves neither motion nor rest.
+"""
 UNKNOWN_PERIOD_S = 2.0
-"""Polling period assumed of a driver that does not report it."""
+"""Polling period assumed where the driver does not report it."""
 DRIFT_SPANS = 3.0
-"""Number of spans over which a slow drift is measured before it is named."""
+"""Number of spans over which a slow drift must last before it is named."""
 FAST_DEG_S = 0.02
-"""Rate above which a motion is a slew, below which a drift."""
+"""Rate above which a motion is a slew, up to which it is a drift."""
 _MIN_APART_S = 0.2
 _ON_GRID_ARCSEC = 0.06
 _MAX_REPORTS = 600
@@ -43,14 +50,17 @@ _MAX_REPORTS = 600
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Motion:
-    """The motion of a mount, by the directions that it reports."""
+    """Motion of a mount, measured from the directions that it reports."""
 
     kind: MotionKind = "unknown"
     ra_rate_arcsec_s: float = 0.0
-    """Rate of the right ascension (not times cos declination): 0 where it tracks, 15.04 at rest."""
+    """Rate of the right ascension (not times cos Dec): 0 while tracking, 15.04 at rest."""
     dec_rate_arcsec_s: float = 0.0
     host_since_s: float = field(default=math.inf, compare=False)
-    """Host's time of the first report that shows the kind "moves"."""
+    """Host time of the first report that shows the motion, for a slew or an uneven motion.
+
+    Infinite for every other motion.
+    """
 
     @property
     def is_at_rest(self) -> bool:
@@ -59,30 +69,29 @@ class Motion:
 
     @property
     def rate_deg_s(self) -> float:
-        """Rate of the faster axis in its coordinate, degrees a second."""
+        """Rate of the faster of the two coordinates, deg/s."""
         return max(abs(self.ra_rate_arcsec_s), abs(self.dec_rate_arcsec_s)) / 3600.0
 
     @property
     def is_fast(self) -> bool:
-        """True for a slew, False for a drift."""
+        """True for a slew; False for a drift, for rest and where nothing is known."""
         return self.kind == "moves" and self.rate_deg_s > FAST_DEG_S
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DirectionReport:
-    """A direction as the mount reported it, epoch of date."""
+    """One direction that the mount reported, in coordinates of date."""
 
     t_s: float
-    """Time by the clock in which the mount moves."""
+    """Time by the clock of the mount's world: simulated time in a simulated observatory."""
     host_s: float
-    """Time by the host's clock, which differs where the observatory is simulated."""
+    """Time by the host's clock; equal to ``t_s`` unless the observatory is simulated."""
     ra_deg: float
     dec_deg: float
 
 
 class MotionMeter:
-    """Measures motion from reports; pure: its clocks are arguments. Not safe for several
-    threads."""
+    """Measures motion from reports; its clocks are arguments. Not thread-safe."""
 
     def __init__(self, period_s: float = UNKNOWN_PERIOD_S) -> None:
         """``period_s``: the driver's polling period."""
@@ -95,20 +104,20 @@ class MotionMeter:
 
     @property
     def span_s(self) -> float:
-        """Span of reports, in seconds, from which a motion is named."""
+        """Length of the span of reports from which a motion is named, s."""
         return max(MIN_SPAN_S, 3.0 * self.period_s, _min_span_s(self._step_arcsec))
 
     @property
     def last(self) -> DirectionReport | None:
-        """Latest report."""
+        """The latest report; None where there is none."""
         return self._reports[-1] if self._reports else None
 
     def begin_at(self, t_s: float) -> None:
-        """Note that an order goes out: earlier reports no longer show the present motion."""
+        """Note that an order is sent at ``t_s``: earlier reports no longer count."""
         self._since_s, self._known = t_s, None
 
     def forget(self) -> None:
-        """Drop all reports: they are no places of this mount."""
+        """Drop all reports: they are not directions of this mount."""
         self._reports.clear()
         self._known = None
 
@@ -127,10 +136,10 @@ class MotionMeter:
         self._known = None
 
     def hold(self, t_s: float, host_s: float) -> None:
-        """Note that the driver has answered at ``t_s``, and nothing has changed since its last
-        report.
+        """Note that the driver answered at ``t_s``, and that its coordinates have not changed.
 
-        Its values may be as old as its last poll of the mount.
+        They may be as old as its last poll of the mount, so they count as a report one polling
+        period before ``t_s``. ``host_s``: the instant ``t_s`` by the host's clock.
         """
         last, held_s = self.last, t_s - self.period_s
         if last is not None and held_s > last.t_s:
@@ -141,11 +150,12 @@ class MotionMeter:
             self.add(same)
 
     def motion(self, t_s: float) -> Motion:
-        """Motion at ``t_s``; unknown where the reports since the last order do not determine it.
+        """Return the motion at ``t_s``; unknown where reports since the last order leave it open.
 
-        A rest is named where, of all constant rates, those that pass every report of the span
-        within half its step are so few that there is no room for another motion (set membership:
-        Milanese and Vicino 1991, Automatica 27, 997).
+        Reports are coarse, so each allows an interval of directions. The constant rates that pass
+        through all intervals of the span are determined (set membership: Milanese and Vicino 1991,
+        Automatica 27, 997). Standing or tracking is named where these rates leave room for no other
+        motion.
         """
         if not self._reports or t_s - self._reports[-1].t_s > self.span_s + self.period_s:
             return Motion()
@@ -187,7 +197,7 @@ class MotionMeter:
 
 
 class _Path:
-    """Reports in order: seconds, arcseconds of right ascension without a jump, of declination."""
+    """Reports in order: time, right ascension unwrapped at 360 deg, declination (s, arcsec)."""
 
     def __init__(self, reports: Sequence[DirectionReport]) -> None:
         self._reports = reports
@@ -199,7 +209,7 @@ class _Path:
             self._ra.append(ra_deg * 3600.0)
 
     def last(self, span_s: float, host_span_s: float = MIN_HOST_SPAN_S) -> "_Path":
-        """Shortest end of the path that lasts so long; empty where the path is shorter."""
+        """Return the shortest part up to the last report that lasts so long; empty for none."""
         for index in range(len(self._t_s) - MIN_REPORTS, -1, -1):
             host_s = self._reports[-1].host_s - self._reports[index].host_s
             if self._t_s[-1] - self._t_s[index] >= span_s - 1e-6 and host_s >= host_span_s:
@@ -207,7 +217,7 @@ class _Path:
         return _Path(())
 
     def fast(self, step_arcsec: float) -> Motion | None:
-        """Slew, which shows in two reports; None for none."""
+        """Return a slew, for which two reports suffice; None where there is none."""
         last = len(self._t_s) - 1
         for index in range(last - 1, -1, -1):
             span_s = self._t_s[last] - self._t_s[index]
@@ -227,7 +237,10 @@ class _Path:
         return None
 
     def named(self, step_arcsec: float) -> Motion | None:
-        """Motion at a constant rate; None where no rate passes, or too many do."""
+        """Return the motion at a constant rate.
+
+        None where no rate fits, or where very different rates do.
+        """
         if not self._t_s:
             return None
         room = step_arcsec + REPORT_DELAY_S * SIDEREAL_ARCSEC_S
@@ -245,7 +258,7 @@ class _Path:
         return Motion(kind=kind, ra_rate_arcsec_s=sum(ra) / 2.0, dec_rate_arcsec_s=sum(dec) / 2.0)
 
     def wandering(self, step_arcsec: float) -> Motion:
-        """Motion at no constant rate, where neither rest explains it; else unknown."""
+        """Return a motion at no constant rate, where neither rest explains it; else unknown."""
         if not self._t_s:
             return Motion()
         standing = [ra - SIDEREAL_ARCSEC_S * t for t, ra in zip(self._t_s, self._ra, strict=True)]
@@ -309,10 +322,10 @@ def tracking_after_stop(
     was_tracking: bool,
     is_parked: bool,
 ) -> bool | None:
-    """Tracking state to order; None: leave it as it is.
+    """Return the tracking state to order after a STOP; None: leave the present state.
 
-    A slew ends in tracking, so that one that was cut short counts as tracking, though drivers
-    report "not tracking" meanwhile. A slew to the park position does not.
+    ``was_slewing`` counts as tracking (unless ``was_parking``), because a completed slew ends in
+    tracking, although drivers report "not tracking" during a slew.
     """
     if is_parked:
         return None
@@ -324,9 +337,9 @@ def tracking_after_stop(
 
 
 MOVES_AFTER_S = 4.5
-"""Time after a STOP before which a motion that goes on may be the mount's braking."""
+"""Time after a STOP during which a motion may be the mount slowing down: no news."""
 BRAKES_FOR_S = 2.5
-"""Time in which a mount slows down: reports of it do not show the present motion."""
+"""Time in which a mount slows down: a motion that began in it does not count."""
 UNKNOWN_AFTER_S = 10.0
 REPEAT_S = 1.0
 REPEATS_FOR_S = 30.0
@@ -334,18 +347,21 @@ REPEATS_FOR_S = 30.0
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StopStep:
-    """Result of one look at a STOP: send ABORT again, report news, or end."""
+    """What to do after one look at a STOP."""
 
     sends_abort: bool = False
     news: Motion | None = None
-    """Motion to report, when its kind has changed."""
+    """Motion to report, where its kind has changed; None: nothing to report."""
     is_over: bool = False
-    """True at rest, or when ABORT has been repeated long enough: the alarm stays."""
+    """True where the mount is at rest, or ABORT has been repeated long enough; end measuring."""
 
 
 class StopMeasure:
-    """One STOP from its first ABORT on; ABORT is repeated while the mount is measured to move, or
-    while its driver has not answered and nothing is known."""
+    """Decides, during one STOP, when to repeat ABORT, when to report and when to end.
+
+    ABORT is repeated while the mount is measured to move, or while its driver has not answered and
+    no motion is known.
+    """
 
     def __init__(self, began_s: float) -> None:
         self.began_s = began_s
@@ -354,7 +370,7 @@ class StopMeasure:
         self.is_over = False
 
     def step(self, now_s: float, motion: Motion, *, is_answered: bool) -> StopStep:
-        """Look once; ``is_answered``: the driver has accepted ABORT."""
+        """Look once, at the present ``motion``; ``is_answered``: the driver has accepted ABORT."""
         since_s = now_s - self.began_s
         is_braking = motion.kind == "moves" and motion.host_since_s < self.began_s + BRAKES_FOR_S
         news = self._news(since_s, Motion() if is_braking else motion)

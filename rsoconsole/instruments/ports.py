@@ -1,8 +1,8 @@
-"""Interfaces of clock, mount and camera, whichever driver is behind them.
+"""Interfaces of clock, mount and camera, the same for every driver.
 
-Directions are ICRS degrees on this side of the border; epoch of date and hours exist only in
-the processes that speak INDI. Instants are UTC nanoseconds. Everything that an instrument does
-not do in time raises InstrumentError with the remedy in words.
+Directions are ICRS degrees; epoch of date and hours exist only in the processes that speak INDI.
+Instants are UTC nanoseconds. What an instrument does not do in time raises InstrumentError, with
+the remedy in words.
 """
 
 from collections.abc import Callable
@@ -14,79 +14,91 @@ from rsoconsole.records import Frame, Site
 
 PierSide = Literal["east", "west"]
 StopPath = Literal["mount", "indi"]
-"""Path of a STOP: through the mount's own process, or by a second plain connection to the INDI
-server."""
+"""Path by which a STOP reaches the mount.
+
+"mount": through the mount's own process. "indi": by a second, plain connection to the INDI server.
+"""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MountReport:
-    """The mount's state at one instant, as its driver reports it and as its motion is measured."""
+    """State of the mount at one instant, as its driver reports it and as its motion is measured."""
 
     t_utc_ns: int
-    """Time of the report: the simulated instant, or the arrival of the report."""
+    """Time of the report: simulated time, or when the report arrived."""
     ra_icrs_deg: float
     dec_icrs_deg: float
     is_slewing: bool
     is_parked: bool
     is_tracking: bool
     pier_side: PierSide | None
-    """Side of the pier the telescope is on; None when the mount does not report it."""
+    """Side of the pier on which the telescope is; None when the mount does not report it."""
     age_s: float = 0.0
-    """Age of the driver's report, wall clock; 0 in the simulated observatory. A mount that only
-    tracks may be silent for long."""
+    """Age of the driver's report, wall clock, s; 0 in the simulated observatory.
+
+    The driver of a mount that only tracks may be silent for long.
+    """
     is_parking: bool = False
-    """True on the way to its park position, as the driver reports."""
+    """True on the way to the park position, as the driver reports."""
     motion: Motion = field(default_factory=Motion)
-    """Motion measured from the reported directions; all else here is the driver's report."""
+    """Motion measured from the reported directions."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StopResult:
-    """The result of a STOP so far: ordered, answered by the driver, and measured."""
+    """Result of a STOP so far: ABORT sent, answered by the driver, motion measured."""
 
     is_answered: bool
-    """True where the driver has accepted ABORT and claims no motion any more: no proof that it
-    stands."""
+    """True where the driver has accepted ABORT and reports no motion.
+
+    No proof that the mount stands.
+    """
     ms: float
-    """Wall time from the request until this was known, or given up."""
+    """Wall time from the request until ``is_answered`` was known, or given up, ms."""
     path: StopPath
     ordered_ms: float | None = None
-    """Wall time from the request until ABORT was on its way to the mount; None: it never was, or it
-    is unknown."""
+    """Wall time from the request until ABORT was sent to the mount, ms.
+
+    None: it was never sent, or the time is not known.
+    """
     is_tracking: bool | None = None
-    """True where tracking is on, as the driver reports; None where it does not."""
+    """True where tracking is on, as the driver reports; None where it does not report that."""
     motion: Motion | None = None
-    """The motion measured since: it stands, tracks, still moves, or is not known. None while it
-    is being measured."""
+    """Motion measured after ABORT: the mount stands, tracks, still moves, or it is not known.
+
+    None while it is being measured.
+    """
     measured_ms: float | None = None
-    """Wall time from the request until the motion was known, or given up."""
+    """Wall time from the request until ``motion`` was known, or given up, ms."""
     detail: str = ""
-    """Reason why it is not answered, or not known."""
+    """Reason why the STOP is not answered, or the motion is not known; empty for none."""
     is_superseded: bool = False
     """True when another order ended the measurement."""
 
     @property
     def rate_deg_s(self) -> float | None:
-        """Rate of the faster axis of a mount that moves on; None for any other, or not known."""
+        """Rate of the faster axis of a mount that still moves, deg/s; None for any other."""
         moves = self.motion is not None and self.motion.kind == "moves"
         return self.motion.rate_deg_s if self.motion is not None and moves else None
 
     @property
     def is_at_rest(self) -> bool:
-        """True where measured to stand or to track."""
+        """True where the mount is measured to stand or to track."""
         return self.motion is not None and self.motion.is_at_rest
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MountAbilities:
-    """The abilities of the mount's driver, as found when it was connected."""
+    """What the mount's driver can do, as found when it was connected."""
 
     can_abort: bool = True
-    """True where motion can be ended; without it nothing but the power switch ends a slew."""
+    """True where motion can be ended; False: only the power switch ends a slew."""
     can_park: bool = True
     can_set_tracking: bool = True
-    """True where tracking can be set; without it tracking cannot be ended at a limit, and its state
-    is unknown."""
+    """True where tracking can be turned on and off.
+
+    False: tracking cannot be ended at a limit, and whether it is on is not known.
+    """
     has_pier_side: bool = True
     has_site: bool = True
     has_time: bool = True
@@ -94,42 +106,44 @@ class MountAbilities:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SlewEnd:
-    """End of an unwatched slew by the mount's own process."""
+    """End of a slew by the mount's own process, because no engine watched it."""
 
     unwatched_s: float
-    """Time without any order, seconds."""
+    """Time since the last order of the engine, s."""
     lease_s: float
-    """Longest allowed time without any order, seconds."""
+    """Longest time allowed without an order of the engine, s."""
 
 
 def ignore_stop_result(_result: StopResult) -> None:
-    """Ignore the news of a STOP, where only its end is waited for."""
+    """Do nothing: the callback of a STOP for callers that need only its returned result."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SiteCheck:
-    """Site as the mount reports it against the configured one."""
+    """The site that the mount reports, compared with the configured site."""
 
     is_consistent: bool
     reported: Site | None
-    """Site as the mount reports it; None when it does not."""
+    """Site that the mount reports; None when it reports none."""
     detail: str
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SkyReport:
-    """Weather and dome as their drivers report them, at one instant."""
+    """Weather and dome at one instant, as their drivers report them."""
 
     weather: Literal["ok", "warning", "alert", "silent"] | None
-    """State of the weather; None where no station is configured; "silent" where it is and does not
-    answer."""
+    """State of the weather; None where no station is configured.
+
+    "silent": a station is configured and does not answer.
+    """
     dome: Literal["open", "closed", "moving", "silent"] | None
     detail: str = ""
     """Message of the driver, or why it is silent."""
 
 
 class SafetyMonitorPort(Protocol):
-    """A monitor of weather and dome."""
+    """Interface of a monitor of weather and dome."""
 
     def look(self) -> SkyReport:
         """Return the latest report, at once; never raises."""
@@ -146,124 +160,130 @@ class ClockFault:
     """A fault of the machine's clock."""
 
     kind: ClockFaultKind
-    """Kind of fault. "set": UTC was stepped, by somebody or a time service; "leap second": by one;
-    "runs wrong": its seconds are none, until "runs right"; "slept": the whole machine; "stood
-    still": this process was not run."""
+    """Kind of fault.
+
+    "set": UTC was stepped, by a person or a time service. "leap second": UTC was stepped by one
+    second at the time of a leap second. "runs wrong": the clock runs at a wrong rate, until "runs
+    right". "slept": the whole machine slept. "stood still": this process was not run.
+    """
     seconds: float
-    """Size of the step of UTC, or time in which nothing ran."""
+    """Size of the step of UTC, or the time in which nothing ran, s."""
     rate: float = 1.0
-    """Seconds of UTC in a second, of the kind "runs wrong"."""
+    """Kind "runs wrong": seconds of UTC per true second."""
 
 
 class Clock(Protocol):
-    """Source of time for the engine, the only one."""
+    """Interface of the engine's only source of time."""
 
     @property
     def is_simulated(self) -> bool:
-        """True when time stands still except during a wait of this clock."""
+        """True when time passes only during ``wait_until``."""
 
     @property
     def speed(self) -> float:
-        """Seconds of this clock in a second of wall time; 0: as many as possible."""
+        """Seconds of this clock per second of wall time during a wait; 0: as fast as possible."""
 
     def now_utc_ns(self) -> int:
-        """The present instant."""
+        """Return the present instant, UTC ns."""
 
     def wait_until(self, t_utc_ns: int) -> bool:
-        """Let time pass until ``t_utc_ns``; at once if that is past.
+        """Let time pass until ``t_utc_ns``; return at once if that is past.
 
-        True when the instant was reached, False when ``wake`` cut the wait short. A simulated
-        clock makes the observatory live through that time: when it returns, mount and camera
-        are at that instant and the mount has reported it. Raises InstrumentError when the
-        simulated observatory does not answer.
+        Returns True when the instant was reached, False when ``wake`` ended the wait early. With a
+        simulated clock the observatory's time passes meanwhile: on return, mount and camera are at
+        the instant, and the mount has reported it. Raises InstrumentError when the simulated
+        observatory does not answer.
         """
 
     def wake(self) -> None:
-        """End a wait that is in progress (from any thread); without one, the next wait."""
+        """End the wait in progress; where none is, the next wait ends at once.
+
+        May be called from any thread.
+        """
 
     def take_faults(self) -> tuple[ClockFault, ...]:
-        """Faults of the clock since the last call, in order."""
+        """Return the faults of the clock since the last call, in order."""
 
     @property
     def is_steady(self) -> bool:
-        """False while a second of this clock is none: measurements then have no time."""
+        """False while the clock runs at a wrong rate: measurements then have no valid time."""
 
 
 class MountPort(Protocol):
-    """A telescope mount."""
+    """Interface of a telescope mount."""
 
     def start(self) -> None:
         """Connect. Raises InstrumentError when the mount cannot be reached."""
 
     def slew(self, ra_icrs_deg: float, dec_icrs_deg: float, now_utc_ns: int) -> None:
-        """Slew to a direction and track at the sidereal rate; returns once the mount has accepted
-        the order.
+        """Slew to a direction and track there; returns once the mount has accepted the order.
 
-        ``now_utc_ns`` fixes the epoch of date. Raises InstrumentError when the mount refuses
-        (parked, below its limits) or is silent.
+        Tracks at the sidereal rate. ``now_utc_ns`` fixes the epoch of date. Raises InstrumentError
+        when the mount refuses (parked, below its limits) or is silent.
         """
 
     def report(self, not_before_utc_ns: int | None = None, timeout_s: float = 10.0) -> MountReport:
-        """Return the latest report, waiting (wall clock) for one at least as late as
-        ``not_before_utc_ns``.
+        """Return the latest report; waits for a report not older than ``not_before_utc_ns``.
 
-        Raises InstrumentError when none comes in time.
+        ``timeout_s`` is wall clock. Raises InstrumentError when none comes in time.
         """
 
     def abort(
         self, timeout_s: float = 2.0, *, on_news: Callable[[StopResult], None] = ignore_stop_result
     ) -> StopResult:
-        """End motion at once; returns when the driver has answered, never raises for a mount that
-        does not respond.
+        """End motion at once; returns when the driver has answered and tracking is set as required.
 
-        Goes through the mount's process and, where the driver does not answer within 100 ms, beside
-        it by a second plain connection to the INDI server. Returns when tracking is then ordered as
-        required. ``on_news`` is called when ABORT is on its way, when it is answered, and, after
-        this has returned, with the measured motion: each time that it changes, for 30 s at most, or
-        until the next order.
+        ABORT goes through the mount's process and, where the driver does not answer within 100 ms,
+        also by a second plain connection to the INDI server. ``on_news`` is called when ABORT is
+        sent, when it is answered, and, also after this has returned, each time that the measured
+        motion changes: for 30 s at most, or until the next order. Never raises because a mount does
+        not respond.
         """
 
     def park(self) -> None:
         """Order the mount to its park position; ``report().is_parked`` shows the arrival."""
 
     def unpark(self) -> None:
-        """Release a parked mount: parked, it accepts no other order."""
+        """Release a parked mount: while parked, it accepts no other order."""
 
     def set_tracking(self, is_on: bool) -> None:
         """Turn sidereal tracking on or off."""
 
     def set_site(self, site: Site) -> None:
-        """Send the mount its site."""
+        """Set the site in the mount."""
 
     def check_site(self, site: Site) -> SiteCheck:
-        """Compare the mount's site with the configured one."""
+        """Compare the mount's own site with ``site``, the configured one."""
 
     def abilities(self) -> MountAbilities:
-        """Return the abilities of its driver. Raises InstrumentError where it is not connected."""
+        """Return what the driver can do. Raises InstrumentError where it is not connected."""
 
     def keep(self, lease_s: float, track_until_utc_ns: int | None) -> None:
         """Renew the lease on motion: the engine watches the mount.
 
-        Without another call within ``lease_s`` (wall clock) a slew is ended and the mount goes
-        back to sidereal tracking; at ``track_until_utc_ns`` (the instant of the next limit, by
-        the machine's clock) tracking ends unless a later one has been given. Never raises.
+        Without another call within ``lease_s`` (wall clock) a slew is ended, and the mount returns
+        to sidereal tracking. At ``track_until_utc_ns`` (the instant of the next limit, by the
+        machine's clock) tracking ends, unless a later call has named a later instant. Never raises.
         """
 
     def take_slew_end(self) -> SlewEnd | None:
-        """The end of the last slew by the mount's process, once; None where it ended none."""
+        """Return, once, how the mount's process ended the last slew because nothing watched it.
+
+        None where it ended none.
+        """
 
     def utc_offset_s(self) -> float | None:
-        """The mount's own clock minus the engine's; None when it reports no time."""
+        """Return the mount's clock minus the engine's, s; None when the mount reports no time."""
 
     def restart(self) -> None:
-        """Start a fresh process and a fresh connection."""
+        """End the process, start a new one and connect."""
 
     def close(self) -> None:
         """End the process; the mount is left tracking at the sidereal rate, not slewing."""
 
 
 class CameraPort(Protocol):
-    """A camera."""
+    """Interface of a camera."""
 
     def start(self) -> None:
         """Connect. Raises InstrumentError when the camera cannot be reached."""
@@ -275,36 +295,36 @@ class CameraPort(Protocol):
         """
 
     def set_binning(self, binning: int) -> int:
-        """Join a number of pixels on each axis, as a multiple of the binning that the camera was
-        set to.
+        """Join ``binning`` times as many pixels on each axis as the camera's original setting does.
 
-        1: as it was. Between exposures. Returns the binning from now on. Raises InstrumentError
-        where the camera cannot or is silent.
+        1: the original setting. To be called between exposures. Returns the binning now in force.
+        Raises InstrumentError where the camera cannot join them or is silent.
         """
 
     def set_subframe(self, share: float) -> float:
-        """Read only a share of each side of what the camera was set to read, about its middle.
+        """Read only the fraction ``share`` of each side of the camera's original window.
 
-        1: all of it. Between exposures. Returns the share that holds from now on, which the camera
-        may have rounded. Raises InstrumentError where the camera cannot or is silent.
+        About its middle; 1: the whole window. To be called between exposures. Returns the fraction
+        set, which the camera may have rounded. Raises InstrumentError where the camera cannot or is
+        silent.
         """
 
     def wait_frame(self, timeout_s: float) -> Frame:
         """Return the frame of the exposure under way, within ``timeout_s`` of wall time.
 
         A simulated clock must first have been advanced past the end of the exposure (order + start
-        latency + exposure). The pixels are the caller's own copy. Raises InstrumentError when no
-        frame comes; the camera's process is then started again.
+        latency + exposure). The pixels must not be changed. Raises InstrumentError when no frame
+        comes; the camera's process is then started again.
         """
 
     def take_messages(self) -> tuple[str, ...]:
-        """Return the driver's messages since the last call, in its own words."""
+        """Return the driver's messages, verbatim, since the last call."""
 
     def abort(self) -> None:
-        """Abort the exposure under way; its frame never comes."""
+        """Abort the exposure under way; it yields no frame."""
 
     def restart(self) -> None:
-        """Start a fresh process and a fresh connection."""
+        """End the process, start a new one and connect."""
 
     def close(self) -> None:
         """End the process and release the shared memory."""
@@ -312,7 +332,7 @@ class CameraPort(Protocol):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Instruments:
-    """Clock, mount and camera of one observatory."""
+    """Clock, mount, camera and safety monitor of one observatory."""
 
     clock: Clock
     mount: MountPort

@@ -1,7 +1,7 @@
-"""Release of this process's free memory to the system.
+"""Returns this process's free memory to the operating system.
 
-The GNU C library adapts to freed blocks: after a few frames of 33 MB it allocates the next ones
-from heaps that it never shrinks, one for each thread that held one.
+The GNU C library adapts to blocks that are freed: after a few frames of 33 MB it takes the next
+ones from heaps that it never shrinks, one heap for each thread that held a frame.
 """
 
 import ctypes
@@ -14,7 +14,7 @@ _DONTNEED = 4
 
 
 def return_freed_blocks() -> bool:
-    """Have every large block come from the system and return to it as soon as it is freed.
+    """Make the C library return every large block to the system as soon as it is freed.
 
     Returns False where the C library cannot: then nothing has changed.
     """
@@ -25,18 +25,18 @@ def return_freed_blocks() -> bool:
 
 
 def return_free_pages() -> bool:
-    """Release, once, the pages that lie free between blocks in use; takes some milliseconds.
+    """Return to the system, once, free pages between blocks in use; takes some milliseconds.
 
-    Returns False where the C library cannot, or had nothing to release.
+    Returns False where the C library cannot, or had nothing to return.
     """
     return bool(_call("malloc_trim", 0))
 
 
 def forget_contents(address: int, size: int) -> bool:
-    """Release the pages that lie wholly in a range of memory that stays allocated.
+    """Return to the system the whole pages within a range of memory that stays allocated.
 
-    Their contents are lost: they read as zeros, and are there again as soon as they are written.
-    Returns False where the system does not do it: then the contents are as they were.
+    Their contents are lost: they read as zeros, and may be written again. Returns False where the
+    system does not do this: then the contents are unchanged.
     """
     first = -(-address // mmap.PAGESIZE) * mmap.PAGESIZE
     length = (address + size) // mmap.PAGESIZE * mmap.PAGESIZE - first

@@ -1,13 +1,14 @@
 """The public tables of a session: their columns, with type and meaning.
 
-Declared once: the SQL of the views (``session/log/schema.py``), the notebook's tables, and the
-documentation (``python -m rsoconsole.records.columns sessions/README.md``; a test compares both)
-are made from it. Exported tables declare theirs in the same language (``library/formats/rows.py``),
-and carry every other number, text or truth that a measurement gets here.
+Each table is declared once. From its declaration are made: the SQL of the views
+(``session/log/schema.py``), the notebook's tables, and the documentation (``python -m
+rsoconsole.records.columns sessions/README.md``; a test compares both). Exported tables are declared
+in the same language (``library/formats/rows.py``), and have every number, text or truth that a
+measurement has here.
 
-A field of a record and its line here are all that a new column takes.
+A new column takes a field of a record and a line here.
 
-A column's unit is the one in its name, so that no table can state another.
+A column's unit is in its name, so that no table can state another unit.
 """
 
 import sys
@@ -55,8 +56,10 @@ from rsoconsole.records.steps import (
 )
 
 ColumnType: TypeAlias = Literal["integer", "real", "text", "truth", "json"]
-"""Type of a column; json: a record or mapping, as the log has it; real with a shape: nested lists
-of numbers."""
+"""Type of a column.
+
+json: a record or mapping, as the log has it. real with a shape: nested lists of numbers.
+"""
 Source: TypeAlias = Literal["log", "files"]
 
 _UNITS = (
@@ -86,27 +89,30 @@ class Column:
     type: ColumnType
     meaning: str
     path: str = ""
-    """Members and indices joined by points, in the record or the part of it that a row is; "#" is
-    the part's number or key, "=" its value. Empty: the column's own name."""
+    """Path to the value: names and indices joined by points; empty: the column's own name.
+
+    It begins at the record, or at the part of the record that is the row. "#" stands for the part's
+    number or key, "=" for the part's value.
+    """
     shape: tuple[int, ...] = ()
-    """Shape of the matrices in the column; those of other shapes are JSON."""
+    """Shape of the matrices in the column, () for none; a matrix of another shape is JSON."""
     source: Source = "log"
 
     @property
     def unit(self) -> str | None:
-        """Unit as astropy writes it; None for a number without one."""
+        """Unit as astropy writes it, by the ending of the name; None where it names no unit."""
         if self.name == "ms":
             return "ms"
         return next((unit for ending, unit in _UNITS if self.name.endswith(ending)), None)
 
     @property
     def is_worded(self) -> bool:
-        """True where the record has a kind with figures there, and the column is its text."""
+        """True where the record has a reason with figures, and the column has its sentence."""
         return self.place in _WORDED
 
     @property
     def place(self) -> str:
-        """Path of the column in the record."""
+        """Path of the column in the record: ``path``, or the name where that is empty."""
         return self.path or self.name
 
 
@@ -118,22 +124,22 @@ class Table:
     kind: type
     """Type of the record that its rows are made from."""
     row: str
-    """Description of one row."""
+    """What one row is, in words: "an exposure"."""
     own: tuple[Column, ...]
-    """Columns of its own, without those that every table begins with."""
+    """The columns, without those that every table begins with."""
     parts: str = ""
-    """Member of the record of which each item is a row; empty: the record is one row."""
+    """Name of the member of the record whose items are the rows; empty: the record is one row."""
     may_be_superseded: bool = False
-    """True where an operator's decision may later replace its rows."""
+    """True where rows may cease to count, after a decision of the operator."""
 
     @property
     def columns(self) -> tuple[Column, ...]:
-        """All columns, in order."""
+        """All columns, in order: those that every table has, then its own."""
         return (*HEAD, *self.own, *((SUPERSEDED,) if self.may_be_superseded else ()))
 
 
 def columns_of(spec: str, source: Source = "log") -> tuple[Column, ...]:
-    """Parse columns from lines such as ``name=path type[shape] meaning``."""
+    """Parse columns, one per line: ``name=path type[shape] meaning``."""
     return tuple(_column(line, source) for line in spec.strip().splitlines())
 
 
@@ -315,7 +321,10 @@ TABLES: Mapping[str, Table] = MappingProxyType({each.name: each for each in _ABO
 
 
 def column_value(record: Any, column: Column) -> Any:
-    """Return a column's value of a record, or of the part of it that a row is; None for none."""
+    """Return the value of a column in a record, or in the part of a record that is the row.
+
+    None where the path leads to nothing.
+    """
     value = record
     for step in column.place.split("."):
         if value is None:
@@ -328,7 +337,7 @@ def column_value(record: Any, column: Column) -> Any:
 
 
 def documentation() -> str:
-    """Return the tables as ``sessions/README.md`` shows them."""
+    """Return the Markdown table of all tables, as ``sessions/README.md`` shows it."""
     lines = ["| view | a row is | columns beside those three |", "|---|---|---|"]
     for table in TABLES.values():
         named = ", ".join(column.name for column in table.columns[len(HEAD) :])
@@ -337,7 +346,7 @@ def documentation() -> str:
 
 
 def with_documentation(page: str) -> str:
-    """Return a page with its tables replaced by the present documentation."""
+    """Return the text of a Markdown page with its table of tables brought up to date."""
     first, *_, last = (line for line in page.splitlines() if _is_of_table(line))
     before, _, rest = page.partition(first)
     return before + documentation() + rest.partition(last)[2]

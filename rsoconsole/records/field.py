@@ -1,30 +1,33 @@
-"""Records of a field as a whole: the relative motion of its tracks, and the missing objects."""
+"""Records of a whole field: the relative motion of its tracks, and the missing objects."""
 
 from dataclasses import dataclass
 from typing import Literal
 
 PathKind = Literal["straight", "curved"]
-"""Model of the relative motion behind a closest approach: a straight line, or with its bend."""
+"""Model of the relative motion: a straight line, or a line with a bend."""
 ClosestKind = Literal["now", "ahead", "beyond"]
-"""Place of the least separation within the horizon: at its beginning, as they part; inside; at its
-end, as they still approach."""
+"""Where in the searched time the separation is least: at its start, inside, at its end.
+
+"now": the two are parting. "ahead": they meet within the horizon. "beyond": they still approach at
+the horizon's end.
+"""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PairMotion:
-    """Position and motion of one track relative to another, and their closest approach; 1-sigma
-    errors of differences.
+    """Motion of one track relative to another, and the closest approach of the two.
 
-    Components are those of the way from ``track_id`` to ``other_track_id``, east and north at the
-    middle between them. Errors common to all streaks of a frame cancel.
+    East and north are the components of the vector from ``track_id`` to ``other_track_id``, at the
+    middle between the two. Sigmas are of this difference: errors common to all streaks of a frame
+    cancel.
     """
 
     track_id: int
     other_track_id: int
     t_utc_ns: int
-    """Instant of the separation: mid-exposure of the frame, UTC ns."""
+    """Instant of separation and rates: mid-exposure of the frame, UTC ns."""
     frames: int
-    """Number of frames with both tracks."""
+    """Number of frames that show both tracks."""
     east_arcsec: float
     north_arcsec: float
     sigma_east_arcsec: float
@@ -32,40 +35,42 @@ class PairMotion:
     separation_arcsec: float
     sigma_separation_arcsec: float
     position_angle_deg: float
-    """Position angle of the other one, from north through east, deg."""
+    """Direction from ``track_id`` to ``other_track_id``, from north through east, deg."""
     sigma_position_angle_deg: float
     rate_east_arcsec_min: float
     rate_north_arcsec_min: float
     sigma_rate_east_arcsec_min: float
     sigma_rate_north_arcsec_min: float
     separation_rate_arcsec_min: float
-    """Rate of the separation, arcsec/min: below 0 while they approach."""
+    """Rate of the separation, arcsec/min; negative: the two approach."""
     sigma_separation_rate_arcsec_min: float
     closest: ClosestKind
     closest_utc_ns: int
-    """Time of the closest approach within the horizon, UTC ns."""
+    """Time of the closest approach within ``horizon_s``, UTC ns."""
     sigma_closest_s: float
     closest_arcsec: float
-    """Median separation at the closest approach, arcsec."""
+    """Separation at the closest approach, arcsec: the median."""
     closest_low_arcsec: float
-    """Lower end of the interval of 68 %, arcsec; the upper one is ``closest_high_arcsec``."""
+    """Lower end of the 68 % interval of ``closest_arcsec``; upper: ``closest_high_arcsec``."""
     closest_high_arcsec: float
     closest_lowest_arcsec: float
-    """Lower end of the interval of 95 %, arcsec; the upper one is ``closest_highest_arcsec``."""
+    """Lower end of the 95 % interval of ``closest_arcsec``; upper: ``closest_highest_arcsec``."""
     closest_highest_arcsec: float
     horizon_s: float
-    """Time ahead over which the approach was searched, s."""
+    """Time after ``t_utc_ns`` in which the closest approach is searched, s."""
     path: PathKind
     close_probability: float
-    """Probability that they come nearer than the angle of the warning within its horizon; 0 without
-    one."""
+    """Probability of an approach below the warning's angle within the warning's horizon.
+
+    0 where no warning is configured.
+    """
     is_close: bool = False
     """True where the operator is warned of this approach."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PairMotions:
-    """The relative motion of the tracks of a field."""
+    """Relative motion of the tracks of a field, pair by pair."""
 
     frame_id: int
     pairs: tuple[PairMotion, ...]
@@ -78,17 +83,17 @@ class UnseenMember:
     norad_id: int
     name: str
     ra_icrs_deg: float
-    """Right ascension at mid-exposure, by its elements."""
+    """Right ascension at mid-exposure, predicted from its elements."""
     dec_icrs_deg: float
     x_px: float
     y_px: float
     sigma_arcsec: float
-    """One sigma of its elements along its motion, arcsec."""
+    """One sigma along the motion of the predicted position, arcsec."""
     tle_age_days: float
     is_usable: bool
-    """True where its whole streak is in the frame."""
+    """True where the whole predicted streak lies in the frame."""
     is_lit: bool
-    """True where the Sun lights it; element files do not say how bright an object is."""
+    """True where it is sunlit; how bright it is, element files do not say."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -99,7 +104,7 @@ class ExpectedMembers:
     t_utc_ns: int
     """Mid-exposure, UTC ns."""
     compared: int
-    """Number of catalogued objects compared."""
+    """Number of catalogued objects compared with the frame."""
     in_frame: int
-    """Number of expected objects that should be in the frame."""
+    """Number of expected objects predicted to be in the frame."""
     unseen: tuple[UnseenMember, ...]

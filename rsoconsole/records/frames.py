@@ -1,4 +1,4 @@
-"""Records of a frame and of its detections."""
+"""Records of a frame: its pixels and mode, its detections, its plate solution."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -16,7 +16,7 @@ PixelArray = npt.NDArray[np.uint16] | npt.NDArray[np.float32]
 MapMode = Literal["fast", "paper"]
 
 StreakKind = Literal["streak", "clipped", "crossing"]
-"""Kind by the number of ends in the frame: both, one, none."""
+"""Kind of streak: both ends in the frame, one end, neither."""
 
 ObjectClass = Literal["satellite", "aircraft", "meteor", "cosmic ray", "star chain", "undetermined"]
 
@@ -33,22 +33,22 @@ class Site:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CameraMode:
-    """Read-out of a frame, as far as its header has it; with its size and exposure, its mode."""
+    """How a frame was read out; None for what its header does not state."""
 
     binning: str | None = None
     """Binning, as ``2x2``."""
     x0_px: int | None = None
-    """First column of a subframe on the sensor, px."""
+    """First column of the sensor that was read, px."""
     y0_px: int | None = None
     gain: float | None = None
-    """Gain in the camera's own steps."""
+    """Gain, in the units of the camera's own setting."""
     time_by: Literal["header", "gps"] = "header"
-    """Source of the exposure's time: DATE-OBS, or the camera's own GPS receiver."""
+    """Source of the exposure's time: the header's DATE-OBS, or the camera's GPS receiver."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Frame:
-    """One exposure as the camera gave it, with what its header states."""
+    """One exposure: the pixels as the camera gave them, and what its header states."""
 
     frame_id: int
     name: str
@@ -57,19 +57,21 @@ class Frame:
     t_start_utc_ns: int | None = None
     exposure_s: float | None = None
     scale_arcsec_px: float | None = None
-    """Scale from focal length and pixel size, arcsec/px; a hint."""
+    """Scale from focal length and pixel size, arcsec/px; a hint for the solver."""
     pointing_ra_icrs_deg: float | None = None
-    """Right ascension of the mount's reported pointing; a hint for the solver, never a
-    measurement."""
+    """Right ascension where the mount reported to point; a hint for the solver.
+
+    Never used as a measurement.
+    """
     pointing_dec_icrs_deg: float | None = None
     saturation_adu: float = 65535.0
     camera: CameraMode | None = None
-    """Camera mode; None where no header was read."""
+    """Read-out of the frame; None where there was no header."""
     header: Mapping[str, Any] = field(default_factory=dict)
 
     @property
     def t_mid_utc_ns(self) -> int | None:
-        """Mid-exposure, UTC ns; None when start or length is unknown."""
+        """Mid-exposure, UTC ns; None when start or exposure time is unknown."""
         return middle_utc_ns(self.t_start_utc_ns, self.exposure_s)
 
     @property
@@ -85,21 +87,21 @@ class Frame:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Detection:
-    """One detected streak, or a candidate for one, in one frame."""
+    """One streak, or one candidate for a streak, in one frame."""
 
     frame_id: int
     confidence: float
-    """Probability that it is a real streak of the sky, 0 to 1."""
+    """Probability that the candidate is a real streak of the sky, 0 to 1."""
     x_px: float
-    """Column of the streak's midpoint (of its box's where ``method`` is "box")."""
+    """Column of the streak's midpoint; of the middle of its box where ``method`` is "box"."""
     y_px: float
     x_a_px: float
-    """Column of end a; one frame does not show which end came first in time."""
+    """Column of end a; a and b say nothing about which end came first in time."""
     y_a_px: float
     x_b_px: float
     y_b_px: float
     box_px: tuple[float, float, float, float]
-    """Box of the network: x0, y0, x1, y1."""
+    """Network's box around the streak: x0, y0, x1, y1."""
     length_px: float
     width_px: float
     """Full width at half maximum across the streak, px; 0 when not measured."""
@@ -109,38 +111,56 @@ class Detection:
     """One sigma of the midpoint along the streak, px."""
     sigma_across_px: float
     is_clipped: bool
-    """True when an end lies outside the frame: then only the position across the streak holds."""
+    """True when an end lies outside the frame: the position along the streak is then unknown."""
     method: Literal["line", "box", "operator"]
     unevenness: float = 0.0
-    """Excess variation of its light and path beyond noise, as a natural logarithm of variances; 0:
-    none, or too long to be a cosmic ray, or not measured."""
+    """Variation of light and path along the streak beyond noise, as a log of variances.
+
+    Natural logarithm. 0: none, not measured, or a streak too long to be a cosmic ray.
+    """
     kind: StreakKind = "streak"
-    """Kind of streak; never "streak" where ``is_clipped``: an input without a kind counts as
-    "clipped"."""
+    """Kind of streak; never "streak" where ``is_clipped``.
+
+    "clipped" where ``is_clipped`` is set without a kind.
+    """
     sigma_angle_deg: float | None = None
-    """One sigma of its direction, deg: with ``sigma_across_px`` the covariance of its line, as the
-    two are all but independent at its midpoint. None where not measured."""
+    """One sigma of the streak's direction, deg; None where not measured.
+
+    With ``sigma_across_px`` it gives the covariance of the line: at the midpoint, both errors are
+    all but independent.
+    """
     object_class: ObjectClass = "undetermined"
     class_probability: float = 1.0
-    """Probability of its class, given that it is a real streak; of "undetermined", 1 minus that of
-    the likeliest class."""
+    """Probability of ``object_class``, given a real streak.
+
+    For "undetermined": 1 minus the probability of the likeliest class.
+    """
     modulation_period_px: float | None = None
-    """Period along the streak of regularly varying light, px; None where none is seen."""
+    """Period of regularly varying light along the streak, px; None where none is seen."""
     modulation_period_s: float | None = None
-    """Period of regularly varying light, s; None also where the exposure's share of its length is
-    not known."""
+    """Period of regularly varying light, s; None where none is seen.
+
+    None also where the time that the streak's length corresponds to is not known.
+    """
     modulation_depth: float | None = None
-    """Depth of the variation, (most - least) / (most + least) of the light over one period, as
-    blurred by the stars' width: 0 to 1."""
+    """Depth of the variation over one period: (most - least) / (most + least) of the light.
+
+    0 to 1, as blurred by the stars' width; None where none is seen.
+    """
     train: int = 0
-    """Number of parallel lines of a train of satellites, itself among them; 0: none."""
+    """Number of parallel streaks of a satellite train, with this streak; 0: no train."""
     light_offset_px: float | None = field(default=None, compare=False)
-    """Offset of the middle from the midpoint towards end b, px, by ends and light together:
-    corrects for an image that shook, for a steady light. None where that was not measured."""
+    """Offset of the middle from the midpoint, towards end b, by ends and light together, px.
+
+    Corrects for an image that shook, where the object's light is steady. None where not measured.
+    """
     light_sigma_px: float | None = field(default=None, compare=False)
     """One sigma of ``light_offset_px``."""
     light_length_px: float | None = field(default=None, compare=False)
-    """Length of the even motion by ends and light together, px; None where not measured."""
+    """Length of the streak for an even motion, by ends and light together, px.
+
+    None where not measured.
+    """
     light_length_sigma_px: float | None = field(default=None, compare=False)
     """One sigma of ``light_length_px``."""
 
@@ -152,14 +172,14 @@ class Detection:
 
     @property
     def angle_deg(self) -> float:
-        """Direction from end a to end b in the array, x towards y, modulo 180 deg."""
+        """Direction from end a to end b in the array, from x towards y, modulo 180 deg."""
         dx, dy = self.x_b_px - self.x_a_px, self.y_b_px - self.y_a_px
         return float(np.degrees(np.arctan2(dy, dx)) % 180.0)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Rejection:
-    """A rejected candidate, and why."""
+    """A candidate that the detector rejected, and why."""
 
     detection: Detection
     reason: BelowTau | NotAStreak
@@ -175,28 +195,34 @@ class Detections:
     detections: tuple[Detection, ...]
     rejected: tuple[Rejection, ...] = ()
     star_count: int | None = None
-    """Number of stars found beside them, up to a few hundred; None where not counted."""
+    """Number of stars found in the frame, up to a few hundred; None where not counted."""
     star_fwhm_px: float | None = None
-    """Median full width at half maximum of the stars, px; None where that was not measured."""
+    """Median full width at half maximum of the stars, px; None where not measured."""
     star_flux_adu: float | None = None
-    """Median flux of the 20th to 60th brightest stars, ADU; None where there are too few to
-    compare."""
+    """Median flux of the 20th to 60th brightest stars, ADU.
+
+    None where there are too few stars.
+    """
     background_adu: float | None = None
-    """Median of the sky's light in a pixel, ADU, with the camera's offset where no dark takes it
-    off; None where not measured."""
+    """Median sky background per pixel, ADU; None where not measured.
+
+    Includes the camera's offset where no dark frame is subtracted.
+    """
     zero_point_mag: float | None = None
-    """Magnitude of a star that would give 1 ADU a second: the sky's transparency at this camera;
-    None without a plate solution, and where too few stars are in the catalogue."""
+    """Magnitude of a star that gives 1 ADU a second: shows the sky's transparency.
+
+    None without a plate solution, and where too few of the stars are in the catalogue.
+    """
     stage_ms: Mapping[str, float] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Closeup:
-    """Place of a close-up in its frame: a piece at full resolution, kept as a picture."""
+    """Where a close-up lies in its frame: a part at full resolution, saved as a picture."""
 
     frame_id: int
     x0_px: int
-    """Frame's column of the close-up's first column."""
+    """Column of the frame in which the close-up's first column lies."""
     y0_px: int
     width_px: int
     height_px: int
@@ -215,15 +241,18 @@ class Wcs:
     crval_ra_deg: float
     crval_dec_deg: float
     cd: tuple[float, float, float, float]
-    """Matrix cd11, cd12, cd21, cd22, deg/px."""
+    """Matrix (cd11, cd12, cd21, cd22) from pixel offsets to the tangent plane, deg/px."""
     sip_a: tuple[tuple[int, int, float], ...] = ()
-    """SIP terms: (p, q, coefficient) of u^p v^q added to u, in pixels."""
+    """SIP terms added to u, px: each (p, q, coefficient) of u^p v^q."""
     sip_b: tuple[tuple[int, int, float], ...] = ()
 
 
 PlatePath = Literal["full", "refit", "shift"]
-"""Way of a plate solution: a search of the sky; the last plate fitted to the frame's stars; the
-last plate only shifted onto the few stars that cloud leaves."""
+"""How a plate solution was found.
+
+"full": stars matched to the catalogue by a search. "refit": the last plate fitted to the frame's
+stars. "shift": the last plate only shifted onto the few stars that cloud leaves.
+"""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -239,10 +268,10 @@ class Solution:
     rotation_deg: float
     """Position angle of the array's +y axis, east of north, 0 to 360 deg."""
     is_flipped: bool
-    """True when the array is a mirror image of the sky as a FITS viewer shows it (det cd > 0)."""
+    """True when the array, shown in a FITS viewer, is a mirror image of the sky (det cd > 0)."""
     matched: int
     rms_arcsec: float
-    """Solve RMS: root mean square residual of a matched star, per axis, arcsec."""
+    """Solve RMS: root mean square residual of the matched stars, per axis, arcsec."""
     path: PlatePath
     ms: float
 
@@ -253,7 +282,7 @@ class NotSolved:
 
     frame_id: int
     reason: str
-    """Description for people: nothing is decided by it."""
+    """Reason in words for people; no program decides by it."""
     ms: float
 
 

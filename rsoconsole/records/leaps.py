@@ -1,86 +1,99 @@
-"""Records of low satellites that are followed by leaps: each leap, and each pass."""
+"""Records of low satellites followed by leaps: one for each leap, one for each pass."""
 
 from dataclasses import dataclass
 from typing import Literal
 
 LeapResult = Literal["met", "not in the frame", "another streak", "not solved"]
 LeapOrder = Literal["at close", "by a look", "by the frame"]
-"""Trigger of the order of a leap's slew: the shutter of the leap before, a look at the middle of
-that one's frame, or the whole of it."""
+"""When the slew of a leap was ordered, relative to the frame of the leap before.
+
+"at close": as its shutter closed. "by a look": after only the middle of the frame was examined. "by
+the frame": after the whole frame was processed.
+"""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LeapDone:
-    """One leap: planned place and time, result, and durations."""
+    """One leap: the planned place and time, the result, and how long each part took."""
 
     frame_id: int
-    """Frame number of its exposure."""
+    """Number of the leap's own frame."""
     begun_frame_id: int
-    """Frame number of the track's first streak."""
+    """Number of the frame with the track's first streak."""
     number: int
-    """Number of the leap: 1 for the first after that streak."""
+    """Number of the leap in the pass: 1 for the first after the track's first streak."""
     result: LeapResult
     t_order_utc_ns: int
-    """Time at which its slew was ordered, UTC ns."""
+    """Time at which the slew was ordered, UTC ns."""
     ordered: LeapOrder
     t_mid_utc_ns: int
-    """Mid-exposure of the planned meeting, UTC ns."""
+    """Planned mid-exposure, when the satellite should cross the field, UTC ns."""
     ra_icrs_deg: float
     dec_icrs_deg: float
-    """Declination of the centre of the field."""
+    """Declination of the planned centre of the field."""
     speed_arcsec_s: float
     sigma_along_arcsec: float
     sigma_across_arcsec: float
     within: float
-    """Probability that both ends of the streak would be in the field."""
+    """Predicted probability that both ends of the streak lie in the field."""
     flips: bool
-    """True where the mount changed the side of its pier for it."""
+    """True where the mount changed the side of the pier for this leap."""
     exposure_s: float
     binning: int
-    """Pixels joined on each axis, in units of the configured ones."""
+    """Pixels joined on each axis, as a multiple of the configured binning."""
     off_along_arcsec: float | None
-    """Innovation along the motion at the streak's middle, arcsec; None where not met."""
+    """Innovation of the streak's middle along the motion, arcsec; None without a streak."""
     off_across_arcsec: float | None
-    """Innovation to the left of the motion, arcsec; None where not met."""
+    """Innovation of the streak's middle to the left of the motion, arcsec; None likewise."""
     total_s: float
-    """Time from the order of its slew until the next could be ordered, s: the sum of the next
-    six."""
+    """Time from the order of this slew until the next slew could be ordered, s.
+
+    The sum of the six durations that follow.
+    """
     slew_s: float
     settle_s: float
     shutter_s: float
-    """Time until the shutter opens, beyond the part of it in which the mount settles, s."""
+    """Time until the shutter opens, without the part already counted in ``settle_s``, s."""
     open_s: float
-    """Exposure as planned, s."""
+    """Planned exposure time, s."""
     readout_s: float
-    """Time of read-out and reduction, s; 0 where the next slew was ordered as the shutter
-    closed."""
+    """Time of read-out and reduction, s.
+
+    0 where the next slew was ordered as the shutter closed.
+    """
     wait_s: float
     subframe: float
-    """Share of each side of the sensor that was read out."""
+    """Fraction of each side of the sensor that was read out, 0 to 1."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LowPass:
-    """One finished pass, with its orbit by all of its streaks."""
+    """One finished pass of a low satellite, with the orbit from all of its streaks."""
 
     frame_id: int
-    """Frame number of the last leap, or of the first streak where there was none."""
+    """Number of the frame of the last leap, or of the first streak where there was no leap."""
     begun_frame_id: int
-    """Frame number of its first streak."""
+    """Number of the frame with the first streak."""
     name: str
-    """Name of the awaited satellite; empty: any."""
+    """Name of the satellite that was awaited; empty: any satellite."""
     ended: str
-    """Reason why it was not followed further, in words."""
+    """Reason why the pass was not followed further, in words."""
     streaks: int
     planned_leaps: int
-    """Number of leaps planned when the first was ordered, as the mount allows; 0: none was."""
+    """Number of leaps that the mount allows in this pass, as planned when the first was ordered.
+
+    0: no leap was ordered.
+    """
     t_first_utc_ns: int
-    """Middle of the first streak, UTC ns."""
+    """Time of the first streak's middle, UTC ns."""
     t_last_utc_ns: int
     probability: float
-    """Probability of its sense of motion; as a rule 1 from the second streak on."""
+    """Probability of the sense of motion along the first streak.
+
+    As a rule 1 from the second streak on.
+    """
     epoch_utc_ns: int | None
-    """Epoch of the orbit, UTC ns; None, like all below, where there is only one streak."""
+    """Epoch of the orbit, UTC ns; None, like all that follows, with only one streak."""
     r_gcrs_km: tuple[float, float, float] | None
     v_gcrs_km_s: tuple[float, float, float] | None
     covariance: tuple[tuple[float, ...], ...] | None
@@ -89,15 +102,22 @@ class LowPass:
     e: float | None
     i_deg: float | None
     believes_round: bool
-    """True where a prior on its eccentricity is in it, because the streaks determine it no
-    better."""
+    """True where the orbit assumes a small eccentricity (a prior).
+
+    The streaks alone then do not determine the eccentricity.
+    """
     along_rms_arcsec: float | None
-    """Root mean square of the ends of its streaks against the orbit, along the motion, arcsec."""
+    """Root mean square residual of the streaks' ends from the orbit, along the motion, arcsec."""
     across_rms_arcsec: float | None
     t_next_rise_utc_ns: int | None
-    """Time of its next rise above the limit of altitude within a day, UTC ns; None: not found."""
+    """Time of the next rise above the altitude limit, UTC ns.
+
+    None where none is found within a day.
+    """
     sigma_next_s: float | None
     sigma_next_across_deg: float | None
     scatter_s: float | None
-    """Scatter of the shutter, one sigma, s: as calibrated, or as these streaks show it; None with
-    only one streak."""
+    """One sigma of the shutter's delay, s: as calibrated, or from these streaks.
+
+    None with only one streak.
+    """

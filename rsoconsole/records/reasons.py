@@ -1,6 +1,6 @@
-"""Causes and results: a kind with its figures each; ``words`` makes the sentence.
+"""Reasons and results: a kind with its figures each; ``words`` turns one into a sentence.
 
-Programs look at kinds and figures alone. A ``detail`` is for people: nothing is decided by it.
+Programs decide by kinds and figures alone. A ``detail`` is text for people.
 """
 
 from dataclasses import dataclass
@@ -9,7 +9,7 @@ from typing import Literal, TypeAlias
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BelowTau:
-    """A candidate that passed every gate, but has too low a confidence."""
+    """A candidate that passed every gate, but whose confidence is below tau."""
 
     confidence: float
     tau: float
@@ -48,13 +48,13 @@ NotAStreakKind: TypeAlias = Literal[
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class NotAStreak:
-    """The gate at which a candidate failed."""
+    """The gate that a candidate failed."""
 
     kind: NotAStreakKind
     value: float | None = None
-    """Measured value: a signal to noise, a width or length in pixels, a share, a count."""
+    """Measured value: signal to noise, width or length (px), fraction, or count."""
     limit: float | None = None
-    """Limit of the gate, in the unit of ``value``."""
+    """Limit of the gate, in the same unit as ``value``."""
 
 
 NotTakenKind: TypeAlias = Literal[
@@ -77,23 +77,22 @@ NotTakenKind: TypeAlias = Literal[
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MotionMismatch:
-    """Mismatch between a streak and a motion."""
+    """How a streak disagrees with the motion of a track."""
 
     kind: Literal["direction", "length", "order of time"]
     value: float | None = None
-    """Difference of kind "direction", deg; measured length of kind "length", arcsec; both rounded
-    to whole ones."""
+    """Kind "direction": difference, deg. Kind "length": measured length, arcsec. Whole."""
     expected: float | None = None
-    """Expected length of kind "length", arcsec."""
+    """Kind "length": expected length, arcsec. Whole."""
 
     @classmethod
     def of_direction(cls, off_deg: float) -> "MotionMismatch":
-        """Return a mismatch of direction."""
+        """Return a mismatch by ``off_deg``, the angle between streak and motion."""
         return cls(kind="direction", value=float(round(off_deg)))
 
     @classmethod
     def of_length(cls, length_arcsec: float, expected_arcsec: float) -> "MotionMismatch":
-        """Return a mismatch of length."""
+        """Return a mismatch between a measured and an expected length."""
         whole = float(round(length_arcsec)), float(round(expected_arcsec))
         return cls(kind="length", value=whole[0], expected=whole[1])
 
@@ -104,23 +103,21 @@ class NotTaken:
 
     kind: NotTakenKind
     nis: float | None = None
-    """Normalised innovation squared of kind "NIS", and in ``limit`` the gate's, to one decimal."""
+    """Kind "NIS": normalised innovation squared, and ``limit``: the gate; to one decimal."""
     limit: float | None = None
     mismatch: MotionMismatch | None = None
-    """Mismatch of kind "moves otherwise"; of kind "no second frame", with the nearest candidate for
-    one."""
+    """Kinds "moves otherwise", and "no second frame" (with the nearest candidate there)."""
     missed: "Missed | None" = None
-    """Miss of the second frame, of kind "no second frame" where that frame showed nothing."""
+    """Kind "no second frame": why the second frame showed nothing."""
     away_arcsec: float | None = None
-    """Distance from the prediction, arcsec, of kind "clipped and far", and in ``allowed_arcsec``
-    its limit; both whole."""
+    """Kind "clipped and far": distance from the prediction; limit: ``allowed_arcsec``."""
     allowed_arcsec: float | None = None
     object_class: str = ""
-    """Class of the streak's object, of kind "class"."""
+    """Kind "class": class of the streak's object."""
 
     @classmethod
     def clipped_and_far(cls, away_arcsec: float, allowed_arcsec: float) -> "NotTaken":
-        """Return a refusal of a streak whose visible part is not where the track's may be."""
+        """Return the reason for a clipped streak that lies too far from the track's prediction."""
         return cls(
             kind="clipped and far",
             away_arcsec=float(round(away_arcsec)),
@@ -129,7 +126,7 @@ class NotTaken:
 
     @classmethod
     def by_gate(cls, nis: float, limit: float) -> "NotTaken":
-        """Return a refusal of an innovation that is too large."""
+        """Return the reason for an innovation beyond the gate."""
         return cls(kind="NIS", nis=_tenths(nis), limit=_tenths(limit))
 
 
@@ -163,28 +160,28 @@ SlewRefusalKind: TypeAlias = Literal[
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SlewRefusal:
-    """Reason why the telescope must not go or stay somewhere; figures as they are shown."""
+    """Reason why the telescope must not go to or stay at a place; figures as shown."""
 
     kind: SlewRefusalKind
-    """Kind of limit; "Sun": there; "past the Sun" and "nearer to the Sun": on the way there."""
+    """Kind of limit. "Sun": the place is too near the Sun; "past the Sun" and "nearer to the Sun":
+    the slew to the place leads there."""
     value_deg: float | None = None
-    """Angle compared with a limit, deg, to one decimal."""
+    """Angle that is beyond the limit, deg, to one decimal; ``bound_deg``: the limit."""
     bound_deg: float | None = None
     by_deg: float | None = None
-    """Excess beyond the bound, deg: to one decimal, below 0.1 to three; 0 below 0.001."""
+    """Excess beyond the limit, deg: one decimal, below 0.1 three; 0 below 0.001."""
     azimuth_deg: float | None = None
-    """Azimuth of kind "horizon", deg, to the whole one."""
+    """Kind "horizon": azimuth, whole degrees."""
     side: Literal["east", "west"] | None = None
-    """Side of the pier; of kind "pier" the present one, of "meridian policy" the one after a
-    change."""
+    """Side of the pier: of kind "pier" the present, of "meridian policy" the next one."""
     later_s: float | None = None
-    """Time until then, s, to the whole one; None where it is now."""
+    """Time until the limit is met, whole seconds; None: it is met now."""
     ago_min: float | None = None
-    """Age of an instant of kind "aimed before", min."""
+    """Kind "aimed before": how long the requested instant is past, whole minutes."""
     ahead_h: float | None = None
-    """Time ahead of kinds "aimed ahead" and "ends ahead", h, to one decimal."""
+    """Kinds "aimed ahead", "ends ahead": how far ahead the instant is, h."""
     detail: str = ""
-    """Impossible value of kinds "direction" and "clock", in words."""
+    """Kinds "direction" and "clock": the impossible value, in words."""
 
     @classmethod
     def beyond(
@@ -197,7 +194,7 @@ class SlewRefusal:
         side: Literal["east", "west"] | None = None,
         later_s: float = 0.0,
     ) -> "SlewRefusal":
-        """Return a refusal of an angle beyond its bound."""
+        """Return the refusal of an angle beyond its limit; ``later_s``: time until then."""
         return cls(
             kind=kind,
             value_deg=_tenths(value_deg),
@@ -212,12 +209,12 @@ class SlewRefusal:
     def by_policy(
         cls, hour_angle_deg: float, side: Literal["east", "west"] | None
     ) -> "SlewRefusal":
-        """Return a refusal as the mount would change sides while a track is followed."""
+        """Return a refusal because the mount would change sides while following a track."""
         return cls(kind="meridian policy", value_deg=_tenths(hour_angle_deg), side=side)
 
     @classmethod
     def by_instant(cls, kind: SlewRefusalKind, ahead_s: float = 0.0) -> "SlewRefusal":
-        """Return a refusal of an instant too far from now."""
+        """Return the refusal of an instant too far from now; ``ahead_s``: instant minus now."""
         if kind == "aimed before":
             return cls(kind=kind, ago_min=_whole(-ahead_s / 60.0))
         return cls(kind=kind, ahead_h=_tenths(ahead_s / 3600.0))
@@ -241,36 +238,36 @@ CLOUD: frozenset[HiddenKind] = frozenset(("fewer stars", "fainter stars", "few s
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class HiddenBy:
-    """Cause of a frame without a measurement; figures as they are shown."""
+    """Likely cause why a frame has no measurement of a track; figures as shown."""
 
     kind: HiddenKind
-    """Kind of cause. Cloud: "fewer stars" and "fainter stars" than before, or "few stars" where
-    nothing is known of before; eclipse: "shadow" and "penumbra"."""
+    """Kind. Cloud: "fewer stars" and "fainter stars" than before, "few stars" where before is not
+    known. Eclipse: "shadow" (full), "penumbra" (partial)."""
     refusal: SlewRefusal | None = None
-    """Refusal of the slew to the track, of kind "slew refused"."""
+    """Kind "slew refused": why the slew to the track was refused."""
     stars: int | None = None
-    """Number of stars, of kinds "fewer stars" and "few stars"."""
+    """Kinds "fewer stars" and "few stars": number of stars."""
     usual_stars: int | None = None
-    """Number of stars before, of kind "fewer stars"."""
+    """Kind "fewer stars": number of stars in the frames before."""
     fainter_mag: float | None = None
-    """Dimming of the stars, mag, of kind "fainter stars", to one decimal."""
+    """Kind "fainter stars": how much fainter the stars are, mag, to one decimal."""
     sun_percent: float | None = None
-    """Part of the Sun that is left, percent, of kind "penumbra", to the whole one."""
+    """Kind "penumbra": part of the Sun's light that is left, whole percent."""
 
     @classmethod
     def by_faint_stars(cls, fainter_mag: float) -> "HiddenBy":
-        """Return the cause of cloud that dims the stars."""
+        """Return the cause "fainter stars": cloud dims the stars."""
         return cls(kind="fainter stars", fainter_mag=_tenths(fainter_mag))
 
     @classmethod
     def by_penumbra(cls, lit: float) -> "HiddenBy":
-        """Return the cause of the Earth before part of the Sun; ``lit``: the share that is left."""
+        """Return the cause "penumbra"; ``lit``: fraction of the Sun not covered by the Earth."""
         return cls(kind="penumbra", sun_percent=_whole(100.0 * lit))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TrackLost:
-    """Cause of the end of a track; figures as they are shown."""
+    """Reason why a track ended; figures as shown."""
 
     kind: Literal[
         "too wide",
@@ -281,22 +278,25 @@ class TrackLost:
         "left the field",
     ]
     three_sigma_arcmin: float | None = None
-    """Three sigma of the prediction, arcmin, of the first two kinds, to the whole one."""
+    """First two kinds: three sigma of the prediction, whole arcmin."""
     coasted_min: float | None = None
-    """Time coasted, min, of kind "coasted", to the whole one."""
+    """Kind "coasted": time without a measurement, whole minutes."""
     unseen_frames: int | None = None
-    """Number of frames that should have shown it, of kind "seen too seldom"."""
+    """Kind "seen too seldom": number of frames that should have shown the object."""
 
     @classmethod
     def by_bounds(cls, three_sigma_arcmin: float, *, fits_field: bool) -> "TrackLost":
-        """Return the end of a track whose prediction is too uncertain."""
+        """Return the reason of a prediction that is too uncertain.
+
+        ``fits_field``: whether three sigma of the prediction are smaller than the field.
+        """
         kind: Literal["too wide", "wider than the field"]
         kind = "too wide" if fits_field else "wider than the field"
         return cls(kind=kind, three_sigma_arcmin=_whole(three_sigma_arcmin))
 
     @classmethod
     def by_time(cls, coasted_s: float) -> "TrackLost":
-        """Return the end of a track that has coasted for too long."""
+        """Return the reason of a track without a measurement for too long."""
         return cls(kind="coasted", coasted_min=_whole(coasted_s / 60.0))
 
 
@@ -317,13 +317,13 @@ class Missed:
     """Reason why a frame gave no measurement to a track."""
 
     kind: MissKind
-    """Kind of miss; "instrument": it failed, and there was nothing to fold."""
+    """Kind of miss; "instrument": an instrument failed, and there was no frame."""
     detail: str = ""
-    """Message of kinds "not solved" and "instrument", for people."""
+    """Kinds "not solved" and "instrument": message for people."""
     hidden_by: tuple[HiddenBy, ...] = ()
-    """Likely causes: a refused slew, cloud, eclipse; most certain first."""
+    """Likely causes, most certain first: a refused slew, cloud, eclipse."""
     lost: TrackLost | None = None
-    """End of the track with this miss; None where it goes on."""
+    """Reason why the track ended with this miss; None where the track continues."""
 
 
 CauseKind: TypeAlias = Literal[
@@ -357,24 +357,24 @@ class Cause:
     by: str = ""
     """Name of the sender of the order."""
     detail: str = ""
-    """Details in words for people."""
+    """Details, in words for people."""
     step_s: float | None = None
-    """Step by which the clock was set, s."""
+    """Kind "clock set": size of the step, s."""
     detections: int | None = None
-    """Number of detections that wait for a second frame."""
+    """Kind "waiting": number of detections that wait for a second frame."""
     missed: Missed | None = None
 
 
 FROM_OUTSIDE: frozenset[CauseKind] = frozenset(
     ("limit met", "looked for again", "resumed", "clock set")
 )
-"""Causes that change the state of a search or track from outside its frames."""
+"""Causes that come from elsewhere than the frames of a search or track."""
 
 ResultKind: TypeAlias = Literal[
     "accepted", "done", "ruled", "answered", "measured", "refused", "dropped", "failed"
 ]
 StopOutcome: TypeAlias = Literal["stands", "tracks", "moves", "unknown"]
-"""Outcome of a STOP, by the directions that the mount reports since."""
+"""Outcome of a STOP, by the motion measured after it."""
 RuledKind: TypeAlias = Literal[
     "rejected",
     "taken",
@@ -396,35 +396,33 @@ class CommandResult:
     """The result of a command."""
 
     kind: ResultKind
-    """Kind of result; "accepted": it waits, and its result is recorded too; of a STOP: "answered"
-    by the mount's driver, or "failed" to be, then "measured"."""
+    """Kind. "accepted": it waits; its result is recorded later. A STOP: "answered" by the mount's
+    driver or "failed" to be, then "measured"."""
     detail: str = ""
-    """How it was done, where of interest; or why it was not, or is not known."""
+    """How the command was done; or why it was not done, or is not known."""
     dropped_by: DroppedBy | None = None
-    """Alarm that came before the waiting command."""
+    """What ended the waiting command before it was executed."""
     stop_ms: float | None = None
-    """Time until a STOP was answered, or measured, ms, and in ``stop_path`` its way to the
-    mount."""
+    """Time until a STOP was answered, or measured, ms; ``stop_path``: its path."""
     stop_path: str = ""
     stop_ordered_ms: float | None = None
-    """Time until ABORT was on its way to the mount, ms; None: not known, or never."""
+    """Time until ABORT was sent to the mount, ms; None: never sent, or unknown."""
     stop_outcome: StopOutcome | None = None
     rate_deg_s: float | None = None
-    """Rate of the faster axis of a mount that moves on, deg/s."""
+    """Rate of the faster axis of a mount that still moves, deg/s."""
     ruled: RuledKind | None = None
-    """Result of the operator's decision on a frame."""
+    """What the operator's decision on a frame led to."""
     frame_id: int | None = None
     left_alone: int = 0
-    """Number of measurements of that frame and those after it that the track did not take."""
+    """Number of measurements, from that frame on, that the track did not take."""
     sigma_arcsec: tuple[float, float] | None = None
-    """One sigma of a used mark by hand in RA cos Dec and in Dec, arcsec."""
+    """One sigma of a mark by hand, (RA cos Dec, Dec), arcsec."""
     off_arcsec: float | None = None
-    """Distance from the mark to the automatic measurement that it replaces, arcsec; None: there is
-    none."""
+    """Distance from a mark by hand to the measurement it replaces; None: it replaces none."""
 
     @classmethod
     def refused(cls, why: object) -> "CommandResult":
-        """Return the result of a refused command."""
+        """Return the result of a refused command; ``why`` as text."""
         return cls(kind="refused", detail=str(why))
 
 
@@ -432,7 +430,7 @@ ACCEPTED, DONE = CommandResult(kind="accepted"), CommandResult(kind="done")
 
 
 def done(detail: str) -> CommandResult:
-    """Return the result of a finished command, in words for people."""
+    """Return the result of a command that was carried out; ``detail`` in words for people."""
     return CommandResult(kind="done", detail=detail)
 
 

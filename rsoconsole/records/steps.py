@@ -39,7 +39,7 @@ Topic = Literal[
     "close predictor",
 ]
 OFF_RECORD = "off the record"
-"""Key in the metadata of fields that only the running program has: no session carries them."""
+"""Key in the metadata of fields that only the running program has: not in a session."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -47,12 +47,11 @@ class Measurement:
     """A direction on the sky at mid-exposure: the input of the filter."""
 
     measurement_id: str
-    """Identifier, unique in the session: the frame's number and the candidate's, as
-    ``measurement_id_of``."""
+    """Identifier, unique in the session: see ``measurement_id_of``."""
     frame_id: int
     t_mid_utc_ns: int
     ra_icrs_deg: float
-    """Right ascension of the astrometric place, relative to catalogue stars."""
+    """Right ascension of the astrometric position, relative to catalogue stars."""
     dec_icrs_deg: float
     cov_sky_arcsec2: tuple[float, float, float]
     """Covariance of (d alpha cos delta, d delta): east-east, east-north, north-north, arcsec^2."""
@@ -61,87 +60,88 @@ class Measurement:
     confidence: float
     source: Source
     ends_icrs_deg: tuple[tuple[float, float], tuple[float, float]] | None = None
-    """RA, Dec of the streak's two ends, ICRS degrees, order unknown."""
+    """RA and Dec of the streak's two ends, ICRS degrees, in no order of time."""
     is_crossing: bool = False
-    """True where neither end is in the frame: it is somewhere on a line, at an unknown time."""
+    """True where neither end is in the frame: the line is known, the position along it is not."""
     object_class: ObjectClass = "undetermined"
-    """Class of the object by the streak's own frame."""
+    """Class of the object, from this frame alone."""
     is_clipped: bool = False
 
 
 def measurement_id_of(frame_id: int, candidate: int) -> str:
-    """Return the identifier of the measurement of a frame's candidate.
+    """Return the identifier of the measurement of one candidate in a frame.
 
-    ``candidate``: its place among the detections and, behind them, the rejected ones, from 0.
+    ``candidate``: index from 0, of the frame's detections followed by its rejected candidates.
     """
     return f"{frame_id}-{candidate}"
 
 
 def mark_id_of(frame_id: int, mark: int) -> str:
-    """Return the identifier of a frame's mark by hand; ``mark``: its number, from 0."""
+    """Return the identifier of a mark by hand; ``mark``: its index in the frame, from 0."""
     return f"{frame_id}-m{mark}"
 
 
 def is_mark_id(measurement_id: str) -> bool:
-    """True for the identifier of a mark by hand."""
+    """True where the identifier is of a mark that the operator made by hand."""
     return measurement_id.partition("-")[2].startswith("m")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Ruling:
-    """The operator's decision on a frame's measurements: the frame is followed again by it."""
+    """The operator's decision on a frame's measurements: tracks are updated again by it."""
 
     frame_id: int
     taken: Measurement | None = None
-    """Measurement that is followed whatever the gates say; also a mark by hand."""
+    """Measurement (or mark by hand) that the track takes, whatever the gates say."""
     refused: tuple[Measurement, ...] = ()
     dropped: tuple[int, ...] = ()
-    """Tracks that end before this frame, by number; their streaks begin none."""
+    """Numbers of tracks that end before this frame; their streaks begin no new track."""
     kept: tuple[int, ...] = ()
-    """Tracks that no miss ends while they may be in the field, from this frame on."""
+    """Numbers of tracks that, from this frame on, no miss ends while they may be in the field."""
     released: tuple[int, ...] = ()
-    """Tracks that were kept and no longer are."""
+    """Numbers of tracks whose keeping ends: misses may end them again."""
     by: str = "operator"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FollowedAgain:
-    """Separator: the records behind it replace those that the frame's measurements first led to."""
+    """Separator: records after it replace those first made of the frame's measurements."""
 
     frame_id: int
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Mixture:
-    """Result of preset ``adaptive`` for a track: motions with probabilities, and the night's
-    scatter."""
+    """Result of preset ``adaptive`` for a track: probabilities of motions, and scatter."""
 
     motion_probabilities: tuple[tuple[str, float], ...]
-    """Probability of each of ``MOTIONS`` (``tracking/filters/bank.py``)."""
+    """Name and probability of each of ``MOTIONS`` (``tracking/filters/bank.py``)."""
     acceleration_arcsec_s2: float
-    """Rate at which the speed on the sky changes, arcsec/s^2."""
+    """Rate of change of the speed on the sky, arcsec/s^2."""
     acceleration_sigma_arcsec_s2: float
     turn: float
-    """Turn of the path to the left, radians for each radian of motion; a great circle has 0."""
+    """Turn of the path to the left, radians per radian of motion; 0 on a great circle."""
     turn_sigma: float
     scatter_s: float
-    """Excess scatter along the motion beyond the measurements' own errors, as a delay of the
-    shutter, s: the posterior median."""
+    """Scatter of the shutter's delay beyond the measurements' own errors, s.
+
+    Posterior median; it acts along the motion.
+    """
     scatter_low_s: float
-    """Lower end of the interval of 90 %, s; the upper one is ``scatter_high_s``."""
+    """Lower end of the 90 % interval of ``scatter_s``; upper: ``scatter_high_s``."""
     scatter_high_s: float
     variance_scale: float = 1.0
-    """Factor on the variances that measurements claim."""
+    """Factor by which the variances stated by the measurements are multiplied."""
     along_arcsec: float = 0.0
-    """Sigma along the motion that the last streak's length adds to its own, arcsec."""
+    """Sigma along the motion, from the last streak's length, added to its own, arcsec."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TrackState:
-    """The filter at one instant: x = [alpha, alpha rate, delta, delta rate], deg and deg/s."""
+    """A track's filter at one instant: x = [alpha, alpha rate, delta, delta rate], deg, deg/s."""
 
     track_id: int
-    """Number of the track, from 1, in the order in which the session's tracks began."""
+    """Number of the track, from 1, in the order in which tracks began in the session."""
     kind: Literal["initial", "predicted", "updated"]
     frame_id: int
     t_utc_ns: int
@@ -149,43 +149,47 @@ class TrackState:
     P: tuple[tuple[float, ...], ...]
     """Covariance of x, (4, 4), deg and deg/s."""
     nis: float | None = None
-    """Normalised innovation squared of the update that made it; None after a mere prediction."""
+    """Normalised innovation squared of the update; None after a prediction alone."""
     innovation_arcsec: tuple[float, float] | None = None
     """Innovation (d alpha cos delta, d delta): measured minus predicted, arcsec."""
     sigma_innovation_arcsec: tuple[float, float] | None = None
     """One sigma of the innovation, arcsec: sqrt of the diagonal of S = C P- C' + R, on the sky."""
     misses: int = 0
-    """Number of exposures since the last measurement."""
+    """Number of exposures without a measurement since the last one with a measurement."""
     q_scale: float = 1.0
-    """Factor on the process noise from the track's own innovations; preset ``tuned`` only."""
+    """Factor on the process noise, from the track's own innovations; preset ``tuned`` only."""
     innovations: int = 0
-    """Number of measurements that have updated the track since its two first ones."""
+    """Number of measurements that updated the track, without the first two."""
     foretold_by: Literal["filter", "orbit"] = "filter"
-    """Source of the prediction, also of the one updated: the orbit where the filter's has
-    failed."""
+    """What made the prediction, also the prediction that was updated.
+
+    "orbit" where the filter's prediction has failed.
+    """
     measurement_id: str | None = None
-    """The measurement that the track took; None after a mere prediction."""
+    """The measurement that the track took; None after a prediction alone."""
     begun_with: tuple[str, str] | None = None
-    """First and last measurement that the track began with; None later on."""
+    """First and last of the measurements that the track began with; None later on."""
     begun_through: tuple[str, ...] = ()
-    """Measurements between those two, in order of time, where it began with a chain of them."""
+    """Measurements between the two of ``begun_with``, in order of time; () for no chain."""
     is_lead: bool = True
-    """True where the telescope follows this one of the frame's tracks."""
+    """True where the telescope follows this track."""
     mixture: Mixture | None = None
-    """Motions and scatter; preset ``adaptive`` only."""
+    """Probabilities of motions, and scatter; preset ``adaptive`` only."""
     is_kept: bool = False
-    """True where the operator keeps it: no miss ends it while it may be in the field."""
+    """True where the operator keeps the track: no miss ends it while it may be in the field."""
     replaces: int | None = None
-    """Number of the lost track that this new one replaces, and which ended with it."""
+    """Number of the lost track that this new track replaces; that one ended with it."""
     shared_with: int | None = None
-    """Number of the track that took the same streak: the frame could not show both apart."""
+    """Number of the track that took the same streak, where the frame could not resolve two."""
     filter_nis: float | None = None
-    """Filter's own NIS where the track was updated by the orbit's prediction, beyond the gate; None
-    in other cases, also where another reason refused it."""
+    """NIS of the filter's own prediction, beyond the gate, where the orbit's was used instead.
+
+    None in all other cases, also where the filter's was refused for another reason.
+    """
     memory: object | None = field(
         default=None, repr=False, compare=False, metadata={OFF_RECORD: True}
     )
-    """Further state of the filter for its next step; never on record."""
+    """State of the filter besides x and P, for its next step; never recorded."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -197,9 +201,9 @@ class SlewCommand:
     dec_icrs_deg: float
     t_aim_utc_ns: int
     reason: str
-    """Description for people; ``track_id`` has the track it leads to."""
+    """Reason, in words for people."""
     track_id: int | None = None
-    """Number of the track it leads to; None without one, as while searching."""
+    """Number of the track that the slew follows; None without a track, as while searching."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -210,19 +214,19 @@ class NotFollowed:
     measurement: Measurement
     reason: NotTaken
     nis: float | None = None
-    """Normalised innovation squared; None where there was no prediction to compare with."""
+    """Normalised innovation squared; None where there was no prediction."""
     track_id: int | None = None
-    """Number of the track that did not take it; None where there was none."""
+    """Number of the track that did not take it; None where there was no track."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Miss:
-    """A frame in which the track's object was not measured, and why."""
+    """A frame in which a track's object was not measured, and why."""
 
     frame_id: int
     reason: Missed
     track_id: int | None = None
-    """Number of the track that misses it; None where there was none."""
+    """Number of the track; None where there was no track."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -232,11 +236,11 @@ class OrbitEstimate:
     frame_id: int
     track_id: int
     label: str
-    """Label: "free", "constrained by prior", "weak geometry" or "not observable"."""
+    """"free", "constrained by prior", "weak geometry" or "not observable": how well it is known."""
     prior: str
-    """Name of the prior; "none" for a free orbit."""
+    """Name of the prior; "none" where no prior constrains the orbit."""
     reason: str
-    """Description, which adds figures to ``label``."""
+    """``label`` with its figures, in words."""
     observations: int
     arc_s: float
     epoch_utc_ns: int
@@ -245,97 +249,103 @@ class OrbitEstimate:
     covariance: tuple[tuple[float, ...], ...]
     """Covariance of r and v, (6, 6), km and km/s."""
     a_km: float
-    """Semi-major axis; like the elements below osculating at the epoch, along GCRS axes."""
+    """Semi-major axis; all elements are osculating at the epoch, along GCRS axes."""
     e: float
     i_deg: float
     sigma_a_km: float
     rms_arcsec: float
     outliers: int
     nis: float | None = None
-    """Normalised innovation squared of this frame's measurement against the orbit before it."""
+    """Normalised innovation squared of this frame's measurement; predicted by the last orbit."""
     innovation_arcsec: tuple[float, float] | None = None
-    """Innovation (d alpha cos delta, d delta): measured minus predicted by the orbit before it,
-    arcsec."""
+    """Innovation (d alpha cos delta, d delta), arcsec.
+
+    This frame's measurement minus the prediction by the orbit of the frames before.
+    """
     sigma_innovation_arcsec: tuple[float, float] | None = None
     is_guide: bool = False
-    """True where the telescope follows this orbit's prediction, not the filter's."""
+    """True where the telescope follows this orbit's prediction instead of the filter's."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CatalogueMatch:
-    """One catalogued object compared with a track; differences are measured minus predicted."""
+    """One catalogued object compared with a track; differences: measured minus predicted."""
 
     norad_id: int
     name: str
     separation_arcsec: float
     along_track_s: float
-    """Along-track difference as a time, s; positive: ahead of its prediction."""
+    """Along-track difference as a time, s; positive: the track is ahead of the prediction."""
     cross_track_arcsec: float
     rate_difference_percent: float | None
     tle_age_days: float
     score: float
-    """Mahalanobis distance, sigma."""
+    """Mahalanobis distance between track and prediction, in sigma."""
     probability: float
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LedgerName:
-    """An uncatalogued object that was seen on an earlier night, by its name in the ledger."""
+    """An uncatalogued object of an earlier night, by its number and name in the ledger."""
 
     number: int
     name: str
     t_last_utc_ns: int
-    """Time of its last measurement before, UTC ns."""
+    """Time of the object's last measurement on an earlier night, UTC ns."""
     probability: float
     separation_arcsec: float
-    """Separation, measured minus predicted, arcsec."""
+    """Separation between measured and predicted direction, arcsec."""
     is_sure: bool = True
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Identified:
-    """Identification of a track with a catalogued object, by its directions up to this frame."""
+    """Result of comparing a track, by its directions up to this frame, with the catalogue."""
 
     frame_id: int
     track_id: int
     verdict: Literal["identified", "ambiguous", "unknown"]
     reason: str
-    """Description, which adds figures to ``verdict``."""
+    """``verdict`` with its figures, in words."""
     hint: str
-    """Hint of a manoeuvre; empty for none."""
+    """Hint at a manoeuvre of the object, in words; empty for none."""
     observations: int
     catalogued: int
-    """Number of objects it was compared with."""
+    """Number of catalogued objects that the track was compared with."""
     matches: tuple[CatalogueMatch, ...]
-    """Matches, best first; the second is the runner-up."""
+    """Matching objects, best first; the second is the runner-up."""
     not_catalogued: float | None = None
-    """Probability that no catalogue has it."""
+    """Probability that the object is in no catalogue."""
     named_with: int = 0
-    """Number of other tracks identified together with it: each catalogued object is at most one of
-    them."""
+    """Number of other tracks identified together with this track.
+
+    Together, as a catalogued object can be at most one of the tracks.
+    """
     ledger: LedgerName | None = None
-    """Object of an earlier night that an uncatalogued track is, or may be."""
+    """Object of an earlier night that this uncatalogued track is, or may be."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StateChange:
-    """A change of the loop's state."""
+    """A change of the control loop's state, and its cause."""
 
     frame_id: int
     before: LoopState
     after: LoopState
     reason: Cause
     kept_track_id: int | None = None
-    """Number of the track that can be followed again from here on, 0 where there is none; None for
-    a change that a frame led to."""
+    """Number of the track that can be re-acquired from here on; 0: no track.
+
+    None for a change that a frame led to.
+    """
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ParameterChange:
-    """A change of a tunable; in force from the next cycle."""
+    """A changed setting; in force from the next cycle."""
 
     name: str
-    """Dotted name, as in the configuration."""
+    """Name of the setting, dotted as in the configuration."""
     before: float | str
     after: float | str
     by: str
@@ -353,7 +363,7 @@ class OperatorAction:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FrameTaken:
-    """A frame's arrival: the facts that the session keeps beside the pixels."""
+    """A frame's arrival: what the session records of it besides the pixels."""
 
     frame_id: int
     name: str
@@ -364,18 +374,18 @@ class FrameTaken:
     pointing_ra_icrs_deg: float | None
     pointing_dec_icrs_deg: float | None
     blocked: SlewRefusal | None = None
-    """Refusal of the slew to the track before it; None where nothing was refused."""
+    """Why the slew before this frame was refused; None where it was not."""
     camera: CameraMode | None = None
 
     @property
     def t_mid_utc_ns(self) -> int | None:
-        """Mid-exposure, UTC ns; None when start or length is unknown."""
+        """Mid-exposure, UTC ns; None when start or exposure time is unknown."""
         return middle_utc_ns(self.t_start_utc_ns, self.exposure_s)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CycleTiming:
-    """Wall time of each stage of one cycle."""
+    """Wall time of each stage of one cycle, ms."""
 
     frame_id: int
     stage_ms: Mapping[str, float]
@@ -383,13 +393,13 @@ class CycleTiming:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Event:
-    """A line of the log in the operator's words."""
+    """A line of text for the operator in the log."""
 
     level: Literal["info", "warning", "alarm"]
     text: str
     frame_id: int | None = None
     topic: Topic = ""
-    """Subject, where programs must know it."""
+    """Subject, for programs that act on events; empty for none."""
 
 
 Record: TypeAlias = (
@@ -420,10 +430,10 @@ Record: TypeAlias = (
 """Every record of a session's log."""
 
 FoldInput: TypeAlias = Detections | Solution | NotSolved | Measurement
-"""The records that the fold over the frames takes."""
+"""Records that the fold over the frames takes as its input."""
 FoldRecord: TypeAlias = TrackState | NotFollowed | Miss | StateChange
-"""The records that the fold over the frames makes."""
+"""Records that the fold over the frames makes."""
 OrbitRecord: TypeAlias = OrbitEstimate | Identified | PairMotions | ExpectedMembers
-"""The records made of the tracks, beside the fold."""
+"""Records made of the tracks outside the fold."""
 BesideRecord: TypeAlias = SlewCommand | LeapDone | LowPass | OperatorAction | Closeup | Event
-"""All other records beside the fold."""
+"""All other records made outside the fold."""

@@ -1,6 +1,6 @@
-"""Record of a night: one writer, any number of readers.
+"""The record of a night: one writer, any number of readers.
 
-May touch records, config and errors below, SQLite and the session's folder; never instruments.
+May use records, config and errors, SQLite and the session's folder; never instruments.
 """
 
 from lazy_loader import attach_stub

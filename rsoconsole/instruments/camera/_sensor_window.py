@@ -1,8 +1,8 @@
-"""Part of the sensor that a camera reads: CCD_FRAME of INDI, in single pixels of the sensor.
+"""The part of the sensor that a camera reads: INDI's CCD_FRAME, in single pixels of the sensor.
 
-A driver answers an order twice as a rule: both times with its window, first in its state before,
-then in its present state. One that cannot read parts may send no answer. Drivers round places and
-sides, some again when pixels are joined.
+As a rule a driver answers an order twice, both times with its new window: first with the state that
+it had before, then with the present state. A driver that cannot read a part may send no answer.
+Drivers round positions and sides; some round again when pixels are joined (binned).
 """
 
 import contextlib
@@ -16,29 +16,31 @@ from rsoconsole.instruments.indi.indi_client import IndiClient, Vector
 _FRAME, _BINNING, _INFO = "CCD_FRAME", "CCD_BINNING", "CCD_INFO"
 _SIDES = ("X", "Y", "WIDTH", "HEIGHT")
 _GRID_PX = 16
-"""Grid of places and sides of a part, in joined pixels."""
+"""Step to which position and sides of a part are rounded, in joined pixels."""
 _ROUNDED_PX = 64
-"""Largest rounding of a place or side by a driver, in pixels."""
+"""Largest rounding of a position or side by a driver, in pixels."""
 _ANSWER_S, _SECOND_WORD_S = 3.0, 1.0
 
 Window = list[int]
-"""Part of the sensor: x, y, width, height."""
+"""Part of the sensor: x, y, width, height, in single pixels of the sensor."""
 
 
 class SensorWindow:
-    """Sets the part of one camera's sensor that is read, and restores the one before."""
+    """Sets which part of a camera's sensor is read, and restores the earlier part."""
 
     def __init__(self, client: IndiClient, answer_s: float) -> None:
-        """``answer_s``: how long the driver may take over an answer, at most."""
+        """``answer_s``: longest time that the driver may take to answer."""
         self._client, self._answer_s = client, min(answer_s, _ANSWER_S)
         self._remembered: Window | None = None
 
     def set_share(self, share: float, own: Window, size_px: Sequence[int]) -> dict[str, Any]:
-        """Read only ``share`` of each side, about the middle of what the driver read before.
+        """Read only the fraction ``share`` of each side of the driver's own window.
 
-        ``own``: what that was, where it is known already; it is in the answer. Else it is the whole
-        sensor where that has the configured ``size_px``: an engine that was killed has left the
-        driver in another. Raises InstrumentError where the camera does not.
+        About its middle. ``own``: that window, as an earlier answer returned it; empty: not known.
+        Then it is the whole sensor, if ``size_px`` (the configured width and height) is the whole
+        sensor, as a killed engine may have left a part set; in other cases it is the present
+        window. Returns ``own``, the fraction set and the window set. Raises InstrumentError where
+        the camera cannot.
         """
         now = _window_of(self._client.get(_FRAME))
         if now is None:
@@ -54,9 +56,10 @@ class SensorWindow:
         return {"own": own, "share": share, "window": now}
 
     def restore_whole(self, size_px: Sequence[int]) -> None:
-        """Read all of the sensor again where a killed engine has left a part of it set.
+        """Set the driver's window back to the whole sensor, where a killed engine left a part set.
 
-        ``size_px``: the configured width and height; nothing is done where these are a part, too.
+        ``size_px``: configured width and height. Nothing is done where these are a part of the
+        sensor.
         """
         now = _window_of(self._client.get(_FRAME))
         whole = whole_sensor(self._client.get(_INFO), size_px)
@@ -67,11 +70,11 @@ class SensorWindow:
             self._set_window(whole)
 
     def remember(self) -> None:
-        """Note the window before pixels are joined: some drivers round it then."""
+        """Note the present window, before pixels are joined: some drivers then round it."""
         self._remembered = _window_of(self._client.get(_FRAME))
 
     def restore(self) -> None:
-        """Read the noted window again, where the driver has changed it."""
+        """Set the noted window again, where the driver has changed it."""
         before, self._remembered = self._remembered, None
         if before is not None and before != _window_of(self._client.get(_FRAME)):
             with contextlib.suppress(InstrumentError):
@@ -117,7 +120,10 @@ class SensorWindow:
 
 
 def central_window(window: Window, share: float, grid_px: int) -> Window:
-    """Central part of a window by a share of each side; 1 is the window itself."""
+    """Return the central part of a window: ``share`` (0 to 1) of each side.
+
+    ``grid_px``: step to which position and sides are rounded. A share of 1 returns the window.
+    """
     if share >= 1.0:
         return list(window)
     x, y, width, height = window
@@ -130,8 +136,11 @@ def central_window(window: Window, share: float, grid_px: int) -> Window:
 
 
 def whole_sensor(info: Vector | None, size_px: Sequence[int]) -> Window | None:
-    """Window of the whole sensor, where the configured size is that, joined or not; None for a
-    part."""
+    """Return the window of the whole sensor, where the configured size is all of it.
+
+    ``info``: the driver's CCD_INFO. ``size_px``: configured width and height; pixels may be joined.
+    None where that size is only a part, or is not known to be all.
+    """
     if info is None:
         return None
     sensor = [int(float(info.values.get(key, 0.0))) for key in ("CCD_MAX_X", "CCD_MAX_Y")]

@@ -1,4 +1,4 @@
-"""The camera port over a child process; frames come through shared memory."""
+"""The camera, behind a child process that speaks INDI; frames come through shared memory."""
 
 import contextlib
 from collections import deque
@@ -14,17 +14,18 @@ from rsoconsole.instruments.indi.indi_process import IndiProcess, device_setting
 from rsoconsole.records import Frame
 
 ARRIVED_KEY = "ARRIVED_MONOTONIC_S"
-"""Key of a frame's header for the instant at which its last byte had come, by ``time.monotonic()``.
+"""Key in a frame's header for the instant when its last byte arrived, by ``time.monotonic()``.
 
-That clock is one for all processes of a machine. libindi has by then read the whole BLOB and
-decoded its base64; the bytes are not yet unpacked. No FITS keyword: sessions do not keep it.
+This clock is the same in all processes of a machine. At that instant libindi has read the whole
+BLOB and decoded its base64; the pixels are not yet unpacked. It is no FITS keyword and is not saved
+in sessions.
 """
 _MAX_MESSAGES = 100
 _BYTES_PER_PIXEL = 4
 
 
 class IndiCamera:
-    """A camera behind INDI; one exposure at a time."""
+    """A camera that is reached through INDI; one exposure at a time."""
 
     def __init__(
         self,
@@ -33,7 +34,7 @@ class IndiCamera:
         log_path: Path,
         waits: WaitsConfig | None = None,
     ) -> None:
-        """Describe the camera; ``start`` connects. ``waits`` None: the defaults."""
+        """``start`` connects; this only describes the camera. ``waits`` None: the defaults."""
         waits = waits or WaitsConfig()
         self._order_s = waits.order_s
         # Room for float32, though cameras give uint16: untouched pages cost nothing.
@@ -68,11 +69,14 @@ class IndiCamera:
         )
 
     def start(self) -> None:
-        """Start the process and connect. Raises InstrumentError."""
+        """Start the camera's process and connect. Raises InstrumentError."""
         self.process.start()
 
     def start_exposure(self, exposure_s: float, frame_id: int) -> None:
-        """Open the shutter; returns once the camera has accepted the order."""
+        """Open the shutter; returns once the camera has accepted the order.
+
+        Raises InstrumentError.
+        """
         self._outcome, self._awaited = None, frame_id
         self.process.request(
             "expose",
@@ -83,7 +87,10 @@ class IndiCamera:
         )
 
     def set_binning(self, binning: int) -> int:
-        """Join a number of pixels on each axis, as a multiple of the driver's own binning."""
+        """Join ``binning`` times as many pixels on each axis as the driver's own setting does.
+
+        1: the driver's own setting. Returns the binning now in force.
+        """
         answer = self.process.request(
             "bin",
             self._order_s,
@@ -95,7 +102,11 @@ class IndiCamera:
         return self._binning
 
     def set_subframe(self, share: float) -> float:
-        """Read only a share of each side, about the middle of what the driver read before."""
+        """Read only the fraction ``share`` of each side of the driver's own window.
+
+        About its middle; 1: the whole of that window. Returns the fraction set, which the driver
+        may have rounded.
+        """
         if share < 1.0:
             # Also where the answer does not come: what may be in force is given back at the end.
             self._share = share
@@ -113,8 +124,9 @@ class IndiCamera:
     def wait_frame(self, timeout_s: float) -> Frame:
         """Return the frame of the exposure under way, within ``timeout_s`` of wall time.
 
-        Its pixels are not to be changed: they lie where the camera's process has written them, and
-        hold that place as long as they are in use.
+        Its pixels are read-only: they lie in shared memory, which stays reserved as long as the
+        frame is in use. Raises InstrumentError when no frame comes; the camera's process is then
+        started again.
         """
         if self._awaited is None:
             raise InstrumentError("no exposure is under way: start one first")
@@ -165,24 +177,25 @@ class IndiCamera:
             )
 
     def abort(self) -> None:
-        """Abort the exposure under way; its frame never comes."""
+        """Abort the exposure under way; it yields no frame."""
         self._awaited = None
         self.process.request("abort", self._order_s)
 
     def take_messages(self) -> tuple[str, ...]:
-        """Return the driver's messages since the last call, at most the last 100.
+        """Return the driver's messages since the last call; at most the latest 100.
 
-        Its messages before a frame are there when ``wait_frame`` returns it. From any thread.
+        Messages sent before a frame are included once ``wait_frame`` has returned it. May be called
+        from any thread.
         """
         return drain_messages(self._messages)
 
     def restart(self) -> None:
-        """Start a fresh process and a fresh connection."""
+        """End the process, start a new one and connect."""
         self._awaited = None
         self.process.restart()
 
     def close(self) -> None:
-        """End the process and release the shared memory."""
+        """Restore the driver's binning and window, end the process, release the shared memory."""
         if self.process.pid is not None:
             # Joined pixels first: drivers round what they read to what those fill.
             with contextlib.suppress(InstrumentError):

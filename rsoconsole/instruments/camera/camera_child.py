@@ -1,8 +1,8 @@
-"""Process of the camera: receives FITS BLOBs from INDI and writes their pixels into shared memory.
+"""The camera's process: receives FITS BLOBs through INDI, writes their pixels to shared memory.
 
 Run as ``python -m rsoconsole.instruments.camera.camera_child``. A plain FITS file of 16 bits a
-pixel is read where the client has decoded it, straight into the slot that the parent has named with
-its order; a frame that takes longer to decode is copied and decoded on a thread of its own.
+pixel is written straight from the client's buffer into the slot that the parent named in its order.
+Any other file, which takes longer to decode, is copied and decoded on a thread of its own.
 """
 
 import os
@@ -30,12 +30,14 @@ _EXPOSURE = "CCD_EXPOSURE"
 _IMAGE = "CCD1"
 _BINNING = "CCD_BINNING"
 _SENT_FIELDS = tuple(each.name for each in fields(Frame) if each.name not in ("pixels", "camera"))
-"""Fields of a frame that are sent by message: its pixels lie in the ring, ``camera`` follows from
-the header."""
+"""Fields of a frame that are sent by message.
+
+Not the pixels, which lie in the ring, nor ``camera``, which follows from the header.
+"""
 
 
 class CameraChild:
-    """Carries out the parent's orders on one INDI camera."""
+    """Executes the parent's orders on one INDI camera; each method answers one order."""
 
     def __init__(self, writer: ReplyWriter) -> None:
         self._writer = writer
@@ -52,7 +54,7 @@ class CameraChild:
         threading.Thread(target=self._unpack_all, daemon=True, name="frames").start()
 
     def start(self, order: dict[str, Any]) -> dict[str, Any]:
-        """Connect to server and camera."""
+        """Connect to the INDI server and the camera."""
         self._ring = FrameRing(order["ring"], order["slot_bytes"])
         client, library = open_client(
             order["client"], order["device"], self._on_vector, self._on_message
@@ -73,7 +75,7 @@ class CameraChild:
         return {"client": library.title}
 
     def expose(self, order: dict[str, Any]) -> dict[str, Any]:
-        """Open the shutter; answers when the camera has accepted the order."""
+        """Open the shutter; returns when the camera has accepted the order."""
         client = self._ready()
         self._frame_id, self._slot = int(order["frame_id"]), int(order["slot"])
         self._ordered = client.serial()
@@ -91,10 +93,10 @@ class CameraChild:
         return {}
 
     def bin(self, order: dict[str, Any]) -> dict[str, Any]:
-        """Join pixels: ``binning`` times as many on each axis as the driver's own setting.
+        """Join ``binning`` times as many pixels on each axis as the driver's own setting does.
 
-        ``own``: that setting, where it is known already; it is in the answer. Else it follows from
-        the width that is configured: an engine that was killed has left the driver in another.
+        The order's ``own`` is that setting, as an earlier answer returned it; 0: not known. Then it
+        follows from the configured width, as a killed engine may have left another setting.
         """
         client = self._ready()
         vector = client.get(_BINNING)
@@ -121,7 +123,7 @@ class CameraChild:
         return {"own": own}
 
     def subframe(self, order: dict[str, Any]) -> dict[str, Any]:
-        """Read only ``share`` of each side of the sensor: see ``SensorWindow.set_share``."""
+        """Read only the fraction ``share`` of each side: see ``SensorWindow.set_share``."""
         return self._ready_window().set_share(
             float(order["share"]), list(order["own"]), list(order["size_px"])
         )
@@ -220,7 +222,7 @@ def _driver_binning(info: Vector | None, order: dict[str, Any]) -> int:
 
 
 def main() -> None:
-    """Serve orders until the parent goes away."""
+    """Execute the orders that come on stdin, until the parent ends."""
     return_freed_blocks()
     writer = ReplyWriter()
     child = CameraChild(writer)

@@ -1,9 +1,9 @@
-"""Shared memory for frames: three slots, so that no frame ever goes through a pipe.
+"""Shared memory for frames: three slots, so that no frame goes through a pipe.
 
-The memory has no name, only a descriptor that the child inherits: it cannot be left behind, no
-matter which side dies. The parent names the slot for each frame that it orders, and the child
-writes there and nowhere else. So a frame need not be copied out of the ring: its slot is lent to
-the holders of the frame, and no other is ordered into it until the last holder has released it.
+The memory has no name, only a descriptor that the child inherits: nothing remains when either
+process dies. With each order the parent names the slot into which the child writes that frame. A
+frame is not copied out of its slot: the slot is lent to whatever uses the frame, and no other frame
+is ordered into it until the last user has released it.
 """
 
 import contextlib
@@ -24,10 +24,10 @@ _PAGE = mmap.PAGESIZE
 
 
 class FrameRing:
-    """Three slots of equal size in memory that two processes see."""
+    """Three slots of equal size, in memory shared by two processes."""
 
     def __init__(self, descriptor: int, slot_bytes: int) -> None:
-        """Map an existing ring; ``slot_bytes`` as ``create`` rounded it."""
+        """Map an existing ring; ``slot_bytes``: size of a slot as ``create`` has rounded it."""
         self.descriptor = descriptor
         self.slot_bytes = slot_bytes
         self._memory = mmap.mmap(descriptor, SLOTS * slot_bytes)
@@ -35,7 +35,7 @@ class FrameRing:
 
     @classmethod
     def create(cls, frame_bytes: int) -> "FrameRing":
-        """Create a ring whose slots hold at least ``frame_bytes``."""
+        """Create a ring whose slots each hold at least ``frame_bytes``."""
         slot_bytes = -(-max(frame_bytes, 1) // _PAGE) * _PAGE
         if hasattr(os, "memfd_create"):
             descriptor = os.memfd_create("rsoconsole-frames")
@@ -46,17 +46,18 @@ class FrameRing:
         return cls(descriptor, slot_bytes)
 
     def free_slot(self) -> int:
-        """Number of a slot without a frame in use; the same again and again while frames are
-        released.
+        """Return the number of the first slot whose frame is not in use.
 
-        So a night of one frame at a time touches the memory of two slots: the frame's, and that of
-        the one before, with which it is compared.
+        So a night of one frame at a time touches only two slots: one for the frame, one for the
+        frame before, with which it is compared.
         """
         return next(slot for slot in range(SLOTS) if slot not in self._lent)
 
     def room(self, slot: int, shape: tuple[int, ...], dtype: npt.DTypeLike) -> npt.NDArray[Any]:
-        """Return a slot's memory as an array to be written. Raises FrameError when it is too
-        small."""
+        """Return a slot's memory as a writable array.
+
+        Raises FrameError when the slot is too small.
+        """
         if int(np.prod(shape)) * np.dtype(dtype).itemsize > self.slot_bytes:
             raise FrameError(
                 f"a frame of {shape[1]} x {shape[0]} pixels is larger than the "
@@ -65,9 +66,9 @@ class FrameRing:
         return self._view(slot, dtype, shape)
 
     def take(self, slot: int, dtype: npt.DTypeLike, shape: tuple[int, ...]) -> PixelArray:
-        """Return a slot's content, not to be changed; the slot is lent as long as anybody holds it.
+        """Return a slot's content as a read-only array; the slot is lent while the array is in use.
 
-        A copy where lending would leave no slot for the next frame.
+        A copy, where lending the slot would leave none for the next frame.
         """
         if len(self._lent) >= SLOTS - 1:
             return self._view(slot, dtype, shape).copy()
@@ -81,8 +82,10 @@ class FrameRing:
         return pixels
 
     def close(self) -> None:
-        """Release the memory; it is freed when the other process and every frame has released it,
-        too."""
+        """Release the memory.
+
+        It is freed when the other process and all users of frames have released it, too.
+        """
         with contextlib.suppress(BufferError):
             self._memory.close()
         os.close(self.descriptor)

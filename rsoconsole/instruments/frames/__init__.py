@@ -1,1 +1,1 @@
-"""Frames from files: FITS, TIFF, PNG, and the values of their headers."""
+"""Reads frames from files (FITS, TIFF, PNG), and the values of their headers."""

@@ -1,6 +1,6 @@
-"""Process that decodes pictures, and FITS files that are not plain: a file may crash it.
+"""The process that decodes pictures, and FITS files that are not plain: a file may crash it.
 
-Started with ``python -c``, ends with its parent's end of the socket.
+Started with ``python -c``; it ends when the parent's end of the socket closes.
 """
 
 import contextlib
@@ -15,23 +15,23 @@ from typing import Any
 from rsoconsole.base import FrameError
 
 SPARE_BYTES = 900_000_000
-"""Memory that a file may take beyond that of the process itself."""
+"""Memory allowed for decoding a file, beyond the memory of the process itself, bytes."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DecodeRequest:
-    """Order to decode one image of the file that follows as bytes."""
+    """Order to decode one image of a file; the file follows as bytes."""
 
     name: str
     extension: str | None = None
     min_side_px: int = 1
     is_picture: bool = False
-    """True for TIFF or PNG: then ``extension`` and ``min_side_px`` mean nothing."""
+    """True for TIFF or PNG; ``extension`` and ``min_side_px`` are then ignored."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DecodeReply:
-    """Decoded image without its pixels, which follow as bytes; or the reason why there is none."""
+    """A decoded image without its pixels, which follow as bytes; or why there is none."""
 
     fault: str = ""
     dtype: str = ""
@@ -42,7 +42,7 @@ class DecodeReply:
 
 
 def main(socket_fd: int) -> None:
-    """Decode until the parent closes its end."""
+    """Decode files until the parent closes its end of the socket."""
     connection = Connection(socket_fd)
     import astropy.io.fits  # noqa: F401 - now, so that the first file does not wait
 

@@ -1,8 +1,8 @@
-"""Images of a FITS file that is not a plain one, by astropy: their list, and one of them.
+"""Reads an image of a FITS file that is not a plain one, by astropy; lists the file's images.
 
-Observatories keep the parts of a mosaic, the masks of an image or several summaries of one video
-in the extensions of one file. Only the decoding process reads them: a hostile file may hang or
-crash it.
+Observatories put the parts of a mosaic, the masks of an image or several summaries of one video
+into the extensions of one file. Runs only in the decoding process: a hostile file may hang or crash
+it.
 """
 
 import math
@@ -17,7 +17,7 @@ from rsoconsole.base import FrameError
 from rsoconsole.instruments.frames.plain_fits import Content, FitsImage
 
 MAX_PIXELS = 400_000_000
-"""Largest image that is read, in pixels: no camera has more."""
+"""Largest image that is read, pixels: no camera has more."""
 _BLOCK, _CARD, _MAX_BLOCKS, _MAX_UNITS = 2880, 80, 1000, 2000
 _WHOLE = re.compile(rb"= +([+-]?[0-9]+)(?:\.0*)? *(?:/.*)?$")
 _BITS = (8, 16, 32, 64, -32, -64)
@@ -25,9 +25,9 @@ _MAX_AXES, _MAX_ITEMS = 999, 16 * MAX_PIXELS
 
 
 def structure_fault(content: Content) -> str | None:
-    """Impossible keyword of a file, with its value; None where nothing is wrong.
+    """Return an impossible keyword of the file, with its value, in words; None for none.
 
-    Looks as far as headers can be read: the decoder reports files that break off half-way.
+    Only as far as headers can be read: the decoder reports files that are cut short.
     """
     for header in _headers(content):
         fault = _fault_of(header)
@@ -75,7 +75,7 @@ def _number(digits: bytes) -> int:
 
 
 def data_bytes(header: Mapping[str, int]) -> int:
-    """Number of bytes by a unit's header, without the padding to a full block."""
+    """Return the number of data bytes that a header declares, without padding to a full block."""
     axes = [header.get(f"NAXIS{n + 1}", 0) for n in range(header.get("NAXIS", 0))]
     items = math.prod(axes) if axes else 0
     groups = header.get("GCOUNT", 1)
@@ -90,7 +90,7 @@ _RANGES = {
     "TFIELDS": (0, _MAX_AXES),
 }
 _AXES = (("NAXIS", 0), ("ZNAXIS", 1), ("ZTILE", 1))
-"""Numbered keywords, and the least that each may be."""
+"""Numbered keywords, and the smallest value allowed to each."""
 
 
 def _fault_of(header: dict[str, int]) -> str | None:
@@ -110,7 +110,7 @@ def _fault_of(header: dict[str, int]) -> str | None:
 
 
 ALL = "all"
-"""Value for all images of the file, one after another, in place of an extension's name."""
+"""Value of ``extension`` for all images of the file, one after another."""
 _NAMELESS = ("", "PRIMARY", "COMPRESSED_IMAGE")
 # What astropy raises for a damaged file; AttributeError where a header breaks off half-way.
 _BROKEN = (OSError, ValueError, TypeError, KeyError, IndexError, AttributeError, zlib.error)
@@ -138,7 +138,7 @@ class _Unit:
 def image_by_astropy(
     content: bytes, name: str, extension: str | None = None, min_side_px: int = 1
 ) -> FitsImage:
-    """Read the requested image, as ``plain_fits``, in this very process."""
+    """Read the requested image in this process; arguments as of ``fits_image``."""
     from astropy.io import fits
 
     truncated = FrameError(f"{name} is truncated or damaged: copy it again or leave it out")
@@ -228,8 +228,10 @@ def _images(hdus: Any, name: str, min_side_px: int) -> list[_Unit]:
 
 
 def _readable(hdus: Any) -> Iterator[Any]:
-    """Yield units up to where the file is damaged; raises astropy's error where none can be
-    read."""
+    """Yield units up to where the file is damaged.
+
+    Raises astropy's error where no unit can be read.
+    """
     units, count = iter(hdus), 0
     while True:
         try:

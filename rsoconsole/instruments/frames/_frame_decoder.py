@@ -1,9 +1,8 @@
-"""Decoding of pictures, and of FITS files that are not plain, in a process with limits of time and
-memory.
+"""Decodes pictures, and FITS files that are not plain, in a process limited in time and memory.
 
 Decoders of compressed images are native code: a damaged tile may corrupt their memory, a false
-length may keep them busy for ever. The process is started with the first such file, kept for the
-next, and restarted when one has ended it.
+length may keep them busy for ever. The process is started with the first such file, stays for the
+next ones, and is restarted when a file has ended it.
 """
 
 import atexit
@@ -19,21 +18,24 @@ from rsoconsole.instruments.frames.plain_fits import Content, FitsImage
 
 START_S = 60.0
 MIN_S, BYTES_A_S = 15.0, 8_000_000
-"""Least time limit of a file, and the speed that adds to it by length. A compressed frame of 8 MB
-takes 0.5 s on an idle core, 2 s beside six busy processes, and a Pi is slower than that machine."""
+"""Time limit of a file: MIN_S seconds, plus its length divided by BYTES_A_S.
+
+A compressed frame of 8 MB takes 0.5 s on an idle core, 2 s beside six busy processes, and longer on
+a Raspberry Pi.
+"""
 
 
 class FrameDecoder:
-    """The decoding process; one file at a time."""
+    """The decoding process, seen from its parent; one file at a time."""
 
     def __init__(self) -> None:
         self._lock = threading.Lock()
         self._child = ChildProcess("rsoconsole.instruments.frames._decoder_child")
 
     def decode(self, request: DecodeRequest, content: Content) -> FitsImage:
-        """Decode a file, by ``image_by_astropy`` or ``picture_by_opencv``, in the process.
+        """Decode a file in the process, by ``image_by_astropy`` or ``picture_by_opencv``.
 
-        Raises FrameError, also where the file ends the process.
+        Raises FrameError, also where the file crashes the process.
         """
         with self._lock:
             try:
@@ -87,11 +89,11 @@ class FrameDecoder:
 
 
 _decoders: dict[int, FrameDecoder] = {}
-"""Decoders by process: a fork inherits its parent's."""
+"""Decoders by process id: a forked process must not use that of its parent."""
 
 
 def decoder() -> FrameDecoder:
-    """The decoder of this process."""
+    """Return the decoder of the present process."""
     found = _decoders.get(os.getpid())
     if found is None:
         _decoders.clear()

@@ -1,5 +1,4 @@
-"""Conversion of a file's stored numbers to a frame's pixels: uint16 or float32, with their
-saturation."""
+"""Converts a file's stored numbers to a frame's pixels (uint16 or float32) with saturation."""
 
 import math
 from collections.abc import Callable, Mapping
@@ -12,7 +11,10 @@ from rsoconsole.base import FrameError
 from rsoconsole.records import PixelArray
 
 Room: TypeAlias = Callable[[tuple[int, ...]], npt.NDArray[np.uint16] | None]
-"""Function that may give an array (height, width) for writing pixels of 16 bits."""
+"""Function that returns an array (height, width) into which 16-bit pixels are written.
+
+It is called with the shape; None: it offers no array.
+"""
 
 EIGHT_BIT_ADU = 255.0
 _CONVERTER_BITS = (8, 10, 12, 14)
@@ -20,11 +22,11 @@ _FILL_BLOCK_PX = 64
 
 
 def one_plane(raw: npt.NDArray[Any], name: str) -> tuple[npt.NDArray[Any], float | None, bool]:
-    """Convert a colour picture to one plane: (pixels, saturation, whether it had colours).
+    """Convert a picture to one plane: (pixels, saturation or None, whether it had colours).
 
-    The colours are added up, so that the steps of 8 bits do not grow; a picture that is grey in
-    every pixel keeps its values. ``raw``: (height, width) or (height, width, 3 or 4), the fourth is
-    opacity. Raises FrameError for other shapes.
+    Colours of 8 bits are added up, which avoids coarser steps; those of more bits are averaged. A
+    picture that is grey in every pixel keeps its values. ``raw``: (height, width) or (height,
+    width, 3 or 4); the fourth plane, opacity, is ignored. Raises FrameError for other shapes.
     """
     if raw.ndim == 2:
         return raw, None, False
@@ -48,7 +50,7 @@ def one_plane(raw: npt.NDArray[Any], name: str) -> tuple[npt.NDArray[Any], float
 def to_pixels(
     raw: npt.NDArray[Any], header: Mapping[str, Any], name: str, room: Room
 ) -> PixelArray:
-    """Convert to uint16 where the file holds that, else float32; never the file's own memory."""
+    """Convert to uint16 where the file has that, else float32; a copy, or ``room``'s array."""
     bzero, bscale = _scaling(header)
     if raw.dtype.kind == "u" and raw.dtype.itemsize == 1 and (bzero, bscale) == (0.0, 1.0):
         return raw.astype(np.uint16)
@@ -97,7 +99,11 @@ def _shift_bits(raw: npt.NDArray[Any], bzero: float, bscale: float) -> int | Non
 
 
 def fill_nonfinite(pixels: npt.NDArray[Any], name: str, max_fraction: float) -> str | None:
-    """Fill masked pixels in place with the median of their block; return a note for the user."""
+    """Replace NaN and infinite pixels, in place, by the median of their block.
+
+    Returns a note for the user, None where there are none. Raises FrameError where they are more
+    than ``max_fraction`` of the frame.
+    """
     bad = ~np.isfinite(pixels)
     count = int(np.count_nonzero(bad))
     if count == 0:
@@ -117,7 +123,10 @@ def fill_nonfinite(pixels: npt.NDArray[Any], name: str, max_fraction: float) -> 
 
 
 def saturation_adu(raw: npt.NDArray[Any], pixels: PixelArray, header: Mapping[str, Any]) -> float:
-    """Highest value of a pixel; a 12-bit converter in 16 bits stops at 65520, or at 4095."""
+    """Return the value at which pixels saturate, ADU: as the header states, or from the pixels.
+
+    A 12-bit converter stored in 16 bits saturates at 65520, or at 4095.
+    """
     stated = header.get("SATURATE")
     if isinstance(stated, int | float) and not isinstance(stated, bool) and stated > 0:
         return float(stated)

@@ -1,4 +1,7 @@
-"""TIFF and PNG files, by OpenCV, in the decoding process alone: a damaged one may crash it."""
+"""Reads TIFF and PNG files by OpenCV.
+
+Runs only in the decoding process: a damaged file may crash it.
+"""
 
 import os
 from typing import Any
@@ -15,7 +18,7 @@ os.environ.setdefault("OPENCV_IO_MAX_IMAGE_PIXELS", str(MAX_PIXELS))
 
 
 def picture_by_opencv(content: Content, name: str) -> npt.NDArray[Any]:
-    """Read pixels as stored, (height, width) or (height, width, colours). Raises FrameError."""
+    """Read pixels as stored: (height, width) or (height, width, colours). Raises FrameError."""
     import cv2
 
     try:

@@ -1,7 +1,7 @@
-"""Frames from files: FITS as cameras and archives write it, TIFF and PNG.
+"""Reads frames from files: FITS as cameras and archives write it, TIFF and PNG.
 
-The kind of a file is known by its first bytes, not by its name. A file is held in memory once as
-bytes and once as pixels, never a third time.
+The kind of a file is recognised by its first bytes, not by its name. A file is in memory at most
+twice: once as bytes, once as pixels.
 """
 
 import bz2
@@ -48,11 +48,12 @@ MAGIC = (b"\x89PNG", b"II*\0", b"MM\0*", b"II+\0", b"MM\0+")
 def fits_image(
     content: Content, name: str, extension: str | None = None, min_side_px: int = 1
 ) -> FitsImage:
-    """Read the requested image of a FITS file; with None the file's first.
+    """Read one image of a FITS file.
 
-    ``extension`` is a number (0 is the primary unit), a name (EXTNAME) or ``NAME,VERSION``. Images
-    with a side below ``min_side_px`` count only where there are no others. Any but a plain file is
-    decoded in another process. Raises FrameError.
+    ``extension``: which image, by number (0 is the primary unit), name (EXTNAME) or
+    ``NAME,VERSION``; None: the first image. Images with a side below ``min_side_px`` count only
+    where there are no larger ones. Every file that is not plain is decoded in another process.
+    Raises FrameError.
     """
     fault = structure_fault(content)
     if fault is not None:
@@ -66,15 +67,15 @@ def fits_image(
 
 MIN_SIDE_PX = 64
 MAX_BYTES = 400_000_000
-"""Largest file that is read, packed or not: 200 million pixels of 16 bits."""
+"""Largest file that is read, packed or unpacked, bytes: 200 million pixels of 16 bits."""
 MAX_NONFINITE_FRACTION = 0.0
-"""Largest share of pixels that are no numbers: a camera's frame has none."""
+"""Largest fraction of NaN or infinite pixels, by default: a camera's frame has none."""
 _FITS_MAGIC = b"SIMPLE  ="
 _MAX_NAMED = 8
 _SCALING = ("BZERO", "BSCALE", "BLANK")
 log = logging.getLogger(__name__)
 OTHERS_KEY = "OTHER_IMAGES"
-"""Key of a frame's header for the other images of its file, a tuple of labels."""
+"""Key in a frame's header for the labels (a tuple) of the other images in its file."""
 EIGHT_BIT = "8 bits a pixel: faint streaks are lost in its steps; give the camera's 16-bit frames"
 COLOURS = "a colour picture: its colours are added up; give the camera's raw frames"
 
@@ -86,16 +87,17 @@ def read_frame(
     extension: str | None = None,
     max_nonfinite_fraction: float = MAX_NONFINITE_FRACTION,
 ) -> Frame:
-    """Read one frame: FITS (also .gz, .bz2, fpack), TIFF or PNG.
+    """Read one frame from a file: FITS (also .gz, .bz2, fpack), TIFF or PNG.
 
-    ``extension``: which image of a FITS file that has several, by the name, ``NAME,VERSION`` or
-    number of its extension; None is the first one, and a note names the others. Pixels come as
-    uint16 or float32, native order, (height, width). Pixels that are NaN or infinite are errors
-    when they are more than ``max_nonfinite_fraction`` of the frame; fewer are masked bad pixels,
-    are filled with the median of their neighbourhood, and ``header["NOTES"]`` says how many. By
-    default none may be. Frames of 8 bits and pictures in colours are noted. A start time that
-    cannot be understood is None, and a note says so; it never becomes another. Raises FrameError,
-    one sentence with the remedy.
+    ``extension``: which image of a FITS file with several images, by the name, ``NAME,VERSION`` or
+    number of its extension; None: the first one, and a note names the others.
+    ``max_nonfinite_fraction``: up to this fraction of the frame, pixels that are NaN or infinite
+    count as masked bad pixels: they are filled with the median of their neighbourhood, and a note
+    says how many; more are an error.
+
+    Pixels are uint16 or float32, native byte order, (height, width). A start time that cannot be
+    understood becomes None, with a note. Frames of 8 bits and coloured pictures get a note, too;
+    notes are in ``header["NOTES"]``. Raises FrameError, one sentence with the remedy.
     """
     path = Path(path)
     return frame_from_bytes(
@@ -114,7 +116,7 @@ def read_frames(
     extension: str | None = None,
     max_nonfinite_fraction: float = MAX_NONFINITE_FRACTION,
 ) -> Iterator[Frame]:
-    """Read the frames of a file: as ``read_frame``, and with the extension ``ALL`` every image."""
+    """Yield the frames of a file: one, as ``read_frame``; or every image, for extension ``ALL``."""
     path = Path(path)
     is_all = extension is not None and extension.strip().lower() == ALL
     read = partial(
@@ -141,10 +143,11 @@ def frame_from_bytes(
     room: Room = lambda _: None,
     is_alone: bool = True,
 ) -> Frame:
-    """Read a frame, as ``read_frame`` does, from a file in memory (a camera's BLOB).
+    """Make a frame of a file in memory (a camera's BLOB); arguments as of ``read_frame``.
 
-    ``room`` may give an array (height, width) into which pixels of 16 bits are written; else, and
-    for all other pixels, a fresh one is made. ``is_alone``: note that there are other images.
+    ``room``: function that may return an array (height, width) into which 16-bit pixels are
+    written; for all other pixels a new array is made. ``is_alone``: whether to note that the file
+    has other images.
     """
     full_adu: float | None = None
     notes: list[str] = []
@@ -189,11 +192,10 @@ def frame_from_array(
     header: Mapping[str, Any] | None = None,
     max_nonfinite_fraction: float = MAX_NONFINITE_FRACTION,
 ) -> Frame:
-    """Make a frame, as ``read_frame`` does, from pixels that are an array, (height, width).
+    """Make a frame of an array of pixels, (height, width), with the checks of ``read_frame``.
 
-    ``array``: integers or real numbers of any size, ADU; it stays as it is. ``header``: cards by
-    name, as FITS has them (without BZERO and BSCALE, which are in the numbers already). Raises
-    FrameError.
+    ``array``: integers or real numbers of any size, ADU; it is not changed. ``header``: FITS cards
+    by name; BZERO and BSCALE must be applied to the array already, and left out. Raises FrameError.
     """
     raw = np.asarray(array)
     if raw.ndim != 2:
@@ -234,8 +236,10 @@ def _frame_of(
     max_nonfinite_fraction: float,
     room: Room,
 ) -> Frame:
-    """Make a frame of an image; ``full_adu``: its saturation, None where the pixels have to show
-    it."""
+    """Make a frame of an image.
+
+    ``full_adu``: its saturation; None: it is found from header and pixels.
+    """
     raw, header = image.raw, dict(image.header)
     _check_shape(raw, name)
     if bits == 8:

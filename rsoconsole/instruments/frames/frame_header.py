@@ -1,4 +1,4 @@
-"""Start, exposure time, scale and pointing from a frame's header, in the program's units."""
+"""Reads start, exposure time, scale and pointing from a frame's header, in the program's units."""
 
 import math
 import re
@@ -11,20 +11,24 @@ from rsoconsole.words import NS_PER_S
 
 LOCKED = 3
 _FARTHEST_S = 900.0
-"""Largest difference of the receiver's time from DATE-OBS; beyond a quarter of an hour it is not
-believed."""
+"""Largest difference of the GPS receiver's time from DATE-OBS.
+
+Beyond a quarter of an hour the receiver's time is not believed.
+"""
 _SAME_SHARE, _SAME_S = 0.05, 0.01
-"""Largest differences of the receiver's exposure time from the header's, as share and seconds."""
+"""Largest difference between the GPS receiver's exposure time and EXPTIME.
+
+A fraction of EXPTIME, or seconds, whichever is more.
+"""
 
 
 def gps_time(
     header: Mapping[str, Any], header_start_utc_ns: int | None, exposure_s: float | None
 ) -> tuple[int | None, str | None]:
-    """Start of the exposure (UTC ns) by the camera's GPS receiver, or None and the reason why it is
-    not used.
+    """Return the start of the exposure by the camera's GPS receiver, and why it is not used.
 
-    The start is such that the middle of the exposure is the receiver's. (None, None) where there is
-    no receiver.
+    (start in UTC ns, None), or (None, reason); (None, None) where the header has no receiver. The
+    start is chosen so that the middle of the exposure is the middle that the receiver states.
     """
     start_ns = _instant(header, "GPS_SUTC", "GPS_ST", "GPS_SU")
     if start_ns is None:
@@ -75,21 +79,24 @@ def _iso(text: str) -> int | None:
 
 
 NOTES_KEY = "NOTES"
-"""Key of a frame's header for its reader's notes, a tuple of sentences."""
+"""Key in a frame's header for notes on reading it, a tuple of sentences."""
 
 EXTENSION_KEY = "EXTENSION"
-"""Key of a frame's header for the image of its file; absent where there is only one."""
+"""Key in a frame's header for the label of its image; absent for a file with one image."""
 ABSOLUTE_ZERO_C = -273.15
 POSSIBLE_ARCSEC_PX = (0.01, 3600.0)
-"""Possible plate scales: finer than any telescope's, coarser than any lens's; a scale beyond is an
-error of the header."""
+"""Smallest and largest plate scale that is believed, arcsec/px.
+
+Beyond any telescope or lens; a scale outside is an error of the header.
+"""
 
 
 def start(header: Mapping[str, Any]) -> tuple[int | None, str | None]:
-    """Start of the exposure (UTC ns), or None and the reason why it is not known.
+    """Return the start of the exposure (UTC ns), and a reason or None.
 
-    By the camera's own GPS receiver where it has one and that was locked, else by DATE-OBS, else by
-    DATE-BEG or DATE-AVG. A reason also where the receiver's time is not used.
+    By the camera's GPS receiver, where it has one that was locked; else by DATE-OBS; else by
+    DATE-BEG or DATE-AVG. The reason says why the start is None, or why the receiver's time is not
+    used.
     """
     stated_ns, note = header_start(header)
     gps_ns, why_not = gps_time(header, stated_ns, exposure_s(header))
@@ -97,7 +104,7 @@ def start(header: Mapping[str, Any]) -> tuple[int | None, str | None]:
 
 
 def camera_mode(header: Mapping[str, Any]) -> CameraMode:
-    """The read-out of the frame, and the source of its time."""
+    """Return how the frame was read out, and the source of its time."""
     gps_ns, _ = gps_time(header, header_start(header)[0], exposure_s(header))
     binned = [_number(header.get(key)) for key in ("XBINNING", "YBINNING")]
     whole = [int(each) for each in binned if each is not None and 1.0 <= each < 100.0]
@@ -113,7 +120,7 @@ def camera_mode(header: Mapping[str, Any]) -> CameraMode:
 
 
 def header_start(header: Mapping[str, Any]) -> tuple[int | None, str | None]:
-    """Start of the exposure as ``start`` gives it, without the camera's GPS receiver."""
+    """Return the start of the exposure as ``start`` does, but without the camera's GPS receiver."""
     stated = header.get("DATE-OBS")
     if not isinstance(stated, str) or not stated.strip():
         return _standard_start(header)
@@ -133,8 +140,10 @@ def header_start(header: Mapping[str, Any]) -> tuple[int | None, str | None]:
 
 
 def _standard_start(header: Mapping[str, Any]) -> tuple[int | None, str | None]:
-    """Start of the exposure by the FITS standard's DATE-BEG, else DATE-AVG; (None, None) without
-    either."""
+    """Return the start of the exposure by the FITS standard's DATE-BEG, else DATE-AVG.
+
+    (None, None) where neither is stated.
+    """
     system = str(header.get("TIMESYS", "UTC")).strip().upper()
     length_s = exposure_s(header)
     for key, earlier_s in (("DATE-BEG", 0.0), ("DATE-AVG", length_s and length_s / 2.0)):
@@ -151,7 +160,7 @@ def _standard_start(header: Mapping[str, Any]) -> tuple[int | None, str | None]:
 
 
 def exposure_s(header: Mapping[str, Any]) -> float | None:
-    """Exposure time, from EXPTIME or EXPOSURE."""
+    """Return the exposure time from EXPTIME or EXPOSURE, s; None where neither is valid."""
     for key in ("EXPTIME", "EXPOSURE"):
         value = _number(header.get(key))
         if value is not None and value > 0:
@@ -160,7 +169,7 @@ def exposure_s(header: Mapping[str, Any]) -> float | None:
 
 
 def sensor_temperature_c(header: Mapping[str, Any]) -> float | None:
-    """Temperature of the sensor in degrees Celsius; None where the header has none."""
+    """Return the temperature of the sensor, degrees Celsius; None where not stated."""
     for key in ("CCD-TEMP", "DET-TEMP", "CCDTEMP", "SET-TEMP"):
         value = _number(header.get(key))
         if value is not None and ABSOLUTE_ZERO_C < value < 100.0:
@@ -169,10 +178,10 @@ def sensor_temperature_c(header: Mapping[str, Any]) -> float | None:
 
 
 def scale(header: Mapping[str, Any]) -> float | None:
-    """Plate scale in arcsec/px from focal length (mm) and pixel size (um), binning counted.
+    """Return the plate scale in arcsec/px, from focal length (mm) and pixel size (um).
 
-    XPIXSZ is the size after binning by the FITS convention of MaxIm DL and INDI. None where the
-    header has none, and where it is impossible (``absurd_scale``).
+    XPIXSZ is the size after binning, by the FITS convention of MaxIm DL and INDI. None where the
+    header lacks a value, and where the scale is impossible (``absurd_scale``).
     """
     stated = _stated_scale(header)
     if stated is None or not POSSIBLE_ARCSEC_PX[0] <= stated <= POSSIBLE_ARCSEC_PX[1]:
@@ -181,7 +190,7 @@ def scale(header: Mapping[str, Any]) -> float | None:
 
 
 def absurd_scale(header: Mapping[str, Any]) -> str | None:
-    """A note on a header whose plate scale is impossible; None for any other."""
+    """Return a note on a header whose plate scale is impossible; None where it is possible."""
     stated = _stated_scale(header)
     if stated is None or scale(header) is not None:
         return None
@@ -204,9 +213,10 @@ def _stated_scale(header: Mapping[str, Any]) -> float | None:
 
 
 def pointing_deg(header: Mapping[str, Any]) -> tuple[float | None, float | None]:
-    """RA and Dec in degrees: from RA/DEC, else OBJCTRA/OBJCTDEC.
+    """Return the pointing (RA, Dec) in degrees: from RA/DEC, else from OBJCTRA/OBJCTDEC.
 
-    A number is degrees; a sexagesimal RA is hours. (None, None) when one is missing or absurd.
+    A number is in degrees; a sexagesimal RA is in hours. (None, None) when one is missing or
+    impossible.
     """
     for ra_key, dec_key in (("RA", "DEC"), ("OBJCTRA", "OBJCTDEC")):
         ra_deg = _angle_deg(header.get(ra_key), 15.0)

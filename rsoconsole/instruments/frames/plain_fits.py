@@ -1,9 +1,8 @@
-"""Reader of FITS as cameras write it, without astropy: one image in the first unit, cards of one
-line each.
+"""Reads FITS as cameras write it, without astropy: one image, in the first unit.
 
-Astropy costs a process 30 MiB and half a second at its first frame. Files that are less plain than
-this module expects are left to it, so that nothing is interpreted in two ways. Source: FITS
-standard 4.0, chapters 3 and 4.
+Astropy costs a process 30 MiB and half a second at its first frame. A file that is less plain than
+this module expects (each card on one line, nothing after the image) is left to astropy, so that no
+file is interpreted in two ways. Source: FITS standard 4.0, chapters 3 and 4.
 """
 
 import re
@@ -32,25 +31,23 @@ Content = bytes | memoryview
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FitsImage:
-    """One two-dimensional image of a file."""
+    """One two-dimensional image of a file, with its header."""
 
     raw: npt.NDArray[Any]
-    """Pixels (height, width) as stored: not scaled by BZERO and BSCALE."""
+    """Pixels (height, width) as stored: BZERO and BSCALE are not applied."""
     header: dict[str, Any]
-    """Values of the primary header and of the image's own, which win."""
+    """Values of the primary header, overridden by those of the image's own header."""
     label: str = ""
-    """Name, "NAME,VERSION" or number of its extension; empty where it is the file's only image."""
+    """Name, "NAME,VERSION" or number of its extension; empty for the only image of a file."""
     others: tuple[str, ...] = ()
     """Labels of the file's other images, in order."""
 
 
 def read_plain(content: Content) -> tuple[npt.NDArray[Any], dict[str, Any]] | None:
-    """Read the image as it is stored (height, width), a view of ``content``, and the header's
-    values.
+    """Return the image as stored (height, width), a view of ``content``, and the header's values.
 
-    None where the file is anything else than a plain one: compressed, damaged, with its image in
-    an extension, with further units behind it, with cards of several lines; also where it is
-    shorter than it says.
+    None where the file is not plain: compressed, damaged, with its image in an extension, with
+    further units after the image, with cards of several lines, or shorter than its header states.
     """
     found = _header(content)
     if found is None:

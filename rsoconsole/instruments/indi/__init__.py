@@ -1,1 +1,1 @@
-"""INDI: by PyIndi or indipyclient in child processes; by plain TCP for STOP, weather and dome."""
+"""INDI: in child processes by PyIndi or indipyclient; by plain TCP for STOP, weather and dome."""

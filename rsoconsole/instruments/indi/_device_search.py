@@ -1,6 +1,6 @@
-"""Search for a device that an INDI server has not announced yet: a slow server, or a wrong name?
+"""Finds out why a device is not there yet: a slow INDI server, or a wrong name.
 
-Looks by a plain connection of its own, and only when the device does not come at once.
+Uses a plain connection of its own, and only when the device does not come at once.
 """
 
 import time
@@ -15,12 +15,16 @@ _READ_S = 2.0
 
 
 class DeviceSearch:
-    """Search for one device that is waited for, with the server's other announcements meanwhile."""
+    """Waits for one device of an INDI server, and notes which other devices it announces."""
 
     def __init__(
         self, device: str, order: Mapping[str, Any], now_s: Callable[[], float] = time.monotonic
     ) -> None:
-        """``order``: host, port, name of the device's setting, device_s, quiet_s."""
+        """``order``: host, port, setting (that names the device), device_s, quiet_s.
+
+        device_s: longest wait for the device. quiet_s: silence after which no further device will
+        come. ``now_s``: monotonic clock.
+        """
         self._device, self._order, self._now_s = device, order, now_s
         self._began_s = now_s()
         self._news_s = self._began_s
@@ -29,16 +33,15 @@ class DeviceSearch:
 
     @property
     def others(self) -> tuple[str, ...]:
-        """Names of other devices that have been announced."""
+        """Names of the other devices announced so far."""
         return tuple(sorted(self._names - {self._device}))
 
     def look(self) -> None:
-        """Look once while the device is not there yet. Raises InstrumentError when it will not
-        come.
+        """Read what the server has announced; call repeatedly until the device is there.
 
-        It will not when the whole wait is over, nor when the server has announced others and has
-        been quiet since. Unread data is read first: a machine that is held up, this process
-        included, is slow and not quiet.
+        Raises InstrumentError when the device will not come: when the whole wait is over, or when
+        the server has announced other devices and then nothing for ``quiet_s``. All unread data is
+        read first, so that a machine that was held up is not taken for a quiet server.
         """
         self._listen()
         now_s = self._now_s()

@@ -1,8 +1,8 @@
-"""INDI by indipyclient: pure Python, on an asyncio loop of its own on a thread of its own.
+"""INDI by indipyclient: pure Python, on an asyncio loop on a thread of its own.
 
-The library's automatic actions are suppressed: it connects once, requests one device once, enables
-BLOBs on order only, and times nothing out. Its loop ends this process, as PyIndi's would, when the
-server hangs up, which the library alone does not notice.
+The library's automatic actions are suppressed: here it connects once, requests one device once,
+enables BLOBs on order only, and has no time-outs. When the server hangs up, which the library alone
+does not notice, the loop ends this process, as PyIndi's client would.
 """
 
 import asyncio
@@ -21,7 +21,7 @@ from rsoconsole.instruments.indi.indi_client import IndiClient, Vector
 
 
 class IndiStream(asyncio.Protocol):
-    """Passes a connection's bytes, mended, on to another protocol."""
+    """Passes the bytes of a connection, corrected for a strict XML parser, to another protocol."""
 
     def __init__(self, reader: asyncio.Protocol, on_end: Callable[[], None]) -> None:
         """``on_end`` is called when the server hangs up."""
@@ -29,30 +29,30 @@ class IndiStream(asyncio.Protocol):
         self.mender = StreamMender()
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
-        """Note the connection."""
+        """Pass on that the connection is made."""
         self._reader.connection_made(transport)
 
     def data_received(self, data: bytes) -> None:
-        """Count bytes that have come."""
+        """Correct the received bytes and pass them on."""
         if cleaned := self.mender.cleaned(bytes(data)):
             self._reader.data_received(cleaned)
 
     def eof_received(self) -> bool | None:
-        """Note that the server sends no more."""
+        """Pass on that the server sends no more."""
         self._on_end()
         return self._reader.eof_received()
 
     def connection_lost(self, exc: Exception | None) -> None:
-        """Note that the connection is gone."""
+        """Pass on that the connection is gone."""
         self._on_end()
         self._reader.connection_lost(exc)
 
     def pause_writing(self) -> None:
-        """Note that the server reads too slowly."""
+        """Pass on that the server reads too slowly."""
         self._reader.pause_writing()
 
     def resume_writing(self) -> None:
-        """Note that the server reads again."""
+        """Pass on that the server reads again."""
         self._reader.resume_writing()
 
 
@@ -63,7 +63,7 @@ _CHANGES = {"Set", "SetBLOB"}
 
 
 class IndipyClient(IndiClient):
-    """The client of indipyclient: its events as vectors."""
+    """Client by indipyclient: turns the library's events into ``Vector`` values."""
 
     def __init__(
         self,
@@ -103,7 +103,7 @@ class IndipyClient(IndiClient):
         self._send_switch("CONNECTION", "CONNECT")
 
     def take_blobs(self, name: str) -> None:
-        """Have the server send the contents of this BLOB vector, too."""
+        """Make the server send the contents of this BLOB vector, too."""
         enable = ET.Element("enableBLOB", device=self.device, name=name)
         enable.text = "Also"
         self._send(enable)
@@ -168,8 +168,10 @@ class IndipyClient(IndiClient):
             self._defined.clear()
 
     def _is_new_definition(self, event: Any) -> bool:
-        """True for a new definition, as in libindi: a property that is defined already stays as it
-        is."""
+        """True for the definition of a property that is not yet defined.
+
+        As in libindi, a property that is defined already stays as it is.
+        """
         is_new = event.eventtype in _DEFINITIONS and event.vectorname not in self._defined
         if is_new:
             self._defined.add(event.vectorname)
@@ -224,13 +226,14 @@ class _Library(indipyclient.IPyClient):  # type: ignore[misc]
     async def send_getProperties(  # noqa: N802 - the library's name
         self, devicename: str | None = None, vectorname: str | None = None
     ) -> None:
-        """Do nothing, so that the library requests no properties by itself: one requested twice is
-        defined twice."""
+        """Do nothing: the library must not request properties by itself.
+
+        A property requested twice is defined twice.
+        """
 
 
 class _Loop(asyncio.SelectorEventLoop):
-    """Event loop whose connections are mended on their way to the library, and end with the
-    server."""
+    """Event loop that puts an ``IndiStream`` between each socket and the library."""
 
     def __init__(self, on_end: Callable[[], None]) -> None:
         super().__init__()
@@ -243,8 +246,7 @@ class _Loop(asyncio.SelectorEventLoop):
     async def create_connection(  # type: ignore[override]
         self, protocol_factory: Callable[[], asyncio.Protocol], *arguments: Any, **options: Any
     ) -> tuple[asyncio.Transport, asyncio.Protocol]:
-        """Create a connection as every loop does, with a stream between the socket and the
-        caller."""
+        """Create a connection as every loop does, but through an ``IndiStream``."""
         stream = self.stream = IndiStream(protocol_factory(), self._on_end)
         try:
             return await super().create_connection(lambda: stream, *arguments, **options)

@@ -1,7 +1,7 @@
-"""INDI by pyindi-client: libindi's own client in C++.
+"""INDI by pyindi-client: libindi's own client, in C++.
 
-Runs only in a child process: PyIndi's callbacks come on a thread of its own, and an exception in
-one would abort the process.
+Runs only in a child process: PyIndi's callbacks come on a thread of its own, and an exception in a
+callback aborts the process.
 """
 
 import ctypes
@@ -24,7 +24,7 @@ _STATES = {
 
 
 class PyIndiClient(PyIndi.BaseClient, IndiClient):  # type: ignore[misc]
-    """The client of PyIndi: its callbacks as vectors."""
+    """Client by PyIndi: turns the library's callbacks into ``Vector`` values."""
 
     def __init__(
         self,
@@ -72,7 +72,7 @@ class PyIndiClient(PyIndi.BaseClient, IndiClient):  # type: ignore[misc]
         self.connectDevice(self.device)
 
     def take_blobs(self, name: str) -> None:
-        """Have the server send the contents of this BLOB vector, too."""
+        """Make the server send the contents of this BLOB vector, too."""
         self.setBLOBMode(PyIndi.B_ALSO, self.device, name)
 
     def _send_numbers(self, name: str, values: Mapping[str, float]) -> None:

@@ -1,4 +1,4 @@
-"""Mender of an INDI server's bytes, for an XML parser that is strict about its input."""
+"""Corrects an INDI server's bytes for a strict XML parser."""
 
 import binascii
 import codecs
@@ -26,12 +26,12 @@ codecs.register_error(_LATIN_1, _as_latin_1)
 
 
 class StreamMender:
-    """Passes on a server's bytes piece by piece.
+    """Corrects a server's bytes, piece by piece, before an XML parser reads them.
 
-    BLOBs do not go through the parser: their base64 is decoded as it comes, which costs less and
-    ends with the last byte, and a ticket stands in its place (``content_of``). Errors that libindi
-    accepts and a strict parser fails on are mended: control characters, ampersands that stand for
-    themselves, and bytes that are no UTF-8, which are read as Latin-1.
+    The contents of BLOBs do not go through the parser: their base64 is decoded as it comes, which
+    is faster, and the parser gets a short ticket in their place, which ``content_of`` exchanges for
+    the content. Corrected are errors that libindi accepts and a strict parser rejects: control
+    characters, bare ampersands, and bytes that are not UTF-8, which are read as Latin-1.
     """
 
     def __init__(self) -> None:
@@ -44,16 +44,20 @@ class StreamMender:
         self._tickets = 0
 
     def content_of(self, ticket: bytes) -> bytearray:
-        """Return a BLOB's content, once, for the ticket that the parser found; empty where it was
-        none."""
+        """Return the content of the BLOB with this ticket; only once.
+
+        Empty where there is no such BLOB.
+        """
         try:
             return self._blobs.pop(_TICKET.unpack(ticket)[0], bytearray())
         except struct.error:
             return bytearray()
 
     def cleaned(self, data: bytes) -> bytes:
-        """Return a piece of the stream as the parser accepts it; an incomplete end comes with the
-        next."""
+        """Return the corrected bytes for the parser.
+
+        An incomplete entity or tag at the end of ``data`` is returned with the next piece.
+        """
         data, self._cut = self._cut + data, b""
         done = []
         while data:
@@ -97,7 +101,7 @@ class _Blob:
         self._is_sound = True
 
     def add(self, text: bytes) -> None:
-        """Add the next piece, cut anywhere."""
+        """Add the next piece of base64, which may be cut anywhere."""
         text = self._left + text.translate(None, _SPACES)
         whole = len(text) // 4 * 4
         self._left = text[whole:]
@@ -107,7 +111,7 @@ class _Blob:
             self._is_sound = False
 
     def content(self) -> bytearray:
-        """Return all of it; nothing where it is no base64."""
+        """Return the decoded bytes; empty where the text was no valid base64."""
         return self._content if self._is_sound and not self._left else bytearray()
 
 

@@ -1,4 +1,4 @@
-"""Choice of the INDI client library: the configured one, or the first that is installed."""
+"""Chooses the INDI client library: the configured one, or the first that is installed."""
 
 import importlib.metadata
 import importlib.util
@@ -16,23 +16,23 @@ ANY_CLIENT = "or set indi.client to auto"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ClientLibrary:
-    """One library that speaks INDI."""
+    """One Python library that speaks INDI."""
 
     name: str
-    """Value of ``indi.client``."""
+    """Value of the setting ``indi.client`` that selects it."""
     module: str
     package: str
     install: str
-    """Command that installs it."""
+    """Shell command that installs it."""
 
     @property
     def is_there(self) -> bool:
-        """True when its module is installed; it may still fail to load."""
+        """True when its module is installed; loading it may still fail."""
         return importlib.util.find_spec(self.module) is not None
 
     @property
     def title(self) -> str:
-        """Package and version."""
+        """Name of the package, with its version."""
         try:
             return f"{self.package} {importlib.metadata.version(self.package)}"
         except importlib.metadata.PackageNotFoundError:
@@ -53,11 +53,14 @@ LIBRARIES = (
         install="pip install indipyclient",
     ),
 )
-"""Libraries in the order in which ``auto`` tries them."""
+"""Known libraries, in the order in which the setting ``auto`` prefers them."""
 
 
 def client_library(setting: str) -> ClientLibrary:
-    """Library that ``indi.client`` selects here. Raises InstrumentError where it is missing."""
+    """Return the library that the setting ``indi.client`` selects here.
+
+    Raises InstrumentError where it is not installed.
+    """
     for library in allowed_libraries(setting):
         if library.is_there:
             return library
@@ -70,8 +73,10 @@ def open_client(
     on_vector: "Callable[[Vector], None]",
     on_message: Callable[[str], None] | None = None,
 ) -> "tuple[IndiClient, ClientLibrary]":
-    """Open a client by the first allowed library that loads. Raises InstrumentError where none
-    does."""
+    """Open a client by the first allowed library that loads; return it with that library.
+
+    ``setting``: value of ``indi.client``. Raises InstrumentError where no library loads.
+    """
     fault: ImportError | None = None
     for library in allowed_libraries(setting):
         try:
@@ -82,7 +87,7 @@ def open_client(
 
 
 def allowed_libraries(setting: str) -> tuple[ClientLibrary, ...]:
-    """Libraries that the setting ``indi.client`` allows, the first choice first."""
+    """Return the libraries that the setting ``indi.client`` allows, in order of preference."""
     return LIBRARIES if setting == "auto" else tuple(x for x in LIBRARIES if x.name == setting)
 
 

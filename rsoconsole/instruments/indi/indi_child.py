@@ -1,4 +1,4 @@
-"""Command loop and reply writer of the mount's and the camera's processes.
+"""Order loop and reply writer, for the processes of mount and camera.
 
 Runs only in a child process.
 """
@@ -23,7 +23,7 @@ _UNREAD_LINES = 2000
 class ReplyWriter:
     """Writes JSON lines to the parent, and keeps all other output off that pipe.
 
-    A parent that hangs and reads nothing blocks nothing: the oldest lines are dropped.
+    It never blocks: where the parent hangs and reads nothing, the oldest unread lines are dropped.
     """
 
     def __init__(self) -> None:
@@ -34,7 +34,7 @@ class ReplyWriter:
         threading.Thread(target=self._write_all, daemon=True, name="reply writer").start()
 
     def say(self, message: Mapping[str, Any]) -> None:
-        """Write one line, at once; a parent that is gone ends this process by its closed stdin."""
+        """Send one line to the parent; returns at once."""
         self._unsaid.append(json.dumps(message).encode() + b"\n")
         self._has_more.release()
 
@@ -59,12 +59,12 @@ def run_child(
     urgent: Mapping[str, Handler],
     on_order: Callable[[dict[str, Any]], None] = lambda _order: None,
 ) -> bool:
-    """Serve JSON lines from stdin; return True after an orderly end, False when the parent just
-    went.
+    """Execute the orders that come as JSON lines on stdin, until the parent ends.
 
-    ``slow`` orders are carried out one after another, ``urgent`` ones at once beside them.
-    ``on_order`` is called with each as it arrives. Signals meant for the parent are left to the
-    parent, which may need this process for a safe end.
+    Returns True where the parent ordered the end, False where its end of the pipe just closed.
+    ``slow`` orders are executed one after another, ``urgent`` ones at once, on threads of their
+    own, beside them. ``on_order`` is called with each order as it arrives. SIGTERM and SIGHUP are
+    ignored: the parent may need this process to end safely.
     """
     for number in (signal.SIGTERM, signal.SIGHUP):
         signal.signal(number, signal.SIG_IGN)

@@ -1,7 +1,7 @@
-"""Properties of one device as plain values, whichever client library reads them from the server.
+"""One device's properties as plain values, whichever client library reads them from the server.
 
-Runs only in a child process. The library's updates come on a thread of its own; its callbacks here
-catch errors and only copy values out.
+Runs only in a child process. The library delivers updates on a thread of its own; the callbacks
+here catch errors and only copy values.
 """
 
 import contextlib
@@ -31,24 +31,26 @@ _GRAVEST = ("[ERROR]", "[WARNING]")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Vector:
-    """Latest state of one property; numbers as float, switches as bool, texts as str."""
+    """Latest state and values of one property; numbers as float, switches as bool, texts as str."""
 
     name: str
     state: str
     values: Mapping[str, Any]
     serial: int
-    """Number of the update, counted over all properties."""
+    """Number of the update, counted over all properties of the device."""
     is_definition: bool
-    """True for a definition, whose values may be old by then."""
+    """True for the definition of the property: its values may be old already."""
     arrived_monotonic_s: float
-    """Instant at which the library delivered it, by ``time.monotonic()``: that is the same in all
-    processes of a machine."""
+    """When the library delivered the update, by ``time.monotonic()``.
+
+    That clock is the same in all processes of a machine.
+    """
     blobs: Mapping[str, memoryview] = field(default_factory=dict)
     """Contents of a BLOB vector, in the library's memory: valid only while ``on_vector`` runs."""
 
 
 class IndiClient(ABC):
-    """Mirrors one device's properties as plain values."""
+    """Holds the latest values of all properties of one device, and sends it orders."""
 
     def __init__(
         self,
@@ -95,7 +97,7 @@ class IndiClient(ABC):
 
     @abstractmethod
     def take_blobs(self, name: str) -> None:
-        """Have the server send the contents of this BLOB vector, too."""
+        """Make the server send the contents of this BLOB vector, too."""
 
     @abstractmethod
     def _let_go(self, content: memoryview) -> None:
@@ -159,10 +161,10 @@ class IndiClient(ABC):
     # For the child's own threads.
 
     def open(self, order: Mapping[str, Any], needed: tuple[str, ...], writer: ReplyWriter) -> None:
-        """Connect to the server and the device, and wait until ``needed`` are defined.
+        """Connect to the server and the device; wait until the properties ``needed`` are defined.
 
-        ``order`` is the parent's: host, port, setting, and how long to wait.
-        Raises InstrumentError.
+        ``order``: the parent's order with host, port, name of the setting, and times to wait.
+        ``writer`` passes on what is waited for. Raises InstrumentError.
         """
         host, port = order["host"], order["port"]
         writer.say({"event": WAITING, "what": f"the INDI server at {host}:{port} to answer"})
@@ -210,20 +212,22 @@ class IndiClient(ABC):
                     writer.say({"event": WAITING, "what": what})
 
     def get(self, name: str) -> Vector | None:
-        """Latest state of a property."""
+        """Return the latest state of a property; None where it is not defined."""
         with self._changed:
             return self._vectors.get(name)
 
     def serial(self) -> int:
-        """Number of the last update."""
+        """Return the number of the latest update."""
         with self._changed:
             return self._serial
 
     def wait(
         self, name: str, is_wanted: Callable[[Vector], bool], timeout_s: float, after: int = -1
     ) -> Vector | None:
-        """Wait for a state of a property later than update ``after`` that is wanted; None where
-        none came."""
+        """Wait for an update of a property that ``is_wanted`` accepts, later than number ``after``.
+
+        Returns None where none came within ``timeout_s``.
+        """
         deadline_s = time.monotonic() + timeout_s
         with self._changed:
             while True:
@@ -237,9 +241,10 @@ class IndiClient(ABC):
                 self._changed.wait(left_s)
 
     def words_since(self, after: int, wait_s: float = 0.0) -> str:
-        """Last message of the driver after update ``after``, that of an order; empty for none.
+        """Return the driver's most important message since update ``after``; empty for none.
 
-        Its errors come before its warnings, those before all else; it waits ``wait_s`` for them.
+        Errors come before warnings, warnings before all else; of equals the last. Waits up to
+        ``wait_s`` for a message.
         """
         deadline_s = time.monotonic() + wait_s
         with self._changed:
@@ -255,18 +260,21 @@ class IndiClient(ABC):
         return without_timestamp(said[-1])
 
     def reason_since(self, after: int) -> str:
-        """Reason why the driver did not follow an order, in its own words where it has any."""
+        """Return why the driver did not follow an order, by its messages since update ``after``.
+
+        "no reason given" where it sent none.
+        """
         return self.words_since(after, _LATE_WORD_S) or "no reason given"
 
     def send_numbers(self, name: str, values: Mapping[str, float]) -> int:
-        """Request new numbers; return the number of the last update before."""
+        """Order new numbers; return the number of the last update before the order."""
         with self._sending:
             before = self.serial()
             self._send_numbers(name, values)
         return before
 
     def send_switch(self, name: str, member: str) -> int:
-        """Turn one switch on; return the number of the last update before."""
+        """Order one switch on; return the number of the last update before the order."""
         with self._sending:
             before = self.serial()
             self._send_switch(name, member)
@@ -274,5 +282,5 @@ class IndiClient(ABC):
 
 
 def without_timestamp(words: str) -> str:
-    """Message of a driver without the instant that a library puts before it."""
+    """Return a driver's message without the time stamp that the client library puts before it."""
     return _STAMP.sub("", words)

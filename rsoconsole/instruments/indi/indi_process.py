@@ -1,7 +1,7 @@
-"""Child process that speaks INDI: JSON lines in, JSON lines out, a deadline on everything.
+"""A child process that speaks INDI: JSON lines to it, JSON lines from it, each with a deadline.
 
-The child ends when its stdin closes, so it never outlives this process. What it prints goes to
-a log file, because libindi writes to the terminal.
+The child ends when its stdin closes, so it never outlives this process for long. What it prints
+goes to a log file, because libindi writes to the terminal.
 """
 
 import contextlib
@@ -25,33 +25,40 @@ if TYPE_CHECKING:  # the children start without
 log = logging.getLogger(__name__)
 
 SERVER_LOST = 3
-"""Exit status of a child whose INDI server went away."""
+"""Exit status of a child that has lost its INDI server."""
 DEVICE_LOST = 4
-"""Exit status of a child whose driver came back unconnected, or was disconnected by another
-client."""
+"""Exit status of a child that has lost its device.
+
+The driver was restarted without a connection, or another client disconnected it.
+"""
 _START_S = 150.0
-"""Default time for a start: the configuration's ``waits`` are more precise."""
+"""Default time limit of a start; the configuration's ``waits`` take precedence."""
 _END_S = 3.0
 _LEAVE_S = 10.0
-"""Time for an orderly end: a mount's process first stops the mount, which takes long on a slow
-machine."""
+"""Time allowed for an orderly end.
+
+A mount's process first stops the mount, which takes long on a slow machine.
+"""
 _STATUS_S = 1.0
 _SEND_S = 0.1
 _HUNG_S = 3.0
 _LOOK_S = 0.5
 ARE_YOU_THERE = "are you there"
 WAITING = "waiting"
-"""Event by which a child says what it waits for at its start."""
+"""Name of the event by which a starting child reports what it waits for."""
 AT_ONCE = frozenset(("abort",))
-"""Orders that do not wait for a child that is only starting: there is another path."""
+"""Orders that do not wait for a child to finish starting: there is a second path for them."""
 END = "end"
-"""Order for an orderly end; a parent that merely goes away sends none."""
+"""Order for an orderly end; a parent that crashes sends none."""
 
 
 def device_settings(
     kind: str, device: str, config: "IndiConfig", waits: "WaitsConfig"
 ) -> dict[str, Any]:
-    """The settings that a child starts with: server, device, and how long it waits."""
+    """Return the settings that a child starts with: server, device, and how long to wait.
+
+    ``kind``: "mount" or "camera", the key of ``indi`` that names the device.
+    """
     return {
         "client": config.client,
         "host": config.host,
@@ -65,7 +72,7 @@ def device_settings(
 
 
 def drain_messages(messages: deque[str]) -> tuple[str, ...]:
-    """Remove and return all messages; others may be added meanwhile."""
+    """Remove and return all messages of a queue to which other threads may add."""
     taken = []
     while messages:
         taken.append(messages.popleft())
@@ -77,7 +84,7 @@ class _LateError(InstrumentError):
 
 
 class IndiProcess:
-    """One child process, restarted on the next request after it died; safe for several threads."""
+    """One child process; a dead one is replaced with the next request. Thread-safe."""
 
     def __init__(
         self,
@@ -112,12 +119,12 @@ class IndiProcess:
 
     @property
     def pid(self) -> int | None:
-        """Process number of the living child."""
+        """Process id of the living child; None where no child lives."""
         process = self._process
         return process.pid if process is not None and process.poll() is None else None
 
     def start(self) -> None:
-        """Start the child and wait for its greeting. Raises InstrumentError."""
+        """Start the child and wait until it is connected. Raises InstrumentError."""
         with self._starting:
             if self.pid is not None:
                 return
@@ -165,7 +172,7 @@ class IndiProcess:
             log.info("the %s speaks INDI by %s", self.name, answer["client"])
 
     def restart(self) -> None:
-        """Start a fresh child in place of this one, dead or alive. Raises InstrumentError."""
+        """End the child, dead or alive, and start a new one. Raises InstrumentError."""
         with self._starting:
             if self._process is not None:
                 self._process.kill()
@@ -195,7 +202,10 @@ class IndiProcess:
             raise
 
     def end_if_hung(self, process: "subprocess.Popen[bytes] | None" = None) -> None:
-        """Kill a child that no longer responds; the next order starts another one."""
+        """Kill the child if it no longer responds; the next request starts a new one.
+
+        ``process``: which child to ask; None: the present one.
+        """
         process = process or self._process
         if process is None:
             return
@@ -211,9 +221,9 @@ class IndiProcess:
             return
 
     def send(self, verb: str, **arguments: Any) -> bool:
-        """Send the child an order now or never; return False when that is not possible.
+        """Send an order without waiting; return False where it cannot be sent at once.
 
-        Waits for no answer, starts no child, and never hangs on one that reads nothing.
+        Waits for no answer, starts no child, and does not hang on a child that reads nothing.
         """
         process = self._process
         if process is None or process.stdin is None or process.poll() is not None:
@@ -238,10 +248,11 @@ class IndiProcess:
     def wait(
         self, is_done: Callable[[], bool], timeout_s: float, *, starts_again: bool = True
     ) -> bool:
-        """Wait for a condition that ``on_event`` brings about; return False when it did not.
+        """Wait until ``is_done`` returns True; return False where it has not within ``timeout_s``.
 
-        A child that is dead already is started again, unless what is waited for died with it.
-        Raises InstrumentError when the child dies meanwhile.
+        The child's events (``on_event``) bring that about. ``starts_again``: first start a child
+        that has died; False where the awaited thing died with it. Raises InstrumentError when the
+        child dies during the wait.
         """
         if starts_again and self.pid is None:
             self.start()
@@ -260,7 +271,7 @@ class IndiProcess:
         return True
 
     def close(self) -> None:
-        """End the child in order and close its stdin; kill it where that does not help."""
+        """Order the child to end and close its stdin; kill it where it does not end."""
         with self._starting:
             self._is_closed = True
             if self._process is not None:

@@ -1,7 +1,7 @@
-"""INDI by plain TCP: the second path to STOP, the mount's measured motion, the simulated clock.
+"""INDI by plain TCP: for the second path of STOP, measured motion, simulated clock, weather, dome.
 
-A stream of XML elements without a root. Nothing here depends on a client library or
-on another process.
+INDI is a stream of XML elements without a root. Nothing here needs a client library or another
+process.
 """
 
 import socket
@@ -21,12 +21,12 @@ _READ_BYTES = 65536
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class IndiVector:
-    """One property vector as the server sent it."""
+    """One property vector, as the server sent it."""
 
     device: str
     name: str
     kind: str
-    """Number, Switch, Text, Light or BLOB."""
+    """Type of the vector: Number, Switch, Text, Light or BLOB."""
     is_definition: bool
     state: str
     timestamp: str
@@ -34,7 +34,7 @@ class IndiVector:
 
 
 class IndiWire:
-    """One TCP connection to an INDI server that is never sent BLOBs; not thread-safe."""
+    """One TCP connection to an INDI server; it receives no BLOBs. Not thread-safe."""
 
     def __init__(self, host: str, port: int, timeout_s: float = 5.0) -> None:
         """Connect. Raises InstrumentError when no server listens there."""
@@ -58,14 +58,17 @@ class IndiWire:
         self.last_message = ""
         """Latest message of any device."""
         self.deleted: list[tuple[str, str]] = []
-        """Devices and properties that were removed, for a reader to empty; name "": all."""
+        """Devices and properties that the server has removed; the reader empties it.
+
+        Name "": all properties of the device.
+        """
 
     def close(self) -> None:
         """Close the connection."""
         self._socket.close()
 
     def ask(self, device: str, name: str | None = None) -> None:
-        """Request the definitions of a device's properties, or of one."""
+        """Request the definition of a device's property ``name``; None: of all its properties."""
         which = f" name={quoteattr(name)}" if name else ""
         self._send(f'<getProperties version="1.7" device={quoteattr(device)}{which}/>')
 
@@ -74,7 +77,7 @@ class IndiWire:
         self._send('<getProperties version="1.7"/>')
 
     def new(self, kind: str, device: str, name: str, values: Mapping[str, str]) -> None:
-        """Request new values: ``kind`` is Number, Switch or Text."""
+        """Order new values of a property; ``kind`` is Number, Switch or Text."""
         one = _MEMBER[kind]
         members = "".join(
             f"<{one} name={quoteattr(key)}>{escape(value)}</{one}>" for key, value in values.items()
@@ -85,9 +88,9 @@ class IndiWire:
         )
 
     def wait(self, is_wanted: Callable[[IndiVector], bool], timeout_s: float) -> IndiVector | None:
-        """Wait for the next vector that is wanted; None when none came in time. Others are dropped.
+        """Return the next vector that ``is_wanted`` accepts; None when none comes in time.
 
-        Raises InstrumentError when the server hangs up.
+        All vectors before it are dropped. Raises InstrumentError when the server hangs up.
         """
         deadline_s = time.monotonic() + timeout_s
         while True:

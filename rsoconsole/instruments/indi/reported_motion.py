@@ -1,7 +1,8 @@
-"""Motion of a mount measured from its driver's reports on a plain connection.
+"""Measures a mount's motion from its driver's reports, on a plain connection.
 
-INDI's base class reports coordinates only where they have changed: a mount that tracks is silent.
-So its silence is filled by requests, and counts only where the driver answers and shows no Alert.
+INDI's base class reports coordinates only when they change: the driver of a tracking mount is
+silent. So coordinates are requested during its silence, and the silence counts only where the
+driver answers and shows no Alert.
 """
 
 import math
@@ -26,12 +27,16 @@ TRACKING = "TELESCOPE_TRACK_STATE"
 POLLING = "POLLING_PERIOD"
 SIM_TIME = "SIM_TIME"
 POLLING_MS = 500.0
-"""Polling period of a driver while its mount's motion is measured, ms, where the driver accepts
-it."""
+"""Polling period set in a driver while its mount's motion is measured, ms.
+
+Where the driver accepts it.
+"""
 _ASK_EVERY_S = 0.5
 _HUNG_S = 1.0
-"""Longest delay of an answer; a driver that needs longer was held up, and has not polled its mount
-meanwhile."""
+"""Longest delay of an answer of a driver that works.
+
+A slower driver was held up, and has not polled its mount meanwhile.
+"""
 _PERIODS_S = (0.05, 30.0)
 _INTERVALS = 9
 _INTERVAL_S = (0.2, 10.0)
@@ -39,10 +44,10 @@ _NS = 1e9
 
 
 class ReportedMotion:
-    """Motion of one mount from its INDI vectors; safe for several threads.
+    """Motion of one mount, measured from its INDI vectors. Thread-safe.
 
-    In a simulated observatory, recognised by SIM_TIME, that is its time, reported before the
-    coordinates.
+    The time used is that of the observatory where vectors SIM_TIME come (a simulated observatory,
+    which reports its time before the coordinates), else the monotonic clock.
     """
 
     def __init__(self, now_s: Callable[[], float] = time.monotonic) -> None:
@@ -58,15 +63,17 @@ class ReportedMotion:
         self._unanswered_s: float | None = None
         """Time since which a request is unanswered; None: none is."""
         self._knows_period = False
-        """True once the polling period is known; until then silence proves nothing, as its age is
-        unknown."""
+        """True once the polling period is known.
+
+        Until then the driver's silence proves nothing, as its age is unknown.
+        """
         self.state = ""
         """State of the coordinates as last reported."""
         self.polling_ms: float | None = None
         """Polling period that the driver reports; None where it reports none."""
 
     def take(self, vector: "Vector | IndiVector") -> None:
-        """Add a vector of the mount's driver."""
+        """Take in one vector of the mount's driver."""
         with self._lock:
             now_s = self._now_s()
             if vector.name == POLLING:
@@ -77,17 +84,20 @@ class ReportedMotion:
                 self._take_coordinates(vector, now_s)
 
     def begin(self) -> None:
-        """Note that an order goes out: reports before it no longer count."""
+        """Note that an order is sent now: earlier reports no longer count."""
         with self._lock:
             self._meter.begin_at(self._now_s() if self._sim_s is None else self._sim_s)
 
     def reset_after_delay(self) -> None:
-        """Begin again after a pause of the reader: the next reports may have come long ago."""
+        """Drop earlier reports, after this program has paused reading.
+
+        The reports that come next may have been sent long ago.
+        """
         if self._sim_s is None:
             self.begin()
 
     def motion(self) -> Motion:
-        """Motion as measured up to now."""
+        """Return the motion as measured up to now."""
         with self._lock:
             if self.state == "Alert":
                 return Motion()
@@ -95,13 +105,15 @@ class ReportedMotion:
 
     @property
     def is_fresh(self) -> bool:
-        """True where the driver has reported coordinates by itself within the measured span."""
+        """True where the driver has reported coordinates unasked within the measured span."""
         with self._lock:
             return self._now_s() - self._reported_s <= self._meter.span_s + self._meter.period_s
 
     def wants_word(self) -> bool:
-        """True when the silent driver's coordinates are to be requested now; counts as
-        requested."""
+        """True when the caller must request the silent driver's coordinates now.
+
+        The call counts as that request.
+        """
         with self._lock:
             now_s = self._now_s()
             if (

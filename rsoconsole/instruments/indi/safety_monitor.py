@@ -1,4 +1,4 @@
-"""Weather and dome, watched by a plain INDI connection on a thread of its own."""
+"""Watches weather and dome through a plain INDI connection, on a thread of its own."""
 
 import threading
 import time
@@ -21,10 +21,10 @@ _WEATHER: dict[str, Weather] = {"Ok": "ok", "Busy": "warning", "Alert": "alert"}
 
 
 class IndiSafetyMonitor:
-    """Monitor of weather station and dome, as far as they are configured.
+    """Watches the configured weather station and the configured dome.
 
-    A device counts as silent when it has never reported its state, when it has gone, and when it
-    has reported nothing for a minute despite four requests.
+    A device counts as silent when it has never reported its state, when it has disappeared, and
+    when it has reported nothing for a minute despite four requests.
     """
 
     def __init__(
@@ -34,8 +34,11 @@ class IndiSafetyMonitor:
         silence_s: float = SILENCE_S,
         first_word_s: float = WaitsConfig().quiet_s,
     ) -> None:
-        """Describe the devices to watch; ``start`` begins, and waits that long for a first
-        report."""
+        """``start`` begins to watch; this only describes the devices.
+
+        ``silence_s``: time without a report after which a device counts as silent.
+        ``first_word_s``: longest wait of ``start`` for the first reports.
+        """
         self._first_word_s = first_word_s
         self._config, self._silence_s = config, silence_s
         self._ask_every_s = min(_ASK_EVERY_S, silence_s / 4)
@@ -48,7 +51,7 @@ class IndiSafetyMonitor:
         self._thread = threading.Thread(target=self._run, daemon=True, name="safety monitor")
 
     def start(self) -> None:
-        """Begin to watch; waits a while for a first report of every device."""
+        """Begin to watch; waits a while for the first report of every device."""
         self._thread.start()
         wait = LongWait(f"a first word of {' and '.join(self._devices)}")
         with self._changed:

@@ -1,6 +1,6 @@
-"""STOP by a plain connection of its own to the INDI server: the second path to the mount.
+"""STOP by a plain connection to the INDI server: the second path to the mount.
 
-ABORT goes out at once, before anything is known of the mount; then the driver's answer is read,
+ABORT is sent at once, before anything is known of the mount. Then the driver's answer is read,
 tracking is turned on or off as required, and the mount's motion is measured.
 """
 
@@ -27,19 +27,19 @@ _REPEAT_ABORT_S = 0.5
 _LOOK_S = 0.05
 _TRACKING_S = 2.0
 _SETTLE_S = 1.2
-"""Time in which a driver may return to its own tracking state, at its next poll of the mount."""
+"""Time in which a driver, at its next poll of the mount, may restore its own tracking state."""
 _UNTOLD = f"{NO_ANSWER}: look at its driver and its cable, and at the telescope"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class WatchedStop:
-    """Callbacks of a STOP under way, which may also end it."""
+    """Callbacks during a STOP; ``is_over`` may end it."""
 
     on_ordered: Callable[[], None] = lambda: None
-    """Called when ABORT has been passed to the system for the server."""
+    """Called when the first ABORT has been handed to the operating system."""
     on_answered: Callable[[], None] = lambda: None
     is_over: Callable[[], bool] = lambda: False
-    """True when nothing more is to be sent to the mount and nobody waits any longer."""
+    """Returns True when nothing more may be sent to the mount, as nothing waits for this STOP."""
 
 
 def stop_mount(
@@ -54,14 +54,16 @@ def stop_mount(
     on_result: Callable[[StopResult], None] = lambda _result: None,
     measures: bool = True,
 ) -> StopResult:
-    """Send ABORT, read the driver's answer, set tracking by ``after_stop``, and measure the motion.
+    """Send ABORT, read the driver's answer, set tracking by ``after_stop``, measure the motion.
 
-    ``had_tracking``: whether there was any to restore, where the caller knows better than the
-    mount, which may have been aborted by another path meanwhile. ``on_result`` is called with the
-    result of ABORT within ``timeout_s`` and a little for tracking, then with each news of the
-    measurement, which takes some seconds, half a minute where the mount moves on; without
-    ``measures`` it ends before that, and in any case when ``watched.is_over``. Never raises: a
-    server that cannot be reached is a result that is not answered.
+    ``had_tracking``: whether the mount tracked before; None: as its driver reports. Needed where
+    another path may have aborted the mount already. ``on_result`` is called first with the result
+    of ABORT, after ``timeout_s`` at most and a little for tracking; then whenever the measured
+    motion changes. Measuring takes some seconds, half a minute where the mount still moves.
+    ``measures`` False: end before the measurement. ``watched.is_over`` ends everything.
+
+    Returns the last result. Never raises: a server that cannot be reached gives a result with
+    ``is_answered`` False.
     """
     begun_s = time.monotonic()
     result = StopResult(is_answered=False, ms=0.0, path="indi")
@@ -82,7 +84,7 @@ def stop_mount(
 
 
 class _WireStop:
-    """One STOP by plain connection, with the mount's reports before and after."""
+    """One STOP by a plain connection, with the driver's reports before and after it."""
 
     def __init__(self, wire: IndiWire, device: str, watched: WatchedStop, begun_s: float) -> None:
         self._wire, self._device, self._watched = wire, device, watched
@@ -96,7 +98,7 @@ class _WireStop:
     def abort(
         self, timeout_s: float, after_stop: AfterStop, had_tracking: bool | None
     ) -> StopResult:
-        """Send ABORT until the driver has answered; then set tracking."""
+        """Send ABORT until the driver answers or the time is over; then set tracking."""
         result = StopResult(is_answered=False, ms=0.0, path="indi")
         aborts = self._abort_until(self._begun_s + timeout_s)
         if not self._is_answered:
@@ -109,7 +111,7 @@ class _WireStop:
         return replace(result, is_tracking=self._settle_tracking(after_stop, had_tracking))
 
     def measure(self, result: StopResult, on_result: Callable[[StopResult], None]) -> StopResult:
-        """Measure the motion since ABORT; send ABORT again as long as the mount moves."""
+        """Measure the motion since ABORT; repeat ABORT while the mount is measured to move."""
         measure = StopMeasure(self._begun_s)
         self._wire.ask(self._device, POLLING)
         self._wire.ask(self._device, COORDINATES)
@@ -175,8 +177,10 @@ class _WireStop:
         return f"its driver says that it still moves after {aborts} aborts in {timeout_s:.1f} s"
 
     def _settle_tracking(self, after_stop: AfterStop, had_tracking: bool | None) -> bool | None:
-        """Turn tracking on or off as required; return its state then, None where it is not
-        reported."""
+        """Turn tracking on or off as required; return its state after that.
+
+        None where the driver does not report it.
+        """
         was_parking = self._was_busy(PARK)
         wanted = tracking_after_stop(
             after_stop,

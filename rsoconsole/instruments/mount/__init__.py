@@ -1,1 +1,1 @@
-"""The mount, in a process of its own, with a watch and a second path to STOP."""
+"""The mount: in a process of its own that also watches it, with a second path for STOP."""

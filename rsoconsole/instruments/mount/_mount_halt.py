@@ -1,4 +1,4 @@
-"""ABORT in the mount's process: until the driver answers, then tracking, then the measurement."""
+"""STOP in the mount's process: ABORT until the driver answers, then tracking, then measuring."""
 
 import contextlib
 import functools
@@ -20,7 +20,7 @@ _TRACKING_S = 2.0
 
 
 class Halt:
-    """Ends the motion of one mount, as often as requested."""
+    """Stops one mount; may be used any number of times."""
 
     def __init__(
         self,
@@ -34,8 +34,11 @@ class Halt:
         say: Callable[[dict[str, Any]], None],
         monotonic_s: Callable[[], float],
     ) -> None:
-        """``track`` turns tracking on or off, and returns its state; ``await_report`` is called
-        behind an update of that number; ``say`` is called with the measured motion."""
+        """Functions: ``track`` turns tracking on or off and returns its state.
+
+        ``await_report`` waits for a report later than an update number; ``say`` is called with the
+        measured motion.
+        """
         self._client, self._mirror, self._motion, self._watch = client, mirror, motion, watch
         self._track, self._await_report = track, await_report
         self._say, self._monotonic_s = say, monotonic_s
@@ -47,11 +50,12 @@ class Halt:
         had_tracking: bool = False,
         on_progress: Callable[[str], None] = lambda _what: None,
     ) -> dict[str, Any]:
-        """Send ABORT, again while its driver reports motion; then set tracking as required.
+        """Send ABORT, repeatedly while the driver reports motion; then set tracking as required.
 
-        From then on the motion is measured. ``had_tracking``: the mount tracked when STOP was
-        requested, whatever came meanwhile; ``on_progress`` is called at once with the order and
-        with the driver's answer.
+        The motion is measured from then on. ``had_tracking``: the mount tracked when STOP was
+        requested, even if it no longer does. ``on_progress`` is called with "stop ordered" at the
+        first ABORT and "stop answered" at the driver's answer. Returns is_answered, is_tracking and
+        detail of a ``StopResult``.
         """
         client, mirror = self._client, self._mirror
         was_moving = mirror.says_moving or client.get(COORDINATES) is None

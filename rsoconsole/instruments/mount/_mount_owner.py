@@ -1,7 +1,7 @@
-"""Claim of a process to watch over a mount: a file in the user's own runtime folder.
+"""Shows which process watches over a mount: a file in the user's runtime folder, the claim.
 
-A mount's process that outlives its engine keeps watching until another one claims the mount.
-Processes of other users, or on other machines, are unknown to it.
+A mount's process that outlives its engine keeps watching until another process claims the mount.
+Processes of other users, or on other machines, are not seen.
 """
 
 import contextlib
@@ -15,7 +15,7 @@ from rsoconsole.config import runtime_dir
 
 
 class MountOwner:
-    """Claim of one process to one mount."""
+    """One process's claim to one mount."""
 
     def __init__(self, host: str, port: int, device: str, folder: Path | None = None) -> None:
         """Describe the mount; ``folder`` None: the user's runtime folder."""
@@ -26,11 +26,11 @@ class MountOwner:
 
     @property
     def has_claimed(self) -> bool:
-        """True once a claim has been written."""
+        """True once this process has written its claim."""
         return self._path is not None
 
     def claim(self) -> None:
-        """Write the claim of this process; once, and only where there is a folder for it."""
+        """Write the claim of this process; only once, and only where there is a runtime folder."""
         if self._path is not None:
             return
         with contextlib.suppress(OSError, ConfigError):
@@ -41,7 +41,7 @@ class MountOwner:
             self._path = path
 
     def is_ours(self) -> bool:
-        """False once another process has claimed the mount; a file that is gone claims nothing."""
+        """False once another process has claimed the mount; a missing file claims nothing."""
         if self._path is None:
             return False
         try:
@@ -50,7 +50,7 @@ class MountOwner:
             return True
 
     def release(self) -> None:
-        """Remove the claim."""
+        """Remove this process's claim."""
         if self._path is not None and self.is_ours():
             self._path.unlink(missing_ok=True)
         self._path = None

@@ -1,7 +1,7 @@
-"""One STOP on two paths to the mount: ordered, answered by the driver, measured.
+"""One STOP on two paths to the mount: sent, answered by the driver, motion measured.
 
-The path that is first counts. Tracking is settled by the path that was answered; the motion since
-is reported for half a minute, or until the next order.
+The first answer counts, on either path. The path that was answered sets tracking. The motion is
+reported for half a minute, or until the next order.
 """
 
 import logging
@@ -20,13 +20,12 @@ WAYS: dict[StopPath, str] = {"mount": "the mount's process", "indi": "a second I
 
 
 class MountStop:
-    """State of one STOP; its paths report from threads of their own."""
+    """State of one STOP; its two paths report to it from their own threads."""
 
     def __init__(self, on_news: Callable[[StopResult], None]) -> None:
-        """``on_news`` is called when it is first ordered, when first answered, and with the
-        measured motion.
+        """``on_news`` is called with the result so far, from the threads of the paths.
 
-        Called with the result so far, from the threads of the paths.
+        When ABORT is first sent, when it is first answered, and with the measured motion.
         """
         self._on_news = on_news
         self._began_s = time.monotonic()
@@ -41,14 +40,18 @@ class MountStop:
         self._last: StopResult | None = None
         """Latest motion that ``on_news`` was called with."""
         self.is_over = False
-        """True when nobody waits any more: nothing more is sent to the mount for it."""
+        """True when nothing waits for this STOP: no more is sent to the mount for it."""
 
     def leaves_to(self, path: StopPath) -> bool:
-        """True where the other path need not go on: this one has come to its end and measures."""
+        """True where the path other than ``path`` may end.
+
+        That is when the STOP is over, or has its result and ``path`` has finished and measures the
+        motion.
+        """
         return self.is_over or (self._is_settled and any(each.path == path for each in self._ends))
 
     def ordered(self, path: StopPath, at_s: float | None = None) -> None:
-        """Note that ABORT has left for the mount; ``at_s``: monotonic time, None: now."""
+        """Note that ``path`` has sent ABORT; ``at_s``: monotonic time, None: now."""
         with self._changed:
             if self._ordered_ms is not None or self._is_settled:
                 return
@@ -57,7 +60,10 @@ class MountStop:
         self._on_news(news)
 
     def answered(self, path: StopPath, at_s: float | None = None) -> None:
-        """Note that the driver has accepted ABORT and claims no motion."""
+        """Note that the driver has accepted ABORT and reports no motion.
+
+        ``at_s``: monotonic time, None: now.
+        """
         with self._changed:
             if self._answered is not None or self._is_settled:
                 return
@@ -66,7 +72,7 @@ class MountStop:
         self._on_news(news)
 
     def measured(self, path: StopPath, motion: Motion, at_s: float | None = None) -> None:
-        """Add a measured motion; it is news where its kind is another than before."""
+        """Add a motion measured by ``path``; it is reported where its kind has changed."""
         with self._changed:
             last = None if self._last is None or self._last.motion is None else self._last.motion
             if self.is_over or (last is not None and last.kind == motion.kind):
@@ -77,7 +83,10 @@ class MountStop:
         self._on_news(news)
 
     def end(self, detail: str = "", *, is_superseded: bool = False) -> None:
-        """End the measurement; ``detail``: why, where nothing was measured."""
+        """End the measurement; where no motion was measured, report it as unknown with ``detail``.
+
+        ``is_superseded``: another order ended it.
+        """
         if not self.is_over and (self._last is None or is_superseded):
             known = self._answered or self._result(is_answered=False, path="mount")
             self.is_over = True
@@ -93,7 +102,7 @@ class MountStop:
         self.is_over = True
 
     def begin(self, path: StopPath, act: Callable[[], StopResult]) -> threading.Thread:
-        """Start one path; ``act`` may raise, which is a path that has failed."""
+        """Start ``path`` on a thread that runs ``act``; if ``act`` raises, the path has failed."""
 
         def go() -> None:
             try:
@@ -119,8 +128,10 @@ class MountStop:
         return thread
 
     def wait_answered(self, timeout_s: float) -> bool:
-        """Wait for the driver's answer, or until every path has failed; True where it has
-        answered."""
+        """Wait until the driver has answered, every path has failed, or the time is over.
+
+        Returns whether the driver has answered.
+        """
         with self._changed:
             self._changed.wait_for(
                 lambda: self._answered is not None or len(self._ends) == self._ways, timeout_s
@@ -128,7 +139,10 @@ class MountStop:
             return self._answered is not None
 
     def wait_end(self, deadline_s: float) -> StopResult:
-        """Wait for the result, by the path that ended well first or by the last one."""
+        """Wait until a path has ended with an answer, or all have ended; return the result.
+
+        ``deadline_s``: monotonic time at which the wait ends in any case.
+        """
         with self._changed:
             self._changed.wait_for(self._is_decided, max(0.0, deadline_s - time.monotonic()))
             self._is_settled = True

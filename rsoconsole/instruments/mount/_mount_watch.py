@@ -1,7 +1,7 @@
-"""Watch over the mount by its own process, while nobody else watches.
+"""Watch over the mount by its own process, for the time when no engine watches.
 
-Runs on a thread of its own: a parent that hangs, or an order that waits for its answer, does not
-hold it up.
+Runs on a thread of its own: neither a parent that hangs nor an order that waits for its answer
+delays it.
 """
 
 import sys
@@ -23,7 +23,7 @@ _HOLD_S = 3.0
 
 
 class MountWatch:
-    """Ends a slew that nobody watches, and tracking at the given limit."""
+    """Ends a slew that no engine watches any more, and ends tracking at the limit it was given."""
 
     def __init__(
         self,
@@ -59,53 +59,60 @@ class MountWatch:
 
     @property
     def is_taken_over(self) -> bool:
-        """True where another process has claimed the mount since this one did."""
+        """True where another process has claimed the mount after this process did."""
         return self.owner.has_claimed and not self.owner.is_ours()
 
     def start(self) -> None:
-        """Begin to watch."""
+        """Begin to watch, on a thread of its own."""
         self._thread.start()
 
     def keep(self, lease_s: float, track_until_utc_ns: int | None) -> None:
-        """Renew the lease: the engine watches."""
+        """Renew the lease for ``lease_s``: the engine watches.
+
+        ``track_until_utc_ns``: when tracking must end, at the next limit; None: no limit.
+        """
         self.lease.begin(self._monotonic_s(), lease_s)
         self.lease.set_limit(track_until_utc_ns)
         self.owner.claim()
         self._wake.set()
 
     def hold_tracking(self, is_on: bool | None) -> None:
-        """Keep the tracking state that was set behind a STOP; None: a new order decides.
+        """Restore this tracking state for some seconds, should the driver change it after a STOP.
 
-        A driver may return to its own tracking state at its next poll of the mount.
+        A driver may restore its own tracking state at its next poll of the mount. None: stop doing
+        so, as a new order decides.
         """
         self._held = None if is_on is None else (is_on, self._monotonic_s() + _HOLD_S)
 
     def measure_stop(self, measurement: StopMeasurement | None) -> None:
-        """Measure the motion since a STOP, in place of the one before; None: no more."""
+        """Take over the measurement of a STOP, ending an earlier one; None: only end that."""
         before, self._measurement = self._measurement, measurement
         if before is not None:
             before.end()
         self._wake.set()
 
     def slew_begins(self) -> None:
-        """Note that a slew is about to be ordered."""
+        """Note that a slew is about to be ordered: the lease begins."""
         self.lease.begin(self._monotonic_s())
         self.owner.claim()
 
     def look(self, *, is_moving: bool) -> None:
-        """Note a report of the mount; returns at once."""
+        """Note that the mount has reported, and whether it moves; returns at once."""
         if self._is_unattended and is_moving:
             self._is_moved_by_others = True
         self._wake.set()
 
     def end(self) -> None:
-        """End the watch; returns when none of its actions is under way any more."""
+        """End the watch; returns when no action of it is under way."""
         self._is_over.set()
         self._wake.set()
         self._thread.join()
 
     def watch_unattended(self) -> None:
-        """Watch without a parent until the limit, or until another process claims the mount."""
+        """Watch after the parent is gone: until the limit, or until another process takes over.
+
+        Returns also when the mount is parked, or moves by an order of another program.
+        """
         limit_utc_ns = self.lease.open_limit_utc_ns()
         if limit_utc_ns is None or not self.owner.has_claimed or self._mirror.is_parked:
             return
@@ -120,7 +127,7 @@ class MountWatch:
             self._look_at_limit()
 
     def finish_stop(self) -> None:
-        """Finish the measurement of the last STOP without a parent."""
+        """Finish the measurement of the last STOP after the parent is gone."""
         while self._measurement is not None and not self._measurement.is_over:
             self._measurement.look()
             time.sleep(_LOOK_EVERY_S)
@@ -133,7 +140,7 @@ class MountWatch:
                 self.watch()
 
     def watch(self) -> None:
-        """Check once everything that it watches."""
+        """Check once all that is watched: STOP, tracking state, slew, limit."""
         self._look_at_stop()
         self._look_at_tracking()
         self._look_at_slew()

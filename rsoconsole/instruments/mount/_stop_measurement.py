@@ -1,4 +1,4 @@
-"""Measurement of a STOP in the mount's process, while the mount's reports come in."""
+"""Measurement of a STOP in the mount's process, from the mount's incoming reports."""
 
 import dataclasses
 import time
@@ -17,7 +17,7 @@ from rsoconsole.instruments.motion import Motion, StopMeasure
 
 
 class StopMeasurement:
-    """Measurement from an ABORT to the measured rest; looks several times a second."""
+    """Measures from the first ABORT until the mount is at rest; call ``look`` repeatedly."""
 
     def __init__(
         self,
@@ -28,8 +28,10 @@ class StopMeasurement:
         hold_tracking: Callable[[], None],
         monotonic_s: Callable[[], float] = time.monotonic,
     ) -> None:
-        """``say`` is called with each change; ``hold_tracking`` is called behind every further
-        ABORT."""
+        """``say`` is called with each change of the motion.
+
+        ``hold_tracking`` is called after every repeated ABORT.
+        """
         self._client, self._motion, self._say = client, motion, say
         self._hold_tracking, self._monotonic_s = hold_tracking, monotonic_s
         self._measure = StopMeasure(monotonic_s())
@@ -37,7 +39,7 @@ class StopMeasurement:
         self.is_over = False
 
     def look(self) -> None:
-        """Look once: send ABORT again where the mount moves, and report news."""
+        """Look once: repeat ABORT where the mount moves; report a change of the motion."""
         if self.is_over:
             return
         if self._polling_ms is None and (self._motion.polling_ms or 0.0) > POLLING_MS:
@@ -55,7 +57,7 @@ class StopMeasurement:
             self.end()
 
     def end(self) -> None:
-        """End the measurement or give way to another order: the driver polls as often as before."""
+        """End the measurement, and restore the driver's polling period."""
         if not self.is_over and self._polling_ms is not None:
             self._client.send_numbers(POLLING, {"PERIOD_MS": self._polling_ms})
         self.is_over = True
@@ -72,7 +74,7 @@ class StopMeasurement:
 
 
 def is_answered(client: IndiClient) -> bool:
-    """True where the driver reports that it has accepted ABORT: neither refused nor busy."""
+    """True where the driver has accepted ABORT: it neither refused it nor reports motion."""
     abort, coordinates = client.get(ABORT), client.get(COORDINATES)
     is_refused = abort is not None and abort.state == "Alert" and not abort.is_definition
     return not is_refused and coordinates is not None and coordinates.state != "Busy"

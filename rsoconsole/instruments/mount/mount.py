@@ -1,4 +1,4 @@
-"""The mount port over a child process, with a second path to STOP beside it."""
+"""The mount, behind a child process that speaks INDI, with a second path for STOP beside it."""
 
 import dataclasses
 import itertools
@@ -34,17 +34,17 @@ log = logging.getLogger(__name__)
 _MAX_MESSAGES = 100
 _ABORT_ANSWER_S = 0.1
 _SETTLED_S = 2.5
-"""Longest wait for the tracking state, after the driver has answered."""
+"""Longest wait for the tracking state to be set, after the driver has answered ABORT."""
 _PAST_S = 10.0
 _MEASURED_S = REPEATS_FOR_S + 1.0
-"""Longest measurement of a STOP, whatever has become of the process that measures it."""
+"""Longest measurement of a STOP, even where the measuring process has died."""
 _KM_PER_DEG = 111.19
 _SITE_TOLERANCE_KM = 1.0
 _STAMP_NS = 1_000
 
 
 class IndiMount:
-    """A mount behind INDI; safe for several threads."""
+    """A mount that is reached through INDI. Thread-safe."""
 
     def __init__(
         self,
@@ -53,7 +53,10 @@ class IndiMount:
         mount: MountConfig | None = None,
         waits: WaitsConfig | None = None,
     ) -> None:
-        """Describe the mount; ``start`` connects. ``mount``, ``waits`` None: the defaults."""
+        """Describe the mount; ``start`` connects.
+
+        ``mount``, ``waits`` None: the defaults.
+        """
         waits = waits or WaitsConfig()
         self._order_s = waits.order_s
         self._config, self._mount = config, mount or MountConfig()
@@ -65,8 +68,10 @@ class IndiMount:
         """STOPs under way, by their numbers."""
         self._stop_numbers = itertools.count(1)
         self._has_order = False
-        """True when something was ordered and the mount has not been measured to be at rest since:
-        a driver that comes back is ordered to stop first."""
+        """True when something was ordered and the mount has not been measured at rest since.
+
+        A driver that comes back then gets the order to stop first.
+        """
         self.process = IndiProcess(
             name="mount",
             module="rsoconsole.instruments.mount.mount_child",
@@ -83,11 +88,14 @@ class IndiMount:
         )
 
     def start(self) -> None:
-        """Start the process and connect. Raises InstrumentError."""
+        """Start the mount's process and connect. Raises InstrumentError."""
         self.process.start()
 
     def slew(self, ra_icrs_deg: float, dec_icrs_deg: float, now_utc_ns: int) -> None:
-        """Slew to a direction and track; returns once the mount has accepted the order."""
+        """Slew to a direction and track; returns once the mount has accepted the order.
+
+        ``now_utc_ns`` fixes the epoch of date.
+        """
         self._slew_end = None
         self._new_order()
         self.process.request(
@@ -99,8 +107,11 @@ class IndiMount:
         )
 
     def report(self, not_before_utc_ns: int | None = None, timeout_s: float = 10.0) -> MountReport:
-        """Return the latest report, waiting (wall clock) for one at least as late as
-        ``not_before_utc_ns``."""
+        """Return the mount's latest state.
+
+        ``not_before_utc_ns``, in a simulated observatory: wait for a report of this instant or
+        later. Raises InstrumentError when none comes within ``timeout_s`` of wall time.
+        """
         if not self._config.simulated:
             answer = self.process.request("report", timeout_s)
             return self._take_report(_to_report(answer["report"]))
@@ -122,10 +133,11 @@ class IndiMount:
     def abort(
         self, timeout_s: float = 2.0, *, on_news: Callable[[StopResult], None] = ignore_stop_result
     ) -> StopResult:
-        """End motion at once, and measure how the mount then moves; never raises.
+        """End motion at once, then measure how the mount moves; never raises.
 
-        ``mount.after_stop`` decides whether tracking is then on; "track" restores it only where the
-        mount tracked, or slewed to a place to track.
+        Returns when ABORT is answered, or after ``timeout_s``; ``on_news`` gets the measured motion
+        later. The setting ``mount.after_stop`` decides whether tracking is then on: "track"
+        restores it only where the mount tracked, or was slewing to track.
         """
         deadline_s = time.monotonic() + timeout_s
         had_tracking = self._tracks_after_stop
@@ -158,8 +170,10 @@ class IndiMount:
     def _past_the_process(
         self, stop: MountStop, deadline_s: float, had_tracking: bool | None
     ) -> Callable[[], StopResult]:
-        """Return a STOP by a second plain connection, which ends where it is answered, and measures
-        on."""
+        """Return a STOP by a second plain connection.
+
+        It returns when ABORT is answered; the measurement continues on a thread.
+        """
 
         def act() -> StopResult:
             first: queue.SimpleQueue[StopResult] = queue.SimpleQueue()
@@ -219,15 +233,15 @@ class IndiMount:
         self.process.request("set_tracking", self._order_s, is_on=is_on)
 
     def abilities(self) -> MountAbilities:
-        """Abilities of its driver."""
+        """Return what the mount's driver can do."""
         return MountAbilities(**self.process.request("abilities", self._order_s)["abilities"])
 
     def set_site(self, site: Site) -> None:
-        """Send the mount its site."""
+        """Set the site in the mount."""
         self.process.request("set_site", self._order_s, **dataclasses.asdict(site))
 
     def check_site(self, site: Site) -> SiteCheck:
-        """Compare the mount's site with the configured one."""
+        """Compare the mount's own site with ``site``, the configured one."""
         answer = self.process.request("site", self._order_s)["site"]
         if answer is None:
             detail = "the mount does not tell its site"
@@ -245,30 +259,36 @@ class IndiMount:
         return SiteCheck(is_consistent=is_consistent, reported=reported, detail=detail)
 
     def keep(self, lease_s: float, track_until_utc_ns: int | None) -> None:
-        """Renew the lease on motion; never raises, never waits, starts no process."""
+        """Renew the lease on motion; never raises, never waits, starts no process.
+
+        Arguments as of ``MountPort.keep``.
+        """
         if not self.process.send("keep", lease_s=lease_s, track_until_utc_ns=track_until_utc_ns):
             log.debug("the mount's process did not hear that the mount is watched")
 
     def utc_offset_s(self) -> float | None:
-        """The mount's own clock minus the engine's; None when it reports no time."""
+        """Return the mount's clock minus the engine's, s; None when the mount reports no time."""
         offset = self.process.request("utc_offset", self._order_s)["offset_s"]
         return None if offset is None else float(offset)
 
     def take_messages(self) -> tuple[str, ...]:
-        """Messages of the mount's process on its own actions, since the last call."""
+        """Return messages of the mount's process on actions of its own, since the last call."""
         return drain_messages(self._messages)
 
     def take_slew_end(self) -> SlewEnd | None:
-        """The end of the last slew by the mount's process, once; None where it ended none."""
+        """Return, once, how the mount's process ended the last slew because nothing watched it.
+
+        None where it ended none.
+        """
         taken, self._slew_end = self._slew_end, None
         return taken
 
     def restart(self) -> None:
-        """Start a fresh process and a fresh connection."""
+        """End the process, start a new one and connect."""
         self.process.restart()
 
     def close(self) -> None:
-        """End the process; the mount is left tracking at the sidereal rate, not slewing."""
+        """End the process; it leaves the mount tracking at the sidereal rate, not slewing."""
         self.process.close()
 
     def _on_event(self, message: dict[str, Any]) -> None:

@@ -1,8 +1,8 @@
-"""The mount's process: ICRS degrees to its parent, hours and epoch of date to INDI.
+"""The mount's process: converts ICRS degrees of its parent to INDI's hours and epoch of date.
 
-Run as ``python -m rsoconsole.instruments.mount.mount_child``. It keeps watch while its parent does
-not (``mount_watch``); when the parent goes away it ends motion, restores sidereal tracking, and
-stays until the limit that the parent last named, or until another process watches.
+Run as ``python -m rsoconsole.instruments.mount.mount_child``. It watches the mount while its parent
+does not (``_mount_watch``). When the parent is gone it ends motion, restores sidereal tracking, and
+stays until the limit that the parent last named, or until another process takes over.
 """
 
 import dataclasses
@@ -42,7 +42,7 @@ CAME_BACK = (
 
 
 class MountChild:
-    """Carries out the parent's orders on one INDI mount."""
+    """Executes the parent's orders on one INDI mount; most methods answer one order."""
 
     def __init__(
         self,
@@ -64,7 +64,7 @@ class MountChild:
         """Number of STOPs received: an order from before one is not executed behind it."""
 
     def start(self, order: dict[str, Any]) -> dict[str, Any]:
-        """Connect to server and mount."""
+        """Connect to the INDI server and the mount, and begin to watch."""
         client, library = open_client(order["client"], order["device"], self._on_vector)
         client.open(order, (COORDINATES, "ON_COORD_SET"), self._writer)
         owner = MountOwner(order["host"], order["port"], order["device"])
@@ -83,7 +83,7 @@ class MountChild:
         return {"client": library.title}
 
     def attach(self, client: IndiClient, order: dict[str, Any], owner: MountOwner) -> MountWatch:
-        """Use a client that is connected; return the watch that is then to be started."""
+        """Use a client that is connected already; return the watch, which the caller starts."""
         self._is_simulated, self._after_stop = bool(order["simulated"]), order["after_stop"]
         self._answer_s = float(order["answer_s"])
         self._client = client
@@ -120,11 +120,11 @@ class MountChild:
         return self._watch
 
     def abilities(self, _order: dict[str, Any]) -> dict[str, Any]:
-        """The abilities of the driver."""
+        """Return what the driver can do."""
         return {"abilities": dataclasses.asdict(self._ready()[1].abilities)}
 
     def on_order(self, order: dict[str, Any]) -> None:
-        """Note an order: the parent is alive."""
+        """Note the arrival of an order: it shows that the parent is alive."""
         if order["verb"] == "abort":
             self._stops += 1
         order["stops"] = self._stops
@@ -132,13 +132,13 @@ class MountChild:
             self._watch.lease.renew(self._monotonic_s())
 
     def keep(self, order: dict[str, Any]) -> dict[str, Any]:
-        """Renew the lease, with the instant at which tracking runs into a limit."""
+        """Renew the lease, and note when tracking will reach a limit."""
         if self._watch is not None:
             self._watch.keep(float(order["lease_s"]), order["track_until_utc_ns"])
         return {}
 
     def slew(self, order: dict[str, Any]) -> dict[str, Any]:
-        """Slew to an ICRS direction and track; answers when the mount has accepted the order."""
+        """Slew to an ICRS direction and track; returns when the mount has accepted the order."""
         client, mirror = self._ready()
         self._refuse_if_parked()
         if mirror.is_parking:
@@ -180,7 +180,7 @@ class MountChild:
         return {}
 
     def abort(self, order: dict[str, Any]) -> dict[str, Any]:
-        """End motion; answers when the driver has answered, or has not for 2 s."""
+        """End motion; returns when the driver has answered, or after 2 s without an answer."""
         return self._ready_halt().end_motion(
             self._after_stop,
             had_tracking=bool(order.get("had_tracking")),
@@ -190,7 +190,7 @@ class MountChild:
         )
 
     def park(self, order: dict[str, Any]) -> dict[str, Any]:
-        """Send the mount to its park position; one that is parked stays so."""
+        """Send the mount to its park position; a parked mount is left as it is."""
         client, mirror = self._ready()
         if not mirror.abilities.can_park:
             raise InstrumentError(f"{NO_PARK}: it cannot park")
@@ -202,7 +202,7 @@ class MountChild:
         return {}
 
     def unpark(self, order: dict[str, Any]) -> dict[str, Any]:
-        """Release the mount; one on its way to its park position is stopped."""
+        """Release a parked mount; a mount on its way to its park position is stopped."""
         client, mirror = self._ready()
         self._new_order(order)
         if mirror.is_parking:
@@ -216,7 +216,7 @@ class MountChild:
         return {}
 
     def set_tracking(self, order: dict[str, Any]) -> dict[str, Any]:
-        """Turn sidereal tracking on or off; a slew under way does so at its arrival."""
+        """Turn sidereal tracking on or off; during a slew this takes effect at its end."""
         wanted = bool(order["is_on"])
         if wanted:  # a mount that says that it is parked may track all the same
             self._refuse_if_parked()
@@ -229,7 +229,7 @@ class MountChild:
         return {}
 
     def set_site(self, order: dict[str, Any]) -> dict[str, Any]:
-        """Send the mount its site; INDI's longitude runs from 0 to 360 east."""
+        """Set the site in the mount; INDI's longitude runs from 0 to 360 deg east."""
         client, _ = self._ready()
         latitude_deg = float(order["latitude_deg"])
         before = client.send_numbers(
@@ -251,11 +251,11 @@ class MountChild:
         return {}
 
     def site(self, _order: dict[str, Any]) -> dict[str, Any]:
-        """Site as reported by the mount."""
+        """Return the site that the mount reports; None where it reports none."""
         return {"site": self._ready()[1].site()}
 
     def utc_offset(self, _order: dict[str, Any]) -> dict[str, Any]:
-        """The mount's clock minus the machine's, in seconds."""
+        """Return the mount's clock minus the machine's, s; None where not known."""
         client, mirror = self._ready()
         if self._is_simulated:
             before = client.send_switch("SIM_REPORT", "NOW")
@@ -266,14 +266,14 @@ class MountChild:
         return {"offset_s": mirror.utc_offset_s()}
 
     def report(self, _order: dict[str, Any]) -> dict[str, Any]:
-        """State of the mount."""
+        """Return the mount's present state, the fields of a ``MountReport``."""
         return {"report": self._ready()[1].fresh_report()}
 
     def leave(self, *, is_orderly: bool) -> None:
-        """End motion and restore sidereal tracking; then watch on where the parent just went.
+        """End motion and restore sidereal tracking; then watch on, unless ``is_orderly``.
 
-        A mount on its way to its park position continues, and one that stands still stays still:
-        both are safe.
+        ``is_orderly``: the parent ordered the end; False: it is just gone. A mount on its way to
+        its park position continues, and a mount at rest stays at rest: both are safe.
         """
         if self._watch is None or self._mirror is None:
             return
@@ -292,8 +292,10 @@ class MountChild:
         return self._halt
 
     def _track(self, is_on: bool) -> bool | None:
-        """Turn tracking on or off; return its state then, None for a mount that does not report
-        it."""
+        """Turn tracking on or off; return its state after that.
+
+        None for a mount that does not report it.
+        """
         client, mirror = self._ready()
         if client.get(TRACKING) is None:
             return None
@@ -355,8 +357,10 @@ class MountChild:
         return self._expect(name, f"set {name}", before)
 
     def _await_report(self, answered: int) -> None:
-        """Wait for the report that the simulated mount sends behind every answer, so that nobody
-        sees it older."""
+        """Wait for the report that the simulated mount sends after every answer.
+
+        So no caller reads an older one.
+        """
         if self._is_simulated:
             self._ready()[0].wait(COORDINATES, lambda _: True, self._answer_s, answered)
 
@@ -367,10 +371,10 @@ class MountChild:
         before: int,
         is_answer: Callable[[Vector], bool] = lambda _: True,
     ) -> Vector:
-        """Return the property with which the driver answers an order; raises InstrumentError for
-        none.
+        """Return the property with which the driver answers an order.
 
-        ``before``: the number of the last update before the order.
+        ``before``: number of the last update before the order. Raises InstrumentError where it
+        refuses or does not answer in time.
         """
         client, _ = self._ready()
         answer = client.wait(name, is_answer, self._answer_s, before)
@@ -390,7 +394,7 @@ class MountChild:
 
 
 def main() -> None:
-    """Serve orders until the parent goes away."""
+    """Execute the orders that come on stdin, until the parent ends."""
     child = MountChild(ReplyWriter())
     orders = [child.start, child.slew, child.park, child.unpark, child.set_tracking]
     others = [child.set_site, child.site, child.utc_offset]

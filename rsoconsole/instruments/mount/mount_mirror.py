@@ -1,6 +1,6 @@
-"""State of an INDI mount: its properties, and its measured motion where the two differ.
+"""State of an INDI mount: what its driver reports, corrected by the measured motion.
 
-A driver's state is a claim. Where the reported directions determine the motion, that counts.
+A driver's state is a claim. Where the reported directions determine the motion, the motion counts.
 """
 
 import contextlib
@@ -30,17 +30,19 @@ SIDE = "TELESCOPE_PIER_SIDE"
 TIME = "TIME_UTC"
 SITE = "GEOGRAPHIC_COORD"
 OFFERED = (ABORT, TRACKING, PARK, SIDE, SITE, TIME)
-"""Properties that not every driver has."""
+"""Properties that some drivers lack."""
 SILENT_SLEW_S = 10.0
-"""Longest silence of a driver that slews; it reports several times a second."""
+"""Longest silence believed of a driver that slews: drivers then report several times a second."""
 BUSY_AT_REST_S = 10.0
-"""Time after which a mount that was ordered to move and is measured to be at rest has arrived,
-whatever its driver reports: none takes so long to begin."""
+"""Time after an order to move at which a mount measured to be at rest has arrived.
+
+Whatever its driver reports: no mount takes so long to begin to move.
+"""
 _NS = 1_000_000_000
 
 
 class MountMirror:
-    """State of the mount by the last values of its properties, and by its measured motion."""
+    """State of one mount, from the last values of its properties and its measured motion."""
 
     def __init__(
         self,
@@ -58,7 +60,7 @@ class MountMirror:
         self._ordered_s = -math.inf
 
     def order_begins(self) -> None:
-        """Note that an order goes out: earlier measurements no longer count."""
+        """Note that an order is sent now: earlier measurements no longer count."""
         self._ordered_s = self._monotonic_s()
         self._reported.begin()
 
@@ -66,7 +68,7 @@ class MountMirror:
     def motion(self) -> Motion:
         """Motion as measured.
 
-        A driver that no longer polls a parked mount leaves its coordinates as they are: those would
+        Unknown for a parked mount whose driver no longer polls it: its unchanged coordinates would
         look like tracking.
         """
         motion = self._reported.motion()
@@ -78,7 +80,7 @@ class MountMirror:
 
     @property
     def abilities(self) -> MountAbilities:
-        """The abilities of the driver."""
+        """What the driver can do."""
 
         return abilities_by({name for name in OFFERED if self._client.get(name) is not None})
 
@@ -90,7 +92,7 @@ class MountMirror:
 
     @property
     def is_parked(self) -> bool:
-        """True when the driver reports so and the mount is not measured to slew."""
+        """True when the driver reports it parked, and it is not measured to slew."""
         return self.says_parked and not self.motion.is_fast
 
     @property
@@ -107,7 +109,7 @@ class MountMirror:
 
     @property
     def is_moving(self) -> bool:
-        """True while the mount slews or parks: as measured, or else as reported."""
+        """True while the mount slews or parks: as measured, else as its driver reports."""
         motion = self.motion
         if motion.is_fast:
             return True
@@ -116,31 +118,33 @@ class MountMirror:
 
     @property
     def is_slewing(self) -> bool:
-        """True while the mount moves, and not to its park position."""
+        """True while the mount slews, but not to its park position."""
         return self.is_moving and not self.is_parking and not self.is_parked
 
     @property
     def says_tracking(self) -> bool:
-        """True when the driver reports that the mount tracks, and where it reports nothing of
-        that."""
+        """True when the driver reports tracking, or reports nothing about tracking.
+
+        False for a mount reported as parked.
+        """
         tracking = self._client.get(TRACKING)
         return not self.says_parked and (tracking is None or bool(tracking.values.get("TRACK_ON")))
 
     @property
     def is_tracking(self) -> bool:
-        """True when the mount is measured to track, or else reported to."""
+        """True when the mount is measured to track; where no rest is measured, as reported."""
         motion = self.motion
         return motion.kind == "tracks" if motion.is_at_rest else self.says_tracking
 
     def now_utc_ns(self) -> int:
-        """Time by the machine's clock; in the simulated observatory the instant last reported."""
+        """The machine's time; in a simulated observatory the instant it last reported."""
         if not self._is_simulated:
             return self._time_ns()
         sim_time = self._client.get("SIM_TIME")
         return int(sim_time.values["UTC_NS"]) if sim_time is not None else 0
 
     def tracking_after(self, after_stop: AfterStop) -> bool | None:
-        """Tracking state to order after a STOP now; None: left as it is."""
+        """Return the tracking state to order after a STOP now; None: leave it."""
         return tracking_after_stop(
             after_stop,
             was_slewing=self.is_slewing,
@@ -150,7 +154,10 @@ class MountMirror:
         )
 
     def report(self, coordinates: Vector, t_utc_ns: int) -> dict[str, Any]:
-        """The fields of a MountReport. Raises InstrumentError where there is no direction."""
+        """Return the fields of a MountReport for ``coordinates`` at ``t_utc_ns``.
+
+        Raises InstrumentError where the coordinates are no direction.
+        """
         ra_deg, dec_deg = jnow_to_icrs(
             hours_to_deg(coordinates.values["RA"]), coordinates.values["DEC"], t_utc_ns
         )
@@ -175,10 +182,10 @@ class MountMirror:
         }
 
     def fresh_report(self) -> dict[str, Any]:
-        """Fields of the state as it is now: INDI sends only changes, so the last report still
-        holds.
+        """Return the fields of a MountReport for now: the last coordinates still hold.
 
-        Raises InstrumentError when that report is a slew and has grown old.
+        INDI sends only changes. Raises InstrumentError when those are of a slew and old: the driver
+        is silent.
         """
         coordinates = self._client.get(COORDINATES)
         assert coordinates is not None
@@ -192,10 +199,11 @@ class MountMirror:
         return report
 
     def utc_offset_s(self) -> float | None:
-        """The mount's clock minus the machine's (simulated: minus the observatory's); or None.
+        """Return the mount's clock minus the machine's, s; None where not known.
 
-        Drivers repeat an old time to later clients: a time reported before this process connected
-        bounds the mount's clock from below only.
+        In a simulated observatory: minus the observatory's clock. Drivers repeat an old time to new
+        clients: a time that the mount reported before this process connected shows only that the
+        mount's clock is not behind that time.
         """
         vector = self._client.get(TIME)
         mount_utc_ns = None if vector is None else _utc_ns(str(vector.values.get("UTC") or ""))
@@ -209,7 +217,7 @@ class MountMirror:
         return offset_s if is_fresh or offset_s > 0.0 else None
 
     def site(self) -> dict[str, float] | None:
-        """Fields of the site as the mount reports it; INDI's longitude runs from 0 to 360 east."""
+        """Return the fields of the site that the mount reports; None where it reports none."""
         vector = self._client.get(SITE)
         if vector is None:
             return None
@@ -221,7 +229,7 @@ class MountMirror:
 
 
 def abilities_by(properties: Collection[str]) -> MountAbilities:
-    """The abilities of an INDI driver that has defined these properties."""
+    """Return the abilities of an INDI driver that has defined these properties."""
     return MountAbilities(
         can_abort=ABORT in properties,
         can_park=PARK in properties,
@@ -246,14 +254,14 @@ _AGAIN_S = 2.0
 
 
 class CoordinatePoller:
-    """Requests a silent driver's coordinates, on a thread of its own."""
+    """Requests a silent driver's coordinates again and again, on a thread of its own."""
 
     def __init__(self, host: str, port: int, device: str, motion: ReportedMotion) -> None:
-        """``motion`` receives the answers; the driver's own reports come another way."""
+        """``motion`` receives the answers, besides the reports that the driver sends by itself."""
         self._host, self._port, self._device, self._motion = host, port, device, motion
 
     def start(self) -> None:
-        """Begin to read."""
+        """Begin to request and read."""
         threading.Thread(target=self._run, daemon=True, name="coordinate poller").start()
 
     def _run(self) -> None:

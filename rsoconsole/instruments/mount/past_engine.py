@@ -1,4 +1,4 @@
-"""STOP where the engine does not answer: by a connection of its own, from any console."""
+"""STOP where the engine does not answer: by a connection to the INDI server from any console."""
 
 from collections.abc import Callable, Mapping
 from pathlib import Path
@@ -16,14 +16,14 @@ def stop_past_engine(
     config_path: Path | None = None,
     on_fault: Callable[[str], None] | None = None,
 ) -> None:
-    """Stop the mount by a connection of its own to the INDI server.
+    """Stop the mount by a connection of its own to the INDI server, without the engine.
 
-    ``on_found`` is called with the result, as an engine answers a STOP: that the driver has
-    answered, then the measured motion. Returns when nothing more comes: the mount is at rest, or
-    half a minute has passed, in which ABORT is repeated as long as it moves.
+    ``on_found`` is called with results in the form in which an engine answers a STOP: first the
+    driver's answer, then the measured motion. Returns when no more results come: the mount is at
+    rest, or half a minute has passed, in which ABORT is repeated as long as the mount moves.
 
-    ``indi`` as the session has it; None: as configured. A configuration that cannot be read
-    prevents nothing: ``on_fault`` is called, and the standard mount is stopped.
+    ``indi``: settings of the session; None: those of the configuration at ``config_path``. Where
+    that cannot be read, ``on_fault`` is called, and the mount of the default settings is stopped.
     """
     from rsoconsole.instruments.indi.wire_stop import stop_mount
 

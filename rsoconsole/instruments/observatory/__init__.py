@@ -1,1 +1,1 @@
-"""Clock, mount, camera and safety monitor of one observatory, and their connection."""
+"""Clock, mount, camera and safety monitor of one observatory, and how they are connected."""

@@ -31,7 +31,7 @@ _READ_TRIES = 5
 
 
 def read_clocks() -> ClockReadings:
-    """The machine's clocks at one instant."""
+    """Return the readings of the machine's clocks at one instant."""
     for _ in range(_READ_TRIES):
         before_ns = time.monotonic_ns()
         utc_ns, boottime_ns = time.time_ns(), _boottime_ns()
@@ -42,23 +42,26 @@ def read_clocks() -> ClockReadings:
 
 
 def _boottime_ns() -> int:
-    """Time since boot; where the system has no such clock, a machine that slept counts as one whose
-    clock was set."""
+    """Return the time since boot.
+
+    Where the system has no such clock, a machine that slept counts as a machine whose clock was
+    set.
+    """
     if not hasattr(time, "CLOCK_BOOTTIME"):
         return time.monotonic_ns()
     return time.clock_gettime_ns(time.CLOCK_BOOTTIME)
 
 
 def utc_now_ns() -> int:
-    """Present time of the machine, for code that reads it once and watches nothing."""
+    """Return the machine's time, UTC ns, for code that needs no clock object."""
     return time.time_ns()
 
 
 class SystemClock:
-    """The machine's clock; a wait really waits.
+    """The machine's clock; ``wait_until`` sleeps.
 
-    A thread of its own compares it with the clocks that cannot be set, a few times a second: a step
-    that is set back before the next call is found, too.
+    A thread compares it, a few times a second, with the clocks that cannot be set. So a step of UTC
+    is found even where it is undone before the next call.
     """
 
     is_simulated = False
@@ -73,11 +76,11 @@ class SystemClock:
         threading.Thread(target=self._run, daemon=True, name="clock").start()
 
     def now_utc_ns(self) -> int:
-        """The present instant."""
+        """Return the present instant, UTC ns."""
         return utc_now_ns()
 
     def take_faults(self) -> tuple[ClockFault, ...]:
-        """Faults of the clock since the last call, up to now."""
+        """Return the faults of the clock since the last call."""
         self._look()
         with self._looking:
             taken, self._faults = tuple(self._faults), []
@@ -85,7 +88,7 @@ class SystemClock:
 
     @property
     def is_steady(self) -> bool:
-        """False while this clock does not run as fast as the others."""
+        """False while this clock runs at another rate than the clocks that cannot be set."""
         return self._watch.is_steady
 
     def _run(self) -> None:
@@ -101,26 +104,29 @@ class SystemClock:
         return bool(found)
 
     def wait_until(self, t_utc_ns: int) -> bool:
-        """Sleep until an instant; return False when ``wake`` or a fault of the clock cut it
-        short."""
+        """Sleep until an instant; return True when it is reached.
+
+        False when ``wake`` or a fault of the clock ended the wait early.
+        """
         left_s = (t_utc_ns - time.time_ns()) / _NS
         was_woken = self._wake.wait(max(0.0, left_s))
         self._wake.clear()
         return not was_woken
 
     def wake(self) -> None:
-        """End a wait that is in progress; without one, the next."""
+        """End the wait in progress; where none is, the next wait ends at once."""
         self._wake.set()
 
     def close(self) -> None:
-        """Stop watching."""
+        """Stop comparing clocks."""
         self._is_over.set()
 
 
 class SimulatedClock:
-    """The simulated observatory's clock: time passes there only during a wait here.
+    """The simulated observatory's clock: time passes there only during ``wait_until``.
 
-    One thread waits, any thread may wake it, which a paced wait notices within 50 ms.
+    One thread waits; ``wake`` may be called from any thread, and a paced wait notices it within 50
+    ms.
     """
 
     is_simulated = True
@@ -148,18 +154,22 @@ class SimulatedClock:
         self._wall_s_per_ns = 0.0 if speed == 0 else 1.0 / speed / _NS
 
     def now_utc_ns(self) -> int:
-        """Instant of the observatory (while waiting: its instant before)."""
+        """Return the observatory's instant; during a wait, the instant at its beginning."""
         return self._now_utc_ns
 
     is_steady = True
 
     @staticmethod
     def take_faults() -> tuple[ClockFault, ...]:
-        """Return no faults: nobody sets this clock."""
+        """Return (): a simulated clock has no faults."""
         return ()
 
     def wait_until(self, t_utc_ns: int) -> bool:
-        """Let the observatory's time pass until then; return False when ``wake`` cut it short."""
+        """Let the observatory's time pass until an instant; return True when it is reached.
+
+        False when ``wake`` ended the wait early. Raises InstrumentError when the observatory does
+        not answer or refuses.
+        """
         if self._wake.is_set():
             self._wake.clear()
             return False
@@ -184,11 +194,11 @@ class SimulatedClock:
         return self._now_utc_ns >= t_utc_ns
 
     def wake(self) -> None:
-        """End a wait that is in progress; without one, the next."""
+        """End the wait in progress; where none is, the next wait ends at once."""
         self._wake.set()
 
     def close(self) -> None:
-        """Close the connection; the observatory's time stands still from now on."""
+        """Close the connection; the observatory's time stands still from then on."""
         self._wire.close()
 
     def _first_word(self, timeout_s: float) -> IndiVector | None:
@@ -222,14 +232,14 @@ class SimulatedClock:
 def connect_instruments(
     config: Config, *, clock: Clock | None = None, log_dir: Path | None = None
 ) -> Iterator[Instruments]:
-    """Connect the configured mount and camera, each in a process of its own, and a clock.
+    """Context with the configured mount and camera, connected, and a clock.
 
-    Where a weather station or a dome is configured, a safety monitor watches them.
+    Mount and camera each have a process of their own. Where a weather station or a dome is
+    configured, a safety monitor is included.
 
-    The clock is the simulated observatory's where ``indi.simulated`` says so, else the machine's,
-    unless one is given. ``log_dir`` gets what libindi prints; None: the user's log folder.
-    Raises InstrumentError when server, mount or camera cannot be reached, or are of a protocol that
-    is not installed.
+    ``clock`` None: the simulated observatory's where ``indi.simulated`` is set, else the machine's.
+    ``log_dir``: folder for what libindi prints; None: the user's log folder. Raises InstrumentError
+    when server, mount or camera cannot be reached, or use a protocol that is not installed.
     """
     folder = log_dir or platformdirs.user_log_path(APP)
     with ExitStack() as release:

@@ -1,8 +1,8 @@
-"""Protocols of mount and camera: INDI, or that of an installed package.
+"""Protocols of mount and camera: INDI, or the protocol of an installed package.
 
-A package brings a protocol as an entry point of group ``rsoconsole.mounts`` or
-``rsoconsole.cameras``: a callable that accepts a ``ProtocolContext`` and returns an object with the
-methods of ``MountPort`` or ``CameraPort`` (``instruments/ports.py``). Its settings are
+A package adds a protocol by an entry point of group ``rsoconsole.mounts`` or
+``rsoconsole.cameras``: a callable that takes a ``ProtocolContext`` and returns an object with the
+methods of ``MountPort`` or ``CameraPort`` (``instruments/ports.py``). Its settings are in
 ``[instruments.options]``.
 """
 
@@ -23,17 +23,17 @@ MOUNTS, CAMERAS = "rsoconsole.mounts", "rsoconsole.cameras"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ProtocolContext:
-    """The configuration and the log folder, for the factory of a protocol."""
+    """Argument of a protocol's factory: the configuration and the log folder."""
 
     config: Config
     log_dir: Path
-    """Folder for a library's output in a process of its own."""
+    """Folder for what the processes of a protocol print."""
 
 
 def create_mount(context: ProtocolContext) -> MountPort:
-    """The configured mount, not yet connected.
+    """Make the configured mount, not yet connected.
 
-    Raises InstrumentError where no such protocol is installed or its package cannot be loaded.
+    Raises InstrumentError where its protocol is not installed or the package cannot be loaded.
     """
     name = context.config.instruments.mount
     if name == "indi":
@@ -44,9 +44,9 @@ def create_mount(context: ProtocolContext) -> MountPort:
 
 
 def create_camera(context: ProtocolContext) -> CameraPort:
-    """The configured camera, not yet connected.
+    """Make the configured camera, not yet connected.
 
-    Raises InstrumentError where no such protocol is installed or its package cannot be loaded.
+    Raises InstrumentError where its protocol is not installed or the package cannot be loaded.
     """
     name = context.config.instruments.camera
     if name == "indi":
@@ -57,7 +57,7 @@ def create_camera(context: ProtocolContext) -> CameraPort:
 
 
 def missing_protocol(config: Config) -> str | None:
-    """Fault of a configured protocol's name, in words; None where both are installed."""
+    """Return a sentence on a configured protocol that is not installed; None for none."""
     named = (
         ("mount", MOUNTS, config.instruments.mount),
         ("camera", CAMERAS, config.instruments.camera),

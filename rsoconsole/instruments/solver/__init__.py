@@ -1,1 +1,1 @@
-"""The plate solver in a process of its own, and its index files."""
+"""The plate solver, in a process of its own, and its index files."""

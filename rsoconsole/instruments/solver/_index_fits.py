@@ -1,10 +1,10 @@
 """The FITS layout of an astrometry.net index file, read without a FITS library.
 
 An index file is a primary header that states the quad sizes, followed by byte tables: quads, a
-kd-tree of quad codes, a kd-tree of the stars themselves as scaled unit vectors, and one table for
-each tag-along column such as ``MAG_VT``. Reading the headers alone takes a millisecond, so files
-can be judged (complete? which scale? which sky?) before the solver is given them.
-Source of the layout: the FITS standard 4.0 and astrometry.net's kdtree_fits_io.
+kd-tree of quad codes, a kd-tree of the stars as scaled unit vectors, and one table for each further
+column of the stars, such as ``MAG_VT``. Reading the headers alone takes a millisecond, so a file
+can be checked (complete? which scale? which sky?) before the solver is given it. Source of the
+layout: the FITS standard 4.0 and astrometry.net's kdtree_fits_io.
 """
 
 import math
@@ -24,28 +24,28 @@ _SAMPLE = 5000
 
 @dataclass(frozen=True, slots=True)
 class Table:
-    """One byte table of an index file."""
+    """One table of an index file, rows of bytes."""
 
     name: str
-    """Name of its only column, e.g. ``kdtree_data_stars``."""
+    """Name of the only column, e.g. ``kdtree_data_stars``."""
     row_bytes: int
     rows: int
     offset: int
-    """Offset of the first data byte in the file."""
+    """Offset of the table's first data byte in the file."""
 
 
 @dataclass(frozen=True, slots=True)
 class IndexHeader:
-    """The headers of an index file."""
+    """All headers of one index file."""
 
     cards: dict[str, str]
-    """Primary header, keyword to value as written (strings without their quotes)."""
+    """Primary header: keyword to value as written, strings without their quotes."""
     tables: tuple[Table, ...]
     expected_size: int
-    """Length in bytes of the complete file; a shorter one is truncated."""
+    """Size of the complete file, bytes; a shorter file is truncated."""
 
     def table(self, name: str) -> Table:
-        """Return the table of that name; raises SolverError when there is none."""
+        """Return the table of this name. Raises SolverError when there is none."""
         for table in self.tables:
             if table.name == name:
                 return table
@@ -53,9 +53,9 @@ class IndexHeader:
 
 
 def read_header(path: Path) -> IndexHeader:
-    """Read every header of an index file.
+    """Read all headers of an index file.
 
-    Raises SolverError where the file is not an index file, or is cut within a header.
+    Raises SolverError where the file is no index file, or is cut within a header.
     """
     with system_errors_as(SolverError, f"{path} cannot be read: "), path.open("rb") as stream:
         primary = _read_cards(stream, path)
@@ -66,7 +66,10 @@ def read_header(path: Path) -> IndexHeader:
 
 
 def dec_limits_deg(path: Path, header: IndexHeader) -> tuple[float, float]:
-    """Least and greatest declination in an even sample of the stars, good to about 0.1 deg."""
+    """Return the least and greatest declination of the stars, deg; good to about 0.1 deg.
+
+    From an even sample of the stars in the file.
+    """
     low, scale = _star_range(path, header)
     data = header.table("kdtree_data_stars")
     step = max(1, data.rows // _SAMPLE)

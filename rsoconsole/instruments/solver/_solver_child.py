@@ -1,4 +1,4 @@
-"""Parent's side of the solver process: start, request with a deadline, kill, start again."""
+"""The parent's side of the solver process: start, request with a deadline, kill, start again."""
 
 import logging
 import threading
@@ -16,10 +16,10 @@ _LOOK_S = 0.5
 
 
 class SolverChild:
-    """One solver process at a time; thread-safe; replaced whenever it dies or overruns."""
+    """One solver process at a time, replaced when it dies or exceeds a deadline. Thread-safe."""
 
     def __init__(self, start_s: float = WaitsConfig().process_s) -> None:
-        """``start_s``: longest wait until a process can search."""
+        """``start_s``: longest time that a process may take until it can search."""
         self._start_s = start_s
         self._lock = threading.Lock()
         self._child = ChildProcess("rsoconsole.instruments.solver._solver_process")
@@ -27,25 +27,24 @@ class SolverChild:
 
     @property
     def pid(self) -> int | None:
-        """Number of the running process; None where there is none."""
+        """Process id of the running process; None where none runs."""
         return self._child.pid
 
     def start(self) -> None:
         """Start the process unless it runs; returns before it is ready.
 
-        Raises SolverError when the system cannot start one.
+        Raises SolverError when the system cannot start it.
         """
         with self._lock:
             self._running()
 
     def ask(self, request: MatchRequest, deadline_s: float) -> MatchReply:
-        """Return the reply within ``deadline_s`` seconds of wall time, or one that says what went
-        wrong.
+        """Send a request; return the reply, or a reply whose ``error`` says what went wrong.
 
-        The deadline runs from the moment the process is ready: one that is only just being
-        replaced is waited for, or short deadlines would kill it again and again. Where the deadline
-        passes or the process dies, a fresh one is already starting. Raises SolverError when no
-        process can be brought to work.
+        ``deadline_s`` (wall time) counts from when the process is ready: a process that is still
+        starting is waited for, or short deadlines would kill it again and again. Where the deadline
+        passes or the process dies, a new process is starting on return. Raises SolverError when no
+        process can be started.
         """
         with self._lock:
             connection = self._send(request)

@@ -1,9 +1,9 @@
-"""The plate solver's own process: native code that may crash, hang or run past any deadline.
+"""The plate solver's own process: native code that may crash, hang or exceed any deadline.
 
-The parent starts it with ``python -c``, speaks through one socket and kills it when it likes.
-It ends by itself as soon as the parent's end of the socket closes, even in the middle of a
-search: a thread waits for that while the native code has released the interpreter's lock.
-Only the standard library and ``astrometry`` are imported, so that a restart takes a moment.
+The parent starts it with ``python -c``, talks to it through one socket and may kill it at any time.
+It ends by itself as soon as the parent's end of the socket closes, even in the middle of a search:
+a thread waits for that while the native code has released the interpreter's lock. It imports only
+the standard library and ``astrometry``, so that a restart is fast.
 """
 
 import os
@@ -16,40 +16,45 @@ from pathlib import Path
 from typing import Any
 
 MAX_SOLVERS = 4
-"""Sets of index files kept open; the files are mapped, so that a set costs little."""
+"""Number of sets of index files kept open; files are mapped, so that a set costs little."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MatchRequest:
-    """Request for one search."""
+    """Request to the solver process for one search."""
 
     request_id: int
     index_files: tuple[str, ...]
     stars_xy_px: tuple[tuple[float, float], ...]
-    """Stars, brightest first, 0-based pixels."""
+    """Positions of the stars, brightest first, in 0-based pixels."""
     scale_arcsec_px: tuple[float, float]
     position_deg: tuple[float, float, float] | None
-    """RA, Dec, radius of the search; None searches the whole sky."""
+    """RA, Dec and radius of the search, deg; None: the whole sky is searched."""
     depths: tuple[int, ...]
-    """Numbers of stars of successive searches: quads are built of the first depths[0] stars, then
-    with stars up to depths[1], and so on."""
+    """Numbers of brightest stars that successive searches use.
+
+    Quads are first built of the first depths[0] stars, then with stars up to depths[1], and so on.
+    """
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MatchReply:
-    """The result of one search."""
+    """Reply of the solver process to one request."""
 
     request_id: int
     error: str = ""
     """Fault of the native library, or of the process; empty for none."""
     wcs_cards: dict[str, Any] | None = None
-    """FITS cards of the quad's plate; None when nothing matched."""
+    """FITS cards of the plate by the matched quad; None when nothing matched."""
     stars: tuple[tuple[float, float, float], ...] = ()
-    """RA, Dec (ICRS degrees) and VT of the index's stars in the field, brightest first."""
+    """Stars of the index file in the field, brightest first.
+
+    For each: RA, Dec (ICRS degrees) and magnitude VT.
+    """
 
 
 def main(socket_fd: int) -> None:
-    """Serve requests until the parent's end of the socket closes."""
+    """Answer requests until the parent's end of the socket closes."""
     connection = Connection(socket_fd)
     requests: queue.SimpleQueue[MatchRequest] = queue.SimpleQueue()
 
@@ -78,8 +83,10 @@ def main(socket_fd: int) -> None:
 
 
 def _say(connection: Connection, word: str | MatchReply) -> None:
-    """Send a reply, or as the first message why the process never will search; empty where it
-    can."""
+    """Send a reply to the parent.
+
+    The first message is instead the reason why this process can never search; empty: it can.
+    """
     try:
         connection.send(word)
     except OSError:
@@ -87,13 +94,13 @@ def _say(connection: Connection, word: str | MatchReply) -> None:
 
 
 class Searcher:
-    """Holds index files open and searches them."""
+    """Keeps index files open and searches them."""
 
     def __init__(self) -> None:
         self._solvers: dict[tuple[str, ...], Any] = {}
 
     def search(self, request: MatchRequest) -> MatchReply:
-        """Search, and stop at the first plate beyond doubt (odds of a billion to one)."""
+        """Search; stop at the first plate that is beyond doubt (odds of a billion to one)."""
         import astrometry
 
         position = None

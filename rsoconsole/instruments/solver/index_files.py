@@ -1,8 +1,8 @@
-"""Index files of the plate solver: their list, the choice for a field, and their installation.
+"""Index files of the plate solver: listing them, choosing them for a field, installing them.
 
-Files of the 4100 series (Tycho-2): number n holds star quads of ``QUAD_ARCMIN[n]`` to
-``QUAD_ARCMIN[n + 1]`` arcmin. They come from Debian (``astrometry-data-tycho2-*``), from
-data.astrometry.net through the ``astrometry`` package, and, for |dec| <= 12 deg, with rsoconsole.
+In the 4100 series (Tycho-2), number n has star quads of ``QUAD_ARCMIN[n]`` to ``QUAD_ARCMIN[n +
+1]`` arcmin. The files come from Debian (``astrometry-data-tycho2-*``), from data.astrometry.net
+through the ``astrometry`` package, and, for |dec| <= 12 deg, with rsoconsole.
 """
 
 import functools
@@ -24,34 +24,34 @@ QUAD_ARCMIN = (
     *(240.0, 340.0, 480.0, 680.0, 1000.0, 1400.0, 2000.0),
 )
 SERIES_SCALES = range(7, 20)
-"""Numbers of the series that exist: Tycho-2 has too few stars for smaller quads."""
+"""Numbers n that the 4100 series has: for smaller quads Tycho-2 has too few stars."""
 _LITTLE_ENDIAN = "04:03:02:01"
 SYSTEM_DIR = Path("/usr/share/astrometry")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class IndexFile:
-    """One index file as found on disk."""
+    """One index file found on disk, usable or not."""
 
     path: Path
     scale: int | None = None
-    """Number in the series; None for files of another one."""
+    """Number n in the 4100 series; None for a file of another series."""
     quad_deg: tuple[float, float] = (0.0, 0.0)
-    """Least and greatest size of its star quads."""
+    """Least and greatest size of its star quads, deg."""
     dec_deg: tuple[float, float] = (0.0, 0.0)
-    """Declinations of its stars."""
+    """Least and greatest declination of its stars, deg."""
     size_bytes: int = 0
     fault: str = ""
-    """Fault of the file; empty when it is complete."""
+    """What is wrong with the file; empty for a usable file."""
 
     @property
     def is_healthy(self) -> bool:
-        """True when the solver may be given this file."""
+        """True where the file has no fault: the solver may be given it."""
         return not self.fault
 
     @property
     def dec_span_deg(self) -> float:
-        """Range of its stars' declinations."""
+        """Greatest minus least declination of its stars, deg."""
         return self.dec_deg[1] - self.dec_deg[0]
 
     @property
@@ -60,7 +60,10 @@ class IndexFile:
         return self.dec_span_deg > 150.0
 
     def covers(self, dec_icrs_deg: float, radius_deg: float = 0.0) -> bool:
-        """True where fields around that declination may lie on its sky, whole or in part."""
+        """True where a field within ``radius_deg`` of this declination may show its stars.
+
+        The declination alone is compared; part of a field is enough.
+        """
         margin = 0.2  # the limits are those of a sample of the stars
         return (
             self.dec_deg[0] - margin <= dec_icrs_deg + radius_deg
@@ -69,17 +72,20 @@ class IndexFile:
 
 
 def user_index_dir() -> Path:
-    """Folder into which ``rsoconsole index install`` puts files."""
+    """Return the folder into which ``rsoconsole index install`` puts files."""
     return data_dir() / "index"
 
 
 def shipped_index_dir() -> Path:
-    """Folder of the cut to |dec| <= 12 deg that comes with the program."""
+    """Return the folder of the index files shipped with the program, for |dec| <= 12 deg."""
     return resource("instruments", "data", "index")
 
 
 def search_dirs(configured: Sequence[Path] = ()) -> tuple[Path, ...]:
-    """Folders to search, first match first: configured, the user's, the system's, the shipped."""
+    """Return the folders to search: configured folders, the user's, the system's, the shipped.
+
+    Of equal index files, the first one found in this order is used.
+    """
     return (
         *(d.expanduser() for d in configured),
         user_index_dir(),
@@ -89,7 +95,7 @@ def search_dirs(configured: Sequence[Path] = ()) -> tuple[Path, ...]:
 
 
 def list_index_files(dirs: Iterable[Path]) -> tuple[IndexFile, ...]:
-    """List the index files of these folders in order, faulty ones too."""
+    """List the index files in these folders in order, also unusable ones."""
     found: list[IndexFile] = []
     for folder in dirs:
         if folder.is_dir():
@@ -98,10 +104,10 @@ def list_index_files(dirs: Iterable[Path]) -> tuple[IndexFile, ...]:
 
 
 def needed_scales(field_deg: tuple[float, float]) -> tuple[int, ...]:
-    """Numbers of the series for a field of width and height in degrees.
+    """Return the numbers n of the 4100 series for a field of (width, height) deg.
 
-    Quads from about a third of the shorter side to the whole of it. Raises SolverError for a
-    field too small for Tycho-2.
+    Those whose quads measure about a third of the shorter side to the whole of it. Raises
+    SolverError for a field too small for Tycho-2.
     """
     short_arcmin = 60.0 * min(field_deg)
     scales = tuple(n for n in SERIES_SCALES if 0.35 * short_arcmin <= QUAD_ARCMIN[n] < short_arcmin)
@@ -124,15 +130,18 @@ def needed_scales(field_deg: tuple[float, float]) -> tuple[int, ...]:
 
 
 def wanted_numbers(short_arcmin: float) -> tuple[int, ...]:
-    """Numbers, of any series, whose quads are a third to the whole of a field's shorter side."""
+    """Return the numbers n, of any series, for a field's shorter side.
+
+    Those whose quads measure about a third of the side to the whole of it.
+    """
     every = range(len(QUAD_ARCMIN) - 1)
     return tuple(n for n in every if 0.35 * short_arcmin <= QUAD_ARCMIN[n] < short_arcmin)
 
 
 def series_name(number: int) -> str:
-    """Name of the index files of a number at data.astrometry.net: 5204, 4107.
+    """Return the name of index files of number n at data.astrometry.net, such as 5204 or 4107.
 
-    Tycho-2 (4100) ends where its stars get too few; Gaia's (5200) go on.
+    Series 4100 (Tycho-2) for larger quads; 5200 (Gaia) where Tycho-2 has too few stars.
     """
     return f"{41 if number in SERIES_SCALES else 52}{number:02d}"
 
@@ -144,7 +153,11 @@ def missing_numbers(
     dec_icrs_deg: float | None,
     radius_deg: float,
 ) -> tuple[int, ...]:
-    """Numbers that a field of that shorter side needs and none of ``files`` has, finest first."""
+    """Return the numbers n that a field needs and that no file in ``files`` has, finest first.
+
+    ``short_arcmin``: the field's shorter side. ``dec_icrs_deg``, ``radius_deg``: where the field
+    may be; None: anywhere.
+    """
     present = {
         file.scale
         for file in files
@@ -154,7 +167,7 @@ def missing_numbers(
 
 
 def missing_words(numbers: Sequence[int]) -> str:
-    """Remedy for missing index files, in words; empty for none."""
+    """Return a sentence on how to get missing index files; empty where none is missing."""
     parts = []
     if finer := [series_name(n) for n in numbers if n not in SERIES_SCALES]:
         parts.append(
@@ -175,9 +188,11 @@ def choose_index_files(
     dec_icrs_deg: float | None,
     radius_deg: float,
 ) -> tuple[IndexFile, ...]:
-    """Healthy files whose quads fit the field and whose sky may hold it, finest first.
+    """Return the usable files that fit the field in quad size and declination, finest first.
 
-    Of files of one number the widest sky is taken, the first found where that is equal.
+    ``quad_deg``: least and greatest useful size of quads. ``dec_icrs_deg``, ``radius_deg``: where
+    the field may be; None: anywhere. Of files with the same number, the file with the widest range
+    of declination is chosen, of equals the first.
     """
     chosen: dict[object, IndexFile] = {}
     for file in files:
@@ -193,7 +208,7 @@ def choose_index_files(
 
 
 def examine(path: Path) -> IndexFile:
-    """Examine one file, faulty or not."""
+    """Return a description of one file, usable or not."""
     try:
         state = path.stat()
     except OSError as error:
@@ -233,7 +248,7 @@ def _scale_number(quad_low_deg: float) -> int | None:
 
 
 Progress = Callable[[str, int, int], None]
-"""Callback with a file's name, bytes done and bytes in all."""
+"""Callback for progress: (name of the file, bytes done, bytes in all)."""
 
 _COPY_CHUNK = 4 << 20
 _POLL_S = 0.5
@@ -246,11 +261,11 @@ def install(
     into: Path | None = None,
     progress: Progress = lambda _name, _done, _total: None,
 ) -> tuple[IndexFile, ...]:
-    """Install the index files of these numbers; return those now in ``into``.
+    """Install the index files of these numbers n; return those that are now in ``into``.
 
-    ``from_dir`` is searched recursively, so that a folder of Debian packages unpacked with ``dpkg
-    -x`` will do; without it the files are downloaded. A complete file that is already there is
-    kept. Raises SolverError when any of them could not be installed.
+    ``from_dir``: folder to copy from, searched recursively (a Debian package unpacked with ``dpkg
+    -x`` will do); None: download. ``into`` None: the user's folder. Complete files that are there
+    already are not replaced. Raises SolverError when any file could not be installed.
     """
     target = into or user_index_dir()
     with system_errors_as(SolverError, f"{target} cannot be made: "):
@@ -329,8 +344,10 @@ def _download(scales: list[int], target: Path, report: Progress) -> None:
 
 
 def _fetch(scale: int, cache: Path, total: int, report: Progress) -> Path:
-    """Download one file of the series into the cache; a broken download is continued where it
-    ended."""
+    """Download one file of the series into the cache.
+
+    A download that was cut off is continued where it ended.
+    """
     import astrometry
     import requests
 

@@ -1,9 +1,9 @@
-"""Plate solver: star centroids in, the frame's plate solution out.
+"""The plate solver: from star positions in a frame to the frame's plate solution.
 
-A full solution matches quads of stars in a process of its own (``solver_process``) and then fits
-the plate to every catalogue star in the field, at its place on the day of the frame; the fast path
-moves the last plate instead. A field that cannot be solved is a value, ``NotSolved``, that says
-why.
+A full solution matches quads of stars in a process of its own (``_solver_process``), then fits the
+plate to every catalogue star in the field, at the star's position on the day of the frame. The fast
+path instead moves the last plate. A field that cannot be solved is a value, ``NotSolved``, that
+says why.
 """
 
 import itertools
@@ -48,46 +48,46 @@ _BLIND_SCALE_ARCSEC_PX = (0.1, 500.0)
 _INSTALL = "'rsoconsole index install' gets what is missing"
 _WIDEST_DEG = 60.0
 _KNOWN_SCALE = 3.0
-"""Highest over lowest scale up to which the size of the field counts as known."""
+"""Ratio of highest to lowest scale up to which the size of the field counts as known."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SolveHint:
-    """Position and scale of a field as far as they are known; None where not."""
+    """What is known of a field's position and scale; None for what is not known."""
 
     ra_icrs_deg: float | None = None
     dec_icrs_deg: float | None = None
     radius_deg: float = 3.0
-    """Largest distance of the field's centre from that position."""
+    """Largest distance of the field's centre from the stated position, deg."""
     scale_low_arcsec_px: float | None = None
     scale_high_arcsec_px: float | None = None
 
     @property
     def position_deg(self) -> tuple[float, float, float] | None:
-        """RA, Dec, radius; None when the position is not known."""
+        """RA, Dec and radius, deg; None when the position is not known."""
         if self.ra_icrs_deg is None or self.dec_icrs_deg is None:
             return None
         return self.ra_icrs_deg % 360.0, self.dec_icrs_deg, self.radius_deg
 
     @property
     def scale_arcsec_px(self) -> tuple[float, float]:
-        """Least and greatest scale to try."""
+        """Least and greatest scale to search, arcsec/px."""
         low = self.scale_low_arcsec_px or _BLIND_SCALE_ARCSEC_PX[0]
         high = self.scale_high_arcsec_px or _BLIND_SCALE_ARCSEC_PX[1]
         return low, max(low, high)
 
 
 class PlateSolver:
-    """Solves frames one after another; a context manager that owns the solver process."""
+    """Solves frames one after another; owns the solver process, and is a context manager."""
 
     def __init__(
         self, index_dirs: Sequence[Path] = (), *, start_s: float = WaitsConfig().process_s
     ) -> None:
-        """``index_dirs`` come before the usual folders (``index_files.search_dirs``).
+        """``index_dirs``: folders searched before the usual ones (``index_files.search_dirs``).
 
-        Outside the belt of shipped stars the rest of them is read when first needed.
-        ``start_s``: how long its process is waited for. Raises SolverError when there is no usable
-        index file at all.
+        Catalogue stars outside the shipped belt of declination are read when first needed.
+        ``start_s``: longest time for the solver process to start. Raises SolverError when there is
+        no usable index file.
         """
         self._files = list_index_files(search_dirs(tuple(index_dirs)))
         if not any(file.is_healthy for file in self._files):
@@ -123,12 +123,12 @@ class PlateSolver:
         deadline_s: float,
         t_utc_ns: int | None = None,
     ) -> Solution | NotSolved:
-        """Solve a field from its stars: (N, 3) of x, y (0-based pixels) and flux, or a StarList.
+        """Solve a field from its stars.
 
-        ``t_utc_ns`` is when they were seen, None for a frame without a time: then the places are
-        those of J2000.0. Never takes much longer than ``deadline_s`` (wall clock): the process is
-        killed then and another one starts at once. Raises SolverError only when no process can be
-        started.
+        ``stars``: (N, 3) of x, y (0-based pixels) and flux, or a StarList. ``t_utc_ns``: when they
+        were observed; None: catalogue positions of J2000.0 are used. ``deadline_s``: wall time;
+        when it passes, the process is killed and replaced. Raises SolverError only when no process
+        can be started.
         """
         started = time.monotonic()
         rows = as_star_rows(stars)
@@ -162,12 +162,13 @@ class PlateSolver:
         t_utc_ns: int | None = None,
         may_be_few: bool = False,
     ) -> Solution | None:
-        """Move the previous plate onto this frame's stars, the fast path of a few milliseconds.
+        """Move the previous plate onto this frame's stars: the fast path, a few milliseconds.
 
-        ``shift_deg``: (RA, Dec) of the ordered move since, as differences in degrees; its error may
-        be up to ``search_arcsec``. ``t_utc_ns`` as for ``solve``. None when it does not fit, e.g.
-        because the field is another one: then call ``solve``. ``may_be_few``: where the stars are
-        too few for a plate of their own, it may be the previous one shifted onto a few of them.
+        ``shift_deg``: ordered move of the telescope since then, differences (RA, Dec) in degrees,
+        wrong by up to ``search_arcsec``. ``t_utc_ns``: as for ``solve``. ``may_be_few``: where the
+        stars are too few to fit a plate, accept the previous plate shifted onto a few of them.
+
+        Returns None when the plate does not fit, as in another field: then call ``solve``.
         """
         started = time.monotonic()
         rows = as_star_rows(stars)
@@ -239,9 +240,9 @@ class PlateSolver:
         return reply.error or f"no match for {len(rows)} stars{_search_words(hint, files)}{finer}"
 
     def missing_index(self, hint: SolveHint, width_px: int, height_px: int) -> tuple[int, ...]:
-        """Numbers of index files that a field of the hinted scale needs and that are missing.
+        """Return the numbers of index files that the field needs and that are missing.
 
-        Finest first; none where the scale is not known.
+        Finest first; () where the hint leaves the scale open.
         """
         low, high = hint.scale_arcsec_px
         if high > _KNOWN_SCALE * low:
@@ -332,7 +333,7 @@ def _epoch_of(t_utc_ns: int | None) -> float:
 
 
 def as_star_rows(stars: FloatArray | StarList) -> FloatArray:
-    """Stars (N, 3) as x, y, flux, brightest first, finite only."""
+    """Return the stars as rows (N, 3) of x, y, flux: brightest first, only finite ones."""
     if isinstance(stars, StarList):
         rows = np.stack([stars.x_px, stars.y_px, stars.flux], axis=1)
     else:

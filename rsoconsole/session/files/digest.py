@@ -1,8 +1,8 @@
-"""Integrity of a session: hashes of its files, the digest of its log, and the findings of a check.
+"""Integrity of a session: hashes of its files, the digest of its log, the findings of a check.
 
-The digest is SHA-256 over one line a record, in order of ``seq``, each ended by a line feed:
-``seq|t_utc_ns|kind|frame_id|body`` in UTF-8, integers in decimal, ``frame_id`` empty where it is
-NULL, ``body`` as it is stored. That is what ``sqlite3`` prints of these columns; see
+The digest is the SHA-256 of the log as text, one line per record in order of ``seq``, each ended by
+a line feed: ``seq|t_utc_ns|kind|frame_id|body`` in UTF-8, integers in decimal, ``frame_id`` empty
+where it is NULL, ``body`` as it is stored. ``sqlite3`` prints these columns in the same form; see
 ``sessions/README.md`` for the command.
 """
 
@@ -22,24 +22,27 @@ from rsoconsole.session.log.liveness import is_being_written
 META_KEY = "log_digest"
 
 Row: TypeAlias = tuple[int, int, str, int | None, str]
-"""Row of the log: seq, t_utc_ns, kind, frame_id, body."""
+"""One row of the log: seq, t_utc_ns, kind, frame_id, body."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LogDigest:
-    """Fingerprint of a session's log."""
+    """Digest of a session's log, with the number of its records."""
 
     sha256: str
-    """Hash of the log, 64 hexadecimal digits."""
+    """SHA-256 of the log, 64 hexadecimal digits."""
     records: int
 
     def to_json(self) -> str:
-        """Return JSON for the table ``meta``."""
+        """Return the digest as JSON, for the table ``meta``."""
         return json.dumps({"sha256": self.sha256, "records": self.records})
 
     @classmethod
     def from_meta(cls, meta: Mapping[str, Any]) -> "LogDigest | None":
-        """Return the digest in a session's table ``meta``; None where it is not closed."""
+        """Return the digest in a session's table ``meta``.
+
+        None for a session that is not closed.
+        """
         found = meta.get(META_KEY)
         if not isinstance(found, dict):
             return None
@@ -47,7 +50,7 @@ class LogDigest:
 
 
 class Digester:
-    """Computes the digest, row by row."""
+    """Computes the digest of a log, row by row."""
 
     def __init__(self) -> None:
         self._hash = hashlib.sha256()
@@ -61,12 +64,12 @@ class Digester:
         self._records += 1
 
     def result(self) -> LogDigest:
-        """The digest of the rows added so far."""
+        """Return the digest of all rows added so far."""
         return LogDigest(sha256=self._hash.hexdigest(), records=self._records)
 
 
 def digest_rows(rows: Iterable[Row]) -> LogDigest:
-    """Digest of a log's rows, given in order."""
+    """Return the digest of a log's rows, given in order."""
     digester = Digester()
     for row in rows:
         digester.add(row)
@@ -74,14 +77,14 @@ def digest_rows(rows: Iterable[Row]) -> LogDigest:
 
 
 def digest_log(connection: sqlite3.Connection) -> LogDigest:
-    """Compute the digest of the log as the database has it now. Raises sqlite3.Error."""
+    """Compute the digest of the log in the database as it is now. Raises sqlite3.Error."""
     return digest_rows(connection.execute(LOG_ROWS))
 
 
 def mark_closed(connection: sqlite3.Connection) -> None:
-    """Mark in ``meta`` that the session is complete, with the digest of its log, in one commit.
+    """Mark the session as complete in ``meta``, with the digest of its log, in one commit.
 
-    ``connection`` is in autocommit mode. Raises sqlite3.Error.
+    ``connection`` must be in autocommit mode. Raises sqlite3.Error.
     """
     with transaction(connection):
         digest = digest_log(connection)
@@ -92,7 +95,7 @@ def mark_closed(connection: sqlite3.Connection) -> None:
 
 
 def sha256_of(content: bytes) -> str:
-    """Hash of these bytes, 64 hexadecimal digits."""
+    """Return the SHA-256 of ``content``, 64 hexadecimal digits."""
     return hashlib.sha256(content).hexdigest()
 
 
@@ -102,12 +105,15 @@ _CHUNK_BYTES_BESIDE_DATA = 12
 
 
 def stray_file_row(path: str, role: str, frame_id: int, content: bytes) -> tuple[object, ...]:
-    """Row of the table ``files`` for a file that was found without one."""
+    """Return a row of the table ``files`` for a file on the disk that the table lacks."""
     return frame_id, role, path, len(content), None, None, sha256_of(content)
 
 
 def content_fault(name: str, content: bytes) -> str | None:
-    """Reason why a FITS or PNG file cannot be read whole; None when it can, and for other files."""
+    """Return why a FITS or PNG file is damaged; None for a sound file.
+
+    None also for files of other kinds, which are not examined.
+    """
     suffixes = {suffix.lower() for suffix in PurePosixPath(name).suffixes}
     if ".png" in suffixes:
         return _png_fault(content)
@@ -151,8 +157,11 @@ def _fits_fault(content: bytes) -> str | None:
 
 
 Severity: TypeAlias = Literal["damage", "leftover", "remark"]
-"""Severity of a finding: part of the record is lost or changed · something waits to be repaired ·
-good to know."""
+"""Severity of a finding.
+
+"damage": part of the record is lost or changed. "leftover": something waits to be repaired, nothing
+is lost. "remark": good to know.
+"""
 State: TypeAlias = Literal["closed", "live", "cut off", "other version", "unreadable"]
 Digest: TypeAlias = Literal["confirmed", "differs", "none"]
 
@@ -163,11 +172,11 @@ NOTHING_TO_DO = "nothing to do"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Finding:
-    """Difference between a session's files and its record."""
+    """One difference between a session's files and what its record says."""
 
     severity: Severity
     place: str
-    """Path of a file in the session's folder, or a part of the log."""
+    """Where: path of a file in the session's folder, or a part of the log."""
     what: str
     remedy: str
 
@@ -185,24 +194,24 @@ class Verification:
     """Number of files whose bytes were read."""
     bytes: int = 0
     digest: Digest = "none"
-    """Result for the log; none: it is not closed."""
+    """Result of comparing the log with its digest; "none": the session is not closed."""
     findings: list[Finding] = field(default_factory=list)
 
     @property
     def is_sound(self) -> bool:
-        """True where nothing is damaged; a session that waits for its repair is sound."""
+        """True where nothing is damaged; leftovers that wait for a repair do not count."""
         return all(found.severity != "damage" for found in self.findings)
 
     def damage(self, place: str, what: str, remedy: str = FROM_COPY) -> None:
-        """Add a finding: something of the record is lost or changed."""
+        """Add a finding of damage: part of the record is lost or changed."""
         self._add("damage", place, what, remedy)
 
     def add_leftover(self, place: str, what: str, remedy: str = REPAIR) -> None:
-        """Add a finding: something waits to be repaired; nothing is lost."""
+        """Add a finding of a leftover: something waits to be repaired, nothing is lost."""
         self._add("leftover", place, what, remedy)
 
     def add_remark(self, place: str, what: str, remedy: str = NOTHING_TO_DO) -> None:
-        """Add a finding that is good to know."""
+        """Add a finding that is only good to know."""
         self._add("remark", place, what, remedy)
 
     def _add(self, severity: Severity, place: str, what: str, remedy: str) -> None:
@@ -210,7 +219,7 @@ class Verification:
 
 
 def state_of(about: Mapping[str, Any]) -> State:
-    """State of a session (closed, live or cut off), by its table ``meta``."""
+    """Return the state of a session (closed, live or cut off), from its table ``meta``."""
     if about.get("is_closed") is True:
         return "closed"
     return "live" if is_being_written(about) else "cut off"

@@ -1,8 +1,9 @@
-"""Frames and previews as files of a session: lossless, small, never half written.
+"""Encodes frames and previews as files of a session: without loss, and small.
 
-A 12-bit converter that fills 16 bits leaves the low four empty, and Rice coding cannot see that:
-such pixels are shifted down first and ``BSCALE`` says by how much, so that every FITS reader gets
-the camera's values back. Source of the coding: Pence et al. 2010, FITS tiled image compression.
+A 12-bit converter whose values fill 16 bits leaves the low four bits empty, and Rice coding does
+not exploit that: such pixels are shifted down first. ``BSCALE`` states the factor, so that every
+FITS reader returns the camera's values. Source of the coding: Pence et al. 2010, FITS tiled image
+compression.
 """
 
 import io
@@ -55,7 +56,7 @@ def compress_frame(frame: Frame) -> bytes:
 
 
 def encode_preview(picture: npt.NDArray[np.uint8]) -> bytes:
-    """Encode a small picture, (height, width) or (height, width, 3) in RGB, as PNG."""
+    """Encode a picture as PNG: (height, width), or (height, width, 3) in RGB."""
     import cv2
 
     ordered = picture[..., ::-1] if picture.ndim == 3 else picture

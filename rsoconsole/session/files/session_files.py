@@ -1,4 +1,4 @@
-"""Files of a session, in its folder or in an archive."""
+"""The files of a session, whether it is a folder or an archive."""
 
 import contextlib
 import hashlib
@@ -19,20 +19,21 @@ from rsoconsole.session.log.schema import DATABASE
 
 PIECE_BYTES = 1 << 20
 MANIFEST = "MANIFEST.sha256"
-"""Name of the list of an archive's hashes, as ``sha256sum`` writes and checks them."""
+"""Name of an archive's list of hashes, in the format of ``sha256sum``."""
 
 
 @dataclass(frozen=True, slots=True)
 class FolderFiles:
-    """Session as a folder."""
+    """Files of a session that is a folder."""
 
     place: Path
 
     def sizes(self) -> Mapping[str, int]:
-        """Sizes of all regular files, bytes by path in the session.
+        """Return the size in bytes of every regular file, by its path in the session.
 
-        Files that vanish meanwhile are left out, and so are links: one in a stranger's session may
-        point anywhere, and repairing or packing it would reach there.
+        Without files that vanish meanwhile, and without links: a link in a stranger's session may
+        point anywhere, and repairing or packing the session would then change or copy what it
+        points to.
         """
         found: dict[str, int] = {}
         for top, _, names in os.walk(self.place, onerror=_raise):
@@ -47,18 +48,18 @@ class FolderFiles:
         return found
 
     def open(self, path: str) -> IO[bytes]:
-        """Open a file for its bytes. Raises OSError."""
+        """Open a file for reading bytes. Raises OSError."""
         # A pipe would be waited for, and what a link names is not the session's.
         flags = os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC
         return os.fdopen(os.open(self.place / path, flags), "rb")
 
     def folder(self) -> Path:
-        """Folder of the session."""
+        """Return the folder that has the database: the session itself."""
         return self.place
 
 
 class ArchiveFiles:
-    """Session as a tar file with one folder in it, not compressed as a whole."""
+    """Files of a session that is a tar file with one folder in it; the tar is not compressed."""
 
     def __init__(self, place: Path, tar: tarfile.TarFile, scratch: Path) -> None:
         self._tar = tar
@@ -77,28 +78,28 @@ class ArchiveFiles:
                 stream.write(piece)
 
     def sizes(self) -> Mapping[str, int]:
-        """Sizes of all files, bytes by path in the session."""
+        """Return the size in bytes of every file, by its path in the session."""
         return {path: member.size for path, member in self._members.items()}
 
     def open(self, path: str) -> IO[bytes]:
-        """Open a file for its bytes. Raises OSError."""
+        """Open a file for reading bytes. Raises OSError."""
         stream = self._tar.extractfile(self._members[path])
         return io.BytesIO() if stream is None else stream
 
     def folder(self) -> Path:
-        """Scratch folder with the database alone."""
+        """Return the scratch folder into which the database, and nothing else, is unpacked."""
         return self._scratch
 
 
 SessionFiles: TypeAlias = FolderFiles | ArchiveFiles
-"""Files of a session, its database as one that SQLite can open."""
+"""Files of a session; ``folder`` has its database as a file that SQLite can open."""
 
 
 @contextmanager
 def open_session_files(place: Path) -> Iterator[SessionFiles]:
-    """Open the files of a session, in its folder or its archive.
+    """Context with the files of the session at ``place``, a folder or an archive.
 
-    Raises SessionError when there is neither.
+    Raises SessionError when ``place`` is neither.
     """
     if not place.is_file():
         yield FolderFiles(place)
@@ -116,7 +117,10 @@ def open_session_files(place: Path) -> Iterator[SessionFiles]:
 def hash_of(
     session_files: SessionFiles, path: str, on_bytes: Callable[[int], None] | None = None
 ) -> str:
-    """SHA-256 of one file, 64 hexadecimal digits. Raises OSError."""
+    """Return the SHA-256 of one file, 64 hexadecimal digits.
+
+    ``on_bytes`` is called with the number of bytes of each piece read. Raises OSError.
+    """
     digest = hashlib.sha256()
     with session_files.open(path) as stream:
         while piece := stream.read(PIECE_BYTES):
@@ -127,7 +131,7 @@ def hash_of(
 
 
 def parse_manifest(text: str) -> dict[str, str]:
-    """Parse hashes by path, from lines as ``sha256sum`` writes them; other lines are skipped."""
+    """Parse ``sha256sum`` lines into hash by path; lines of another form are skipped."""
     pairs = (line.partition("  ") for line in text.splitlines())
     return {path: digest for digest, _, path in pairs if path}
 
@@ -144,7 +148,7 @@ def _raise(error: OSError) -> None:
 
 
 def folders_in(root: Path) -> list[Path]:
-    """Paths directly in a folder; empty where there is no folder. Raises SessionError."""
+    """Return the paths directly in ``root``; () where it does not exist. Raises SessionError."""
     refused = system_errors_as(SessionError, f"{root} cannot be looked into: ")
     with refused, contextlib.suppress(FileNotFoundError):
         return list(root.iterdir())
@@ -152,16 +156,16 @@ def folders_in(root: Path) -> list[Path]:
 
 
 def last_write_utc_ns(folder: Path) -> int:
-    """Time of the last write to a session's log, UTC ns; 0 where it is not known."""
+    """Return the time of the last write to a session's log, UTC ns; 0 where not known."""
     with contextlib.suppress(OSError):
         return (folder / DATABASE).stat().st_mtime_ns
     return 0
 
 
 def replace_folder(beside: Path, folder: Path) -> None:
-    """Rename ``beside`` to ``folder``; an earlier folder is removed only when the new one stands.
+    """Rename ``beside`` to ``folder``, in place of an earlier folder of that name.
 
-    Raises OSError.
+    The earlier folder is removed only after the rename. Raises OSError.
     """
     if not folder.exists():
         beside.rename(folder)

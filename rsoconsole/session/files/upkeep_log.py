@@ -1,8 +1,8 @@
-"""Notes on a session's upkeep after its night, beside it: ``upkeep.jsonl``, and KEEP.
+"""Notes on a session's upkeep after its night: the files ``upkeep.jsonl`` and ``KEEP``.
 
-The database is the night's own and is not written for upkeep. Anyone who repairs, prunes or
-archives a session adds a line to ``upkeep.jsonl``: a JSON object with ``t_utc``, ``verb`` and what
-was done. A file named ``KEEP`` says that nothing of the session may be pruned; its text says why.
+The database belongs to the night, and upkeep does not write to it. A program that repairs, prunes
+or archives a session adds a line to ``upkeep.jsonl``: a JSON object with ``t_utc``, ``verb`` and
+what was done. A file named ``KEEP`` forbids to prune the session; its text says why.
 """
 
 import json
@@ -20,7 +20,7 @@ Note = Mapping[str, Any]
 
 
 def read_notes(folder: Path) -> list[Note]:
-    """Read every readable line, the oldest first; empty where nothing was ever done.
+    """Read all readable notes, the oldest first; [] where there is no file.
 
     Raises SessionError when the file is there and cannot be read.
     """
@@ -32,7 +32,7 @@ def read_notes(folder: Path) -> list[Note]:
 
 
 def parse_notes(content: bytes) -> list[Note]:
-    """Parse the notes in such a file; lines that are none are skipped."""
+    """Parse the content of ``upkeep.jsonl``; lines that are no notes are skipped."""
     notes: list[Note] = []
     for line in content.decode("utf-8", errors="replace").splitlines():
         try:
@@ -45,9 +45,9 @@ def parse_notes(content: bytes) -> list[Note]:
 
 
 def add_note(folder: Path, verb: str, t_utc_ns: int, details: Mapping[str, Any]) -> None:
-    """Add a line; the file is replaced as a whole, and is on the disk on return.
+    """Add a note to ``upkeep.jsonl``; it is on the disk on return.
 
-    Raises OSError.
+    The file is replaced as a whole. ``details``: further members of the line. Raises OSError.
     """
     note = {"t_utc": utc_ns_to_iso(t_utc_ns), "verb": verb, **details}
     path = folder / UPKEEP
@@ -58,8 +58,7 @@ def add_note(folder: Path, verb: str, t_utc_ns: int, details: Mapping[str, Any])
 
 
 def pruned_on(notes: Iterable[Note]) -> dict[str, str]:
-    """Instant at which each pruned file was removed, ISO 8601 UTC, by its path in the session's
-    folder."""
+    """Return when each pruned file was removed (ISO 8601 UTC), by its path in the session."""
     return {
         str(path): str(note.get("t_utc"))
         for note in notes
@@ -69,18 +68,18 @@ def pruned_on(notes: Iterable[Note]) -> dict[str, str]:
 
 
 def is_kept(folder: Path) -> bool:
-    """True where nothing of the session may be pruned."""
+    """True where the session is marked as never to be pruned."""
     return (folder / KEEP).exists()
 
 
 def keep(folder: Path, why: str) -> None:
-    """Mark the session so that nothing of it is ever pruned. Raises SessionError."""
+    """Mark the session as never to be pruned, with the reason ``why``. Raises SessionError."""
     with system_errors_as(SessionError, f"{folder} cannot be marked: "):
         write_durably(folder / KEEP, (why.strip() + "\n").encode() if why.strip() else b"")
 
 
 def release(folder: Path) -> None:
-    """Remove the mark. Raises SessionError."""
+    """Remove the mark that forbids to prune the session. Raises SessionError."""
     with system_errors_as(SessionError, f"{folder} cannot be released: "):
         (folder / KEEP).unlink(missing_ok=True)
         sync_folder(folder)

@@ -1,1 +1,1 @@
-"""Ledgers across nights: tracks that no catalogue explains, and errors of elements."""
+"""Ledgers across nights: of uncatalogued tracks, and of the errors of elements."""

@@ -1,7 +1,7 @@
-"""Ledger of the errors of elements, kept across nights in the user's state folder.
+"""Ledger of the errors of orbital elements, kept across nights in the user's state folder.
 
-A file of lines (``line_file``): each a row, a track of a night against its object's elements. A row
-of the same track replaces the earlier one.
+A file of lines (``line_file``). Each line is a row: a track of one night compared with its object's
+elements. A later row of the same track replaces the earlier row.
 """
 
 from collections.abc import Mapping, Sequence
@@ -19,21 +19,21 @@ FORMAT = 1
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ElementLedger:
-    """Ledger of the valid rows."""
+    """The rows of the ledger that are in force."""
 
     rows: tuple[ElementRow, ...] = ()
-    """Rows in order of time."""
+    """The rows in order of time."""
     unreadable: tuple[int, ...] = ()
-    """Numbers of the lines that cannot be read."""
+    """Numbers, from 1, of the lines of the file that cannot be read."""
 
 
 def element_ledger_path(*, is_simulated: bool = False) -> Path:
-    """Path of this user's element ledger; simulated nights have a file of their own."""
+    """Return the path of this user's element ledger; simulated nights have another file."""
     return state_dir() / ("elements-simulated.jsonl" if is_simulated else "elements.jsonl")
 
 
 def read_element_ledger(path: Path) -> ElementLedger:
-    """Read all rows; none where there is no file. Raises SessionError."""
+    """Read the ledger; an empty one where there is no file. Raises SessionError."""
     file = _file(path)
     return _folded(file, file.lines())
 
@@ -41,10 +41,10 @@ def read_element_ledger(path: Path) -> ElementLedger:
 def keep_rows(
     sessions: Sequence[str], rows: Sequence[ElementRow], path: Path
 ) -> tuple[ElementLedger, Path | None]:
-    """Replace all rows of these sessions, on the disk when this returns.
+    """Replace all rows of these sessions by ``rows``; they are on the disk on return.
 
-    Returns the ledger, and the new path of a damaged file. Raises SessionError where the file
-    cannot be written, and where another writer takes too long.
+    Returns the ledger, and where a damaged file was moved (None: it was sound). Raises SessionError
+    where the file cannot be written, and where another writer takes too long.
     """
 
     def step(before: ElementLedger) -> list[Change]:

@@ -1,8 +1,8 @@
 """Ledger of tracks that no catalogue explains, kept across nights in the user's state folder.
 
-One file of lines that is only ever added to (``line_file``): an added track, a new name, a
-forgotten object; the present state is a fold over them. A track that is added again (by session and
-track id) replaces itself.
+A file of lines that is only appended to (``line_file``): a track is added, an object gets a name,
+an object is forgotten. The present state is a fold over the lines. A track that is added again
+(same session and track id) replaces its earlier entry.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -21,7 +21,7 @@ _MAX_NAME = 40
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LedgerOrbit:
-    """An orbit with its covariance, on GCRS axes."""
+    """An orbit with its covariance, along GCRS axes."""
 
     label: str
     prior: str
@@ -29,19 +29,19 @@ class LedgerOrbit:
     r_gcrs_km: tuple[float, ...]
     v_gcrs_km_s: tuple[float, ...]
     covariance: tuple[tuple[float, ...], ...]
-    """Covariance (6, 6), km and km/s."""
+    """Covariance of r and v, (6, 6), km and km/s."""
     a_km: float
     e: float
     i_deg: float
     sigma_a_km: float
     rms_arcsec: float
     nights: int = 1
-    """Number of tracks that it rests on."""
+    """Number of tracks that the orbit was fitted to."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LedgerTrack:
-    """Track in the ledger."""
+    """One track in the ledger: where and when it was seen, its motion, its orbit."""
 
     session: str
     """Name of the session's folder."""
@@ -55,56 +55,57 @@ class LedgerTrack:
     t_last_utc_ns: int
     observations: int
     t_utc_ns: int
-    """Instant of the direction and its rates, the middle of the track."""
+    """Instant of ``ra_icrs_deg``, ``dec_icrs_deg`` and the rates: the middle of the track."""
     ra_icrs_deg: float
     dec_icrs_deg: float
     rate_east_arcsec_s: float
     rate_north_arcsec_s: float
     covariance: tuple[tuple[float, ...], ...]
-    """Covariance (4, 4) of east, its rate, north, its rate: arcsec and arcsec/s."""
+    """Covariance (4, 4) of east, east rate, north, north rate: arcsec and arcsec/s."""
     orbit: LedgerOrbit | None
-    """Orbit of the track; None where the track determines too little of one."""
+    """Orbit of the track; None where the track does not determine one."""
     directions: tuple[tuple[float, ...], ...]
-    """Some of its directions: seconds since ``t_utc_ns``, RA and Dec (deg), covariance ee, en,
-    nn."""
+    """Some of its measured directions, seven numbers each.
+
+    Seconds since ``t_utc_ns``; RA, Dec (deg); covariance east-east, east-north, north-north.
+    """
     is_simulated: bool = False
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LedgerObject:
-    """Uncatalogued object, with all its tracks."""
+    """An uncatalogued object, with all of its tracks."""
 
     number: int
     name: str
-    """Name by the operator; empty: none."""
+    """Name that the operator gave; empty: none."""
     tracks: tuple[LedgerTrack, ...]
     """Tracks in order of time."""
 
     @property
     def called(self) -> str:
-        """Name for display."""
+        """Name for display: the operator's, or one made of the number."""
         return self.name or f"UCT {self.number}"
 
     @property
     def last(self) -> LedgerTrack:
-        """Latest track."""
+        """The latest track."""
         return self.tracks[-1]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Ledger:
-    """Ledger of uncatalogued objects."""
+    """The uncatalogued objects of all nights."""
 
     objects: tuple[LedgerObject, ...] = ()
     """Objects in order of number."""
     next_number: int = 1
-    """Number of the next new object: none is used twice, even where its object was forgotten."""
+    """Number for the next new object; the number of a forgotten object is not used again."""
     unreadable: tuple[int, ...] = ()
-    """Numbers of the lines that cannot be read."""
+    """Numbers, from 1, of the lines of the file that cannot be read."""
 
     def named(self, number: int) -> LedgerObject:
-        """Return an object by its number. Raises SessionError where the ledger has no such
-        object."""
+        """Return the object with this number. Raises SessionError where there is none."""
         for each in self.objects:
             if each.number == number:
                 return each
@@ -112,7 +113,7 @@ class Ledger:
         raise SessionError(f"the ledger has no UCT {number}; there are: {known}")
 
     def without(self, session: str) -> "Ledger":
-        """Return the ledger without the tracks of a session."""
+        """Return the ledger without the tracks of a session; ``session``: name of its folder."""
         objects = []
         for each in self.objects:
             tracks = tuple(track for track in each.tracks if track.session != session)
@@ -121,7 +122,7 @@ class Ledger:
         return replace(self, objects=tuple(objects))
 
     def number_of(self, session: str, track_id: int) -> int | None:
-        """Number of the object that a track was kept as; None where it was not."""
+        """Return the number of the object that has this track; None where no object has it."""
         for each in self.objects:
             if any((t.session, t.track_id) == (session, track_id) for t in each.tracks):
                 return each.number
@@ -129,35 +130,40 @@ class Ledger:
 
 
 def ledger_path(*, is_simulated: bool = False) -> Path:
-    """Path of this user's ledger; simulated nights have one of their own."""
+    """Return the path of this user's ledger; simulated nights have another file."""
     return state_dir() / ("ledger-simulated.jsonl" if is_simulated else "ledger.jsonl")
 
 
 def keep_change(number: int, track: LedgerTrack) -> Change:
-    """Change: a track is added to an object that is new or known."""
+    """Return the line that adds a track to object ``number``, which may be new."""
     return {"did": "kept", "number": number, "track": asdict(track)}
 
 
 def rename_change(number: int, name: str) -> Change:
-    """Change: an object gets a name. Raises SessionError for one that cannot be displayed."""
+    """Return the line that names an object. Raises SessionError for a name not displayable."""
     if len(name) > _MAX_NAME or not name.isprintable():
         raise SessionError(f"a name has at most {_MAX_NAME} characters, all of them printable")
     return {"did": "renamed", "number": number, "name": name.strip()}
 
 
 def forget_change(number: int) -> Change:
-    """Change: an object is no longer listed or matched; its lines stay in the file."""
+    """Return the line after which an object is not listed or matched; its lines remain."""
     return {"did": "forgotten", "number": number}
 
 
 def withdraw_change(session: str, track_id: int) -> Change:
-    """Change: a track is withdrawn, because it has been identified with a catalogued object
-    since."""
+    """Return the line that withdraws a track.
+
+    For a track that has since been identified with a catalogued object.
+    """
     return {"did": "taken back", "session": session, "track_id": track_id}
 
 
 def read_ledger(path: Path | None = None) -> Ledger:
-    """Read the ledger; an empty one where there is none. Raises SessionError."""
+    """Read the ledger at ``path``; None: this user's. Empty where there is no file.
+
+    Raises SessionError.
+    """
     file = _file(path or ledger_path())
     return _folded(file, file.lines())
 
@@ -165,10 +171,11 @@ def read_ledger(path: Path | None = None) -> Ledger:
 def change_ledger(
     change: Callable[[Ledger], Sequence[Change]], path: Path | None = None
 ) -> tuple[Ledger, Path | None]:
-    """Add the changes that ``change`` returns for the ledger, on the disk when this returns.
+    """Append the lines that ``change`` returns for the present ledger; on the disk on return.
 
-    Nobody else writes meanwhile. Returns the ledger, and the new path of a damaged file. Raises
-    SessionError where another writer takes too long, and where the file cannot be written.
+    The file is locked meanwhile. ``path`` None: this user's ledger. Returns the new ledger, and
+    where a damaged file was moved (None: it was sound). Raises SessionError where another writer
+    takes too long, and where the file cannot be written.
     """
     return _file(path or ledger_path()).change(_folded, change)
 

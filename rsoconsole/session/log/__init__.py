@@ -1,1 +1,1 @@
-"""Database of a session: its layout, writing, and reading without SQLite."""
+"""A session's database: its layout, writing it, and reading it without SQLite."""

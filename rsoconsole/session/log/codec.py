@@ -1,8 +1,8 @@
-"""Conversion of records to JSON and back, exactly.
+"""Converts records to JSON and back, without loss.
 
-Floats go through their shortest round-trip form, tuples become arrays and come back as tuples,
-records inside records come back as themselves. NaN and infinities are refused: a missing value is
-None. Keys that are no field, as a reason's text, are skipped.
+Floats are written in their shortest round-trip form; tuples are written as arrays and read as
+tuples; a record inside a record is read as a record. NaN and infinities are refused: a missing
+value is None. Keys that are no field, such as a reason's text, are skipped.
 """
 
 import json
@@ -28,10 +28,10 @@ _Decoder: TypeAlias = Callable[[Any], Any]
 
 
 def encode(record: Record) -> tuple[str, int | None, str]:
-    """Encode one record: (kind, frame_id or None, JSON body).
+    """Encode one record; return (kind, frame_id or None, JSON body).
 
-    Raises SessionError for anything but a record of the log, for NaN and infinities, and for values
-    that JSON cannot carry.
+    Raises SessionError for an object that is no record of the log, for NaN and infinities, and for
+    values that JSON cannot represent.
     """
     kind = type(record).__name__
     if KINDS.get(kind) is not type(record):
@@ -41,9 +41,9 @@ def encode(record: Record) -> tuple[str, int | None, str]:
 
 
 def decode(kind: str, body: str) -> Record:
-    """Decode a record that ``encode`` has encoded.
+    """Decode a record from the kind and body that ``encode`` returned.
 
-    Raises SessionError when the kind is unknown or the body is not such a record.
+    Raises SessionError when the kind is unknown or the body is no such record.
     """
     record_type = KINDS.get(kind)
     if record_type is None:
@@ -56,9 +56,9 @@ def decode(kind: str, body: str) -> Record:
 
 
 def from_json_value(hint: Any, value: Any) -> Any:
-    """Read a value of the type ``hint`` from the JSON of ``to_json_value``.
+    """Return a value of the type ``hint``, from JSON that ``to_json_value`` returned.
 
-    Raises ValueError, TypeError or KeyError where that fails.
+    Raises ValueError, TypeError or KeyError where the JSON does not fit the type.
     """
     return _decoder(hint)(value)
 
@@ -68,7 +68,7 @@ def to_json_value(  # noqa: PLR0911 -- one case a type
 ) -> Any:
     """Convert ``value`` to JSON values: dicts, lists, strings, finite numbers, None.
 
-    Raises SessionError naming the place of a value that does not fit.
+    Raises SessionError for what JSON cannot represent; ``where`` names the value in its message.
     """
     if value is None or isinstance(value, (bool, str)):
         return value

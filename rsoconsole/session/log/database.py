@@ -1,4 +1,4 @@
-"""SQLite file of a session: its creation, opening for writing, and closing as one file."""
+"""A session's SQLite file: creating it, opening it, and closing it as a single file."""
 
 import contextlib
 import json
@@ -25,14 +25,18 @@ from rsoconsole.session.log.schema import (
 )
 
 MAX_ROW_BYTES = 64_000_000
-"""Largest row; the largest records have some ten thousand bytes."""
+"""Largest allowed row, bytes; the largest records have some ten thousand."""
 STEPS_A_CALL = 100_000
 MIN_CALLS = 500
-"""Least number of calls before a statement is ended: fifty million steps, seconds on a slow
-machine."""
+"""Least number of progress calls allowed to a statement, each of STEPS_A_CALL steps.
+
+Fifty million steps: seconds on a slow machine.
+"""
 BYTES_A_CALL = 10_000
-"""Bytes of the file for one more call: ten steps a byte; the program's own statements need a
-thirtieth of a step."""
+"""Bytes of the database for which a statement is allowed one more progress call.
+
+Ten steps a byte; the program's own statements need a thirtieth of a step a byte.
+"""
 _TABLES = ("log", "meta", "files")
 _COMPUTED = re.compile(r"\b(check|generated|as|virtual)\b", re.IGNORECASE)
 _GENERATED = (2, 3)
@@ -48,9 +52,9 @@ _INDEXES = (
 
 
 def limit_work(connection: sqlite3.Connection, path: Path) -> None:
-    """Limit statements by the file's size, and refuse huge rows.
+    """Limit the steps of each statement, by the database's size, and the size of a row.
 
-    SQLite then raises OperationalError with the code SQLITE_INTERRUPT, or DataError.
+    Beyond the limits SQLite raises OperationalError with the code SQLITE_INTERRUPT, or DataError.
     """
     connection.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, MAX_ROW_BYTES)
     left = MIN_CALLS + sum(map(_bytes, (path, path.with_name(WAL)))) // BYTES_A_CALL
@@ -64,15 +68,14 @@ def limit_work(connection: sqlite3.Connection, path: Path) -> None:
 
 
 def is_query_limit_error(error: BaseException) -> bool:
-    """True where a statement was ended because it needed too many steps."""
+    """True for the error of a statement that ``limit_work`` ended."""
     return getattr(error, "sqlite_errorcode", None) == sqlite3.SQLITE_INTERRUPT
 
 
 def untrusted_tables_reason(connection: sqlite3.Connection) -> str | None:
-    """Reason why the tables cannot be trusted: one is missing or computes values; None where all is
-    plain.
+    """Return why the tables cannot be trusted: one is missing, or computes values.
 
-    Raises sqlite3.Error.
+    None where all are plain tables. Raises sqlite3.Error.
     """
     for kind, name, sql in connection.execute(_NAMED):
         if kind == "trigger":
@@ -99,13 +102,13 @@ def _bytes(path: Path) -> int:
 
 
 class Database(sqlite3.Connection):
-    """Connection whose errors are sqlite3.Error, whatever bytes SQLite's message quotes.
+    """SQLite connection that raises sqlite3.Error also for a damaged schema.
 
-    Its message on a damaged schema quotes the damaged bytes, which Python fails to decode.
+    SQLite's message on a damaged schema quotes the damaged bytes, which Python cannot decode.
     """
 
     def execute(self, sql: str, parameters: Any = (), /) -> sqlite3.Cursor:
-        """Execute a statement; an unreadable schema is a sqlite3.DatabaseError."""
+        """Execute a statement; raises sqlite3.DatabaseError for an unreadable schema."""
         try:
             return super().execute(sql, parameters)
         except UnicodeDecodeError as error:
@@ -113,8 +116,10 @@ class Database(sqlite3.Connection):
 
 
 def connect_to_write(path: Path) -> sqlite3.Connection:
-    """Open a connection in autocommit mode whose commits wait for the disk. Raises
-    sqlite3.Error."""
+    """Open a connection in autocommit mode; each commit returns when it is on the disk.
+
+    Raises sqlite3.Error.
+    """
     # mode=rw: a database that has vanished is a fault, never silently a new empty one.
     connection = sqlite3.connect(
         f"{path.resolve().as_uri()}?mode=rw",
@@ -133,18 +138,20 @@ def connect_to_write(path: Path) -> sqlite3.Connection:
 
 @contextmanager
 def transaction(connection: sqlite3.Connection) -> Iterator[None]:
-    """Run one transaction: all writes within are on the disk behind it or undone; in autocommit
-    mode."""
+    """Context of one transaction: on leaving, all its writes are on the disk, or none is.
+
+    ``connection`` must be in autocommit mode.
+    """
     connection.execute("BEGIN IMMEDIATE")
     with connection:
         yield
 
 
 def connect_to_read(path: Path, *, is_immutable: bool = False) -> sqlite3.Connection:
-    """Open a connection that cannot write, to a database that SQLite can read as it stands.
+    """Open a read-only connection to a database that needs no recovery.
 
-    ``is_immutable`` promises that nobody writes. A statement with more steps than the file's size
-    explains is ended (``session/log/database.py``). Raises sqlite3.Error.
+    ``is_immutable`` True: no process writes to the file, so SQLite need not lock it. Statements are
+    limited (``limit_work``). Raises sqlite3.Error.
     """
     mode = "mode=ro&immutable=1" if is_immutable else "mode=ro"
     connection = sqlite3.connect(
@@ -160,9 +167,9 @@ def connect_to_read(path: Path, *, is_immutable: bool = False) -> sqlite3.Connec
 
 
 def recovered_database_copy(folder: Path, scratch: Path) -> Path:
-    """Copy the session's database into ``scratch`` and have SQLite complete an interrupted write.
+    """Copy the session's database into ``scratch``, and let SQLite finish a write cut off.
 
-    Returns the copy, one file. Raises OSError or sqlite3.Error.
+    Returns the path of the copy, a single file. Raises OSError or sqlite3.Error.
     """
     for name in (DATABASE, WAL, JOURNAL):
         if (folder / name).exists():
@@ -172,7 +179,10 @@ def recovered_database_copy(folder: Path, scratch: Path) -> Path:
 
 
 def create_database(path: Path, facts: Mapping[str, Any]) -> None:
-    """Create the database beside its place and rename it, so that no reader meets half of one."""
+    """Create a session's database, with ``facts`` in its table ``meta``.
+
+    It is made under another name and renamed, so that no reader meets an incomplete one.
+    """
     beside = path.with_name(path.name + PART)
     beside.unlink(missing_ok=True)
     connection = sqlite3.connect(beside, isolation_level=None)
@@ -198,9 +208,9 @@ def create_database(path: Path, facts: Mapping[str, Any]) -> None:
 
 
 def lay_out_session(folder: Path, config_toml: bytes, facts: Mapping[str, Any]) -> None:
-    """Fill an existing session folder: its sub-folders, configuration and database.
+    """Fill an existing, empty session folder: sub-folders, configuration, database.
 
-    Raises OSError, ValueError or sqlite3.Error.
+    ``facts`` go into the table ``meta``. Raises OSError, ValueError or sqlite3.Error.
     """
     for name in FOLDERS.values():
         (folder / name).mkdir(exist_ok=True)
@@ -209,9 +219,9 @@ def lay_out_session(folder: Path, config_toml: bytes, facts: Mapping[str, Any]) 
 
 
 def merge_wal(path: Path, timeout_s: float) -> None:
-    """Fold the write-ahead log into the database, so that it is one file any reader can open.
+    """Move the write-ahead log into the database, so that the session is a single file.
 
-    Raises sqlite3.Error when readers hold it for longer than ``timeout_s``.
+    Raises sqlite3.Error when readers hold the database for longer than ``timeout_s``.
     """
     deadline = time.monotonic() + timeout_s
     connection = connect_to_write(path)
@@ -235,8 +245,10 @@ _MAGIC = b"SQLite format 3\x00"
 
 
 class LogFileWatch:
-    """Watch for damage to the database and its write-ahead log: removed, replaced, cut,
-    overwritten."""
+    """Detects that the database or its write-ahead log was damaged by others.
+
+    Removed, replaced, cut short or overwritten: SQLite itself does not notice these.
+    """
 
     def __init__(self, database: Path) -> None:
         self._paths = {"log": database, "write-ahead log": database.with_name(WAL)}
@@ -247,22 +259,28 @@ class LogFileWatch:
         self.damage(lambda: True)
 
     def close(self) -> None:
-        """Close, only behind the last connection: to close any descriptor of a file releases
-        SQLite's own lock of it, and another program would believe that nobody writes."""
+        """Close the watch; only after the process's last connection to the database.
+
+        Closing any descriptor of a file releases SQLite's own lock of it: another program would
+        conclude that no process writes.
+        """
         if self._descriptor is not None:
             os.close(self._descriptor)
             self._descriptor = None
 
     def forget_wal(self) -> None:
-        """Stop watching the write-ahead log: the connection is closed, and SQLite removes it
-        itself."""
+        """Stop watching the write-ahead log, before the connection is closed.
+
+        SQLite then removes that file itself.
+        """
         self._before.pop("write-ahead log", None)
 
     def damage(self, has_all: Callable[[], bool]) -> str | None:
-        """Damage to the files since the first look, in words; None where there is none.
+        """Return the damage to the files since the first call, in words; None for none.
 
-        ``has_all``: whether a reader finds every record; called where the write-ahead log is
-        shorter, which is so after another program has had SQLite fold it into the database, too.
+        ``has_all`` returns whether a reader finds every record. It is called where the write-ahead
+        log has become shorter: that is no damage where another program had SQLite merge it into the
+        database.
         """
         for name, path in self._paths.items():
             try:
@@ -301,4 +319,4 @@ FILE_ROW = f"{FILE_ROWS} WHERE frame_id = ? AND role = ?"
 # OR IGNORE: a commit that reported an error may have reached the disk all the same.
 INSERT_RECORD = f"INSERT OR IGNORE INTO log ({LOG_COLUMNS}) VALUES (?, ?, ?, ?, ?)"
 INSERT_FILE = f"INSERT OR REPLACE INTO files ({FILE_COLUMNS}) VALUES (?, ?, ?, ?, ?, ?, ?)"
-"""Statement that inserts a row of ``files``; the latest row of a file counts."""
+"""Statement that inserts a row of ``files``, replacing an earlier row of the same file."""

@@ -1,7 +1,7 @@
-"""File of lines that is only ever appended to, each a JSON object that can be read by itself.
+"""A file of lines that is only appended to; each line is a JSON object readable by itself.
 
-Damage costs no more than the damaged lines: the next writer moves the damaged file aside, as it is,
-and continues with the readable lines. The first line states the format.
+Damage costs only the damaged lines: the next writer moves the damaged file aside, unchanged, and
+continues with the readable lines. The first line states the format.
 """
 
 import contextlib
@@ -27,11 +27,11 @@ _MAX_BYTES = 200_000_000
 
 Lines = Sequence[bytes]
 Change = Mapping[str, Any]
-"""Line to be added: ``did`` names the change."""
+"""A line to append, as a mapping; its key ``did`` names the kind of change."""
 
 
 class FoldedLines(Protocol):
-    """State that all lines of a file add up to."""
+    """The state that all lines of a file add up to."""
 
     @property
     def unreadable(self) -> tuple[int, ...]:
@@ -43,15 +43,15 @@ F = TypeVar("F", bound=FoldedLines)
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LineFile:
-    """File of lines, which need not exist yet."""
+    """A file of lines; it need not exist yet."""
 
     path: Path
     called: str
-    """Name in messages: the ledger."""
+    """What messages call the file: "the ledger"."""
     format: int
 
     def lines(self) -> list[bytes]:
-        """Read all lines; none where there is no file. Raises SessionError."""
+        """Read all lines; [] where there is no file. Raises SessionError."""
         with system_errors_as(SessionError, f"{self.called} {self.path} cannot be read: "):
             try:
                 if self.path.stat().st_size > _MAX_BYTES:
@@ -63,12 +63,11 @@ class LineFile:
     def change(
         self, fold: Callable[["LineFile", Lines], F], step: Callable[[F], Sequence[Change]]
     ) -> tuple[F, Path | None]:
-        """Add the changes that ``step`` returns for the present state, on the disk when this
-        returns.
+        """Append the changes that ``step`` returns for the present state; on the disk on return.
 
-        Nobody else writes meanwhile. Returns the new state, and the new path of a damaged file.
-        Raises SessionError where another writer takes too long, and where the file cannot be
-        written.
+        ``fold`` makes the state of the lines. The file is locked meanwhile. Returns the new state,
+        and where a damaged file was moved (None: it was sound). Raises SessionError where another
+        writer takes too long, and where the file cannot be written.
         """
         with system_errors_as(
             SessionError,
@@ -87,11 +86,11 @@ class LineFile:
                 return fold(self, self.lines()), aside
 
     def read(self, lines: Lines, take: Callable[[Mapping[str, Any]], None]) -> tuple[int, ...]:
-        """Pass each line but the first to ``take`` as an object.
+        """Parse the lines, and call ``take`` with the object of each, except of the first line.
 
-        Returns the numbers of those that cannot be read: ``take`` raises ValueError, KeyError or
-        TypeError for a line that it does not know. Raises SessionError for a file that a later
-        version has written.
+        Returns the numbers, from 1, of the lines that cannot be read; ``take`` raises ValueError,
+        KeyError or TypeError for a line that it does not accept. Raises SessionError for a file
+        that a later version has written.
         """
         bad = []
         for place, line in enumerate(lines, start=1):
@@ -127,8 +126,10 @@ class LineFile:
             sync_folder(self.path.parent)
 
     def _moved_aside(self, lines: Lines, unreadable: Sequence[int]) -> Path:
-        """Copy the damaged file, byte by byte, and replace it by its readable lines; return the
-        copy."""
+        """Copy the damaged file, byte by byte, and replace it by its readable lines.
+
+        Returns the path of the copy.
+        """
         number = 1
         while (aside := self.path.with_name(f"{self.path.name}.damaged-{number}")).exists():
             number += 1
@@ -140,7 +141,7 @@ class LineFile:
 
 
 def damage_words(unreadable: Sequence[int], path: Path) -> str:
-    """Damage to a file of lines in words, and its consequences; empty for a whole one."""
+    """Return a sentence on the unreadable lines of a file; empty where there are none."""
     if not unreadable:
         return ""
     first, count = unreadable[0], len(unreadable)

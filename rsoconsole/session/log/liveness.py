@@ -1,4 +1,4 @@
-"""Test whether the process that writes a session still lives, by its mark in the table ``meta``."""
+"""Finds out whether the process that writes a session still lives, from the table ``meta``."""
 
 import os
 from collections.abc import Mapping
@@ -12,15 +12,15 @@ _START_FIELD = 19
 
 
 def writer_identity() -> dict[str, Any]:
-    """Mark of this process, unique among all processes, as JSON values."""
+    """Return JSON values that identify this process among all, for the table ``meta``."""
     pid = os.getpid()
     return {"pid": pid, "boot_id": _boot_id(), "start_ticks": _start_ticks(pid)}
 
 
 def is_being_written(about: Mapping[str, Any]) -> bool:
-    """True while a process still writes the session: it is not closed, and its process lives.
+    """True while a process writes the session: it is not closed, and its process lives.
 
-    ``about`` is the session's table ``meta``. A session that names no process counts as abandoned.
+    ``about``: the session's table ``meta``. A session that names no process counts as abandoned.
     """
     if about.get("is_closed") is True:
         return False

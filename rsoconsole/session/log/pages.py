@@ -1,9 +1,9 @@
-"""Rows of a SQLite file read page by page, for files that SQLite itself cannot read any more.
+"""Reads the rows of a SQLite file page by page, where SQLite itself can no longer read the file.
 
-Every page that still looks like one with rows is read by itself, whether or not a table leads to
-it; what its cells say is only as good as the page, so the caller must judge the rows. SQLite's
-own ``.recover`` would do it too, but the shell that Debian 12 ships (3.40.1) ends it with "SQL
-logic error" on every database. Source: sqlite.org/fileformat2.html.
+Every page that looks like a page of rows is read, whether or not a table leads to it. Its cells may
+be damaged: the caller must check the rows. SQLite's own ``.recover`` would do the same, but the
+shell that Debian 12 ships (3.40.1) ends it with "SQL logic error" on every database. Source:
+sqlite.org/fileformat2.html.
 """
 
 import struct
@@ -26,7 +26,7 @@ _WAL_HEADER_BYTES, _FRAME_HEADER_BYTES = 32, 24
 
 
 class Pages:
-    """Database with its write-ahead log, as pages by their number from 1."""
+    """The pages, by number from 1, of a database and its write-ahead log."""
 
     def __init__(self, database: Path, wal: Path) -> None:
         """Read both files. Raises OSError."""
@@ -48,10 +48,10 @@ class Pages:
             self._images.append(image)
 
     def rows(self) -> Iterator[tuple[int | None, Fields]]:
-        """Yield (rowid, fields) of everything that looks like a row; rowid None in a WITHOUT ROWID
-        table.
+        """Yield (rowid, fields) of everything that looks like a row.
 
-        A field that stands for the rowid is None.
+        rowid is None for a row of a WITHOUT ROWID table. A field that SQLite stores as the rowid is
+        None.
         """
         for image in self._images:
             starts = (_FILE_HEADER_BYTES, 0) if image.startswith(MAGIC) else (0,)

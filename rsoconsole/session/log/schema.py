@@ -1,9 +1,9 @@
 """Schema of the session's database: a public interface with a version.
 
-``log`` is the truth: every record in the order in which the engine made it, as JSON. The views
-spread the records into columns for SQL; SQLite may round their decimals in the last digit, the JSON
-is exact. A change that would make earlier sessions unreadable takes the next number; a session of
-another number is refused.
+The table ``log`` is the record: every record in the order in which the engine made it, as JSON. The
+views spread the records into columns for SQL; SQLite may round decimals in the last digit there,
+the JSON is exact. A change that would make earlier sessions unreadable increases the version; a
+session of another version is refused.
 """
 
 import re
@@ -16,23 +16,23 @@ DATABASE = "session.db"
 WAL = f"{DATABASE}-wal"
 JOURNAL = f"{DATABASE}-journal"
 BESIDE_DATABASE = (WAL, JOURNAL, f"{DATABASE}-shm")
-"""Files that SQLite keeps beside the database while it is written, or after it was cut off."""
+"""Files that SQLite keeps beside a database that is written to, or was cut off."""
 CONFIG = "config.toml"
 WORLD = "world.toml"
-"""Name of the file with the settings of a simulated night's observatory."""
+"""Name of the file with the settings of the simulated observatory, in a simulated night."""
 BRANCHES = "branches"
-"""Folder of branches derived from the session: never part of its record."""
+"""Name of the folder of what-if branches of the session; they are no part of its record."""
 
 FOLDERS: Mapping[str, str] = MappingProxyType(
     {"frame": "frames", "preview": "previews", "closeup": "closeups"}
 )
-"""Folder of the files of each role."""
+"""Name of the folder of each role's files."""
 _ENDINGS = {"frame": ".fits.fz", "preview": ".png", "closeup": ".png"}
 _NUMBERED = re.compile(r"(?P<folder>[a-z]+)/(?P<frame_id>\d{6,})(?P<ending>(\.[a-z]+)+)")
 
 SCHEMA_VERSION = 1
 APPLICATION_ID = 0x52534F43
-"""``RSOC`` in the database's header, which marks a session among SQLite files."""
+"""``RSOC`` as a number in the database's header: marks a SQLite file as a session."""
 
 _TABLES_SQL = """
 CREATE TABLE meta (key TEXT PRIMARY KEY, value TEXT NOT NULL) WITHOUT ROWID;
@@ -72,20 +72,21 @@ _SUPERSEDED = (
     "EXISTS (SELECT 1 FROM log AS later WHERE later.kind = 'FollowedAgain'"
     " AND later.frame_id = log.frame_id AND later.seq > log.seq)"
 )
-"""Condition in SQL that is true where the frame was processed again after the operator's decision:
-the row no longer counts."""
+"""SQL condition: true for a row that no longer counts.
+
+The frame was then processed again after the operator's decision.
+"""
 VIEWS = tuple(TABLES)
 """Names of the public views."""
 
 
 def file_name(role: str, frame_id: int) -> str:
-    """Path of a file of this role in the session's folder, as the table ``files`` has it."""
+    """Return the path, in the session's folder, of a frame's file of this role."""
     return f"{FOLDERS[role]}/{frame_id:06d}{_ENDINGS[role]}"
 
 
 def role_of(path: str) -> tuple[str, int] | None:
-    """Parse (role, frame_id) of a file from its place in the session's folder; None for any other
-    file."""
+    """Return (role, frame_id) of a file, from its path in the session; None for another file."""
     match = _NUMBERED.fullmatch(path)
     if match is None:
         return None
@@ -96,7 +97,7 @@ def role_of(path: str) -> tuple[str, int] | None:
 
 
 def select_of(name: str) -> str:
-    """SQL that selects the rows of a public view."""
+    """Return the SQL that selects the rows of a public view."""
     table = TABLES[name]
     columns = ["seq", "t_utc_ns", "log.frame_id AS frame_id"]
     columns += [f"{_value(table, column)} AS {column.name}" for column in table.own]
@@ -125,6 +126,6 @@ def _value(table: Table, column: Column) -> str:
 
 
 def create_script() -> str:
-    """SQL that makes an empty session database: tables, then the public views."""
+    """Return the SQL that makes an empty session database: tables, then the public views."""
     views = (f"CREATE VIEW {name} AS {select_of(name)};\n" for name in VIEWS)
     return _TABLES_SQL + "".join(views)

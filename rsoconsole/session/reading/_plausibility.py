@@ -1,6 +1,6 @@
-"""Check for implausible records: numbers that are no times, directions or covariances.
+"""Checks records for impossible numbers: no valid times, directions or covariances.
 
-JSON in the shape of a record may hold any values; computations must not meet those.
+JSON in the shape of a record may hold any values, which computations must not meet.
 """
 
 from rsoconsole.records import FrameTaken, Measurement, NotFollowed, Record, Ruling, TrackState
@@ -15,7 +15,7 @@ _NUMBERS = 4
 
 
 def expect_plausible(record: Record) -> None:
-    """Raise ValueError, naming the implausible value."""
+    """Raise ValueError, naming the value, for a record with an impossible value."""
     match record:
         case Measurement():
             _expect_measurement(record)

@@ -1,10 +1,10 @@
-"""Reader of sessions, live or closed.
+"""Reads sessions, live or closed.
 
-Each call opens the database read-only and closes it again: no transaction is held, the writer is
-never blocked, and a session that ends can fold its write-ahead log.
+Each call opens the database read-only and closes it again: no transaction stays open, the writer is
+never blocked, and a session that ends can merge its write-ahead log.
 
-A session of another schema is refused. A branch (``meta`` names in ``branch_of`` what it branches
-from) is read as a session; files that it does not hold itself are that session's.
+A session of another schema is refused. A branch (its ``meta`` names the original session in
+``branch_of``) is read like a session; files that the branch lacks are taken from the original.
 """
 
 import os
@@ -48,7 +48,7 @@ from rsoconsole.words import utc_ns_to_iso
 
 PAGE_RECORDS = 500
 MAX_BRANCH_DEPTH = 8
-"""Largest depth of branches of branches on the way to a file: more are a circle."""
+"""Largest number of branches of branches followed to find a file; more are a circle."""
 _SELECT = "SELECT seq, t_utc_ns, kind, body FROM log WHERE seq > ?"
 
 
@@ -59,11 +59,11 @@ _GOOD_TIME = (
 
 
 class OtherSchemaError(SessionError):
-    """Error for a session that another version wrote: nothing is wrong with it."""
+    """Raised for a session that another version wrote; the session itself is sound."""
 
 
 def expect_schema(folder: Path, version: int) -> None:
-    """Raise OtherSchemaError for a session whose schema is not this version's."""
+    """Raise OtherSchemaError where ``version``, the session's schema, is not this program's."""
     if version != SCHEMA_VERSION:
         how = "update rsoconsole" if version > SCHEMA_VERSION else "open it with that one"
         raise OtherSchemaError(
@@ -74,7 +74,7 @@ def expect_schema(folder: Path, version: int) -> None:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Counts:
-    """Numbers of records and frames of a session, and its first and last instant."""
+    """How many records and frames a session has, and its first and last instant."""
 
     records: int
     frames: int
@@ -83,10 +83,9 @@ class Counts:
 
 
 class SessionReader:
-    """Reader of a session's records, facts and files. Cheap to make; safe to use from one thread at
-    a time.
+    """Reads the records, facts and files of a session. Cheap to make; one thread at a time.
 
-    Raises SessionError, here and in every method, when the folder holds no session, when the
+    The constructor and every method raise SessionError when the folder holds no session, when the
     session is damaged, or when a version with another schema wrote it.
     """
 
@@ -106,10 +105,10 @@ class SessionReader:
         expect_schema(self.folder, version)
 
     def connect(self) -> sqlite3.Connection:
-        """Open a read-only connection for SQL statements of the caller. Close it soon.
+        """Open a read-only connection for the caller's own SQL statements. Close it soon.
 
-        As long as it reads, a live session cannot fold its log. A statement is ended where it takes
-        more steps than the database's size explains.
+        While it reads, a live session cannot merge its write-ahead log. A statement is ended where
+        it takes more steps than the database's size explains.
         """
         connection = self._opened()
         try:
@@ -129,7 +128,7 @@ class SessionReader:
         """Read the session's table ``meta``: config, model_sha256, versions and so on.
 
         ``is_closed`` is False for a session that is live or was cut off. Raises SessionError where
-        that cannot be read.
+        the table cannot be read.
         """
         rows = self._fetch("SELECT key, value FROM meta")
         try:
@@ -141,7 +140,7 @@ class SessionReader:
             ) from error
 
     def config(self) -> Config:
-        """Read the configuration the session began with; unknown settings are left out."""
+        """Read the configuration at the start of the session; unknown settings are left out."""
         table = self.about().get("config")
         try:
             return Config.model_validate(_known(table))
@@ -152,12 +151,12 @@ class SessionReader:
             ) from error
 
     def last_seq(self) -> int:
-        """Sequence number of the newest record; 0 before the first."""
+        """Return the sequence number of the newest record; 0 where there is no record."""
         ((seq,),) = self._fetch("SELECT coalesce(max(seq), 0) FROM log")
         return int(seq)
 
     def counts(self) -> Counts:
-        """Count records and frames, with the first and last instant."""
+        """Count records and frames; find the first and the last instant."""
         ((records, frames, t_first, t_last),) = self._fetch(
             "SELECT count(*), count(CASE kind WHEN 'FrameTaken' THEN 1 END), "
             f"min({_GOOD_TIME}), max({_GOOD_TIME}) FROM log"
@@ -171,11 +170,11 @@ class SessionReader:
         *,
         frame_id: int | None = None,
     ) -> Iterator[tuple[int, int, Record]]:
-        """Yield (seq, t_utc_ns, record) in the order of the log, after ``since_seq``, to its end.
+        """Yield (seq, t_utc_ns, record) in the order of the log, from ``since_seq`` + 1 on.
 
-        ``kinds`` are record types, e.g. ``(Measurement, TrackState)``; None means all. With
-        ``frame_id`` only the records of that frame. Kinds that this version does not know are
-        skipped; a record that cannot be read, or has no valid time, is replaced by an alarm.
+        ``kinds``: record types, e.g. ``(Measurement, TrackState)``; None: all. ``frame_id``: only
+        records of this frame. Kinds that this version does not know are skipped. A record that
+        cannot be read, or has no valid time, is replaced by an ``Event`` of level alarm.
         """
         names = [kind.__name__ for kind in kinds] if kinds is not None else list(KINDS)
         places = ", ".join("?" * len(names))
@@ -196,12 +195,14 @@ class SessionReader:
             since_seq = page[-1][0]
 
     def outline(self) -> list[tuple[int, int, str, int | None]]:
-        """List (seq, t_utc_ns, kind, frame_id or None) of every record, in order; none is
-        decoded."""
+        """List (seq, t_utc_ns, kind, frame_id or None) of every record, in order.
+
+        Fast: no record is decoded.
+        """
         return self._fetch("SELECT seq, t_utc_ns, kind, frame_id FROM log ORDER BY seq")
 
     def view(self, name: str) -> list[dict[str, Any]]:
-        """Read the rows of one of the public views, in order of the log."""
+        """Read the rows of a public view, each as a dict, in the order of the log."""
         if name not in VIEWS:
             raise SessionError(f"a session has no view {name!r}; it has {', '.join(VIEWS)}")
         with closing(self.connect()) as connection:
@@ -213,11 +214,11 @@ class SessionReader:
                 raise self._damaged(error) from error
 
     def frame_path(self, frame_id: int) -> Path | None:
-        """Path of the frame's FITS file; None when it was not kept or is not written yet."""
+        """Return the path of the frame's FITS file; None when not kept or not yet written."""
         return self._file(frame_id, "frame")
 
     def frames_with_pixels(self) -> frozenset[int]:
-        """Numbers of the frames with pixels; of a branch, also its origin's."""
+        """Return the numbers of frames whose pixels are there; of a branch, also the original's."""
         sql = "SELECT frame_id, path FROM files WHERE role = 'frame' AND path IS NOT NULL"
         there = {p.name for p in (self.folder / FOLDERS["frame"]).glob("*")}
         own = {int(number) for number, path in self._fetch(sql) if Path(path).name in there}
@@ -225,10 +226,10 @@ class SessionReader:
         return before | own
 
     def not_kept_because(self, frame_id: int) -> str | None:
-        """Reason why the frame's pixels are missing; None when they are there, or no reason is
-        recorded.
+        """Return why the frame's pixels are missing; None where they are there.
 
-        For a frame that was pruned later it is the time of pruning, from ``upkeep.jsonl``.
+        None also where no reason is recorded. For a pruned frame it is the time of pruning, from
+        ``upkeep.jsonl``.
         """
         sql = "SELECT reason, path FROM files WHERE frame_id = ? AND role = 'frame'"
         rows = self._fetch(sql, (frame_id,))
@@ -241,21 +242,21 @@ class SessionReader:
         return None if pruned is None else f"pruned on {pruned}"
 
     def preview_path(self, frame_id: int) -> Path | None:
-        """Path of the frame's small picture; None when there is none."""
+        """Return the path of the frame's small picture; None when there is none."""
         return self._file(frame_id, "preview")
 
     def closeup_path(self, frame_id: int) -> Path | None:
-        """Path of the picture of a piece of the frame at full resolution; None when there is none.
+        """Return the path of the frame's close-up, a part at full resolution; None without one.
 
-        Its record ``Closeup`` says which piece.
+        The frame's record ``Closeup`` says which part.
         """
         return self._file(frame_id, "closeup")
 
     @cached_property
     def branch_of(self) -> Path | None:
-        """Folder of the session that this one is a branch of; None for a session by itself.
+        """Folder of the session that this session is a branch of; None where it is no branch.
 
-        The folder need not exist: branches may be carried away from their session.
+        The folder need not exist: a branch may have been moved away from its original.
         """
         rows = self._fetch("SELECT value FROM meta WHERE key = 'branch_of'")
         try:
@@ -345,8 +346,10 @@ class SessionReader:
         return any(path.exists() and path.stat().st_size > 0 for path in beside)
 
     def _is_left(self) -> bool:
-        """True where the unfinished part will stay: nobody can write here, or a journal was
-        left."""
+        """True where the unfinished write will stay in the folder.
+
+        Nobody can write there, or a journal was left.
+        """
         return not os.access(self.folder, os.W_OK) or (self.folder / JOURNAL).exists()
 
     def _damaged(self, error: sqlite3.Error | OSError) -> SessionError:
@@ -402,11 +405,9 @@ def _known(table: Any) -> Any:
 
 
 def clock_notes(reader: SessionReader) -> tuple[str, ...]:
-    """Faults of the machine's clock: the instant and the fault, a line each, in order.
+    """Return one line for each fault of the machine's clock: the instant and the fault, in order.
 
-    Empty for a night of one steady clock.
-
-    Raises SessionError where the session cannot be read.
+    () for a night with a steady clock. Raises SessionError where the session cannot be read.
     """
     return tuple(
         f"{utc_ns_to_iso(t_utc_ns, 0)} {record.text.partition(': ')[0]}"

@@ -1,7 +1,7 @@
-"""Recovery of a session whose database is damaged, into a new session beside it.
+"""Recovers a session with a damaged database into a new session beside it.
 
-The damaged one is only copied from. Its rows are read twice: by SQLite itself around the pages that
-it cannot read, and page by page, which finds rows that no table leads to any more.
+The damaged session is only read. Its rows are read twice: by SQLite, around the pages that it
+cannot read, and page by page, which finds rows that no table leads to any more.
 """
 
 import errno
@@ -50,11 +50,14 @@ from rsoconsole.session.reading.reader import SessionReader, expect_schema
 
 RECOVERED = ".recovered"
 PAGE_BYTES = 4096
-"""Bytes that SQLite reads at a time, and disks too."""
+"""Bytes that SQLite and disks read at a time."""
 MAX_DEAD_ROWS = 20_000
-"""Unreadable records in a row that count as the end of the log."""
+"""Number of unreadable records in succession at which the log counts as ended."""
 MAX_GROWTH = 1000
-"""Factor by which a header may state more than there is; beyond it the header is damaged itself."""
+"""Largest factor by which a header may state more pages than there are.
+
+Beyond this factor the header itself counts as damaged.
+"""
 _HEADER = struct.Struct(">16sH10xI")
 """Layout of the header: magic, page size, pages. Source: sqlite.org/fileformat.html, 1.3."""
 _LOG_FIELDS, _META_FIELDS, _FILES_FIELDS = 5, 2, 7
@@ -62,22 +65,22 @@ _LOG_FIELDS, _META_FIELDS, _FILES_FIELDS = 5, 2, 7
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RecoveryResult:
-    """Session made from the readable parts of a damaged one."""
+    """A new session made from the readable parts of a damaged session."""
 
     folder: Path
     records: int
     files: int
     missing: int
-    """Number of empty places in the order of the log, up to the last saved record."""
+    """Number of records missing from the log before the last saved record."""
     is_new: bool
-    """True where made now; False where an earlier repair made it."""
+    """True where this call made the session; False where an earlier repair had made it."""
 
 
 def recover_session(folder: Path, now_utc_ns: int) -> RecoveryResult:
-    """Save the readable parts into ``NAME.recovered`` beside the damaged session.
+    """Save the readable parts into a new session ``NAME.recovered`` beside the damaged one.
 
-    Frames and pictures are shared with the damaged one by hard links where the disk has them, else
-    copied. Raises SessionError when nothing can be saved or the disk refuses.
+    Frames and pictures are hard links to the files of the damaged session, or copies where the disk
+    has no hard links. Raises SessionError when nothing can be saved or the disk refuses.
     """
     target = folder.resolve().with_name(folder.resolve().name + RECOVERED)
     if target.exists():

@@ -1,8 +1,8 @@
-"""Archive of a session, one file: a plain tar with the hash of everything in it.
+"""Archives a session as one file: a plain tar with the hash of everything in it.
 
-Plain, because its large files are compressed already: any tool unpacks it, and one frame is read
-without unpacking the others. The database is one file without free pages. The original is not
-touched.
+Plain (not compressed), because the large files are compressed already: any tool unpacks the tar,
+and one frame can be read without unpacking the others. The archived database is one file without
+free pages. The original is not changed.
 """
 
 import hashlib
@@ -27,23 +27,23 @@ from rsoconsole.session.upkeep.store import remove_folder
 from rsoconsole.session.upkeep.verify import verify_session
 
 OnBytes: TypeAlias = Callable[[str, int, int], None]
-"""Callback for progress: (the present step, bytes so far, bytes in all)."""
+"""Callback for progress: (name of the present step, bytes so far, bytes in all)."""
 ROOM = 1.02
-"""Free disk needed over the size of its files."""
+"""Free disk that an archive needs, as a multiple of the size of the session's files."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Archive:
-    """Archive that was written and read back."""
+    """Result of archiving one session: the archive, written and read back."""
 
     session: Path
     path: Path
     files: int
     bytes: int
     verification: Verification
-    """Result of checking the archive, as it lies on its disk."""
+    """Result of checking the archive as it is on the disk."""
     is_removed: bool
-    """True where the original was removed."""
+    """True where the original session was removed."""
 
 
 def archive_session(
@@ -54,11 +54,11 @@ def archive_session(
     remove: bool = False,
     on_bytes: OnBytes | None = None,
 ) -> Archive:
-    """Pack a closed, sound session into ``out/NAME.tar`` and read the archive back.
+    """Pack a closed, sound session into ``out/NAME.tar``, and verify the archive.
 
-    ``remove`` removes the original once the archive is verified. ``on_bytes`` is called with (the
-    present step, bytes so far, bytes in all). Raises SessionError when the session is not fit for
-    it, when there is an archive of that name, or when the disk refuses; nothing half is left then.
+    ``remove``: then remove the original. ``on_bytes`` is called with (the present step, bytes so
+    far, bytes in all). Raises SessionError when the session is not closed and sound, when there is
+    an archive of this name, or when the disk refuses; no partial archive remains.
     """
     folder, out = Path(folder).resolve(), Path(out)
     target = out / f"{folder.name}.tar"

@@ -1,7 +1,7 @@
-"""Merging of a rescue session into the session whose place it took.
+"""Merges a rescue session into the session that it stood in for.
 
-The rescue is removed only when all of it has been read back from there; whatever goes wrong before,
-both are as they were.
+The rescue session is removed only when all of its content has been read back from the other
+session; if anything fails before, both sessions are unchanged.
 """
 
 import os
@@ -40,7 +40,7 @@ LEAVE_WAL_S = 3.0
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MergeResult:
-    """Result of merging a rescue session into its session; the rescue is gone."""
+    """Result of merging a rescue session into its session; the rescue session is removed."""
 
     rescue: Path
     session: Path
@@ -49,7 +49,7 @@ class MergeResult:
 
 
 def session_of_rescue(folder: Path) -> Path | None:
-    """Session that this one is a rescue of; None where it is none, or cannot be read."""
+    """Return the session that ``folder`` is a rescue of; None where it is no (readable) rescue."""
     try:
         named = SessionReader(folder).about().get("rescues")
     except SessionError:
@@ -59,7 +59,7 @@ def session_of_rescue(folder: Path) -> Path | None:
 
 
 def find_rescues() -> tuple[Path, ...]:
-    """Find every rescue session of this user, in all places where one may be."""
+    """Find every rescue session of this user, in all folders where one may have been made."""
     found: dict[Path, None] = {}
     for place in rescue_places():
         try:
@@ -71,7 +71,7 @@ def find_rescues() -> tuple[Path, ...]:
 
 
 def rescues_of(session: Path) -> tuple[Path, ...]:
-    """Find the rescue sessions of a session."""
+    """Find the rescue sessions of this session."""
     own = session.resolve()
     return tuple(
         rescue
@@ -81,11 +81,10 @@ def rescues_of(session: Path) -> tuple[Path, ...]:
 
 
 def merge_rescue(rescue: Path, now_utc_ns: int) -> MergeResult:
-    """Copy the records and files that only the rescue has into the session, verify that, and remove
-    the rescue.
+    """Copy what only the rescue session has into its session, verify it, remove the rescue.
 
-    No record is changed: where both have one and they differ, nothing is done. Raises SessionError
-    with the reason; the rescue is kept then.
+    No record is changed: where both have a record and the two differ, nothing is done. Raises
+    SessionError with the reason; the rescue session then remains.
     """
     session = session_of_rescue(rescue)
     if session is None:

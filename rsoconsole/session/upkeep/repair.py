@@ -1,6 +1,7 @@
-"""Repair of a session that was cut off or damaged; a damaged one is saved into a new one beside it.
+"""Repairs a session that was cut off or damaged.
 
-No record is ever changed. Only half-written files are removed from the folder.
+No record is ever changed, and only half-written files are removed. What is readable of a damaged
+session is saved into a new session beside it.
 """
 
 import sqlite3
@@ -35,35 +36,36 @@ class Repair:
 
     session: Path
     closed: bool = False
-    """True when a session that was cut off now has its end marked, with the digest of its log."""
+    """True where a session that was cut off is now marked closed, with the digest of its log."""
     folded: bool = False
-    """True where the write-ahead log was folded into the database."""
+    """True where the write-ahead log was merged into the database."""
     adopted: list[str] = field(default_factory=list)
-    """Files that were whole on the disk and missing in the log."""
+    """Files that were complete on the disk and missing in the log; the log has them now."""
     removed: list[str] = field(default_factory=list)
     """Half-written files that were removed."""
     left: dict[str, str] = field(default_factory=dict)
-    """Files that were not adopted, with the reasons."""
+    """Files that were not added to the log, each with the reason."""
     merged: list[MergeResult] = field(default_factory=list)
-    """Rescue sessions that were merged into their session, and are gone."""
+    """Rescue sessions that were merged into this session, and removed."""
     unmerged: dict[Path, str] = field(default_factory=dict)
-    """Rescue sessions that were not merged, with the reasons."""
+    """Rescue sessions that were not merged, each with the reason."""
     recovered: RecoveryResult | None = None
-    """New session with the readable parts of a damaged database; None where it was sound."""
+    """New session with the readable parts of a damaged database; None for a sound database."""
 
     @property
     def did_anything(self) -> bool:
-        """True where something was done."""
+        """True where the repair changed anything."""
         done = self.closed or self.folded or bool(self.adopted or self.removed or self.merged)
         return done or (self.recovered is not None and self.recovered.is_new)
 
 
 def repair_session(folder: Path, now_utc_ns: int) -> Repair:
-    """Repair a session; a second time there is nothing left to do.
+    """Repair a session; a second call finds nothing left to do.
 
-    A rescue session is merged into its session where that can be read, whichever of the two is
-    named. ``now_utc_ns`` dates the note in ``upkeep.jsonl``. Raises SessionError when there is no
-    session, when its engine still lives, when somebody has it open, or when the disk refuses.
+    A rescue session is merged into its session where that can be read; ``folder`` may be either of
+    the two. ``now_utc_ns`` dates the note in ``upkeep.jsonl``. Raises SessionError when there is no
+    session, when its engine still lives, when another process has it open, or when the disk
+    refuses.
     """
     folder = Path(folder)
     about = _readable_about(folder)

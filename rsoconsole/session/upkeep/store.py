@@ -1,4 +1,4 @@
-"""Sessions under one root: their names, contents and disk usage."""
+"""The sessions under one root folder: their names, summaries, removal and pruning."""
 
 import re
 import shutil
@@ -23,7 +23,7 @@ from rsoconsole.session.reading.reader import OtherSchemaError, SessionReader
 _MAX_TITLE = 40
 MAX_SEARCHED = 20
 REMOVED = ".removed-"
-"""Prefix of the name of a session's folder that is being removed."""
+"""Prefix given to the name of a session's folder while it is being removed."""
 _FOLLOWED = """
 SELECT count(DISTINCT frame_id) FROM track WHERE step != 'predicted' AND NOT is_superseded
 """
@@ -41,38 +41,43 @@ class SessionSummary:
     records: int = 0
     size_bytes: int
     is_closed: bool = False
-    """True where closed; False: live, or cut off before its end, with every committed record there
-    all the same."""
+    """True where the session is closed; False where it is live or was cut off.
+
+    Every committed record is there in either case.
+    """
     fault: str | None = None
-    """Reason why the session cannot be read; the other members are then empty."""
+    """Reason why the session cannot be read (all other members are then empty); None: readable."""
     state: State = "unreadable"
     schema: int | None = None
     is_simulated: bool | None = None
-    """True where simulated; None: not recorded, as in a session made of recorded frames."""
+    """True for a simulated night; None: not recorded, as for a session of recorded frames."""
     followed_frames: int = 0
-    """Number of frames with a measurement of the lead track that the track accepted."""
+    """Number of frames with a measurement that the lead track accepted."""
     branches: tuple[str, ...] = ()
-    """Names of the what-if branches."""
+    """Names of its what-if branches."""
     is_kept: bool = False
-    """True where marked as never to be pruned."""
+    """True where the session is marked as never to be pruned."""
     rescues: Path | None = None
-    """Session whose place it took while that could not be written; None of any other."""
+    """Session that this session is a rescue of; None where it is no rescue."""
 
     @property
     def duration_s(self) -> float | None:
-        """Time from the first record to the last."""
+        """Time from the first to the last record, s; None where unknown."""
         if self.t_first_utc_ns is None or self.t_last_utc_ns is None:
             return None
         return (self.t_last_utc_ns - self.t_first_utc_ns) / 1e9
 
     @property
     def followed_share(self) -> float | None:
-        """Share of the frames with an accepted measurement of the lead track, 0 to 1."""
+        """Fraction, 0 to 1, of its frames with a measurement that the lead track accepted."""
         return self.followed_frames / self.frames if self.frames else None
 
 
 def new_session_folder(root: Path, title: str, t_utc_ns: int) -> Path:
-    """Choose a folder name that is free: the UTC instant, then the title. Nothing is made yet."""
+    """Return a free path for a new session, named by the UTC instant and the title.
+
+    Creates nothing.
+    """
     instant = datetime.fromtimestamp(t_utc_ns // 1_000_000_000, tz=UTC)
     plain = unicodedata.normalize("NFKD", title).encode("ascii", "ignore").decode().lower()
     words = re.sub(r"[^a-z0-9]+", "-", plain).strip("-")[:_MAX_TITLE].strip("-")
@@ -85,18 +90,18 @@ def new_session_folder(root: Path, title: str, t_utc_ns: int) -> Path:
 
 
 def list_sessions(root: Path) -> tuple[SessionSummary, ...]:
-    """List every session directly under ``root``, in order of name; empty when there is no root.
+    """Summarise every session directly under ``root``, in order of name; () without a root.
 
-    Raises SessionError when the root cannot be looked into.
+    Raises SessionError when the root cannot be read.
     """
     return tuple(summarise(folder) for folder in sorted(folders_in(root)) if _is_session(folder))
 
 
 def cut_off_session(root: Path, *, is_simulated: bool) -> Path | None:
-    """Newest session under ``root`` if its engine died before it could close it.
+    """Return the newest session under ``root`` if its engine died before it could close it.
 
-    Simulated and real nights are kept apart; a session whose engine still lives is not cut off.
-    Raises SessionError when the root cannot be looked into.
+    None where that session was closed, or its engine still lives. ``is_simulated``: whether to look
+    at simulated or at real nights. Raises SessionError when the root cannot be read.
     """
     folders = filter(_is_session, folders_in(root))
     for folder in sorted(folders, key=last_write_utc_ns, reverse=True)[:MAX_SEARCHED]:
@@ -111,7 +116,7 @@ def cut_off_session(root: Path, *, is_simulated: bool) -> Path | None:
 
 
 def summarise(folder: Path) -> SessionSummary:
-    """Summarise one session; for one that cannot be read, with the reason."""
+    """Summarise one session; for an unreadable session the summary has only the reason."""
     try:
         reader = SessionReader(folder)
         counts = reader.counts()
@@ -147,7 +152,7 @@ def summarise(folder: Path) -> SessionSummary:
 
 
 def branches_of(folder: Path) -> tuple[str, ...]:
-    """Names of the what-if branches in a session's folder, in order."""
+    """Return the names of the what-if branches in a session's folder, in order."""
     try:
         found = [path.name for path in (folder / BRANCHES).iterdir() if _is_session(path)]
     except OSError:
@@ -156,9 +161,9 @@ def branches_of(folder: Path) -> tuple[str, ...]:
 
 
 def remove_folder(folder: Path) -> None:
-    """Remove a session whole: it leaves the list at once, and its files follow.
+    """Remove a session with all of its files.
 
-    Raises SessionError.
+    It first vanishes from the list by a rename. Raises SessionError.
     """
     going = folder.with_name(f"{REMOVED}{folder.name}")
     with system_errors_as(SessionError, f"{folder} cannot be removed: "):
@@ -168,7 +173,7 @@ def remove_folder(folder: Path) -> None:
 
 
 def sweep_removed(root: Path) -> None:
-    """Finish removals that were cut off."""
+    """Finish the removals of sessions that were cut off half-way."""
     for path in root.glob(f"{REMOVED}*"):
         shutil.rmtree(path, ignore_errors=True)
 
@@ -191,7 +196,7 @@ def _followed_frames(reader: SessionReader) -> int:
 
 
 def size_bytes(folder: Path) -> int:
-    """Disk usage of everything in the folder; files that vanish meanwhile count nothing."""
+    """Return the disk usage of all files in the folder, bytes; files that vanish count 0."""
     total = 0
     for path in folder.rglob("*"):
         try:
@@ -205,9 +210,9 @@ SAMPLE_NAME = "sample-intelsat-14"
 
 
 def sample_copy(root: Path) -> Path:
-    """Copy of the sample session among the sessions under ``root``, made where there is none yet.
+    """Return a copy of the sample session under ``root``; make it where there is none.
 
-    A copy, because branches derived from a session lie beside it. Raises SessionError.
+    A copy, because branches of a session lie inside its folder. Raises SessionError.
     """
     folder = root / SAMPLE_NAME
     if (folder / "session.db").exists():
@@ -227,47 +232,52 @@ def sample_copy(root: Path) -> Path:
 
 
 What: TypeAlias = Literal["frames", "previews", "all"]
-"""Files to prune: the frames · the small pictures and closeups · the session whole, its log
-included."""
+"""What to prune.
+
+"frames": the FITS files. "previews": small pictures and close-ups. "all": the whole session with
+its log.
+"""
 _ROLES = {"frames": ("frame",), "previews": ("preview", "closeup")}
 NS_PER_DAY = 86_400_000_000_000
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PruningPolicy:
-    """Rules of pruning; a session goes only where every rule that is set allows it."""
+    """Rules of pruning; a session is pruned only where every rule that is set allows it."""
 
     keep_days: float | None = None
-    """Age in days below which sessions are not touched."""
+    """Sessions younger than this are not touched, days; None: no such rule."""
     keep_last: int | None = None
-    """Number of newest sessions that are not touched."""
+    """Number of newest sessions that are not touched; None: no such rule."""
     free_bytes: int | None = None
-    """Free disk to reach: the oldest go first, and no more than needed."""
+    """Free disk to reach, bytes; None: no such rule.
+
+    The oldest sessions are pruned first, and no more than needed.
+    """
     what: What = "frames"
     with_branches: bool = False
-    """True: prune also sessions with a what-if branch."""
+    """False: sessions that have a what-if branch are not touched."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PruningStep:
-    """Plan for one session."""
+    """What pruning will do with one session, and why."""
 
     session: Path
     goes: bool
     why: str
-    """Reason why it goes, or why it stays."""
+    """Reason why the session is pruned, or is not."""
     files: tuple[str, ...] = ()
-    """Files to remove, by their path in the session; empty for a session that goes whole."""
+    """Files to remove, by path in the session; empty where the whole session is removed."""
     bytes: int = 0
-    """Disk that becomes free."""
+    """Disk space that becomes free, bytes."""
 
 
 def plan_pruning(root: Path, policy: PruningPolicy, now_utc_ns: int) -> tuple[PruningStep, ...]:
-    """Plan the pruning of every session under ``root`` by a policy, the oldest first.
+    """Plan the pruning of every session under ``root``, the oldest first; change nothing.
 
-    Nothing is changed. A session is as old as its last record or its file, whichever is younger:
-    the clock of a simulated night may stand years ago. Raises SessionError when the root cannot be
-    looked into.
+    A session's age counts from its last record or the last write to it, whichever is later: the
+    clock of a simulated night may be years off. Raises SessionError when the root cannot be read.
     """
     ages = [
         (max(last_write_utc_ns(each.folder), each.t_last_utc_ns or 0), each)
@@ -296,9 +306,10 @@ def plan_pruning(root: Path, policy: PruningPolicy, now_utc_ns: int) -> tuple[Pr
 
 
 def prune(steps: Iterable[PruningStep], policy: PruningPolicy, now_utc_ns: int) -> None:
-    """Carry out a plan. Each session's note is on the disk before its files go.
+    """Carry out a plan. The note of each session is on the disk before its files are removed.
 
-    Raises SessionError, naming the session, when the disk refuses; those before it are done.
+    Raises SessionError, naming the session, when the disk refuses; earlier sessions of the plan are
+    then pruned already.
     """
     for step in steps:
         if not step.goes:

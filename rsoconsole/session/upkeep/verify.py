@@ -1,4 +1,4 @@
-"""Verification of a session or its archive against its hashes, with findings and remedies.
+"""Verifies a session or its archive against its hashes; reports findings with remedies.
 
 Nothing is changed. A session that was cut off is not damaged: every acknowledged record is there.
 """
@@ -38,11 +38,11 @@ _KNOWN = {DATABASE, *BESIDE_DATABASE, CONFIG, WORLD, UPKEEP, KEEP, MANIFEST}
 
 
 FileRow: TypeAlias = tuple[str, int | None, str | None]
-"""Row of the table ``files`` that names a file: path, bytes and SHA-256."""
+"""A row of the table ``files``: path, bytes and SHA-256 of a file."""
 
 
 class FilesCheck:
-    """Check of all files of a session, in one walk."""
+    """Checks all files of a session, reading each once."""
 
     def __init__(
         self,
@@ -60,7 +60,10 @@ class FilesCheck:
         self._total = sum(self._sizes.get(path, 0) for path, _, _ in self._rows)
 
     def run(self) -> None:
-        """Check every file that the session names, and those it does not. Raises OSError."""
+        """Check the files that the session lists, and find files that it does not list.
+
+        Raises OSError.
+        """
         pruned = pruned_on(parse_notes(self._read(UPKEEP)))
         gone: dict[str, int] = {}
         for path, size_bytes, sha256 in self._rows:
@@ -146,8 +149,8 @@ SELECT path, bytes, sha256 FROM files WHERE path IS NOT NULL ORDER BY role = 'fr
 def verify_session(place: Path, on_bytes: Callable[[int, int], None] | None = None) -> Verification:
     """Check everything in a session's folder or in its archive (.tar).
 
-    ``on_bytes`` is called with (bytes read so far, bytes in all) of the files. Raises SessionError
-    when there is no session at all, or one that another version wrote; a damaged one is a result.
+    ``on_bytes`` is called with (bytes read so far, bytes in all) of the files. A damaged session is
+    a result; raises SessionError where there is no session, or where another version wrote it.
     """
     place = Path(place)
     if not (place.is_file() or (place / DATABASE).is_file()):
@@ -164,7 +167,7 @@ def verify_session(place: Path, on_bytes: Callable[[int, int], None] | None = No
 
 
 def page_faults(connection: sqlite3.Connection) -> list[str]:
-    """Faults that SQLite finds in the database file; empty for a sound one."""
+    """Return the faults that SQLite's own check finds in the database; [] for none."""
     try:
         words = [str(row[0]) for row in connection.execute("PRAGMA integrity_check(20)")]
     except sqlite3.Error as error:

@@ -1,1 +1,1 @@
-"""Writing of a session, and its rescue session when its disk fails."""
+"""Writes a live session, and a rescue session when its disk fails."""

@@ -1,4 +1,4 @@
-"""Thread that owns a live session's database."""
+"""The thread that writes a live session's database."""
 
 import contextlib
 import itertools
@@ -32,13 +32,16 @@ from rsoconsole.session.writing.worker import Faults
 
 Statement = tuple[str, tuple[object, ...]]
 MIN_BYTES = 200_000_000
-"""Least free disk for a rescue session: many nights' logs."""
+"""Least free disk for a rescue session, bytes: many nights of records."""
 _ROWS_PER_BATCH = 1000
 _TABLES = ((LOG_ROWS, INSERT_RECORD), (FILE_ROWS, INSERT_FILE))
 
 
 def rescue_places() -> Iterator[Path]:
-    """Yield folders to try, in order; a system whose every disk is full may not even have these."""
+    """Yield the folders where a rescue session may be made, in order of preference.
+
+    Where every disk is full, none of these may work.
+    """
     yield state_dir() / "rescue"
     with contextlib.suppress(OSError):  # it tries to write there
         yield Path(tempfile.gettempdir()) / "rsoconsole-rescue"
@@ -47,7 +50,10 @@ def rescue_places() -> Iterator[Path]:
 
 
 class Rescue:
-    """Rescue session that takes over; nothing of it is made before it is needed."""
+    """A session elsewhere that takes over when the disk of the session fails.
+
+    Nothing of it is created before it is needed.
+    """
 
     def __init__(
         self,
@@ -56,7 +62,10 @@ class Rescue:
         config: bytes,
         places: Callable[[], Iterable[Path]] = rescue_places,
     ) -> None:
-        """``session``: the folder that may fail; ``facts`` and ``config`` are the rescue's, too."""
+        """``session``: folder whose disk may fail.
+
+        ``facts`` and ``config`` go into the rescue session, too.
+        """
         self._session = session
         self._facts = {**facts, "rescues": str(session.absolute())}
         self._config = config
@@ -66,7 +75,7 @@ class Rescue:
         """Folder of the rescue session; None before it is begun."""
 
     def begin(self) -> bool:
-        """Make the rescue session; return False where no folder can be used."""
+        """Create the rescue session; return False where no folder can be used."""
         if self._connection is not None:
             return True
         for place in self._places():
@@ -88,9 +97,10 @@ class Rescue:
         return False
 
     def copy(self, source: sqlite3.Connection | None, newest: Sequence[Statement]) -> bool:
-        """Copy all that ``source`` can still read, although its file may have no name any more.
+        """Copy all rows that ``source`` can still read, then write ``newest``.
 
-        Then ``newest``, which it may have lost. Returns False where this disk refuses them.
+        ``source``: connection to the lost log, whose file may be deleted. ``newest``: statements
+        that the lost log may lack. Returns False where the rescue session's disk refuses them.
         """
         if source is not None:
             with contextlib.suppress(sqlite3.Error, MemoryError):
@@ -106,7 +116,7 @@ class Rescue:
                 self._connection.executemany(table[1], some)
 
     def write(self, statements: Sequence[Statement]) -> bool:
-        """Commit statements; return False where this disk refuses them, too."""
+        """Commit statements; return False where the rescue session's disk refuses them."""
         assert self._connection is not None
         try:
             with transaction(self._connection):
@@ -117,7 +127,7 @@ class Rescue:
         return True
 
     def discard(self) -> None:
-        """Remove the rescue session: the session itself has everything."""
+        """Remove the rescue session, when the session itself has every record."""
         self.close()
         if self.folder is not None:
             shutil.rmtree(self.folder, ignore_errors=True)
@@ -143,13 +153,15 @@ RETRY_S = 1.0
 MAX_BATCH = 2000
 _MAX_RECENT = 2000
 MAX_WAITING = 500_000
-"""Largest number of records kept in memory while the disk refuses them: many nights' worth."""
+"""Largest number of records held in memory while the disk refuses them: many nights' worth."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class KeptFile:
-    """File beside the log, or the reason why it is missing: a row of ``files``, its columns in
-    order."""
+    """A row of ``files``, with its columns in order: a file beside the log.
+
+    ``path`` None: the file is missing, and ``reason`` says why.
+    """
 
     frame_id: int
     role: str
@@ -164,10 +176,10 @@ _Entry = tuple[int, int, Record] | KeptFile
 
 
 class LogWriter:
-    """Accepts entries at once and commits them in batches.
+    """Accepts records without waiting, and commits them in batches on a thread of its own.
 
-    While the disk refuses them it keeps them, in memory and in a rescue session elsewhere; where
-    the log was removed or damaged it continues in that one.
+    While the disk refuses them, they are held in memory and in a rescue session elsewhere.
+    Where the log was removed or damaged, all further records go into the rescue session.
     """
 
     def __init__(self, path: Path, faults: Faults, rescue: Rescue) -> None:
@@ -199,13 +211,12 @@ class LogWriter:
 
     @property
     def path(self) -> Path:
-        """Path of the database that has the whole night: the rescue session's where the own one is
-        lost."""
+        """Path of the database with the whole night; the rescue session's where the log is lost."""
         folder = self._rescue.folder if self._has_taken_over else None
         return self._path if folder is None else folder / DATABASE
 
     def put(self, record: Record, t_utc_ns: int) -> int:
-        """Accept a record; return its place in the order of the log."""
+        """Accept a record; return its ``seq``, the place in the log."""
         with self._lock:
             seq = self._next_seq
             self._next_seq += 1
@@ -213,7 +224,7 @@ class LogWriter:
         return seq
 
     def put_file(self, file: KeptFile) -> None:
-        """Accept a row for a file."""
+        """Accept a row of the table ``files``."""
         with self._lock:
             self._take(file)
 
@@ -227,9 +238,10 @@ class LogWriter:
             self._taken += 1
 
     def flush(self, timeout_s: float) -> bool:
-        """Commit all accepted entries; return False when this session's log has not all of them.
+        """Commit all accepted records; return False where this session's log lacks some of them.
 
-        Entries in the rescue session are on a disk, but a reader of this one does not find them.
+        Records in the rescue session alone count as lacking: a reader of this session does not find
+        them.
         """
         if not self._is_durable(timeout_s) or self._is_lost:
             return False
@@ -246,7 +258,7 @@ class LogWriter:
             return self._progress.wait_for(lambda: self._committed >= goal, timeout_s)
 
     def close(self, timeout_s: float) -> bool:
-        """Commit the rest and close the database; return False when that did not succeed."""
+        """Commit the rest and close the database; return False where some record is not in it."""
         is_flushed = self._is_durable(timeout_s)
         with self._lock:
             self._is_closing = True
@@ -281,8 +293,10 @@ class LogWriter:
                 self._wake.wait(RETRY_S)
 
     def _write(self) -> bool:
-        """Commit the unwritten statements, oldest first; return False as soon as the disk
-        refuses."""
+        """Commit the unwritten statements, oldest first.
+
+        Returns False as soon as the disk refuses them.
+        """
         if not self._is_lost and self._connection is not None:
             self._check_log_file()
         if self._is_lost:

@@ -1,4 +1,4 @@
-"""Slow work on a thread of its own, with a bound on the waiting jobs."""
+"""Runs slow jobs on a thread of its own, with a limit on the number waiting."""
 
 import logging
 import threading
@@ -15,7 +15,7 @@ OnError: TypeAlias = Callable[[BaseException], None]
 class BoundedWorker:
     """Thread that runs jobs one after another.
 
-    It accepts at most ``max_jobs`` at a time, the running one included.
+    At most ``max_jobs`` are accepted at a time, the running job included.
     """
 
     def __init__(self, name: str, max_jobs: int) -> None:
@@ -28,10 +28,10 @@ class BoundedWorker:
         self._thread.start()
 
     def submit(self, job: Job, on_error: OnError) -> bool:
-        """Accept a job; return False when there is no room for it.
+        """Accept a job; return False, without running it, where too many wait.
 
-        ``on_error`` is called, on the worker's thread, with any error of the job; the next job
-        follows in any case.
+        ``on_error`` is called, on the worker's thread, with an error that the job raises; the next
+        job runs in any case.
         """
         with self._changed:
             if self._is_closing or len(self._jobs) + self._is_running_job >= self._max_jobs:
@@ -41,15 +41,17 @@ class BoundedWorker:
         return True
 
     def drain(self, timeout_s: float) -> bool:
-        """Wait until nothing is left to do; return False when that takes longer."""
+        """Wait until all accepted jobs are done; return False when that takes longer."""
         with self._changed:
             return self._changed.wait_for(
                 lambda: not self._jobs and not self._is_running_job, timeout_s
             )
 
     def close(self, timeout_s: float) -> bool:
-        """Finish the accepted jobs and end the thread; return False when it would not end in
-        time."""
+        """Finish the accepted jobs and end the thread.
+
+        Returns False when that takes longer than ``timeout_s``.
+        """
         with self._changed:
             self._is_closing = True
             self._changed.notify_all()
@@ -84,11 +86,11 @@ def _do(job: Job, on_error: OnError) -> None:
 
 
 _GIVEN_UP = ("frame", "closeup", "preview")
-"""Places of losses without harm to the night, the gravest first."""
+"""Kinds of lost files that do not harm the night, the gravest first."""
 
 
 class Faults:
-    """Faults by their place; each is announced once, when it appears."""
+    """Present faults of the record, one for each place; each is announced when it appears."""
 
     def __init__(self, on_fault: Callable[[str], None] | None) -> None:
         self._on_fault = on_fault
@@ -96,7 +98,7 @@ class Faults:
         self._lock = threading.Lock()
 
     def report(self, place: str, text: str) -> None:
-        """Report a fault at ``place``; the alarm sounds when there was none before."""
+        """Set the fault at ``place``; ``on_fault`` is called where the place had none before."""
         with self._lock:
             is_new = place not in self._texts
             self._texts[place] = text
@@ -108,13 +110,15 @@ class Faults:
                     self._texts["alarm"] = f"the alarm could not be given: {error}"
 
     def clear(self, place: str) -> None:
-        """Clear the fault at ``place``."""
+        """Remove the fault at ``place``."""
         with self._lock:
             self._texts.pop(place, None)
 
     def texts(self) -> tuple[str, ...]:
-        """Texts of all present faults; pictures that are given up come after faults that harm the
-        night."""
+        """Return the texts of all present faults.
+
+        Faults that harm the night come before pictures that are given up.
+        """
         with self._lock:
             present = dict(self._texts)
         return tuple(present[place] for place in sorted(present, key=_rank))

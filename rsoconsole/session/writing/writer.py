@@ -1,7 +1,7 @@
-"""Writer of a live session: records, frames and previews.
+"""Writes a live session: records, frames and previews.
 
-Nothing here waits for a disk or raises because of one: the telescope goes on, and ``faults`` states
-the gaps of the record.
+Nothing here waits for a disk, or raises because of one: the telescope continues, and ``faults``
+states what the record lacks.
 """
 
 import contextlib
@@ -32,17 +32,19 @@ from rsoconsole.session.writing.worker import BoundedWorker, Faults
 
 MAX_FRAMES_WAITING = 3
 MAX_PREVIEWS_WAITING = 64
-"""Largest number of waiting pictures of 0.3 MB: the writer waits for the disk with each, and they
-come in bursts."""
+"""Largest number of pictures that wait to be written, of 0.3 MB each.
+
+The writer waits for the disk with each picture, and pictures come in bursts.
+"""
 LAST_KEPT = 12
-"""Number of frames whose pixels ``session.keep_frames = last`` keeps: 0.2 GB of a 16 Mpx camera."""
+"""Number of latest frames kept by ``session.keep_frames = last``: 0.2 GB at 16 Mpx."""
 NOT_AMONG_LAST = f"of the last {LAST_KEPT} frames alone the pixels are kept (session.keep_frames)"
 RESERVE_BYTES = 200_000_000
-"""Free disk below which frames are given up: the log must have room."""
+"""Free disk below which no more frames are saved, bytes: left for the log."""
 
 
 class SessionWriter:
-    """Writer of a session, the only one. Its methods may be called from any thread."""
+    """The only writer of a session. Its methods may be called from any thread."""
 
     @classmethod
     def create(
@@ -57,8 +59,9 @@ class SessionWriter:
         """Begin a session in a new or empty folder.
 
         ``about`` goes into the table ``meta``: title, model_sha256, versions, clock_offset_s and
-        other JSON values. ``on_fault`` is called, from another thread, with each new fault in
-        words. Raises SessionError when the folder cannot be used.
+        other JSON values. ``on_fault`` is called, on another thread, with the text of each new
+        fault. ``reserve_bytes``: free disk below which no more frames are saved. Raises
+        SessionError when the folder cannot be used.
         """
         if (folder / DATABASE).exists():
             raise SessionError(f"{folder} already holds a session: name another folder")
@@ -105,41 +108,47 @@ class SessionWriter:
 
     @property
     def faults(self) -> tuple[str, ...]:
-        """Present faults of the record in words; empty for a whole one."""
+        """Texts of the present faults of the record; () where it is complete."""
         return self._faults.texts()
 
     def append(self, record: Record, t_utc_ns: int) -> int:
-        """Record an event at ``t_utc_ns``; return its place in the log, at once.
+        """Record ``record`` at ``t_utc_ns``; return its ``seq`` in the log, without waiting.
 
         Mappings inside the record must not be changed afterwards.
         """
         return self._log.put(record, t_utc_ns)
 
     def save_frame(self, frame: Frame) -> bool:
-        """Keep a frame's pixels, compressed without loss on another thread.
+        """Save a frame's pixels, compressed without loss, on another thread.
 
-        The pixels must not be changed afterwards. False when the frame is given up because too many
-        wait; the session records that, too.
+        The pixels must not be changed afterwards. Returns False when too many frames wait, so that
+        this one is not saved; the session records that, too.
         """
         return self._save(self._frames, frame.frame_id, "frame", lambda: compress_frame(frame))
 
     def save_preview(self, frame_id: int, picture: npt.NDArray[np.uint8]) -> bool:
-        """Keep a small picture of the frame, (height, width) or (height, width, 3), as PNG."""
+        """Save a small picture of the frame as PNG, (height, width) or (height, width, 3).
+
+        Returns False when it is not saved because too many wait.
+        """
         return self._save(self._previews, frame_id, "preview", lambda: encode_preview(picture))
 
     def save_closeup(self, frame_id: int, picture: npt.NDArray[np.uint8]) -> bool:
-        """Keep a piece of the frame at full resolution, as PNG; its record says which piece."""
+        """Save a part of the frame at full resolution as PNG; the record ``Closeup`` says which.
+
+        Returns False when it is not saved because too many wait.
+        """
         return self._save(self._previews, frame_id, "closeup", lambda: encode_preview(picture))
 
     def flush(self, timeout_s: float = 5.0) -> bool:
-        """Wait until the disk has every record appended so far; return False when it has not.
+        """Wait until all records appended so far are on the disk; return False if not in time.
 
         Acknowledged records survive a loss of power: every commit waits for the disk.
         """
         return self._log.flush(timeout_s)
 
     def close(self, timeout_s: float = 30.0) -> None:
-        """Finish frames and log, and leave the session as one database file anyone can open."""
+        """Finish frames and log, and leave the database as one file that any reader can open."""
         if self._is_closed:
             return
         self._is_closed = True
@@ -193,8 +202,10 @@ class SessionWriter:
             self._let_go(frame_id, self._keeps_last)
 
     def _let_go(self, frame_id: int, keeps: int) -> None:
-        """Drop the oldest frame beyond the number to keep: its row first, its file with the
-        next."""
+        """Drop the oldest frame beyond the number to keep.
+
+        Its row is changed now, its file removed at the next call.
+        """
         for path in self._going:
             path.unlink(missing_ok=True)
         self._going.clear()
@@ -231,12 +242,15 @@ def _make_folder(folder: Path) -> None:
 
 
 class BatchRecording:
-    """Writes the records of ``process`` into a new session; does nothing without a folder."""
+    """Writes the records of ``process`` into a new session; without a folder it does nothing."""
 
     def __init__(
         self, folder: Path | None, config: Config, model_sha256: str, **about: Any
     ) -> None:
-        """``about``: further facts for the session's table ``meta``, or another title."""
+        """``folder`` None: nothing is written.
+
+        ``about``: further facts for the session's table ``meta``, or another title.
+        """
         self._writer: SessionWriter | None = None
         self._last_utc_ns = 0
         if folder is not None:
@@ -245,12 +259,14 @@ class BatchRecording:
 
     @property
     def faults(self) -> tuple[str, ...]:
-        """Faults of the record in words; empty for a whole one."""
+        """Texts of the faults of the record; () where it is complete."""
         return () if self._writer is None else self._writer.faults
 
     def append(self, records: Iterable[Record], t_utc_ns: int | None) -> None:
-        """Append all records of one frame, in order; a frame without a time keeps the last
-        one's."""
+        """Append all records of one frame, in order.
+
+        ``t_utc_ns`` None: the time of the frame before.
+        """
         self._last_utc_ns = t_utc_ns if t_utc_ns is not None else self._last_utc_ns
         if self._writer is not None:
             for record in records:
