@@ -1,8 +1,8 @@
-"""A run against the simulated observatory, judged object by object.
+"""Evaluation of a run with the simulated observatory, object by object.
 
-A detection or a measurement is of the object on whose true streak it lies, in pixels of its own
-frame; of several the one whose middle is nearest. That holds for any rate, which an angle on the
-sky does not: a hundredth of a second of shutter is 20 arcsec of a low satellite.
+A detection or measurement belongs to the object on whose true streak it lies, in pixels of its
+frame; of several objects, to the one whose streak has the nearest middle. Pixels suit objects of
+any rate; an angle on the sky does not: 0.01 s of the shutter is 20 arcsec of a low satellite.
 """
 
 import math
@@ -21,11 +21,14 @@ from rsoconsole.tracking import lag_one, sky_covariance_arcsec2
 VISIBLE_SNR = 20.0
 """Integrated SNR from which a satellite in the field counts as visible."""
 BESIDE_FWHM = 4.0
-"""Largest distance from a true streak to count as of it, in FWHM of the frame's stars."""
+"""Largest distance of a detection from its true streak, in FWHM of the frame's stars."""
 BETWEEN = 2.0
-"""A streak is of both where its distances from the two middles differ by less than this factor."""
+"""A streak belongs to both of two objects if its distances from their middles differ by less.
+
+As a factor.
+"""
 APART_FWHM = 2.0
-"""Distance below which two lines are one streak to a camera, in FWHM of the frame's stars."""
+"""Distance below which a frame cannot show two streaks apart, in FWHM of its stars."""
 
 
 @dataclass(slots=True)
@@ -56,23 +59,29 @@ def objects_figures(
 ) -> list[dict[str, Any]]:
     """The summary's ``objects``: the targets, then all that was ever visible or detected.
 
-    ``views``: each frame with its exposure's truth. ``detections``: frames in which a streak of
-    the object was detected. ``visible_frames``: its place at mid-exposure lies in the field, and
-    its integrated SNR is at least ``VISIBLE_SNR``. A track is on the object that it began with, of
-    two about as near on the brighter, and on none that is not visible beside one that is.
-    ``track_frames``: such a track took its measurement.
-    ``measured_rms_arcsec``: of all its measurements, those of clipped streaks across them alone.
-    ``prediction_rms_arcsec``: one step ahead, of the track that followed it. ``identified``:
-    whether the last name given to that track is right; None where none was given.
-    ``false_measurements``: what that track took that was not of it. ``detected_after_lock`` and
-    ``tracked_after_lock``: frames after its track's first one in which it was detected, and those
-    of them in which a track took it. ``inside_3sigma``: share of the visible frames in which the
-    truth, by a clock that is always late by as much as this one, lay inside the 3-sigma ellipse of
-    the prediction. ``nis_mean`` and ``whiteness`` (lag-one
-    correlation of the innovations in their sigmas; sound within 2 / sqrt(n)). ``longest_wrong``:
-    visible frames in a row in which the lead took something else than what was locked first.
-    ``swapped_frames``: those in which the object's track took another object's streak, where the
-    two draw lines that a camera shows apart (``APART_FWHM``).
+    ``views``: each frame with its exposure's truth. A track belongs to the object of its first
+    measurement: the nearest one, the brighter of two about as near, a visible one before others.
+    Keys of each object:
+
+    - ``detections``: frames in which a streak of the object was detected.
+    - ``visible_frames``: frames with its position at mid-exposure in the field and an integrated
+      SNR of at least ``VISIBLE_SNR``.
+    - ``track_frames``: frames in which its track accepted a measurement of it.
+    - ``measured_rms_arcsec``: error of all its measurements; of clipped streaks, across them alone.
+    - ``prediction_rms_arcsec``: error of its track's predictions, one step ahead.
+    - ``identified``: whether the last identification of its track is right; None without one.
+    - ``false_measurements``: measurements accepted by its track that are not of the object.
+    - ``detected_after_lock``: frames after its track's first one in which it was detected.
+    - ``tracked_after_lock``: those of the latter in which a track accepted it.
+    - ``inside_3sigma``: fraction of visible frames with the truth inside the prediction's 3-sigma
+      ellipse; the clock's constant lateness is taken out.
+    - ``nis_mean``: mean NIS.
+    - ``whiteness``: lag-one correlation of the innovations in their sigmas; sound within 2 /
+      sqrt(n).
+    - ``longest_wrong``: longest run of visible frames in which the lead track accepted an object
+      other than the first one locked.
+    - ``swapped_frames``: frames in which its track accepted another object's streak, although the
+      frame can show the two apart (``APART_FWHM``).
     """
     judge = _Judge({number: _Tally(name) for number, name in targets.items()})
     for frame, truth in views:
@@ -244,16 +253,17 @@ class _Judge:
 
 
 def is_on_a_streak(measurement: Measurement, truth: Mapping[str, Any]) -> bool:
-    """True where a measurement lies on the true streak of any object."""
+    """True where a measurement lies on the true streak of any satellite in its frame."""
     return bool(_Field.of(truth).near(measurement))
 
 
 def offset_arcsec(
     true: Mapping[str, Any], ra_deg: float, dec_deg: float, t_utc_ns: int
 ) -> tuple[float, float]:
-    """Offset (east, north) of a direction from where a satellite truly was at its instant.
+    """Offset (east, north), arcsec, of a direction from a satellite's true direction at an instant.
 
-    Streaks of one frame are of different instants where its shutter rolls.
+    ``true``: the satellite's truth, with the instant of its position. With a rolling shutter the
+    streaks of one frame have different instants.
     """
     later_s = (t_utc_ns - true.get("t_utc_ns", t_utc_ns)) / 1e9
     true_ra_deg, true_dec_deg = float(true["ra_icrs_deg"]), float(true["dec_icrs_deg"])
@@ -265,7 +275,7 @@ def offset_arcsec(
 
 
 def offset_of(measurement: Measurement, true: Mapping[str, Any]) -> tuple[float, float]:
-    """Offset (east, north) of a measurement from the truth, arcsec."""
+    """Offset (east, north), arcsec, of a measurement from the satellite's true direction."""
     at = (measurement.ra_icrs_deg, measurement.dec_icrs_deg)
     return offset_arcsec(true, *at, measurement.t_mid_utc_ns)
 
@@ -320,19 +330,19 @@ def _judge_bounds(
 
 
 def taken_of(frame: NightFrame) -> Measurement | None:
-    """The measurement that the lead took; None where it took none."""
+    """The measurement that the lead track accepted in a frame; None where it accepted none."""
     steps = steps_of(frame)
     lead = lead_track_id(steps)
     return None if lead is None else _taken(frame, steps[lead])
 
 
 def steps_of(frame: NightFrame) -> dict[int, FrameTrack]:
-    """Steps of a frame: each track before and after it, by track id."""
+    """Steps of a frame by track id: the track before and after the frame."""
     return {each.track_id: each for each in frame.tracks}
 
 
 def lead_track_id(steps: Mapping[int, FrameTrack]) -> int | None:
-    """Track id of the lead of a frame; where one takes over from another, of the later one."""
+    """Id of a frame's lead track; where the lead changes in the frame, of the later one."""
     return next((n for n in reversed(list(steps)) if steps[n].is_lead), None)
 
 

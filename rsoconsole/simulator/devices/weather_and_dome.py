@@ -1,4 +1,4 @@
-"""The simulated weather station and dome as INDI devices; they follow the night's schedule."""
+"""The simulated weather station and dome as INDI devices that follow the night's schedules."""
 
 from collections.abc import Callable, Iterable, Sequence
 from typing import Any
@@ -19,14 +19,14 @@ from rsoconsole.simulator.mount.indi_vectors import (
 
 NS = 1_000_000_000
 Schedule = Sequence[tuple[float, str]]
-"""Schedule of a night: (seconds since its start, word), in order."""
+"""Schedule of a night in order: (seconds since the night's start, state as a word)."""
 _GROUP = "Main Control"
 _LIGHT = {"ok": "Ok", "warning": "Busy", "alert": "Alert"}
 _DOME_WORDS = ("open", "closed", "moving")
 
 
 class WeatherDevice:
-    """WEATHER_STATUS by schedule; SIM_WEATHER lets a client make the weather."""
+    """Weather station: WEATHER_STATUS follows a schedule, and clients set it by SIM_WEATHER."""
 
     def __init__(
         self, name: str, schedule: Schedule, t_start_utc_ns: int, now_utc_ns: Callable[[], int]
@@ -60,7 +60,7 @@ class WeatherDevice:
 
 
 class DomeDevice:
-    """DOME_SHUTTER by schedule; a client that opens or closes it is obeyed at once."""
+    """Dome: DOME_SHUTTER follows a schedule, and clients open or close it at once."""
 
     def __init__(
         self, name: str, schedule: Schedule, t_start_utc_ns: int, now_utc_ns: Callable[[], int]
