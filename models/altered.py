@@ -41,7 +41,7 @@ Rng = np.random.Generator
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Scene:
-    """Plan of one frame, before it is drawn."""
+    """Content of one frame before it is drawn."""
 
     sensor: SensorModel
     content: FieldContent
@@ -80,7 +80,7 @@ class Truth:
     x_b_px: float
     y_b_px: float
     snr: float
-    """Integrated SNR."""
+    """Integrated SNR of the satellite's streak."""
     severity: float
 
 

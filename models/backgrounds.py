@@ -28,7 +28,7 @@ SMALLEST_PX = 240
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Background:
-    """One file of pictures of the real sky."""
+    """One file of pictures of the real sky: its camera, licence, source and use."""
 
     name: str
     camera: str

@@ -13,7 +13,7 @@ from models.turning import cropped, turned
 
 Float32Array = npt.NDArray[np.float32]
 BATCH = 16
-"""Number of crops in one step."""
+"""Number of crops in one batch, i.e. per step of training."""
 CROP_CELLS = 128
 """Side of a crop in cells of the map: a multiple of 32."""
 _SHARE_CUT = 0.12

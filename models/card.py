@@ -236,7 +236,7 @@ def read_json(path: Path) -> Any:
 
 
 def main() -> None:
-    """Rewrite the section."""
+    """Run the command line: rewrite the section of figures in ``models/README.md``."""
     text = README.read_text(encoding="utf-8")
     README.write_text(
         rewritten(text, read_json(FIGURES), read_json(CARD), read_json(PEERS), read_json(TIMES)),

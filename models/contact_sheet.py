@@ -51,7 +51,7 @@ def sheet(fields: list[Field], columns: int) -> ByteArray:
 
 
 def main() -> None:
-    """Draw a sheet and write it."""
+    """Run the command line: draw a contact sheet and write it."""
     parser = argparse.ArgumentParser(prog="python -m models.contact_sheet", description=__doc__)
     parser.add_argument("--out", type=Path, default=Path("models/runs/contact_sheet.png"))
     parser.add_argument("--seed", type=int, default=1)

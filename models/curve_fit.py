@@ -70,7 +70,7 @@ class Candidates:
     is_true: BoolArray
     kind: tuple[Kind, ...]
     frame: npt.NDArray[np.int64]
-    """Index of the frame among the rows."""
+    """Index, among the rows, of the frame of each candidate."""
     frames: Mapping[Kind, int]
     """Number of frames of each kind that were analysed."""
 
@@ -202,7 +202,7 @@ def lowest_for(them: Candidates, z: FloatArray, kinds: Sequence[Kind], per_frame
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class FittedCurve:
-    """Weights of the logistic curve, and the population in which its answers are probabilities."""
+    """Weights of the logistic curve, and the population in which its values are probabilities."""
 
     weights: FloatArray
     frames_per_satellite: int

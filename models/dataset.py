@@ -68,7 +68,7 @@ def draw_shard(seed: int, split: str, number: int) -> list[Field]:
 
 
 def draw_real_shard(seed: int, split: Split, number: int, folder: Path) -> list[Field]:
-    """Fields drawn on the pictures in ``folder``."""
+    """Draw the fields of one shard on the pictures in ``folder``."""
     rng = frame_rng(seed, SPLITS[split], number)
     return draw_real_fields(folder, split, number, FIELDS_PER_SHARD, rng)
 
@@ -111,7 +111,7 @@ def write_fields(path: Path, fields: list[Field]) -> None:
 
 
 def read_shard(path: Path) -> list[Field]:
-    """The fields of a shard on disk."""
+    """The fields that a shard's file holds."""
     with np.load(path) as shard:
         values, rows = shard["values"], shard["streaks"]
         kinds, is_paper, blocks = shard["kind"], shard["is_paper"], shard["block"]

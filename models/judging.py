@@ -36,7 +36,7 @@ NOT_PROPOSED = "not proposed"
 
 
 class TrailRow(TypedDict):
-    """One true trail."""
+    """One true trail, with the reason why the detector lost it, if it did."""
 
     x_px: float
     y_px: float
@@ -56,7 +56,7 @@ class CandidateRow(TypedDict):
     The row's ``focus`` says how many pixels of the frame are joined to one of these.
     """
     light: dict[str, Any]
-    """The ``LineLight`` of the candidate."""
+    """The candidate's ``LineLight``: how even its light is along the line."""
     trail: int | None
     """Index of the trail on which the candidate lies; None: on none."""
     is_taken: bool

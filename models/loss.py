@@ -1,4 +1,4 @@
-"""Loss that training minimises."""
+"""The losses that training minimises."""
 
 import torch
 from torch.nn import functional

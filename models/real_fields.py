@@ -54,7 +54,7 @@ class _Sky:
 
     image_e: Float32Array
     full_e: float
-    """Level at which the picture was full."""
+    """Saturation level of the picture in electrons."""
     e_per_adu: float
     sky_e: float
     canvas: Canvas

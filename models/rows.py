@@ -50,7 +50,7 @@ def folder_of(name: str) -> Path:
 
 
 def read(folder: Path) -> list[FrameRow]:
-    """All rows in a folder, in order of kind and number."""
+    """All rows of a folder on disk, in order of kind and number."""
     rows: dict[tuple[Kind, int], FrameRow] = {}
     for kind in _ALL:
         path = folder / f"{kind}.jsonl"

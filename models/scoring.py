@@ -17,7 +17,7 @@ Answer = Callable[[ByteArray], Float32Array]
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Score:
-    """Result of a detector on a set of fields."""
+    """Result of a detector on a set of fields with known truth."""
 
     true_logits: FloatArray
     """Logit of every streak that is expected to be found; -inf where it was missed."""

@@ -128,7 +128,7 @@ def read_index(path: Path) -> tuple[FloatArray, FloatArray, FloatArray]:
 
 
 def read_places(path: Path, row_bytes: int) -> Places:
-    """RA, Dec (deg) and motions (mas/yr) in one file of the catalogue; NaN where it is blank.
+    """RA, Dec (deg) and proper motions (mas/yr) in one file of Tycho-2; NaN where blank.
 
     Raises SolverError when the file is not made of such rows.
     """

@@ -24,7 +24,7 @@ def cropped(field: Field, left: int, top: int, side: int) -> Field:
 
 
 def turned(field: Field, turns: int, *, is_mirrored: bool) -> Field:
-    """The square field turned by quarter turns counter-clockwise, then mirrored in x."""
+    """A square field after ``turns`` quarter turns counter-clockwise, then mirrored in x or not."""
     side = float(field.values.shape[0])
 
     def place(x: float, y: float) -> tuple[float, float]:

@@ -1,4 +1,4 @@
-"""Write the table of the simulated world's settings into the simulator's README.
+"""Write the tables of the simulated world's settings into the simulator's README.
 
 ``python -m models.world_settings``
 """

@@ -48,7 +48,7 @@ class _Tally:
     inside_3sigma: list[bool] = field(default_factory=list)
     nis: list[float] = field(default_factory=list)
     innovations: list[tuple[float, float]] = field(default_factory=list)
-    """Innovations in their own sigmas, east and north."""
+    """Innovations (east, north) in units of their own sigmas."""
     wrong_in_a_row: int = 0
     longest_wrong: int = 0
     swapped_frames: int = 0
@@ -72,7 +72,7 @@ def objects_figures(
     - ``identified``: whether the last identification of its track is right; None without one.
     - ``false_measurements``: measurements accepted by its track that are not of the object.
     - ``detected_after_lock``: frames after its track's first one in which it was detected.
-    - ``tracked_after_lock``: those of the latter in which a track accepted it.
+    - ``tracked_after_lock``: those of the latter in which its track accepted it.
     - ``inside_3sigma``: fraction of visible frames with the truth inside the prediction's 3-sigma
       ellipse; the clock's constant lateness is taken out.
     - ``nis_mean``: mean NIS.
@@ -94,7 +94,7 @@ class _Field:
     """The satellites that truly stood in a frame, and how wide its stars are."""
 
     there: Mapping[int, Mapping[str, Any]]
-    """Satellites by catalogue number, where their truth suffices to judge by streaks."""
+    """Truth of the satellites in the frame by catalogue number, if it gives their streaks."""
     fwhm_px: float
 
     @classmethod
@@ -104,7 +104,10 @@ class _Field:
         return cls(there, float(truth.get("fwhm_px", 0.0)))
 
     def near(self, at: Detection | Measurement) -> list[tuple[float, int]]:
-        """Objects on whose streak it lies: distance from the middle (px) and catalogue number."""
+        """Objects on whose true streak a detection or measurement lies.
+
+        For each: distance from the streak's middle (px) and catalogue number.
+        """
         return [
             (math.hypot(at.x_px - each["x_px"], at.y_px - each["y_px"]), number)
             for number, each in self.there.items()
@@ -112,14 +115,17 @@ class _Field:
         ]
 
     def object_at(self, at: Detection | Measurement) -> int | None:
-        """Object on whose streak it lies, by the nearest middle; None on none."""
+        """Catalogue number of the object to which a detection or measurement belongs, or None.
+
+        The object on whose true streak it lies; of several, that with the nearest middle.
+        """
         near = self.near(at)
         return min(near)[1] if near else None
 
     def begun_on(self, at: Measurement) -> int | None:
-        """Object that a track begins with: of those about as near as the nearest the brightest.
+        """Object to which a new track belongs, by its first measurement; None for no object.
 
-        One that counts as visible goes before any that does not.
+        Visible objects come before others; of objects about equally near, the brightest.
         """
         every = self.near(at)
         near = [e for e in every if self.there[e[1]]["snr_integrated"] >= VISIBLE_SNR] or every
@@ -134,8 +140,8 @@ class _Field:
     ) -> bool:
         """True where the accepted measurement is of its own object ``on`` as well as of ``number``.
 
-        One streak of two lies between both; or the track says that it shares it with another; or
-        the two draw lines that no camera shows apart.
+        So it is where the streak lies between both objects, where the track records that it shares
+        the streak with another track, or where the frame cannot show the two streaks apart.
         """
         own, nearer = self.there.get(on or 0), self.there.get(number or 0)
         at = (taken.x_px, taken.y_px)
@@ -168,12 +174,12 @@ class _Judge:
 
     tallies: dict[int, _Tally]
     followed: dict[int, int] = field(default_factory=dict)
-    """Catalogue number of the object that a track is on, by track id."""
+    """Catalogue number of the object to which a track belongs, by track id."""
     first: int | None = None
     """Catalogue number of the object that was locked first."""
 
     def take(self, frame: NightFrame, truth: Mapping[str, Any]) -> None:
-        """Judge one frame with its exposure's truth."""
+        """Count one frame's detections, measurements and tracks against its exposure's truth."""
         sky = _Field.of(truth)
         seen = self._count(frame, sky)
         late_ns, taken_by = truth.get("always_late_ns", 0), dict[int, int | None]()
@@ -352,7 +358,7 @@ def _taken(frame: NightFrame, step: FrameTrack) -> Measurement | None:
 
 
 def identified_norad_id(found: Identified | None) -> int | None:
-    """Catalogue number of the identified object; None unless it is identified."""
+    """Catalogue number of an identified object; None where it is ambiguous or unknown."""
     if found is None or found.verdict != "identified" or not found.matches:
         return None
     return found.matches[0].norad_id

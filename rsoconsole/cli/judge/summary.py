@@ -77,7 +77,7 @@ class _Satellite:
 
     tracks: list[int] = field(default_factory=list)
     frames: int = 0
-    """Number of frames in which it was measured."""
+    """Number of frames in which the satellite was measured."""
     last_frame: int = 0
     is_measured_last: bool = False
 

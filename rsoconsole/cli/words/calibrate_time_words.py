@@ -106,7 +106,7 @@ def _mode_lines(timing: ShutterTiming | None) -> Iterator[str]:
 
 
 def cautions(found: FoundTiming) -> Iterator[str]:
-    """Cautions about the result, each with its remedy."""
+    """Sentences of caution about the result, each with its remedy."""
     if found.kind == "tle":
         yield (
             "elements are good to a kilometre, which is 0.3 s: a sanity check of the clock, not a"

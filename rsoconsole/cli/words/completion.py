@@ -68,9 +68,9 @@ def session_names(incomplete: str) -> list[str]:
 
 
 presets = completer_of(lambda _: choices_of("filter.preset"))
-"""Completer of filter presets."""
+"""Completer of the filter's presets."""
 map_modes = completer_of(lambda _: choices_of("detector.map_mode"))
-"""Completer of detector maps."""
+"""Completer of the detector's map modes."""
 
 
 @completer_of
@@ -103,7 +103,7 @@ def setting_values(ctx: Any) -> Iterable[str]:
 
 @completer_of
 def checks(_: Any) -> Iterable[str]:
-    """Names of the checks before arming."""
+    """Names of the checks that the engine makes before arming."""
     from rsoconsole.engine import CHECKS
 
     return CHECKS

@@ -1,4 +1,4 @@
-"""Errors of element sets and their source, in words; 80 columns at most."""
+"""Errors of element sets and their source, in lines of at most 80 columns for people."""
 
 import itertools
 import math
@@ -74,7 +74,7 @@ def _age_report(low: float, high: float, rows: Sequence[ElementRow]) -> dict[str
 
 
 def element_ledger_lines(report: dict[str, Any]) -> Iterator[str]:
-    """Lines on the ledger of element errors: nights, then each kind of orbit."""
+    """Lines on the ledger of element errors: the nights read, then each regime."""
     for night in report["nights"]:
         yield (f"{night['night']}: {len(night['rows'])} of {night['tracks']} tracks surely named")
     for each in report["regimes"]:

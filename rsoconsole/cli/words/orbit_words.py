@@ -1,4 +1,4 @@
-"""An orbit and a name in words and columns, for people; 80 columns at most."""
+"""Orbits and identifications in lines of at most 80 columns for people."""
 
 import math
 import textwrap

@@ -45,7 +45,7 @@ class InputFiles:
         return DASH if path == self._place else str(path)
 
     def words(self, text: str) -> str:
-        """Text with the path of the temporary file replaced by a name of standard input."""
+        """The text with the temporary file's path replaced by a name for standard input."""
         return text if self._place is None else text.replace(str(self._place), STDIN)
 
 

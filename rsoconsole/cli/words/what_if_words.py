@@ -124,7 +124,7 @@ def _plain(value: object) -> str:
 
 
 def proposal_lines(proposal: "Proposal", effects: "Sequence[WhatIf]") -> Iterator[str]:
-    """Verdict, parameters, evidence, effect, and what to do with it."""
+    """Lines on a proposal of Q and R: result, parameters, evidence, effects and next step."""
     number = len(proposal.sessions)
     yield ", ".join(str(folder) for folder in proposal.sessions)
     tracks = f"{proposal.tracks} track{'' if proposal.tracks == 1 else 's'}"

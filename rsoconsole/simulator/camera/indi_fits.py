@@ -86,7 +86,7 @@ OWN_ROTATION_DEG = 1.7
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CameraTraits:
-    """Properties of the camera that its driver reports; sizes are those of joined pixels."""
+    """Properties of the camera that its driver reports; sizes are in binned pixels."""
 
     width_px: int
     height_px: int

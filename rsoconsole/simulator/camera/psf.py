@@ -131,7 +131,7 @@ def add_sources(
 
 
 def annulus(radius_px: float, obstruction: float = 0.45) -> Float32Array:
-    """Image of a point out of focus: a ring of unit sum, (2 r + 3, 2 r + 3).
+    """Image of a defocused point: a ring of unit sum, square, of side 2 ceil(radius_px) + 3.
 
     ``radius_px``: outer radius. ``obstruction``: radius of the dark middle as a fraction of it. The
     edges are smoothed over one pixel.

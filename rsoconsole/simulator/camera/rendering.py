@@ -26,7 +26,7 @@ FloatArray = npt.NDArray[np.float64]
 FramePixels = npt.NDArray[np.uint16]
 
 STREAK_STEP_PX = 0.5
-"""Spacing of the points a streak is made of: far finer than any seeing disc."""
+"""Spacing of the points as which a streak is drawn: far finer than any seeing disc."""
 _ROWS_AT_ONCE = 64
 _TURN_SEEN_PX = 0.05
 _POISSON_BELOW_E = 30.0
@@ -77,7 +77,7 @@ class FieldContent:
     fwhm_px: float = 2.2
     """FWHM of the seeing disc before the pixels integrate it."""
     defocus_px: float = 0.0
-    """Radius of the ring that a mirror with a central obstruction makes of a point; 0: in focus."""
+    """Radius of the ring as which an obstructed mirror shows a defocused point; 0: in focus."""
     sky_electrons_px: float = 132.0
     """Mean sky in one pixel over the exposure, in the centre of the field."""
     sky_gradient: tuple[float, float] = (0.0, 0.0)
@@ -104,7 +104,7 @@ class FieldContent:
     cosmic_ray_sigma_px: tuple[float, float] = (0.28, 0.28)
     """Sigma of the narrowest and the widest track; in a thick sensor they are as wide as stars."""
     cosmic_ray_stretch: float = 1.0
-    """Length of tracks relative to those of a thin sensor."""
+    """Length of cosmic-ray tracks relative to a thin sensor's."""
     blur_variance_px2: float = 0.0
     """Variance by which motion and defocus widen a streak; for the truth's SNR alone, not drawn."""
     row_offsets_e: Float32Array | None = None
@@ -125,7 +125,7 @@ def render(sensor: SensorModel, content: FieldContent, rng: np.random.Generator)
 
 
 def frame_rng(*key: int) -> np.random.Generator:
-    """A fast generator fixed by any tuple of non-negative integers."""
+    """A fast random generator seeded by any number of non-negative integers."""
     return np.random.Generator(np.random.SFC64(np.random.SeedSequence(key)))
 
 

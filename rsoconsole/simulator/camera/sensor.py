@@ -30,7 +30,7 @@ class SensorModel:
     pixel_um: float = 3.8
     focal_length_mm: float = 620.0
     zero_point_mag: float = 21.812
-    """Magnitude that gives one electron a second, at the zenith under a clear sky."""
+    """Magnitude of a source of one electron per second, at the zenith under a clear sky."""
     e_per_adu12: float = 20000.0 / 4096.0
     offset_adu12: float = 21.0
     read_noise_e: float = 1.7
@@ -54,7 +54,7 @@ class SensorModel:
     glow_e_s: float = 0.0
     """Amplifier glow of the last pixel (e/s); it falls to 1/e over a tenth of the diagonal."""
     is_bayer: bool = False
-    """True: a colour mosaic, RGGB, lies over the pixels."""
+    """True: the sensor has a colour mosaic, RGGB."""
     seed: int = 1600
     """Seed of this copy of the sensor: its hot pixels, bad columns and pixel response."""
 

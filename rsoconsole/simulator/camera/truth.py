@@ -35,7 +35,7 @@ class SatelliteTruth:
     x_end_px: float
     y_end_px: float
     magnitude: float | None
-    """Mean magnitude over the exposure, above the atmosphere; None when unlit."""
+    """Magnitude of the mean flux over the exposure, outside the atmosphere; None when unlit."""
     lit_fraction: float
     """Fraction of the Sun's disc visible from the satellite, mean over the exposure."""
     transmission: float
@@ -83,7 +83,7 @@ class FrameTruth:
     cloud_transmission: float
     """Mean transmission of the clouds over the frame."""
     stars: int
-    """Number of sources drawn, catalogued and synthetic."""
+    """Number of stars drawn, catalogued and synthetic."""
     satellites: tuple[SatelliteTruth, ...]
     traffic: tuple[TrafficTruth, ...] = ()
 

@@ -1,4 +1,4 @@
-"""Read-out of the simulated sensor: binning and a part of the frame, as INDI has it."""
+"""Read-out modes of the simulated camera: binning and sub-frame, as INDI defines them."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -97,7 +97,7 @@ class ReadOutVectors:
         self.frame: NumberVector = numbers("CCD_FRAME", _GROUP, self._of_frame(), perm="rw")
 
     def set_binning(self, asked: Mapping[str, float]) -> bool:
-        """Set the binning; True where the camera accepts it."""
+        """Set the binning from CCD_BINNING's members; False where the camera refuses it."""
         mode = self.mode.binned(asked.get("HOR_BIN", 0.0), asked.get("VER_BIN", 0.0))
         if mode is None or not self._can_bin or mode.factor(self._traits) is None:
             return False
@@ -105,7 +105,7 @@ class ReadOutVectors:
         return True
 
     def set_frame(self, asked: Mapping[str, float]) -> bool:
-        """Set the part of the frame; True where the camera accepts it."""
+        """Set the sub-frame from CCD_FRAME's members; False where the camera refuses it."""
         mode = self.mode.part({**self._of_frame(), **asked}, self._traits)
         if mode is None:
             return False

@@ -1,4 +1,4 @@
-"""The simulated camera as an INDI device: it asks the scene for pixels and sends them as FITS."""
+"""The simulated camera as an INDI device, which sends the scene's exposures as FITS files."""
 
 import asyncio
 from collections.abc import Callable, Coroutine

@@ -1,4 +1,4 @@
-"""The simulated clock as an INDI device: a client lets time pass and is notified when it has."""
+"""The simulated clock as an INDI device: clients let time pass and are notified afterwards."""
 
 import asyncio
 import math

@@ -28,7 +28,7 @@ _GROUP = "Main Control"
 
 
 class MountDevice:
-    """Answers the telescope interface of INDI on behalf of a MountModel."""
+    """INDI telescope device that controls and reports a ``MountModel``."""
 
     def __init__(
         self,

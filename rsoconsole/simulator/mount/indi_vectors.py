@@ -51,7 +51,7 @@ def switches(
 
 
 def texts(name: str, group: str, values: Mapping[str, str], *, perm: str = "ro") -> Any:
-    """A text vector in state Ok."""
+    """A text vector in state Ok, of these members."""
     return TextVector(
         name,
         name,
@@ -129,12 +129,12 @@ class MountFaults:
 
     @property
     def is_silent(self) -> bool:
-        """True: the driver hangs."""
+        """True while the driver hangs: it neither reports nor obeys."""
         return self._values["IS_SILENT"] > 0
 
     @property
     def abort_ends_tracking(self) -> bool:
-        """True: an abort ends tracking too."""
+        """True where an abort turns tracking off too."""
         return self._values["ABORT_ENDS_TRACKING"] > 0
 
     def turns_tracking_on_again(self) -> bool:

@@ -132,7 +132,7 @@ class _Motion:
 
 
 def travel_s(distance_deg: float, max_rate_deg_s: float, acceleration_deg_s2: float) -> float:
-    """Travel time of an axis over a distance with a trapezoidal rate."""
+    """Time in which an axis travels a distance, with a trapezoidal rate."""
     distance = abs(distance_deg)
     if distance < max_rate_deg_s**2 / acceleration_deg_s2:
         return 2.0 * sqrt(distance / acceleration_deg_s2)

@@ -76,14 +76,14 @@ class Views:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Window:
-    """A time at which targets can be seen, and how long that lasts."""
+    """Start and duration of a time in which targets can be seen."""
 
     t_start_utc_ns: int
     visible_s: float
 
 
 def views_of(satellites: Sequence[Satellite], site: Site, t_utc_ns: IntArray) -> Views:
-    """The targets from a site at instants (N,); NaN where SGP4 fails."""
+    """Positions, SNR and rates of targets from a site at instants (N,); NaN where SGP4 fails."""
     seen = [each.astrometric_place(site, t_utc_ns) for each in satellites]
     altitudes, hour_angles = [], []
     for each in seen:

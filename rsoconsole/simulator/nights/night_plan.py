@@ -61,7 +61,7 @@ class NightPlan:
 
 
 def plan_of_table(table: dict[str, Any]) -> NightPlan:
-    """The plan that ``to_table`` wrote."""
+    """The plan of a table made by ``NightPlan.to_table``."""
     lists = {name: tuple(table[name]) for name in ("targets", "names", "element_files")}
     return NightPlan(**{**table, **lists, "site": Site(**table["site"])})
 

@@ -30,7 +30,7 @@ class ScenarioSatellite:
 
     element_set: ElementSet | CatalogueEntry
     standard_magnitude: float
-    """Magnitude fully lit, at 36,000 km."""
+    """Magnitude of the satellite fully lit at 36,000 km."""
     brightness: BrightnessHistory = STEADY
 
 
@@ -79,7 +79,7 @@ class Scenario:
 
 
 def scenario_named(name: str) -> Scenario:
-    """The scenario of this name; raises ConfigError that lists the names there are."""
+    """The scenario of this name; raises ConfigError that lists the valid names."""
     scenarios = all_scenarios()
     if name not in scenarios:
         known = ", ".join(scenarios)

@@ -1,4 +1,4 @@
-"""``--world random``: a world drawn from one published table of laws, fixed by its seed."""
+"""``--world random``: a world drawn by its seed from a published table of distributions."""
 
 import math
 import zlib
@@ -15,13 +15,13 @@ _STREAM = 40
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SettingDistribution:
-    """Distribution of one setting."""
+    """Distribution from which random worlds draw one setting."""
 
     name: str
     """Dotted name, e.g. ``stars.drift_px``."""
     low: float
     high: float
-    """Upper bound; same as ``low``: always that value."""
+    """Upper bound; equal to ``low`` for a constant."""
     kind: Literal["uniform", "log-uniform"] = "uniform"
     share: float = 1.0
     """Fraction of worlds in which the setting is drawn; in the rest it keeps its default."""

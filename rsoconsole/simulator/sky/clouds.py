@@ -19,14 +19,14 @@ _STREAM = 3
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CloudDeck:
-    """A night's clouds."""
+    """A night's clouds: extinction by time, structure and wind."""
 
     schedule: tuple[tuple[float, float], ...]
     """Nodes (seconds since the scenario's start, mean magnitudes lost), linear in between."""
     structure: float = 0.45
     """One sigma of the natural logarithm of the extinction from place to place."""
     wind_deg_s: tuple[float, float] = (0.045, 0.012)
-    """Drift towards west and north as seen from the ground."""
+    """Drift (towards west, towards north) relative to the ground."""
 
     def extinction_mag(
         self, west_deg: FloatArray, north_deg: FloatArray, t_s: float, seed: int

@@ -16,7 +16,7 @@ from rsoconsole.sky import direction_to_unit, jd_utc, site_gcrs, teme_to_gcrs_ro
 
 _STREAM = 30
 BEYOND_PX = 60.0
-"""Distance outside the frame at which a crossing trail begins and ends."""
+"""Distance outside the frame at which a trail across it begins and ends."""
 _LAMP_STEPS = 4000
 _STROBES_S = (0.8, 1.2)
 _STROBE_SHINES_S = 0.06

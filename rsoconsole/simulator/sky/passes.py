@@ -39,7 +39,7 @@ class SatellitePass:
     name: str
     norad_id: int
     streak: Streak
-    """Streak under a clear sky at the zenith; 0 electrons when unlit throughout."""
+    """The satellite's streak without the air's extinction or clouds; 0 electrons if unlit."""
     ra_icrs_deg: FloatArray
     dec_icrs_deg: FloatArray
     rates_deg_s: tuple[float, float]
@@ -179,7 +179,7 @@ def _nodes_for(x_px: FloatArray, y_px: FloatArray) -> int:
 
 
 def dimmed(streak: Streak, transmission: float) -> Streak:
-    """The streak through air that transmits this share of the light."""
+    """The streak with its electrons multiplied by a transmission."""
     return replace(streak, electrons=streak.electrons * transmission)
 
 

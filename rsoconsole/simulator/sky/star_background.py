@@ -28,7 +28,7 @@ _LATITUDE_SCALE_DEG = 29.0
 
 
 def galactic_latitude_deg(ra_icrs_deg: float, dec_icrs_deg: float) -> float:
-    """Galactic latitude, -90 to 90."""
+    """Galactic latitude of a direction, -90 to 90."""
     return 90.0 - separation_deg(_POLE_RA_DEG, _POLE_DEC_DEG, ra_icrs_deg, dec_icrs_deg)
 
 
