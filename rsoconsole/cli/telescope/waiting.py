@@ -1,8 +1,8 @@
 """Waiting for a command (--wait): the engine's status is polled until the command is done.
 
-Done means by the mount's position and measured motion; its driver's own state counts only where
-no motion could be measured. Seconds are those of the engine's clock, which a simulated night speeds
-up.
+The mount's position and measured motion decide that it is done; the driver's own state counts only
+where no motion could be measured. Seconds are those of the engine's clock, which runs faster in a
+simulated night.
 """
 
 import contextlib
@@ -28,7 +28,7 @@ WaitOption = Annotated[
 ]
 LOOK_S = 1.0
 GRACE_S = 60.0
-"""Longest wait for a goal, added to mount.slew_timeout_s."""
+"""Time beyond mount.slew_timeout_s after which the wait for a goal fails, s."""
 BY_WORD_S = 10.0
 """Longest wait for a measured motion, s; after that the driver's own state counts."""
 AT_REST_S = 12.0

@@ -39,7 +39,10 @@ class Streak:
     """A source that moves during the exposure."""
 
     x_px: FloatArray
-    """Columns, (n >= 2,), at equal steps of time from opening to closing; straight in between."""
+    """Columns (``y_px``: rows), (n >= 2,), at equal steps of time from opening to closing.
+
+    The path is straight in between.
+    """
     y_px: FloatArray
     electrons: float
     """Electrons of the whole streak at relative brightness 1 under a clear sky."""

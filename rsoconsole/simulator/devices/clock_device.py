@@ -17,7 +17,7 @@ _LONGEST_STEP_S = 0.1
 CATCH_UP = 4.0
 """Factor by which paced time runs faster while it is behind the wall clock."""
 MAX_BEHIND_S = 60.0
-"""Largest lag behind the wall clock that is caught up; a longer one (after suspend) is cut."""
+"""Largest lag behind the wall clock that is caught up; the rest of a longer lag is dropped."""
 
 
 class VirtualClock:
