@@ -1,4 +1,4 @@
-"""Training of the streak detector's network: fields drawn, network trained, exported, judged.
+"""Training of the streak detector's network: draws fields, trains, exports and evaluates.
 
-May import rsoconsole.simulator and rsoconsole.vision; the product imports nothing from here.
+May import rsoconsole.simulator and rsoconsole.vision; the product imports nothing from ``models``.
 """

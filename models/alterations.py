@@ -1,9 +1,9 @@
-"""Alterations of a frame by ordinary nights, over wide ranges, for the network's hard fields.
+"""Alterations of a frame by imperfect conditions, over wide ranges, for the network's hard fields.
 
-Drawn is what the detector's maps are made of: a frame whose pixels have been joined where stars are
-wide (``vision/detector/working_frame.py``), so that discs and rings stay small; whose offsets of
-rows and columns have been taken away as far as they can be; and whose trailed stars may have been
-covered with sky, so that a rest of them is left.
+The fields resemble the detector's working frame (``vision/detector/working_frame.py``), from which
+its maps are made: pixels are binned where stars are wide, so that discs and rings stay small;
+offsets of rows and columns are mostly removed; trailed stars may have been covered with sky, which
+leaves residuals of them.
 """
 
 import math
@@ -24,9 +24,9 @@ from rsoconsole.simulator import (
 )
 
 FWHM_PX = (1.0, 5.5)
-"""Full width at half maximum of the stars in the working frame."""
+"""Range of the stars' full width at half maximum in the working frame."""
 RING_PX = (1.0, 3.0)
-"""Radius of the ring of a star out of focus in the working frame."""
+"""Range of the radius of a defocused star's ring in the working frame."""
 _FINE_FWHM_PX = 3.5
 """Largest FWHM at a block of 2: a wider star would fill the map."""
 _DRIFT_UNITS, _WIND_UNITS = (0.1, 1.2), (0.05, 0.4)
@@ -45,7 +45,10 @@ _COVERED_ABOVE_SNR, _LEFT_OF_COVERED = (1.5, 5.0), 0.1
 
 
 def altered_sensor(sensor: SensorModel, block: int, rng: np.random.Generator) -> SensorModel:
-    """A sensor with at most a few of: a mosaic, 8 bits, glow, many hot pixels, bad columns."""
+    """The sensor, at random with a mosaic, 8 bits, glow, many hot pixels or bad columns.
+
+    ``block``: pixels per cell of the map.
+    """
     changes: dict[str, Any] = {}
     if rng.random() < 0.06 and block > 2:
         changes["is_bayer"] = True
@@ -64,7 +67,10 @@ def altered_sensor(sensor: SensorModel, block: int, rng: np.random.Generator) ->
 
 
 def seeing(block: int, rng: np.random.Generator) -> tuple[float, float]:
-    """FWHM of the stars and radius of their ring (0: in focus), px."""
+    """Random FWHM of the stars and radius of their ring (0: in focus), px.
+
+    ``block``: pixels per cell of the map.
+    """
     if block > 2 and rng.random() < 0.1:
         return float(rng.uniform(1.2, 2.5)), float(rng.uniform(*RING_PX))
     if rng.random() < 0.5:
@@ -73,7 +79,7 @@ def seeing(block: int, rng: np.random.Generator) -> tuple[float, float]:
 
 
 def sky_electrons(sensor: SensorModel, rng: np.random.Generator) -> float:
-    """Mean sky in one pixel: dark to bright, one time in ten by moonlight."""
+    """Random mean sky in one pixel, electrons; one time in ten moonlit."""
     sky_e = log_uniform(rng, 25.0, 700.0)
     if rng.random() < 0.1:
         sky_e *= log_uniform(rng, *_MOONLIGHT)
@@ -84,7 +90,7 @@ def sky_electrons(sensor: SensorModel, rng: np.random.Generator) -> float:
 
 
 def gradient(rng: np.random.Generator) -> tuple[float, float]:
-    """Relative change of the sky along x and y: slight, one time in seven steep."""
+    """Random relative change of the sky along x and y: slight, one time in seven steep."""
     if rng.random() < 1 / 7:
         slope, angle = rng.uniform(0.2, _STEEPEST), rng.uniform(0.0, 2.0 * math.pi)
         return float(slope * math.cos(angle)), float(slope * math.sin(angle))
@@ -92,7 +98,10 @@ def gradient(rng: np.random.Generator) -> tuple[float, float]:
 
 
 def stripes(canvas: Canvas, rng: np.random.Generator) -> dict[str, Any]:
-    """Offsets of rows, and of columns by half, in one field of seven."""
+    """Random offsets of rows and half as large ones of columns; empty in six fields of seven.
+
+    As fields of ``FieldContent``.
+    """
     if rng.random() >= 1 / 7:
         return {}
     sigma_e = log_uniform(rng, *_STRIPES_SIGMA) * canvas.noise_e
@@ -104,10 +113,10 @@ def stripes(canvas: Canvas, rng: np.random.Generator) -> dict[str, Any]:
 
 
 def motion(canvas: Canvas, rng: np.random.Generator) -> FloatArray | None:
-    """Path of the whole image, (2, m), stars and satellites alike, in one field of five.
+    """Random path (2, m) of the whole image during the exposure, px; None in four fields of five.
 
-    Drift along a line, or wind: a random walk that is pulled back (Ornstein and Uhlenbeck), as
-    ``simulator/camera/motion.py`` has it. Its mean is nothing.
+    A drift along a line, or wind: an Ornstein-Uhlenbeck process as in
+    ``simulator/camera/motion.py``. The mean of the path is 0.
     """
     if rng.random() >= 0.2:
         return None
@@ -130,13 +139,13 @@ def motion(canvas: Canvas, rng: np.random.Generator) -> FloatArray | None:
 
 
 def stands(path_px: FloatArray, canvas: Canvas) -> FloatArray:
-    """Places of the image on this path with their shares of the time: ``FieldContent.stands``."""
+    """Positions of an image that moves along this path (2, m), as ``FieldContent.stands``."""
     moved = ImageMotion(dx_px=path_px[0], dy_px=path_px[1], turn_rad=np.zeros(path_px.shape[1]))
     return moved.stands(canvas.fwhm_px / FWHM_PER_SIGMA, 0.5 * canvas.diagonal_px)
 
 
 def crossings(canvas: Canvas, rng: np.random.Generator) -> list[Streak]:
-    """Narrow steady trails right through the field, in one of twelve."""
+    """Random narrow steady trails from edge to edge; none in eleven fields of twelve."""
     if rng.random() >= 1 / 12:
         return []
     trails = []
@@ -149,7 +158,10 @@ def crossings(canvas: Canvas, rng: np.random.Generator) -> list[Streak]:
 
 
 def covered(stars: Points, path_px: FloatArray, canvas: Canvas, rng: np.random.Generator) -> Points:
-    """Trailed stars as sky over them leaves them: faint ones whole, of bright ones a rest."""
+    """Trailed stars after they have been covered with sky: faint ones whole, residuals of bright.
+
+    ``stars``: x, y and electrons. ``path_px``: their trail, (2, m).
+    """
     x, y, electrons = stars
     length_px = float(np.hypot(*np.diff(path_px, axis=1)).sum())
     per_px = canvas.line_e_per_px(log_uniform(rng, *_COVERED_ABOVE_SNR))
@@ -160,7 +172,10 @@ def covered(stars: Points, path_px: FloatArray, canvas: Canvas, rng: np.random.G
 
 
 def gaps(length_cells: float, rng: np.random.Generator) -> FloatArray:
-    """Brightness, (m,), of a satellite's streak over which covered trails lie; mostly 1."""
+    """Relative brightness (m,) of a satellite's streak, with gaps under covered star trails.
+
+    ``length_cells``: length of the streak in cells of the map.
+    """
     steps = 256
     curve = np.ones(steps)
     for _ in range(int(rng.poisson(0.08 * min(length_cells, 60.0)))):

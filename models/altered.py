@@ -1,7 +1,7 @@
-"""Frames as ordinary nights alter them: one family an alteration, severity drawn over its range.
+"""Frames with one imperfection each: a family per imperfection, its severity drawn at random.
 
 A frame is a pure function of (split, family, number): the real sky of a split of ``models.frames``,
-a quarter of full size, one satellite's streak wholly in it, and one thing wrong.
+a quarter of the full size, one satellite's streak wholly in it, and one imperfection.
 """
 
 import math
@@ -41,21 +41,21 @@ Rng = np.random.Generator
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Scene:
-    """Plan of one frame, before it is drawn."""
+    """Content of one frame before it is drawn."""
 
     sensor: SensorModel
     content: FieldContent
     motion: ImageMotion | None = None
     """Motion of the whole image, stars and satellite alike."""
     brightness: FloatArray | None = None
-    """Brightness of the satellite along its streak."""
+    """Relative brightness of the satellite along its streak; None: steady."""
     others: tuple[Streak, ...] = ()
-    """Further streaks beside it: they count neither as found nor as false."""
+    """Streaks beside the satellite's: candidates on them count neither as found nor as false."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Family:
-    """One alteration."""
+    """One kind of imperfection with the range of its severity."""
 
     title: str
     low: float
@@ -63,24 +63,24 @@ class Family:
     """Upper bound of the severity."""
     alter: Callable[[Scene, float, Rng], Scene]
     sensor: Callable[[float], SensorModel] = lambda _: QUARTER
-    """Sensor by severity, where that is the camera's."""
+    """Sensor for a severity, where the imperfection is the camera's."""
     is_counted: bool = False
-    """True where the severity is a whole number."""
+    """True where the severity is a whole number, e.g. a count."""
     length_px: tuple[float, float] = LENGTH_PX
     snr: tuple[float, float] = SNR
-    """Range of the integrated SNR; length and SNR are log-uniform."""
+    """Range of the integrated SNR; length and SNR are drawn log-uniformly."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Truth:
-    """The satellite's streak."""
+    """Truth of the satellite's streak: its ends a and b, SNR, and the frame's severity."""
 
     x_a_px: float
     y_a_px: float
     x_b_px: float
     y_b_px: float
     snr: float
-    """Integrated SNR."""
+    """Integrated SNR of the satellite's streak."""
     severity: float
 
 
@@ -120,7 +120,10 @@ def windy(scene: Scene, rms_px: float, rng: Rng) -> Scene:
 
 
 def striped(scene: Scene, sigma: float, rng: Rng) -> Scene:
-    """Add offsets to rows by the severity, to columns by half of it, in sigmas of a pixel."""
+    """Add random offsets to rows and columns.
+
+    ``sigma``: one sigma of the rows' offsets in noises of a pixel; the columns' is half of it.
+    """
     noise_e = noise_electrons(scene.sensor, scene.content)
     rows = rng.normal(0.0, sigma * noise_e, scene.sensor.height_px).astype(np.float32)
     columns = rng.normal(0.0, 0.5 * sigma * noise_e, scene.sensor.width_px).astype(np.float32)
@@ -156,7 +159,7 @@ def moonlit(scene: Scene, times: float, rng: Rng) -> Scene:
 
 
 def crossed(scene: Scene, count: float, rng: Rng) -> Scene:
-    """Add trails right through the frame, as bright as the satellite or brighter."""
+    """Add ``count`` trails from edge to edge, as bright as the satellite or brighter."""
     sensor, others = scene.sensor, []
     reach = math.hypot(sensor.width_px, sensor.height_px)
     for _ in range(round(count)):
@@ -188,7 +191,7 @@ def plain(scene: Scene, _severity: float, _: Rng) -> Scene:
 
 
 def joined(factor: float) -> SensorModel:
-    """Sensor binned by this factor, at the same number of pixels."""
+    """Sensor whose pixels are binned by this factor, with the same number of pixels."""
     n = round(factor)
     return replace(
         QUARTER,
@@ -260,16 +263,19 @@ _ALTERING = tuple(name for name in FAMILIES if name not in {"long", "faint"})
 
 
 def draw(name: str, number: int, split: Split = "test") -> tuple[Frame, Truth, tuple[Streak, ...]]:
-    """One frame, its truth, and the trails beside it."""
+    """One frame of a family, the truth of its satellite, and the other streaks in it.
+
+    ``name``: the family's.
+    """
     frame, truth, scene = _drawn(name, number, split)
     return frame, truth, scene.others
 
 
 def draw_altered(split: Split, number: int) -> TrueFrame:
-    """One frame of the families in turn, its trails those of the satellite and those beside it.
+    """One altered frame; its trails are the satellite's and the other streaks'.
 
-    Those that change how stars look come five times as often as others: what looks like a streak
-    then is fitted by itself.
+    The families take turns. Those that change the shape of stars come five times as often, since
+    confidence has its own fit in such frames.
     """
     name = family_of(number)
     frame, truth, scene = _drawn(name, number, split)
@@ -290,7 +296,7 @@ def draw_altered(split: Split, number: int) -> TrueFrame:
 
 
 def family_of(number: int) -> str:
-    """Family of one of the altered frames."""
+    """Family of the altered frame with this number."""
     turns = (*FAMILIES, *(_RESHAPING * _MORE_OF_THEM))
     return turns[number % len(turns)]
 

@@ -1,7 +1,7 @@
-"""Pictures of the real sky that fields may be drawn on: which files, by whom, under which licence.
+"""Pictures of the real sky on which fields may be drawn: files, authors and licences.
 
-None of them lies in the project, and training works without. Files are known by name; a camera
-belongs either to training or to judging, whole.
+The pictures are no part of the project, and training works without them. Files are known by name;
+all files of a camera belong either to training or to evaluation.
 """
 
 from collections.abc import Sequence
@@ -23,12 +23,12 @@ Licence = Literal["MIT", "GPL-3.0"]
 SUFFIXES = (".fits", ".fit", ".fz", ".tif", ".tiff", ".png")
 _WANTED_PX = 3.0
 SMALLEST_PX = 240
-"""A smaller picture would be enlarged until its noise is smooth."""
+"""Least side of a picture; a smaller one would be enlarged until its noise is smooth."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Background:
-    """One file of pictures of the real sky."""
+    """One file of pictures of the real sky: its camera, licence, source and use."""
 
     name: str
     camera: str
@@ -36,11 +36,14 @@ class Background:
     source: str
     split: Split
     images: tuple[int | str, ...] = (0,)
-    """Images of a FITS file, by number or name."""
+    """Images to use of a FITS file, by number or name."""
     inner: tuple[int, int, int, int] | None = None
-    """Left, top, right, bottom of the part that the sky lit; None: all of it."""
+    """Part of the picture that shows sky: left, top, right, bottom (px); None: all of it."""
     trails: tuple[Ends, ...] = ()
-    """Satellites, aircraft, meteors in it: neither asked for nor a fault (x, y, x, y in px)."""
+    """Ends (x, y, x, y in px) of satellites, aircraft and meteors that the picture shows.
+
+    Candidates on them count neither as found nor as false.
+    """
 
 
 def _video(name: str, camera: str, split: Split, *trails: Ends) -> Background:
@@ -131,26 +134,26 @@ BACKGROUNDS: tuple[Background, ...] = (
         split="real-test",
     ),
 )
-"""Known files. Cameras whose frames tests hold the detector against are for judging alone."""
+"""Known files. Cameras whose frames are used in tests of the detector are for evaluation alone."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Plane:
-    """One picture, its pixels joined where its stars are wide."""
+    """One picture, with its pixels binned where its stars are wide."""
 
     camera: str
     pixels: Float32Array
     """Pixels (height, width), ADU."""
     fwhm_px: float
-    """Width of its stars."""
+    """FWHM of the picture's stars after binning."""
     trails: tuple[Ends, ...]
-    """Trails in it, in its pixels."""
+    """Ends of the trails in the picture, in its binned pixels."""
 
 
 def find(folder: Path) -> tuple[dict[str, Path], list[str]]:
-    """The files below ``folder`` that are known, by name, and the names of pictures that are not.
+    """The known files below ``folder`` by name, and the names of unknown pictures there.
 
-    Raises SystemExit where none is known.
+    Raises SystemExit where no file is known.
     """
     there = sorted(path for path in folder.rglob("*") if path.suffix.lower() in SUFFIXES)
     wanted = {each.name for each in BACKGROUNDS}
@@ -164,7 +167,7 @@ def find(folder: Path) -> tuple[dict[str, Path], list[str]]:
 
 
 def cameras(folder: Path, split: Split) -> tuple[str, ...]:
-    """Pictures of this split that have a file below ``folder``."""
+    """Cameras of this split that have a picture below ``folder``."""
     known, _ = find(folder)
     named = (each for each in BACKGROUNDS if each.split == split and each.name in known)
     return tuple(dict.fromkeys(each.camera for each in named))
@@ -172,7 +175,7 @@ def cameras(folder: Path, split: Split) -> tuple[str, ...]:
 
 @lru_cache(maxsize=2)
 def planes(folder: Path, camera: str) -> tuple[Plane, ...]:
-    """All pictures of one camera that are large enough."""
+    """All pictures of one camera below ``folder`` that are large enough."""
     known, _ = find(folder)
     made = [
         _joined(entry, pixels)

@@ -1,4 +1,4 @@
-"""Batches out of drawn fields: turned, mirrored, dimmed and cut, the same for the same step."""
+"""Batches of drawn fields, turned, mirrored, dimmed and cropped; fixed by seed and step."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -13,16 +13,16 @@ from models.turning import cropped, turned
 
 Float32Array = npt.NDArray[np.float32]
 BATCH = 16
-"""Number of crops in one step."""
+"""Number of crops in one batch, i.e. per step of training."""
 CROP_CELLS = 128
-"""Side of a crop: a multiple of 32."""
+"""Side of a crop in cells of the map: a multiple of 32."""
 _SHARE_CUT = 0.12
 _SHARE_AIMED = 0.5
 _SHARE_DIMMED = 0.5
 
 
 def read_fields(folder: Path, split: str, shards: int) -> list[Field]:
-    """All fields of the first shards of a split."""
+    """All fields of the first ``shards`` shards of a split."""
     return [
         field
         for number in range(shards)
@@ -31,7 +31,7 @@ def read_fields(folder: Path, split: str, shards: int) -> list[Field]:
 
 
 def example(field: Field, side: int, rng: np.random.Generator) -> tuple[Float32Array, Float32Array]:
-    """One input (side, side) in 0..1 and its targets (7, side / 4, side / 4)."""
+    """A random crop of a field: input (side, side) in 0..1, targets (7, side / 4, side / 4)."""
     field = turned(_crop(field, side, rng), int(rng.integers(4)), is_mirrored=rng.random() < 0.5)
     values = field.values.astype(np.float32)
     if field.mode == "fast" and rng.random() < _SHARE_DIMMED:
@@ -70,9 +70,9 @@ def _start(one: float, other: float, side: int, spare: int, rng: np.random.Gener
 def batch(
     fields: Sequence[Field], size: int, seed: int, step: int, side: int = CROP_CELLS
 ) -> tuple[Float32Array, Float32Array]:
-    """Batch number ``step``: (size, 1, side, side) and (size, 7, side / 4, side / 4).
+    """Inputs (size, 1, side, side) and targets (size, 7, side / 4, side / 4) of batch ``step``.
 
-    Every field comes once before any comes twice, in an order drawn again for each round.
+    Every field is used once before any is used twice, in a new random order for each round.
     """
     inputs, targets = [], []
     rng = np.random.default_rng([seed, 7, step])

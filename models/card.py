@@ -2,9 +2,8 @@
 
     python -m models.card
 
-Rewrites what stands between two marks in ``models/README.md`` from ``models/figures.json``, from
-the network's card, and from what ``bench_vision.py`` and ``bench_peers.py`` in ``tests/bench``
-measured.
+Rewrites the text between two marks in ``models/README.md`` from ``models/figures.json``, the
+network's card, and the results of ``bench_vision.py`` and ``bench_peers.py`` in ``tests/bench``.
 """
 
 import json
@@ -27,7 +26,10 @@ NOT_MEASURED = "Not measured yet: `python -m models.measure`, then `python -m mo
 
 
 def section(figures: Any, card: Any, peers: Any, times: Any) -> str:
-    """The part of the model card that holds figures, in Markdown."""
+    """The section of the model card with the figures, in Markdown.
+
+    ``figures``: of whole frames. ``card``: the network's. ``peers`` and ``times``: of the benches.
+    """
     if figures is None:
         return NOT_MEASURED
     parts = [
@@ -49,7 +51,7 @@ def section(figures: Any, card: Any, peers: Any, times: Any) -> str:
 
 
 def rewritten(text: str, figures: Any, card: Any, peers: Any, times: Any) -> str:
-    """The model card with this section between its marks."""
+    """The model card's text with a new section of figures between its marks."""
     before, rest = text.split(BEGIN)
     _, after = rest.split(END)
     return f"{before}{BEGIN}\n\n{section(figures, card, peers, times)}\n\n{END}{after}"
@@ -234,7 +236,7 @@ def read_json(path: Path) -> Any:
 
 
 def main() -> None:
-    """Rewrite the section."""
+    """Run the command line: rewrite the section of figures in ``models/README.md``."""
     text = README.read_text(encoding="utf-8")
     README.write_text(
         rewritten(text, read_json(FIGURES), read_json(CARD), read_json(PEERS), read_json(TIMES)),

@@ -41,20 +41,23 @@ SPLIT: dict[Kind, float] = {
     "rays": 0.0306,
     "altered": 0.6334,
 }
-"""Shares of the frames looked at: what each kind costs and teaches, not how often it comes."""
+"""Number of frames of each kind to analyse, as fractions of ``--frames``.
+
+By what a kind costs and teaches, not by how often it occurs.
+"""
 ENOUGH = 200
 MAX_OFF = 0.05
-"""Candidates in a bin of confidence that has to be reliable, and how far off it may be."""
+"""Largest error of a bin of confidence with at least ``ENOUGH`` candidates."""
 SNR_BANDS = ((0.8, 1.5), (1.5, 2.0), (2.0, 3.0), (3.0, 5.0), (5.0, 30.0))
 
 
 def counts_of(frames: int) -> dict[Kind, int]:
-    """Number of frames of each kind."""
+    """Number of frames of each kind when ``frames`` are analysed in all."""
     return {kind: max(1, round(frames * SPLIT[kind])) for kind in SPLIT}
 
 
 def judged(rows: Sequence[FrameRow], curve: FittedCurve) -> dict[str, Any]:
-    """Figures of curves fitted in the same way on other frames than those they are held against."""
+    """Figures of the curve by cross-validation: every frame by a curve fitted without it."""
     them = gathered(rows)
     confidence = out_of_fold(rows, curve.frames_per_satellite)
     is_false = ~them.is_true & (confidence > TAU)
@@ -96,7 +99,10 @@ def judged(rows: Sequence[FrameRow], curve: FittedCurve) -> dict[str, Any]:
 
 
 def entry(rows: Sequence[FrameRow], one_in: int | None = None) -> dict[str, Any]:
-    """The curve as the card gives it."""
+    """The fitted curve with its figures, as the network's card states it.
+
+    ``one_in``: frames per frame with satellites in the population; None: chosen by the fit.
+    """
     curve = fit_curve(gathered(rows), one_in)
     return {
         "weights": dict(zip(FEATURES, (round(float(w), 6) for w in curve.weights), strict=True)),
@@ -123,7 +129,7 @@ def _say(fitted: dict[str, Any]) -> None:
 
 
 def main() -> None:
-    """Command line."""
+    """Run the command line: analyse frames, fit the curve, write it into the card."""
     parser = argparse.ArgumentParser(prog="python -m models.confidence", description=__doc__)
     parser.add_argument("--frames", type=int, default=1000, help="of all kinds together")
     parser.add_argument("--workers", type=int, default=2)

@@ -19,7 +19,10 @@ _SHEETS = 90
 
 
 def picture(field: Field) -> ByteArray:
-    """A field with what it is and, beside each true streak, two lines: green where asked for."""
+    """Image of a field with its kind and two lines beside each true streak.
+
+    The lines are green where the detector is expected to find the streak.
+    """
     size = (field.values.shape[1] * _ZOOM, field.values.shape[0] * _ZOOM)
     grey = cv2.resize(field.values, size, interpolation=cv2.INTER_NEAREST)
     image = cv2.cvtColor(grey, cv2.COLOR_GRAY2BGR)
@@ -40,7 +43,7 @@ def picture(field: Field) -> ByteArray:
 
 
 def sheet(fields: list[Field], columns: int) -> ByteArray:
-    """Fields side by side, ``columns`` in a row."""
+    """Image of several fields, ``columns`` in a row."""
     tiles = [picture(field) for field in fields]
     tiles += [np.zeros_like(tiles[0])] * (-len(tiles) % columns)
     rows = [np.hstack(tiles[i : i + columns]) for i in range(0, len(tiles), columns)]
@@ -48,7 +51,7 @@ def sheet(fields: list[Field], columns: int) -> ByteArray:
 
 
 def main() -> None:
-    """Draw a sheet and write it."""
+    """Run the command line: draw a contact sheet and write it."""
     parser = argparse.ArgumentParser(prog="python -m models.contact_sheet", description=__doc__)
     parser.add_argument("--out", type=Path, default=Path("models/runs/contact_sheet.png"))
     parser.add_argument("--seed", type=int, default=1)

@@ -1,10 +1,11 @@
-"""A logistic curve through candidates of known truth, and what prevalence makes of it.
+"""A logistic curve of confidence, fitted to candidates of known truth for a stated population.
 
-Two steps. First the weights: which candidates are likelier than which, from all rows alike, so that
-aircraft and the like count in full. Then slope and constant: how likely, with every row weighed as
-often as it comes in the stated population of frames. The population's one free number, how many
-frames hold a satellite, is lowered until tau keeps the false alarms that are allowed. Each way in
-which a frame shows its stars has weights, slope and constant of its own.
+First the weights, which rank candidates, are fitted to all rows alike, so that aircraft and similar
+trails count in full. Then slope and constant, which turn the rank into a probability, are fitted
+with each row weighted by its frequency in the stated population of frames. The population's one
+free parameter, the fraction of frames with a satellite, is lowered until no more false candidates
+than allowed are expected above tau. Frames in which stars look alike (points, rings, trails) share
+weights, slope and constant.
 """
 
 import math
@@ -34,17 +35,23 @@ SHARES: Mapping[str, float] = {
     "jitter": 0.01,
     "rays": 0.01,
 }
-"""Shares of the kinds in all frames, the stated population."""
+"""Fraction of each kind in all frames: the stated population."""
 FRAMES_PER_SATELLITE = (2, 3, 5, 10, 20, 30, 50, 100, 200, 300, 400, 500, 1000)
-"""Clear or cloudy frames for each that holds one to three satellites: the numbers to try."""
+"""Clear or cloudy frames per frame with satellites: the values to try, in order."""
 ALTERED_PER_SATELLITE = 4
-"""Altered frames of which one holds a satellite: who looks for one through wind or out of focus
-knows that it is there, and twenty times as many false ones are allowed as in ordinary frames."""
+"""Altered frames per altered frame with a satellite.
+
+Few: an observer who searches in wind or out of focus expects a satellite there, and twenty times
+as many false candidates are allowed as in ordinary frames.
+"""
 FALSE_PER_ORDINARY, FALSE_PER_HARD = 0.5 / 1000.0, 1.3 / 100.0
-"""Expected above tau: well below what is promised, since the rows of the fit predict it."""
+"""Allowed expectation of false candidates above tau per ordinary frame and per hard frame.
+
+Well below the stated limits, since the expectation comes from the rows of the fit itself.
+"""
 ORDINARY: tuple[Kind, ...] = ("empty", "satellites")
 HARD_COUNTS = 0.3
-"""Weight of a false candidate of a hard frame in the fit of the weights: there are dozens each."""
+"""Weight of a false candidate of a hard frame in ``fit_weights``; such a frame has dozens."""
 _AT_TAU = math.log(TAU / (1.0 - TAU))
 _FOR = ("network", "log_snr", "steady", "extent", "one_line", "like_line")
 _EITHER = ("constant", "blurred", "drifted")
@@ -56,19 +63,19 @@ _RIDGE, _HELD = 0.1, 1e-7
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Candidates:
-    """The candidates of many frames; one entry each."""
+    """The candidates of many frames, n in all; each array has one entry per candidate."""
 
     features: FloatArray
     """Features of the candidates, (n, features)."""
     is_true: BoolArray
     kind: tuple[Kind, ...]
     frame: npt.NDArray[np.int64]
-    """Index of the frame among the rows."""
+    """Index, among the rows, of the frame of each candidate."""
     frames: Mapping[Kind, int]
-    """Number of frames of each kind that were looked at."""
+    """Number of frames of each kind that were analysed."""
 
     def only(self, chosen: BoolArray, frames: Mapping[Kind, int]) -> "Candidates":
-        """Subset of the candidates, and the number of frames that they are from."""
+        """The candidates where ``chosen`` (n,) is True, with the number of their frames by kind."""
         return Candidates(
             features=self.features[chosen],
             is_true=self.is_true[chosen],
@@ -78,15 +85,15 @@ class Candidates:
         )
 
     def of_kind(self, *kinds: Kind) -> BoolArray:
-        """Mask of the candidates from frames of these kinds."""
+        """Mask (n,): True for candidates from frames of these kinds."""
         return np.array([kind in kinds for kind in self.kind], dtype=bool)
 
 
 def gathered(rows: Sequence[FrameRow]) -> Candidates:
-    """All candidates that a confidence counts for: those not refused after it.
+    """All candidates of the rows on which confidence is fitted and judged (``counts``).
 
-    A steady light of an aircraft that the frame cuts at both ends counts neither way: it is a trail
-    of the sky, starts no track, and its class says what it is.
+    Left out are candidates that a later step refuses, and an aircraft's steady light that the frame
+    cuts at both ends: a real trail, which starts no track and whose class says what it is.
     """
     features, is_true, kinds, frames = [], [], [], []
     for number, row in enumerate(rows):
@@ -106,13 +113,13 @@ def gathered(rows: Sequence[FrameRow]) -> Candidates:
 
 
 def counts(row: FrameRow, candidate: CandidateRow) -> bool:
-    """True where confidence is fitted and judged on a candidate."""
+    """True where confidence is fitted and judged on a candidate of this row."""
     is_light = row["kind"] == "aircraft" and candidate["measured"].get("kind") == "crossing"
     return candidate["is_taken"] and not is_light
 
 
 def population_weights(them: Candidates, frames_per_satellite: float) -> FloatArray:
-    """Number of each row in one frame of the population, (n,)."""
+    """Expected number of each candidate in one frame of the population, (n,): its weight."""
     frames = them.frames
     clear = max(frames.get("empty", 0) + frames.get("satellites", 0), 1)
     weights = np.zeros(len(them.is_true))
@@ -131,9 +138,10 @@ def population_weights(them: Candidates, frames_per_satellite: float) -> FloatAr
 def fit_weights(
     features: FloatArray, is_true: BoolArray, counts: FloatArray | None = None
 ) -> FloatArray:
-    """Weights by maximum likelihood, a little held back to zero, each of the sign it must have.
+    """Weights of the features by maximum likelihood with a slight ridge penalty.
 
-    ``counts``: how much each row counts; alike by default.
+    ``counts``: weight of each row in the likelihood; None: all equal. Features with a known sense
+    have weights of that sign alone.
     """
     times = np.ones(len(is_true)) if counts is None else counts
     sign = np.where(is_true, 1.0, -1.0)
@@ -158,7 +166,10 @@ def _bounds(name: str) -> tuple[float | None, float | None]:
 
 
 def fit_scale(z: FloatArray, is_true: BoolArray, weights: FloatArray) -> tuple[float, float]:
-    """Slope (at least 0) and constant of the logistic curve through weighed rows (Platt 1999)."""
+    """Slope (at least 0) and constant of the logistic curve through weighted rows (Platt 1999).
+
+    ``z``: (n,) the sum of features times weights.
+    """
     sign, total = np.where(is_true, 1.0, -1.0), max(float(weights.sum()), 1e-12)
 
     def cost(line: FloatArray) -> tuple[float, FloatArray]:
@@ -176,7 +187,10 @@ def fit_scale(z: FloatArray, is_true: BoolArray, weights: FloatArray) -> tuple[f
 
 
 def lowest_for(them: Candidates, z: FloatArray, kinds: Sequence[Kind], per_frame: float) -> float:
-    """z above which this number of false candidates is expected in a frame of these kinds."""
+    """Value of z above which ``per_frame`` false candidates are expected in a frame of these kinds.
+
+    ``z``: (n,) the sum of features times weights of each candidate.
+    """
     frames = sum(them.frames.get(kind, 0) for kind in kinds)
     false_z = z[~them.is_true & them.of_kind(*kinds)]
     if not frames:
@@ -188,24 +202,27 @@ def lowest_for(them: Candidates, z: FloatArray, kinds: Sequence[Kind], per_frame
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class FittedCurve:
-    """Weights of the logistic curve, and the population in which its answers are probabilities."""
+    """Weights of the logistic curve, and the population in which its values are probabilities."""
 
     weights: FloatArray
     frames_per_satellite: int
     keeps_ordinary: bool
     keeps_hard: bool
-    """False: more false ones than allowed are expected above tau."""
+    """False: more false candidates than allowed are expected above tau in hard frames.
+
+    ``keeps_ordinary``: the same for ordinary frames.
+    """
 
     def confidence(self, features: FloatArray) -> FloatArray:
-        """Probability of each row of features, (n,)."""
+        """Probability (n,) for rows of features (n, features)."""
         return np.asarray(1.0 / (1.0 + np.exp(-np.clip(features @ self.weights, -30.0, 30.0))))
 
 
 def fit_curve(them: Candidates, frames_per_satellite: int | None = None) -> FittedCurve:
-    """The curve in a population with this prevalence, or with the highest that serves.
+    """The curve in a population with one frame with satellites in ``frames_per_satellite``.
 
-    That is the first one at which tau keeps ordinary and hard frames alike, or else the ordinary
-    ones; where none does, the lowest.
+    None: the highest prevalence at which the false candidates expected above tau stay within the
+    allowance of ordinary and hard frames, or of ordinary frames alone; else the lowest prevalence.
     """
     is_easy = them.is_true | ~them.of_kind(*HARD)
     weights = fit_weights(them.features, them.is_true, np.where(is_easy, 1.0, HARD_COUNTS))
@@ -244,7 +261,7 @@ def _scaled(them: Candidates, weights: FloatArray, population: FloatArray) -> Fl
 
 
 def out_of_fold(rows: Sequence[FrameRow], frames_per_satellite: int, folds: int = 5) -> FloatArray:
-    """Confidence of every candidate by a curve fitted on other frames than its own, (n,)."""
+    """Confidence (n,) of every candidate by a curve fitted without the candidate's frame."""
     them = gathered(rows)
     confidence = np.zeros(len(them.is_true))
     for fold in range(folds):
@@ -258,7 +275,10 @@ def out_of_fold(rows: Sequence[FrameRow], frames_per_satellite: int, folds: int 
 def reliability(
     confidence: FloatArray, is_true: BoolArray, weights: FloatArray, bins: int = 10
 ) -> list[dict[str, Any]]:
-    """Rows by bins of confidence: number, mean confidence and share of true ones, both weighed."""
+    """Table of reliability by bins of confidence.
+
+    Each bin: number of candidates, weighted mean confidence, weighted fraction of true ones.
+    """
     table = []
     inner = np.minimum((confidence * bins).astype(int), bins - 1)
     for index in range(bins):

@@ -1,8 +1,8 @@
-"""Shards of drawn fields on disk, so that training costs no drawing: fixed seeds, no field twice.
+"""Shards of fields drawn once and kept on disk, so that training need not draw them.
 
-Each split draws from its own seeds; a shard is a pure function of (seed, split, number). One
-shard holds 50 fields of one sensor. Where there are pictures of the real sky (``backgrounds.py``),
-shards of fields on them come beside, of one camera each.
+Each split has its own seeds; a shard is a pure function of (seed, split, number) and holds 50
+fields of one sensor. Where there are pictures of the real sky (``backgrounds.py``), there are
+further shards of fields on them, one camera per shard.
 """
 
 import multiprocessing
@@ -24,21 +24,24 @@ FIELDS_PER_SHARD = 50
 SEED = 20261121
 SHARDS = {"train": 300, "calibrate": 20, "test": 20}
 REAL_SHARDS = {"real-train": 24, "real-test": 8}
-"""Number of shards on pictures of the real sky, where there are any."""
+"""Number of shards per split that are drawn on pictures of the real sky, if there are any."""
 SPLITS = {"train": 1, "calibrate": 2, "test": 3, "real-train": 11, "real-test": 12}
 BLOCKS = (8, 4, 8, 2, 8, 8, 4, 8, 8, 8, 8, 4, 8, 2, 8, 8, 16, 8, 8, 8)
-"""Blocks of successive shards: mostly that of the paper's telescope."""
+"""Pixels per cell of the map in successive shards: mostly 8, as for the paper's telescope."""
 RUN = Path("models/runs/third")
-"""Default folder of what training draws and learns."""
+"""Default folder of training: drawn fields, checkpoints and networks."""
 
 
 def shard_path(folder: Path, split: str, number: int) -> Path:
-    """Path of one shard."""
+    """Path of one shard's file."""
     return folder / f"{split}-{number:04d}.npz"
 
 
 def real_shards(folder: Path | None) -> dict[str, int]:
-    """Number of shards of each split of real pictures; prints what is used and what is not."""
+    """Number of shards of each split of real pictures in ``folder``; empty for None.
+
+    Prints which pictures are used and which are not.
+    """
     if folder is None:
         return {}
     _, unknown = backgrounds.find(folder)
@@ -54,7 +57,7 @@ def real_shards(folder: Path | None) -> dict[str, int]:
 
 
 def draw_shard(seed: int, split: str, number: int) -> list[Field]:
-    """The fields of one shard."""
+    """Draw the fields of one shard."""
     rng = frame_rng(seed, SPLITS[split], number)
     block = BLOCKS[number % len(BLOCKS)]
     # One shard in three is of ordinary nights: what the telescope meets most of the time.
@@ -65,7 +68,7 @@ def draw_shard(seed: int, split: str, number: int) -> list[Field]:
 
 
 def draw_real_shard(seed: int, split: Split, number: int, folder: Path) -> list[Field]:
-    """Fields drawn on the pictures in ``folder``."""
+    """Draw the fields of one shard on the pictures in ``folder``."""
     rng = frame_rng(seed, SPLITS[split], number)
     return draw_real_fields(folder, split, number, FIELDS_PER_SHARD, rng)
 
@@ -73,7 +76,10 @@ def draw_real_shard(seed: int, split: Split, number: int, folder: Path) -> list[
 def write_shard(
     folder: Path, seed: int, split: str, number: int, pictures: Path | None = None
 ) -> None:
-    """Draw one shard unless it is there already; ``pictures``: for a split of real ones."""
+    """Draw one shard and write it unless its file exists.
+
+    ``pictures``: folder of pictures of the real sky, for the splits that need them.
+    """
     path = shard_path(folder, split, number)
     if path.exists():
         return
@@ -86,7 +92,7 @@ def write_shard(
 
 
 def write_fields(path: Path, fields: list[Field]) -> None:
-    """Keep fields on disk; a crash meanwhile leaves no half file."""
+    """Write fields to a file, atomically."""
     rows = [
         (i, s.x_a, s.y_a, s.x_b, s.y_b, s.peak_snr, s.integrated_snr, float(s.is_asked))
         for i, field in enumerate(fields)
@@ -105,7 +111,7 @@ def write_fields(path: Path, fields: list[Field]) -> None:
 
 
 def read_shard(path: Path) -> list[Field]:
-    """The fields of a shard on disk."""
+    """The fields that a shard's file holds."""
     with np.load(path) as shard:
         values, rows = shard["values"], shard["streaks"]
         kinds, is_paper, blocks = shard["kind"], shard["is_paper"], shard["block"]
@@ -144,7 +150,10 @@ def write_shards(
     processes: int,
     pictures: Path | None = None,
 ) -> Iterator[tuple[int, int]]:
-    """Draw every missing shard, yielding (done, all) after each."""
+    """Draw all missing shards of the splits in ``counts``; yields (done, all) after each.
+
+    ``pictures``: folder of pictures of the real sky; None: none.
+    """
     folder.mkdir(parents=True, exist_ok=True)
     tasks = [
         (folder, seed, split, n, pictures) for split, count in counts.items() for n in range(count)

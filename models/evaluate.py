@@ -35,7 +35,10 @@ SNR_BANDS = ((1.0, 1.5), (1.5, 2.0), (2.0, 3.0), (3.0, 5.0), (5.0, 10.0), (10.0,
 
 
 def recall_of_all(fields: list[Field], network: Network, logit: float, shortest: float) -> float:
-    """Share of all streaks of some length found, also of those too faint to be asked for."""
+    """Fraction of all streaks longer than ``shortest`` cells that are found above a logit.
+
+    Counts also streaks that are too faint for the detector to be expected to find them.
+    """
     asked = [
         replace(f, streaks=tuple(replace(s, is_asked=s.length > shortest) for s in f.streaks))
         for f in fields
@@ -44,7 +47,7 @@ def recall_of_all(fields: list[Field], network: Network, logit: float, shortest:
 
 
 def figures(result: Score, logit: float) -> dict[str, Any]:
-    """False candidates by kind of field and recall by signal to noise, above a logit."""
+    """False candidates by kind of field and recall by SNR, above a logit."""
     kinds = Counter(
         kind
         for kind, value in zip(result.false_kinds, result.false_logits, strict=True)
@@ -65,7 +68,7 @@ def figures(result: Score, logit: float) -> dict[str, Any]:
 
 
 def read_image(path: Path) -> tuple[PixelArray, float | None, float | None]:
-    """Pixels, exposure (s) and scale (arcsec/px) where the header gives them."""
+    """Pixels of an image file, exposure (s) and scale (arcsec/px); None where not in the header."""
     if path.suffix.lower() in {".tif", ".tiff", ".png"}:
         import cv2
 
@@ -87,7 +90,7 @@ def read_image(path: Path) -> tuple[PixelArray, float | None, float | None]:
 
 
 def look_at(path: Path, network: Network, mode: MapMode) -> dict[str, Any]:
-    """Candidates of the network in one file, most confident first."""
+    """Candidates of the network in one image file, most confident first."""
     pixels, exposure_s, scale = read_image(path)
     block = choose_blocks(pixels.shape[1], pixels.shape[0], scale, exposure_s)[-1]
     started = time.perf_counter()
@@ -104,7 +107,7 @@ def look_at(path: Path, network: Network, mode: MapMode) -> dict[str, Any]:
 
 
 def main() -> None:
-    """Command line."""
+    """Run the command line: evaluate the shipped network and print its figures."""
     parser = argparse.ArgumentParser(prog="python -m models.evaluate", description=__doc__)
     parser.add_argument("--run", type=Path, default=RUN)
     parser.add_argument("--model", type=Path, default=None)

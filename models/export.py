@@ -34,10 +34,11 @@ _FRAMES_PER_FALSE = 400
 
 
 def calibration(hard: Score, ordinary: Score) -> dict[str, float]:
-    """Slope and offset that make ``TAU`` the point of rare false candidates.
+    """Slope and offset from logits to confidence, such that false candidates above TAU are rare.
 
-    The slope is that of Platt's curve on the hard set. The offset puts TAU where ordinary nights
-    give one false candidate in 400 frames, or where Platt's own curve has it if that is higher.
+    The slope is that of Platt's curve on the ``hard`` set. The offset puts TAU at the logit with
+    one false candidate in 400 frames of ``ordinary`` nights, or at Platt's own logit if that is
+    higher.
     """
     slope, offset = fit_platt(hard.true_logits, hard.false_logits)
     at_tau = math.log(TAU / (1.0 - TAU))
@@ -55,7 +56,7 @@ def calibration(hard: Score, ordinary: Score) -> dict[str, float]:
 
 
 def convert(net: StreakNet, path: Path) -> float:
-    """Write ``net`` as float32 TensorFlow Lite; returns the largest difference of an answer."""
+    """Write ``net`` as float32 TensorFlow Lite; return the largest difference of both outputs."""
     import litert_torch
 
     example = torch.rand(
@@ -82,7 +83,10 @@ def load_average(run: Path) -> tuple[StreakNet, int]:
 
 
 def write_networks(net: StreakNet, run: Path, threads: int) -> tuple[Path, dict[str, Any]]:
-    """Float32 and both int8 networks in the run's folder; the chosen one and all figures."""
+    """Write the float32 and both int8 networks into the run's folder.
+
+    Returns the path of the network chosen for shipping, and the figures of all three.
+    """
     fields = read_fields(run / "data", "calibrate", SHARDS["calibrate"])
     paths = {"float32": run / "float32.tflite"}
     difference = convert(net, paths["float32"])
@@ -103,7 +107,8 @@ def export(
 ) -> None:
     """Calibrate a run's network; write ``streak_ssd.tflite``, its ``.json`` and its log.
 
-    ``precision``: float32 or a name of ``INT8``; None: the better one on the calibration split.
+    ``folder``: where to write. ``precision``: "float32" or a name of ``INT8``; None: the better one
+    on the calibration split.
     """
     torch.set_num_threads(threads)
     folder = folder or Path(__file__).parent
@@ -154,7 +159,7 @@ def export(
 
 
 def main() -> None:
-    """Command line: export the last checkpoint of a run, finished or not."""
+    """Run the command line: export the last checkpoint of a run, finished or not."""
     parser = argparse.ArgumentParser(prog="python -m models.export", description=__doc__)
     parser.add_argument("--run", type=Path, default=RUN)
     parser.add_argument("--seed", type=int, default=SEED)

@@ -1,7 +1,6 @@
-"""Lights in a frame beside satellites and single stars, which a detector has to refuse.
+"""Lights in a frame other than satellites and single stars, which a detector must refuse.
 
-Each function draws one thing for a frame of any size from a ``Canvas`` and a generator, and knows
-nothing of maps.
+Each function draws one kind of light for a frame of any size from a ``Canvas`` and a generator.
 """
 
 from dataclasses import dataclass
@@ -16,12 +15,12 @@ from rsoconsole.simulator import FWHM_PER_SIGMA, WINGS, Streak, annulus, straigh
 
 FloatArray = npt.NDArray[np.float64]
 Points = tuple[FloatArray, FloatArray, FloatArray]
-"""Places x, y (pixels) and electrons of points."""
+"""Points as x, y (pixels) and electrons, each (n,)."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Canvas:
-    """A frame to draw on: its size, its seeing, its noise."""
+    """Size, seeing and noise of a frame to be drawn."""
 
     width_px: int
     height_px: int
@@ -29,16 +28,19 @@ class Canvas:
     noise_e: float
     """One sigma of one pixel of empty sky."""
     unit_px: float = 8.0
-    """Length that grows with the focal length: a fifteenth of a geostationary streak."""
+    """Unit of length proportional to the focal length: a fifteenth of a geostationary streak."""
     defocus_px: float = 0.0
 
     @property
     def diagonal_px(self) -> float:
-        """Length from corner to corner."""
+        """Length of the frame's diagonal."""
         return float(np.hypot(self.width_px, self.height_px))
 
     def line_e_per_px(self, peak_snr: float, fwhm_px: float | None = None) -> float:
-        """Electrons per pixel of length that make a line's ridge ``peak_snr`` high."""
+        """Electrons per pixel of length that give a line this peak SNR on its ridge.
+
+        ``fwhm_px``: the line's width; None: that of a star.
+        """
         if fwhm_px is None:
             return peak_snr * self.noise_e / self._ridge
         sigma = np.sqrt((fwhm_px / FWHM_PER_SIGMA) ** 2 + 1.0 / 12.0)
@@ -56,15 +58,18 @@ class Canvas:
         return float(np.convolve(disc, ring).max())
 
     def line_snr(self, e_per_px: float, length_px: float, spread_px: float = 0.0) -> float:
-        """Integrated SNR of an even line on empty sky: what ``simulator.streak_snr`` works out.
+        """Integrated SNR of a uniform line on empty sky, as ``streak_snr`` defines it.
 
-        ``spread_px``: one sigma by which motion widens it, beyond the disc.
+        ``spread_px``: one sigma of the blur by motion across the line, added to the disc.
         """
         light = e_per_px * self._section(spread_px)
         return float(np.sqrt(length_px * np.sum(light**2 / (self.noise_e**2 + light))))
 
     def line_of_snr(self, snr: float, length_px: float, spread_px: float = 0.0) -> float:
-        """Electrons per pixel of length that give a line this integrated SNR."""
+        """Electrons per pixel of length that give a uniform line this integrated SNR.
+
+        ``spread_px`` as in ``line_snr``.
+        """
         light = snr * self.noise_e
         # The line's own photons count: a few steps settle them.
         for _ in range(4):
@@ -86,17 +91,20 @@ class Canvas:
         return light
 
     def star_e(self, peak_snr: float) -> float:
-        """Electrons of a star in focus whose brightest pixel is ``peak_snr`` high."""
+        """Electrons of a star in focus whose brightest pixel has this SNR."""
         variance = (self.fwhm_px / FWHM_PER_SIGMA) ** 2 + 1.0 / 12.0
         return float(peak_snr * self.noise_e * 2 * np.pi * variance)
 
     def place(self, rng: np.random.Generator, rim: float = 0.0) -> FloatArray:
-        """A place in the frame, ``rim`` of its size away from the edges."""
+        """A random point (x, y) in the frame, px.
+
+        ``rim``: least distance from the edges, as a fraction of the frame's sides.
+        """
         return rng.uniform(rim, 1.0 - rim, size=2) * (self.width_px, self.height_px)
 
 
 def aircraft(canvas: Canvas, rng: np.random.Generator) -> list[Streak]:
-    """The lamps of one aircraft: parallel trails, out of focus, some blinking or ending inside."""
+    """The lamps of a random aircraft: parallel defocused trails, some blinking or ending inside."""
     angle = rng.uniform(0.0, 2 * np.pi)
     along = np.array([np.cos(angle), np.sin(angle)])
     across = np.array([-along[1], along[0]])
@@ -123,7 +131,7 @@ def aircraft(canvas: Canvas, rng: np.random.Generator) -> list[Streak]:
 
 
 def meteor(canvas: Canvas, rng: np.random.Generator) -> list[Streak]:
-    """One meteor: wider than a star, brightening and fading, mostly across the whole frame."""
+    """One random meteor: wider than a star, brightening and fading, mostly from edge to edge."""
     angle = rng.uniform(0.0, 2 * np.pi)
     length = canvas.diagonal_px * log_uniform(rng, 0.15, 2.5)
     half = 0.5 * length * np.array([np.cos(angle), np.sin(angle)])
@@ -135,7 +143,7 @@ def meteor(canvas: Canvas, rng: np.random.Generator) -> list[Streak]:
 
 
 def galaxy(canvas: Canvas, rng: np.random.Generator) -> list[Streak]:
-    """One elongated smooth patch, often edge-on, with a brighter middle."""
+    """One random galaxy: a smooth elongated patch, often edge-on, with a brighter middle."""
     minor_px = canvas.fwhm_px * log_uniform(rng, 1.4, 3.0)
     length = minor_px * rng.uniform(2.0, 9.0)
     angle = rng.uniform(0.0, np.pi)
@@ -150,7 +158,10 @@ def galaxy(canvas: Canvas, rng: np.random.Generator) -> list[Streak]:
 def spiked_star(
     canvas: Canvas, rng: np.random.Generator, *, angle: float, arms: int
 ) -> tuple[Points, list[Streak]]:
-    """A star far above the full well, and the spikes that the spider's vanes give it."""
+    """A star far above the full well, and its diffraction spikes.
+
+    ``angle``: direction of the first spike, rad. ``arms``: number of spikes.
+    """
     middle = canvas.place(rng)
     snr = log_uniform(rng, 300.0, 30000.0)
     light = canvas.star_e(snr)
@@ -168,7 +179,7 @@ def spiked_star(
 
 
 def ghost(canvas: Canvas, rng: np.random.Generator) -> list[Streak]:
-    """A reflection in the optics: a faint ring, or a disc with or without a hole."""
+    """A random reflection in the optics: a faint ring, or a disc with or without a hole."""
     middle, radius = canvas.place(rng), canvas.unit_px * log_uniform(rng, 1.5, 30.0)
     surface_snr = rng.uniform(0.3, 4.0)
     if rng.random() < 0.4:
@@ -188,7 +199,7 @@ def ghost(canvas: Canvas, rng: np.random.Generator) -> list[Streak]:
 
 
 def close_stars(canvas: Canvas, rng: np.random.Generator) -> Points:
-    """Two to four stars almost in line, so close that they might be taken for a short streak."""
+    """Two to four stars almost in line, so close that they resemble a short streak."""
     count = int(rng.choice([2, 3, 4], p=[0.55, 0.3, 0.15]))
     angle = rng.uniform(0.0, np.pi)
     gap_px = canvas.unit_px * rng.uniform(0.5, 3.0)
@@ -202,7 +213,7 @@ def close_stars(canvas: Canvas, rng: np.random.Generator) -> Points:
 
 
 def wander(canvas: Canvas, rng: np.random.Generator) -> FloatArray:
-    """Path (2, m) of every star where the mount does not follow: drift, arc, hook or shaking."""
+    """Random path (2, m) of all stars when the mount tracks badly: drift, arc, hook or shaking."""
     length = canvas.unit_px * (
         log_uniform(rng, 1.0, 8.0) if rng.random() < 0.6 else log_uniform(rng, 6.0, 45.0)
     )
@@ -235,7 +246,7 @@ def wander(canvas: Canvas, rng: np.random.Generator) -> FloatArray:
 
 
 def clouds(rng: np.random.Generator) -> npt.NDArray[np.float32]:
-    """Mean transmission during the exposure: banks drawn out by the wind, with gaps between."""
+    """Random map of the clouds' mean transmission: banks drawn out by the wind, with gaps."""
     side = int(rng.integers(7, 28))
     coarse = rng.random((side, side)).astype(np.float32)
     smear = int(rng.integers(1, 6))

@@ -1,7 +1,6 @@
-"""Random fields with their truth: what the detector's network learns from and is judged on.
+"""Random fields with their truth, for training and evaluation of the detector's network.
 
-Every field is drawn by ``rsoconsole.simulator.camera.rendering``; here is only the choice of what
-to draw.
+This module chooses what to draw; ``rsoconsole.simulator.camera.rendering`` draws it.
 """
 
 from collections.abc import Callable
@@ -55,7 +54,10 @@ _COVERED_SHARE = 0.5
 
 
 def draw_sensor(block: int, rng: np.random.Generator, *, is_hard: bool = True) -> SensorModel:
-    """A copy of a sensor whose frame is 192 cells of ``block`` pixels a side."""
+    """A random sensor whose frame has 192 cells of ``block`` x ``block`` pixels on a side.
+
+    ``is_hard`` False: the paper's sensor without imperfections other than its seed's.
+    """
     side = FIELD_CELLS * block
     if not is_hard:
         return SensorModel(width_px=side, height_px=side, seed=int(rng.integers(1 << 30)))
@@ -84,7 +86,10 @@ def draw_sensor(block: int, rng: np.random.Generator, *, is_hard: bool = True) -
 def draw_field(
     sensor: SensorModel, block: int, conditions: Conditions, rng: np.random.Generator
 ) -> Field:
-    """One random field on this sensor and its map."""
+    """One random field: its map as the network sees it, and its truth.
+
+    ``block``: pixels per cell of the map.
+    """
     kind = conditions.kind or KINDS[int(rng.choice(len(KINDS), p=_SHARES))]
     mode: MapMode = conditions.mode or ("paper" if rng.random() < 0.15 else "fast")
     is_hard = conditions.is_hard
@@ -154,7 +159,10 @@ def _slight_gradient(rng: np.random.Generator) -> tuple[float, float]:
 
 
 def unasked(streak: Streak, block: int) -> list[TrueStreak]:
-    """A trail right through: no fault to find it, none to miss it."""
+    """Truth of a trail from edge to edge that counts neither as found nor as false.
+
+    Empty for a trail outside the field. ``block``: pixels per cell of the map.
+    """
     a, b = (((streak.x_px[i] + 0.5) / block, (streak.y_px[i] + 0.5) / block) for i in (0, -1))
     seen = clip_to_box((*a, *b), FIELD_CELLS, FIELD_CELLS)
     if seen is None:

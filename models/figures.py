@@ -1,4 +1,4 @@
-"""Figures with exact 95 % intervals from rows of judged frames: numbers in, numbers out."""
+"""Figures with exact 95 % intervals, computed from the rows of analysed frames."""
 
 from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
@@ -28,28 +28,28 @@ MAX_REASONS = 8
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Trail:
-    """One true trail and what became of it."""
+    """One true trail, with the result of the detector on it."""
 
     kind: Kind
     number: int
     true: TrailRow
     confidence: float
-    """Confidence of the likeliest candidate on it; 0 without one."""
+    """Confidence of the likeliest candidate on the trail; 0 without one."""
     error_px: float | None
-    """Error of that candidate's midpoint."""
+    """Error of the likeliest candidate's midpoint; None without one, or where the edge cuts it."""
 
     def is_found(self, tau: float) -> bool:
-        """True where a detection lies on it."""
+        """True where a candidate on the trail has a confidence above ``tau``."""
         return self.confidence > tau
 
     def lost(self) -> str:
-        """Reason why no detection lies on it."""
+        """Reason why no detection lies on the trail."""
         return self.true["lost"] if self.confidence <= 0.0 else BELOW_TAU
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Alarm:
-    """One candidate that is no satellite."""
+    """One candidate that lies on no true trail."""
 
     kind: Kind
     number: int
@@ -61,17 +61,17 @@ class Alarm:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Outcome:
-    """Figures of a curve over all rows."""
+    """Result of a confidence curve on all rows: true trails and false candidates."""
 
     frames: Counter[Kind]
     trails: tuple[Trail, ...]
     alarms: tuple[Alarm, ...]
     second: int
-    """Further candidates above tau on a trail that has one already."""
+    """Number of candidates above tau on trails that have another candidate above tau."""
 
 
 def outcome_of(rows: Sequence[FrameRow], curve: ConfidenceCurve, tau: float) -> Outcome:
-    """Sort every candidate to its trail, or among the alarms."""
+    """Assign every candidate to its trail, or to the alarms where it lies on none."""
     trails: list[Trail] = []
     alarms: list[Alarm] = []
     second = 0
@@ -116,7 +116,10 @@ def outcome_of(rows: Sequence[FrameRow], curve: ConfidenceCurve, tau: float) -> 
 
 
 def figures(rows: Sequence[FrameRow], curve: ConfidenceCurve, card: Any, tau: float) -> Any:
-    """All figures of the whole path in the model card, as plain numbers."""
+    """All figures of whole frames for the model card, as plain numbers.
+
+    ``card``: the network's card.
+    """
     seen = outcome_of(rows, curve, tau)
     whole = [t for t in seen.trails if t.kind == "satellites" and not t.true["is_cut"]]
     cut = [t for t in seen.trails if t.kind == "satellites" and t.true["is_cut"]]
@@ -153,10 +156,11 @@ def figures(rows: Sequence[FrameRow], curve: ConfidenceCurve, card: Any, tau: fl
 
 
 def average_precision(seen: Outcome, least_snr: float) -> float | None:
-    """Area under precision against recall, over ordinary frames, half of them with satellites.
+    """Area under the precision-recall curve of ordinary frames, half of them with satellites.
 
-    The alarms of frames without satellites count as if there were as many of these as of the
-    others; trails fainter than ``least_snr`` count neither way.
+    Alarms of frames without satellites are weighted as if there were as many such frames as frames
+    with satellites. Trails fainter than ``least_snr`` count neither as found nor as missed. None
+    without a trail to find.
     """
     trails = [t for t in seen.trails if t.kind == "satellites"]
     asked = [t for t in trails if t.true["peak_snr"] >= least_snr]

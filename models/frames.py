@@ -1,10 +1,10 @@
 """Whole frames of the paper's telescope with their truth, for calibration and measurement.
 
-A frame is a pure function of (split, kind, number): the real sky about the geostationary belt
-(``simulator.scene``), a random place, night, seeing and sky, drawn by the simulated camera's own
-renderer. The splits share no seed, no place (bands of right ascension that alternate, further
-apart than a field is wide), no year and no copy of the sensor, and nothing with the training,
-whose star fields are synthetic.
+A frame is a pure function of (split, kind, number): the real sky near the geostationary belt
+(``simulator.scene``) at a random position, night, seeing and sky brightness, drawn by the simulated
+camera's renderer. The splits share no seed, no part of the sky (alternating bands of right
+ascension, further apart than a field is wide), no year and no copy of the sensor. They share
+nothing with the training, whose star fields are synthetic.
 """
 
 import math
@@ -37,12 +37,12 @@ from rsoconsole.sky import iso_to_utc_ns, tan_wcs
 Split = Literal["calibrate", "test"]
 Kind = Literal["empty", "satellites", "clouds", "aircraft", "jitter", "rays", "altered"]
 KINDS: tuple[Kind, ...] = ("empty", "satellites", "clouds", "aircraft", "jitter", "rays")
-"""Kinds of frames of the paper's telescope as it should be; ``models.altered`` has the others."""
+"""Kinds of frames of the paper's telescope without imperfections; ``models.altered`` has those."""
 HARD: tuple[Kind, ...] = ("aircraft", "jitter", "rays")
-"""Kinds without a satellite that hold what is easily taken for one."""
+"""Kinds without a satellite whose frames hold lights that resemble one."""
 EXPOSURE_S = 10.0
 GEO_PX = 118.5
-"""A geostationary satellite's streak: 15.04 arcsec/s for 10 s at 1.264 arcsec/px."""
+"""Length of a geostationary satellite's streak: 15.04 arcsec/s for 10 s at 1.264 arcsec/px."""
 PEAK_SNR = 0.8, 30.0
 LENGTH_PX = 15.0, 600.0
 _SEED = 20270301
@@ -62,16 +62,16 @@ _MARCH_EQUINOX_DAY = 80.0
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TrueTrail:
-    """One satellite's trail as far as the frame shows it; raw pixels."""
+    """The visible part of one satellite's trail, from end a to end b, in pixels of the frame."""
 
     x_a_px: float
     y_a_px: float
     x_b_px: float
     y_b_px: float
     peak_snr: float
-    """Electrons above the sky in a pixel on the ridge, over one sigma of a pixel there."""
+    """Peak SNR: electrons of the ridge's pixels above the sky over one sigma of a pixel's noise."""
     is_cut: bool
-    """True when the frame's edge hides a part of it."""
+    """True where the frame's edge hides a part of the trail."""
 
     @property
     def length_px(self) -> float:
@@ -86,7 +86,7 @@ class TrueTrail:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class TrueFrame:
-    """A drawn frame and all that is true of it."""
+    """A drawn frame with its truth: kind, trails, content and sensor."""
 
     frame: Frame
     kind: Kind
@@ -96,7 +96,10 @@ class TrueFrame:
 
 
 def draw(split: Split, kind: Kind, number: int, sensor: SensorModel | None = None) -> TrueFrame:
-    """One frame; ``sensor`` only to draw smaller ones (its copy is the split's in any case)."""
+    """Draw one frame of a split.
+
+    ``sensor``: for smaller frames; its seed is replaced by the split's. None: the paper's.
+    """
     key = _SEED, _SPLITS[split], KINDS.index(kind), number
     rng = frame_rng(*key)
     sensor = replace(sensor or SensorModel(), seed=_SEED + _SPLITS[split])
@@ -130,7 +133,7 @@ def draw(split: Split, kind: Kind, number: int, sensor: SensorModel | None = Non
 def sky_field(
     split: Split, kind: Kind, sensor: SensorModel, rng: np.random.Generator
 ) -> FieldContent:
-    """Stars, sky and weather of a random place of the split's sky at night."""
+    """Stars, sky and weather at a random position and night of the split."""
     low, high = _BANDS_DEG[split]
     ra_deg = _BAND_STEP_DEG * int(rng.integers(12)) + float(rng.uniform(low, high))
     wcs = tan_wcs(
@@ -230,11 +233,11 @@ def _place(
 def electrons_per_px(
     sensor: SensorModel, content: FieldContent, x_px: float, y_px: float, peak_snr: float
 ) -> float:
-    """Electrons a streak needs per pixel of length to be ``peak_snr`` at this place.
+    """Electrons per pixel of length that give a streak this peak SNR at a pixel (x, y).
 
-    Peak: a pixel whose centre lies on the ridge, the disc's wings and the pixel's own width
-    counted; noise: sky with its glow, dark current, readout and converter. Under cloud it is what
-    is left of the light that counts.
+    Peak: of a pixel centred on the ridge, with the disc's wings and the pixel's width. Noise: of
+    sky, cloud glow, dark current, read-out and converter. Under cloud the result is the light
+    before the cloud, so that the SNR is that of the light transmitted.
     """
     at = np.array([x_px]), np.array([y_px])
     dimming = float(cloud_at(sensor, content.cloud_transmission, *at)[0])
@@ -244,7 +247,7 @@ def electrons_per_px(
 
 
 def ridge_share(fwhm_px: float) -> float:
-    """Share of a long streak's light per pixel of length that falls into a pixel on its ridge."""
+    """Light of a pixel on a long streak's ridge, as a fraction of its light per pixel of length."""
     sigma_px = fwhm_px / FWHM_PER_SIGMA
     return sum(share * math.erf(0.5 / (math.sqrt(2.0) * wide * sigma_px)) for share, wide in WINGS)
 
@@ -255,7 +258,10 @@ def noise_electrons(
     x_px: float | None = None,
     y_px: float | None = None,
 ) -> float:
-    """One sigma of a pixel without a star, electrons; in the middle of the frame by default."""
+    """One sigma of the noise of a pixel without stars, electrons.
+
+    ``x_px``, ``y_px``: the pixel; None: the middle of the frame.
+    """
     x = 0.5 * (sensor.width_px - 1) if x_px is None else x_px
     y = 0.5 * (sensor.height_px - 1) if y_px is None else y_px
     place: tuple[FloatArray, FloatArray] = np.array([x]), np.array([y])

@@ -1,4 +1,4 @@
-"""A contact sheet of the worst misses and false alarms: what the figures do not show."""
+"""A contact sheet of the worst misses and false alarms, to be looked at beside the figures."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -13,7 +13,7 @@ from models.frames import Kind, draw
 ByteArray = npt.NDArray[np.uint8]
 
 COLUMNS, ROWS = 6, 2
-"""Columns and rows of misses, and of false alarms below them."""
+"""Number of columns and rows of misses; the false alarms below have as many."""
 SHORTEST_PX = 30.0
 _TILE_PX, _CAPTION_PX = 140, 30
 _LEVELS = 24
@@ -22,7 +22,7 @@ _DARKEST, _BRIGHTEST = -2.0, 8.0
 
 
 def contact_sheet(seen: Outcome, tau: float, path: Path) -> None:
-    """Brightest streaks missed above, likeliest false alarms below; PNG of grey levels."""
+    """Write a grey PNG: the brightest missed streaks above, the likeliest false alarms below."""
     count = COLUMNS * ROWS
     missed = [t for t in seen.trails if not t.is_found(tau) and t.true["length_px"] >= SHORTEST_PX]
     missed = sorted(missed, key=lambda t: -t.true["peak_snr"])[:count]

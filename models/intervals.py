@@ -1,4 +1,4 @@
-"""Exact 95 % intervals of counts: what a figure may be beside what was counted."""
+"""Exact 95 % confidence intervals of shares and rates from counts."""
 
 from scipy.stats import beta, chi2
 
@@ -6,7 +6,7 @@ LEVEL = 0.95
 
 
 def share_interval(hits: int, tries: int) -> tuple[float, float]:
-    """Clopper and Pearson's interval (1934) of a share, two-sided 95 %; (0, 1) of no tries."""
+    """Two-sided 95 % interval of a share, Clopper and Pearson 1934; (0, 1) where ``tries`` is 0."""
     if not 0 <= hits <= tries:
         raise ValueError(f"{hits} of {tries} is no share")
     tail = 0.5 * (1.0 - LEVEL)
@@ -16,7 +16,7 @@ def share_interval(hits: int, tries: int) -> tuple[float, float]:
 
 
 def rate_interval(count: int, exposure: float) -> tuple[float, float]:
-    """Garwood's interval (1936) of a Poisson rate, two-sided 95 %, per unit of ``exposure``."""
+    """Two-sided 95 % interval of a Poisson rate per unit of ``exposure``, Garwood 1936."""
     if count < 0 or exposure <= 0.0:
         raise ValueError(f"{count} in {exposure} is no rate")
     tail = 0.5 * (1.0 - LEVEL)
@@ -25,7 +25,10 @@ def rate_interval(count: int, exposure: float) -> tuple[float, float]:
 
 
 def rate_upper_limit(count: int, exposure: float) -> float:
-    """One-sided 95 % upper limit of a Poisson rate per unit of ``exposure``: 3 / n for none."""
+    """One-sided 95 % upper limit of a Poisson rate per unit of ``exposure``.
+
+    3 / ``exposure`` for a count of 0.
+    """
     if count < 0 or exposure <= 0.0:
         raise ValueError(f"{count} in {exposure} is no rate")
     return 0.5 * float(chi2.ppf(LEVEL, 2 * count + 2)) / exposure

@@ -1,8 +1,8 @@
-"""One frame through the product's detector, held against its truth: a row of plain numbers.
+"""Analysis of one frame by the product's detector, compared with its truth: a row of plain numbers.
 
-A row keeps every candidate that passed the fit's gates, with all that was measured of it, so that a
-curve of confidence can be fitted and judged again without looking at the frame once more; and for
-every trail without such a candidate where it was lost.
+A row keeps every candidate that passed the fit's gates, with all its measured values, so that a
+curve of confidence can be fitted and judged again without analysing the frame again. For every
+trail without such a candidate it keeps the stage at which the trail was lost.
 """
 
 import math
@@ -36,7 +36,7 @@ NOT_PROPOSED = "not proposed"
 
 
 class TrailRow(TypedDict):
-    """One true trail."""
+    """One true trail, with the reason why the detector lost it, if it did."""
 
     x_px: float
     y_px: float
@@ -44,52 +44,55 @@ class TrailRow(TypedDict):
     peak_snr: float
     is_cut: bool
     lost: str
-    """Reason why no candidate lies on it; empty where one does."""
+    """Reason why no candidate lies on the trail; empty where one does."""
 
 
 class CandidateRow(TypedDict):
-    """One candidate that the curve of confidence judges."""
+    """One candidate, as input for the curve of confidence."""
 
     measured: dict[str, Any]
-    """The ``Detection`` in the pixels of the row's ``focus``, with the network's own confidence."""
+    """The ``Detection`` in pixels of the working frame, with the network's own confidence.
+
+    The row's ``focus`` says how many pixels of the frame are joined to one of these.
+    """
     light: dict[str, Any]
-    """The ``LineLight`` of the candidate."""
+    """The candidate's ``LineLight``: how even its light is along the line."""
     trail: int | None
-    """Index of the trail it lies on; None: of none."""
+    """Index of the trail on which the candidate lies; None: on none."""
     is_taken: bool
-    """False: refused after all, as one of many trailed stars; it still keeps others company."""
+    """False: refused after the fit as one of many trailed stars."""
     error_px: float | None
-    """Error of its midpoint against the trail's; None where either is cut by the frame's edge."""
+    """Distance of its midpoint from the trail's; None without a trail or where an edge cuts one."""
 
 
 class FrameRow(TypedDict):
-    """One frame."""
+    """One analysed frame: settings of its truth, trails, candidates, and refusals."""
 
     kind: Kind
     number: int
     focus: dict[str, Any]
-    """The ``Focus`` as the detector measured it."""
+    """The ``Focus`` (how the frame shows stars) as measured by the detector."""
     seeing_px: float
     sky_e: float
     stars: int
     trails: list[TrailRow]
     candidates: list[CandidateRow]
     refused: dict[str, int]
-    """Number of candidates refused by reason."""
+    """Number of refused candidates, by reason."""
     stage_ms: dict[str, float]
 
 
 class Judge:
-    """The product's detector with its network, watched. Not for use by two threads at once."""
+    """Runs the product's detector on frames of known truth; not for several threads at once."""
 
     def __init__(self, network: Network | None = None) -> None:
-        """``network`` None: the shipped one, on one thread."""
+        """``network``: None for the shipped network on one thread."""
         self._detector = StreakDetector(
             network or Network.load(None, 1), DetectorConfig(threads=1), curve=None
         )
 
     def row(self, true: TrueFrame) -> FrameRow:
-        """Look at one frame."""
+        """Analyse one frame and compare the result with its truth."""
         analysis = self._detector.analyse(true.frame, tau=0.0)
         found, working = analysis.detections, analysis.working
         placed = [working.original(each.found) for each in analysis.candidates]
@@ -151,19 +154,19 @@ def _where_lost(trail: TrueTrail, analysis: FrameAnalysis) -> str:
 
 
 def features_of(row: FrameRow) -> list[tuple[float, ...]]:
-    """Inputs of the curve for each of the frame's candidates."""
+    """Features of each of the frame's candidates, the inputs of a confidence curve."""
     measured, focus = [candidate_of(each) for each in row["candidates"]], focus_of(row)
     return [confidence_features(each, focus, measured) for each in measured]
 
 
 def confidences_of(row: FrameRow, curve: ConfidenceCurve) -> list[float]:
-    """Confidence of each of the frame's candidates by the product's code with this curve."""
+    """Confidence of each of the frame's candidates, by the product's code with this curve."""
     measured = [candidate_of(each) for each in row["candidates"]]
     return [each.found.confidence for each in curve.judged(measured, focus_of(row))]
 
 
 def focus_of(row: FrameRow) -> PointImage:
-    """Image of a point in the row's frame."""
+    """How the row's frame shows a star (a ``PointImage``), as the detector measured it."""
     values = dict(row["focus"])
     field = values.pop("psf_field", None)
     if field is not None:
@@ -177,28 +180,34 @@ def _kept(value: Any) -> Any:
 
 
 def candidate_of(row: CandidateRow) -> Candidate:
-    """A row's candidate as measured, with the network's own confidence."""
+    """The detector's ``Candidate`` from its row, with the network's own confidence."""
     values = dict(row["measured"])
     found = Detection(box_px=tuple(values.pop("box_px")), **values)
     return Candidate(found=found, light=LineLight(**row["light"]))
 
 
 def measured_of(row: CandidateRow, focus: dict[str, Any]) -> Detection:
-    """The candidate's record in pixels of its frame, with the network's own confidence."""
+    """The ``Detection`` of a candidate in pixels of the original frame.
+
+    It has the network's own confidence. ``focus``: the frame's, from its row.
+    """
     return to_original(candidate_of(row).found, int(focus["joined"]))
 
 
 def trail_of(
     detection: Detection, trails: tuple[TrueTrail, ...], within_px: float = ON_TRAIL_PX
 ) -> int | None:
-    """Index of the trail that a detection lies on; None: it is no satellite."""
+    """Index of the first true trail on which a detection lies; None: on none.
+
+    ``within_px``: largest distance from the trail.
+    """
     return next(
         (at for at, trail in enumerate(trails) if _is_on(detection, trail, within_px)), None
     )
 
 
 def without_figures(reason: str) -> str:
-    """A reason in words alone, so that equal ones can be counted."""
+    """A reason of refusal without its figures, so that equal reasons can be counted."""
     bare = re.sub(r"\([^)]*\)|:? ?signal to noise [^:]*$", "", reason)
     bare = re.sub(r"\d+(\.\d+)?( %)?", "#", bare)
     return re.sub(r"\s+", " ", bare).replace(" :", ":").strip()

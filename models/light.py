@@ -1,4 +1,4 @@
-"""Light curves of a moving source from the opening of the shutter to its closing, (m,)."""
+"""Random light curves (m,) of a moving source, from opening to closing of the shutter."""
 
 import numpy as np
 import numpy.typing as npt
@@ -8,12 +8,12 @@ _STEPS = 64
 
 
 def log_uniform(rng: np.random.Generator, low: float, high: float) -> float:
-    """A number whose logarithm is uniform between two bounds."""
+    """A random number whose logarithm is uniform between two bounds."""
     return float(np.exp(rng.uniform(np.log(low), np.log(high))))
 
 
 def satellite_curve(rng: np.random.Generator) -> FloatArray:
-    """A satellite's: slow turning, a ramp, tumbling, or a glint; 1 at its ordinary brightness."""
+    """Light curve of a satellite: slow turn, ramp, tumbling or glint; 1: ordinary brightness."""
     time = np.linspace(0.0, 1.0, _STEPS)
     kind = int(rng.choice(4, p=[0.35, 0.25, 0.2, 0.2]))
     if kind == 0:
@@ -31,7 +31,7 @@ def satellite_curve(rng: np.random.Generator) -> FloatArray:
 
 
 def lamp_curve(rng: np.random.Generator, flashes: float) -> FloatArray:
-    """An aircraft's lamp that flashes so often along its trail; 1 where it shines steadily."""
+    """Light curve of an aircraft's lamp with this number of flashes along its trail."""
     steps = int(np.clip(40 * flashes, 200, 6000))
     time = np.linspace(0.0, 1.0, steps)
     duty = log_uniform(rng, 0.03, 0.6)
@@ -44,7 +44,7 @@ def lamp_curve(rng: np.random.Generator, flashes: float) -> FloatArray:
 
 
 def meteor_curve(rng: np.random.Generator) -> FloatArray:
-    """Brightening and fading, one time in three with a burst; 1 at its brightest."""
+    """Light curve of a meteor: brightening and fading, one in three with a burst; 1: maximum."""
     time = np.linspace(0.0, 1.0, 2 * _STEPS)
     rise, fall = rng.uniform(0.8, 3.0), rng.uniform(0.4, 1.5)
     curve = time**rise * (1.0 - time) ** fall

@@ -1,4 +1,4 @@
-"""Loss that training minimises."""
+"""The losses that training minimises."""
 
 import torch
 from torch.nn import functional
@@ -7,10 +7,11 @@ _REGRESSED_ABOVE = 0.5
 
 
 def loss_of(answer: torch.Tensor, target: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
-    """Confidence and regression loss of (n, 6, h, w) answers, each per true streak.
+    """Losses of confidence and of regression for answers (n, 6, h, w), each per true streak.
 
-    Confidence: quality focal loss (Li et al. 2020) towards the heat; beta 2, but 0 where a
-    streak is, so that a clear one is pushed well above what resembles one.
+    ``target``: (n, 7, h, w) of ``targets_of``. Confidence: quality focal loss (Li et al. 2020)
+    towards the heat, with beta 2, but 0 at streaks, so that clear streaks get a confidence well
+    above that of lights that resemble them.
     """
     heat, weight = target[:, 0], target[:, 6]
     positives = (heat == 1.0).sum().clamp(min=1)

@@ -33,17 +33,17 @@ SPLIT: dict[Kind, float] = {
     "rays": 0.015,
 }
 CHECKED = 24
-"""Frames on which the product as it is must answer as the rows say."""
+"""Number of frames on which the product's own answers are compared with the rows."""
 _SAME_PX, _SAME_CONFIDENCE = 0.01, 1e-3
 
 
 def counts_of(frames: int, kinds: Sequence[Kind]) -> dict[Kind, int]:
-    """Number of frames of each kind."""
+    """Number of frames of each of these kinds when ``frames`` are analysed in all."""
     return {kind: max(1, round(frames * SPLIT[kind])) for kind in KINDS if kind in kinds}
 
 
 def as_it_is(rows: Sequence[FrameRow], network: Network, curve: ConfidenceCurve) -> dict[str, Any]:
-    """Frames where the product differs from the rows."""
+    """Compare the unmodified product's answers with the rows; return the frames that differ."""
     settings = DetectorConfig(threads=2)
     detector = StreakDetector(network, settings, curve)
     chosen = sorted(rows, key=lambda row: (row["number"], row["kind"]))[: CHECKED + 1]
@@ -76,7 +76,7 @@ def _is_as_said(
 
 
 def main() -> None:
-    """Command line."""
+    """Run the command line: analyse the test frames and write ``models/figures.json``."""
     parser = argparse.ArgumentParser(prog="python -m models.measure", description=__doc__)
     parser.add_argument("--frames", type=int, default=6000, help="of all kinds together")
     parser.add_argument("--kinds", nargs="*", choices=KINDS, default=list(KINDS))

@@ -1,4 +1,4 @@
-"""Ordinary nights of the paper's telescope: what tau is set on, and what the figures are from."""
+"""Fields of ordinary nights of the paper's telescope, for setting tau and for the figures."""
 
 import math
 from pathlib import Path
@@ -13,7 +13,7 @@ TAU = 0.10
 FRAME_CELLS = 582 * 440
 ORDINARY_FRAMES = 200
 GEO_CELLS = 14.8
-"""Length of a geostationary streak of 10 s at 1.264 arcsec/px and a block of 8."""
+"""Length in cells of a geostationary streak: 10 s at 1.264 arcsec/px, 8 pixels per cell."""
 CALIBRATION_NIGHTS = 4
 TEST_NIGHTS = 5
 _LONE_NIGHTS = 6
@@ -23,7 +23,7 @@ _LONE_NIGHTS = 6
 def ordinary_nights(
     folder: Path, seed: int, split: int, frames: int, mode: MapMode = "fast"
 ) -> list[Field]:
-    """Fields without satellites, ``frames`` frames in area, kept in ``folder``."""
+    """Fields without satellites, together as large as ``frames`` frames; cached in ``folder``."""
     count = math.ceil(frames * FRAME_CELLS / FIELD_CELLS**2)
     fields: list[Field] = []
     for number in range(math.ceil(count / FIELDS_PER_SHARD)):
@@ -42,7 +42,7 @@ def _draw_nights(seed: int, split: int, number: int, mode: MapMode) -> list[Fiel
 
 
 SHORT_CELLS = (30 / 8, 60 / 8)
-"""Lengths of streaks of 30 to 60 px at a block of 8."""
+"""Lengths in cells of streaks of 30 to 60 px at 8 pixels per cell."""
 
 
 def lone_streaks(
@@ -54,7 +54,7 @@ def lone_streaks(
     fields: int = 100,
     is_hard: bool = False,
 ) -> list[Field]:
-    """Fields with one streak each, in one band of peak signal to noise and of length."""
+    """Fields with one streak each, of a peak SNR within ``band`` and a length within ``cells``."""
     key = int(band[0] * 100), int(mode == "paper"), int(is_hard), int(cells[0] * 100)
     rng = frame_rng(seed, _LONE_NIGHTS, *key)
     sensor = draw_sensor(8, rng, is_hard=is_hard)

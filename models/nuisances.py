@@ -1,6 +1,6 @@
-"""Lights easily taken for a satellite: aircraft, stars drawn out by wind, heavy cosmic rays.
+"""Lights that resemble a satellite: aircraft, stars trailed by wind, wide cosmic rays.
 
-For the frames that the detector is calibrated and measured on; the training has its own.
+For frames of calibration and measurement; training draws its own in ``models.extras``.
 """
 
 import math
@@ -23,10 +23,11 @@ _STEP_PX = 0.8
 def passing_aircraft(
     width_px: int, height_px: int, fwhm_px: float, noise_e: float, rng: np.random.Generator
 ) -> tuple[Streak, ...]:
-    """One aircraft: one or two steady lights and up to three flashing ones, on parallel lines.
+    """One random aircraft: 1 or 2 steady lights and up to 3 flashing ones, on parallel lines.
 
-    Each trail is as wide as a focus at infinity blurs a light 4 to 30 km away; a flash draws a dash
-    as long as the aircraft flies meanwhile. One aircraft in five begins or ends in the frame.
+    Each trail has the width of a light 4 to 30 km away in a telescope focused at infinity. A flash
+    is drawn as a dash, since the aircraft moves during it. One aircraft in five begins or ends in
+    the frame.
     """
     angle = float(rng.uniform(0.0, 2.0 * math.pi))
     along, across = _axes(angle)
@@ -107,9 +108,9 @@ def _is_seen(streak: Streak, width_px: int, height_px: int) -> bool:
 def drawn_out_stars(
     content: FieldContent, noise_e: float, rng: np.random.Generator
 ) -> FieldContent:
-    """The field while the telescope moved by 3 to 40 px: every star draws the same path.
+    """The field with every star trailed along the same random path of 3 to 40 px.
 
-    Stars whose trail stays below ``_DIM_SIGMA`` of a pixel's noise are left out.
+    Stars whose trail is fainter than ``_DIM_SIGMA`` noises of a pixel are left out.
     """
     path_x, path_y = _path_of_wind(float(np.exp(rng.uniform(math.log(3.0), math.log(40.0)))), rng)
     points = len(path_x)
@@ -145,9 +146,10 @@ def _path_of_wind(reach_px: float, rng: np.random.Generator) -> tuple[FloatArray
 
 
 def wide_cosmic_rays(width_px: int, height_px: int, rng: np.random.Generator) -> tuple[Streak, ...]:
-    """Tracks whose charge spread in the silicon until they are as wide as a star.
+    """Cosmic-ray tracks whose charge has spread in the silicon, so that they are as wide as a star.
 
-    Muons (short, straight) and electrons (curled), uneven along, as the renderer's narrow ones.
+    Of muons (short, straight) and electrons (curled), uneven along their length, as the renderer's
+    narrow tracks.
     """
     area = width_px * height_px / (4656 * 3520)
     expected = area * math.exp(rng.uniform(math.log(10.0), math.log(80.0)))

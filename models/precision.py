@@ -1,4 +1,4 @@
-"""Float32 or int8: both written, both judged on the calibration split, the better one shipped."""
+"""Choice between float32 and int8: all are written and evaluated, the best one is shipped."""
 
 import time
 from collections.abc import Iterable
@@ -12,12 +12,12 @@ from models.scoring import Score, score
 from rsoconsole.vision import NETWORK_HEIGHT_CELLS, NETWORK_WIDTH_CELLS, Network
 
 INT8 = {"int8": "static_wi8_ai8", "int8-weights": "dynamic_wi8_afp32"}
-"""Names of the int8 networks and the recipes of AI Edge Quantizer that make them."""
+"""Recipes of AI Edge Quantizer by the names of the int8 networks that they make."""
 CELLS_PER_FALSE = 2e6
 _WORTH = 0.8
-"""Largest share of float32's time that int8 may take ..."""
+"""Largest time of an int8 network that is shipped, as a fraction of float32's."""
 _LOST = 0.005
-"""... and the largest recall that it may lose."""
+"""Largest loss of recall of an int8 network that is shipped, against float32."""
 _RUNS = 40
 _LAST_LAYER = r"(.*_head/torch\.nn\.modules\.conv\.Conv2d.*)|serving_default_output.*"
 
@@ -25,9 +25,9 @@ _LAST_LAYER = r"(.*_head/torch\.nn\.modules\.conv\.Conv2d.*)|serving_default_out
 def quantise(float_path: Path, path: Path, fields: Iterable[Field], recipe: str) -> None:
     """Write an int8 network by a recipe of AI Edge Quantizer; its last layer stays float32.
 
-    The last layer answers logits and cosines alike: one scale for all would coarsen both.
-    ``static_wi8_ai8`` counts with 8 bits throughout and learns its ranges from ``fields``;
-    ``dynamic_wi8_afp32`` keeps 8-bit weights and chooses the ranges as it runs.
+    The last layer gives logits and cosines, for which one common scale would be too coarse.
+    ``static_wi8_ai8`` computes with 8 bits throughout, with ranges learned from ``fields``;
+    ``dynamic_wi8_afp32`` has 8-bit weights and chooses the ranges of activations as it runs.
     """
     from ai_edge_quantizer import algorithm_manager, qtyping, quantizer
     from ai_edge_quantizer import recipe as recipes
@@ -57,14 +57,18 @@ def _inputs(path: Path) -> list[str]:
 
 
 def network_at(path: Path, threads: int = 1) -> Network:
-    """The network in a file without a card, its logits taken as they are."""
+    """The network in a file without a card; its logits are not calibrated."""
     interpreter = _interpreter(path, threads)
     interpreter.allocate_tensors()
     return Network(interpreter, {"calibration": {"slope": 1.0, "offset": 0.0}})
 
 
 def judged(path: Path, fields: list[Field], threads: int) -> dict[str, float]:
-    """Recall at one false candidate in 2 million cells, and median time of one thread."""
+    """Figures of the network in a file on these fields.
+
+    Recall at one false candidate in 2 million cells, the logit there, median time on one thread,
+    and file size. ``threads``: for the evaluation.
+    """
     result: Score = score(fields, network_at(path, threads).answer, lowest_logit=-4.0)
     logit = result.logit_for_false(int(result.cells / CELLS_PER_FALSE))
     network, values, times = network_at(path, 1), fields[0].values, []
@@ -83,7 +87,10 @@ def judged(path: Path, fields: list[Field], threads: int) -> dict[str, float]:
 
 
 def choose(figures: dict[str, dict[str, float]]) -> str:
-    """The name of the network to ship: float32 unless another is as good and clearly faster."""
+    """The name of the network to ship: float32 unless an int8 one is as good and clearly faster.
+
+    ``figures``: of ``judged``, by name.
+    """
     plain = figures["float32"]
     better = [
         name

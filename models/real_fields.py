@@ -1,7 +1,7 @@
-"""Fields on pictures of the real sky: altered, with fresh noise, satellites added to them.
+"""Fields on pictures of the real sky: altered, with new noise and added satellites.
 
-A crop is turned, mirrored, brought to another scale, blurred or moved; the satellites' streaks
-are the renderer's, with the disc that the picture's own stars have by then.
+A crop is turned, mirrored, rescaled, and blurred or moved. The satellites' streaks are drawn by the
+simulator's renderer with the width that the picture's stars then have.
 """
 
 import math
@@ -54,7 +54,7 @@ class _Sky:
 
     image_e: Float32Array
     full_e: float
-    """Level at which the picture was full."""
+    """Saturation level of the picture in electrons."""
     e_per_adu: float
     sky_e: float
     canvas: Canvas
@@ -64,14 +64,14 @@ class _Sky:
 def draw_real_fields(
     folder: Path, split: backgrounds.Split, number: int, count: int, rng: np.random.Generator
 ) -> list[Field]:
-    """``count`` fields on pictures of one camera, the cameras of the split in turn."""
+    """``count`` fields on pictures of one camera of the split, chosen by ``number`` in turn."""
     cameras = backgrounds.cameras(folder, split)
     planes = backgrounds.planes(folder, cameras[number % len(cameras)])
     return [draw_on(planes[int(rng.integers(len(planes)))], rng) for _ in range(count)]
 
 
 def draw_on(plane: Plane, rng: np.random.Generator, conditions: Conditions | None = None) -> Field:
-    """One field on this picture."""
+    """One random field on this picture."""
     wanted = conditions or Conditions()
     usable = [each for each in _BLOCKS if _least_zoom(plane, each) <= _ZOOM[1]]
     block = usable[int(rng.integers(len(usable)))]

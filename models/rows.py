@@ -1,10 +1,10 @@
-"""Rows of looked-at frames on disk: each frame once per network and state of the code.
+"""Rows of analysed frames on disk: each frame once per network and state of the code.
 
     models/runs/<name>/<fingerprint>/<kind>.jsonl
 
-One line of JSON a frame, appended as it comes, so that work broken off goes on where it stopped.
-The fingerprint covers the network, the code that looks and the code that draws; the curve of
-confidence is no part of it, since rows keep what was measured, not what was concluded.
+One line of JSON per frame, appended when the frame is done, so that interrupted work is resumed.
+The fingerprint covers the network, the code that analyses and the code that draws. It leaves out
+the curve of confidence, since rows keep measured values and not the confidence computed from them.
 """
 
 import hashlib
@@ -33,7 +33,7 @@ Task = tuple[Split, Kind, int]
 
 
 def fingerprint() -> str:
-    """Fingerprint of the network and of all code that a row depends on."""
+    """Fingerprint of the network and of all source files on which a row depends."""
     digest = hashlib.sha256((HERE / MODEL_NAME).read_bytes())
     card = json.loads((HERE / MODEL_NAME).with_suffix(".json").read_text(encoding="utf-8"))
     digest.update(json.dumps(card["calibration"], sort_keys=True).encode())
@@ -45,12 +45,12 @@ def fingerprint() -> str:
 
 
 def folder_of(name: str) -> Path:
-    """Folder of the rows of this network and code."""
+    """Folder of the rows of the run ``name`` for the present network and code."""
     return RUNS / name / fingerprint()
 
 
 def read(folder: Path) -> list[FrameRow]:
-    """All rows in a folder, in order of kind and number."""
+    """All rows of a folder on disk, in order of kind and number."""
     rows: dict[tuple[Kind, int], FrameRow] = {}
     for kind in _ALL:
         path = folder / f"{kind}.jsonl"
@@ -65,7 +65,10 @@ def read(folder: Path) -> list[FrameRow]:
 def complete(
     folder: Path, split: Split, counts: Mapping[Kind, int], workers: int, *, again: bool = False
 ) -> list[FrameRow]:
-    """The rows of the first ``counts`` frames of each kind, looking at those that are missing."""
+    """The rows of the first ``counts`` frames of each kind; missing ones are made and stored.
+
+    ``again``: make all of them.
+    """
     folder.mkdir(parents=True, exist_ok=True)
     if again:
         for kind in counts:
@@ -136,14 +139,14 @@ def _drawn(task: Task, sensor: SensorModel | None) -> TrueFrame:
 
 
 class Progress:
-    """A line on the terminal: how many of how many, and the time left."""
+    """Progress line on the terminal: number done, number in all, and time left."""
 
     def __init__(self, total: int) -> None:
         self._total, self._done, self._began = total, 0, time.monotonic()
         self._is_shown = sys.stderr.isatty()
 
     def step(self) -> None:
-        """Count one more as done."""
+        """Count one more frame as done."""
         self._done += 1
         if not self._is_shown and self._done % 100 and self._done != self._total:
             return

@@ -1,4 +1,4 @@
-"""The true streaks of a field: one or several, beside each other or crossing, cut by the edge."""
+"""The satellites of a field: one or several streaks, parallel or crossing, some cut by an edge."""
 
 from dataclasses import dataclass
 
@@ -51,7 +51,7 @@ _LONGER_THAN_MOTION = 3.0
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Satellites:
-    """Draws the satellites of one field whose other content is settled."""
+    """Draws the satellites of one field, whose remaining content is drawn already."""
 
     sensor: SensorModel
     canvas: Canvas
@@ -61,12 +61,16 @@ class Satellites:
     conditions: Conditions
     rng: np.random.Generator
     motion_px: FloatArray | None = None
-    """Motion (2, m) of the whole image, too little for the stars to be trails."""
+    """Motion (2, m) of the whole image, too small to trail the stars; None: none."""
     are_stars_covered: bool = False
-    """True where trailed stars have been covered with sky, with all that lay under them."""
+    """True where trailed stars have been covered with sky, and satellites beneath them too."""
 
     def draw(self, star_path_px: FloatArray | None) -> tuple[list[Streak], list[TrueStreak]]:
-        """Streaks and their truth; the mount's wander, if any, shakes them as it does the stars."""
+        """Streaks and their truth.
+
+        ``star_path_px``: (2, m) motion of the stars by the mount, which moves the satellites too;
+        None: none.
+        """
         trails: list[Streak] = []
         truth: list[TrueStreak] = []
         for segment in self._segments():

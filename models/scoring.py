@@ -1,4 +1,4 @@
-"""Scores of candidates against the truth: matching, recall, false candidates, calibration."""
+"""Comparison of candidates with the truth: matching, recall, false candidates, calibration."""
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
@@ -12,23 +12,23 @@ from rsoconsole.vision import ByteArray, MapStreak, decode, keep_distinct
 Float32Array = npt.NDArray[np.float32]
 FloatArray = npt.NDArray[np.float64]
 Answer = Callable[[ByteArray], Float32Array]
-"""Function from a map (h, w) to answers (6, h / 4, w / 4)."""
+"""Function from a map (h, w) to the network's answers (6, h / 4, w / 4)."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Score:
-    """Result of a detector on a set of fields."""
+    """Result of a detector on a set of fields with known truth."""
 
     true_logits: FloatArray
-    """Logits of every streak asked for; -inf where it was missed."""
+    """Logit of every streak that is expected to be found; -inf where it was missed."""
     true_snrs: FloatArray
     true_lengths: FloatArray
     middle_errors: FloatArray
-    """Errors of the midpoints of those found, cells."""
+    """Errors of the midpoints of the streaks found, in cells."""
     false_logits: FloatArray
     false_kinds: tuple[str, ...]
     cells: int
-    """Area judged, in cells of the map."""
+    """Area of all fields, in cells of the map."""
 
     def recall(
         self,
@@ -36,23 +36,24 @@ class Score:
         snr: tuple[float, float] = (0.0, np.inf),
         cells: tuple[float, float] = (0.0, np.inf),
     ) -> float:
-        """Share of the asked streaks in a range of peak signal to noise and of length that were
-        found above a logit.
+        """Fraction of expected streaks found above a logit, in a range of peak SNR and of length.
+
+        ``cells``: range of length. NaN where no streak is in these ranges.
         """
         chosen = (self.true_snrs >= snr[0]) & (self.true_snrs < snr[1])
         chosen &= (self.true_lengths >= cells[0]) & (self.true_lengths < cells[1])
         return float(np.mean(self.true_logits[chosen] > logit)) if chosen.any() else float("nan")
 
     def logit_for_false(self, count: int) -> float:
-        """Logit above which ``count`` false candidates lie."""
+        """Logit above which ``count`` false candidates lie; -inf where there are no more."""
         ordered = np.sort(self.false_logits)[::-1]
         return float(ordered[count]) if count < len(ordered) else -np.inf
 
 
 def logit_for_rate(false_logits: FloatArray, wanted: float, tail: int = 20) -> float:
-    """Logit above which ``wanted`` false candidates are to be expected, by an exponential tail.
+    """Logit above which ``wanted`` false candidates are expected, by an exponential tail.
 
-    The tail is fitted to the ``tail`` highest, so that one freak does not decide.
+    The tail is fitted to the ``tail`` highest logits, so that a single outlier does not decide.
     """
     ordered = np.sort(false_logits)[::-1]
     count = min(tail, len(ordered) - 1)
@@ -64,7 +65,10 @@ def logit_for_rate(false_logits: FloatArray, wanted: float, tail: int = 20) -> f
 
 
 def fits(candidate: MapStreak, true: TrueStreak) -> bool:
-    """True for a candidate of this streak: near across, overlapping along, alike in direction."""
+    """True where a candidate matches a true streak.
+
+    It must be near across the streak, overlap along it, and have about its direction.
+    """
     length = max(true.length, 1e-6)
     cos, sin = (true.x_b - true.x_a) / length, (true.y_b - true.y_a) / length
     x, y = candidate.middle
@@ -77,7 +81,11 @@ def fits(candidate: MapStreak, true: TrueStreak) -> bool:
 
 
 def score(fields: Iterable[Field], answer: Answer, lowest_logit: float = -2.0) -> Score:
-    """Judge a detector's answers on fields; streaks not asked for count neither way."""
+    """Compare a detector's answers on fields with the truth.
+
+    Candidates below ``lowest_logit`` are dropped. Streaks that are not expected to be found count
+    neither as found nor as false.
+    """
     true_logits, snrs, lengths, errors = [], [], [], []
     false_logits, kinds, cells = [], [], 0
     for field in fields:

@@ -16,7 +16,10 @@ from models.star_catalogue import read_index
 
 
 def build(source: Path, out: Path, max_dec_deg: float, scales: list[int]) -> list[Path]:
-    """Cut ``source`` to |dec| <= max_dec_deg and build one index file for each scale in ``out``."""
+    """Build one index file per scale in ``out`` from the stars of ``source``; return their paths.
+
+    Stars beyond |dec| = ``max_dec_deg`` are left out. ``scales``: astrometry.net's preset numbers.
+    """
     ra_deg, dec_deg, mag_vt = read_index(source)
     inside = np.abs(dec_deg) <= max_dec_deg
     built = []
@@ -36,7 +39,7 @@ def build(source: Path, out: Path, max_dec_deg: float, scales: list[int]) -> lis
 
 
 def main() -> None:
-    """Command line of the release maker."""
+    """Run the command line: build the index files that a release ships."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("source", type=Path, help="index-tycho2-08.littleendian.fits of Debian")
     parser.add_argument("out", type=Path)

@@ -1,12 +1,12 @@
-"""Make the shipped star catalogues out of Tycho-2 itself and one index file.
+"""Make the shipped star catalogues from Tycho-2 and one index file of the plate solver.
 
 ``python -m models.star_catalogue TYCHO2 INDEX FOLDER``
 
-The index file of the plate solver chooses the stars (it thins crowded fields); the catalogue
-gives their places and proper motions. The index file's own places are those of the catalogue at
-J2000.0, rounded to single precision (up to 0.055 arcsec), and at J1991.25 for the stars of
-supplement 1; it also holds one entry at RA 0, Dec 0 that is no star. TYCHO2 is the folder with
-``tyc2.dat.00`` to ``tyc2.dat.19`` and ``suppl_1.dat`` (CDS I/259; Debian's source package tycho2).
+The index file selects the stars (it thins crowded fields); the catalogue gives their positions and
+proper motions. The index file's own positions are the catalogue's at J2000.0, rounded to single
+precision (up to 0.055 arcsec), and at J1991.25 for the stars of supplement 1; it also holds one
+entry at RA 0, Dec 0 that is no star. TYCHO2 is the folder with ``tyc2.dat.00`` to ``tyc2.dat.19``
+and ``suppl_1.dat`` (CDS I/259; Debian's source package tycho2).
 """
 
 import sys
@@ -41,7 +41,7 @@ Places = tuple[FloatArray, FloatArray, FloatArray, FloatArray]
 
 
 def build(tycho2: Path, index: Path, out: Path) -> tuple[StarCatalogue, StarCatalogue]:
-    """Write ``tycho2_belt.npz`` and ``tycho2_rest.npz``; gives back what was written.
+    """Write ``tycho2_belt.npz`` and ``tycho2_rest.npz`` into ``out``; return both catalogues.
 
     Raises SolverError when a file cannot be read.
     """
@@ -66,7 +66,10 @@ def build(tycho2: Path, index: Path, out: Path) -> tuple[StarCatalogue, StarCata
 def catalogue_of(
     stars: Stars, dec_min_deg: float = -90.0, dec_max_deg: float = 90.0
 ) -> StarCatalogue:
-    """Catalogue of stars given at J2000.0, to 0.3 mas, 1 mmag and 1 mas/yr."""
+    """Catalogue of stars given at J2000.0, rounded to 0.3 mas, 1 mmag and 1 mas/yr.
+
+    Stars outside the declinations are left out.
+    """
     order = np.argsort(stars.dec_icrs_deg, kind="stable")
     ra_counts = np.round(stars.ra_icrs_deg[order] % 360.0 / RA_STEP_DEG).astype(np.uint64)
     return StarCatalogue(
@@ -81,7 +84,10 @@ def catalogue_of(
 
 
 def save(catalogue: StarCatalogue, path: Path) -> None:
-    """Write a compact file that ``load`` reads; the declinations as steps from star to star."""
+    """Write a compact file that ``StarCatalogue.load`` reads.
+
+    Declinations are stored as differences from star to star.
+    """
     np.savez_compressed(
         path,
         ra=catalogue.ra_counts,
@@ -122,7 +128,7 @@ def read_index(path: Path) -> tuple[FloatArray, FloatArray, FloatArray]:
 
 
 def read_places(path: Path, row_bytes: int) -> Places:
-    """RA, Dec (deg) and motions (mas/yr) in one file of the catalogue; NaN where it is blank.
+    """RA, Dec (deg) and proper motions (mas/yr) in one file of Tycho-2; NaN where blank.
 
     Raises SolverError when the file is not made of such rows.
     """
@@ -138,9 +144,11 @@ def read_places(path: Path, row_bytes: int) -> Places:
 
 
 def matched(chosen: tuple[FloatArray, FloatArray, FloatArray], source: tuple[Places, ...]) -> Stars:
-    """The catalogue's entry of each chosen star, at J2000.0; entries that are no star are left out.
+    """The chosen stars with the catalogue's positions and motions at J2000.0.
 
-    ``source``: places as the index file has them, then the same stars at J2000.0.
+    ``chosen``: RA, Dec (deg) and magnitude in the index file; entries without a star in the
+    catalogue are left out. ``source``: positions as the index file has them, then the same stars at
+    J2000.0.
     """
     from scipy.spatial import cKDTree
 
@@ -182,7 +190,7 @@ def _numbers(characters: npt.NDArray[np.uint8]) -> FloatArray:
 
 
 def main(arguments: list[str]) -> int:
-    """Exit status: 0 written, 2 wrong usage."""
+    """Run the command line; exit status 0 after writing, 2 for wrong usage."""
     if len(arguments) != 3:
         sys.stderr.write(USAGE + "\n")
         return 2

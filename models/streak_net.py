@@ -45,7 +45,10 @@ def _convolution(
 
 
 class InvertedResidual(nn.Module):
-    """Expand, filter each channel, project; a shortcut where the shape stays."""
+    """MobileNetV2's block: expand, filter each channel, project.
+
+    With a shortcut where the shape stays the same.
+    """
 
     def __init__(self, inside: int, outside: int, stride: int, expansion: int) -> None:
         super().__init__()
@@ -59,13 +62,16 @@ class InvertedResidual(nn.Module):
         self.is_residual = stride == 1 and inside == outside
 
     def forward(self, x: torch.Tensor) -> torch.Tensor:
-        """Map (n, inside, h, w) to (n, outside, h / stride, w / stride)."""
+        """Transform (n, inside, h, w) to (n, outside, h / stride, w / stride)."""
         y: torch.Tensor = self.layers(x)
         return x + y if self.is_residual else y
 
 
 class StreakNet(nn.Module):
-    """Map (n, 1, h, w) in 0..1, sides multiples of 32, to answers (n, 6, h / 4, w / 4)."""
+    """The network: from maps (n, 1, h, w) in 0..1 to answers (n, 6, h / 4, w / 4).
+
+    h and w are multiples of 32. The channels of the answers are described in ``models.targets``.
+    """
 
     def __init__(self) -> None:
         super().__init__()
@@ -104,7 +110,7 @@ class StreakNet(nn.Module):
             self.head[-1].bias[0] = _RARE
 
     def forward(self, x: torch.Tensor) -> torch.Tensor:
-        """Compute the answers that the class describes."""
+        """Compute the answers (n, 6, h / 4, w / 4) for maps (n, 1, h, w)."""
         x = self.stem(x)
         tapped = []
         for index, stage in enumerate(self.stages):

@@ -1,8 +1,8 @@
 """Targets of every location of the network, made from true streaks.
 
-A location (row, column) of the head looks at the place (4 column + 2, 4 row + 2) of the map. Its
-answers are: confidence as a logit; offset of the midpoint in units of 4 cells; ln(length / 16
-cells); cos 2 theta and sin 2 theta of the direction, which a line's two senses share.
+A location (row, column) of the head is centred on the point (4 column + 2, 4 row + 2) of the map.
+Its answers are: confidence as a logit; offset of the midpoint in units of 4 cells; ln(length / 16
+cells); cos 2 theta and sin 2 theta of the direction, which are equal for a line's two senses.
 """
 
 import numpy as np
@@ -13,12 +13,14 @@ from rsoconsole.vision import LENGTH_UNIT_CELLS, STRIDE_CELLS
 
 Float32Array = npt.NDArray[np.float32]
 TARGET_CHANNELS = 7
-"""Heat, two offsets, log length, cos, sin, weight of the confidence's loss."""
+"""Number of channels: heat, two offsets, log length, cos, sin, weight of the confidence's loss."""
 _SIGMA_ACROSS = 2.4
 _SIGMA_ALONG_SHARE = 0.08
 _FLAT_TOP = 1.6
-"""Factor on the heat, then cut at 1: locations within a sigma are as good, offsets say where it
-is."""
+"""Factor on the heat before it is cut at 1: locations within one sigma count alike.
+
+The offsets give the position of the midpoint.
+"""
 _MIN_CUT_CELLS = 6.0
 """Least visible length of a cut streak that is asked for."""
 _REFUSED: dict[Kind, float] = {"aircraft": 3.0, "trailed stars": 3.0, "rays": 2.0, "meteor": 2.0}
@@ -28,7 +30,10 @@ _REFUSED: dict[Kind, float] = {"aircraft": 3.0, "trailed stars": 3.0, "rays": 2.
 def targets_of(
     field: Field, width: float | None = None, height: float | None = None
 ) -> Float32Array:
-    """Targets (7, side / 4, side / 4) of a field with ``width`` x ``height`` cells shown."""
+    """Targets (7, side / 4, side / 4) of a field.
+
+    ``width``, ``height``: part of the field that is shown, in cells; None: all of it.
+    """
     rows, columns = (side // STRIDE_CELLS for side in field.values.shape)
     height, width = height or field.values.shape[0], width or field.values.shape[1]
     target = np.zeros((TARGET_CHANNELS, rows, columns), dtype=np.float32)

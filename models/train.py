@@ -27,11 +27,11 @@ PEAK_RATE = 3e-3
 WARM_UP_STEPS = 300
 AVERAGE_DECAY = 0.998
 _JUDGED_EVERY = 5
-"""Number of calibration fields followed while training."""
+"""Every fifth calibration field is evaluated during training."""
 
 
 def rate_at(step: int, steps: int) -> float:
-    """Learning rate: a ramp, then half a cosine down to nothing."""
+    """Learning rate at a step: a linear ramp, then half a cosine down to 1 % of the peak."""
     if step < WARM_UP_STEPS:
         return PEAK_RATE * (step + 1) / WARM_UP_STEPS
     share = (step - WARM_UP_STEPS) / max(1, steps - WARM_UP_STEPS)
@@ -39,7 +39,7 @@ def rate_at(step: int, steps: int) -> float:
 
 
 def answer_with(net: StreakNet) -> Any:
-    """The network as a function from a map of bytes to its answers, both in numpy."""
+    """The network as a function from a NumPy map of bytes (h, w) to NumPy answers."""
     net.eval()
 
     def answer(values: ByteArray) -> Any:
@@ -51,7 +51,7 @@ def answer_with(net: StreakNet) -> Any:
 
 
 class Training:
-    """The network on its way, and what is needed to go on from any checkpoint."""
+    """The network in training, with the state that resumes it from any checkpoint."""
 
     def __init__(
         self,
@@ -113,7 +113,7 @@ class Training:
         return self.run / "checkpoint.pt"
 
     def save(self) -> None:
-        """Write a checkpoint; a crash meanwhile leaves the last one."""
+        """Write a checkpoint, atomically."""
         partial = self._checkpoint.with_suffix(".part")
         torch.save(
             {
@@ -128,7 +128,7 @@ class Training:
         partial.replace(self._checkpoint)
 
     def one_step(self, fields: list[Field]) -> tuple[float, float]:
-        """One batch; returns the losses of confidence and of regression."""
+        """Train on one batch; return the losses of confidence and of regression."""
         self.net.train()
         for group in self.optimiser.param_groups:
             group["lr"] = rate_at(self.step, self.steps)
@@ -152,7 +152,7 @@ class Training:
 
 
 def summary(result: Score) -> dict[str, float]:
-    """The figures followed while training, at one false candidate in 2 million cells."""
+    """Figures for the training log, at one false candidate in 2 million cells."""
     logit = result.logit_for_false(int(result.cells / 2e6))
     bands = {"1.5-2": (1.5, 2), "2-3": (2, 3), "3-5": (3, 5), "5+": (5, 1e9)}
     figures = {f"recall_{name}": result.recall(logit, band) for name, band in bands.items()}
@@ -165,7 +165,10 @@ def summary(result: Score) -> dict[str, float]:
 
 
 def train(training: Training, fields: list[Field], judged: list[Field], every: int) -> None:
-    """Run to the last step, logging a line of JSON per ``every`` steps."""
+    """Train up to the last step, logging a line of JSON every ``every`` steps.
+
+    ``judged``: fields for the logged figures.
+    """
     path = training.run / "log.jsonl"
     _forget_after(path, training.step)
     sums, since, started, first = np.zeros(2), 0, time.monotonic(), training.step
@@ -204,14 +207,14 @@ def _forget_after(path: Path, step: int) -> None:
 
 
 def show(done: int, of: int, words: str) -> None:
-    """A progress bar where somebody looks."""
+    """Show a progress bar on stderr where that is a terminal."""
     if sys.stderr.isatty():
         bar = "#" * int(40 * done / max(of, 1))
         print(f"\r[{bar:<40}] {done / max(of, 1):6.1%} {words} \033[K", end="", file=sys.stderr)
 
 
 def arguments() -> argparse.Namespace:
-    """Command line."""
+    """Parse the command line."""
     parser = argparse.ArgumentParser(prog="python -m models.train", description=__doc__)
     parser.add_argument("--run", type=Path, default=RUN, help="its folder")
     parser.add_argument("--seed", type=int, default=SEED)
@@ -235,7 +238,7 @@ def arguments() -> argparse.Namespace:
 
 
 def main() -> None:
-    """Draw what is missing, train what is missing, export."""
+    """Run the command line: draw missing fields, train the remaining steps, export."""
     args = arguments()
     args.run.mkdir(parents=True, exist_ok=True)
     torch.set_num_threads(args.threads)

@@ -1,4 +1,4 @@
-"""A field cut, turned and mirrored with its truth: many fields out of each."""
+"""Crops, turns and mirror images of a field with its truth: many fields from one."""
 
 from dataclasses import replace
 
@@ -8,7 +8,7 @@ from models.fields import Field, TrueStreak
 
 
 def cropped(field: Field, left: int, top: int, side: int) -> Field:
-    """A square of ``side`` cells; its streaks keep their whole length, beyond the edge too."""
+    """A square of ``side`` cells of a field; streaks keep their length beyond its edges."""
 
     def moved(streak: TrueStreak) -> TrueStreak:
         return replace(
@@ -24,7 +24,7 @@ def cropped(field: Field, left: int, top: int, side: int) -> Field:
 
 
 def turned(field: Field, turns: int, *, is_mirrored: bool) -> Field:
-    """The square field turned by quarter turns counter-clockwise, then mirrored in x."""
+    """A square field after ``turns`` quarter turns counter-clockwise, then mirrored in x or not."""
     side = float(field.values.shape[0])
 
     def place(x: float, y: float) -> tuple[float, float]:

@@ -1,4 +1,4 @@
-"""Write the table of the simulated world's settings into the simulator's README.
+"""Write the tables of the simulated world's settings into the simulator's README.
 
 ``python -m models.world_settings``
 """
@@ -21,7 +21,7 @@ END = "<!-- end of settings -->"
 
 
 def settings_table() -> str:
-    """Markdown: a table for each section."""
+    """The settings of worlds in Markdown, one table per section."""
     laws = {law.name: words_of(law) for law in LAWS}
     lines: list[str] = []
     section_before = ""
@@ -42,7 +42,7 @@ def settings_table() -> str:
 
 
 def words_of(law: SettingDistribution) -> str:
-    """The law in the documentation's words."""
+    """A distribution in words for the documentation."""
     values = f"{law.low:g}"
     if law.high != law.low:
         values = f"{law.low:g} to {law.high:g}"
@@ -51,7 +51,7 @@ def words_of(law: SettingDistribution) -> str:
 
 
 def with_table(readme: str) -> str:
-    """The README with its table as the code has it now."""
+    """The README's text with its tables replaced by ``settings_table``."""
     head, _, rest = readme.partition(BEGIN)
     _, _, tail = rest.partition(END)
     return f"{head}{BEGIN}\n\n{settings_table()}\n{END}{tail}"

@@ -1,4 +1,4 @@
-"""The verbs; nothing else. What they do lies on the floors below."""
+"""The command line: its verbs alone, which call the packages below."""
 
 import os
 
@@ -6,7 +6,7 @@ ONE_THREAD = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "OPENCV_FOR_THREADS_NUM
 
 
 def main() -> None:
-    """Entry point: settles what NumPy and OpenCV read as they load, then runs the program."""
+    """Entry point: set the environment that NumPy and OpenCV read, then run the program."""
     # Vision divides a frame among threads itself; what is left is too small for theirs, which
     # would cost more in waiting for one another than they save. The program's children inherit it.
     for name in ONE_THREAD:

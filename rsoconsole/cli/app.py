@@ -1,4 +1,4 @@
-"""One program with verbs: how it starts, how it fails, where its log lies."""
+"""The program with its verbs: how it starts, reports failures and writes its log."""
 
 import logging
 import logging.handlers
@@ -41,7 +41,7 @@ from rsoconsole.control import one_line
 
 log = logging.getLogger(APP)
 COMPLETE = f"_{APP.upper()}_COMPLETE"
-"""Environment variable that a shell sets to ask for completions."""
+"""Environment variable that a shell sets when it requests completions."""
 
 app = typer.Typer(
     name=APP,
@@ -95,7 +95,7 @@ def _root(
 
 
 def main() -> None:
-    """Entry point: an operator never sees a traceback, the log has it."""
+    """Entry point: run a verb; tracebacks go to the log, and the operator sees one line."""
     log_path = _open_log()
     if COMPLETE not in os.environ:
         output.print_to_stderr(*(f"{APP}: {each}" for each in environment_warnings()))

@@ -1,6 +1,6 @@
-"""The manual page, made of the verbs' help texts: man(7) source.
+"""The manual page, made from the verbs' help texts: man(7) source.
 
-``python -m rsoconsole.cli.manual_page`` writes it to where packages take it from.
+``python -m rsoconsole.cli.manual_page`` writes the file that packages install.
 """
 
 import re
@@ -24,7 +24,7 @@ _KINDS = re.compile(r"<(?:list\[)?(\w+)(?:\]| range)?>")
 
 
 def text() -> str:
-    """Manual page of this program."""
+    """Source of this program's manual page."""
     program: Any = get_command(app)
     context = typer.Context(program, info_name=APP)
     commands = [

@@ -20,38 +20,40 @@ CAMERA_NAME = "CCD Simulator"
 WEATHER_NAME = "Weather Simulator"
 DOME_NAME = "Dome Simulator"
 START_S = 180.0
-"""Longest wait until the observatory listens; only a machine that is held up needs it all."""
+"""Time-out for the observatory to listen, s; only an overloaded machine comes near it."""
 _LOOK_S = 0.5
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ObservatorySettings:
-    """Settings of the observatory; they cross to its process as JSON."""
+    """Settings of the observatory, sent to its process as JSON."""
 
     scenario: str
     seed: int
     speed: float
-    """Virtual seconds a wall second; 0: at once."""
+    """Virtual seconds per wall second; 0: no pacing."""
     truth_path: str | None = None
-    """File of the truth, one JSON line a frame."""
+    """File to which the truth is written, one JSON line per frame; None: none."""
     width_px: int | None = None
-    """A smaller sensor than the scenario's, for quick looks."""
+    """Height of a sensor smaller than the scenario's, for quick tests; ``width_px`` alike."""
     height_px: int | None = None
     stage: str | None = None
-    """``module:function`` that opens another stage than the scenarios'."""
+    """``module:function`` that makes the ``ObservatoryStage`` in place of the scenario."""
     plan: dict[str, Any] | None = None
-    """A ``NightPlan`` as a table, instead of the scenario."""
+    """``NightPlan.to_table`` of a night of chosen satellites, in place of the scenario."""
     weather: Sequence[tuple[float, str]] = ()
-    """Weather: (seconds since the start, "ok" | "warning" | "alert") in order; ok before the
-    first."""
+    """Weather in order: (seconds since the start, "ok" | "warning" | "alert").
+
+    "ok" before the first entry.
+    """
     dome: Sequence[tuple[float, str]] = ()
-    """Dome: (seconds since the start, "open" | "closed" | "moving") in order; open at first."""
+    """Dome in order: (seconds since the start, "open" | "closed" | "moving"); open at first."""
     world: Mapping[str, Any] = field(default_factory=dict)
-    """Imperfections, as ``World.named`` gives them."""
+    """Imperfections by section, as ``World.named`` gives them."""
 
 
 class Observatory:
-    """A running simulated observatory: where it listens, and how to end it."""
+    """A running simulated observatory: its address, its device names, and its process."""
 
     def __init__(self, process: "subprocess.Popen[bytes]", port: int) -> None:
         self.process = process
@@ -63,7 +65,7 @@ class Observatory:
         self.dome_name = DOME_NAME
 
     def stop(self, timeout_s: float = 5.0) -> None:
-        """End it; a process that does not go in time is killed."""
+        """End the observatory; kill its process if it has not ended within ``timeout_s``."""
         for stream in (self.process.stdin, self.process.stdout):
             if stream is not None:
                 with suppress(OSError):
@@ -86,9 +88,9 @@ def start_observatory(
 ) -> Observatory:
     """Start the observatory in a process of its own and wait until it listens on 127.0.0.1.
 
-    ``speed``: virtual seconds a wall second, 0 or infinity for at once. ``others``: as
-    ``ObservatorySettings`` has them. Raises InstrumentError when the observatory does not come up,
-    with the last of what it said.
+    ``speed``: virtual seconds per wall second; 0 or infinity: no pacing. ``others``: further fields
+    of ``ObservatorySettings``. Raises InstrumentError, with the last output of the process, when
+    the observatory does not start.
     """
     settings = ObservatorySettings(
         scenario=scenario_name,

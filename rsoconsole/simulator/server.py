@@ -1,7 +1,7 @@
 """The simulated observatory: a process that serves INDI on 127.0.0.1 until its parent ends.
 
-It reads one JSON line of settings from stdin, answers one JSON line with its port, and stays
-until stdin closes, so that it never outlives what started it.
+It reads one JSON line of settings from stdin, prints one JSON line with its port, and runs until
+stdin closes, so that it never outlives its parent process.
 """
 
 import asyncio
@@ -53,17 +53,17 @@ class ObservatoryStage:
     optics: OpticsConfig
     t_start_utc_ns: int
     start_ra_icrs_deg: float
-    """Right ascension of the mount when the night begins."""
+    """Right ascension at which the mount points when the night begins, by its own coordinates."""
     start_dec_icrs_deg: float
     scene: Scene
     world: World = DEFAULT_WORLD
-    """Imperfections; the scene knows its own part of them."""
+    """Imperfections; ``scene`` was made with the same world."""
 
 
 def open_stage(settings: ObservatorySettings) -> ObservatoryStage:
     """The stage of a named scenario, of a plan, or of the function that the settings name.
 
-    Raises ConfigError for a name that no scenario has, and for a world that cannot be.
+    Raises ConfigError for an unknown scenario and for an invalid world.
     """
     if settings.stage is None:
         return _scenario_stage(settings)
@@ -111,7 +111,7 @@ _QUICK_ACK: int | None = getattr(socket, "TCP_QUICKACK", None)
 
 
 class ObservatoryDriver(IPyDriver):  # type: ignore[misc]
-    """Driver that passes every request to the device it is meant for."""
+    """INDI driver of all simulated devices; it passes each request to its device."""
 
     def __init__(self, stage: ObservatoryStage, settings: ObservatorySettings) -> None:
         self._tasks: set[asyncio.Task[None]] = set()
@@ -166,7 +166,7 @@ class ObservatoryDriver(IPyDriver):  # type: ignore[misc]
         self.auto_send_def = False
 
     async def rxevent(self, event: Any) -> None:
-        """Pass a client's request on a property to its device."""
+        """Pass a client's request to the device, or answer it where it asks for a definition."""
         if isinstance(event, getProperties):
             if event.devicename == MOUNT_NAME and self._mount.faults.is_silent:
                 return  # a driver that hangs does not describe itself either
@@ -192,12 +192,16 @@ class ObservatoryDriver(IPyDriver):  # type: ignore[misc]
 
 
 class ObservatoryServer(IPyServer):  # type: ignore[misc]
-    """IPyServer that lets a client go when it hangs up, instead of reading its silence for ever."""
+    """IPyServer that closes a connection when the client hangs up.
+
+    ``IPyServer`` itself goes on reading the closed connection for ever.
+    """
 
     async def handle_data(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
-        """Serve one client, at a seat of its own.
+        """Serve one client with a connection object of its own.
 
-        At a used one, what was still being sent to the client before would end this one too.
+        A reused object may still be sending to the previous client, and its failure would end the
+        new connection too.
         """
         self.con_id += 1
         seat = type(self.connectionpool[0])(self.con_id, self.xml_data_que)
@@ -231,7 +235,7 @@ class _HangUpReader:
 
 
 async def serve(settings: ObservatorySettings) -> None:
-    """Serve until stdin closes; the first line on stdout is ``{"port": N}``."""
+    """Serve INDI until stdin closes; the first line on stdout is ``{"port": N}``."""
     loop = asyncio.get_running_loop()
     driver = ObservatoryDriver(open_stage(settings), settings)
     server = ObservatoryServer(driver, host=HOST, port=0, maxconnections=1)
@@ -253,7 +257,10 @@ def _watch_stdin(loop: asyncio.AbstractEventLoop, server: ObservatoryServer) -> 
 
 
 def main() -> int:
-    """Read the settings from stdin and serve."""
+    """Read the settings from stdin and serve.
+
+    Exit status: 0, 1 after a failure, 2 without settings.
+    """
     logging.basicConfig(stream=sys.stderr, level=logging.WARNING)
     line = sys.stdin.buffer.readline()
     if not line:

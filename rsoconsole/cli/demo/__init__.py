@@ -1,1 +1,1 @@
-"""The demo: a simulated observatory with the real program behind it, and the bench."""
+"""The demo, the real program with a simulated observatory, and the bench of ``doctor``."""

@@ -1,4 +1,4 @@
-"""The demo's night of chosen satellites: from what was typed to a plan of the night."""
+"""The demo's night of chosen satellites: from the text that the user typed to a ``NightPlan``."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -13,10 +13,11 @@ from rsoconsole.words import clock, time_left_words
 def plan_targets(
     wanted: Sequence[str], config: Config, *, at: str | None, seed: int, frames: int
 ) -> NightPlan:
-    """The night in which the named satellites of the configured element files are seen.
+    """Plan of a night in which the named satellites of the configured element files are seen.
 
-    Raises OrbitError for names that are not clear, ConfigError where they cannot be seen or
-    ``at`` is no time, SolverError where their sky has no stars.
+    ``wanted``: catalogue numbers or names. ``at``: UTC of the start as text; None: the first
+    suitable time. Raises OrbitError for unknown or ambiguous names, ConfigError where the
+    satellites cannot be seen or ``at`` is no time, SolverError where their sky has no stars.
     """
     from rsoconsole.orbits import find_object, nearest_in_epoch_of_each
     from rsoconsole.pipeline import read_catalogue
@@ -59,9 +60,9 @@ def whole_sky_stars(config: Config) -> Path | None:
 
 
 def planned_config(config: Config, plan: NightPlan) -> Config:
-    """Exposures as the plan has them, and a search that waits where the night begins.
+    """The configuration with the plan's exposures and a search at the plan's first pointing.
 
-    A low satellite is leapt after.
+    A low satellite is followed by leaps.
     """
     exposure = config.exposure.model_copy(
         update={"exposure_s": plan.exposure_s, "cadence_s": plan.cadence_s}
@@ -72,7 +73,7 @@ def planned_config(config: Config, plan: NightPlan) -> Config:
 
 
 def plan_words(plan: NightPlan) -> str:
-    """The plan in a sentence for people: objects, place, start, length, exposures."""
+    """The plan in a sentence for people: objects, site, start, length, exposures."""
     return (
         f"{plan.title} from {plan.site.latitude_deg:+.2f} {plan.site.longitude_deg:+.2f},"
         f" {clock(plan.t_start_utc_ns, 'dated')}, to be seen for {time_left_words(plan.visible_s)};"

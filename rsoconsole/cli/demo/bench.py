@@ -1,4 +1,4 @@
-"""``doctor --bench``: measures this machine and says which cadence it holds."""
+"""``doctor --bench``: measures the exposure and cadence that this machine can hold."""
 
 from dataclasses import asdict
 from typing import Any
@@ -10,11 +10,11 @@ from rsoconsole.words import NS_PER_S, count_words, utc_ns_to_iso
 _BESIDE_DEG = 0.05
 """Error of the header's direction, like that of a mount."""
 BUSY_SHARE = 0.5
-"""Share of the cores busy with other programs from which the figures are too pessimistic."""
+"""Fraction of cores busy with other programs above which the figures are too pessimistic."""
 
 
 def run_bench(config: Config, *, json_: bool) -> None:
-    """Measure, print, and exit 1 where what is configured is not held."""
+    """Measure and print; exit 1 where the configured exposure and cadence cannot be held."""
     from rsoconsole.engine import (
         STAGES,
         free_bytes,
@@ -85,7 +85,7 @@ def _heat(before_c: float | None, after_c: float | None) -> str:
 
 
 def draw_fits(config: Config) -> bytes:
-    """One frame of the configured optics and exposure, its first satellite in the middle."""
+    """A drawn FITS frame of the configured optics and exposure, with a satellite in its middle."""
     import numpy as np
 
     from rsoconsole.orbits import Satellite

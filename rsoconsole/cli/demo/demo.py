@@ -28,9 +28,9 @@ KeepFrames: TypeAlias = Literal["all", "detected", "last", "none"]
 FRAMES_UNSEEN = 20
 FRAME_TIMEOUT_S = 120.0
 SOLVER_DEADLINE_S = 60.0
-"""Solver deadline by the wall's clock, so long that slow and fast machines give the same night."""
+"""Solver deadline, s of wall time: long enough that slow and fast machines give the same night."""
 DROPPED_TIMEOUT_S = 30.0
-"""Time-out of a frame, s of the wall's clock, in worlds where frames are dropped."""
+"""Time-out of a frame, s of wall time, in worlds where frames are dropped."""
 
 
 def demo(
@@ -194,7 +194,7 @@ def _world_of(named: str | None, seed: int) -> "World":
 
 
 def config_in(world: "World", config: Config) -> Config:
-    """The configuration that an operator of this world's telescope would have, and no more."""
+    """The configuration with what an operator of this world's telescope would know of it."""
     from rsoconsole.simulator import binned
 
     exposure: dict[str, float] = {}
@@ -335,10 +335,10 @@ def _track_words(track: dict[str, Any]) -> tuple[str, str]:
 def demo_config(
     site: Site, *, preset: Preset, keep_frames: KeepFrames, catalogue: Sequence[Path] = ()
 ) -> Config:
-    """The defaults at the scenario's site, with those user settings that belong to this machine.
+    """The default configuration at the scenario's site, with the user's settings of this machine.
 
-    These are the sessions' folder and the library that speaks INDI. The defaults describe the
-    telescope that the scenarios simulate.
+    The latter are the sessions' folder and the library that speaks INDI. The defaults describe the
+    telescope that the scenarios simulate. ``catalogue``: element files.
     """
     own = _own_settings()
     return Config.model_validate(

@@ -1,8 +1,8 @@
-"""A simulated night: observatory and engine together, here or in a process of its own.
+"""A simulated night: observatory and engine together, in this process or a separate one.
 
-The process of its own (``python -m rsoconsole.cli.demo.demo_night``) is what stands behind the
-demo's console: it reads its settings as one JSON line, answers one line when the engine listens,
-and goes on whatever becomes of the console.
+The separate process (``python -m rsoconsole.cli.demo.demo_night``) serves the demo's console: it
+reads its settings as one JSON line, prints one line when the engine listens, and goes on when the
+console ends.
 """
 
 import contextlib
@@ -34,7 +34,7 @@ log = logging.getLogger(__name__)
 SCRATCH_SOCKET = "engine.sock"
 LOOK_S = 20.0
 ABANDONED_S = 900.0
-"""Time without autonomy's control after which a demo without its console ends."""
+"""Time without autonomy's control after which a demo whose console has ended ends too, s."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -44,14 +44,14 @@ class Night:
     scenario: str
     seed: int
     speed: float
-    """Virtual seconds a wall second; 0: at once."""
+    """Virtual seconds per wall second; 0: no pacing."""
     frames: int | None
-    """Exposures to take; None: until the engine ends."""
+    """Number of exposures to take; None: until the engine ends."""
     session: Path | None
     world: Mapping[str, Any] = field(default_factory=dict)
-    """Named imperfections, by section."""
+    """Imperfections by section, as ``World.named`` gives them."""
     plan: dict[str, Any] | None = None
-    """A night of chosen satellites as a table (``NightPlan``), instead of the scenario."""
+    """``NightPlan.to_table`` of a night of chosen satellites, in place of the scenario."""
 
 
 def run_night(
@@ -63,7 +63,8 @@ def run_night(
 ) -> dict[str, Any]:
     """Run observatory and engine until the night is over; return its figures against the truth.
 
-    ``on_start`` gets session and socket once the engine listens.
+    ``on_cycle`` is called after each frame. ``on_start`` is called with the session's folder and
+    the engine's socket once the engine listens.
     """
     from rsoconsole.cli.judge.summary import read_truth, summarise
     from rsoconsole.control import default_socket_path
@@ -129,7 +130,7 @@ def _record_world(night: Night, session: Path) -> None:
 
 
 def targets_of(night: Night) -> dict[int, str]:
-    """The satellites that the night was made for: names by catalogue number."""
+    """The satellites for which the night was made: names by catalogue number."""
     if night.plan is not None:
         return dict(zip(night.plan["targets"], night.plan["names"], strict=True))
     from rsoconsole.simulator import scenario_named
@@ -139,7 +140,7 @@ def targets_of(night: Night) -> dict[int, str]:
 
 
 def control_socket(scratch: Path) -> Path | None:
-    """Socket of the demo: None, the default one, if no engine has it; else one in ``scratch``."""
+    """Socket for the demo: None, the default, if no engine uses that, or one in ``scratch``."""
     from rsoconsole.control import EngineLock, default_socket_path
 
     try:
@@ -151,14 +152,15 @@ def control_socket(scratch: Path) -> Path | None:
 
 
 class NightProcess:
-    """A night in a process of its own; it outlives the process that started it."""
+    """A night in a separate process, which outlives the process that started it."""
 
     def __init__(
         self, config: Config, night: Night, on_wait: Callable[[str], None] = log.info
     ) -> None:
-        """Start it and wait until its engine listens. Raises InstrumentError with its words.
+        """Start the process and wait until its engine listens.
 
-        ``on_wait`` receives the cause of a long wait, in words.
+        ``on_wait`` is called with the cause of a long wait, in words. Raises InstrumentError with
+        the process's own message when it fails.
         """
         log_path = platformdirs.user_log_path(APP) / "demo.log"
         log_path.parent.mkdir(parents=True, exist_ok=True)
@@ -191,7 +193,7 @@ class NightProcess:
         self.session = Path(started["session"])
 
     def figures(self) -> dict[str, Any]:
-        """Wait for the end of the night; its figures. Raises InstrumentError when it failed."""
+        """Wait for the night's end; return its figures. Raises InstrumentError if it failed."""
         figures = self._line()
         self._process.wait()
         if "frames" not in figures:
@@ -205,10 +207,10 @@ class NightProcess:
 
 
 def end_when_abandoned(socket: Path, starter: int) -> None:
-    """End the engine at ``socket`` when its starter is gone and nothing has gone on for long.
+    """End the engine at ``socket`` once it is abandoned; returns when the engine has ended.
 
-    Nothing goes on while autonomy does not have the mount: after dawn, a STOP, a fault. A console
-    that was attached later does not count: an engine cannot know who only looks.
+    Abandoned: the process with the id ``starter`` has ended, and for ``ABANDONED_S`` autonomy has
+    not had the mount (after dawn, a STOP, a fault). Consoles that were attached later do not count.
     """
     from rsoconsole.control import AskStatus, ControlClient, Sender, Shutdown, read_status
 
@@ -230,7 +232,7 @@ def end_when_abandoned(socket: Path, starter: int) -> None:
 
 
 def main() -> int:
-    """Run one night for a console elsewhere; it ends by itself once abandoned."""
+    """Run one night, as read from stdin; exit status 0, or 1 after a failure."""
     logging.basicConfig(stream=sys.stderr, level=logging.INFO)
     order = json.loads(sys.stdin.readline())
     table = order["night"]

@@ -1,1 +1,1 @@
-"""A run against the simulated observatory, judged by the truth that only this package reads."""
+"""Evaluation of a run with the simulated observatory against the observatory's truth."""

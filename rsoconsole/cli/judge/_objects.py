@@ -1,8 +1,8 @@
-"""A run against the simulated observatory, judged object by object.
+"""Evaluation of a run with the simulated observatory, object by object.
 
-A detection or a measurement is of the object on whose true streak it lies, in pixels of its own
-frame; of several the one whose middle is nearest. That holds for any rate, which an angle on the
-sky does not: a hundredth of a second of shutter is 20 arcsec of a low satellite.
+A detection or measurement belongs to the object on whose true streak it lies, in pixels of its
+frame; of several objects, to the one whose streak has the nearest middle. Pixels suit objects of
+any rate; an angle on the sky does not: 0.01 s of the shutter is 20 arcsec of a low satellite.
 """
 
 import math
@@ -21,11 +21,14 @@ from rsoconsole.tracking import lag_one, sky_covariance_arcsec2
 VISIBLE_SNR = 20.0
 """Integrated SNR from which a satellite in the field counts as visible."""
 BESIDE_FWHM = 4.0
-"""Largest distance from a true streak to count as of it, in FWHM of the frame's stars."""
+"""Largest distance of a detection from its true streak, in FWHM of the frame's stars."""
 BETWEEN = 2.0
-"""A streak is of both where its distances from the two middles differ by less than this factor."""
+"""A streak belongs to both of two objects if its distances from their middles differ by less.
+
+As a factor.
+"""
 APART_FWHM = 2.0
-"""Distance below which two lines are one streak to a camera, in FWHM of the frame's stars."""
+"""Distance below which a frame cannot show two streaks apart, in FWHM of its stars."""
 
 
 @dataclass(slots=True)
@@ -45,7 +48,7 @@ class _Tally:
     inside_3sigma: list[bool] = field(default_factory=list)
     nis: list[float] = field(default_factory=list)
     innovations: list[tuple[float, float]] = field(default_factory=list)
-    """Innovations in their own sigmas, east and north."""
+    """Innovations (east, north) in units of their own sigmas."""
     wrong_in_a_row: int = 0
     longest_wrong: int = 0
     swapped_frames: int = 0
@@ -56,23 +59,29 @@ def objects_figures(
 ) -> list[dict[str, Any]]:
     """The summary's ``objects``: the targets, then all that was ever visible or detected.
 
-    ``views``: each frame with its exposure's truth. ``detections``: frames in which a streak of
-    the object was detected. ``visible_frames``: its place at mid-exposure lies in the field, and
-    its integrated SNR is at least ``VISIBLE_SNR``. A track is on the object that it began with, of
-    two about as near on the brighter, and on none that is not visible beside one that is.
-    ``track_frames``: such a track took its measurement.
-    ``measured_rms_arcsec``: of all its measurements, those of clipped streaks across them alone.
-    ``prediction_rms_arcsec``: one step ahead, of the track that followed it. ``identified``:
-    whether the last name given to that track is right; None where none was given.
-    ``false_measurements``: what that track took that was not of it. ``detected_after_lock`` and
-    ``tracked_after_lock``: frames after its track's first one in which it was detected, and those
-    of them in which a track took it. ``inside_3sigma``: share of the visible frames in which the
-    truth, by a clock that is always late by as much as this one, lay inside the 3-sigma ellipse of
-    the prediction. ``nis_mean`` and ``whiteness`` (lag-one
-    correlation of the innovations in their sigmas; sound within 2 / sqrt(n)). ``longest_wrong``:
-    visible frames in a row in which the lead took something else than what was locked first.
-    ``swapped_frames``: those in which the object's track took another object's streak, where the
-    two draw lines that a camera shows apart (``APART_FWHM``).
+    ``views``: each frame with its exposure's truth. A track belongs to the object of its first
+    measurement: the nearest one, the brighter of two about as near, a visible one before others.
+    Keys of each object:
+
+    - ``detections``: frames in which a streak of the object was detected.
+    - ``visible_frames``: frames with its position at mid-exposure in the field and an integrated
+      SNR of at least ``VISIBLE_SNR``.
+    - ``track_frames``: frames in which its track accepted a measurement of it.
+    - ``measured_rms_arcsec``: error of all its measurements; of clipped streaks, across them alone.
+    - ``prediction_rms_arcsec``: error of its track's predictions, one step ahead.
+    - ``identified``: whether the last identification of its track is right; None without one.
+    - ``false_measurements``: measurements accepted by its track that are not of the object.
+    - ``detected_after_lock``: frames after its track's first one in which it was detected.
+    - ``tracked_after_lock``: those of the latter in which its track accepted it.
+    - ``inside_3sigma``: fraction of visible frames with the truth inside the prediction's 3-sigma
+      ellipse; the clock's constant lateness is taken out.
+    - ``nis_mean``: mean NIS.
+    - ``whiteness``: lag-one correlation of the innovations in their sigmas; sound within 2 /
+      sqrt(n).
+    - ``longest_wrong``: longest run of visible frames in which the lead track accepted an object
+      other than the first one locked.
+    - ``swapped_frames``: frames in which its track accepted another object's streak, although the
+      frame can show the two apart (``APART_FWHM``).
     """
     judge = _Judge({number: _Tally(name) for number, name in targets.items()})
     for frame, truth in views:
@@ -85,7 +94,7 @@ class _Field:
     """The satellites that truly stood in a frame, and how wide its stars are."""
 
     there: Mapping[int, Mapping[str, Any]]
-    """Satellites by catalogue number, where their truth suffices to judge by streaks."""
+    """Truth of the satellites in the frame by catalogue number, if it gives their streaks."""
     fwhm_px: float
 
     @classmethod
@@ -95,7 +104,10 @@ class _Field:
         return cls(there, float(truth.get("fwhm_px", 0.0)))
 
     def near(self, at: Detection | Measurement) -> list[tuple[float, int]]:
-        """Objects on whose streak it lies: distance from the middle (px) and catalogue number."""
+        """Objects on whose true streak a detection or measurement lies.
+
+        For each: distance from the streak's middle (px) and catalogue number.
+        """
         return [
             (math.hypot(at.x_px - each["x_px"], at.y_px - each["y_px"]), number)
             for number, each in self.there.items()
@@ -103,14 +115,17 @@ class _Field:
         ]
 
     def object_at(self, at: Detection | Measurement) -> int | None:
-        """Object on whose streak it lies, by the nearest middle; None on none."""
+        """Catalogue number of the object to which a detection or measurement belongs, or None.
+
+        The object on whose true streak it lies; of several, that with the nearest middle.
+        """
         near = self.near(at)
         return min(near)[1] if near else None
 
     def begun_on(self, at: Measurement) -> int | None:
-        """Object that a track begins with: of those about as near as the nearest the brightest.
+        """Object to which a new track belongs, by its first measurement; None for no object.
 
-        One that counts as visible goes before any that does not.
+        Visible objects come before others; of objects about equally near, the brightest.
         """
         every = self.near(at)
         near = [e for e in every if self.there[e[1]]["snr_integrated"] >= VISIBLE_SNR] or every
@@ -125,8 +140,8 @@ class _Field:
     ) -> bool:
         """True where the accepted measurement is of its own object ``on`` as well as of ``number``.
 
-        One streak of two lies between both; or the track says that it shares it with another; or
-        the two draw lines that no camera shows apart.
+        So it is where the streak lies between both objects, where the track records that it shares
+        the streak with another track, or where the frame cannot show the two streaks apart.
         """
         own, nearer = self.there.get(on or 0), self.there.get(number or 0)
         at = (taken.x_px, taken.y_px)
@@ -159,12 +174,12 @@ class _Judge:
 
     tallies: dict[int, _Tally]
     followed: dict[int, int] = field(default_factory=dict)
-    """Catalogue number of the object that a track is on, by track id."""
+    """Catalogue number of the object to which a track belongs, by track id."""
     first: int | None = None
     """Catalogue number of the object that was locked first."""
 
     def take(self, frame: NightFrame, truth: Mapping[str, Any]) -> None:
-        """Judge one frame with its exposure's truth."""
+        """Count one frame's detections, measurements and tracks against its exposure's truth."""
         sky = _Field.of(truth)
         seen = self._count(frame, sky)
         late_ns, taken_by = truth.get("always_late_ns", 0), dict[int, int | None]()
@@ -244,16 +259,17 @@ class _Judge:
 
 
 def is_on_a_streak(measurement: Measurement, truth: Mapping[str, Any]) -> bool:
-    """True where a measurement lies on the true streak of any object."""
+    """True where a measurement lies on the true streak of any satellite in its frame."""
     return bool(_Field.of(truth).near(measurement))
 
 
 def offset_arcsec(
     true: Mapping[str, Any], ra_deg: float, dec_deg: float, t_utc_ns: int
 ) -> tuple[float, float]:
-    """Offset (east, north) of a direction from where a satellite truly was at its instant.
+    """Offset (east, north), arcsec, of a direction from a satellite's true direction at an instant.
 
-    Streaks of one frame are of different instants where its shutter rolls.
+    ``true``: the satellite's truth, with the instant of its position. With a rolling shutter the
+    streaks of one frame have different instants.
     """
     later_s = (t_utc_ns - true.get("t_utc_ns", t_utc_ns)) / 1e9
     true_ra_deg, true_dec_deg = float(true["ra_icrs_deg"]), float(true["dec_icrs_deg"])
@@ -265,7 +281,7 @@ def offset_arcsec(
 
 
 def offset_of(measurement: Measurement, true: Mapping[str, Any]) -> tuple[float, float]:
-    """Offset (east, north) of a measurement from the truth, arcsec."""
+    """Offset (east, north), arcsec, of a measurement from the satellite's true direction."""
     at = (measurement.ra_icrs_deg, measurement.dec_icrs_deg)
     return offset_arcsec(true, *at, measurement.t_mid_utc_ns)
 
@@ -320,19 +336,19 @@ def _judge_bounds(
 
 
 def taken_of(frame: NightFrame) -> Measurement | None:
-    """The measurement that the lead took; None where it took none."""
+    """The measurement that the lead track accepted in a frame; None where it accepted none."""
     steps = steps_of(frame)
     lead = lead_track_id(steps)
     return None if lead is None else _taken(frame, steps[lead])
 
 
 def steps_of(frame: NightFrame) -> dict[int, FrameTrack]:
-    """Steps of a frame: each track before and after it, by track id."""
+    """Steps of a frame by track id: the track before and after the frame."""
     return {each.track_id: each for each in frame.tracks}
 
 
 def lead_track_id(steps: Mapping[int, FrameTrack]) -> int | None:
-    """Track id of the lead of a frame; where one takes over from another, of the later one."""
+    """Id of a frame's lead track; where the lead changes in the frame, of the later one."""
     return next((n for n in reversed(list(steps)) if steps[n].is_lead), None)
 
 
@@ -342,7 +358,7 @@ def _taken(frame: NightFrame, step: FrameTrack) -> Measurement | None:
 
 
 def identified_norad_id(found: Identified | None) -> int | None:
-    """Catalogue number of the identified object; None unless it is identified."""
+    """Catalogue number of an identified object; None where it is ambiguous or unknown."""
     if found is None or found.verdict != "identified" or not found.matches:
         return None
     return found.matches[0].norad_id

@@ -1,4 +1,4 @@
-"""A run against the simulated observatory, judged by the truth that only this module reads."""
+"""Summary of a run with the simulated observatory, evaluated against the observatory's truth."""
 
 import math
 import statistics
@@ -39,7 +39,10 @@ _ON_RECORD = (
 
 
 def leap_figures(leaps: Sequence[LeapDone], passes: Sequence[LowPass]) -> dict[str, Any] | None:
-    """Leaps met of those done, medians of a leap's durations (s), each pass; None without any."""
+    """Figures of leaps and passes of low satellites for the summary; None without any.
+
+    Leaps done and leaps met, medians of a leap's durations (s), and each pass.
+    """
     if not leaps and not passes:
         return None
     met = [each for each in leaps if each.result == "met"]
@@ -74,7 +77,7 @@ class _Satellite:
 
     tracks: list[int] = field(default_factory=list)
     frames: int = 0
-    """Number of frames in which it was measured."""
+    """Number of frames in which the satellite was measured."""
     last_frame: int = 0
     is_measured_last: bool = False
 
@@ -82,11 +85,16 @@ class _Satellite:
 def tracks_figures(
     frames: Sequence[NightFrame], known: Mapping[int, NightTrack]
 ) -> list[dict[str, Any]]:
-    """The summary's ``tracks``: one object a satellite, in the order in which they were found.
+    """The summary's ``tracks``: one object per satellite, in the order in which they were found.
 
-    ``tracks``: ids of those that were on it. ``frames``: how many of them measured it. ``state``
-    at the end of the run: TRACK, COAST or LOST, and IDLE for one that was ended by a word;
-    ``lost``: why, in words. ``orbit``: as in the summary.
+    Keys of each satellite:
+
+    - ``tracks``: ids of its tracks.
+    - ``frames``: number of frames in which it was measured.
+    - ``state``: at the end of the run: TRACK, COAST, LOST, or IDLE where the operator ended the
+      track.
+    - ``lost``: why it was lost, in words.
+    - ``orbit``: as the summary's ``orbit``.
     """
     satellites: dict[object, _Satellite] = {}
     for frame in frames:
@@ -130,7 +138,7 @@ def _state(satellite: _Satellite, lost: str, newest: int) -> str:
 
 
 def orbit_figures(orbit: OrbitEstimate) -> dict[str, Any]:
-    """Figures of the last orbit."""
+    """Figures of an orbit estimate for the summary."""
     names: Sequence[str] = (
         *("label", "prior", "a_km", "sigma_a_km", "e", "i_deg", "observations", "arc_s"),
     )
@@ -140,7 +148,7 @@ def orbit_figures(orbit: OrbitEstimate) -> dict[str, Any]:
 SAME_OBJECT_ARCSEC = 60.0
 SAME_FRAME_NS = 1_000_000_000
 HIDDEN_SNR = 15.0
-"""Matched signal to noise below which a miss is put down to the satellite, not to the detector."""
+"""Matched SNR below which a miss is due to the satellite's faintness, not to the detector."""
 
 
 def summarise(
@@ -150,10 +158,11 @@ def summarise(
 ) -> dict[str, Any]:
     """The figures of ``rsoconsole demo --headless``, without scenario, seed and session.
 
-    ``records`` in the session's order; ``truth`` one object an exposure as the simulated
-    observatory wrote it. Errors are distances on the sky, root mean square. Where a satellite was
-    followed ``measured_rms_arcsec`` is that of its own measurements; its neighbours' count apart.
-    ``targets``: names of the satellites the night was made for, by catalogue number.
+    ``records``: in the session's order. ``truth``: one object per exposure as the simulated
+    observatory wrote it. ``targets``: names, by catalogue number, of the satellites for which the
+    night was made. Errors are root mean squares of distances on the sky. ``measured_rms_arcsec`` is
+    that of the followed satellite's measurements, if any; its neighbours have a figure of their
+    own.
     """
     log = list(records)
     frames = [each for each in frames_of(log) if each.taken is not None]
@@ -215,7 +224,7 @@ def _name_figures(found: Identified) -> dict[str, Any]:
 
 
 def read_truth(path: Path) -> list[dict[str, Any]]:
-    """The simulated observatory's truth, one object an exposure; empty when there is none."""
+    """The simulated observatory's truth, one object per exposure; empty without the file."""
     if not path.exists():
         return []
     return [json_of(line) for line in path.read_text(encoding="utf-8").splitlines() if line]

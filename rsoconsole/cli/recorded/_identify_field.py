@@ -1,4 +1,4 @@
-"""``identify --field``: the objects in frames."""
+"""``identify --field``: the objects that are in frames."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -36,9 +36,9 @@ def identify_field(
     extension: str | None,
     json_: bool,
 ) -> None:
-    """Read the frames one after another, then answer. A frame that cannot be used ends nothing.
+    """Identify and print the objects in frames; an unusable frame is reported and skipped.
 
-    ``frame_count``: how many of the files are frames; the others hold elements.
+    ``files``: the frames, then files of elements. ``frame_count``: number of the frames.
     """
     from rsoconsole.cli.words.element_error_words import source_lines
     from rsoconsole.cli.words.field_words import frame_lines, movers_lines
@@ -102,12 +102,12 @@ def _expect_site(config_path: Path | None) -> None:
 
 
 class SessionLedger:
-    """The ledger beside one session or file of observations."""
+    """The ledger of uncatalogued objects, compared with the tracks of one session or file."""
 
     def __init__(
         self, path: Path, tracks: Sequence[ObservedTrack], named: Sequence[Identification]
     ) -> None:
-        """``named``: identifications of the tracks, in their order."""
+        """``named``: the identification of each track, in the order of ``tracks``."""
         is_session = tracks[0].track_id is not None
         self._folder = (path if path.is_dir() else path.parent) if is_session else None
         self._unknown = [
@@ -124,7 +124,10 @@ class SessionLedger:
         self._names = self._recognised()
 
     def report_of(self, number: int) -> dict[str, Any] | None:
-        """The ledger entry that a track matches, for JSON; None where no earlier night has it."""
+        """The ledger entry that a track matches, for JSON; None where none does.
+
+        ``number``: the track's.
+        """
         name = self._names.get(number)
         if name is None:
             return None
@@ -137,7 +140,11 @@ class SessionLedger:
         }
 
     def keep(self) -> list[dict[str, Any]]:
-        """Keep what no catalogue explains. Raises OrbitError for a file, and SessionError."""
+        """Put the tracks that no catalogue explains into the ledger; return their numbers.
+
+        One object per track, for JSON. Raises OrbitError for a file of observations, SessionError
+        where session or ledger cannot be used.
+        """
         if self._folder is None:
             raise OrbitError("--keep takes a session: a file of observations has no tracks of one")
         kept = keep(self._folder, self._unknown, self._named, self._path)

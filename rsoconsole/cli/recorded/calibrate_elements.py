@@ -1,4 +1,4 @@
-"""The verb calibrate-elements: how far elements are off, from one's own nights."""
+"""The verb calibrate-elements: errors of element sets, measured on the user's own nights."""
 
 from collections.abc import Sequence
 from pathlib import Path

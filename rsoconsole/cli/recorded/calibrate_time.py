@@ -1,4 +1,4 @@
-"""The verb calibrate-time: what the shutter does, from navigation satellites of recorded nights."""
+"""The verb calibrate-time: shutter timing from navigation satellites in recorded nights."""
 
 from collections.abc import Sequence
 from pathlib import Path

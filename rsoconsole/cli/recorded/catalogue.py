@@ -1,4 +1,4 @@
-"""``rsoconsole catalogue``: sources of elements, fetched on request, and their age."""
+"""``rsoconsole catalogue``: sources of elements, fetched on request, and their elements' age."""
 
 import time
 from collections.abc import Callable

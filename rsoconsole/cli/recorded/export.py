@@ -1,4 +1,4 @@
-"""The verbs export and figures: the night in the formats that others read, and drawn for print."""
+"""The verbs export and figures: a night in exchange formats, and drawn for print."""
 
 from pathlib import Path
 from typing import Annotated, Any, Literal, TypeAlias
@@ -16,7 +16,7 @@ AnyFormat: TypeAlias = Literal[
 MESSAGES = ("tdm", "tdm-xml", "iod", "udl")
 STDOUT = "-"
 FOLDER_KINDS = ("fits", "regions")
-"""Formats that make a folder of files, one a frame."""
+"""Formats of ``export`` that write a folder with one file per frame."""
 
 
 def export(

@@ -35,7 +35,11 @@ if TYPE_CHECKING:
 def process_nights(
     nights: "tuple[Night, ...]", root: Path, pool_of: "Callable[[int], WorkerPool]", json_: bool
 ) -> None:
-    """Make a session of each folder, report it, and exit 1 where one is not whole."""
+    """Make a session of each night under ``root`` and report it.
+
+    ``pool_of``: makes a pool of the given number of workers. Exits with 1 where a night failed or
+    had unreadable frames.
+    """
     from rsoconsole.pipeline.batch import batch_nights
 
     is_whole = True
@@ -56,7 +60,7 @@ def _say(outcome: "NightOutcome", json_: bool) -> None:
 _AS_IT_IS = (
     *("frames", "unreadable", "detections", "measurements", "misses", "locked_after_frames"),
 )
-"""Keys that are copied from the outcome."""
+"""Keys of the report that are copied from the outcome."""
 
 
 def _night_report(outcome: "NightOutcome") -> dict[str, Any]:
@@ -102,7 +106,7 @@ ExtensionOption = Annotated[
 
 
 def report_error(files: InputFiles, path: Path, error: FrameError, json_: bool) -> None:
-    """Report why a file cannot be used."""
+    """Report an error of an input file, on stderr or as JSON."""
     output.report_fault(json_, files.words(str(error)), frame=files.name(path))
 
 
@@ -112,7 +116,11 @@ def read_each(
     json_: bool,
     work: Callable[[Path, int, ProgressBar], None],
 ) -> int:
-    """Run ``work`` over frames in order; report broken ones, go on, and return their number."""
+    """Run ``work`` on each frame in order; return the number of frames that raised FrameError.
+
+    Such frames are reported and skipped. ``work`` gets the path, its number (1 for the first) and
+    the progress bar.
+    """
     failures = 0
     with progress("frames", len(paths)) as bar:
         for number, path in enumerate(paths, start=1):
@@ -151,7 +159,10 @@ def _name(found: dict[str, Any]) -> str:
 
 
 def warn(name: str, notes: list[str], noted: set[str]) -> None:
-    """Print the notes on a frame on stderr, each sentence once in a run."""
+    """Print the notes on a frame on stderr, except those in ``noted``, to which they are added.
+
+    ``name``: the frame's.
+    """
     for note in notes:
         if note not in noted:
             noted.add(note)

@@ -1,4 +1,4 @@
-"""The verb identify: from the tracks of a night, or the streaks of frames, to names."""
+"""The verb identify: catalogued objects for the tracks of a night or the streaks in frames."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal

@@ -47,7 +47,7 @@ RadiansOption = Annotated[
 ]
 AHEAD_S = (600, 3600, 86_400)
 _ANOTHER = 0.1
-"""Probability of being of one object below which a warning is printed."""
+"""Probability that several tracks are of one object below which a warning is printed."""
 
 
 def orbit(
@@ -173,7 +173,11 @@ def read_as(
     *,
     is_radians: bool | None,
 ) -> "ReadOptions":
-    """Reading options made of the command line. Raises BadParameter for an invalid site."""
+    """Options for reading observations, from the command line; raises BadParameter for a bad site.
+
+    ``sigma_arcsec``: error of directions without one. ``site``: LAT,LON,ELEV. ``stations``: file of
+    stations. ``target``: the object to read. ``is_radians``: True for angles in radians.
+    """
     from rsoconsole.library import ReadOptions
 
     with as_usage_error("", ConfigError):

@@ -1,4 +1,4 @@
-"""The verb sessions: what was recorded, whether it is whole, and how long it is kept."""
+"""The verb sessions: lists, verifies, repairs, archives and prunes recorded sessions."""
 
 import time
 from collections.abc import Callable

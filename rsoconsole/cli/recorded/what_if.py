@@ -1,4 +1,4 @@
-"""The verb what-if: a recorded session with other settings, and a proposal of Q and R."""
+"""The verb what-if: a recorded session with different settings, and a proposal of Q and R."""
 
 from functools import partial
 from pathlib import Path
@@ -38,14 +38,14 @@ SetOption = Annotated[
     ),
 ]
 SHARED_FROM = 8
-"""Number of sessions from which a refold alone is worth further processes."""
+"""Number of sessions from which running the filter alone is worth several processes."""
 
 
 class SetOptionCommand(TyperCommand):
-    """Command whose ``--set NAME VALUE`` becomes NAME=VALUE: typer repeats no pairs of values."""
+    """Command whose ``--set NAME VALUE`` may be repeated: typer itself repeats no pairs."""
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
-        """Join the values of ``--set``, then parse the command line."""
+        """Join each ``--set NAME VALUE`` to NAME=VALUE, then parse the command line."""
         joined: list[str] = []
         rest = iter(args)
         for arg in rest:

@@ -1,6 +1,6 @@
-"""The engine's status as Prometheus reads it, for node_exporter's textfile collector.
+"""The engine's status in Prometheus' format, for node_exporter's textfile collector.
 
-Source: Prometheus' text exposition format 0.0.4. Nothing listens; the text is printed or written.
+Source: Prometheus' text exposition format 0.0.4. The text is printed or written to a file.
 """
 
 from collections.abc import Iterator
@@ -12,7 +12,7 @@ Sample = tuple[dict[str, str], float]
 
 
 def metrics(status: Status | None) -> str:
-    """Metrics of a status as text; None: no engine answers."""
+    """Metrics of an engine's status as text; ``status`` None: no engine runs."""
     lines: list[str] = []
     for name, words, samples in _families(status):
         if not samples:

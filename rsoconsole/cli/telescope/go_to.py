@@ -1,4 +1,4 @@
-"""The verb goto: typed text is parsed as the console parses it, shown, then sent."""
+"""The verb goto: parses a direction as the console does, shows it, and sends it."""
 
 from typing import TYPE_CHECKING, Annotated
 

@@ -1,6 +1,7 @@
-"""The operator's commands as verbs of the program: made of the commands themselves.
+"""The operator's commands as verbs of the program, generated from the command classes.
 
-A command that has an example for the shell is a verb here; its fields are arguments and options.
+A command class that has an example for the shell becomes a verb; its fields become arguments and
+options.
 """
 
 import inspect
@@ -26,11 +27,11 @@ _COMPLETED: Mapping[tuple[str, str], completion.Completer] = {
     ("set", "value"): completion.setting_values,
     ("arm", "override"): completion.checks,
 }
-"""Completers by verb and field of a command."""
+"""Completers by (verb, field of its command)."""
 
 
 def register(app: typer.Typer) -> None:
-    """Add every command that has an example for the shell to the program."""
+    """Add a verb to the program for every command that has an example for the shell."""
     for command in COMMANDS.values():
         if command.shell:
             # A negative angle is an argument, no option.
@@ -44,7 +45,7 @@ def verb_of(command: type[Command]) -> str:
 
 
 def verb_function(command: type[Command]) -> Callable[..., None]:
-    """A function that typer makes a verb of: its parameters are the command's fields."""
+    """A function for typer that sends the command; its parameters are the command's fields."""
     hints = get_type_hints(command)
     shown = {str(each.metadata.get("shell", each.name)): each for each in fields(command)}
     parameters = [
@@ -85,10 +86,11 @@ def send(
     goal_of: Callable[[Outcome], Goal] | None = None,
     more: Mapping[str, Any] | None = None,
 ) -> None:
-    """Send a command to the engine and print its result; ``more``: further keys of the JSON.
+    """Send a command to the engine and print its result.
 
-    ``goal_of``: the goal to wait for, by the engine's answer; None: no wait. Raises ControlError
-    where the engine refuses it, or it was not done.
+    ``goal_of``: gives the goal to wait for from the engine's outcome; None: no wait. ``more``:
+    further keys of the JSON. Raises ControlError where the engine refuses the command or the goal
+    is missed.
     """
     follower = None if goal_of is None else Follower(client)
     outcome = client.send(command)

@@ -148,7 +148,7 @@ def _line(one: "NightPass") -> str:
 
 
 def pass_report(one: "NightPass") -> dict[str, Any]:
-    """One pass as a JSON object."""
+    """One pass over the site as a JSON object."""
     corners = {
         f"{name}_{key}": value
         for name, each in (("rise", one.rise), ("top", one.top), ("set", one.set))

@@ -20,13 +20,13 @@ from rsoconsole.config import APP, INIT_WRITES, default_config_path, load_config
 UNIT = f"{APP}.service"
 MARK = "# Written by 'rsoconsole service install'"
 CARRIED = ("XDG_CONFIG_HOME", "XDG_DATA_HOME", "XDG_STATE_HOME", "XDG_CACHE_HOME")
-"""Environment variables that move the default folders; the unit passes them on."""
+"""Environment variables that move the default folders; the unit sets them for the engine."""
 LINGER = Path("/var/lib/systemd/linger")
 TRIAL_S = 20.0
 FIRST_OF_SYSTEMD = 200
-"""First exit status that says what systemd could not set up. Source: systemd.exec(5)."""
+"""First of the exit statuses for what systemd could not set up. Source: systemd.exec(5)."""
 SYSTEMCTL_S = 120.0
-"""Time-out of systemctl: a safe stop of the engine takes a while."""
+"""Time-out of systemctl, long enough for a safe stop of the engine."""
 
 _WITHOUT = {
     False: "this system gives a user's service no user namespace",
@@ -152,20 +152,21 @@ def service_status(json_: JsonOption = False) -> None:
 
 
 def unit_path() -> Path:
-    """Path of the unit among this user's systemd units."""
+    """Path of the service's unit among this user's systemd units."""
     return Path(platformdirs.user_config_path()) / "systemd" / "user" / UNIT
 
 
 def namespace_lines() -> list[str]:
-    """The settings that need a user namespace, as the unit has them."""
+    """Lines of the unit whose settings need a user namespace."""
     text = resource("engine", "service", "namespace.conf").read_text(encoding="utf-8")
     return [line for line in text.splitlines() if line and not line.startswith("#")]
 
 
 def has_namespace() -> bool | None:
-    """True where this user's services may have a user namespace: systemd tests it with ``true``.
+    """True where this user's services may have a user namespace; None where the test failed.
 
-    None where that could not be tested. A unit that requires what it cannot have does not start.
+    Tested by having systemd run the program ``true`` in one. Where it is False, a unit that
+    requires a namespace does not start.
     """
     program, does_nothing = shutil.which("systemd-run"), shutil.which("true")
     if program is None or does_nothing is None:
@@ -186,9 +187,10 @@ def has_namespace() -> bool | None:
 def unit_text(
     command: tuple[str, ...], environ: Mapping[str, str], *, is_in_namespace: bool = True
 ) -> str:
-    """The unit that runs a command: program (an absolute path) and arguments.
+    """Text of the unit that runs a command.
 
-    ``is_in_namespace``: with the settings that need a user namespace.
+    ``command``: program (an absolute path) and arguments. ``environ``: environment from which the
+    unit takes ``CARRIED``. ``is_in_namespace``: include the settings that need a user namespace.
     """
     template = resource("engine", "service", UNIT).read_text(encoding="utf-8")
     settings = ["PYTHONUNBUFFERED=1"]
@@ -203,7 +205,7 @@ def unit_text(
 
 
 def exec_start(config: Path | None) -> tuple[str, ...]:
-    """Command of this installation's engine, never armed, with the configuration by full path."""
+    """Command that starts this installation's engine unarmed, with ``config`` as absolute path."""
     if not sys.executable:
         raise RsoconsoleError("Python does not know its own path: start it by its full path")
     # Not resolved: the link inside a virtual environment is what leads to its libraries.

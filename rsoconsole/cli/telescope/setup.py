@@ -117,7 +117,7 @@ def config_check(config: ConfigOption = None, json_: JsonOption = False) -> None
 
 
 def valid_config_lines(config: Path | None) -> list[str]:
-    """Lines on the file that is sound; without a file, the defaults that hold."""
+    """Lines on a valid configuration file, or, without a file, on the defaults in force."""
     path = config or default_config_path()
     if path.exists():
         return [f"{path}: the configuration is sound"]

@@ -25,7 +25,7 @@ from rsoconsole.words import ENGINE_ENDS, direction
 log = logging.getLogger(__name__)
 
 STILL_MOVES_EXIT, NOT_KNOWN_EXIT = 3, 4
-"""Exit statuses of a STOP after which the mount is not measured to be at rest."""
+"""Exit statuses of ``stop`` where the mount still moves, and where its motion is unknown."""
 
 
 def console(

@@ -1,7 +1,8 @@
-"""Waiting for an order (--wait): the engine's status is followed until the order is done.
+"""Waiting for a command (--wait): the engine's status is polled until the command is done.
 
-Judged by where the mount is and how it is measured to move; its driver's word counts only where
-nothing could be measured. The seconds are the engine's: a simulated night's go faster.
+The mount's position and measured motion decide that it is done; the driver's own state counts only
+where no motion could be measured. Seconds are those of the engine's clock, which runs faster in a
+simulated night.
 """
 
 import contextlib
@@ -27,30 +28,35 @@ WaitOption = Annotated[
 ]
 LOOK_S = 1.0
 GRACE_S = 60.0
-"""Longest wait beyond mount.slew_timeout_s."""
+"""Time beyond mount.slew_timeout_s after which the wait for a goal fails, s."""
 BY_WORD_S = 10.0
-"""Wait for a measured motion, s; after it the word of the driver counts."""
+"""Longest wait for a measured motion, s; after that the driver's own state counts."""
 AT_REST_S = 12.0
-"""Time at rest elsewhere after which a mount goes no further. Some pause for seconds between two
-axes, and are sent again where they stopped short."""
+"""Time at rest away from the goal after which the wait fails, s.
+
+Some mounts pause for seconds between two axes, or stop short and are slewed again.
+"""
 REPEATED_S = 45.0
-"""Time at rest after which a parking mount goes no further: parking is sent again every 30 s."""
+"""Time at rest away from the park position after which the wait fails, s.
+
+The engine repeats the park command every 30 s.
+"""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Goal:
-    """Goal of an order: the state of the mount in which it is done."""
+    """Goal of a command: the state of the mount in which the command is done."""
 
     done: str
-    """Word for the reached goal."""
+    """Word for the reached goal, e.g. "parked"."""
     is_there: Callable[[Status], bool]
-    """True where a status has the place or state of the goal; its motion is checked separately."""
+    """True where a status has the goal's position or state; motion is checked separately."""
     ends: tuple[str, ...] = ("stands", "tracks")
-    """Motions in which it is done."""
+    """Measured motions of the mount in which the goal counts as reached."""
     at_rest_s: float = AT_REST_S
-    """Time at rest elsewhere after which it goes no further."""
+    """Time at rest away from the goal after which the wait fails, s."""
     others: tuple[str, ...] = ("MANUAL",)
-    """States of the engine that another order brings about."""
+    """States of the engine that end the wait, since only a different command causes them."""
 
 
 GOALS = {
@@ -62,11 +68,11 @@ GOALS = {
     ),
     "unpark": Goal(done="released", is_there=lambda status: status.is_parked is False),
 }
-"""Goals by verb, for the verbs that send one command."""
+"""Goals of the verbs whose command has a fixed goal."""
 
 
 def arrival(ra_icrs_deg: float, dec_icrs_deg: float, near_arcmin: float) -> Goal:
-    """Goal of a mount that is there, by its own coordinates."""
+    """Goal of a slew: the mount's own coordinates are within ``near_arcmin`` of a direction."""
 
     def is_there(status: Status) -> bool:
         ra, dec = status.mount_ra_icrs_deg, status.mount_dec_icrs_deg
@@ -78,7 +84,7 @@ def arrival(ra_icrs_deg: float, dec_icrs_deg: float, near_arcmin: float) -> Goal
 
 
 def config_of(session: Path | None) -> Config:
-    """The configuration that the engine runs by; the user's own where it cannot be read."""
+    """The configuration recorded in the engine's session, or the user's where it is unreadable."""
     from rsoconsole.session import SessionReader
 
     if session is not None:
@@ -90,17 +96,20 @@ def config_of(session: Path | None) -> Config:
 
 
 class Follower:
-    """Poller of the engine, once a second, until a goal is reached or cannot be any more."""
+    """Polls the engine's status once a second until a goal is reached or cannot be reached."""
 
     def __init__(self, wire: "ControlClient") -> None:
-        """Read the status before the order is sent: what was before it ends no waiting."""
+        """Read the status; make the follower before the command is sent.
+
+        A state that the engine had before the command does not end the wait.
+        """
         self._wire = wire
         self._before = self._last = self._look()
         self._case: Case = "on its way"
         self._case_since_s = 0.0
 
     def follow(self, goal: Goal) -> str:
-        """Wait for the goal; return how it was reached. Raises ControlError where it is not."""
+        """Wait for the goal; return in words how it was reached. Raises ControlError on failure."""
         sent = self._last = self._look()
         bound_s = config_of(sent.session).mount.slew_timeout_s + GRACE_S
         began_s = time.monotonic()
@@ -120,7 +129,7 @@ class Follower:
                     raise ControlError(f"not {goal.done} in {bound_s:.0f} s: {_how(status)}")
 
     def outcome(self, goal: Goal) -> Outcome:
-        """Follow a goal; success and failure both come as an outcome."""
+        """Wait for the goal; return success or failure as an ``Outcome``."""
         try:
             return Outcome(ok=True, message=self.follow(goal))
         except ControlError as error:

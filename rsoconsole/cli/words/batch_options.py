@@ -29,20 +29,20 @@ NoDaskOption = Annotated[
 
 
 class ProgressBar:
-    """Bar of steps on a terminal's stderr; nothing elsewhere."""
+    """Progress bar on stderr; shows nothing where stderr is no terminal."""
 
     def __init__(self, bars: "Progress | None" = None, task: "TaskID | None" = None) -> None:
         self._bars = bars
         self._task = task
 
     def __call__(self, steps: int = 1) -> None:
-        """Advance by a number of steps."""
+        """Advance the bar by a number of steps."""
         if self._bars is not None and self._task is not None:
             self._bars.advance(self._task, steps)
 
     @contextlib.contextmanager
     def aside(self) -> Iterator[None]:
-        """Hide the bar while lines are printed: they may go to the same terminal."""
+        """Hide the bar while other lines are printed, which may go to the same terminal."""
         if self._bars is None:
             yield
             return
@@ -54,7 +54,7 @@ class ProgressBar:
 
 
 def bars_of(*columns: "ProgressColumn") -> "Progress":
-    """Progress bars on a terminal's stderr, gone in the end; nothing elsewhere."""
+    """Progress bars with these columns on stderr, removed at the end; hidden without a terminal."""
     from rich.console import Console
     from rich.progress import Progress
 
@@ -71,7 +71,7 @@ def bars_of(*columns: "ProgressColumn") -> "Progress":
 
 @contextlib.contextmanager
 def progress(words: str, total: int | None = None) -> Iterator[ProgressBar]:
-    """A bar up to ``total`` steps; a count of them where their number is not known."""
+    """A progress bar labelled ``words``, up to ``total`` steps; None: a plain count of steps."""
     if not sys.stderr.isatty():
         yield ProgressBar()
         return
@@ -94,10 +94,10 @@ def progress(words: str, total: int | None = None) -> Iterator[ProgressBar]:
 
 @contextlib.contextmanager
 def byte_progress() -> Iterator[Callable[[str, int, int], None]]:
-    """Bytes of one thing after another, on a terminal's stderr, nothing elsewhere.
+    """Progress in bytes of one download or file after another, on stderr if that is a terminal.
 
-    The function that it gives takes a name, the bytes done and their total; any thread may call
-    it.
+    Yields a function of a name, the bytes done and their total, which may be called from any
+    thread.
     """
     from rich.progress import BarColumn, DownloadColumn, TextColumn, TimeRemainingColumn
 
@@ -112,5 +112,5 @@ def byte_progress() -> Iterator[Callable[[str, int, int], None]]:
 
 
 def resolved_paths(paths: list[Path]) -> list[Path]:
-    """The paths as a worker on another machine, or in another folder, understands them."""
+    """The paths as absolute ones, valid for workers with another current folder."""
     return [path.resolve() for path in paths]

@@ -18,7 +18,10 @@ _SOURCES = {
 
 
 def timing_report(found: FoundTiming, written: Path | None) -> dict[str, Any]:
-    """The result as JSON: nights, satellites, each camera mode with its timing."""
+    """The result as a JSON object: nights, satellites, each camera mode with its timing.
+
+    ``written``: the configuration file to which it was written, or None.
+    """
     calibration = found.calibration
     modes = [_mode_report(mode, timing) for mode, timing in found.modes]
     measured = [each for each in modes if "measurements" in each]
@@ -51,7 +54,7 @@ def _mode_report(mode: Mode, timing: ShutterTiming | None) -> dict[str, Any]:
 
 
 def timing_lines(found: FoundTiming) -> Iterator[str]:
-    """The result for people, for 80 columns."""
+    """Lines on the result for people, at most 80 columns wide."""
     streaks = sum(each.streaks for each in found.nights)
     nights = count_words(len(found.nights), "night")
     yield f"{streaks} streaks of {_satellites_words(found.satellites)}, {nights}"
@@ -103,7 +106,7 @@ def _mode_lines(timing: ShutterTiming | None) -> Iterator[str]:
 
 
 def cautions(found: FoundTiming) -> Iterator[str]:
-    """Cautions about the result, each with its remedy."""
+    """Sentences of caution about the result, each with its remedy."""
     if found.kind == "tle":
         yield (
             "elements are good to a kilometre, which is 0.3 s: a sanity check of the clock, not a"

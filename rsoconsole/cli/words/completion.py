@@ -1,6 +1,6 @@
-"""Completion of words on the command line, asked by bash, zsh and fish as TAB is pressed.
+"""Completion of words on the command line, requested by bash, zsh and fish when TAB is pressed.
 
-Paths that are no sessions are left to the shell, which knows how to go on into folders.
+Paths other than sessions are left to the shell, which completes folder by folder.
 """
 
 import functools
@@ -17,9 +17,9 @@ Completer = Callable[[Any, str], list[Any]]
 
 
 def completer_of(find: Callable[[Any], Iterable[Any]]) -> Completer:
-    """A completer of what ``find`` finds for a context: words, or words with their help.
+    """A completer that offers what ``find`` gives for typer's context: words, or (word, help).
 
-    Nothing is said where something is wrong: the line that is being typed is no place for it.
+    Errors are dropped and give no completions: a message would disturb the line being typed.
     """
 
     @functools.wraps(find)
@@ -40,7 +40,7 @@ def completer_of(find: Callable[[Any], Iterable[Any]]) -> Completer:
 
 
 def sessions(incomplete: str) -> list[str]:
-    """Folders of sessions: those under what is typed, and all of ``session.root`` by full path."""
+    """Folders of sessions under the typed path, and those of ``session.root`` by full path."""
     found: list[str] = []
     typed = Path(incomplete)
     home = typed if incomplete.endswith("/") else typed.parent
@@ -59,7 +59,7 @@ def sessions(incomplete: str) -> list[str]:
 
 
 def session_names(incomplete: str) -> list[str]:
-    """Folders of sessions as ``sessions``, and those under ``session.root`` by name alone."""
+    """As ``sessions``, and the sessions of ``session.root`` by name alone."""
     try:
         names = [each.name for each in _sessions_in(load_config().session.root)]
     except (RsoconsoleError, OSError):
@@ -68,9 +68,9 @@ def session_names(incomplete: str) -> list[str]:
 
 
 presets = completer_of(lambda _: choices_of("filter.preset"))
-"""Completer of filter presets."""
+"""Completer of the filter's presets."""
 map_modes = completer_of(lambda _: choices_of("detector.map_mode"))
-"""Completer of detector maps."""
+"""Completer of the detector's map modes."""
 
 
 @completer_of
@@ -97,13 +97,13 @@ def tunable_names(_: Any) -> Iterable[tuple[str, str]]:
 
 @completer_of
 def setting_values(ctx: Any) -> Iterable[str]:
-    """Values of the setting whose name precedes."""
+    """Values of the setting that the preceding word of the command line names."""
     return choices_of(str(ctx.params.get("name") or ""))
 
 
 @completer_of
 def checks(_: Any) -> Iterable[str]:
-    """Names of the checks before arming."""
+    """Names of the checks that the engine makes before arming."""
     from rsoconsole.engine import CHECKS
 
     return CHECKS
@@ -111,7 +111,7 @@ def checks(_: Any) -> Iterable[str]:
 
 @completer_of
 def branches(ctx: Any) -> Iterable[str]:
-    """Branches of the sessions that precede."""
+    """Branches of the sessions that the command line names so far."""
     found: list[str] = []
     for each in ctx.params.get("sessions") or ():
         found += [path.name for path in sorted((Path(each) / "branches").iterdir())]
@@ -119,7 +119,7 @@ def branches(ctx: Any) -> Iterable[str]:
 
 
 def choices_of(name: str) -> tuple[str, ...]:
-    """Allowed words of a setting; empty where it takes other values."""
+    """Allowed words of a setting, by dotted name; empty where its values are no fixed words."""
     section, _, key = name.partition(".")
     home = Config.model_fields.get(section)
     if home is None or not isinstance(home.annotation, type):

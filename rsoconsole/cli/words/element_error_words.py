@@ -1,4 +1,4 @@
-"""Errors of element sets and their source, in words; 80 columns at most."""
+"""Errors of element sets and their source, in lines of at most 80 columns for people."""
 
 import itertools
 import math
@@ -23,7 +23,7 @@ _WIDTH = 78
 
 
 def source_lines(errors: Sequence[dict[str, Any]], regimes: Collection[str]) -> Iterator[str]:
-    """Lines on the errors of these kinds of orbit: assumed, or measured."""
+    """Lines that say whether the errors of elements are assumed or measured, for these regimes."""
     asked = [each for each in errors if each["regime"] in regimes]
     words = [_measured(each) for each in asked if each["source"] == "measured"]
     assumed = [KINDS[each["regime"]] for each in asked if each["source"] == "assumed"]
@@ -42,7 +42,10 @@ def _measured(each: dict[str, Any]) -> str:
 def regime_report(
     fitted: FittedFactors, rows: Sequence[ElementRow], catalogue: CatalogueConfig
 ) -> dict[str, Any]:
-    """One kind of orbit, for JSON and lines; ``rows`` are the ledger's."""
+    """Report on one regime: its fitted factors, the factors in use, and errors by element age.
+
+    ``rows``: all rows of the ledger of element errors.
+    """
     own = [each for each in rows if each.regime == fitted.regime]
     in_use = [each for each in catalogue.error_factors if each.regime == fitted.regime]
     return {
@@ -71,7 +74,7 @@ def _age_report(low: float, high: float, rows: Sequence[ElementRow]) -> dict[str
 
 
 def element_ledger_lines(report: dict[str, Any]) -> Iterator[str]:
-    """Lines on the ledger of element errors: nights, then each kind of orbit."""
+    """Lines on the ledger of element errors: the nights read, then each regime."""
     for night in report["nights"]:
         yield (f"{night['night']}: {len(night['rows'])} of {night['tracks']} tracks surely named")
     for each in report["regimes"]:

@@ -1,4 +1,4 @@
-"""Contents of frames in words, for people; 80 columns at most but for names."""
+"""Contents of frames in words, for people; lines of at most 80 columns except for long names."""
 
 from collections.abc import Iterator, Sequence
 from typing import Any
@@ -19,7 +19,7 @@ _NAME_WIDTH = 28
 
 
 def frame_lines(found: dict[str, Any]) -> Iterator[str]:
-    """One frame: its streaks with their names, and what crossed it and was not seen."""
+    """Lines on one frame: its streaks with their names, and catalogued objects not seen in it."""
     streaks, crossed = found["streaks"], found["crossed"]
     yield (
         f"{found['frame']}: {count_words(len(streaks), 'streak')}, {len(crossed)} of"
@@ -39,7 +39,10 @@ def frame_lines(found: dict[str, Any]) -> Iterator[str]:
 
 
 def movers_lines(report: dict[str, Any], fewest: int) -> Iterator[str]:
-    """Points that move through the frames."""
+    """Lines on points that move through the frames.
+
+    ``fewest``: least number of frames with which such points are searched.
+    """
     count = len(report["frames"])
     if count < fewest:
         yield f"{count} frames: points that move are looked for in {fewest} or more"
@@ -116,7 +119,7 @@ def _called(one: dict[str, Any]) -> str:
 
 
 def named_tracks_lines(tracks: Sequence[dict[str, Any]]) -> Iterator[str]:
-    """One line a track, in order of time, with the candidates below where they are several."""
+    """One line per track in order of time, followed by its candidates where there are several."""
     for each in tracks:
         arc = f"{each['directions']} in {duration_words(each['arc_s'], 'line')}"
         head = f"track {each['track']}: {each['verdict']}"
@@ -137,7 +140,7 @@ def named_tracks_lines(tracks: Sequence[dict[str, Any]]) -> Iterator[str]:
 
 
 def past_tracks_lines(report: dict[str, Any]) -> Iterator[str]:
-    """Lines on the tracks in the ledger, and on those kept in it now."""
+    """Lines on the ledger entries that match tracks, and on tracks put into the ledger now."""
     for each in report["tracks"]:
         if each["ledger"] is not None and len(report["tracks"]) == 1:
             yield f"  in the ledger: {_past_words(each['ledger'])}"

@@ -1,4 +1,4 @@
-"""Uncatalogued objects in columns; 80 columns at most."""
+"""Uncatalogued objects of the ledger in lines of at most 80 columns for people."""
 
 from collections.abc import Iterator
 from pathlib import Path
@@ -12,7 +12,7 @@ _NAME_WIDTH = 20
 
 
 def object_line(known: LedgerObject) -> str:
-    """Line of one object in the list."""
+    """Line of one uncatalogued object in the list."""
     orbit = known.last.orbit
     size = "no orbit" if orbit is None else plus_minus(orbit.a_km, orbit.sigma_a_km)
     tilt = "" if orbit is None else f"{orbit.i_deg:.2f}"
@@ -23,7 +23,7 @@ def object_line(known: LedgerObject) -> str:
 
 
 def object_lines(known: LedgerObject) -> Iterator[str]:
-    """Lines on everything known of one object."""
+    """Lines on all that is known of one uncatalogued object."""
     yield f"UCT {known.number}" + (f": {known.name}" if known.name else "")
     last = known.last
     yield f"  last direction   {direction(last.ra_icrs_deg, last.dec_icrs_deg, 'bare')}"
@@ -50,7 +50,7 @@ def object_lines(known: LedgerObject) -> Iterator[str]:
 
 
 def say_moved_aside(aside: Path | None) -> None:
-    """Report where a damaged ledger was moved to, if there was one."""
+    """Report where a damaged ledger was moved to; nothing for None."""
     if aside is not None:
         output.print_to_stderr(
             f"rsoconsole: the ledger was damaged: it is in {aside} as it was, and goes on with the"

@@ -1,4 +1,4 @@
-"""Options that several verbs have, and values as a shell gives them."""
+"""Options that several verbs share, and conversion of their values."""
 
 import math
 from collections.abc import Sequence
@@ -89,7 +89,7 @@ def site_of(text: str) -> Site:
 
 
 def number_or_text(value: str) -> float | str:
-    """Number in a text where it is a usable one, else the text itself."""
+    """A finite number where the text is one, else the text itself."""
     try:
         number = float(value)
     except ValueError:
@@ -105,7 +105,7 @@ _OPTION = "--tle FILE"
 
 
 def catalogue_of(files: Sequence[Path]) -> "Sequence[CatalogueEntry]":
-    """Element sets of these files. Raises OrbitError with the remedy where none is named."""
+    """Element sets of these files; raises OrbitError with the remedy where ``files`` is empty."""
     from rsoconsole.pipeline import NO_ELEMENTS, read_catalogue
 
     if not files:
@@ -114,9 +114,11 @@ def catalogue_of(files: Sequence[Path]) -> "Sequence[CatalogueEntry]":
 
 
 def element_files(path: Path, configured: Sequence[Path]) -> list[Path]:
-    """Configured element files; of a simulated night, or without any, those of the session.
+    """Element files with which to identify a session's tracks.
 
-    Raises OrbitError with the remedy where there are none.
+    The configured ones; for a simulated night, or where none is configured, those with which the
+    session was recorded. ``path``: the session. Raises OrbitError with the remedy where there are
+    none.
     """
     from rsoconsole.pipeline import elements_used
 

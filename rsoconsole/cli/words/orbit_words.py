@@ -1,4 +1,4 @@
-"""An orbit and a name in words and columns, for people; 80 columns at most."""
+"""Orbits and identifications in lines of at most 80 columns for people."""
 
 import math
 import textwrap
@@ -39,7 +39,7 @@ _NAME_WIDTH = 28
 
 
 def orbit_lines(names: Sequence[str], report: dict[str, Any]) -> list[str]:
-    """The report of ``rsoconsole orbit`` as a page."""
+    """The report of ``rsoconsole orbit`` as lines for people; ``names``: of the inputs."""
     lines = [f"{', '.join(names)}: {report['label']}", *_wrapped(report["reason"])]
     lines.extend(_wrapped(_data_words(report)))
     lines.extend(_part_lines(report["parts"]))
@@ -64,7 +64,7 @@ def orbit_lines(names: Sequence[str], report: dict[str, Any]) -> list[str]:
 
 
 def identification_lines(report: dict[str, Any]) -> list[str]:
-    """The report of ``rsoconsole identify`` as a page."""
+    """The report of ``rsoconsole identify`` as lines for people."""
     lines = [f"{report['name']}: {report['verdict']}", *_wrapped(report["reason"])]
     if report["hint"]:
         lines.extend(_wrapped(report["hint"]))
@@ -186,7 +186,7 @@ _BY_ENDING: dict[str, Form] = {
 
 
 def form_of(path: Path) -> Form:
-    """Form of elements by the file's ending. Raises BadParameter for an unknown one."""
+    """Form of elements (TLE or a kind of OMM) by the file's ending; BadParameter if unknown."""
     if str(path) == "-":
         return "tle"
     form = _BY_ENDING.get(path.suffix.lower())
@@ -200,7 +200,8 @@ def form_of(path: Path) -> Form:
 def write_elements(elements: FittedElements, path: Path, form: Form, *, force: bool) -> str:
     """Write elements to a file; return what was done, in words.
 
-    Raises OrbitError where there are none, ExportError where the file cannot be written.
+    ``force``: replace an existing file. Raises OrbitError where no elements were fitted,
+    ExportError where the file cannot be written.
     """
     if elements.mean is None:
         raise OrbitError(f"no elements to write: {elements.reason}")

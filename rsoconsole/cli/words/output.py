@@ -1,7 +1,7 @@
 """JSON objects on stdout, words for people elsewhere. JSON.md beside this file has their keys.
 
-All that the verbs print passes through here: sessions, INDI servers, headers, element files and
-names of files may say whatever they like, and nothing of it reaches the terminal as a command.
+All that the verbs print passes through this module: text from sessions, INDI servers, headers,
+element files and file names is cleaned, so that it cannot reach the terminal as a control sequence.
 """
 
 import json
@@ -41,13 +41,13 @@ WITH_UNITS: Mapping[str, str] = MappingProxyType(
         "bytes": "size_bytes",
     }
 )
-"""Keys with unit and frame, by the key of the first version beside which they stand."""
+"""Keys with unit and frame by the older key without them; the JSON has both."""
 
 
 def emit_json(found: Any, **more: Any) -> None:
-    """Print a record or a mapping as one object in one line; NaN and infinity become null.
+    """Print a record or a mapping as one JSON object in one line; NaN and infinity become null.
 
-    It carries the number of the schema, and the keys with units beside those without.
+    Added are the schema's number, keys with units beside the older ones, and ``more``.
     """
     whole = {"schema": SCHEMA, **with_unit_keys(found), **with_unit_keys(more)}
     typer.echo(json.dumps(_finite(whole), allow_nan=False))
@@ -56,9 +56,9 @@ def emit_json(found: Any, **more: Any) -> None:
 def answer(
     json_: bool, found: Answer, lines: Callable[[Answer], str | Iterable[str]], **more: Any
 ) -> None:
-    """Print an answer: JSON alone, or lines for people, which are made only then.
+    """Print a verb's answer: as JSON, or as the lines for people that ``lines`` makes of it.
 
-    ``more``: what the JSON has besides.
+    ``more``: further keys of the JSON.
     """
     if json_:
         emit_json(found, **more)
@@ -80,7 +80,7 @@ def print_to_stderr(*lines: str) -> None:
 
 
 def exit_if(failed: int, words: str = "") -> None:
-    """End with 1 where something has failed, and say so."""
+    """Exit with status 1 if ``failed`` is not 0, after printing ``words`` on stderr."""
     if failed and words:
         print_to_stderr(f"rsoconsole: {words}")
     if failed:
@@ -88,21 +88,24 @@ def exit_if(failed: int, words: str = "") -> None:
 
 
 def report_fault(json_: bool, words: str, **of: Any) -> None:
-    """Report why one of several inputs failed: on stderr, and in the JSON with its name."""
+    """Report why one of several inputs failed: on stderr, and with ``json_`` as an object too.
+
+    ``of``: keys of the object that name the input.
+    """
     if json_:
         emit_json({**of, "error": words})
     print_to_stderr(f"rsoconsole: {words}")
 
 
 def emit_text(text: str) -> None:
-    """Print a document on stdout, to the last character where that is a file or a pipe."""
+    """Print a document on stdout, unchanged where stdout is a file or a pipe."""
     typer.echo(printable(text) if sys.stdout.isatty() else text, nl=False)
 
 
 def with_unit_keys(value: Any) -> Any:
-    """Records as mappings, at every depth; beside each key without its unit stands one with it.
+    """Records as mappings, at every depth, with the keys of ``WITH_UNITS`` added.
 
-    A record has the names of its fields and properties, an instant also as ``NAME_utc``.
+    A record's keys are its fields and properties; an instant is added as text, ``NAME_utc``.
     """
     if isinstance(value, list | tuple):
         return [with_unit_keys(item) for item in value]

@@ -1,4 +1,4 @@
-"""Recorded sessions in words and as JSON: what the verb sessions says."""
+"""Recorded sessions in words and as JSON: the output of the verb sessions."""
 
 import shutil
 from collections import Counter
@@ -21,11 +21,14 @@ if TYPE_CHECKING:
     )
 
 MAX_ALIKE = 3
-"""Most findings of one sort that are listed one by one; --json lists all."""
+"""Largest number of findings of one sort that are listed singly; --json lists all."""
 
 
 def schemas(of_session: Any) -> dict[str, Any]:
-    """The session's schema and that of the JSON: the key ``schema`` has long been the former."""
+    """Keys for the session's schema and the JSON's, since ``schema`` alone is ambiguous.
+
+    In the JSON of sessions the key ``schema`` is the session's.
+    """
     return {"session_schema": of_session, "json_schema": SCHEMA}
 
 
@@ -33,7 +36,7 @@ HEADER = "begin, UTC         length  frames  followed       size  state     sess
 
 
 def summary_words(each: "SessionSummary") -> str:
-    """One line under ``HEADER``; the name comes last, where a narrow terminal may wrap it."""
+    """A session's line under ``HEADER``; its name is last, where a narrow terminal may wrap it."""
     name = each.folder.name
     if each.fault is not None:
         size = file_size(each.size_bytes)
@@ -54,7 +57,7 @@ def summary_words(each: "SessionSummary") -> str:
 
 
 def verification_lines(found: "Verification") -> Iterator[str]:
-    """Findings of a verification; of many alike only the first are listed."""
+    """Lines on the findings of a verification; of each sort the first ``MAX_ALIKE``."""
     digest = {"confirmed": "digest confirmed", "differs": "DIGEST DIFFERS", "none": "no digest"}
     state = "sound" if found.is_sound else "DAMAGED"
     yield (
@@ -125,7 +128,10 @@ def pruning_step_words(step: "PruningStep") -> str:
 
 
 def say_plan(steps: "tuple[PruningStep, ...]", folder: Path, what: str, is_done: bool) -> None:
-    """Print the total of a pruning plan."""
+    """Print the total of a pruning plan, or of what was done.
+
+    ``what``: frames, previews or all.
+    """
     going = [step for step in steps if step.goes]
     total = file_size(sum(step.bytes for step in going))
     number = count_words(len(going), "session")

@@ -1,7 +1,7 @@
-"""Files that are named elsewhere than on the command line, and a file that comes through a pipe.
+"""Input files named in a list, and an input file on standard input.
 
-``-`` is a file's content on standard input, as for cat and wc; names of files are read by
-``--files-from``, as for tar and rsync.
+``-`` is a file's content on standard input, as for cat and wc; ``--files-from`` reads a list of
+names, as for tar and rsync.
 """
 
 import contextlib
@@ -33,7 +33,7 @@ FilesFromOption = Annotated[
 
 
 class InputFiles:
-    """Input files, with standard input kept in a temporary file, and their names for people."""
+    """Input files of a verb and their names for people; standard input is a temporary file."""
 
     def __init__(self, paths: Sequence[Path], place: Path | None) -> None:
         self.paths = [place if place and str(each) == DASH else each for each in paths]
@@ -41,20 +41,20 @@ class InputFiles:
         self._place = place
 
     def name(self, path: Path) -> str:
-        """A path as it was given."""
+        """Name of a path for people: as the user gave it."""
         return DASH if path == self._place else str(path)
 
     def words(self, text: str) -> str:
-        """Text with the path of the temporary file replaced by a name of standard input."""
+        """The text with the temporary file's path replaced by a name for standard input."""
         return text if self._place is None else text.replace(str(self._place), STDIN)
 
 
 @contextlib.contextmanager
 def open_input_files(paths: Sequence[Path]) -> Iterator[InputFiles]:
-    """The files, with the content of standard input where one is ``-``.
+    """The input files; for ``-`` the content of standard input is kept in a temporary file.
 
-    Errors of the program that come through here name it so. Raises BadParameter for two of them
-    and where nothing is piped in, FrameError where it cannot be kept.
+    Errors raised inside the context name standard input in place of that file. Raises BadParameter
+    for two ``-`` or where nothing is piped in, FrameError where the content cannot be kept.
     """
     dashes = sum(str(each) == DASH for each in paths)
     if not dashes:
@@ -85,9 +85,10 @@ def open_input_files(paths: Sequence[Path]) -> Iterator[InputFiles]:
 
 
 def given_files(paths: Sequence[Path] | None, files_from: str | None) -> list[Path]:
-    """The files of the command line, then those that a file names.
+    """The files of the command line, then those that the list ``files_from`` names.
 
-    Raises BadParameter where there are none, and for a list that cannot be read.
+    Empty for an empty list. Raises BadParameter where neither is given, for ``-`` given twice, and
+    for a list that cannot be read.
     """
     found = list(paths or ())
     if files_from is not None:

@@ -1,4 +1,4 @@
-"""Wrong usage in one line: which verb, what is wrong, what to write instead."""
+"""Errors of usage in one line (verb, fault, remedy), and the layout of help texts."""
 
 import contextlib
 import inspect
@@ -18,11 +18,11 @@ USAGE_EXIT = 2
 # Some versions of typer carry a click of their own: its classes are found through typer's.
 UsageError: type[Exception] = typer.BadParameter.__mro__[1]
 OWN_LINE = re.compile(r"Example: |--|[a-z]+(?:, [a-z]+)*: ")
-"""Beginnings of lines of help that stay lines of their own."""
+"""Beginnings of lines of a help text that are not joined to the line before."""
 
 
 def unwrap_help_texts(app: typer.Typer) -> None:
-    """Let every verb's help be broken where the terminal ends, not where its source is."""
+    """Join the lines of every verb's help text, so that the terminal's width breaks them."""
     for command in app.registered_commands:
         command.help = unwrapped_paragraphs(command.help or inspect.getdoc(command.callback) or "")
     callback = app.registered_callback
@@ -36,7 +36,10 @@ def unwrap_help_texts(app: typer.Typer) -> None:
 
 
 def unwrapped_paragraphs(text: str) -> str:
-    """Paragraphs of one line each, but for lines that stand for themselves; no markup in it."""
+    """The text with each paragraph joined to one line, except at lines that match ``OWN_LINE``.
+
+    Square brackets, which are markup to typer, are escaped.
+    """
     paragraphs: list[str] = []
     for paragraph in inspect.cleandoc(text).split("\n\n"):
         lines: list[str] = []
@@ -50,7 +53,7 @@ def unwrapped_paragraphs(text: str) -> str:
 
 
 def usage_line(error: Any) -> str:
-    """One line for a person; ends with the remedy."""
+    """A usage error as one line for people, ending with the remedy."""
     context = error.ctx
     path = context.command_path if context is not None else APP
     words = plain_fault(error.format_message().replace("\n", " "))
@@ -61,7 +64,7 @@ def usage_line(error: Any) -> str:
 
 @contextlib.contextmanager
 def as_usage_error(hint: str = "", caught: type[Exception] = ValueError) -> Iterator[None]:
-    """Raise errors of a value as wrong usage of the option ``hint``."""
+    """Raise errors of the type ``caught`` as typer's BadParameter of the option ``hint``."""
     try:
         yield
     except caught as error:
@@ -73,7 +76,8 @@ def write_to_config(
 ) -> Path:
     """Write settings into the configuration file; return its path. Raises ConfigError.
 
-    Environment variables that hide them are named.
+    ``settings``: values by dotted name. ``is_secret``: make the file readable by the user alone.
+    Environment variables that override these settings are named on stderr.
     """
     from rsoconsole.config import write_settings
 
@@ -85,9 +89,9 @@ def write_to_config(
 
 
 def help_of(error: Any) -> str | None:
-    """Help text where a command was called without arguments; None for any other error.
+    """Help text to print where a command was called without arguments; None for any other error.
 
-    Empty where typer has printed it by itself, in boxes.
+    Empty where typer has printed the help itself.
     """
     return error.ctx.get_help() or "" if type(error).__name__ == "NoArgsIsHelpError" else None
 

@@ -1,4 +1,4 @@
-"""A what-if in words: the figures as recorded beside those that would have been."""
+"""A what-if in words: the recorded figures beside those with the changed settings."""
 
 import math
 from collections.abc import Callable, Iterator, Sequence
@@ -14,7 +14,7 @@ LABEL, COLUMN = 22, 20
 
 
 def answer_lines(session: str, answer: "WhatIfFigures") -> Iterator[str]:
-    """Lines of at most 80 columns, but for long names."""
+    """Lines on a session's what-if, at most 80 columns wide except for long names."""
     assert answer.recorded is not None
     assert answer.what_if is not None
     yield session
@@ -43,7 +43,7 @@ def answer_lines(session: str, answer: "WhatIfFigures") -> Iterator[str]:
 
 
 def figures_lines(then: "TrackFigures", now: "TrackFigures") -> Iterator[str]:
-    """Both side by side, with a word where one is better."""
+    """Recorded and what-if figures side by side, with a mark where one is better."""
     yield f"  {'':{LABEL}}{'recorded':>{COLUMN}}{'what if':>{COLUMN}}"
     for (label, words), worth in _rows():
         mark = _mark(None if worth is None else (worth(then), worth(now)))
@@ -124,7 +124,7 @@ def _plain(value: object) -> str:
 
 
 def proposal_lines(proposal: "Proposal", effects: "Sequence[WhatIf]") -> Iterator[str]:
-    """Verdict, parameters, evidence, effect, and what to do with it."""
+    """Lines on a proposal of Q and R: result, parameters, evidence, effects and next step."""
     number = len(proposal.sessions)
     yield ", ".join(str(folder) for folder in proposal.sessions)
     tracks = f"{proposal.tracks} track{'' if proposal.tracks == 1 else 's'}"

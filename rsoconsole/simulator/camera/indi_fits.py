@@ -62,7 +62,10 @@ Fate = Literal["delivered", "late", "failed", "dropped"]
 
 
 def frame_fate(world: FramesWorld, seed: int, t_start_utc_ns: int) -> Fate:
-    """The fate of the frame begun then; each at its stated rate."""
+    """What becomes of the frame whose exposure begins at this instant, at the world's rates.
+
+    Fixed by the seed and the instant.
+    """
     rates: tuple[tuple[Fate, float], ...] = (
         ("dropped", world.dropped_rate),
         ("failed", world.failed_rate),
@@ -83,7 +86,7 @@ OWN_ROTATION_DEG = 1.7
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CameraTraits:
-    """Properties of the camera that its driver reports; sizes are those of joined pixels."""
+    """Properties of the camera that its driver reports; sizes are in binned pixels."""
 
     width_px: int
     height_px: int
@@ -91,14 +94,14 @@ class CameraTraits:
     focal_length_mm: float
     binning: int = 1
     start_latency_s: float = 0.3
-    """Time from the order to the opening of the shutter; DATE-OBS is the opening."""
+    """Time from the client's request to the opening of the shutter, which DATE-OBS states."""
     rotation_deg: float = OWN_ROTATION_DEG
-    """Position angle of the array's +y axis with the telescope west of the pier."""
+    """Position angle of the array's +y axis while the telescope is west of the pier."""
     is_flipped: bool = False
 
 
 def camera_traits(optics: OpticsConfig, world: World) -> CameraTraits:
-    """The camera of a telescope in a world."""
+    """The camera of this telescope, with the world's binning and camera angle."""
     angle = world.optics.camera_angle_deg
     return CameraTraits(
         width_px=optics.width_px,

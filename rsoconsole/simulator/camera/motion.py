@@ -1,7 +1,7 @@
 """Motion of the whole image while the shutter is open: drift, worm, wind, air, a settling mount.
 
-Stars and satellites share it. Its mean is a shift of the boresight and is taken out: what is left
-spreads every star about the place where the plate has it.
+Stars and satellites share the motion. Its mean over the exposure is a shift of the boresight and
+is subtracted; the rest spreads every star about the pixel that the plate gives.
 """
 
 import math
@@ -36,13 +36,17 @@ class ImageMotion:
 
     @property
     def variance_px2(self) -> float:
-        """Variance over the exposure, mean of both axes."""
+        """Variance of the displacement over the exposure, mean of both axes."""
         return float(0.5 * (np.var(self.dx_px) + np.var(self.dy_px)))
 
     def moved(
         self, share: FloatArray, x_px: FloatArray, y_px: FloatArray, centre_px: tuple[float, float]
     ) -> tuple[FloatArray, FloatArray]:
-        """Places x, y (n,) as they are after these shares (n,) of the exposure."""
+        """Pixels x, y (n,) of points of the still image, displaced by the motion.
+
+        ``share``: (n,) fraction of the exposure that has passed at each point, 0 to 1.
+        ``centre_px``: the middle of the frame, about which the image turns.
+        """
         nodes = np.linspace(0.0, 1.0, len(self.dx_px))
         turn = np.interp(share, nodes, self.turn_rad)
         rx, ry = x_px - centre_px[0], y_px - centre_px[1]
@@ -51,10 +55,11 @@ class ImageMotion:
         return x + np.interp(share, nodes, self.dx_px), y + np.interp(share, nodes, self.dy_px)
 
     def stands(self, disc_sigma_px: float, reach_px: float) -> FloatArray:
-        """Places where the image stood, (4, n): dx, dy, turn and share of the time.
+        """Positions of the image during the exposure, (4, n).
 
-        Places closer together than the seeing disc resolves are merged; ``reach_px``: from
-        the middle of the frame to its corner, where a turn moves most.
+        Rows: dx and dy (px), turn (rad), fraction of the exposure spent there. Positions that the
+        seeing disc does not resolve are merged. ``reach_px``: distance from the middle of the frame
+        to its corner, where a turn moves the image most.
         """
         share = np.full(len(self.dx_px), 1.0)
         share[[0, -1]] = 0.5
@@ -82,10 +87,11 @@ def image_motion(  # noqa: PLR0917 - drawn the way it is spoken: of what, when, 
     east_px: FloatArray,
     mount_px: FloatArray | None = None,
 ) -> tuple[ImageMotion, FloatArray] | None:
-    """The motion of one exposure without its mean, and that mean (dx, dy); None where none is.
+    """Motion of one exposure about its mean, and the mean (dx, dy); None for a still image.
 
-    ``east_px``: (2,) the direction of east in pixels, of length 1. ``mount_px``: (2, k) what the
-    mount itself does to the image, at equal steps of time.
+    ``since_night_s``: seconds from the night's start to the exposure's. ``east_px``: (2,) unit
+    vector towards east in pixels. ``mount_px``: (2, k) displacement of the image by the mount's own
+    unrest, at equal steps of time; None: none.
     """
     stars, seeing = world.stars, world.seeing
     is_moving = stars.drift_px or stars.periodic_arcsec or world.wind.rms_px

@@ -1,4 +1,4 @@
-"""Point sources on pixels: a seeing disc integrated over each pixel it touches.
+"""Point sources on pixels: a seeing disc integrated over each pixel that it covers.
 
 The disc is a sum of round Gaussians (a core, and the wings that every telescope has): each is
 separable, so that the exact integral over a pixel is a product of two differences of erf.
@@ -17,11 +17,13 @@ Float32Array = npt.NDArray[np.float32]
 
 FWHM_PER_SIGMA = 2.3548200450309493
 WINGS = ((0.875, 1.0), (0.105, 2.2), (0.016, 6.0), (0.004, 20.0))
-"""Share of the light and width, in units of the core's sigma, of each Gaussian: close to a Moffat
-disc of beta 3.5 to ten times its width, with a faint aureole."""
+"""Fraction of the light and sigma (in units of the core's) of each Gaussian of the disc.
+
+The sum is close to a Moffat profile of beta 3.5 out to ten times its width, with a faint aureole.
+"""
 
 FAINTEST_E = 0.04
-"""Electrons in a pixel below which a wing is not worth drawing."""
+"""Electrons in a pixel below which the light of a point source is not drawn."""
 _STAMP_VALUES = 2_000_000
 _RADII = np.array([2, 3, 4, 5, 6, 8, 11, 15, 20, 28, 40, 56, 80, 120, 180])
 
@@ -37,8 +39,8 @@ def add_points(
 ) -> None:
     """Add point sources spread by one round Gaussian, integrated over the pixels, in place.
 
-    Each stamp reaches out to where a pixel would get less than ``faintest_e``, and at least to
-    2.6 sigma; x, y, electrons: (n,). What falls outside the image is lost, as on a sensor.
+    x, y, electrons: (n,). Each source is drawn out to the radius where a pixel would get less than
+    ``faintest_e`` electrons, and at least to 2.6 sigma. Light outside the image is lost.
     """
     if len(x_px) == 0:
         return
@@ -109,9 +111,10 @@ def add_sources(
     fwhm_px: float,
     faintest_e: float = FAINTEST_E,
 ) -> None:
-    """Add point sources with the telescope's whole disc, wings and all, in place.
+    """Add point sources with all the Gaussians of the disc (``WINGS``), in place.
 
-    The light of a wing too faint to be drawn stays in the core, so that none is lost.
+    x, y, electrons: (n,). The light of a wing too faint to be drawn goes into the core, so that the
+    sum of electrons is kept.
     """
     x = np.asarray(x_px, dtype=np.float64)
     y = np.asarray(y_px, dtype=np.float64)
@@ -128,9 +131,10 @@ def add_sources(
 
 
 def annulus(radius_px: float, obstruction: float = 0.45) -> Float32Array:
-    """Image of a point out of focus: a ring of unit sum, (2 r + 3, 2 r + 3).
+    """Image of a defocused point: a ring of unit sum, square, of side 2 ceil(radius_px) + 3.
 
-    ``obstruction``: radius of the dark middle as a share of the whole. The rim is a pixel soft.
+    ``radius_px``: outer radius. ``obstruction``: radius of the dark middle as a fraction of it. The
+    edges are smoothed over one pixel.
     """
     reach = int(np.ceil(radius_px)) + 1
     fine = (np.arange((2 * reach + 1) * 5) + 0.5) / 5 - reach - 0.5
@@ -144,11 +148,11 @@ def annulus(radius_px: float, obstruction: float = 0.45) -> Float32Array:
 
 
 def smear(stands: FloatArray) -> Float32Array:
-    """Image of a point that stood at each (dx, dy) px for a share of the time.
+    """Convolution kernel of an image that moved during the exposure: square, odd side, unit sum.
 
-    ``stands``: (4, n) as in ``FieldContent``; the turn is not looked at. Square of odd width and
-    unit sum. Places between pixels are shared out by the cubic weights of Keys (1981, a = -1/2),
-    which keep the mean and the width of the way as they are.
+    ``stands``: (4, n) positions as in ``FieldContent.stands``; their turn is ignored. A position
+    between pixels is spread over 4 x 4 of them by the cubic weights of Keys (1981, a = -1/2), which
+    keep the mean and the width of the path.
     """
     dx, dy, _, share = stands
     reach = int(np.ceil(np.abs([dx, dy]).max())) + 2
@@ -172,10 +176,10 @@ def _keys(offset: FloatArray) -> FloatArray:
 
 
 def distorted(wcs: Wcs, share: float) -> Wcs:
-    """The plate with its corners drawn out by this share of the radius; 0: unchanged.
+    """The plate with a radial distortion that grows with the radius cubed; 0: unchanged.
 
-    Radial, growing with the radius cubed, as third-order SIP has it: a solver that fits SIP can
-    find it exactly.
+    ``share``: displacement of a corner outwards, as a fraction of its distance from the centre. It
+    is stored as third-order SIP, so that a solver that fits SIP can find it exactly.
     """
     if share == 0.0:
         return wcs
@@ -187,7 +191,7 @@ def distorted(wcs: Wcs, share: float) -> Wcs:
 
 
 def shifted(wcs: Wcs, image_shift_px: FloatArray) -> Wcs:
-    """The plate after the whole image has moved by (dx, dy): the telescope looks elsewhere."""
+    """The plate after the whole image has moved by (dx, dy) px: its central direction changes."""
     ra, dec = pixel_to_sky(
         wcs, wcs.crpix_x_px - image_shift_px[0], wcs.crpix_y_px - image_shift_px[1]
     )
@@ -195,7 +199,10 @@ def shifted(wcs: Wcs, image_shift_px: FloatArray) -> Wcs:
 
 
 def image_shift_px(wcs: Wcs, east_arcsec: FloatArray, north_arcsec: FloatArray) -> FloatArray:
-    """Shift of the image, dx and dy (2, n), when the boresight moves east and north."""
+    """Shift of the image in pixels, (2, n): dx and dy, when the boresight moves east and north.
+
+    ``east_arcsec``, ``north_arcsec``: (n,) the boresight's motion on the sky.
+    """
     ra, dec = wcs.crval_ra_deg, wcs.crval_dec_deg
     north_deg = np.asarray(north_arcsec) / 3600.0
     east_deg = np.asarray(east_arcsec) / 3600.0 / np.cos(np.radians(dec))
@@ -204,6 +211,6 @@ def image_shift_px(wcs: Wcs, east_arcsec: FloatArray, north_arcsec: FloatArray) 
 
 
 def east_px(wcs: Wcs) -> FloatArray:
-    """Direction of east in the middle of the frame, (2,), of length 1."""
+    """Unit vector (dx, dy) that points east in the middle of the frame, (2,)."""
     moved = image_shift_px(wcs, np.array([30.0]), np.array([0.0]))[:, 0]
     return np.asarray(-moved / np.hypot(*moved), dtype=np.float64)

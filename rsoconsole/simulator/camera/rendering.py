@@ -26,7 +26,7 @@ FloatArray = npt.NDArray[np.float64]
 FramePixels = npt.NDArray[np.uint16]
 
 STREAK_STEP_PX = 0.5
-"""Spacing of the points a streak is made of: far finer than any seeing disc."""
+"""Spacing of the points as which a streak is drawn: far finer than any seeing disc."""
 _ROWS_AT_ONCE = 64
 _TURN_SEEN_PX = 0.05
 _POISSON_BELOW_E = 30.0
@@ -39,14 +39,17 @@ class Streak:
     """A source that moves during the exposure."""
 
     x_px: FloatArray
-    """Places, (n >= 2,), at equal steps of time from opening to closing; straight in between."""
+    """Columns (``y_px``: rows), (n >= 2,), at equal steps of time from opening to closing.
+
+    The path is straight in between.
+    """
     y_px: FloatArray
     electrons: float
-    """Electrons of the whole streak at full brightness under a clear sky."""
+    """Electrons of the whole streak at relative brightness 1 under a clear sky."""
     brightness: FloatArray | None = None
     """Relative brightness, (m,), at equal steps of time, both ends included; None: steady."""
     fwhm_px: float | None = None
-    """Width of its own disc, for wide sources or out of focus; None: the field's."""
+    """FWHM of this source's disc, for wide or defocused sources; None: the field's."""
 
 
 def straight_streak(
@@ -56,7 +59,10 @@ def straight_streak(
     brightness: FloatArray | None = None,
     fwhm_px: float | None = None,
 ) -> Streak:
-    """A streak in one line from (x, y) to (x, y)."""
+    """A streak along the straight line from the start to the end, both (x, y).
+
+    ``electrons``, ``brightness`` and ``fwhm_px`` as in ``Streak``.
+    """
     return Streak(
         x_px=np.array([start_px[0], end_px[0]], dtype=np.float64),
         y_px=np.array([start_px[1], end_px[1]], dtype=np.float64),
@@ -68,13 +74,13 @@ def straight_streak(
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class FieldContent:
-    """Everything that shines into one exposure; pixels 0-based, x = column, y = row."""
+    """Light and disturbances of one exposure; pixels are 0-based, x = column, y = row."""
 
     exposure_s: float = 10.0
     fwhm_px: float = 2.2
-    """Seeing disc before the pixels integrate it."""
+    """FWHM of the seeing disc before the pixels integrate it."""
     defocus_px: float = 0.0
-    """Radius of the ring that a mirror with a central obstruction makes of a point; 0: in focus."""
+    """Radius of the ring as which an obstructed mirror shows a defocused point; 0: in focus."""
     sky_electrons_px: float = 132.0
     """Mean sky in one pixel over the exposure, in the centre of the field."""
     sky_gradient: tuple[float, float] = (0.0, 0.0)
@@ -84,23 +90,26 @@ class FieldContent:
     star_electrons: FloatArray = field(default_factory=lambda: _EMPTY)
     """Electrons of the stars, (n,), under a clear sky in the centre of the field."""
     star_path_px: FloatArray | None = None
-    """Wander of every star, x and y (2, m >= 2), at equal steps of time; None: they stand."""
+    """Displacement of all stars, x and y (2, m >= 2), at equal steps of time; None: still."""
     stands: FloatArray | None = None
-    """Places of the whole image, (4, n): dx, dy (px), turn about the middle (rad), share of the
-    time. Stars are drawn by it; streaks carry it in their places. None: it stood still."""
+    """Positions of the whole image during the exposure, (4, n); None: it stands still.
+
+    Rows: dx and dy (px), turn about the middle of the frame (rad), fraction of the exposure spent
+    there. Applied to stars alone: the pixels of a ``Streak`` contain this motion already.
+    """
     streaks: tuple[Streak, ...] = ()
     cloud_transmission: Float32Array | None = None
-    """Coarse map (rows, columns) spread evenly over the frame, 0 to 1; None: clear."""
+    """Transmission of clouds, 0 to 1: a coarse map (rows, columns) of the frame; None: clear."""
     cloud_glow: float = 0.35
-    """Brightness of an opaque cloud beyond the clear sky, as a share of that."""
+    """Brightness that an opaque cloud adds to the sky, as a fraction of the clear sky's."""
     cosmic_rays: float = 0.0
-    """Expected number of tracks in the frame."""
+    """Expected number of cosmic-ray tracks in the frame."""
     cosmic_ray_sigma_px: tuple[float, float] = (0.28, 0.28)
-    """Sigma of the narrowest and the widest track; a thick sensor's reach the seeing."""
+    """Sigma of the narrowest and the widest track; in a thick sensor they are as wide as stars."""
     cosmic_ray_stretch: float = 1.0
-    """Length of tracks relative to those of a thin sensor."""
+    """Length of cosmic-ray tracks relative to a thin sensor's."""
     blur_variance_px2: float = 0.0
-    """Variance of blur beyond the seeing; for the truth alone, not drawn."""
+    """Variance by which motion and defocus widen a streak; for the truth's SNR alone, not drawn."""
     row_offsets_e: Float32Array | None = None
     """Offset, (height,), that the electronics add to each row as it is read."""
     column_offsets_e: Float32Array | None = None
@@ -109,7 +118,7 @@ class FieldContent:
 def render(sensor: SensorModel, content: FieldContent, rng: np.random.Generator) -> FramePixels:
     """One frame as the camera stores it, uint16 (height, width).
 
-    Use a generator made by ``frame_rng`` (SFC64 is the fastest for this many normal numbers).
+    ``rng``: made by ``frame_rng`` (SFC64 is the fastest generator for this many normal numbers).
     """
     mean_e = expected_electrons(sensor, content)
     _add_cosmic_rays(mean_e, content, rng)
@@ -119,7 +128,7 @@ def render(sensor: SensorModel, content: FieldContent, rng: np.random.Generator)
 
 
 def frame_rng(*key: int) -> np.random.Generator:
-    """A fast generator fixed by any tuple of non-negative integers."""
+    """A fast random generator seeded by any number of non-negative integers."""
     return np.random.Generator(np.random.SFC64(np.random.SeedSequence(key)))
 
 
@@ -157,7 +166,7 @@ def expected_electrons(sensor: SensorModel, content: FieldContent) -> Float32Arr
 def streak_points(
     sensor: SensorModel, content: FieldContent, streak: Streak
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """A streak as points: x, y and electrons of each, dimmed by its brightness and the clouds."""
+    """A streak as points x, y and electrons, each (n,), dimmed by its light curve and clouds."""
     length = float(np.hypot(np.diff(streak.x_px), np.diff(streak.y_px)).sum())
     step_px = STREAK_STEP_PX
     if streak.fwhm_px is not None:
@@ -236,7 +245,7 @@ def _spread(
 def cloud_at(
     sensor: SensorModel, transmission: Float32Array | None, x_px: FloatArray, y_px: FloatArray
 ) -> FloatArray:
-    """Transmission of the clouds at these places, (n,); outside the frame that of its edge."""
+    """Transmission of the clouds at these pixels, (n,); outside the frame the value at its edge."""
     x, y = np.asarray(x_px, dtype=np.float64), np.asarray(y_px, dtype=np.float64)
     if transmission is None:
         return np.ones(len(x))

@@ -1,4 +1,4 @@
-"""The camera's sensor: what turns photons into numbers, and what is wrong with each pixel."""
+"""The camera's sensor: conversion of photons to numbers, and the defects of its pixels."""
 
 import math
 from dataclasses import dataclass
@@ -13,7 +13,7 @@ Float32Array = npt.NDArray[np.float32]
 IndexArray = npt.NDArray[np.int64]
 
 MOSAIC_RGGB = (0.45, 0.60, 0.60, 0.40)
-"""Share of a star's white light that the red, the two green and the blue filters let through."""
+"""Fraction of a star's light transmitted by the red, the two green and the blue filters."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -21,8 +21,8 @@ class SensorModel:
     """A CMOS sensor behind a telescope; defaults: ASI1600MM-Pro on an 11-inch RASA, gain 0.
 
     Read noise, full well and conversion are the maker's figures; the zero point is that of the
-    independent simulator whose frames lie in ``data/simulated``. Another frame size is another
-    model: ``dataclasses.replace(sensor, width_px=..., height_px=...)``.
+    independent simulator whose frames lie in ``data/simulated``. For another frame size:
+    ``dataclasses.replace(sensor, width_px=..., height_px=...)``.
     """
 
     width_px: int = 4656
@@ -30,7 +30,7 @@ class SensorModel:
     pixel_um: float = 3.8
     focal_length_mm: float = 620.0
     zero_point_mag: float = 21.812
-    """Magnitude that gives one electron a second, at the zenith under a clear sky."""
+    """Magnitude of a source of one electron per second, at the zenith under a clear sky."""
     e_per_adu12: float = 20000.0 / 4096.0
     offset_adu12: float = 21.0
     read_noise_e: float = 1.7
@@ -40,26 +40,26 @@ class SensorModel:
     stored_shift_bits: int = 4
     """Left shift with which the driver stores the ADC's number: full scale is near 65535."""
     vignetting_corner: float = 0.07
-    """Loss of light in the corners; grows with the square of the distance from the centre."""
+    """Fraction of light lost in the corners; grows with the distance from the centre squared."""
     prnu: float = 0.004
-    """One sigma of the pixels' relative response."""
+    """One sigma of the pixels' response relative to 1 (photo-response non-uniformity)."""
     hot_fraction: float = 2.5e-5
     bad_columns: int = 0
     partial_columns: int = 0
-    """Number of columns that are bright from some row on."""
+    """Number of columns that are bright from a random row on."""
     dark_columns: int = 0
-    """Number of columns that answer to a part of the light only, from some row on."""
+    """Number of columns with a reduced response to light, from a random row on."""
     blooming: float = 0.0
-    """Share of the charge above the full well that runs along the column."""
+    """Fraction of the charge above the full well that spills along the column."""
     glow_e_s: float = 0.0
-    """Amplifier glow in the last pixel; falls to 1/e in a tenth of the diagonal."""
+    """Amplifier glow of the last pixel (e/s); it falls to 1/e over a tenth of the diagonal."""
     is_bayer: bool = False
-    """True: a colour mosaic, RGGB, lies over the pixels."""
+    """True: the sensor has a colour mosaic, RGGB."""
     seed: int = 1600
-    """Copy of the sensor: fixes its hot pixels, its columns and its response."""
+    """Seed of this copy of the sensor: its hot pixels, bad columns and pixel response."""
 
     def __post_init__(self) -> None:
-        """Refuse what no sensor can be; raises ValueError."""
+        """Raises ValueError for values that no sensor can have."""
         if self.width_px < 1 or self.height_px < 1:
             raise ValueError("a sensor has at least one pixel each way")
         if self.adc_bits + self.stored_shift_bits > 16:
@@ -74,12 +74,12 @@ class SensorModel:
 
     @property
     def mean_response(self) -> float:
-        """Share of the light that the mosaic lets through, mean over its four colours."""
+        """Mean fraction of light transmitted by a colour mosaic's filters; 1 without a mosaic."""
         return sum(MOSAIC_RGGB) / 4.0 if self.is_bayer else 1.0
 
     @property
     def ceiling_adu12(self) -> float:
-        """Largest number of a pixel: the converter's last, or that of a full well."""
+        """Largest value of a pixel before the shift: the converter's limit or a full well's."""
         full_well_adu12 = self.offset_adu12 + self.full_well_e / self.e_per_adu12
         return min(2.0**self.adc_bits - 1.0, full_well_adu12)
 
@@ -91,14 +91,14 @@ class SensorModel:
     def electrons(
         self, magnitude: float | npt.NDArray[np.floating], exposure_s: float
     ) -> npt.NDArray[np.float64]:
-        """Electrons from a source of this magnitude in one exposure, in the field's centre."""
+        """Electrons from a source of this magnitude in one exposure, in the centre of the field."""
         gain = 0.4 * (self.zero_point_mag - np.asarray(magnitude, dtype=np.float64))
         return np.asarray(exposure_s * 10.0**gain, dtype=np.float64)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PixelDefects:
-    """Pixels with much dark current, as flat indices, and the electrons they add per second."""
+    """Hot pixels as flat indices, and the electrons per second that each adds."""
 
     index: IndexArray
     electrons_s: Float32Array
@@ -111,7 +111,7 @@ def _defect_rng(sensor: SensorModel, purpose: int) -> np.random.Generator:
 
 @lru_cache(maxsize=8)
 def pixel_defects(sensor: SensorModel) -> PixelDefects:
-    """Hot pixels (and bad columns) of this copy of the sensor; the same for the same model."""
+    """Hot pixels and bad columns of this copy of the sensor; equal models have equal defects."""
     rng = _defect_rng(sensor, 1)
     total = sensor.width_px * sensor.height_px
     count = int(rng.binomial(total, sensor.hot_fraction))
@@ -132,7 +132,7 @@ def pixel_defects(sensor: SensorModel) -> PixelDefects:
 def vignetting(
     sensor: SensorModel, x_px: npt.NDArray[np.floating], y_px: npt.NDArray[np.floating]
 ) -> npt.NDArray[np.float64]:
-    """Share of the light that arrives at these places, 1 in the centre of the field."""
+    """Fraction of the light that reaches these pixels, (n,); 1 in the centre of the field."""
     cx, cy = (sensor.width_px - 1) / 2.0, (sensor.height_px - 1) / 2.0
     reach2 = max(cx * cx + cy * cy, 1.0)
     return np.asarray(
@@ -163,7 +163,7 @@ def flat_field(sensor: SensorModel) -> Float32Array:
 
 @lru_cache(maxsize=2)
 def amplifier_glow(sensor: SensorModel) -> Float32Array:
-    """Electrons a second in every pixel from the amplifier beside the last one."""
+    """Amplifier glow in electrons per second, (height, width); brightest at the last pixel."""
     diagonal_px = float(np.hypot(sensor.width_px, sensor.height_px))
     x = np.arange(sensor.width_px)[None, :] - (sensor.width_px - 1)
     y = np.arange(sensor.height_px)[:, None] - (sensor.height_px - 1)
@@ -173,7 +173,10 @@ def amplifier_glow(sensor: SensorModel) -> Float32Array:
 
 
 def spill_over(image_e: Float32Array, full_well_e: float, share: float) -> None:
-    """Let a share of the charge above the full well fill the column on both sides, in place."""
+    """Move a fraction of the charge above the full well along its column, both ways, in place.
+
+    ``share``: that fraction, ``SensorModel.blooming``.
+    """
     for column in np.flatnonzero((image_e > full_well_e).any(axis=0)):
         values = image_e[:, column]
         edges = np.diff((values > full_well_e).astype(np.int8), prepend=0, append=0)
@@ -187,18 +190,17 @@ def spill_over(image_e: Float32Array, full_well_e: float, share: float) -> None:
 
 
 CATALOGUE_SIGMA_ARCSEC = 0.45
-"""One sigma of a star's place against its proper motion: several times Tycho-2's own (0.1)."""
+"""One sigma of the catalogue's error of a star's position; Tycho-2's own is about 0.1."""
 SHUTTER_SIGMA_S = 0.015
-"""One sigma of the shutter's true opening against the driver's time."""
+"""One sigma of the delay between the driver's start time and the shutter's true opening."""
 
 
 def catalogue_errors_arcsec(
     ra_icrs_deg: FloatArray, dec_icrs_deg: FloatArray, sigma_arcsec: float = CATALOGUE_SIGMA_ARCSEC
 ) -> tuple[FloatArray, FloatArray]:
-    """Errors (east, north) of each star's place in the catalogue; always the same.
+    """Errors (east, north), each (n,), of the stars' positions in the catalogue.
 
-    Drawn from the place at J2000.0, so that neither the order of asking nor a seed matters: the sky
-    is one.
+    Fixed by each star's position at J2000.0 alone: no seed and no order of calls changes them.
     """
     micro_deg = 1e6
     key = np.rint(ra_icrs_deg * micro_deg).astype(np.uint64) * np.uint64(400_000_007)
@@ -209,9 +211,10 @@ def catalogue_errors_arcsec(
 
 
 def air_sigma_arcsec(exposure_s: float) -> float:
-    """Wander of one direction against another half a degree off, on each axis.
+    """One sigma, on each axis, of the atmosphere's shift between directions half a degree apart.
 
-    1.3 arcsec theta^0.25 T^-0.5 with theta in radians. Source: Lindegren 1980.
+    1.3 arcsec theta^0.25 T^-0.5 with theta in radians and the exposure T in seconds.
+    Source: Lindegren 1980.
     """
     return float(1.3 * math.radians(0.5) ** 0.25 / math.sqrt(max(exposure_s, 0.01)))
 

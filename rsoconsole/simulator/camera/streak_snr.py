@@ -1,4 +1,4 @@
-"""The integrated SNR of one streak, from the very model that is rendered."""
+"""The integrated SNR of one streak, computed from the model that the renderer draws."""
 
 import math
 
@@ -15,11 +15,11 @@ _FAINTEST_E = 0.004
 
 
 def integrated_snr(sensor: SensorModel, content: FieldContent, streak: Streak) -> float:
-    """sum(model x data / variance) / sqrt(sum(model^2 / variance)), its mean over the noise.
+    """Expected value of sum(model x data / variance) / sqrt(sum(model^2 / variance)).
 
-    ``streak``: with the light that reaches the sensor but for the clouds. The model is what the
-    renderer draws of it, on the sensor's pixels alone; the variance is that of everything in
-    them: sky, stars, dark current, read-out and the streak itself. Hot pixels are left out.
+    The model is what the renderer draws of the streak on the sensor's pixels. The variance is that
+    of sky, stars, dark current, read-out and the streak itself; hot pixels are left out.
+    ``streak``: its electrons are those after the air's extinction; clouds are applied here.
     """
     box = _box(sensor, content, streak)
     if box is None or streak.electrons <= 0.0:

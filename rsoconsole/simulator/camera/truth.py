@@ -1,4 +1,4 @@
-"""Truth of a simulated frame. Only tests and summaries read it."""
+"""Truth of a simulated frame, for tests and summaries alone."""
 
 import json
 from collections.abc import Mapping
@@ -15,15 +15,18 @@ class SatelliteTruth:
     name: str
     norad_id: int
     is_in_frame: bool
-    """True where its place at mid-exposure lies on the sensor."""
+    """True where the satellite's position at mid-exposure lies on the sensor."""
     is_whole: bool
     """True where both ends of its streak lie on the sensor."""
     ra_icrs_deg: float
-    """Right ascension at the mid-exposure of header and known latency, taken for true UTC, as a
-    perfect measurement would have it. Errors of clock and shutter show as errors of place."""
+    """True right ascension of the satellite at mid-exposure as the operator computes it.
+
+    That instant is computed from the header and the known latency and is taken for true UTC: a
+    clock or shutter that is off makes a measurement differ from this direction.
+    """
     dec_icrs_deg: float
     ra_rate_deg_s: float
-    """Rate of the coordinate at that instant."""
+    """Rate of right ascension (the coordinate, not times cos dec) at the same instant."""
     dec_rate_deg_s: float
     x_px: float
     y_px: float
@@ -32,24 +35,26 @@ class SatelliteTruth:
     x_end_px: float
     y_end_px: float
     magnitude: float | None
-    """Mean magnitude over the exposure, above the atmosphere; None when unlit."""
+    """Magnitude of the mean flux over the exposure, outside the atmosphere; None when unlit."""
     lit_fraction: float
-    """Share of the Sun it saw, mean over the exposure."""
+    """Fraction of the Sun's disc visible from the satellite, mean over the exposure."""
     transmission: float
-    """Share of its light the clouds let through, mean along the streak."""
+    """Fraction of its light that the clouds transmit, mean along the streak."""
     electrons: float
     snr_peak_pixel: float
-    """Signal over noise of the brightest pixel of the streak."""
+    """Peak SNR: the streak's brightest pixel over its noise."""
     snr_matched: float
-    """Signal over noise of the whole streak, weighted by its own shape; a steady straight one
-    under a clear sky."""
+    """SNR of the whole streak by a matched filter, for a straight streak of constant brightness.
+
+    Approximate: the noise is that of sky, dark current and read-out alone; blur is included.
+    """
     snr_integrated: float
-    """Integrated SNR of what was rendered of it, pixel by pixel (``streak_snr``)."""
+    """Integrated SNR of the streak as rendered, pixel by pixel (``streak_snr.integrated_snr``)."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TrafficTruth:
-    """Truth of other traffic that crossed the frame, from (x, y) to (x, y)."""
+    """Truth of an aircraft or low satellite that crossed the frame; ends as (x, y)."""
 
     kind: Literal["low satellite", "aircraft"]
     start_px: tuple[float, float]
@@ -61,10 +66,12 @@ class FrameTruth:
     """Complete truth of one exposure."""
 
     t_start_utc_ns: int
-    """Start in the header: by the observatory's clock, cut down where its camera does that."""
+    """DATE-OBS: by the observatory's clock, rounded down where the world's camera does so."""
     t_place_utc_ns: int
-    """Instant of the satellites' places: mid-exposure as computed by an operator who knows the
-    camera's latency."""
+    """Instant for which the satellites' directions are given.
+
+    Mid-exposure as computed by an operator who knows the camera's latency.
+    """
     t_open_utc_ns: int
     """True opening of the first row, true UTC."""
     exposure_s: float
@@ -76,13 +83,13 @@ class FrameTruth:
     cloud_transmission: float
     """Mean transmission of the clouds over the frame."""
     stars: int
-    """Number of sources drawn, catalogued and synthetic."""
+    """Number of stars drawn, catalogued and synthetic."""
     satellites: tuple[SatelliteTruth, ...]
     traffic: tuple[TrafficTruth, ...] = ()
 
     @property
     def t_mid_utc_ns(self) -> int:
-        """Middle of the exposure, by the header."""
+        """Mid-exposure by the header: DATE-OBS plus half the exposure."""
         return self.t_start_utc_ns + round(self.exposure_s * 5e8)
 
     def to_json(self) -> str:
@@ -95,12 +102,12 @@ NS = 1_000_000_000
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TrueShutter:
-    """True exposure of the sensor."""
+    """True timing of an exposure."""
 
     t_open_utc_ns: int
     """Opening of the first row, true UTC."""
     line_time_s: float
-    """Delay of each row's exposure after that of the row above."""
+    """Delay of each row's exposure after the exposure of the row above; 0: global shutter."""
 
 
 def header_start_utc_ns(world: World, t_start_utc_ns: int) -> int:
@@ -110,12 +117,15 @@ def header_start_utc_ns(world: World, t_start_utc_ns: int) -> int:
 
 
 def reported_start_utc_ns(world: World, t_start_utc_ns: int) -> int:
-    """Opening as computed by an operator who knows the header and the camera's latency."""
+    """Opening as an operator computes it: DATE-OBS plus the known latency."""
     return header_start_utc_ns(world, t_start_utc_ns) + round(world.known_latency_s * NS)
 
 
 def clock_offset_s(world: World, t_utc_ns: int, t_night_utc_ns: int) -> float:
-    """True UTC minus the observatory's clock, when that shows ``t_utc_ns``."""
+    """True UTC minus the observatory's clock at the instant when the clock shows ``t_utc_ns``.
+
+    ``t_night_utc_ns``: the night's start, from which the clock's drift counts.
+    """
     since_s = (t_utc_ns - t_night_utc_ns) / NS
     return world.clock.offset_s + world.clock.drift_ppm * 1e-6 * since_s
 
@@ -123,10 +133,10 @@ def clock_offset_s(world: World, t_utc_ns: int, t_night_utc_ns: int) -> float:
 def true_shutter(
     world: World, scatter_s: float, t_start_utc_ns: int, t_night_utc_ns: int
 ) -> TrueShutter | None:
-    """True exposure begun at ``t_start_utc_ns`` by the observatory's clock.
+    """True timing of the exposure begun at ``t_start_utc_ns`` by the observatory's clock.
 
-    None where no setting speaks of time: a scatter of milliseconds then is a shift along the
-    streak.
+    ``scatter_s``: random delay of this opening. None where no setting of clock or shutter differs
+    from its default: the caller then applies the scatter as a shift along the streak.
     """
     shutter = world.shutter
     later_s = shutter.latency_s + shutter.bias_s

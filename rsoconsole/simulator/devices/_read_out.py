@@ -1,4 +1,4 @@
-"""Read-out of the simulated sensor: binning and a part of the frame, as INDI has it."""
+"""Read-out modes of the simulated camera: binning and sub-frame, as INDI defines them."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -16,7 +16,7 @@ MAX_BINNING = 4
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ReadOut:
-    """One mode of reading out; places in pixels of the sensor, not in joined ones."""
+    """One read-out mode: binning, and the part of the sensor in unbinned pixels."""
 
     binning: int
     x_px: int
@@ -26,7 +26,7 @@ class ReadOut:
 
     @classmethod
     def whole(cls, traits: CameraTraits) -> "ReadOut":
-        """Read-out of the whole sensor, as its driver begins."""
+        """Read-out of the whole sensor with the scene's own binning, the driver's initial mode."""
         binning = traits.binning
         return cls(
             binning=binning,
@@ -37,14 +37,20 @@ class ReadOut:
         )
 
     def binned(self, horizontal: float, vertical: float) -> "ReadOut | None":
-        """Read-out with that number of pixels joined; None where the camera cannot."""
+        """This mode with another binning; None where the camera does not offer it.
+
+        Offered are equal whole factors on both axes, up to ``MAX_BINNING``.
+        """
         is_square = horizontal == vertical == int(horizontal)
         if not (is_square and 1 <= horizontal <= MAX_BINNING):
             return None
         return replace(self, binning=int(horizontal))
 
     def part(self, wanted: Mapping[str, float], traits: CameraTraits) -> "ReadOut | None":
-        """Read-out of a part, by the members of CCD_FRAME; None where it is not on the sensor."""
+        """This mode for another part of the sensor; None where the part is not on it or too small.
+
+        ``wanted``: X, Y, WIDTH and HEIGHT of CCD_FRAME, unbinned pixels.
+        """
         whole = ReadOut.whole(traits)
         x, y, width, height = (int(wanted[each]) for each in ("X", "Y", "WIDTH", "HEIGHT"))
         least = self.binning * 16
@@ -54,18 +60,18 @@ class ReadOut:
         return replace(self, x_px=x, y_px=y, width_px=width, height_px=height)
 
     def factor(self, traits: CameraTraits) -> int | None:
-        """Factor of pixels joined beyond the scene's own; None where the scene joins more."""
+        """Binning relative to the scene's own; None where it is no whole multiple of that."""
         return self.binning // traits.binning if self.binning % traits.binning == 0 else None
 
     def cut(self, pixels: npt.NDArray[np.uint16]) -> npt.NDArray[np.uint16]:
-        """The part of a frame of the whole sensor, joined as this mode joins."""
+        """This mode's part of a frame of the whole sensor that already has this mode's binning."""
         top, left = self.y_px // self.binning, self.x_px // self.binning
         bottom = top + self.height_px // self.binning
         right = left + self.width_px // self.binning
         return pixels[top:bottom, left:right]
 
     def cards(self, traits: CameraTraits) -> dict[str, Card]:
-        """Header cards of the mode."""
+        """FITS header cards of this mode: pixel size, binning, and origin where it is a part."""
         pixel_um = traits.pixel_um / traits.binning * self.binning
         found: dict[str, Card] = {
             "XPIXSZ": pixel_um,
@@ -79,10 +85,10 @@ class ReadOut:
 
 
 class ReadOutVectors:
-    """CCD_BINNING and CCD_FRAME, and the mode that they set."""
+    """INDI's CCD_BINNING and CCD_FRAME, and the read-out mode that clients set with them."""
 
     def __init__(self, traits: CameraTraits, *, can_bin: bool) -> None:
-        """``can_bin``: True where the scene can be drawn with other pixels joined."""
+        """``can_bin``: True where the scene can be drawn with another binning."""
         self._traits, self._can_bin = traits, can_bin
         self.mode = ReadOut.whole(traits)
         self.binning: NumberVector = numbers(
@@ -91,7 +97,7 @@ class ReadOutVectors:
         self.frame: NumberVector = numbers("CCD_FRAME", _GROUP, self._of_frame(), perm="rw")
 
     def set_binning(self, asked: Mapping[str, float]) -> bool:
-        """Set the binning; True where the camera accepts it."""
+        """Set the binning from CCD_BINNING's members; False where the camera refuses it."""
         mode = self.mode.binned(asked.get("HOR_BIN", 0.0), asked.get("VER_BIN", 0.0))
         if mode is None or not self._can_bin or mode.factor(self._traits) is None:
             return False
@@ -99,7 +105,7 @@ class ReadOutVectors:
         return True
 
     def set_frame(self, asked: Mapping[str, float]) -> bool:
-        """Set the part of the frame; True where the camera accepts it."""
+        """Set the sub-frame from CCD_FRAME's members; False where the camera refuses it."""
         mode = self.mode.part({**self._of_frame(), **asked}, self._traits)
         if mode is None:
             return False

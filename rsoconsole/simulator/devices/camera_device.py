@@ -1,4 +1,4 @@
-"""The simulated camera as an INDI device: it asks the scene for pixels and sends them as FITS."""
+"""The simulated camera as an INDI device, which sends the scene's exposures as FITS files."""
 
 import asyncio
 from collections.abc import Callable, Coroutine
@@ -35,7 +35,7 @@ _GROUP = "Main Control"
 @dataclass(frozen=True, slots=True)
 class _Exposure:
     t_start_utc_ns: int
-    """Start noted by the driver; all of this by the observatory's clock."""
+    """Start noted by the driver; like all instants here by the observatory's clock."""
     exposure_s: float
     opens_later_s: float
     fate: Fate
@@ -44,7 +44,7 @@ class _Exposure:
 
     @property
     def t_end_utc_ns(self) -> int:
-        """End of the exposure by the driver."""
+        """End of the exposure by the driver: its start plus the exposure."""
         return self.t_start_utc_ns + round(self.exposure_s * NS_PER_S)
 
     @property
@@ -54,13 +54,13 @@ class _Exposure:
         return self.t_end_utc_ns + round(later_s * NS_PER_S)
 
     def at(self, share: float) -> int:
-        """The instant after this share of the true exposure."""
+        """Instant at this fraction of the true exposure: 0 is its opening, 1 its closing."""
         since_s = self.opens_later_s + share * self.exposure_s
         return self.t_start_utc_ns + round(since_s * NS_PER_S)
 
 
 class CameraDevice:
-    """Answers the CCD interface of INDI; a frame is drawn when its exposure is over."""
+    """Simulated INDI camera; it draws each frame when the exposure is over."""
 
     def __init__(
         self,
@@ -130,7 +130,7 @@ class CameraDevice:
         )
 
     async def handle(self, event: Any) -> None:
-        """Carry out what a client asks of one property, at the present instant."""
+        """Carry out a client's request to set one property, at the present instant."""
         if event.vectorname == "CCD_EXPOSURE":
             await self._handle_exposure(event)
         elif event.vectorname == "CCD_ABORT_EXPOSURE":
@@ -149,7 +149,7 @@ class CameraDevice:
             await self._send(event.vector, "Ok")
 
     async def pass_time(self) -> None:
-        """Close the shutter where the present instant lies past the exposure's end."""
+        """Finish the exposure under way if its end has passed, and have its frame delivered."""
         exposure = self._exposure
         if exposure is None or self._now_utc_ns() < exposure.t_due_utc_ns:
             return
@@ -175,7 +175,7 @@ class CameraDevice:
         self._spawn(self._deliver(exposure, pointing, path, cards, self._generation))
 
     def overdue_utc_ns(self) -> int | None:
-        """Instant at which an overdue frame comes; None where none is overdue."""
+        """Instant at which the frame of a finished exposure arrives; None where none is awaited."""
         exposure = self._exposure
         if exposure is None or self._now_utc_ns() < exposure.t_end_utc_ns:
             return None

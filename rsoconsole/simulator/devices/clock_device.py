@@ -1,4 +1,4 @@
-"""The simulated clock as an INDI device: a client lets time pass and is notified when it has."""
+"""The simulated clock as an INDI device: clients let time pass and are notified afterwards."""
 
 import asyncio
 import math
@@ -15,17 +15,17 @@ US = 1_000
 REPORT_EVERY_NS = 1 * NS
 _LONGEST_STEP_S = 0.1
 CATCH_UP = 4.0
-"""Speed-up of paced time while it is behind the wall's clock."""
+"""Factor by which paced time runs faster while it is behind the wall clock."""
 MAX_BEHIND_S = 60.0
-"""Wall seconds that are caught up; what lies further back (a machine that slept) is given up."""
+"""Largest lag behind the wall clock that is caught up; the rest of a longer lag is dropped."""
 
 
 class VirtualClock:
     """The observatory's time, in UTC ns, always whole microseconds (INDI's finest stamp).
 
-    ``speed`` is virtual seconds a wall second; 0 or infinity: at once. A paced clock keeps to the
-    wall's: while nobody asks for time it stands, and catches up afterwards, as fast as
-    ``CATCH_UP`` allows.
+    ``speed``: virtual seconds per wall second; 0 or infinity: no pacing, time passes at once. A
+    paced clock stands while no client asks for time, and then catches up with the wall clock,
+    at most ``CATCH_UP`` times as fast.
     """
 
     def __init__(
@@ -44,14 +44,14 @@ class VirtualClock:
         return self._now_utc_ns
 
     def interrupt(self) -> None:
-        """End a paced advance where it is."""
+        """End the paced ``advance`` under way at the instant that it has reached."""
         self._interrupted.set()
 
     async def advance(self, t_utc_ns: int, on_report: Callable[[], Awaitable[None]]) -> int:
         """Let time pass until ``t_utc_ns`` (rounded up to whole microseconds).
 
-        ``on_report`` is awaited at every whole second on the way that is paced, and at the end.
-        Returns the instant reached: an earlier one when interrupted; never goes back.
+        ``on_report`` is awaited at every whole virtual second of a paced advance, and at the end.
+        Returns the instant reached: an earlier one after ``interrupt``, never one in the past.
         """
         self._interrupted.clear()
         t_end_utc_ns = max(self._now_utc_ns, -(-t_utc_ns // US) * US)
@@ -87,7 +87,11 @@ _GROUP = "Main Control"
 
 
 class ClockDevice:
-    """SIM_CLOCK reports the time, SIM_ADVANCE asks for more, SIM_INTERRUPT ends a paced wait."""
+    """INDI device of the simulated clock.
+
+    SIM_CLOCK reports the time; a client lets time pass by SIM_ADVANCE and ends a paced advance by
+    SIM_INTERRUPT.
+    """
 
     def __init__(
         self,
@@ -96,7 +100,10 @@ class ClockDevice:
         spawn: Callable[[Coroutine[Any, Any, None]], Any],
         overdue: Callable[[], int | None] = lambda: None,
     ) -> None:
-        """``overdue``: instant of an overdue event that a client waits for; None without one."""
+        """``spawn`` runs a coroutine in the background; ``on_report`` as in ``advance``.
+
+        ``overdue`` gives the instant of an event that clients await, e.g. a late frame, or None.
+        """
         self._overdue = overdue
         self._clock, self._on_report, self._spawn = clock, on_report, spawn
         self._is_advancing = False
@@ -108,7 +115,7 @@ class ClockDevice:
         self.device = Device(DEVICE, [self._now, self._advance, self._interrupt])
 
     async def handle(self, event: Any) -> None:
-        """Carry out what a client asks of one property."""
+        """Carry out a client's request to set one property."""
         if event.vectorname == "SIM_INTERRUPT":
             if asked_for(event):
                 self._clock.interrupt()

@@ -1,4 +1,4 @@
-"""The simulated mount as an INDI device: the model's beliefs in hours and epoch of date."""
+"""The simulated mount as an INDI device: coordinates in hours and degrees, epoch of date."""
 
 import asyncio
 import math
@@ -28,7 +28,7 @@ _GROUP = "Main Control"
 
 
 class MountDevice:
-    """Answers the telescope interface of INDI on behalf of a MountModel."""
+    """INDI telescope device that controls and reports a ``MountModel``."""
 
     def __init__(
         self,
@@ -112,7 +112,7 @@ class MountDevice:
         )
 
     async def handle(self, event: Any) -> None:
-        """Carry out what a client asks of one property, at the present instant."""
+        """Carry out a client's request to set one property, at the present instant."""
         actions = {
             "EQUATORIAL_EOD_COORD": self._handle_coordinates,
             "ON_COORD_SET": self._handle_on_set,
@@ -155,7 +155,7 @@ class MountDevice:
             )
 
     def refresh(self) -> None:
-        """Bring up to date the properties that are sent only on request."""
+        """Update the properties that are sent only on request, without sending them."""
         self._time["UTC"] = self._iso()
         self._sim_time["UTC_NS"] = str(self._now_utc_ns())
 

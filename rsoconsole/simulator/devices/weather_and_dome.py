@@ -1,4 +1,4 @@
-"""The simulated weather station and dome as INDI devices; they follow the night's schedule."""
+"""The simulated weather station and dome as INDI devices that follow the night's schedules."""
 
 from collections.abc import Callable, Iterable, Sequence
 from typing import Any
@@ -19,14 +19,14 @@ from rsoconsole.simulator.mount.indi_vectors import (
 
 NS = 1_000_000_000
 Schedule = Sequence[tuple[float, str]]
-"""Schedule of a night: (seconds since its start, word), in order."""
+"""Schedule of a night in order: (seconds since the night's start, state as a word)."""
 _GROUP = "Main Control"
 _LIGHT = {"ok": "Ok", "warning": "Busy", "alert": "Alert"}
 _DOME_WORDS = ("open", "closed", "moving")
 
 
 class WeatherDevice:
-    """WEATHER_STATUS by schedule; SIM_WEATHER lets a client make the weather."""
+    """Weather station: WEATHER_STATUS follows a schedule, and clients set it by SIM_WEATHER."""
 
     def __init__(
         self, name: str, schedule: Schedule, t_start_utc_ns: int, now_utc_ns: Callable[[], int]
@@ -41,7 +41,7 @@ class WeatherDevice:
         self.device = Device(name, [connection(), self._status, *others])
 
     async def handle(self, event: Any) -> None:
-        """Apply what a client asks for, until the next change of the schedule."""
+        """Apply a client's request, which holds until the next change of the schedule."""
         word = event.get("STATE", "").strip() if event.vectorname == "SIM_WEATHER" else ""
         if word in _LIGHT:
             self._options["STATE"] = word
@@ -49,7 +49,7 @@ class WeatherDevice:
         await event.vector.send_setVector(timestamp=stamp(self._now_utc_ns()), state="Ok")
 
     async def pass_time(self) -> None:
-        """Report every change of the weather that is due."""
+        """Report to clients every scheduled change of the weather that is due."""
         for t_utc_ns, word in _due(self._changes, self._now_utc_ns()):
             await self._publish(word, t_utc_ns)
 
@@ -60,7 +60,7 @@ class WeatherDevice:
 
 
 class DomeDevice:
-    """DOME_SHUTTER by schedule; a client that opens or closes it is obeyed at once."""
+    """Dome: DOME_SHUTTER follows a schedule, and clients open or close it at once."""
 
     def __init__(
         self, name: str, schedule: Schedule, t_start_utc_ns: int, now_utc_ns: Callable[[], int]
@@ -74,14 +74,14 @@ class DomeDevice:
         self.device = Device(name, [connection(), self._shutter, self._park, driver_info(name, 32)])
 
     async def handle(self, event: Any) -> None:
-        """Apply what a client asks for, until the next change of the schedule."""
+        """Apply a client's request, which holds until the next change of the schedule."""
         asked = asked_for(event) if event.vectorname in ("DOME_SHUTTER", "DOME_PARK") else None
         if asked is not None:
             turn_on(event.vector, asked)
         await event.vector.send_setVector(timestamp=stamp(self._now_utc_ns()), state="Ok")
 
     async def pass_time(self) -> None:
-        """Report every change of the dome that is due."""
+        """Report to clients every scheduled change of the dome that is due."""
         for t_utc_ns, word in _due(self._changes, self._now_utc_ns()):
             if word != "moving":
                 turn_on(self._shutter, "SHUTTER_OPEN" if word == "open" else "SHUTTER_CLOSE")

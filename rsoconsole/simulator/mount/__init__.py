@@ -1,1 +1,1 @@
-"""A German equatorial mount as numbers, with its faults."""
+"""Model of a German equatorial mount, with the faults of its driver."""

@@ -21,14 +21,14 @@ _EPOCH = datetime(1970, 1, 1, tzinfo=timezone.utc)  # noqa: UP017 - the driver w
 
 
 def stamp(t_utc_ns: int) -> datetime:
-    """The instant as INDI stamps it, to the microsecond below."""
+    """The instant as a UTC datetime for INDI, rounded down to microseconds."""
     return _EPOCH + timedelta(microseconds=t_utc_ns // 1000)
 
 
 def numbers(
     name: str, group: str, values: Mapping[str, float], *, perm: str = "rw", form: str = "%.10g"
 ) -> Any:
-    """A number vector in state Ok."""
+    """A number vector in state Ok, of these members; ``form``: INDI's format of the numbers."""
     members = [
         NumberMember(key, key, form, "-1e12", "1e12", "0", repr(float(value)))
         for key, value in values.items()
@@ -45,13 +45,13 @@ def switches(
     perm: str = "rw",
     rule: str = "OneOfMany",
 ) -> Any:
-    """A switch vector in state Ok with at most one member on."""
+    """A switch vector in state Ok; ``on``: the member that is on, None for all off."""
     each = [SwitchMember(key, key, "On" if key == on else "Off") for key in members]
     return SwitchVector(name, name, group, perm, rule, "Ok", each)
 
 
 def texts(name: str, group: str, values: Mapping[str, str], *, perm: str = "ro") -> Any:
-    """A text vector in state Ok."""
+    """A text vector in state Ok, of these members."""
     return TextVector(
         name,
         name,
@@ -63,24 +63,24 @@ def texts(name: str, group: str, values: Mapping[str, str], *, perm: str = "ro")
 
 
 def connection() -> Any:
-    """CONNECTION of a device that is connected."""
+    """The CONNECTION vector of a connected device."""
     return switches("CONNECTION", "Main Control", ("CONNECT", "DISCONNECT"), "CONNECT")
 
 
 def driver_info(name: str, interface: int) -> Any:
-    """DRIVER_INFO; ``interface``: the sum of INDI's bits for what the device can do."""
+    """The DRIVER_INFO vector; ``interface``: the sum of INDI's interface bits of the device."""
     values = {"DRIVER_NAME": name, "DRIVER_EXEC": "rsoconsole", "DRIVER_INTERFACE": str(interface)}
     return texts("DRIVER_INFO", "General Info", values)
 
 
 def lights(name: str, group: str, values: Mapping[str, str]) -> Any:
-    """A light vector in state Ok; every light and the whole are Idle, Ok, Busy or Alert."""
+    """A light vector in state Ok; ``values``: Idle, Ok, Busy or Alert by member."""
     members = [LightMember(key, key, value) for key, value in values.items()]
     return LightVector(name, name, group, "Ok", members)
 
 
 def turn_on(vector: Any, member: str | None) -> bool:
-    """Set exactly this member of a switch vector on; True when that changed anything."""
+    """Turn on this member of a switch vector and all others off; True when anything changed."""
     before = {key: vector[key] for key in vector}
     for key in vector:
         vector[key] = "On" if key == member else "Off"
@@ -88,12 +88,12 @@ def turn_on(vector: Any, member: str | None) -> bool:
 
 
 def asked_for(event: Mapping[str, str]) -> str | None:
-    """The member that a new switch vector turns on."""
+    """The member that a client's newSwitchVector turns on; None where it turns on none."""
     return next((key for key, value in event.items() if value == "On"), None)
 
 
 def asked_numbers(device: Any, event: Mapping[str, str]) -> dict[str, float]:
-    """The members of a new number vector; those that are no numbers are passed over."""
+    """The numbers of a client's newNumberVector by member, without those that are not finite."""
     found = {}
     for key, value in event.items():
         with suppress(TypeError, ValueError):
@@ -107,11 +107,14 @@ FAULTS = ("IGNORED_SLEWS", "IGNORED_ABORTS", "ABORT_ENDS_TRACKING", "TRACKING_RE
 
 
 class MountFaults:
-    """SIM_FAULTS: numbers of slews and aborts to come that are silently ignored.
+    """Faults of the mount's driver, set by clients through SIM_FAULTS; 0: no fault.
 
-    ABORT_ENDS_TRACKING: an abort turns tracking off, as some drivers do. TRACKING_RETURNS: so
-    often tracking is on again after it was turned off, as with drivers that remember what they
-    did before a slew. IS_SILENT: a driver that hangs; it neither reports nor obeys.
+    IGNORED_SLEWS: number of next slews that are silently ignored.
+    IGNORED_ABORTS: the same for aborts.
+    ABORT_ENDS_TRACKING: above 0, an abort turns tracking off, as some drivers do.
+    TRACKING_RETURNS: number of times that tracking comes on again after it was turned off, as with
+    drivers that restore the state before a slew.
+    IS_SILENT: above 0, the driver hangs: it neither reports nor obeys.
     """
 
     def __init__(self) -> None:
@@ -119,30 +122,30 @@ class MountFaults:
         self._values = dict.fromkeys(FAULTS, 0.0)
 
     def set(self, values: Mapping[str, float]) -> None:
-        """Set the values that a client sends; others stay as they are."""
+        """Set the faults that a client sends; the rest keep their values."""
         self._values.update({key: value for key, value in values.items() if key in FAULTS})
         for key, value in self._values.items():
             self.vector[key] = repr(value)
 
     @property
     def is_silent(self) -> bool:
-        """True: the driver hangs."""
+        """True while the driver hangs: it neither reports nor obeys."""
         return self._values["IS_SILENT"] > 0
 
     @property
     def abort_ends_tracking(self) -> bool:
-        """True: an abort ends tracking too."""
+        """True where an abort turns tracking off too."""
         return self._values["ABORT_ENDS_TRACKING"] > 0
 
     def turns_tracking_on_again(self) -> bool:
-        """True where tracking is to be on again; counts down the announced times."""
+        """True where tracking that was turned off comes on again; decrements TRACKING_RETURNS."""
         if self._values["TRACKING_RETURNS"] <= 0:
             return False
         self._values["TRACKING_RETURNS"] -= 1
         return True
 
     def ignores(self, event: Any) -> bool:
-        """True where this order is ignored; counts down the announced ones."""
+        """True where this request is to be ignored; decrements IGNORED_SLEWS or IGNORED_ABORTS."""
         if event.vectorname == "SIM_FAULTS":
             return False
         key = {

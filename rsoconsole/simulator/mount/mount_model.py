@@ -1,10 +1,10 @@
-"""A German equatorial mount as numbers: it slews, settles, tracks, flips and points a little wrong.
+"""Model of a German equatorial mount: slews, settling, tracking, flips, pointing errors.
 
-Everything here is epoch of date, as the mount itself thinks. The two axes are kept as a point
-that turns with the sky: ``primary`` is the right ascension the polar axis stands for, ``secondary``
-the declination axis, beyond the elevated pole when the telescope hangs on the east side of the
-pier (looking west). What the mount reports is where it believes to look; the true boresight adds
-pointing errors, which are mostly systematic (polar axis, cone, flexure, a jump at the flip).
+All coordinates are epoch of date, as in the mount's own software. The axes are described in
+coordinates that turn with the sky: ``primary`` is the right ascension to which the polar axis is
+turned, ``secondary`` the declination, beyond the elevated pole when the telescope is east of the
+pier (looking west). The mount reports where it believes to point; the true boresight adds pointing
+errors, which are mostly systematic (polar axis, cone, flexure, a jump at the flip).
 """
 
 from dataclasses import dataclass, field, replace
@@ -23,7 +23,7 @@ _STREAM = 36
 
 @dataclass(frozen=True, slots=True)
 class MountUnrest:
-    """Offsets of a restless mount, east and north in degrees; a pure function of time."""
+    """Pointing offsets of a mount that creeps after slews and jumps, as a function of time."""
 
     seed: int
     t_night_utc_ns: int
@@ -36,13 +36,17 @@ class MountUnrest:
 
     @property
     def is_none(self) -> bool:
-        """True where this mount has no offsets."""
+        """True where the mount neither creeps nor jumps: all offsets are 0."""
         return self.settle_s == self.jump_arcsec == 0.0
 
     def offset_deg(
         self, t_utc_ns: int, since_arrival_s: float, way_deg: tuple[float, float]
     ) -> tuple[float, float]:
-        """Offset from its place; ``way_deg``: the slew before, east and north."""
+        """Offset (east, north) from where the mount would point without creep and jumps.
+
+        ``since_arrival_s``: seconds since the last slew ended. ``way_deg``: that slew, east and
+        north.
+        """
         east_deg, north_deg = self._jumped_deg((t_utc_ns - self.t_night_utc_ns) / NS)
         length_deg = hypot(*way_deg)
         if length_deg > 0.0 and 0.0 <= since_arrival_s < self.settle_s:
@@ -76,13 +80,13 @@ PierSide = Literal["east", "west"]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MountTraits:
-    """Motion and pointing errors of the mount; these are about 0.1 deg in all."""
+    """Motion and pointing errors of the mount; the default errors add up to about 0.1 deg."""
 
     max_rate_deg_s: float = 4.0
     acceleration_deg_s2: float = 2.0
     settle_amplitude_arcsec: float = 20.0
     settle_tau_s: float = 0.35
-    """Decay time of the swing: after 1.5 s some 0.3 arcsec of it are left."""
+    """Decay time of the swing after a slew; after 1.5 s about 0.3 arcsec are left."""
     polar_azimuth_deg: float = 0.070
     polar_altitude_deg: float = -0.050
     cone_deg: float = 0.030
@@ -90,14 +94,14 @@ class MountTraits:
     flip_jump_east_deg: float = 0.040
     flip_jump_north_deg: float = -0.030
     random_arcsec: float = 15.0
-    """One sigma of the radial error drawn again for every slew."""
+    """One sigma of the radial pointing error, drawn once per slew."""
     flip_hysteresis_deg: float = 0.5
-    """Distance of a target past the meridian from which a slew changes sides."""
+    """How far past the meridian a target lies before a slew changes the side of the pier."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MountInstant:
-    """The mount's own belief at one instant, epoch of date."""
+    """State that the mount reports at one instant, without pointing errors; epoch of date."""
 
     t_utc_ns: int
     ra_date_deg: float
@@ -107,7 +111,7 @@ class MountInstant:
     is_parked: bool
     is_tracking: bool
     pier_side: PierSide
-    """Side of the pier the telescope is on; west of the pier it looks east."""
+    """Side of the pier on which the telescope is; on the west side it looks east."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -128,7 +132,7 @@ class _Motion:
 
 
 def travel_s(distance_deg: float, max_rate_deg_s: float, acceleration_deg_s2: float) -> float:
-    """Travel time of an axis over a distance with a trapezoidal rate."""
+    """Time in which an axis travels a distance, with a trapezoidal rate."""
     distance = abs(distance_deg)
     if distance < max_rate_deg_s**2 / acceleration_deg_s2:
         return 2.0 * sqrt(distance / acceleration_deg_s2)
@@ -138,7 +142,7 @@ def travel_s(distance_deg: float, max_rate_deg_s: float, acceleration_deg_s2: fl
 def travelled_deg(
     distance_deg: float, elapsed_s: float, max_rate_deg_s: float, acceleration_deg_s2: float
 ) -> float:
-    """Signed distance that an axis has travelled after ``elapsed_s``."""
+    """Signed distance that an axis has travelled after ``elapsed_s``, with a trapezoidal rate."""
     total_s = travel_s(distance_deg, max_rate_deg_s, acceleration_deg_s2)
     if elapsed_s >= total_s:
         return distance_deg
@@ -154,10 +158,10 @@ def travelled_deg(
 
 
 class MountModel:
-    """The mount's state over time; every command carries its instant, every question too.
+    """The mount's state over time; commands and queries carry their instant, no clock is read.
 
-    The past is kept for a while, so that an exposure can ask where the telescope looked at its
-    middle although a slew came later. Angles in degrees, epoch of date. No I/O, no clock.
+    The last motions are kept, so that the pointing during an exposure can be queried after a later
+    slew has begun. Angles in degrees, epoch of date. No I/O.
     """
 
     def __init__(
@@ -192,7 +196,7 @@ class MountModel:
         ]
 
     def slew(self, ra_date_deg: float, dec_date_deg: float, t_utc_ns: int) -> float:
-        """Go there and track; returns how many seconds the axes will move."""
+        """Slew to a direction and track; returns the duration of the slew, s."""
         now = self.instant(t_utc_ns)
         sidereal_deg = float(lst_deg(self.longitude_deg, t_utc_ns))
         hour_angle_deg = wrap_180(sidereal_deg - ra_date_deg)
@@ -200,7 +204,7 @@ class MountModel:
         return self._go(ra_date_deg, dec_date_deg, side, t_utc_ns)
 
     def park(self, t_utc_ns: int) -> float:
-        """Go to the pole with the counterweight down and stand still there."""
+        """Slew to the pole, counterweight down, and stop; returns the duration of the slew, s."""
         sidereal_deg = float(lst_deg(self.longitude_deg, t_utc_ns))
         pole_deg = 90.0 if self.latitude_deg >= 0 else -90.0
         duration_s = self._go(wrap_360(sidereal_deg + 90.0), pole_deg, "west", t_utc_ns)
@@ -210,18 +214,18 @@ class MountModel:
         return duration_s
 
     def unpark(self, t_utc_ns: int) -> None:
-        """Release the mount; it stands where it is, not tracking."""
+        """End the parked state; the mount stays where it is and does not track."""
         if self.instant(t_utc_ns).is_parked:
             self._rest(t_utc_ns, is_tracking=False)
 
     def abort(self, t_utc_ns: int) -> None:
-        """End a slew here and now; tracking stays as it was."""
+        """End the slew under way where the axes are; tracking stays on or off."""
         now = self.instant(t_utc_ns)
         if now.is_slewing:
             self._rest(t_utc_ns, is_tracking=self._motion_at(t_utc_ns).is_tracking)
 
     def set_tracking(self, is_on: bool, t_utc_ns: int) -> None:
-        """Sidereal tracking on or off; a slew under way takes it at its arrival."""
+        """Turn sidereal tracking on or off; during a slew it takes effect at the slew's end."""
         now = self.instant(t_utc_ns)
         if now.is_slewing:
             self._motions[-1] = replace(
@@ -231,7 +235,7 @@ class MountModel:
             self._rest(t_utc_ns, is_tracking=is_on)
 
     def instant(self, t_utc_ns: int) -> MountInstant:
-        """State that the mount reports at an instant, not before the kept past."""
+        """State that the mount reports at an instant, no earlier than the oldest kept motion."""
         motion = self._motion_at(t_utc_ns)
         elapsed_s = (t_utc_ns - motion.t0_utc_ns) / NS
         primary_deg, secondary_deg = self._axes_at(motion, elapsed_s)
@@ -270,7 +274,7 @@ class MountModel:
         return wrap_360(now.ra_date_deg + east_deg / cos_dec), dec_deg
 
     def unrest_deg(self, t_utc_ns: int) -> tuple[float, float]:
-        """Offset east and north from where it would look if it kept still once it has arrived."""
+        """Offset (east, north) by creep and jumps from where the mount would point without them."""
         motion = self._motion_at(t_utc_ns)
         since_arrival_s = (t_utc_ns - motion.t0_utc_ns) / NS - self._duration_s(motion)
         sign = 1.0 if abs(motion.secondary_deg) <= 90.0 else -1.0
@@ -278,7 +282,10 @@ class MountModel:
         return self.unrest.offset_deg(t_utc_ns, since_arrival_s, way_deg)
 
     def unrest_path_arcsec(self, t_first_utc_ns: int, t_last_utc_ns: int) -> FloatArray:
-        """Offsets (2, odd) east and north from its place halfway, at equal steps of time."""
+        """Path (2, odd) of the pointing by creep and jumps, at equal steps of time: east, north.
+
+        Relative to the pointing halfway between both instants.
+        """
         instants = np.linspace(t_first_utc_ns, t_last_utc_ns, _PATH_STEPS)
         path = np.array([self.unrest_deg(round(t)) for t in instants]).T * 3600.0
         return np.asarray(path - path[:, [_PATH_STEPS // 2]], dtype=np.float64)
@@ -371,10 +378,10 @@ class MountModel:
 def systematic_error_deg(
     hour_angle_deg: float, dec_deg: float, side: PierSide, latitude_deg: float, traits: MountTraits
 ) -> tuple[float, float]:
-    """East (on the sky) and north error of the boresight: what a pointing model would remove.
+    """Systematic error (east on the sky, north) of the boresight, as a pointing model has it.
 
-    Source of the terms (ME, MA, CH, TF): Wallace 1994, TPOINT; the signs of cone and polar axis
-    turn with the side of the pier.
+    Source of the terms (ME, MA, CH, TF): Wallace 1994, TPOINT; the signs of the cone and polar-axis
+    terms change with the side of the pier.
     """
     h, d, phi = radians(hour_angle_deg), radians(dec_deg), radians(latitude_deg)
     sign = 1.0 if side == "west" else -1.0

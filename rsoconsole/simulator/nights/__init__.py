@@ -1,1 +1,1 @@
-"""Nights to choose from: named scenarios, chosen satellites, worlds drawn at random."""
+"""Nights of the simulated observatory: named scenarios, chosen satellites, random worlds."""

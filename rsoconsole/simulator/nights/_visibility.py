@@ -30,18 +30,18 @@ from rsoconsole.words import NS_PER_DAY, NS_PER_S, utc_ns_to_iso
 BoolArray = npt.NDArray[np.bool_]
 
 SEARCHED_DAYS = 30
-"""Days searched: a navigation satellite up by day alone is up by night four weeks later."""
+"""Days searched: a navigation satellite that is up only by day is up by night 4 weeks later."""
 CONTENT_DAYS = 5
-"""Days searched for a longer window after the first that was found."""
+"""Days searched for a longer window after the first window was found."""
 LOOKS_PER_REVOLUTION = 288
 SHORTEST_STEP_S, LONGEST_STEP_S = 10.0, 300.0
 ALTITUDE_MARGIN_DEG = 1.0
 TOGETHER_FIELDS = 0.6
-"""Share of the field's short side within which several targets must stand."""
+"""Largest distance between targets, as a fraction of the field's short side."""
 HIGHEST_DECLINATION_DEG = 80.0
-"""Highest declination of a chosen time: beyond it right ascension changes too fast."""
+"""Largest |declination| of a target; nearer to a pole right ascension changes too fast."""
 MIN_SNR = 30.0
-"""Integrated SNR that a target should have; no time is picked at which it would be fainter."""
+"""Least integrated SNR of every target at a chosen time."""
 SIDEREAL_ARCSEC_S = 15.0411
 SKY_ELECTRONS_S = 13.2
 SIGMA_PX = 1.0
@@ -53,7 +53,10 @@ _FEW_DAYS = 3
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Views:
-    """Targets at N instants; arrays (M targets, N) but for those of the site alone."""
+    """M targets at N instants.
+
+    Shape (M, N): altitude, hour angle, declination, lit and SNR. Shape (N,): all others.
+    """
 
     t_utc_ns: IntArray
     sun_altitude_deg: FloatArray
@@ -62,25 +65,25 @@ class Views:
     dec_deg: FloatArray
     lit: FloatArray
     snr: FloatArray
-    """Approximate integrated SNR under a clear sky, in the exposure that its rate allows."""
+    """Approximate integrated SNR under a clear sky, in an exposure that suits the target's rate."""
     apart_deg: FloatArray
-    """Distance (N,) of the first target from the one furthest from it."""
+    """Distance (N,) between the first target and the target furthest from it."""
     rate_arcsec_s: FloatArray
-    """Rate (N,) of the fastest target among the stars."""
+    """Rate (N,) of the fastest target relative to the stars."""
     ground_rate_arcsec_s: FloatArray
-    """Rate (N,) of the fastest target over the ground."""
+    """Rate (N,) of the fastest target relative to the ground, in hour angle and declination."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Window:
-    """A time at which targets can be seen, and how long that lasts."""
+    """Start and duration of a time in which targets can be seen."""
 
     t_start_utc_ns: int
     visible_s: float
 
 
 def views_of(satellites: Sequence[Satellite], site: Site, t_utc_ns: IntArray) -> Views:
-    """The targets from a site at instants (N,); NaN where SGP4 fails."""
+    """Positions, SNR and rates of targets from a site at instants (N,); NaN where SGP4 fails."""
     seen = [each.astrometric_place(site, t_utc_ns) for each in satellites]
     altitudes, hour_angles = [], []
     for each in seen:
@@ -152,10 +155,10 @@ def first_window(
     limits: LimitsConfig,
     optics: OpticsConfig,
 ) -> Window:
-    """The first time from which the targets can be seen for as many frames, else the longest.
+    """The first window long enough for ``frames`` exposures, or the longest one found.
 
-    Looked for over ``SEARCHED_DAYS`` at most. Raises ConfigError that says which condition is
-    never met, and what to try.
+    At most ``SEARCHED_DAYS`` from ``from_utc_ns`` are searched. Raises ConfigError with the
+    condition that is never met, and what to try.
     """
     period_s = min(2.0 * np.pi * 60.0 / each.record.no_kozai for each in satellites)
     step_s = float(np.clip(period_s / LOOKS_PER_REVOLUTION, SHORTEST_STEP_S, LONGEST_STEP_S))
@@ -201,7 +204,11 @@ def _overview(
 
 
 def conditions(seen: Views, limits: LimitsConfig, optics: OpticsConfig) -> dict[str, BoolArray]:
-    """Conditions for a time to be chosen, (N,) each, by the words for its failing."""
+    """Whether each condition for a night is met, (N,) each.
+
+    The keys are the words of an error message: "up", "in darkness", "lit", "bright", "in one
+    field".
+    """
     low_deg = limits.min_altitude_deg + ALTITUDE_MARGIN_DEG
     with np.errstate(invalid="ignore"):
         is_up = (seen.altitude_deg >= low_deg) & (
@@ -278,7 +285,7 @@ def expect_visible(
     limits: LimitsConfig,
     optics: OpticsConfig,
 ) -> None:
-    """Raise ConfigError with the reason where the targets cannot be seen at an instant."""
+    """Raises ConfigError with the reason where the targets cannot be seen at an instant."""
     seen = views_of(satellites, site, np.array([t_utc_ns], dtype=np.int64))
     at = utc_ns_to_iso(t_utc_ns, 0)
     try_this = "without --at a time is picked"
@@ -321,7 +328,7 @@ def visible_from(
     optics: OpticsConfig,
     up_to_s: float,
 ) -> float:
-    """Seconds from an instant for which every condition of a night goes on to hold."""
+    """Seconds from an instant during which all ``conditions`` stay met, at most ``up_to_s``."""
     step_s = max(up_to_s / 200.0, 1.0)
     ahead_ns = np.rint(np.arange(0.0, up_to_s + step_s, step_s) * NS_PER_S).astype(np.int64)
     seen = views_of(satellites, site, np.int64(t_utc_ns) + ahead_ns)

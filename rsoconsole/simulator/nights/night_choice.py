@@ -1,4 +1,4 @@
-"""Chooses the night for satellites named by hand: its time, its exposures, where it begins."""
+"""Chooses the night for satellites that the user names: time, exposures, first pointing."""
 
 import math
 from collections.abc import Sequence
@@ -33,11 +33,11 @@ from rsoconsole.sky import (
 from rsoconsole.words import NS_PER_S
 
 BESIDE_FIELDS = 0.2
-"""Share of the field's short side up to which the telescope begins beside the first target."""
+"""Largest offset of the first pointing from the first target, in short sides of the field."""
 INNER = 0.92
-"""Share of the half field within which every target should be at the first two exposures."""
+"""Largest distance of a target from the centre at the first two exposures, in half fields."""
 COMES_S = 20.0
-"""Time from the start until a low satellite passes, s."""
+"""Seconds from the night's start until a low satellite passes the first pointing."""
 _TRIES = 60
 _PURPOSE = 0x7461726765
 
@@ -52,11 +52,13 @@ def choose_night(
     element_files: Sequence[Path],
     star_file: Path | None,
 ) -> NightPlan:
-    """The night in which these satellites are seen first; ``at_utc_ns``: at that time instead.
+    """The first night in which these satellites can be seen together.
 
-    Site, limits and telescope are the configuration's; its exposure and cadence are not used.
-    ``star_file``: a whole-sky index file, for a sky beyond the shipped stars. Raises ConfigError
-    where they cannot be seen, SolverError where their sky has no stars.
+    ``at_utc_ns``: start of the night; None: searched from the newest epoch of the targets'
+    elements. ``frames``: exposures that it should last. Site, limits and telescope are the
+    configuration's; exposure and cadence are chosen for the targets. ``star_file``: a whole-sky
+    index file, for sky beyond the shipped stars. Raises ConfigError where the targets cannot be
+    seen, SolverError where their sky has no stars.
     """
     site, limits, optics = config.site.to_site(), config.limits, config.optics
     short_side_deg = min(optics.field_deg)

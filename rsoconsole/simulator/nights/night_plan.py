@@ -1,8 +1,8 @@
-"""A night of chosen satellites: when, where from, how exposed; as one table that can be written.
+"""A night of chosen satellites: time, site and exposures in one record that JSON can carry.
 
-What is chosen by hand or by ``_visibility`` for satellites that no scenario names. The simulated
-observatory, a process of its own, makes its scenario of it again: from the same files of element
-sets, and every object in them is really there.
+For satellites that no scenario has; the time is the user's or that of ``_visibility``. The
+simulated observatory, a separate process, makes a ``Scenario`` from the plan and the same element
+files; every object in the files is in the simulated sky.
 """
 
 import math
@@ -17,41 +17,43 @@ from rsoconsole.simulator.nights.scenarios import Scenario, ScenarioSatellite
 from rsoconsole.sky import StarCatalogue
 
 STANDARD_MAGNITUDE = {"GEO": 12.0, "MEO": 13.3, "HEO": 12.5, "LEO": 13.3}
-"""Magnitude fully lit at 36,000 km: common values, chosen, not measured. A navigation satellite of
-12.0 at 20,200 km (12.7 half turned away), a rocket body of 4.7 and a low payload of 5.5 at
-1,000 km."""
+"""Magnitude by regime, fully lit at 36,000 km: typical values, chosen, not measured.
+
+Typical are 12.0 for a navigation satellite at 20,200 km (12.7 half turned away), and at 1,000 km
+4.7 for a rocket body and 5.5 for a payload.
+"""
 
 
 def satellite_of(entry: CatalogueEntry) -> Satellite:
-    """A satellite as bright as those of its kind commonly are."""
+    """The satellite of a catalogue entry, with the typical brightness of its regime."""
     return Satellite(entry, STANDARD_MAGNITUDE[regime(entry)])
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class NightPlan:
-    """Everything that a night of chosen satellites is made of."""
+    """All settings of a night of chosen satellites."""
 
     title: str
     t_start_utc_ns: int
     site: Site
     targets: tuple[int, ...]
-    """Catalogue numbers, the first one is pointed at."""
+    """Catalogue numbers of the targets; the telescope is pointed at the first."""
     names: tuple[str, ...]
     """Names of the targets."""
     start_hour_angle_deg: float
-    """Hour angle of date that the mount reports when the night begins."""
+    """Hour angle of date that the mount reports at the night's start."""
     start_declination_deg: float
     exposure_s: float
     cadence_s: float
     frames: int
-    """Number of exposures for which it was chosen."""
+    """Number of exposures for which the night was chosen."""
     element_files: tuple[str, ...]
     star_file: str | None
-    """A whole-sky index file whose stars are drawn; None: the shipped belt's."""
+    """Whole-sky index file whose stars are drawn; None: the shipped stars near the equator."""
     visible_s: float
-    """Time for which the targets stay up, lit and in darkness, as far as was searched."""
+    """Seconds from the start during which all targets can be seen, as far as it was searched."""
     leaps: bool = False
-    """True where the first target is a low satellite, which the telescope follows by leaps."""
+    """True where the first target is in a low orbit: the telescope follows it by leaps."""
 
     def to_table(self) -> dict[str, Any]:
         """The plan as a JSON table for another process; ``plan_of_table`` reads it back."""
@@ -59,13 +61,13 @@ class NightPlan:
 
 
 def plan_of_table(table: dict[str, Any]) -> NightPlan:
-    """The plan that ``to_table`` wrote."""
+    """The plan of a table made by ``NightPlan.to_table``."""
     lists = {name: tuple(table[name]) for name in ("targets", "names", "element_files")}
     return NightPlan(**{**table, **lists, "site": Site(**table["site"])})
 
 
 def regime(entry: CatalogueEntry) -> str:
-    """GEO (inclined too), MEO, HEO (Molniya, transfer orbits) or LEO."""
+    """Orbit regime of an entry: GEO (inclined too), MEO, HEO (Molniya, transfer) or LEO."""
     if entry.eccentricity > 0.2:
         return "HEO"
     if entry.revolutions_a_day > 6.4:
@@ -74,9 +76,10 @@ def regime(entry: CatalogueEntry) -> str:
 
 
 def scenario_of(plan: NightPlan) -> Scenario:
-    """The scenario of a plan: every object of its files, each by the set nearest in epoch.
+    """The scenario of a plan: every object of its element files is in the sky.
 
-    Raises ConfigError for a file that has changed since, OrbitError for one that cannot be read.
+    Of several element sets of one object, the nearest in epoch is used. Raises ConfigError for a
+    file that has changed since the plan was made, OrbitError for a file that cannot be read.
     """
     entries: list[CatalogueEntry] = []
     for name in plan.element_files:
@@ -107,26 +110,27 @@ def scenario_of(plan: NightPlan) -> Scenario:
 
 
 def stars_of(plan: NightPlan) -> StarCatalogue:
-    """The stars that the plan's sky is drawn of."""
+    """Catalogue of the stars that are drawn in the plan's night."""
     if plan.star_file is None:
         return StarCatalogue.load()
     return StarCatalogue.load_whole_sky()
 
 
 STREAK_PX, SHORT_STREAK_PX = 300.0, 60.0
-"""Lengths between which the detector is sure of a streak (measured)."""
+"""Longest and shortest streak that the detector finds with certainty (measured)."""
 USUAL_EXPOSURE_S, LONGEST_EXPOSURE_S, SHORTEST_EXPOSURE_S = 10.0, 30.0, 0.02
 LONGEST_CADENCE_S, SHORTEST_CADENCE_S = 30.0, 6.0
 PAUSE_S = 5.0
-"""Least time from the end of an exposure to the next."""
+"""Least time from the end of an exposure to the start of the next."""
 MOVES_FIELDS = 0.25
-"""Share of the field's short side that a target may move, over the ground, between exposures."""
+"""Largest motion of a target over the ground between exposures, in short sides of the field."""
 
 
 def exposure_for(rate_arcsec_s: float, scale_arcsec_px: float) -> float:
-    """Exposure, s: 10; shorter for a streak up to ``STREAK_PX``, longer for one that is not short.
+    """Exposure in seconds for a target of this rate, rounded down to two digits.
 
-    Two digits, so that it reads well.
+    10 s, but shorter where the streak would exceed ``STREAK_PX``, and up to 30 s where it would not
+    reach ``SHORT_STREAK_PX``.
     """
     px_s = max(rate_arcsec_s / scale_arcsec_px, 1e-6)
     wanted_s = min(max(USUAL_EXPOSURE_S, SHORT_STREAK_PX / px_s), LONGEST_EXPOSURE_S)
@@ -138,7 +142,11 @@ def exposure_for(rate_arcsec_s: float, scale_arcsec_px: float) -> float:
 def cadence_for(
     ground_rate_arcsec_s: float, short_side_deg: float, exposure_s: float = USUAL_EXPOSURE_S
 ) -> float:
-    """Cadence, start to start: the slowest for a target that leaves the field over the ground."""
+    """Time from start to start of exposures for a target of this rate over the ground, s.
+
+    The target moves by ``MOVES_FIELDS`` short sides meanwhile; within 6 and 30 s, longer for a long
+    exposure.
+    """
     moves_s = MOVES_FIELDS * short_side_deg * 3600.0 / max(ground_rate_arcsec_s, 1e-6)
     wanted_s = min(LONGEST_CADENCE_S, max(SHORTEST_CADENCE_S, moves_s))
     if exposure_s > USUAL_EXPOSURE_S:

@@ -1,4 +1,4 @@
-"""Named nights of the simulated observatory: where, when, which satellites, what weather.
+"""Named nights of the simulated observatory: site, time, satellites and weather.
 
 Element sets: public catalogue as of 2023-06-22, transcribed into ``data/belt_20230622.tle``.
 Magnitudes are what such satellites commonly show, chosen, not measured.
@@ -17,7 +17,7 @@ from rsoconsole.sky import iso_to_utc_ns
 
 DAYTONA_BEACH = Site(latitude_deg=29.19, longitude_deg=-81.05, elevation_m=10.0)
 PAPER_FIELD_DEG = 1.635
-"""Width of the field of an ASI1600 behind 620 mm."""
+"""Field width of the paper's telescope: an ASI1600 behind 620 mm of focal length."""
 CLEAR = CloudDeck(schedule=())
 STEADY = BrightnessHistory()
 NIGHT_FRAMES = 40
@@ -26,17 +26,17 @@ DEFAULT_SCENARIO = "intelsat-14"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ScenarioSatellite:
-    """One satellite that is really there."""
+    """One satellite in the simulated sky."""
 
     element_set: ElementSet | CatalogueEntry
     standard_magnitude: float
-    """Magnitude fully lit, at 36,000 km."""
+    """Magnitude of the satellite fully lit at 36,000 km."""
     brightness: BrightnessHistory = STEADY
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Scenario:
-    """One night: everything that a seed does not vary."""
+    """One night: all that is the same for every seed."""
 
     name: str
     title: str
@@ -44,22 +44,22 @@ class Scenario:
     t_start_utc_ns: int
     satellites: tuple[ScenarioSatellite, ...]
     target_norad_id: int | None
-    """Catalogue number of the satellite to find; None: none is there."""
+    """Catalogue number of the satellite to find; None: the scenario has no such satellite."""
     target_hour_angle_deg: float | None
-    """Hour angle of date of the target, west positive; a geostationary satellite keeps it."""
+    """Hour angle of date of the target, west positive; constant for a geostationary satellite."""
     start_hour_angle_deg: float
-    """Hour angle of date of the telescope at the start, with the paper's field of view."""
+    """Hour angle of date of the first pointing, for the paper's field of view."""
     start_declination_deg: float
     frames: int = NIGHT_FRAMES
-    """Number of exposures, at the default cadence, that cover all events of the night."""
+    """Number of exposures at the default cadence that cover all events of the night."""
     site: Site = DAYTONA_BEACH
     clouds: CloudDeck = CLEAR
     seeing_arcsec: float = 2.8
-    """Full width at half maximum of the stars, optics included."""
+    """FWHM of the stars at the zenith, optics included."""
     sky_electrons_s: float = 13.2
-    """Sky in a pixel of 1.264 arcsec at the zenith."""
+    """Electrons per second from the sky in a pixel of 1.264 arcsec, at the zenith."""
     cosmic_rays_s: float = 0.15
-    """Expected tracks a second over the paper's sensor."""
+    """Expected number of cosmic-ray tracks per second on the paper's sensor."""
 
     @property
     def target(self) -> ScenarioSatellite | None:
@@ -68,7 +68,10 @@ class Scenario:
         return next((s for s in self.satellites if s.element_set.norad_id == wanted), None)
 
     def start_hour_angle_for(self, field_width_deg: float) -> float:
-        """Start for another field: as many fields from the target as with the paper's."""
+        """Hour angle of the first pointing for a field of this width.
+
+        As many field widths from the target as ``start_hour_angle_deg`` is with the paper's field.
+        """
         if self.target_hour_angle_deg is None:
             return self.start_hour_angle_deg
         ahead_deg = self.start_hour_angle_deg - self.target_hour_angle_deg
@@ -76,7 +79,7 @@ class Scenario:
 
 
 def scenario_named(name: str) -> Scenario:
-    """The scenario of this name; raises ConfigError that lists the names there are."""
+    """The scenario of this name; raises ConfigError that lists the valid names."""
     scenarios = all_scenarios()
     if name not in scenarios:
         known = ", ".join(scenarios)
@@ -92,7 +95,7 @@ def all_scenarios() -> dict[str, Scenario]:
 
 
 def elements_path() -> Path:
-    """The file of element sets after which the scenarios' satellites move."""
+    """Path of the element sets from which the scenarios' satellites are propagated."""
     return resource("simulator", "data", "belt_20230622.tle")
 
 

@@ -1,4 +1,4 @@
-"""``--world random``: a world drawn from one published table of laws, fixed by its seed."""
+"""``--world random``: a world drawn by its seed from a published table of distributions."""
 
 import math
 import zlib
@@ -15,23 +15,23 @@ _STREAM = 40
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SettingDistribution:
-    """Distribution of one setting."""
+    """Distribution from which random worlds draw one setting."""
 
     name: str
     """Dotted name, e.g. ``stars.drift_px``."""
     low: float
     high: float
-    """Upper bound; same as ``low``: always that value."""
+    """Upper bound; equal to ``low`` for a constant."""
     kind: Literal["uniform", "log-uniform"] = "uniform"
     share: float = 1.0
-    """Share of all worlds in which the setting is drawn at all; in the others it is not named."""
+    """Fraction of worlds in which the setting is drawn; in the rest it keeps its default."""
     group: str = ""
-    """Group of settings that are drawn in the same worlds."""
+    """Name of a group of settings that are drawn in the same worlds; empty: drawn by itself."""
 
     def draw(self, seed: int) -> float | None:
-        """Value of the setting in the world of this seed; None where it is not set there.
+        """Value of the setting in the world of this seed; None where it keeps its default.
 
-        Each setting has generators of its own: a new line in the table changes no other.
+        Each setting has its own random generator, so that a new line in the table changes no other.
         """
         chance = frame_rng(_STREAM, seed, 0, zlib.crc32((self.group or self.name).encode()))
         if chance.random() >= self.share:
@@ -98,11 +98,14 @@ LAWS = (
     SettingDistribution(name="frames.late_rate", low=0.0, high=0.1, share=0.1, group="late"),
     SettingDistribution(name="frames.late_s", low=1.0, high=20.0, share=0.1, group="late"),
 )
-"""The distribution. A camera's latency is known to its operator to 0.1 s in every world."""
+"""Distributions of the settings of a random world.
+
+In every world the operator knows the camera's latency to 0.1 s.
+"""
 
 
 def random_world(seed: int) -> World:
-    """The world of this seed; the same on every machine."""
+    """The random world of this seed, drawn from ``LAWS``; the same on every machine."""
     table: dict[str, dict[str, Any]] = {}
     for law in LAWS:
         value = law.draw(seed)

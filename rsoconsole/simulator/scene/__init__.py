@@ -1,1 +1,1 @@
-"""A night above one site: what any exposure of it shows, and the truth of it."""
+"""A night above one site: pixels and truth of any exposure."""

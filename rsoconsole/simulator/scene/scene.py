@@ -1,7 +1,7 @@
-"""A night above one site: what any exposure of it shows, and the truth of it.
+"""A night above one site: pixels and truth of any exposure.
 
-``Scene.expose`` depends only on the scenario, the seed and its own arguments: frames may be
-asked for in any order, and asking twice gives the same pixels.
+``Scene.expose`` depends only on scenario, seed, world and its own arguments: frames may be drawn in
+any order, and equal arguments give equal pixels.
 """
 
 import copy
@@ -61,7 +61,7 @@ from rsoconsole.sky import (
 
 NS = 1_000_000_000
 FAINTEST_STAR_MAG = 19.0
-"""Magnitude of the faintest stars drawn: fainter ones drown in the noise of 10 s."""
+"""Magnitude of the faintest stars drawn; fainter ones are below the noise of a 10 s exposure."""
 EXTINCTION_MAG_AIRMASS = 0.15
 REFERENCE_SCALE_ARCSEC_PX = 206.264806 * 3.8 / 620.0
 _CLOUD_GRID = (33, 44)
@@ -70,7 +70,7 @@ _ALTITUDE_FLOOR_DEG = 5.0
 
 
 class Scene:
-    """The sky of one scenario as one telescope sees it."""
+    """The sky of one scenario as seen by one telescope."""
 
     def __init__(
         self,
@@ -82,11 +82,10 @@ class Scene:
         catalogue: StarCatalogue | None = None,
         world: World = DEFAULT_WORLD,
     ) -> None:
-        """``optics`` sets size and scale of ``sensor``; the shipped stars unless others are given.
+        """Raises SolverError when the star catalogue cannot be read.
 
-        ``world``: what is imperfect; its binning is in ``optics`` already.
-
-        Raises SolverError when the star catalogue cannot be read.
+        ``optics``: sets frame size and scale of ``sensor``, with the world's binning already in it.
+        ``catalogue``: the stars to draw; None: the shipped ones. ``world``: imperfections.
         """
         self.scenario = scenario
         self.seed = seed
@@ -102,7 +101,7 @@ class Scene:
         self._nearby = Nearby(self.satellites)
 
     def binned(self, factor: int) -> "Scene":
-        """The scene with more pixels of its sensor joined on each axis."""
+        """The scene with its pixels joined further, ``factor`` by ``factor``."""
         joined = self.world.sensor.model_copy(
             update={"binning": factor * self.world.sensor.binning}
         )
@@ -120,12 +119,12 @@ class Scene:
         return other
 
     def field_radius_deg(self) -> float:
-        """Half the diagonal of the field, with a margin for light from just outside."""
+        """Half the diagonal of the field, plus the margin in which sources outside are drawn."""
         half_px = 0.5 * math.hypot(self.sensor.width_px, self.sensor.height_px)
         return (half_px + MARGIN_PX) * self.sensor.scale_arcsec_px / 3600.0
 
     def sky_notice(self, dec_icrs_deg: float) -> str | None:
-        """Reason why a frame at this declination shows no stars, and remedy; None where it does."""
+        """Why a frame at this declination shows no stars, with the remedy; None if it has stars."""
         if self.catalogue.covers(dec_icrs_deg):
             return None
         return (
@@ -145,10 +144,10 @@ class Scene:
     ) -> tuple[FramePixels, FrameTruth]:
         """One exposure, tracked at the sidereal rate: pixels uint16 (height, width) and its truth.
 
-        The boresight is the direction of the array's centre at mid-exposure, astrometric;
-        rotation and flip as in ``records.Solution``. The driver begins at ``t_start_utc_ns`` of the
-        observatory's clock. ``mount_path_arcsec``: (2, k) how far east and north of the boresight
-        the mount looks at equal steps of time; None: it stands.
+        The boresight is the astrometric direction of the array's centre at mid-exposure. Rotation
+        and flip are as in ``records.Solution``. ``t_start_utc_ns``: start by the observatory's
+        clock. ``mount_path_arcsec``: (2, k) pointing relative to the boresight, east and north, at
+        equal steps of time; None: steady pointing.
         """
         t_night_utc_ns = self.scenario.t_start_utc_ns
         boresight = (boresight_ra_icrs_deg, boresight_dec_icrs_deg)
@@ -235,7 +234,7 @@ class Scene:
     ) -> FieldContent:
         """Content of the exposure without satellites: sky, clouds, cosmic rays, stars.
 
-        ``t_seed_utc_ns``: the instant that fixes what is random, where it is another.
+        ``t_seed_utc_ns``: the instant that seeds random quantities; None: ``t_start_utc_ns``.
         """
         t_seed_utc_ns = t_start_utc_ns if t_seed_utc_ns is None else t_seed_utc_ns
         content = self._empty_field(wcs, t_start_utc_ns, exposure_s, t_seed_utc_ns)

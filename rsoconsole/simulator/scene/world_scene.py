@@ -1,4 +1,4 @@
-"""A world's settings as the parts of a scene: its sensor, its clouds, its sky and its stars."""
+"""A world's settings applied to the parts of a scene: sensor, clouds, sky, stars and plate."""
 
 import math
 from dataclasses import replace
@@ -39,7 +39,7 @@ _RING_OBSTRUCTION = 0.45
 
 
 def binned(optics: OpticsConfig, world: World) -> OpticsConfig:
-    """Configured optics of a camera whose pixels are joined."""
+    """Configured optics with the world's binning: fewer and larger pixels."""
     factor = world.sensor.binning
     if factor == 1:
         return optics
@@ -53,10 +53,10 @@ def binned(optics: OpticsConfig, world: World) -> OpticsConfig:
 
 
 def sensor_in(world: World, sensor: SensorModel) -> SensorModel:
-    """The sensor and the optics as they really are; size and pitch are binned already.
+    """The sensor with the world's imperfections; its size and pixel pitch are binned already.
 
-    Joined pixels are a mean of numbers: the scale of the converter stays, in electrons a joined
-    pixel. With another number of bits full well still is full scale.
+    Binning averages pixel values: a joined pixel holds factor^2 as many electrons per ADU and in
+    its full well. With another number of bits a full well still is full scale.
     """
     own, factor = world.sensor, world.sensor.binning
     steps = 2.0**own.bits / 2.0**sensor.adc_bits
@@ -81,7 +81,7 @@ def sensor_in(world: World, sensor: SensorModel) -> SensorModel:
 
 
 def clouds_in(world: CloudsWorld, seed: int, own: CloudDeck) -> CloudDeck:
-    """The night's clouds: banks at random times at the stated rate, or the scenario's own."""
+    """The night's clouds: the world's banks at random times, or ``own`` where the rate is 0."""
     if world.rate_h <= 0.0:
         return own
     rng = frame_rng(seed, _CLOUDS)
@@ -96,7 +96,10 @@ def clouds_in(world: CloudsWorld, seed: int, own: CloudDeck) -> CloudDeck:
 
 
 def seeing_arcsec(world: SeeingWorld, own_arcsec: float, since_night_s: float) -> float:
-    """Full width at half maximum at the zenith at this time of the night."""
+    """FWHM of stars at the zenith, ``since_night_s`` after the night's start.
+
+    ``own_arcsec``: the scenario's, used where the world sets none.
+    """
     fwhm = own_arcsec if world.fwhm_arcsec is None else world.fwhm_arcsec
     if world.drift_percent_h == 0.0:
         return fwhm
@@ -104,7 +107,7 @@ def seeing_arcsec(world: SeeingWorld, own_arcsec: float, since_night_s: float) -
 
 
 def moonlit(content: FieldContent, moon: MoonWorld) -> FieldContent:
-    """The field under the Moon's light."""
+    """The field with the Moon's brightening and gradient of the sky."""
     if moon.brightening_mag == moon.gradient == 0.0:
         return content
     angle = math.radians(moon.gradient_angle_deg)
@@ -121,7 +124,10 @@ def moonlit(content: FieldContent, moon: MoonWorld) -> FieldContent:
 def moved_stars_arcsec(
     world: CatalogueWorld, ra_icrs_deg: FloatArray, dec_icrs_deg: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Motion (east, north) of index stars since 1991: each its own way, and together."""
+    """Displacement (east, north), each (n,), of stars from the catalogue's positions of 1991.
+
+    A random part for each star, and a common drift.
+    """
     own = world.random_arcsec
     sigma = CATALOGUE_SIGMA_ARCSEC if own is None else own
     east, north = catalogue_errors_arcsec(ra_icrs_deg, dec_icrs_deg, sigma)
@@ -137,7 +143,10 @@ def moved_stars_arcsec(
 def with_pattern(
     content: FieldContent, world: World, sensor: SensorModel, seed: int, t_start_utc_ns: int
 ) -> FieldContent:
-    """The field with what the electronics add to rows and columns, in units of its own noise."""
+    """The field with random offsets of rows and columns, scaled by the noise of a pixel of sky.
+
+    Row offsets differ from frame to frame, column offsets last all night.
+    """
     own = world.sensor
     noise_e = pixel_noise_e(sensor, content)
 
@@ -155,7 +164,7 @@ def with_pattern(
 
 
 def pixel_noise_e(sensor: SensorModel, content: FieldContent) -> float:
-    """One sigma of a pixel of empty sky in the middle of the frame."""
+    """One sigma of the noise of a pixel of empty sky in the middle of the frame, electrons."""
     sky_e = content.sky_electrons_px * sensor.mean_response
     dark_e = sensor.dark_e_s * content.exposure_s
     return math.sqrt(sky_e + dark_e + sensor.read_noise_e**2 + sensor.e_per_adu12**2 / 12.0)
@@ -168,7 +177,10 @@ def plate_of(
     rotation_deg: float,
     is_flipped: bool,
 ) -> Wcs:
-    """Plate of an image that stands where it should."""
+    """Plate of an image that points exactly at the boresight and does not move.
+
+    It has the world's scale error (through ``sensor``) and distortion.
+    """
     wcs = tan_wcs(
         *boresight_icrs_deg,
         scale_arcsec_px=sensor.scale_arcsec_px,
@@ -189,9 +201,11 @@ def plate_in_motion(  # noqa: PLR0917 - drawn the way it is spoken: of what, whe
     since_night_s: float,
     mount_path_arcsec: FloatArray | None,
 ) -> tuple[Wcs, ImageMotion | None]:
-    """The plate where the image stood in the mean, and how it moved about that.
+    """The plate shifted by the image's mean displacement, and the motion about that mean.
 
-    ``key``: the night's seed and the exposure's start.
+    The motion is None for a still image. ``key``: the night's seed and the exposure's start (UTC
+    ns). ``since_night_s``: seconds from the night's start to the exposure's. ``mount_path_arcsec``:
+    (2, k) as in ``Scene.expose``.
     """
     mount_px = None if mount_path_arcsec is None else image_shift_px(plate, *mount_path_arcsec)
     east = east_px(plate)
@@ -205,7 +219,7 @@ def plate_in_motion(  # noqa: PLR0917 - drawn the way it is spoken: of what, whe
 def blurred(
     content: FieldContent, world: World, sensor: SensorModel, motion: ImageMotion | None
 ) -> FieldContent:
-    """The field out of focus and in motion, as far as the world says so."""
+    """The field with the world's defocus and this motion of the image (None: still)."""
     ring_px = world.focus.ring_px
     if motion is None and ring_px == 0.0:
         return content

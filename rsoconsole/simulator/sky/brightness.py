@@ -1,8 +1,8 @@
-"""Brightness of a satellite through a night, beside range, phase and shadow.
+"""Brightness of a satellite through a night, apart from range, phase and shadow.
 
-An attitude that turns shows a bright side and a dark one in turn; a panel that moves out of the
-mirror fades for good. Both are given as extra magnitudes against time, so that any exposure may
-be asked for in any order.
+A rotating satellite shows a bright and a dark side in turn; a panel that leaves the specular
+direction fades for good. Both are extra magnitudes as functions of time, so that exposures can be
+drawn in any order.
 """
 
 import math
@@ -19,18 +19,18 @@ _STREAM = 4
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Turning:
-    """A slow turn with one dark side: fades of one shape at equal intervals."""
+    """Slow rotation with one dark side: fades of equal shape at equal intervals."""
 
     period_s: float
     first_s: float
-    """Middle of the first fade, after the scenario's start."""
+    """Middle of the first fade, in seconds after the scenario's start."""
     depth_mag: float
     sharpness: int = 6
-    """Power of the cosine square that is the fade's shape: the larger, the shorter."""
+    """The fade's shape is a squared cosine to this power: the larger, the shorter."""
     jitter_s: float = 0.0
-    """Largest shift by which a seed moves all fades together, either way."""
+    """Largest shift in time, earlier or later, of all fades together; drawn from the seed."""
     last_s: float = float("inf")
-    """Latest middle of a fade."""
+    """Latest middle of a fade, in seconds after the scenario's start."""
 
     def extra_mag(self, t_s: FloatArray, seed: int) -> FloatArray:
         """Magnitudes lost (n,) at these seconds after the scenario's start."""
@@ -44,14 +44,14 @@ class Turning:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BrightnessHistory:
-    """One satellite's night; without arguments a steady one."""
+    """Changes of one satellite's brightness through a night; steady by default."""
 
     schedule: tuple[tuple[float, float], ...] = ()
-    """Nodes (seconds since the scenario's start, extra magnitudes), linear in between."""
+    """Nodes (seconds since the scenario's start, magnitudes lost), linear in between."""
     turning: Turning | None = None
 
     def extra_mag(self, t_s: FloatArray, seed: int) -> FloatArray:
-        """Magnitudes (n,) to add to those of a steady satellite."""
+        """Magnitudes lost (n,) at these seconds after the scenario's start."""
         extra = np.zeros(np.shape(t_s))
         if self.schedule:
             times, magnitudes = zip(*self.schedule, strict=True)
@@ -67,7 +67,10 @@ _MIN_NODES, _MAX_NODES = 201, 4001
 
 
 def world_extra_mag(world: SatelliteWorld, seed: int, norad_id: int, t_s: FloatArray) -> FloatArray:
-    """Magnitudes lost (n,) at these seconds after the night's start."""
+    """Magnitudes lost (n,) by the world's fading and flashing.
+
+    ``t_s``: seconds after the night's start.
+    """
     t = np.asarray(t_s, dtype=np.float64)
     fades = world.fade_norad in (0, norad_id)
     extra = (world.fade_mag_h if fades else 0.0) * t / 3600.0
@@ -79,7 +82,7 @@ def world_extra_mag(world: SatelliteWorld, seed: int, norad_id: int, t_s: FloatA
 
 
 def flash_nodes(world: SatelliteWorld, exposure_s: float) -> int:
-    """Number of instants in an exposure that show the flashes; odd."""
+    """Number of instants along an exposure that resolve the world's flashes: odd, 1 without any."""
     if world.flash_period_s <= 0.0:
         return 1
     steps = math.ceil(exposure_s / world.flash_period_s * _STEPS_A_FLASH)

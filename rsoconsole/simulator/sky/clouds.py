@@ -1,8 +1,8 @@
-"""Thin moving clouds: how much light comes through, as a function of direction and time alone.
+"""Thin moving clouds: their transmission as a function of direction and time.
 
-The deck is fixed to the ground and drifts with the wind; its extinction follows a schedule, and
-its structure is a sum of plane waves, so that any frame at any time can be asked for in any
-order and neighbouring frames agree.
+The deck drifts with the wind over the ground; its mean extinction follows a schedule, and its
+structure is a sum of plane waves, so that frames can be drawn in any order and neighbouring frames
+agree.
 """
 
 from dataclasses import dataclass
@@ -19,20 +19,23 @@ _STREAM = 3
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CloudDeck:
-    """A night's clouds."""
+    """A night's clouds: extinction by time, structure and wind."""
 
     schedule: tuple[tuple[float, float], ...]
-    """Nodes (seconds since the scenario's start, mean extinction in magnitudes), linear in
-    between."""
+    """Nodes (seconds since the scenario's start, mean magnitudes lost), linear in between."""
     structure: float = 0.45
     """One sigma of the natural logarithm of the extinction from place to place."""
     wind_deg_s: tuple[float, float] = (0.045, 0.012)
-    """Drift towards west and north as seen from the ground."""
+    """Drift (towards west, towards north) relative to the ground."""
 
     def extinction_mag(
         self, west_deg: FloatArray, north_deg: FloatArray, t_s: float, seed: int
     ) -> FloatArray:
-        """Extinction towards these directions (hour angle times cos dec, dec) at one instant."""
+        """Extinction towards these directions at one instant, in magnitudes.
+
+        ``west_deg``: hour angle times cos dec. ``north_deg``: declination. ``t_s``: seconds since
+        the scenario's start.
+        """
         if not self.schedule:
             return np.zeros(np.shape(west_deg))
         times, means = zip(*self.schedule, strict=True)
@@ -54,7 +57,11 @@ class CloudDeck:
     def transmission(
         self, west_deg: FloatArray, north_deg: FloatArray, t_s: tuple[float, float], seed: int
     ) -> npt.NDArray[np.float32]:
-        """Mean share of the light that comes through from t_s[0] to t_s[1]."""
+        """Mean fraction of light transmitted in these directions from ``t_s[0]`` to ``t_s[1]``.
+
+        ``west_deg``: hour angle times cos dec. ``north_deg``: declination. ``t_s``: seconds since
+        the scenario's start.
+        """
         instants = np.linspace(t_s[0], t_s[1], 5)
         through = [
             10.0 ** (-0.4 * self.extinction_mag(west_deg, north_deg, float(t), seed))

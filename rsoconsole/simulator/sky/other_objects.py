@@ -1,4 +1,4 @@
-"""Other traffic in a field: low satellites from edge to edge, aircraft with their lamps."""
+"""Other objects in a field: low satellites from edge to edge, aircraft, and nearby satellites."""
 
 import math
 from collections.abc import Sequence
@@ -16,7 +16,7 @@ from rsoconsole.sky import direction_to_unit, jd_utc, site_gcrs, teme_to_gcrs_ro
 
 _STREAM = 30
 BEYOND_PX = 60.0
-"""Distance outside the frame at which a crossing trail begins and ends."""
+"""Distance outside the frame at which a trail across it begins and ends."""
 _LAMP_STEPS = 4000
 _STROBES_S = (0.8, 1.2)
 _STROBE_SHINES_S = 0.06
@@ -28,7 +28,10 @@ _AIRCRAFT_PEAK = (8.0, 80.0)
 def traffic(
     world: TrafficWorld, seed: int, t_start_utc_ns: int, sensor: SensorModel, content: FieldContent
 ) -> tuple[tuple[Streak, ...], tuple[TrafficTruth, ...]]:
-    """Streaks that cross this exposure, and their truth; Poisson numbers at the rates."""
+    """Streaks of aircraft and low satellites that cross this exposure, and their truth.
+
+    Their numbers are Poisson-distributed with the world's rates as means.
+    """
     rng = frame_rng(seed, t_start_utc_ns, _STREAM)
     streaks: list[Streak] = []
     truths: list[TrafficTruth] = []
@@ -86,14 +89,14 @@ def _log_uniform(rng: np.random.Generator, low: float, high: float) -> float:
 
 
 _MARGIN_DEG = 0.05
-"""Margin for light time, aberration and the wander of the air."""
+"""Margin for light time, aberration and shifts by the atmosphere."""
 _MARGIN_S = 2.0
-"""Margin for the shutter, and for rates that grow along the exposure."""
+"""Margin for the shutter's timing and for rates that grow during the exposure."""
 _RATE_GROWTH = 2.0
 
 
 class Nearby:
-    """The satellites of a night, asked together: a whole catalogue costs a few milliseconds."""
+    """Search for the satellites near a direction; a whole catalogue takes a few milliseconds."""
 
     def __init__(self, satellites: Sequence[Satellite]) -> None:
         self._records = SatrecArray([each.record for each in satellites]) if satellites else None
@@ -106,9 +109,10 @@ class Nearby:
         centre_icrs_deg: tuple[float, float],
         radius_deg: float,
     ) -> list[int]:
-        """Indices of those that come within ``radius_deg`` of the direction in the exposure.
+        """Indices of the satellites that may come within a radius of a direction in an exposure.
 
-        Never too few: how fast each one moves widens the circle. Where SGP4 fails there is none.
+        Every satellite that does is included: the radius is widened by each satellite's motion.
+        Satellites for which SGP4 fails are left out.
         """
         if self._records is None:
             return []

@@ -1,4 +1,4 @@
-"""Satellites crossing one exposure: their streaks, and the truth of them."""
+"""Satellites that cross the field during one exposure: their streaks and their truth."""
 
 import math
 from collections.abc import Callable, Iterable
@@ -17,16 +17,16 @@ from rsoconsole.simulator.camera.truth import SatelliteTruth, TrueShutter
 from rsoconsole.sky import IntArray, Places, lit_fraction, sky_to_pixel
 
 ExtraMagnitude = Callable[[IntArray], FloatArray]
-"""Magnitudes (n,) that a satellite loses by its own turning at instants (n,)."""
+"""Function from instants (n,), UTC ns, to magnitudes (n,) that a satellite has lost by itself."""
 
 NS = 1_000_000_000
 MARGIN_PX = 250.0
 """Distance outside the sensor up to which a source is drawn and reported."""
 NODES = 11
-"""Places in time along an exposure: enough for all but the unsteady and the fastest."""
+"""Usual number of instants along an exposure; unsteady and very fast satellites need more."""
 _MAX_NODES = 641
 STRAIGHT_PX = 0.05
-"""Largest distance of a path from the chord between two of its places."""
+"""Largest distance of a path from the chord between two successive positions."""
 _SAME_INSTANT_S = 1e-8
 _FAR_AWAY_S = 10.0
 """Delay of a row that lies far outside any frame."""
@@ -34,12 +34,12 @@ _FAR_AWAY_S = 10.0
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class SatellitePass:
-    """One satellite's way over the sensor during one exposure; arrays along the exposure."""
+    """One satellite's path over the sensor during one exposure; arrays (n,) of equal time steps."""
 
     name: str
     norad_id: int
     streak: Streak
-    """Streak under a clear sky at the zenith; 0 electrons when unlit throughout."""
+    """The satellite's streak without the air's extinction or clouds; 0 electrons if unlit."""
     ra_icrs_deg: FloatArray
     dec_icrs_deg: FloatArray
     rates_deg_s: tuple[float, float]
@@ -55,31 +55,31 @@ class ExposureGeometry:
     sensor: SensorModel
     wcs: Wcs
     t_start_utc_ns: int
-    """Opening as known to the operator; places are given for this and what follows."""
+    """Opening as the operator computes it; directions are given for instants from then on."""
     exposure_s: float
     shutter_error_s: float = 0.0
-    """Delay of the shutter's opening, a few hundredths of a second; see ``true``."""
+    """Small delay of the shutter's opening, applied where ``true`` is None."""
     wander_px: tuple[float, float] = (0.0, 0.0)
-    """Displacement of the whole streak by the air."""
+    """Displacement (dx, dy) of the whole streak by the atmosphere."""
     true: TrueShutter | None = None
-    """True shutter, where it is off by more than ``shutter_error_s``, which then is unused."""
+    """True timing where clock or shutter are imperfect; None: ``shutter_error_s`` describes it."""
     motion: ImageMotion | None = None
     nodes: int = NODES
-    """Places in time along the exposure, odd: finer where brightness or image are unsteady."""
+    """Number of instants along the exposure, odd; more where brightness or image are unsteady."""
 
     @property
     def centre_px(self) -> tuple[float, float]:
-        """Middle of the frame."""
+        """Middle of the frame, (x, y)."""
         return (self.sensor.width_px - 1) / 2.0, (self.sensor.height_px - 1) / 2.0
 
 
 def satellite_passes(
     satellites: Iterable[tuple[Satellite, ExtraMagnitude]], sight: ExposureGeometry
 ) -> tuple[SatellitePass, ...]:
-    """Passes whose streak comes near the sensor, sampled along the exposure.
+    """Passes of the satellites whose streak comes within ``MARGIN_PX`` of the sensor.
 
-    Directions are those of the instants that the operator would name: what a perfect measurement
-    with a perfect clock and shutter would give.
+    ``ra_icrs_deg`` and ``dec_icrs_deg`` are for the instants by the operator's clock, as a perfect
+    measurement with a perfect clock and shutter would give; the streak is for the true instants.
     """
     found = []
     for satellite, extra_mag in satellites:
@@ -179,14 +179,17 @@ def _nodes_for(x_px: FloatArray, y_px: FloatArray) -> int:
 
 
 def dimmed(streak: Streak, transmission: float) -> Streak:
-    """The streak through air that transmits this share of the light."""
+    """The streak with its electrons multiplied by a transmission."""
     return replace(streak, electrons=streak.electrons * transmission)
 
 
 def satellite_truth(
     each: SatellitePass, sensor: SensorModel, content: FieldContent, air_transmission: float
 ) -> SatelliteTruth:
-    """Truth of one streak in this field."""
+    """Truth of one satellite's streak in this field.
+
+    ``air_transmission``: by the cloudless air, relative to the zenith.
+    """
     x, y = each.streak.x_px, each.streak.y_px
     middle = len(x) // 2
     clouds = float(np.mean(cloud_at(sensor, content.cloud_transmission, x, y)))

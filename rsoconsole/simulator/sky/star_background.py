@@ -1,8 +1,8 @@
-"""Stars below the catalogue's limit: as many as the real sky has, the same ones every night.
+"""Synthetic stars fainter than the catalogue's limit: realistic counts, the same every night.
 
-Each cell of the sky holds its own stars, drawn once from a generator fixed by the cell, so that
-overlapping frames agree. Counts: Allen's Astrophysical Quantities, 4th ed., table 19.10 (V,
-rounded), between the galactic pole and plane.
+The stars of each cell of the sky come from a generator seeded by the cell, so that overlapping
+frames agree. Counts: Allen's Astrophysical Quantities, 4th ed., table 19.10 (V, rounded),
+interpolated between the galactic pole and plane.
 """
 
 import math
@@ -28,14 +28,14 @@ _LATITUDE_SCALE_DEG = 29.0
 
 
 def galactic_latitude_deg(ra_icrs_deg: float, dec_icrs_deg: float) -> float:
-    """Galactic latitude, -90 to 90."""
+    """Galactic latitude of a direction, -90 to 90."""
     return 90.0 - separation_deg(_POLE_RA_DEG, _POLE_DEC_DEG, ra_icrs_deg, dec_icrs_deg)
 
 
 def faint_stars(
     ra_icrs_deg: float, dec_icrs_deg: float, radius_deg: float, faintest_magnitude: float
 ) -> Stars:
-    """Synthetic stars in all the cells that a cone touches (some lie outside the cone)."""
+    """Synthetic stars in all cells that a cone touches; some stars lie outside the cone."""
     cells = [(np.zeros(0), np.zeros(0), np.zeros(0))]
     lowest = math.floor((max(dec_icrs_deg - radius_deg, -90.0) + 90.0) / CELL_DEG)
     highest = math.floor((min(dec_icrs_deg + radius_deg, 89.999) + 90.0) / CELL_DEG)
@@ -85,7 +85,10 @@ def _log_count(latitude_deg: float) -> FloatArray:
 
 
 def places_now(stars: Stars, t_utc_ns: int) -> tuple[FloatArray, FloatArray]:
-    """Places (RA, Dec) of stars given at J2000.0, by SOFA's space motion, not the reduction's."""
+    """Positions (RA, Dec) at an instant of stars given at J2000.0, by their proper motions.
+
+    By SOFA's routine: independent of the code with which measurements are reduced.
+    """
     arcsec = math.radians(1.0 / 3600.0)
     zero = np.zeros(len(stars))
     pm_ra = stars.pm_ra_mas_yr * arcsec / 1e3 / np.cos(np.radians(stars.dec_icrs_deg))

@@ -1,7 +1,7 @@
 """Imperfections of a simulated night, each a named setting with its unit.
 
-A world that names nothing is the scenario's own night, bit for bit. ``load_world`` and
-``world_to_toml`` read and write worlds as TOML, ``random_world`` draws them.
+A world without settings is the scenario's own night, bit for bit. ``load_world`` and
+``world_to_toml`` read and write worlds as TOML; ``world_laws.random_world`` draws them.
 """
 
 import difflib
@@ -283,16 +283,16 @@ class World(_Part):
 
     @property
     def known_latency_s(self) -> float:
-        """The shutter's latency as the operator of this telescope knows it: to 0.1 s."""
+        """The shutter's latency as known to the operator: rounded to 0.1 s."""
         return round(self.shutter.latency_s, 1)
 
     def named(self) -> dict[str, dict[str, Any]]:
-        """The settings that differ from their defaults, by section; empty for a nameless world."""
+        """The settings that differ from their defaults, by section."""
         return self.model_dump(exclude_defaults=True)
 
 
 DEFAULT_WORLD = World()
-"""World that names nothing: the scenario's own night."""
+"""World with all settings at their defaults: the scenario's own night."""
 
 
 _SETTINGS = "settings such as [stars] drift_px = 12"
@@ -300,7 +300,7 @@ WHERE = "rsoconsole/simulator/README.md lists all settings"
 
 
 def load_world(path: Path) -> World:
-    """The world of a TOML file. Raises ConfigError that names every fault and its remedy."""
+    """The world of a TOML file; raises ConfigError with every fault and its remedy."""
     table = read_toml(
         path,
         f"name a TOML file with {_SETTINGS}, or take --world random",
@@ -310,7 +310,10 @@ def load_world(path: Path) -> World:
 
 
 def world_from(table: Mapping[str, Any], source: str = "the world") -> World:
-    """A world from the settings that it names. Raises ConfigError."""
+    """The world of a table of settings by section; raises ConfigError.
+
+    ``source``: name of the table in error messages.
+    """
     try:
         return World.model_validate(table)
     except ValidationError as error:
@@ -331,7 +334,7 @@ def world_to_toml(world: World) -> str:
 
 
 def settings_of_worlds() -> dict[str, FieldInfo]:
-    """All settings in order, by dotted name, e.g. ``stars.drift_px``."""
+    """All settings of worlds in order, by dotted name, e.g. ``stars.drift_px``."""
     found: dict[str, FieldInfo] = {}
     for section, section_field in World.model_fields.items():
         part = section_field.annotation
